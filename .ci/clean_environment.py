@@ -67,9 +67,7 @@ class CleanEnvironment:
         return run_program(words, cwd=self.working_folder, env=self.variables | variables)
 
     @contextlib.contextmanager
-    def running(
-        self, command: str, ready_pattern: str, exits: bool = False
-    ) -> Iterator[str]:
+    def running(self, command: str, ready_pattern: str, exits: bool = False) -> Iterator[str]:
         """Runs a command in the background, and interrupts it (SIGINT) on exit.
 
         Args:
@@ -82,10 +80,15 @@ class CleanEnvironment:
         """
         program, *arguments = shlex.split(command)
         process = subprocess.Popen(
-            [str(self.bin / program), *arguments], cwd=self.working_folder, env=self.variables,
-            text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
+            [str(self.bin / program), *arguments],
+            cwd=self.working_folder,
+            env=self.variables,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
             preexec_fn=accept_interrupts,
-        )  # fmt: skip
+        )
         assert process.stdout is not None
         watchdog = threading.Timer(300.0, process.kill)
         watchdog.start()
@@ -120,9 +123,14 @@ def accept_interrupts() -> None:
 def run_program(words: list[str], **options: object) -> str:
     """Runs a program and returns its stdout; raises CheckFailed if it fails."""
     completed = subprocess.run(
-        words, capture_output=True, stdin=subprocess.DEVNULL, text=True, timeout=900, check=False,
+        words,
+        capture_output=True,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        timeout=900,
+        check=False,
         **options,
-    )  # fmt: skip
+    )
     output = completed.stdout + completed.stderr
     if completed.returncode != 0 or "Traceback (most recent call last)" in output:
         raise CheckFailed(f"{shlex.join(words)}: exit code {completed.returncode}\n{output}")

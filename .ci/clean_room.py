@@ -90,6 +90,7 @@ COMMANDS = (
 )
 """Commands to run in this order; later ones read the files of earlier ones."""
 
+
 @contextlib.contextmanager
 def timed_check(name: str) -> Iterator[None]:
     """Prints the name of a check, and its duration [s]."""
@@ -118,9 +119,10 @@ def interpreters() -> dict[str, str]:
     pyenv_versions = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     for version in VERSIONS:
         for program in (
-            f"python{version}", sys.executable,
+            f"python{version}",
+            sys.executable,
             *map(str, pyenv_versions.glob(f"{version}.*/bin/python{version}")),
-        ):  # fmt: skip
+        ):
             code = "import sys, ensurepip, venv; print('%d.%d' % sys.version_info[:2])"
             with contextlib.suppress(OSError, CheckFailed):
                 if run_program([program, "-c", code]).strip() == version:

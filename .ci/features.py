@@ -132,6 +132,15 @@ def compiler(environment: CleanEnvironment) -> None:
 
 
 FEATURES: tuple[Callable[[CleanEnvironment], None], ...] = (
-    compiler, dae, mcap, mujoco, osc, pyvista, ray, serial, urdf, usd,
-)  # fmt: skip
+    compiler,
+    dae,
+    mcap,
+    mujoco,
+    osc,
+    pyvista,
+    ray,
+    serial,
+    urdf,
+    usd,
+)
 """One function for each extra, with the extra's name; it fails if the extra is not installed."""

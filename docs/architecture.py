@@ -89,10 +89,18 @@ WALKS = {
     ),
     "From an Input to a run in C++": (
         ("motion/input.py", "Input", "waypoints to quintic pieces"),
-        ("motion/binding.py", "bound", "coordinates that the input does not name hold their start values"),
+        (
+            "motion/binding.py",
+            "bound",
+            "coordinates that the input does not name hold their start values",
+        ),
         ("dynamics/simulation/run.py", "simulate", "start, input and options are checked"),
         ("kernel/runtime/compiled.py", "Run", "passes arrays to C++, returns samples and events"),
-        ("kernel/cpp/fantoccini/runs/drive.hpp", "Drive", "evaluates q_K, v_K, acc_K at a given time"),
+        (
+            "kernel/cpp/fantoccini/runs/drive.hpp",
+            "Drive",
+            "evaluates q_K, v_K, acc_K at a given time",
+        ),
         ("kernel/cpp/fantoccini/event/run.hpp", "EventRun", "steps, events"),
         (
             "kernel/cpp/fantoccini/event/closed_rows.hpp",
@@ -102,15 +110,31 @@ WALKS = {
     ),
     "From a play file to its run": (
         ("theatre/plays/reading.py", "Script", "the file to a cast and its cues"),
-        ("theatre/plays/compiling.py", "load_play", "places and simulates the cues, repeated until every requirement holds"),
+        (
+            "theatre/plays/compiling.py",
+            "load_play",
+            "places and simulates the cues, repeated until every requirement holds",
+        ),
         ("theatre/plays/placing.py", "Placing", "cues get times, places and ways"),
-        ("theatre/plays/runs.py", "runs_of", "event-driven run of every company: puppets and props that may touch"),
-        ("theatre/plays/verifying.py", "verify_play", "runs the whole play and checks every requirement"),
+        (
+            "theatre/plays/runs.py",
+            "runs_of",
+            "event-driven run of every company: puppets and props that may touch",
+        ),
+        (
+            "theatre/plays/verifying.py",
+            "verify_play",
+            "runs the whole play and checks every requirement",
+        ),
     ),
     "From a captured clip to a run": (
         ("theatre/capture/bvh.py", "load_bvh", "joints of a skeleton over time"),
         ("theatre/retarget/mapping.py", "load_mapping", "its joints to parts of a person"),
-        ("theatre/retarget/retargeting.py", "retarget_clip", "nearest hanging pose for every frame"),
+        (
+            "theatre/retarget/retargeting.py",
+            "retarget_clip",
+            "nearest hanging pose for every frame",
+        ),
         ("theatre/retarget/following.py", "follow_clip", "motions of the hands, and the run"),
     ),
 }
@@ -263,10 +287,7 @@ TASKS = (
     Task(
         "a command",
         (
-            (
-                "declare it and its help; import the module inside the function",
-                ("app/cli/app.py",),
-            ),
+            ("declare it and its help; import the module inside the function", ("app/cli/app.py",)),
             (
                 "declare its arguments in the same file, or in a class if there are many",
                 ("app/console/requests.py",),

@@ -81,75 +81,124 @@ PIECES = (
         "promenade",
         "The marionette on a floor that carries it. Six times a string lifts a knee while the "
         "other foot stands and pushes off. Then it stands, waves and nods.",
-        duration=12.0, part=(0.8, 5.0), times=(0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7),
-        inputs="walk", focus="bodies", theme="light", view=(-80.0, 8.0), size=(280, 320),
-        speed=1.5, dt=1e-3,
+        duration=12.0,
+        part=(0.8, 5.0),
+        times=(0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7),
+        inputs="walk",
+        focus="bodies",
+        theme="light",
+        view=(-80.0, 8.0),
+        size=(280, 320),
+        speed=1.5,
+        dt=1e-3,
     ),
     Piece(
         "stroll",
         "The marionette on its control bar, dragged along and rolled from side to side by one "
         "hand; the feet follow on the floor. `fantoccini show stroll` puts the bar into your hand.",
-        duration=6.0, part=(0.4, 5.0), times=(0.0, 1.8, 2.4, 3.0), inputs="stroll",
-        focus="bodies", view=(-80.0, 8.0), size=(240, 280), speed=2.0, dt=1e-3,
+        duration=6.0,
+        part=(0.4, 5.0),
+        times=(0.0, 1.8, 2.4, 3.0),
+        inputs="stroll",
+        focus="bodies",
+        view=(-80.0, 8.0),
+        size=(240, 280),
+        speed=2.0,
+        dt=1e-3,
     ),
     Piece(
         "visit",
         "Two marionettes, a ball and a chair. Pierrot carries the ball by its frame on his arm. "
         "Columbine puts her hand through the frame and lifts it off his arm; then she sits down on "
         "the chair with it, and both nod. Nothing holds the ball but what touches it.",
-        duration=12.0, part=(1.6, 9.8), times=(0.0, 3.6, 5.2, 6.6, 8.5, 9.0, 10.0), inputs="visit",
-        focus="bodies", theme="light", view=(-75.0, 14.0), size=(260, 260), speed=2.6, dt=1e-3,
+        duration=12.0,
+        part=(1.6, 9.8),
+        times=(0.0, 3.6, 5.2, 6.6, 8.5, 9.0, 10.0),
+        inputs="visit",
+        focus="bodies",
+        theme="light",
+        view=(-75.0, 14.0),
+        size=(260, 260),
+        speed=2.6,
+        dt=1e-3,
     ),
     Piece(
         "marionette",
         "The paper's marionette: 25 degrees of freedom on seven strings, 21 driven coordinates. It "
         "lifts its right hand and waves, takes four steps and bows.",
-        duration=10.0, part=(0.4, 9.4), times=(0.0, 1.4, 2.1, 4.6, 5.4, 8.2), inputs="greeting",
-        focus="bodies", speed=2.0,
+        duration=10.0,
+        part=(0.4, 9.4),
+        times=(0.0, 1.4, 2.1, 4.6, 5.4, 8.2),
+        inputs="greeting",
+        focus="bodies",
+        speed=2.0,
     ),
     Piece(
         "marionette_bar",
         "The same puppet on a control bar held in one hand. Only the bar moves: tipped up and "
         "rolled from side to side it lifts hands and knees in turn; tipped down it lets them fall.",
-        duration=6.0, part=(0.2, 5.6), times=(0.0, 0.7, 1.7, 2.7, 3.7, 4.9), inputs="dance",
-        theme="light", size=(320, 440), speed=1.5,
+        duration=6.0,
+        part=(0.2, 5.6),
+        times=(0.0, 0.7, 1.7, 2.7, 3.7, 4.9),
+        inputs="dance",
+        theme="light",
+        size=(320, 440),
+        speed=1.5,
     ),
     Piece(
         "stand6",
         "The paper's stand: winches at fixed places change the strings' lengths, nothing else "
         "moves. Two strings to each hand conduct up, out and in; one string over two pulleys bends "
         "both knees.",
-        duration=5.0, part=(0.2, 4.4), times=(0.0, 0.8, 1.2, 1.6, 3.0, 3.4), inputs="conduct",
+        duration=5.0,
+        part=(0.2, 4.4),
+        times=(0.0, 0.8, 1.2, 1.6, 3.0, 3.4),
+        inputs="conduct",
         speed=1.2,
     ),
     Piece(
         "crane",
         "A load of a quarter of a tonne on one cable, hoisted, carried to one side and to the "
         "other while it swings, and let down.",
-        duration=10.0, part=(0.2, 9.6), times=(0.2, 3.4, 5.2, 6.9), inputs="hoist",
-        theme="light", size=(440, 320), speed=2.0,
+        duration=10.0,
+        part=(0.2, 9.6),
+        times=(0.2, 3.4, 5.2, 6.9),
+        inputs="hoist",
+        theme="light",
+        size=(440, 320),
+        speed=2.0,
     ),
     Piece(
         "arm2d",
         "The paper's two-link arm. The winch jerks it up and lets the string run out: the arm "
         "falls free while the string sags, and snaps taut.",
-        duration=4.0, part=(0.2, 3.4), times=(0.0, 0.6, 0.8, 1.5, 2.0, 2.3), inputs="toss",
+        duration=4.0,
+        part=(0.2, 3.4),
+        times=(0.0, 0.6, 0.8, 1.5, 2.0, 2.3),
+        inputs="toss",
     ),
     Piece(
         "arm3d",
         "The arm of the paper's planning example: a ball joint, a hinge and one string, whose "
         "upper end moves in a plane while the string is wound in and out. The hand stirs a pot.",
-        duration=4.4, part=(0.0, 3.7), times=(0.0, 0.6, 1.0, 1.4, 1.8, 3.6), inputs="stir",
-        theme="light", view=(-50.0, 22.0), speed=1.2,
+        duration=4.4,
+        part=(0.0, 3.7),
+        times=(0.0, 0.6, 1.0, 1.4, 1.8, 3.6),
+        inputs="stir",
+        theme="light",
+        view=(-50.0, 22.0),
+        speed=1.2,
     ),
     Piece(
         "string_pendulum",
         "A point mass on a string of one metre, pushed just too weakly for a full circle: it "
         "leaves the circle, flies with the string slack and is caught.",
-        duration=3.0, part=(0.0, 3.0), times=(0.0, 0.25, 0.5, 0.75, 1.0, 1.3),
+        duration=3.0,
+        part=(0.0, 3.0),
+        times=(0.0, 0.25, 0.5, 0.75, 1.0, 1.3),
         start={"v:bob.x": 6.2},
     ),
-)  # fmt: skip
+)
 
 
 PLAYS = {
@@ -184,24 +233,40 @@ def perform(piece: Piece) -> tuple[fan.Marionette, Trajectory]:
         )
     inputs = fan.Input.load(marionette, ROOT / PERFORMANCES / f"{piece.inputs}.yaml")
     return marionette, fan.simulate(
-        marionette, marionette.rest(), inputs, piece.duration, method=method,
+        marionette,
+        marionette.rest(),
+        inputs,
+        piece.duration,
+        method=method,
         save_every=None if piece.dt is None else 4,
-    )  # fmt: skip
+    )
 
 
 def draw(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
     """Writes strip and film of a piece."""
     other = {"dark": "light", "light": "dark"}[piece.theme]
     view.strip(
-        marionette, run, PICTURES / f"{piece.puppet}.png", times=piece.times, view=piece.view,
-        theme=other, scale=0.6,
-    )  # fmt: skip
+        marionette,
+        run,
+        PICTURES / f"{piece.puppet}.png",
+        times=piece.times,
+        view=piece.view,
+        theme=other,
+        scale=0.6,
+    )
     start, stop = piece.part
     times = np.arange(start, stop, piece.speed / FPS)
     view.film(
-        marionette, run.resample(times), PICTURES / f"{piece.puppet}.gif", fps=FPS, size=piece.size,
-        view=piece.view, focus=piece.focus, theme=piece.theme, speed=piece.speed,
-    )  # fmt: skip
+        marionette,
+        run.resample(times),
+        PICTURES / f"{piece.puppet}.gif",
+        fps=FPS,
+        size=piece.size,
+        view=piece.view,
+        focus=piece.focus,
+        theme=piece.theme,
+        speed=piece.speed,
+    )
 
 
 def draw_play(name: str) -> None:
@@ -215,9 +280,16 @@ def draw_play(name: str) -> None:
     )
     part = run.resample(np.arange(0.0, run.t[-1], PACE / FPS))
     view.film(
-        play.marionette, part, PICTURES.parent / f"{name}.mp4", fps=FPS, size=(400, 320),
-        view=view.AUDIENCE, theme="dark", speed=PACE, captions=play.score.captions,
-    )  # fmt: skip
+        play.marionette,
+        part,
+        PICTURES.parent / f"{name}.mp4",
+        fps=FPS,
+        size=(400, 320),
+        view=view.AUDIENCE,
+        theme="dark",
+        speed=PACE,
+        captions=play.score.captions,
+    )
 
 
 def draw_plan() -> None:
@@ -234,14 +306,24 @@ def draw_number() -> None:
         score, run = made["score"], made["found"].run
         look = {"focus": "bodies", "theme": "dark", "captions": score.captions}
         view.film(
-            made["puppet"], run, PICTURES.parent / "number.mp4", fps=20.0, size=(240, 300),
-            sounds=score.sounds, **look,
-        )  # fmt: skip
+            made["puppet"],
+            run,
+            PICTURES.parent / "number.mp4",
+            fps=20.0,
+            size=(240, 300),
+            sounds=score.sounds,
+            **look,
+        )
         part = run.resample(np.arange(9.4, 25.4, 0.25))
         view.film(
-            made["puppet"], part, PICTURES / "number.gif", fps=10.0, size=(192, 240), speed=2.5,
+            made["puppet"],
+            part,
+            PICTURES / "number.gif",
+            fps=10.0,
+            size=(192, 240),
+            speed=2.5,
             **look,
-        )  # fmt: skip
+        )
 
 
 def page() -> str:

@@ -29,11 +29,7 @@ def sway(run: fan.Trajectory, after: float) -> float:
 
 for seconds in (2.5, 6.0):
     move = fan.Input.waypoints(
-        crane,
-        {
-            "trolley": [(0, -1.5), (seconds, 1.5)],
-            "hoist.length": [(0, 2.51), (seconds, 2.0)],
-        },
+        crane, {"trolley": [(0, -1.5), (seconds, 1.5)], "hoist.length": [(0, 2.51), (seconds, 2.0)]}
     )
     run = fan.simulate(crane, x0, move, t_end=seconds + 6.0)
     print(

@@ -33,12 +33,7 @@ for string, tension in zip(bird.tree.strings, tensions, strict=False):
 
 beats = [(0.6 * k, 0.57 if k % 2 == 0 else 0.49) for k in range(9)]
 flapping = fan.Input.waypoints(
-    bird,
-    {
-        "tip_left.length": beats,
-        "tip_right.length": beats,
-        "back.x": [(0, 0.0), (4.8, 0.1)],
-    },
+    bird, {"tip_left.length": beats, "tip_right.length": beats, "back.x": [(0, 0.0), (4.8, 0.1)]}
 )
 run = fan.simulate(bird, x0, flapping, t_end=6.0)
 flap = run.columns()["flap_left"]

@@ -17,8 +17,10 @@ plan = fan.solve(problem, seed=3)
 print(plan)
 better = plan.grow(0.4).polish(1e-3)
 again = better.verify(method="event")
-print(f"better: {better.duration:.2f} s, {better.distance:.1e} from the goal; with located events "
-      f"{again.distance:.1e}, {1e3 * again.clearance:.1f} mm from the boxes")  # fmt: skip
+print(
+    f"better: {better.duration:.2f} s, {better.distance:.1e} from the goal; with located events "
+    f"{again.distance:.1e}, {1e3 * again.clearance:.1f} mm from the boxes"
+)
 better.plot(out / "plan_arm.png")
 
 bell = fan.solve(fan.load_problem("marionette_bell"), seed=4)

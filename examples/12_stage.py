@@ -24,8 +24,13 @@ props:
   at: [0.5, -0.03, 0.0301]
   shapes: [{type: sphere, radius: 0.03, mass: 0.02, colour: "#2f7d6b"}]
 """
-DOWN = {"head": 0.17, "shoulder_left": 0.14, "shoulder_right": 0.14, "hand_left": 0.16,
-        "hand_right": 0.16}  # fmt: skip
+DOWN = {
+    "head": 0.17,
+    "shoulder_left": 0.14,
+    "shoulder_right": 0.14,
+    "hand_left": 0.16,
+    "hand_right": 0.16,
+}
 
 
 def main() -> None:

@@ -24,11 +24,16 @@ def arm(height: float, link: tuple[float, float], wrist: float, sleeve: float) -
     shapes = [{"type": "capsule", "from": [0, 0, 0], "to": [x, 0, z], "radius": 0.015, "mass": 0.1}]
     ends = {"wrist": ("hand", 0.3), "sleeve": ("upper", 0.2)}
     strings = [
-        {"name": name, "length": "driven",
-         "path": [{"body": body, "at": [0.8 * x, 0, 0.8 * z]},
-                  {"driven": ["x"], "at": [above, 0, 1.2]}]}
+        {
+            "name": name,
+            "length": "driven",
+            "path": [
+                {"body": body, "at": [0.8 * x, 0, 0.8 * z]},
+                {"driven": ["x"], "at": [above, 0, 1.2]},
+            ],
+        }
         for name, (body, above) in ends.items()
-    ]  # fmt: skip
+    ]
     shoulder, elbow = {"name": "shoulder", "at": [0, 0, height]}, {"name": "elbow", "at": [x, 0, z]}
     return {
         "puppet": "arm",
@@ -60,11 +65,15 @@ def push() -> None:
     """Push a crate along the floor."""
     hung = arm(0.55, (0.0, -0.25), 1.2, 0.95)
     crate = {"type": "box", "size": [0.08, 0.12, 0.16], "mass": 0.05}
-    scene = fan.Scene.model_validate({
-        "scene": "yard", "floor": 0, "contact": {"friction": 0.4},
-        "puppets": [{"name": "pierrot", "puppet": fan.loads(str(hung)).puppet}],
-        "props": [{"name": "crate", "shapes": [crate], "at": [0.15, 0, 0.08]}],
-    })  # fmt: skip
+    scene = fan.Scene.model_validate(
+        {
+            "scene": "yard",
+            "floor": 0,
+            "contact": {"friction": 0.4},
+            "puppets": [{"name": "pierrot", "puppet": fan.loads(str(hung)).puppet}],
+            "props": [{"name": "crate", "shapes": [crate], "at": [0.15, 0, 0.08]}],
+        }
+    )
     stage = fan.Marionette(scene)
     x0 = stage.rest({"wrist.length": 1.12, "sleeve.length": 0.87})
     goal = fan.Goal.moved(stage, "crate", [0.1, 0, 0], x0)

@@ -44,10 +44,16 @@ print(f"shipped: {1e3 * slip(walk(shipped)):.2f} mm a step")
 print(f"without sway, knees not apart: {1e3 * slip(walk(stiff)):.2f} mm a step")
 
 found = fan.tune(
-    stage, lambda v: replace(stiff, **v).inputs(stage, STEPS, x0),
+    stage,
+    lambda v: replace(stiff, **v).inputs(stage, STEPS, x0),
     {"sway": (0.0, 4e-3), "apart": (0.0, 8e-3), "lower": (2e-3, 1e-3)},
-    slip, x0, method=method, save_every=5, runs=16, generations=4,
-)  # fmt: skip
+    slip,
+    x0,
+    method=method,
+    save_every=5,
+    runs=16,
+    generations=4,
+)
 print(f"after {len(found.curve)} generations: {1e3 * found.cost:.2f} mm a step")
 print(", ".join(f"{name} {value:.4f}" for name, value in found.values.items()))
 times = [shipped.duration * k for k in (1.0, 1.25, 1.5, 2.0, 6.0, 11.0)]

@@ -88,8 +88,15 @@ for cue in score.cues:
     if late:
         print(f"{cue.gesture} on beat {cue.start / score.beat:.1f}: late at", ", ".join(late))
 view.film(
-    puppet, found.run, out / "number.mp4", size=(480, 600), fps=25, focus="bodies", theme="dark",
-    captions=score.captions, sounds=score.sounds,
-)  # fmt: skip
+    puppet,
+    found.run,
+    out / "number.mp4",
+    size=(480, 600),
+    fps=25,
+    focus="bodies",
+    theme="dark",
+    captions=score.captions,
+    sounds=score.sounds,
+)
 times = [score.beat * beat for beat in (4, 15, 21, 26, 34, 38)]
 view.strip(puppet, found.run, out / "number.png", times=times, focus="bodies")

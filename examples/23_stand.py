@@ -25,8 +25,10 @@ reports.stand_report(strong, out / "strong.html")
 
 # The same stand with motors that are strong and slow, as on a supply of 12 V.
 text = (STANDS / "six_winches.yaml").read_text(encoding="utf-8")
-text = text.replace("[[0, 0.88], [11, 0.88], [16, 0.60], [22, 0.44], [33, 0.29]]",
-                    "[[0, 0.50], [1, 0.42], [3, 0.10], [4, 0.015]]")  # fmt: skip
+text = text.replace(
+    "[[0, 0.88], [11, 0.88], [16, 0.60], [22, 0.44], [33, 0.29]]",
+    "[[0, 0.50], [1, 0.42], [3, 0.10], [4, 0.015]]",
+)
 weak = fan.check_stand(loads_stand(text), run, puppet)
 print(weak.summary())
 for line in (*lost_lines(weak), *remedies(weak)):

@@ -19,18 +19,28 @@ out = Path("out")
 out.mkdir(exist_ok=True)
 
 text = fan.puppets.path("arm3d").read_text(encoding="utf-8")
-for place, name in (("name: shoulder\n      type: ball\n      damping: 2.0e-4", "shoulder_damping"),
-                    ("at: [0, 0, -0.3]\n      damping: 2.0e-4", "elbow_damping")):
+for place, name in (
+    ("name: shoulder\n      type: ball\n      damping: 2.0e-4", "shoulder_damping"),
+    ("at: [0, 0, -0.3]\n      damping: 2.0e-4", "elbow_damping"),
+):
     text = text.replace(place, place[:-6] + f"{{parameter: {name}, value: 2.0e-3}}")
-text = text.replace("radius: 0.015, density: 600",
-                    "radius: 0.015, density: {parameter: upper_density, value: 600}")
-text = text.replace("radius: 0.012, density: 600",
-                    "radius: 0.012, density: {parameter: lower_density, value: 600}")
-text = text.replace("density: 600, colour: \"#f0c890\"",
-                    "density: {parameter: lower_density, value: 600}, colour: \"#f0c890\"")
+text = text.replace(
+    "radius: 0.015, density: 600", "radius: 0.015, density: {parameter: upper_density, value: 600}"
+)
+text = text.replace(
+    "radius: 0.012, density: 600", "radius: 0.012, density: {parameter: lower_density, value: 600}"
+)
+text = text.replace(
+    'density: 600, colour: "#f0c890"',
+    'density: {parameter: lower_density, value: 600}, colour: "#f0c890"',
+)
 arm = fan.loads(text)
-truth = {"shoulder_damping": 2.5e-3, "elbow_damping": 1.6e-3, "upper_density": 700.0,
-         "lower_density": 560.0}  # fmt: skip
+truth = {
+    "shoulder_damping": 2.5e-3,
+    "elbow_damping": 1.6e-3,
+    "upper_density": 700.0,
+    "lower_density": 560.0,
+}
 true = arm.with_parameters(truth)
 
 rng, times = np.random.default_rng(3), np.arange(0.0, 15.1, 0.75)
@@ -46,8 +56,10 @@ t = np.arange(0.1, 14.8, 1 / 60)
 seen = run.resample(t - 0.025)  # the camera is 25 ms late
 poses = true.poses(seen.q_D, seen.q_K)
 links = [link.name for link in true.tree.links]
-markers = [fan.Marker("sleeve", "upper", (0, 0.015, -0.2)),
-           fan.Marker("wrist", "lower", (0.012, 0, -0.2))]  # fmt: skip
+markers = [
+    fan.Marker("sleeve", "upper", (0, 0.015, -0.2)),
+    fan.Marker("wrist", "lower", (0.012, 0, -0.2)),
+]
 columns = {}
 for marker in markers:
     pose = poses[:, links.index(marker.body)]

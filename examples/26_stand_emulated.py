@@ -90,7 +90,9 @@ for stand, puppet, given, duration, kind, ending in (
     counts = np.array([axis.counts for axis in points.axes])
     steps = np.abs(np.rint(p * counts) - np.rint(planned.position * counts)).max()
     away = again(puppet, run, points, t, p)
-    print(f"  motors within {steps:.0f} steps; puppet {np.median(away):.2f} mm from its run, at "
-          f"most {away.max():.2f} mm")  # fmt: skip
+    print(
+        f"  motors within {steps:.0f} steps; puppet {np.median(away):.2f} mm from its run, at "
+        f"most {away.max():.2f} mm"
+    )
     stored = fan.set_points(stand, run, puppet) if kind == "osc" else points
     save_points(stored, out / f"{stand}.{ending}")

@@ -13,13 +13,17 @@ import numpy as np
 from fantoccini.base.errors import FileError
 
 _ODD = (
-    np.zeros(3), np.zeros((0, 3)), np.full((4, 4), np.nan), np.array(-1.0), np.arange(5),
-    np.array(True), np.array(["x"]), np.frombuffer(b'{"format": 1}', dtype=np.uint8),
-)  # fmt: skip
+    np.zeros(3),
+    np.zeros((0, 3)),
+    np.full((4, 4), np.nan),
+    np.array(-1.0),
+    np.arange(5),
+    np.array(True),
+    np.array(["x"]),
+    np.frombuffer(b'{"format": 1}', dtype=np.uint8),
+)
 """Arrays that have no business where they are put."""
-_COMPRESSIONS = (
-    zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA,
-)  # fmt: skip
+_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
 
 
 def stored(array: np.ndarray) -> bytes:

@@ -65,7 +65,6 @@ def test_a_copy_and_a_pickle_are_the_exception(kind):
         assert getattr(again, "msg", None) == getattr(error, "msg", None)
 
 
-
 def _stops(string: str) -> None:
     raise errors.UnknownNameError("string", string, ["hand", "foot"])
 
@@ -109,7 +108,7 @@ def test_a_time_or_number_that_no_float_can_be_is_refused_by_name(tmp_path):
         lambda x: fan.Input.segments(arm, [0, x], x0.q_K, x0.v_K, [zeros]),
         lambda x: fan.Task(arm, x0, x, []),
         lambda x: fan.Recording(arm, x0, [zeros], x, 1),
-    ):  # fmt: skip
+    ):
         for given in (BIG, float("inf"), float("nan")):
             with pytest.raises((ValueError, errors.InputError)):
                 wrong(given)

@@ -123,9 +123,13 @@ def test_the_readmes_commands_run(folder):
         assert done.exit_code == 0, (command, done.stderr)
     made = {path.name for path in folder.iterdir()}
     assert made == {
-        "pendulum.yaml", "pendulum.npz", "pendulum.png", "pendulum.html", "plan.png",
+        "pendulum.yaml",
+        "pendulum.npz",
+        "pendulum.png",
+        "pendulum.html",
+        "plan.png",
         "jumps.mp4",
-    }  # fmt: skip
+    }
 
 
 def test_the_readme_opens_with_the_two_commands():

@@ -11,9 +11,17 @@ from benchmarks.strings.report import Mark, Section, Table, marks_table, number,
 
 @pytest.mark.parametrize(
     "value, text",
-    [(0, "0"), (1.6e-7, "1.6e-7"), (0.0123, "0.012"), (250.4, "250"), (1e-3, "0.001"),
-     (float("nan"), "-"), (2e5, "2e5"), (9.99, "10")],
-)  # fmt: skip
+    [
+        (0, "0"),
+        (1.6e-7, "1.6e-7"),
+        (0.0123, "0.012"),
+        (250.4, "250"),
+        (1e-3, "0.001"),
+        (float("nan"), "-"),
+        (2e5, "2e5"),
+        (9.99, "10"),
+    ],
+)
 def test_numbers(value, text):
     assert number(value) == text
 

@@ -6,7 +6,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
-SCRIPT = '''
+SCRIPT = """
 from typing import assert_type
 
 import numpy as np
@@ -56,9 +56,9 @@ assert_type(stepper, fan.Stepper)
 assert_type(stepper.advance(0.1, {"hand.length": -0.1}), fan.State)
 assert_type(stepper.run(1.0, lambda x: {"hand.length": -x.t}, rate=100.0), list[fan.State])
 assert_type(arm.flow(x0, lift), fan.Flow)
-'''
+"""
 
-WRONG = '''
+WRONG = """
 import fantoccini as fan
 
 arm = fan.load("arm2d.yaml")
@@ -66,7 +66,7 @@ fan.simulate(arm, arm.rest(), method="euler")
 fan.simulate(arm, [arm.rest()])
 arm.stepper(arm.rest(), 0.002)
 fan.TimeStepping(rtol=1e-9)
-'''
+"""
 
 
 def check(script: str, folder: Path) -> list[str]:

@@ -73,15 +73,22 @@ def main() -> None:
     swing = identify_swing(puppet, figure_of(puppet, puppet.rest()), puppet.rest())
     print("swing at lengths of", *(f"{length:.2f}" for length in swing.lengths), "m")
     for name in swing.a:
-        print(f"{name:14} a", *(f"{x:.3f}" for x in swing.a[name]), "s^2   b",
-              *(f"{x:.3f}" for x in swing.b[name]), "s   gain",
-              *(f"{x:.2f}" for x in swing.gain[name]))  # fmt: skip
+        print(
+            f"{name:14} a",
+            *(f"{x:.3f}" for x in swing.a[name]),
+            "s^2   b",
+            *(f"{x:.3f}" for x in swing.b[name]),
+            "s   gain",
+            *(f"{x:.2f}" for x in swing.gain[name]),
+        )
     print(f"{'clip':14} {'inputs':14}{'hands':>7}{'head':>7}{'feet':>7}{'trunk':>7}")
     tables: dict[str, list[list[float]]] = {}
     variants: dict[str, tuple[bool | Swing, float]] = {
-        "kinematics": (False, 0.0), "+ nominal": (True, 0.0), "+ identified": (swing, 0.0),
+        "kinematics": (False, 0.0),
+        "+ nominal": (True, 0.0),
+        "+ identified": (swing, 0.0),
         "+ lag": (swing, LAG),
-    }  # fmt: skip
+    }
 
     def show(clip: str, label: str, report: tuple[PartError, ...], remark: str) -> None:
         above = [100.0 * one.above for one in report]

@@ -133,10 +133,16 @@ def _rows(table: str) -> list[tuple[str, str, str, str, str, int]]:
 def _joints(table: str, prefix: str = "") -> list[Joint]:
     """The joints of a table in the order of a file, with frames along the world's axes."""
     found = [
-        Joint(prefix + name, parent and prefix + parent, point(place, side), part, np.eye(3),
-              point(end, side) if end else None)
+        Joint(
+            prefix + name,
+            parent and prefix + parent,
+            point(place, side),
+            part,
+            np.eye(3),
+            point(end, side) if end else None,
+        )
         for name, parent, place, part, end, side in _rows(table)
-    ]  # fmt: skip
+    ]
 
     def below(joint: Joint) -> list[Joint]:
         return [joint, *(d for c in found if c.parent == joint.name for d in below(c))]

@@ -33,8 +33,10 @@ def main() -> None:
     puppet = fan.puppets.marionette()
     with tempfile.TemporaryDirectory() as folder:
         files = given.files or write(Path(folder), given.convention)
-        print(f"{'clip':14} {'length':>6} {'poses/s':>8} {'time':>6}   hands       head        "
-              "feet        trunk      speed acceleration")  # fmt: skip
+        print(
+            f"{'clip':14} {'length':>6} {'poses/s':>8} {'time':>6}   hands       head        "
+            "feet        trunk      speed acceleration"
+        )
         for path in files:
             clip = fan.load_bvh(path)
             retarget_clip(puppet, clip)
@@ -45,13 +47,16 @@ def main() -> None:
             followed = follow_clip(puppet, clip)
             taken = time.perf_counter() - begun
             height = found.figure.height
-            errors = "  ".join(f"{100 * one.reach / height:4.1f} + {100 * one.above:3.1f}"
-                               for one in followed.report)  # fmt: skip
+            errors = "  ".join(
+                f"{100 * one.reach / height:4.1f} + {100 * one.above:3.1f}"
+                for one in followed.report
+            )
             print(
                 f"{path.stem:14} {clip.duration:5.1f}s {rate:8.0f} {taken:5.1f}s  {errors}  "
                 f"{np.abs(followed.run.v_K).max():5.2f} {np.abs(followed.acc_K).max():5.1f} "
-                f"{followed.status.name if not followed else ''}", flush=True,
-            )  # fmt: skip
+                f"{followed.status.name if not followed else ''}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

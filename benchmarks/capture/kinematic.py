@@ -130,10 +130,12 @@ def kinematic_inputs(
     q_D = poses_near(retargeted, wanted)
     poses = marionette.poses(q_D, np.broadcast_to(start.q_K, (len(q_D), len(start.q_K))))
     found = places_in(figure, poses)
-    errors = {part: np.linalg.norm(found[part] - wanted[:, i], axis=1)
-              for i, part in enumerate(WEIGHTS)}  # fmt: skip
-    frames = {part: poses[:, link_index(marionette.model, body)]
-              for part, body in figure.bodies.items()}  # fmt: skip
+    errors = {
+        part: np.linalg.norm(found[part] - wanted[:, i], axis=1) for i, part in enumerate(WEIGHTS)
+    }
+    frames = {
+        part: poses[:, link_index(marionette.model, body)] for part, body in figure.bodies.items()
+    }
     times = _DT * np.arange(int(np.ceil(at[-1] / _DT - 1e-9)) + 1, dtype=float)
     above = straight_up(figure, frames, start)
     hands = [one.name for one in hand_strings(figure, start)]

@@ -21,14 +21,26 @@ OUT = np.array([1.0, -1.0])
 """Which way is outwards along x, a side."""
 
 POINTS = {
-    "hips": (0.0, 0.93, 0.0), "spine": (0.0, 1.02, -0.01), "spine1": (0.0, 1.14, -0.015),
-    "chest": (0.0, 1.26, -0.01), "neck": (0.0, 1.43, 0.0), "head": (0.0, 1.51, 0.01),
-    "top": (0.0, 1.70, 0.01), "collar": (0.03, 1.40, 0.0), "shoulder": (0.18, 1.40, 0.0),
-    "elbow": (0.46, 1.40, 0.0), "wrist": (0.71, 1.40, 0.0), "knuckles": (0.80, 1.40, 0.0),
-    "fingers": (0.88, 1.40, 0.0), "thumb": (0.76, 1.40, 0.05), "hip": (0.09, 0.87, 0.0),
-    "knee": (0.09, 0.46, 0.0), "ankle": (0.09, 0.07, 0.0), "ball": (0.09, 0.015, 0.12),
+    "hips": (0.0, 0.93, 0.0),
+    "spine": (0.0, 1.02, -0.01),
+    "spine1": (0.0, 1.14, -0.015),
+    "chest": (0.0, 1.26, -0.01),
+    "neck": (0.0, 1.43, 0.0),
+    "head": (0.0, 1.51, 0.01),
+    "top": (0.0, 1.70, 0.01),
+    "collar": (0.03, 1.40, 0.0),
+    "shoulder": (0.18, 1.40, 0.0),
+    "elbow": (0.46, 1.40, 0.0),
+    "wrist": (0.71, 1.40, 0.0),
+    "knuckles": (0.80, 1.40, 0.0),
+    "fingers": (0.88, 1.40, 0.0),
+    "thumb": (0.76, 1.40, 0.05),
+    "hip": (0.09, 0.87, 0.0),
+    "knee": (0.09, 0.46, 0.0),
+    "ankle": (0.09, 0.07, 0.0),
+    "ball": (0.09, 0.015, 0.12),
     "toes": (0.09, 0.015, 0.18),
-}  # fmt: skip
+}
 """Places of the joints in the T pose, for the left side [m]."""
 STANDING = 0.925
 """Height of the hips of somebody who stands [m]."""
@@ -151,9 +163,17 @@ class Steps(NamedTuple):
 
 
 def stepped(
-    t: Array, pose: Pose, cadence: float, stride: float, lift: tuple[float, float],
-    push: float, *, knee: float = 0.0, hang: float = 0.0, duty: float = 0.6,
-) -> Steps:  # fmt: skip
+    t: Array,
+    pose: Pose,
+    cadence: float,
+    stride: float,
+    lift: tuple[float, float],
+    push: float,
+    *,
+    knee: float = 0.0,
+    hang: float = 0.0,
+    duty: float = 0.6,
+) -> Steps:
     """Sets hips and feet of a gait: a foot that is down does not move but for its heel.
 
     Args:
@@ -211,8 +231,9 @@ def walk(t: Array, pose: Pose) -> None:
 
 def march(t: Array, pose: Pose) -> None:
     """Marching on the spot at 100 steps a minute, with high knees."""
-    steps = stepped(t, pose, 100.0 / 120.0, 0.0, (0.27, 0.27), 15.0, knee=0.10, hang=28.0,
-                    duty=0.52)  # fmt: skip
+    steps = stepped(
+        t, pose, 100.0 / 120.0, 0.0, (0.27, 0.27), 15.0, knee=0.10, hang=28.0, duty=0.52
+    )
     angle = 2.0 * np.pi * steps.phase
     pose.hips[:, 1] += steps.made * (-0.008 + 0.008 * np.cos(2.0 * angle))
     pose.hips[:, 0] -= steps.made * 0.025 * np.sin(angle)
@@ -300,11 +321,19 @@ def conduct(t: Array, pose: Pose) -> None:
     """Both arms beat four in a bar at 90 beats a minute, as mirror images."""
     made = between(t, 0.4, 8.6, 1.1)
     # Wrists from the shoulders, at the beats and half-way between: down, in, out, up.
-    beats = np.array([
-        (0.02, -0.33, 0.34), (0.03, -0.20, 0.36), (-0.11, -0.29, 0.34), (-0.02, -0.17, 0.36),
-        (0.20, -0.28, 0.33), (0.13, -0.13, 0.36), (0.05, -0.22, 0.37), (0.05, 0.08, 0.37),
-        (0.02, -0.33, 0.34),
-    ])  # fmt: skip
+    beats = np.array(
+        [
+            (0.02, -0.33, 0.34),
+            (0.03, -0.20, 0.36),
+            (-0.11, -0.29, 0.34),
+            (-0.02, -0.17, 0.36),
+            (0.20, -0.28, 0.33),
+            (0.13, -0.13, 0.36),
+            (0.05, -0.22, 0.37),
+            (0.05, 0.08, 0.37),
+            (0.02, -0.33, 0.34),
+        ]
+    )
     pattern = CubicSpline(np.arange(9.0), beats, bc_type="periodic")
     path = pattern(np.mod((t - 0.6) * 3.0, 8.0))  # two knots a beat, 1.5 beats a second
     for side in (0, 1):
@@ -316,10 +345,17 @@ def conduct(t: Array, pose: Pose) -> None:
 
 
 MOTIONS: dict[str, tuple[float, Callable[[Array, Pose], None]]] = {
-    "wave": (6.0, wave), "bow": (6.0, bow), "curtsey": (7.0, curtsey), "walk": (7.0, walk),
-    "march": (8.0, march), "zombie": (9.0, zombie), "dance": (9.0, dance),
-    "jumping_jack": (8.0, jumping_jack), "sit": (8.0, sit), "conduct": (9.0, conduct),
-}  # fmt: skip
+    "wave": (6.0, wave),
+    "bow": (6.0, bow),
+    "curtsey": (7.0, curtsey),
+    "walk": (7.0, walk),
+    "march": (8.0, march),
+    "zombie": (9.0, zombie),
+    "dance": (9.0, dance),
+    "jumping_jack": (8.0, jumping_jack),
+    "sit": (8.0, sit),
+    "conduct": (9.0, conduct),
+}
 """Durations [s] and motions, by name of the clip."""
 
 
@@ -367,9 +403,11 @@ def segments(pose: Pose) -> dict[str, Array]:
         straight = np.array([OUT[side], 0.0, 0.0])
         hinge = np.cross([0.0, 0.0, -1.0], straight)
         upper, lower, axis = bent(
-            pose.wrists[side], pose.elbows[side], length("shoulder", "elbow"),
+            pose.wrists[side],
+            pose.elbows[side],
+            length("shoulder", "elbow"),
             length("elbow", "wrist"),
-        )  # fmt: skip
+        )
         parts[f"arm{name}"] = laid(straight, hinge, upper, axis)
         parts[f"forearm{name}"] = laid(straight, hinge, lower, axis)
         foot = turned(np.stack([pose.heels[side], *[0.0 * pose.heels[side]] * 2], axis=-1))

@@ -94,10 +94,7 @@ def hand_strings(figure: Figure, start: State) -> list[Hanger]:
 
 
 def identify_swing(
-    marionette: Marionette,
-    figure: Figure,
-    start: State,
-    lengths: Sequence[float] = (0.7, 0.8, 0.9),
+    marionette: Marionette, figure: Figure, start: State, lengths: Sequence[float] = (0.7, 0.8, 0.9)
 ) -> Swing:
     """a and b of each hand along each axis, fitted to a step of its upper end in the simulator.
 
@@ -133,9 +130,14 @@ def _fit(
     for size in (_STEP, -_STEP):
         move = Input.waypoints(marionette, {name: [(x0.t, q0), (x0.t + _RISE, q0 + size)]})
         run = simulate(
-            marionette, x0, move, x0.t + _LONG, method=TimeStepping(dt=_DT), save_every=5,
+            marionette,
+            x0,
+            move,
+            x0.t + _LONG,
+            method=TimeStepping(dt=_DT),
+            save_every=5,
             effort=False,
-        )  # fmt: skip
+        )
         places = places_in(figure, marionette.poses(run.q_D, run.q_K))
         ways.append(places[string.part.replace("forearm", "hand")] @ axis / size)
     y = 0.5 * (ways[0] + ways[1])  # an arm yields more inwards than outwards

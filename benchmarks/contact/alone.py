@@ -35,6 +35,9 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
         f"The hanging marionette of [the page on speed](benchmarks.md), its inputs at rest, "
         f"{CALLS} steps a turn, {turns} turns, by the processor's time."
     )
-    parts = [text, Table(["work", "median", "min", "max"], rows),
-             Table(["ratio", "median", "min", "max"], ratio_rows)]  # fmt: skip
+    parts = [
+        text,
+        Table(["work", "median", "min", "max"], rows),
+        Table(["ratio", "median", "min", "max"], ratio_rows),
+    ]
     return Chapter(Section("4. Without contact", parts), goals)

@@ -27,8 +27,9 @@ def chapter(made: list[Pair], turns: int, trajectories: int) -> Chapter:
         _rate(subject, states[:8])  # compiles the lanes
         actions: dict[str, Callable[[], float]] = {
             "ours": lambda subject=subject, states=states: _rate(subject, states),
-            "theirs": lambda pair=pair, states=states, n=n: n
-            / pair.peer.trajectories(states, STEPS, THREADS),
+            "theirs": lambda pair=pair, states=states, n=n: (
+                n / pair.peer.trajectories(states, STEPS, THREADS)
+            ),
         }
         taken = in_turns(actions, turns)
         ratio = taken["ours"].over(taken["theirs"])

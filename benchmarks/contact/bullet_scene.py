@@ -39,9 +39,7 @@ class BulletScene:
         self.client.setGravity(*scene.gravity)
         self.client.setPhysicsEngineParameter(fixedTimeStep=dt, numSubSteps=0)
         self.dt, self.steps = dt, 0
-        plane = self.client.createCollisionShape(
-            pybullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0]
-        )
+        plane = self.client.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0])
         floor = self.client.createMultiBody(0.0, plane, basePosition=[0.0, 0.0, scene.floor])
         self.client.changeDynamics(floor, -1, lateralFriction=1.0)  # frictions are multiplied
         self.bodies = []
@@ -51,9 +49,13 @@ class BulletScene:
             )
             body = self.client.createMultiBody(box.mass, shape)
             self.client.changeDynamics(
-                body, -1, lateralFriction=scene.friction, linearDamping=0.0, angularDamping=0.0,
+                body,
+                -1,
+                lateralFriction=scene.friction,
+                linearDamping=0.0,
+                angularDamping=0.0,
                 activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
-            )  # fmt: skip
+            )
             self.bodies.append(body)
         self._force = 0.0
 

@@ -85,9 +85,12 @@ class DrakeScene:
         properties = _properties(mu)
         AddRigidHydroelasticProperties(properties)
         self.plant.RegisterCollisionGeometry(
-            self.plant.world_body(), RigidTransform([0.0, 0.0, height]), HalfSpace(), "floor",
+            self.plant.world_body(),
+            RigidTransform([0.0, 0.0, height]),
+            HalfSpace(),
+            "floor",
             properties,
-        )  # fmt: skip
+        )
 
     def put(self, x: State) -> None:
         """Sets the state; the coordinates of each body are x, y, z and a quaternion."""

@@ -1,6 +1,6 @@
 """Problems in FCLIB's own files (HDF5), by the velocities of contacts or of bodies:
 
-    u = W r + q,   or   M v = H r + f,  u = H^T v + w,  so that W = H^T M^-1 H,  q = w + H^T M^-1 f
+u = W r + q,   or   M v = H r + f,  u = H^T v + w,  so that W = H^T M^-1 H,  q = w + H^T M^-1 f
 """
 
 from __future__ import annotations

@@ -44,17 +44,29 @@ def chapter() -> Chapter:
     walled, free = fan.loads(KNOCKER + WALL), fan.loads(KNOCKER)
     exact, wanted, knocks, _ = whole_run(walled, free, fan.Event(rtol=1e-13, atol=1e-13))
     again, energy, _, quick = whole_run(walled, free, fan.Event())
-    rows = [
-        ["event", "-", number(abs(again - exact)), number(abs(energy - wanted)), _ms(quick)]
-    ]
+    rows = [["event", "-", number(abs(again - exact)), number(abs(energy - wanted)), _ms(quick)]]
     for dt in STEPS:
         angle, energy, _, spent = whole_run(walled, free, fan.TimeStepping(dt=dt))
-        rows.append(["time-stepping", f"{1e3 * dt:g} ms", number(abs(angle - exact)),
-                     number(abs(energy - wanted)), _ms(spent)])  # fmt: skip
+        rows.append(
+            [
+                "time-stepping",
+                f"{1e3 * dt:g} ms",
+                number(abs(angle - exact)),
+                number(abs(energy - wanted)),
+                _ms(spent),
+            ]
+        )
     for dt in STEPS:
         angle, energy = variational_run(free, dt)
-        rows.append(["variational, impacts at the ends of steps", f"{1e3 * dt:g} ms",
-                     number(abs(angle - exact)), number(abs(energy - wanted)), "-"])  # fmt: skip
+        rows.append(
+            [
+                "variational, impacts at the ends of steps",
+                f"{1e3 * dt:g} ms",
+                number(abs(angle - exact)),
+                number(abs(energy - wanted)),
+                "-",
+            ]
+        )
     text = (
         f"A pendulum that knocks on a wall {knocks} times in {number(DURATION)} s, with "
         f"restitution {RESTITUTION}: errors at the end, against an event-driven run at 1e-13, "
@@ -69,7 +81,7 @@ def chapter() -> Chapter:
 
 def whole_run(
     walled: fan.Marionette, free: fan.Marionette, method: fan.Event | fan.TimeStepping
-) -> tuple[float, float, int, float]:  # fmt: skip
+) -> tuple[float, float, int, float]:
     """Angle and energy at the end, the number of knocks, and the time of the run [s]."""
     start = walled.state()
     began = time.perf_counter()

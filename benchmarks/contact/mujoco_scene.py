@@ -184,12 +184,22 @@ def text_of(marionette: Marionette, still: Array | None) -> str:
     floor = marionette.puppet.floor
     if floor is not None:
         size = f"{FLOOR_SIZE} {FLOOR_SIZE} 1"
-        _add(world, "geom", type="plane", pos=f"0 0 {floor}", size=size, friction=friction,
-             condim="3")  # fmt: skip
+        _add(
+            world,
+            "geom",
+            type="plane",
+            pos=f"0 0 {floor}",
+            size=size,
+            friction=friction,
+            condim="3",
+        )
     met = {frozenset(pair) for pair in contacts.names}
     moving = [link.name for link in marionette.tree.links if link.shapes and link.name in bodies]
-    parents = {frozenset((link.name, marionette.tree.links[link.parent].name))
-               for link in marionette.tree.links if link.parent != WORLD}  # fmt: skip
+    parents = {
+        frozenset((link.name, marionette.tree.links[link.parent].name))
+        for link in marionette.tree.links
+        if link.parent != WORLD
+    }
     left_out = _add(root, "contact")
     for pair in itertools.combinations(moving, 2):
         if frozenset(pair) not in met | parents:

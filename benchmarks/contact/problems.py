@@ -1,6 +1,6 @@
 """Section 6: problems of others, solved by ours and by Siconos.
 
-    u = M r + q,   0 <= u_n, 0 <= r_n, u_n r_n = 0,   |r_t| <= mu r_n,   r_t = -mu r_n u_t / |u_t|
+u = M r + q,   0 <= u_n, 0 <= r_n, u_n r_n = 0,   |r_t| <= mu r_n,   r_t = -mu r_n u_t / |u_t|
 """
 
 from __future__ import annotations
@@ -63,8 +63,22 @@ class Problem:
         there = np.any(blocks != 0.0, axis=(2, 3))
         first = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
         ends = " ".join(str(3 * k + 3) for k in range(n))
-        lines = [3, n, 1, 3 * n, 3 * n, int(there.sum()), n, n, ends, ends, n + 1, int(there.sum()),
-                 " ".join(map(str, first)), " ".join(map(str, np.nonzero(there)[1]))]  # fmt: skip
+        lines = [
+            3,
+            n,
+            1,
+            3 * n,
+            3 * n,
+            int(there.sum()),
+            n,
+            n,
+            ends,
+            ends,
+            n + 1,
+            int(there.sum()),
+            " ".join(map(str, first)),
+            " ".join(map(str, np.nonzero(there)[1])),
+        ]
         for k, (i, j) in enumerate(np.argwhere(there)):
             lines += [k, *(repr(float(x)) for x in blocks[i, j].T.ravel())]
         lines += [" ".join(repr(float(x)) for x in part) for part in (self.q, self.mu)]

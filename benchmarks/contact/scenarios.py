@@ -125,8 +125,11 @@ def theirs(
 
 def boxes(
     scene_of: Callable[[fan.Marionette, float], DrakeScene | BulletScene],
-    puppet: fan.Marionette, x: State, t_end: float, push: Push | None = None,
-) -> Course:  # fmt: skip
+    puppet: fan.Marionette,
+    x: State,
+    t_end: float,
+    push: Push | None = None,
+) -> Course:
     """An engine that has no strings.
 
     Raises:

@@ -100,10 +100,13 @@ def _states(made: list[Pair]) -> Table:
         pair.peer.step(round(SETTLING / DT))
         normal = sum(pair.peer.force(i)[0] for i in range(pair.peer.data.ncon))
         rows.append(
-            [pair.subject.name, f"{burst.points}, {pair.peer.points}",
-             f"{burst.force:.2f}, {normal:.2f}",
-             f"{number(burst.depth)}, {number(pair.peer.depth)}"]
-        )  # fmt: skip
+            [
+                pair.subject.name,
+                f"{burst.points}, {pair.peer.points}",
+                f"{burst.force:.2f}, {normal:.2f}",
+                f"{number(burst.depth)}, {number(pair.peer.depth)}",
+            ]
+        )
     header = ["ours, MuJoCo", "points that push", "normal forces [N]", "deepest overlap [m]"]
     return Table(header, rows)
 
@@ -129,5 +132,3 @@ def _ours(pair: Pair) -> str:
 
 def _theirs(pair: Pair) -> str:
     return f"MuJoCo {mujoco.__version__}, {pair.subject.name}"
-
-

@@ -89,12 +89,8 @@ class Subject:
 
 ONE = Subject("one marionette on its feet", (("pierrot", (0.0, 0.0)),), 0.02)
 TWO = Subject(
-    "two marionettes on their feet",
-    (("pierrot", (0.0, 0.25)), ("columbine", (0.0, -0.25))),
-    0.02,
+    "two marionettes on their feet", (("pierrot", (0.0, 0.25)), ("columbine", (0.0, -0.25))), 0.02
 )
 HEAP = Subject(
-    "two marionettes in a heap",
-    (("pierrot", (0.0, 0.1)), ("columbine", (0.0, -0.1))),
-    0.30,
+    "two marionettes in a heap", (("pierrot", (0.0, 0.1)), ("columbine", (0.0, -0.1))), 0.30
 )

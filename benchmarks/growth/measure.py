@@ -129,9 +129,13 @@ def evaluation(puppet: fan.Marionette, library: Library, function: str) -> float
     """Microseconds of one evaluation at a random state, the shortest of many."""
     table, rng = puppet.coordinates, np.random.default_rng(0)
     widths = {
-        "q_D": table.n_qD, "v_D": table.n_vD, "q_K": table.n_qK, "v_K": table.n_vK,
-        "acc_K": table.n_vK, "u_D": table.n_vD,
-    }  # fmt: skip
+        "q_D": table.n_qD,
+        "v_D": table.n_vD,
+        "q_K": table.n_qK,
+        "v_K": table.n_vK,
+        "acc_K": table.n_vK,
+        "u_D": table.n_vD,
+    }
     given = {name: np.tile(0.3 * rng.normal(size=n), (CALLS, 1)) for name, n in widths.items()}
     if function == "step_dynamics":
         given |= {"v_ahead": given["v_D"], "dt": np.zeros(CALLS)}

@@ -33,12 +33,17 @@ def described(kind: str, dof: int, strings: int) -> dict:
                 "damping": 1e-3,
             },
             "shapes": [
-                {"type": "capsule", "from": [0, 0, 0], "to": [0, 0, -_LENGTH], "radius": 0.01,
-                 "mass": 0.05}
+                {
+                    "type": "capsule",
+                    "from": [0, 0, 0],
+                    "to": [0, 0, -_LENGTH],
+                    "radius": 0.01,
+                    "mass": 0.05,
+                }
             ],
         }
         for i in range(dof)
-    ]  # fmt: skip
+    ]
     carriers = [dof - 1 - k * dof // strings for k in range(strings)]
     rows = [
         {

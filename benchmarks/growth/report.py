@@ -110,9 +110,7 @@ def draw(file: Path, by_dof: dict[str, list[Size]]) -> None:
 
 
 def _by_size(sizes: Sequence[Size], by: str, heading: str) -> Table:
-    rows = [
-        [str(getattr(s, by)), *(number(getattr(s, f), 3) for f in FIGURES)] for s in sizes
-    ]
+    rows = [[str(getattr(s, by)), *(number(getattr(s, f), 3) for f in FIGURES)] for s in sizes]
     late = [s for s in sizes if by != "dof" or s.dof >= FITTED]
     if len(late) > 1:
         rows.append(["exponent", *(f"{exponent(late, by, f):.2f}" for f in FIGURES)])

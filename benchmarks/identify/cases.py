@@ -79,23 +79,31 @@ def record(
     if offsets:
         q_K, _, _ = inputs.evaluate(inputs.breaks)
         table = case.puppet.coordinates
-        played = fan.Input.waypoints(true, {
-            name: [(t, x + offsets.get(name, 0.0)) for t, x in
-                   zip(inputs.breaks, q_K[:, q], strict=True)]
-            for q, name in enumerate(table.q_K)
-        })  # fmt: skip
+        played = fan.Input.waypoints(
+            true,
+            {
+                name: [
+                    (t, x + offsets.get(name, 0.0))
+                    for t, x in zip(inputs.breaks, q_K[:, q], strict=True)
+                ]
+                for q, name in enumerate(table.q_K)
+            },
+        )
     t = np.arange(0.2, duration - 0.2, 1.0 / RATE)
     x0 = true.rest(played.first_values())
-    run = fan.simulate(true, x0, played, duration, method=fan.Event(rtol=1e-9, atol=1e-9),
-                       save_at=t - delay)  # fmt: skip
+    run = fan.simulate(
+        true, x0, played, duration, method=fan.Event(rtol=1e-9, atol=1e-9), save_at=t - delay
+    )
     assert run.status is fan.Status.DONE, run.status
     seen = run.resample(t - delay)
     poses = true.poses(seen.q_D, seen.q_K)
     links = [link.name for link in true.tree.links]
     columns = {}
     for marker in case.markers:
-        at = [case.truth.get(f"{marker.name}.at.{axis}", x)
-              for axis, x in zip("xyz", marker.at, strict=True)]  # fmt: skip
+        at = [
+            case.truth.get(f"{marker.name}.at.{axis}", x)
+            for axis, x in zip("xyz", marker.at, strict=True)
+        ]
         pose = poses[:, links.index(marker.body)]
         place = pose[:, :, :3] @ np.array(at) + pose[:, :, 3]
         place = place + noise * rng.standard_normal(place.shape)
@@ -112,9 +120,16 @@ def record(
         for name in own
     ]
     return fan.Record(
-        case.puppet, inputs, t, columns, case.markers, unknown, tuple(offsets),
-        "delay" in case.truth, name="synthetic",
-    )  # fmt: skip
+        case.puppet,
+        inputs,
+        t,
+        columns,
+        case.markers,
+        unknown,
+        tuple(offsets),
+        "delay" in case.truth,
+        name="synthetic",
+    )
 
 
 ARM = """
@@ -148,10 +163,16 @@ _ARM_MARKERS = (
 )
 
 _ARM_TRUTH = {
-    "shoulder_damping": 2.6e-3, "upper_mass": 0.16, "elbow_damping": 1.5e-3, "tie": -0.305,
-    "hand.length offset": 0.004, "tip.at.x": 0.003, "tip.at.y": 0.0, "tip.at.z": -0.255,
+    "shoulder_damping": 2.6e-3,
+    "upper_mass": 0.16,
+    "elbow_damping": 1.5e-3,
+    "tie": -0.305,
+    "hand.length offset": 0.004,
+    "tip.at.x": 0.003,
+    "tip.at.y": 0.0,
+    "tip.at.z": -0.255,
     "delay": 0.013,
-}  # fmt: skip
+}
 
 
 def arm() -> Case:
@@ -162,25 +183,45 @@ def arm() -> Case:
 
 _MARKED = (
     ("drag: {linear: 0.15,", "drag: {linear: {parameter: drag, value: 0.15},"),
-    ("damping: 8.0e-4\n      cone: {max: 105",
-     "damping: {parameter: shoulder_damping, value: 8.0e-4}\n      cone: {max: 105"),
-    ("damping: 1.5e-3\n      cone: {max: 70",
-     "damping: {parameter: hip_damping, value: 1.5e-3}\n      cone: {max: 70"),
-    ("damping: 8.0e-4\n      limits",
-     "damping: {parameter: knee_damping, value: 8.0e-4}\n      limits"),
-    ('density: 1500, colour: "#e8b98a"',
-     'density: {parameter: hand_density, value: 1500}, colour: "#e8b98a"'),
-    ("radius: 0.0185, density: 450",
-     "radius: 0.0185, density: {parameter: thigh_density, value: 450}"),
-    ("{body: thigh_left, at: [0.018, 0, -0.115]}",
-     "{body: thigh_left, at: [0.018, 0, {parameter: knee_tie, value: -0.115}]}"),
-)  # fmt: skip
+    (
+        "damping: 8.0e-4\n      cone: {max: 105",
+        "damping: {parameter: shoulder_damping, value: 8.0e-4}\n      cone: {max: 105",
+    ),
+    (
+        "damping: 1.5e-3\n      cone: {max: 70",
+        "damping: {parameter: hip_damping, value: 1.5e-3}\n      cone: {max: 70",
+    ),
+    (
+        "damping: 8.0e-4\n      limits",
+        "damping: {parameter: knee_damping, value: 8.0e-4}\n      limits",
+    ),
+    (
+        'density: 1500, colour: "#e8b98a"',
+        'density: {parameter: hand_density, value: 1500}, colour: "#e8b98a"',
+    ),
+    (
+        "radius: 0.0185, density: 450",
+        "radius: 0.0185, density: {parameter: thigh_density, value: 450}",
+    ),
+    (
+        "{body: thigh_left, at: [0.018, 0, -0.115]}",
+        "{body: thigh_left, at: [0.018, 0, {parameter: knee_tie, value: -0.115}]}",
+    ),
+)
 
 _MARIONETTE_TRUTH = {
-    "drag": 0.18, "neck_stiffness": 0.012, "shoulder_damping": 1.04e-3, "hand_density": 1050.0,
-    "hip_damping": 1.8e-3, "thigh_density": 382.5, "knee_damping": 9.2e-4, "foot_density": 1320.0,
-    "knee_tie": -0.110, "hand_left.length offset": 0.006, "delay": 0.013,
-}  # fmt: skip
+    "drag": 0.18,
+    "neck_stiffness": 0.012,
+    "shoulder_damping": 1.04e-3,
+    "hand_density": 1050.0,
+    "hip_damping": 1.8e-3,
+    "thigh_density": 382.5,
+    "knee_damping": 9.2e-4,
+    "foot_density": 1320.0,
+    "knee_tie": -0.110,
+    "hand_left.length offset": 0.006,
+    "delay": 0.013,
+}
 
 
 def marionette() -> Case:
@@ -203,6 +244,4 @@ def marionette() -> Case:
             fan.Marker(f"thigh_{side}", f"thigh_{side}", (0.02, 0.0, -0.1)),
             fan.Marker(f"foot_{side}", f"shin_{side}", (0.02, 0.01 * y, -0.13)),
         ]
-    return Case(
-        fan.loads(text), _MARIONETTE_TRUTH, markers, ("knee_tie",), beat=2.0, reach=0.06
-    )
+    return Case(fan.loads(text), _MARIONETTE_TRUTH, markers, ("knee_tie",), beat=2.0, reach=0.06)

@@ -25,8 +25,9 @@ def main() -> None:
     parser.add_argument("--puppet", choices=("arm", "marionette"), default="arm")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--duration", type=float, default=30.0)
-    parser.add_argument("--drift", type=float, default=5e-4, help="of configurations; ten times "
-                        "that of velocities")  # fmt: skip
+    parser.add_argument(
+        "--drift", type=float, default=5e-4, help="of configurations; ten times that of velocities"
+    )
     given = parser.parse_args()
     case = {"arm": arm, "marionette": marionette}[given.puppet]()
     truth, scores = dict(case.truth), []
@@ -37,16 +38,24 @@ def main() -> None:
         began, worked = time.perf_counter(), time.process_time()
         found = fan.identify(one, drift=(given.drift, 10.0 * given.drift))
         wall, cpu = time.perf_counter() - began, time.process_time() - worked
-        print(f"seed {seed}: {wall:.1f} s, {cpu:.1f} s of processors, chi2 {found.chi2:.3f}, "
-              f"drift {found.drift:.2g}, {len(found.outliers)} outliers")  # fmt: skip
+        print(
+            f"seed {seed}: {wall:.1f} s, {cpu:.1f} s of processors, chi2 {found.chi2:.3f}, "
+            f"drift {found.drift:.2g}, {len(found.outliers)} outliers"
+        )
         print(_row("", "value", "truth", "error", "deviation", "z"))
         for name, value, deviation in zip(found.names, found.values, found.deviations, strict=True):
             true, z = truth[name], (value - truth[name]) / deviation
             scores.append(z)
-            print(_row(
-                name, f"{value:.6g}", f"{true:.6g}", _shown(name, value - true, true),
-                _shown(name, deviation, true), f"{z:.2f}",
-            ))  # fmt: skip
+            print(
+                _row(
+                    name,
+                    f"{value:.6g}",
+                    f"{true:.6g}",
+                    _shown(name, value - true, true),
+                    _shown(name, deviation, true),
+                    f"{z:.2f}",
+                )
+            )
     z = np.abs(scores)
     print(f"within 95 % intervals: {100 * np.mean(z < 1.96):.0f} % of {len(z)}")
 

@@ -28,13 +28,23 @@ def main() -> None:
     print(lanes, flush=True)
     growth = announced("growth", measure.growth())
     text = PAGE.format(
-        seconds=seconds, longer=longer, gentle=gentle, vigorous=vigorous,
-        orders=orders, catches=catches, momenta=momenta, cost=cost.markdown(), lanes=lanes,
+        seconds=seconds,
+        longer=longer,
+        gentle=gentle,
+        vigorous=vigorous,
+        orders=orders,
+        catches=catches,
+        momenta=momenta,
+        cost=cost.markdown(),
+        lanes=lanes,
         growth=growth,
         machine=machine().markdown(),
-        fast=number(measure.TREP[0] / slowest), slow=number(measure.TREP[1] / slowest),
-        slowest=f"{slowest:.1f}", drift=measure.TREP_DRIFT, strays=min(seconds, 100.0),
-    )  # fmt: skip
+        fast=number(measure.TREP[0] / slowest),
+        slow=number(measure.TREP[1] / slowest),
+        slowest=f"{slowest:.1f}",
+        drift=measure.TREP_DRIFT,
+        strays=min(seconds, 100.0),
+    )
     parts = (p if p.startswith(("|", "#")) else wrapped(p) for p in text.strip().split("\n\n"))
     page = ROOT / "docs" / "long-runs.md"
     page.write_text("\n\n".join(parts) + "\n", encoding="utf-8")

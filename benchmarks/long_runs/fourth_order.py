@@ -83,9 +83,11 @@ class Rule:
             pull = ca.jacobian(held(q), q).T @ first
             between = ca.jacobian(held(q_mid), q_mid).T @ second
             residual = ca.vertcat(
-                p + ca.gradient(L_d, q) - pull, ca.gradient(L_d, q_mid) - between,
-                held(q_next), held(q_mid),
-            )  # fmt: skip
+                p + ca.gradient(L_d, q) - pull,
+                ca.gradient(L_d, q_mid) - between,
+                held(q_next),
+                held(q_mid),
+            )
         given = [unknowns, q, p, dt]
         self.residual = ca.Function("residual", given, [residual])
         self.jacobian = ca.Function("jacobian", given, [ca.jacobian(residual, unknowns)])
@@ -132,8 +134,9 @@ def measured() -> tuple[Table, Table]:
             q, corrections = rule.run(x.q_D, momentum, x.v_D, dt)
             found.append((np.max(np.abs(q - exact.q_D[-1])), corrections * evaluations))
             each = corrections / round(SECONDS / dt)
-            rows.append([name, f"{1e3 * dt:.3g}", f"{found[-1][0]:.1e}", f"{each:.1f}",
-                         str(found[-1][1])])  # fmt: skip
+            rows.append(
+                [name, f"{1e3 * dt:.3g}", f"{found[-1][0]:.1e}", f"{each:.1f}", str(found[-1][1])]
+            )
         curves[name] = np.log(np.array(found, dtype=float))
     cost = [[f"{e:.0e}"] for e in ERRORS]
     for curve in curves.values():

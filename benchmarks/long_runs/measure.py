@@ -48,25 +48,43 @@ def energy(amplitude: float, seconds: float) -> Table:
         T, E = run.ledger["kinetic"], run.ledger["kinetic"] + run.ledger["potential"]
         slope, error = trend(run.t, E)
         catches = sum(e.kind in (EventKind.CATCH, EventKind.LIMIT_ON) for e in run.events)
-        rows.append([
-            name, number(np.ptp(E)), number(np.max(np.abs(E[run.t <= 10.0] - E[0]))),
-            f"{slope / T.mean():.1e} +- {error / T.mean():.0e}",
-            number(np.max(np.abs(run.ledger["residual"]))), str(catches),
-            number(np.max(run.violation.values)), f"{took:.1f}",
-        ])  # fmt: skip
+        rows.append(
+            [
+                name,
+                number(np.ptp(E)),
+                number(np.max(np.abs(E[run.t <= 10.0] - E[0]))),
+                f"{slope / T.mean():.1e} +- {error / T.mean():.0e}",
+                number(np.max(np.abs(run.ledger["residual"]))),
+                str(catches),
+                number(np.max(run.violation.values)),
+                f"{took:.1f}",
+            ]
+        )
     return Table(
-        ["method", "range of E [J]", "within 10 s [J]", "slope of E / mean T [1/s]",
-         "ledger residual [J]", "catches", "overstepped [m]", "processor [s]"],
+        [
+            "method",
+            "range of E [J]",
+            "within 10 s [J]",
+            "slope of E / mean T [1/s]",
+            "ledger residual [J]",
+            "catches",
+            "overstepped [m]",
+            "processor [s]",
+        ],
         rows,
-    )  # fmt: skip
+    )
 
 
 def longer(amplitude: float, seconds: float) -> str:
     """The slope of the variational integrator's energy, and its standard error, as text."""
     run = fan.simulate(
-        subject.undamped(), subject.swing(amplitude), t_end=seconds, effort=False,
-        method=fan.Variational(dt=0.01), save_every=20,
-    )  # fmt: skip
+        subject.undamped(),
+        subject.swing(amplitude),
+        t_end=seconds,
+        effort=False,
+        method=fan.Variational(dt=0.01),
+        save_every=20,
+    )
     T = run.ledger["kinetic"]
     slope, error = trend(run.t, T + run.ledger["potential"])
     return f"{slope / T.mean():.0e} +- {error / T.mean():.0e}"
@@ -132,12 +150,16 @@ def momenta() -> Table:
     loose = flyer.with_parameters({"g": 0.0})
     starts = {
         "free in no gravity, all six": (
-            loose, loose.state({"line.length": 1e6}).replace(v_D=v_D), slice(0, 6)
+            loose,
+            loose.state({"line.length": 1e6}).replace(v_D=v_D),
+            slice(0, 6),
         ),
         "on a string, about the vertical": (
-            flyer, subject.swinging(flyer, flyer.rest(), v_D), slice(5, 6)
+            flyer,
+            subject.swinging(flyer, flyer.rest(), v_D),
+            slice(5, 6),
         ),
-    }  # fmt: skip
+    }
     rows = []
     for name, (puppet, x, kept) in starts.items():
         for dt in (0.01, 1.0 / 30.0):
@@ -236,7 +258,14 @@ def growth() -> Table:
         again = own["midpoint_rule"].n_instructions() + solves
         rows.append([str(dof), str(once), str(again), *took])
     return Table(
-        ["DOF", "operations a step", "and a correction", "variational, 2 ms [us]",
-         "timestepping, 2 ms [us]", "variational, 10 ms [us]", "timestepping, 10 ms [us]"],
+        [
+            "DOF",
+            "operations a step",
+            "and a correction",
+            "variational, 2 ms [us]",
+            "timestepping, 2 ms [us]",
+            "variational, 10 ms [us]",
+            "timestepping, 10 ms [us]",
+        ],
         rows,
-    )  # fmt: skip
+    )

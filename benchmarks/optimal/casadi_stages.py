@@ -37,9 +37,12 @@ class CasadiSolver:
         options: dict[str, Any] = {"osqp": OSQP}
         if name == "hpipm":
             options = {
-                "hpipm": {"iter_max": iterations}, "N": N, "nx": [0] + [self._x] * N,
-                "nu": [k] * N + [0], "ng": [0] * (N + 1),
-            }  # fmt: skip
+                "hpipm": {"iter_max": iterations},
+                "N": N,
+                "nx": [0] + [self._x] * N,
+                "nu": [k] * N + [0],
+                "ng": [0] * (N + 1),
+            }
         options |= {"print_time": False, "error_on_fail": False}
         self._solver = casadi.conic("s", name, {"h": self._P, "a": self._A}, options)
 

@@ -119,10 +119,13 @@ class Peer:
         done = solver.solve([self._x0] * (N + 1), [self._hold] * N, iterations, False, 1e-9)
         seconds = time.perf_counter() - began
         return {
-            "seconds": seconds, "iterations": int(solver.iter), "cost": float(solver.cost),
-            "done": bool(done), "stop": float(solver.stop),
+            "seconds": seconds,
+            "iterations": int(solver.iter),
+            "cost": float(solver.cost),
+            "done": bool(done),
+            "stop": float(solver.stop),
             "u": (np.array(solver.us) - self._hold).tolist(),
-        }  # fmt: skip
+        }
 
     def score(self, u: Any) -> dict[str, Any]:
         """The cost of accelerations of the hand, by SciPy's DOP853."""

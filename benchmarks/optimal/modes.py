@@ -47,9 +47,13 @@ def by_seed(task: fan.Task, seeds: int) -> None:
     found = []
     for seed in range(seeds):
         best = fan.optimise(
-            task, seed=seed, cost_tolerance=LIMITS.cost_tolerance, iterations=LIMITS.iterations,
-            threads=1, time_limit=300.0,
-        )  # fmt: skip
+            task,
+            seed=seed,
+            cost_tolerance=LIMITS.cost_tolerance,
+            iterations=LIMITS.iterations,
+            threads=1,
+            time_limit=300.0,
+        )
         again = fan.simulate(task.marionette, task.x0, best.inputs, best.run.t[-1])
         off = max(np.max(np.abs(again.q_D[-1] - task.end.q_D)), np.max(np.abs(again.v_D[-1])))
         found.append(bool(best) and off < HOLDS)

@@ -73,10 +73,11 @@ class Problem:
     def marionette(self) -> fan.Marionette:
         """The puppet; a rope is a string, whose end turns about the hand and is free to rise."""
         lines = [
-            f"puppet: {self.name}", "bodies:",
+            f"puppet: {self.name}",
+            "bodies:",
             f"- {{name: hand, joint: {{type: translation, axes: [{', '.join(self.axes)}], "
             "driven: true}}",
-        ]  # fmt: skip
+        ]
         names = ["hand", *(one.name for one in self.links)]
         for i, one in enumerate(self.links):
             parent, at, com, weighs = names[one.parent + 1], one.at, one.com, True
@@ -112,28 +113,36 @@ class Problem:
         tracks = [
             fan.Track.coordinate(name, value, weight=0.0, end_weight=END)
             for name, value in {**hand, **hinges}.items()
-        ] + [
-            fan.Track.velocity(name, 0.0, weight=0.0, end_weight=END)
-            for name in (*hand, *hinges)
-        ]  # fmt: skip
+        ] + [fan.Track.velocity(name, 0.0, weight=0.0, end_weight=END) for name in (*hand, *hinges)]
         bounds = fan.Bounds(acceleration=self.acceleration)
         if self.rope:
             weight = 9.81 * sum(one.mass for one in self.links)
             bounds = replace(bounds, tension={"rope": (0.01 * weight, np.inf)})
         x0 = marionette.state(dict.fromkeys((*t.q_D, *t.q_K), 0.0))
         return fan.Task(
-            marionette, x0, self.duration, tracks, fan.Smooth(SMOOTH, 0.0), bounds,
-            interval=self.interval, dt=dt, name=self.name,
-        )  # fmt: skip
+            marionette,
+            x0,
+            self.duration,
+            tracks,
+            fan.Smooth(SMOOTH, 0.0),
+            bounds,
+            interval=self.interval,
+            dt=dt,
+            name=self.name,
+        )
 
     def told(self) -> dict[str, object]:
         """For the peers, in JSON's words."""
         return {
-            "axes": self.axes, "goal": self.goal, "interval": self.interval,
-            "intervals": self.intervals, "smooth": SMOOTH, "end": END,
+            "axes": self.axes,
+            "goal": self.goal,
+            "interval": self.interval,
+            "intervals": self.intervals,
+            "smooth": SMOOTH,
+            "end": END,
             "acceleration": self.acceleration if np.isfinite(self.acceleration) else None,
             "links": [vars(one) for one in self.links],
-        }  # fmt: skip
+        }
 
 
 def puppet(intervals: int = 100) -> Problem:

@@ -52,9 +52,12 @@ class Crocoddyl:
         worker = Path(__file__).with_name("crocoddyl_peer.py")
         alone = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
-            [python, worker], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+            [python, worker],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
             env={k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | alone,
-        )  # fmt: skip
+        )
         self.versions = self._ask(problem.told())["versions"]
 
     def __call__(self, ask: str, **more: Any) -> dict[str, Any]:
@@ -80,9 +83,7 @@ class Crocoddyl:
 def score(task: fan.Task, u: Array) -> tuple[float, bool]:
     """The cost of inputs by an event-driven run, and whether the strings stay taut in it."""
     made = Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals)
-    run = fan.simulate(
-        task.marionette, task.x0, replace(made, acc_K=u).inputs(), task.durations[1]
-    )
+    run = fan.simulate(task.marionette, task.x0, replace(made, acc_K=u).inputs(), task.durations[1])
     t, left = task.marionette.coordinates, []
     for names, q, v in ((t.q_D, run.q_D, run.v_D), (t.q_K, run.q_K, run.v_K)):
         end = dict(zip(names, zip(q[-1], v[-1], strict=True), strict=True))
@@ -121,9 +122,13 @@ def compare(problem: Problem, python: Path, turns: int) -> None:
                 )
                 taken[integrator].append(answers[integrator]["seconds"])
         exact = fan.optimise(
-            task, tolerance=1e-9, cost_tolerance=0.0, threads=1, exact=True,
+            task,
+            tolerance=1e-9,
+            cost_tolerance=0.0,
+            threads=1,
+            exact=True,
             time_limit=EXACT_SECONDS,
-        )  # fmt: skip
+        )
         found = {"ours": (best.nodes.acc_K, best.iterations, best.cost, best.status.name)}
         for name, answer in answers.items():
             done = "SOLVED" if answer["done"] else "not done"
@@ -180,9 +185,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument(
-        "--crocoddyl", type=Path, default=ROOT / ".venv-crocoddyl" / "bin" / "python",
+        "--crocoddyl",
+        type=Path,
+        default=ROOT / ".venv-crocoddyl" / "bin" / "python",
         help="interpreter that has it",
-    )  # fmt: skip
+    )
     arguments = parser.parse_args()
     if not arguments.crocoddyl.exists():
         parser.error(f"no {arguments.crocoddyl}; `make optimal-peers` installs Crocoddyl there")

@@ -56,9 +56,15 @@ def task(arm: fan.Marionette, weight: float = 1e4) -> fan.Task:
     x0, rough, run = take(arm)
     track = fan.Track.point("lower", fan.Clip(run), at=TIP, weight=weight, end_weight=100.0)
     return fan.Task(
-        arm, x0, DURATION, [track], fan.Smooth(1e-3, 1e-5),
-        fan.Bounds(position={"hand.length": (0.3, 1.2)}), interval=INTERVAL, guess=rough,
-    )  # fmt: skip
+        arm,
+        x0,
+        DURATION,
+        [track],
+        fan.Smooth(1e-3, 1e-5),
+        fan.Bounds(position={"hand.length": (0.3, 1.2)}),
+        interval=INTERVAL,
+        guess=rough,
+    )
 
 
 def catches(run: fan.Trajectory) -> int:

@@ -38,10 +38,25 @@ LAST = 8
 """Steps at the end that are looked at."""
 SOLE = np.array([[x, y, -0.141] for x in (-0.02, 0.034) for y in (-0.016, 0.016)])
 SPREADS = {
-    "lower": 1e-3, "nod": 1e-3, "lean": 2e-3, "slack": 2e-3, "ahead": 0.01, "apart": 4e-3,
-    "lift": 5e-3, "lifts": 0.03, "highest": 0.04, "lands": 0.05, "swings": 0.03, "arrives": 0.05,
-    "beyond": 0.01, "sway": 3e-3, "sways": 0.05, "swayed": 0.05, "follows": 0.08, "followed": 0.08,
-}  # fmt: skip
+    "lower": 1e-3,
+    "nod": 1e-3,
+    "lean": 2e-3,
+    "slack": 2e-3,
+    "ahead": 0.01,
+    "apart": 4e-3,
+    "lift": 5e-3,
+    "lifts": 0.03,
+    "highest": 0.04,
+    "lands": 0.05,
+    "swings": 0.03,
+    "arrives": 0.05,
+    "beyond": 0.01,
+    "sway": 3e-3,
+    "sways": 0.05,
+    "swayed": 0.05,
+    "follows": 0.08,
+    "followed": 0.08,
+}
 """Initial spreads of a search, by number; stride and duration are kept fixed."""
 
 
@@ -105,11 +120,14 @@ def walked(
     flat = np.stack([T[:, 2, 2] for T in shins], axis=1)[low.any(axis=-1)]
     tension = run.tension.values[at].sum(axis=1).mean()
     return Walked(
-        slip, lift, np.abs(np.diff(pairs, axis=0)).max(axis=1), way,
+        slip,
+        lift,
+        np.abs(np.diff(pairs, axis=0)).max(axis=1),
+        way,
         float(1.0 - tension / stage.weight),
         float(poses[:, link_index(stage.model, "torso"), 2, 2].min()),
         float(np.degrees(np.arccos(np.clip(flat, -1.0, 1.0))).mean()) if len(flat) else 90.0,
-    )  # fmt: skip
+    )
 
 
 def cost(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> float:
@@ -117,14 +135,16 @@ def cost(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> 
     one = walked(stage, run, gait, steps)
     slip = 1e3 * one.slip.max(axis=1)
     return float(
-        4.0 * slip.mean() + 2.0 * slip.max()
-        + 100.0 * one.repeats.mean() + 50.0 * one.repeats.max()
+        4.0 * slip.mean()
+        + 2.0 * slip.max()
+        + 100.0 * one.repeats.mean()
+        + 50.0 * one.repeats.max()
         + 2e3 * max(0.0, LIFT - one.lift.min())
         + 2e2 * abs(one.way - 2.0 * gait.stride)
         + 100.0 * max(0.0, 0.15 - one.carried)
         + 50.0 * max(0.0, 0.98 - one.upright)
         + 0.3 * one.tilt
-    )  # fmt: skip
+    )
 
 
 def searched(
@@ -133,13 +153,20 @@ def searched(
     """Numbers of a walk of 20 steps, drawn around the first ones by that share of ``SPREADS``."""
     steps, x0, start = 20, stage.rest(), asdict(first)
     return fan.tune(
-        stage, lambda v: replace(first, **v).inputs(stage, steps, x0),
+        stage,
+        lambda v: replace(first, **v).inputs(stage, steps, x0),
         {name: (start[name], share * spread) for name, spread in SPREADS.items()},
-        lambda run: cost(stage, run, first, steps), x0, first.duration * (steps + 1),
-        method=fan.TimeStepping(dt=2.5e-4), save_every=20, runs=60, generations=1000,
-        time_limit=seconds, seed=seed,
+        lambda run: cost(stage, run, first, steps),
+        x0,
+        first.duration * (steps + 1),
+        method=fan.TimeStepping(dt=2.5e-4),
+        save_every=20,
+        runs=60,
+        generations=1000,
+        time_limit=seconds,
+        seed=seed,
         progress=lambda best, median: print(f"cost {best:.3f}, median {median:.3f}", flush=True),
-    )  # fmt: skip
+    )
 
 
 def main() -> None:

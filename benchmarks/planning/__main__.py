@@ -41,9 +41,12 @@ def main() -> None:
         marks += found
         print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)
     parts = [
-        "# Planning, measured", wrapped(OPENING), marks_table(marks).markdown(),
-        machine(("numpy", "scipy")).markdown(), *(s.markdown() for s in sections),
-    ]  # fmt: skip
+        "# Planning, measured",
+        wrapped(OPENING),
+        marks_table(marks).markdown(),
+        machine(("numpy", "scipy")).markdown(),
+        *(s.markdown() for s in sections),
+    ]
     text = "\n\n".join(parts) + "\n"
     if options.quick:
         print(text)

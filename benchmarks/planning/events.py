@@ -66,14 +66,25 @@ class Row:
         ).confidence_interval
         nearer, farther = (int(np.sum(s * (self.by_time - self.distance) > 1e-9)) for s in (1, -1))
         return [
-            self.name, f"{self.size:g}", f"{hits} of {n}",
-            f"{100 * share.low:.0f} to {100 * share.high:.0f} %", f"{np.median(self.distance):.3g}",
-            f"{spread.low:.3g} to {spread.high:.3g}", f"{nearer} / {farther}",
-        ]  # fmt: skip
+            self.name,
+            f"{self.size:g}",
+            f"{hits} of {n}",
+            f"{100 * share.low:.0f} to {100 * share.high:.0f} %",
+            f"{np.median(self.distance):.3g}",
+            f"{spread.low:.3g} to {spread.high:.3g}",
+            f"{nearer} / {farther}",
+        ]
 
 
-HEAD = ["", "kick [rad/s]", "arrive", "(95 %)", "median distance", "(95 %)",
-        "nearer / farther than by time"]  # fmt: skip
+HEAD = [
+    "",
+    "kick [rad/s]",
+    "arrive",
+    "(95 %)",
+    "median distance",
+    "(95 %)",
+    "nearer / farther than by time",
+]
 
 
 def in_fantoccini(law: Feedback, x0: State, closed: bool) -> float:

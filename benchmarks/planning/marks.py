@@ -36,9 +36,7 @@ class Mark:
         """Its row of the table."""
         words = "at least" if self.at_least else "at most"
         wanted = f"{words} {self.bound:g} {self.unit}"
-        return [
-            self.what, f"{self.value:.3g} {self.unit}", wanted, "yes" if self.met else "**no**"
-        ]  # fmt: skip
+        return [self.what, f"{self.value:.3g} {self.unit}", wanted, "yes" if self.met else "**no**"]
 
 
 def marks_table(marks: Sequence[Mark]) -> Table:

@@ -145,8 +145,9 @@ def main() -> None:
     found = [solve(problem, seed=s, improve=arguments.improve) for s in seeds]
     laws = [plan.feedback() for plan in found if plan]
     random = np.random.default_rng(arguments.seed)
-    starts = [(law, kicked(problem, arguments.kick, random)) for law in laws
-              for _ in range(OF_EACH)]  # fmt: skip
+    starts = [
+        (law, kicked(problem, arguments.kick, random)) for law in laws for _ in range(OF_EACH)
+    ]
     ways = {
         "open loop": [attempt(follow_and_stop, law, x0, False) for law, x0 in starts],
         "LQR gains": [attempt(follow_and_stop, law, x0, True) for law, x0 in starts],

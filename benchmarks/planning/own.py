@@ -45,9 +45,14 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
 
         def make(tolerance: float = tolerance, read=read, obstacles=obstacles) -> fan.Problem:
             return fan.Problem(
-                read.marionette, read.start, read.goal, obstacles, tolerance=tolerance,
-                margin=0.005, slack=False,
-            )  # fmt: skip
+                read.marionette,
+                read.start,
+                read.goal,
+                obstacles,
+                tolerance=tolerance,
+                margin=0.005,
+                slack=False,
+            )
 
         whole, alone, unsure, plans = [], [], [], []
         for seed in range(seeds):
@@ -69,13 +74,14 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
         held.append(
             [
                 f"{tolerance:g}",
-                *(f"{share(x):.1f} %" for x in (
-                    replayed, [c.arrives for c in events], [c.arrives for c in halved],
-                )),
+                *(
+                    f"{share(x):.1f} %"
+                    for x in (replayed, [c.arrives for c in events], [c.arrives for c in halved])
+                ),
                 f"{np.median([c.deviation for c in events]):.2g}",
                 f"{np.median([p.duration for p in plans]):.2f} s",
             ]
-        )  # fmt: skip
+        )
         name = f"tolerance {tolerance:g}: "
         marks += [
             Mark(name + "found within 1 s", share(there), found, "%", True),
@@ -192,11 +198,15 @@ def full_marionette(seeds: int) -> tuple[Section, list[Mark]]:
         verified.append(bool(plan) and check.arrives)
         rows.append(
             [
-                str(seed), f"{prepared:.2f}", f"{searched:.2f}", f"{plan.duration:.2f}",
-                f"{1e3 * check.distance:.1f}", f"{1e3 * check.clearance:.1f}",
+                str(seed),
+                f"{prepared:.2f}",
+                f"{searched:.2f}",
+                f"{plan.duration:.2f}",
+                f"{1e3 * check.distance:.1f}",
+                f"{1e3 * check.clearance:.1f}",
                 "yes" if verified[-1] else "no",
             ]
-        )  # fmt: skip
+        )
     section = Section("The full marionette (`marionette_bell`)")
     section.parts += [
         "25 degrees of freedom, 7 strings, 21 driven coordinates: a hand is raised past a lamp and "
@@ -204,12 +214,17 @@ def full_marionette(seeds: int) -> tuple[Section, list[Mark]]:
         "search with its confirmation by the event-driven method.",
         Table(
             [
-                "seed", "prepared [s]", "search [s]", "plan [s]", "from the bell [mm]",
-                "clearance [mm]", "verified",
+                "seed",
+                "prepared [s]",
+                "search [s]",
+                "plan [s]",
+                "from the bell [mm]",
+                "clearance [mm]",
+                "verified",
             ],
             rows,
         ),
-    ]  # fmt: skip
+    ]
     return section, [
         Mark("marionette: verified", share(verified), 100.0, "%", True),
         Mark("marionette: median, everything", float(np.median(whole)), 20.0, "s"),

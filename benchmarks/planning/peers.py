@@ -65,10 +65,19 @@ def _rows(problem: fan.Problem, seeds: int, limit: float, changes: list[str]) ->
     for planner in PLANNERS:
         for propagator in PROPAGATORS:
             command = [
-                sys.executable, "-m", "benchmarks.planning.ompl_peers", "--planner", planner,
-                "--propagator", propagator, "--seeds", str(seeds), "--time-limit", str(limit),
+                sys.executable,
+                "-m",
+                "benchmarks.planning.ompl_peers",
+                "--planner",
+                planner,
+                "--propagator",
+                propagator,
+                "--seeds",
+                str(seeds),
+                "--time-limit",
+                str(limit),
                 *changes,
-            ]  # fmt: skip
+            ]
             done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
             if done.returncode == MISSING:
                 return []
@@ -85,9 +94,7 @@ def _median(found: list[dict], limit: float) -> float:
     return float(np.median([f["seconds"] if f["found"] else limit for f in found]))
 
 
-def _row(
-    planner: str, propagator: str, found: list[dict], limit: float, least: float
-) -> list[str]:
+def _row(planner: str, propagator: str, found: list[dict], limit: float, least: float) -> list[str]:
     there = [f for f in found if f["found"]]
     more = "" if 2 * len(there) > len(found) else "> "
     return [

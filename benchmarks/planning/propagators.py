@@ -55,9 +55,17 @@ class Own(RolloutPool):
         m, marionette, bounds = problem.rollouts, problem.marionette, problem.rollouts.bounds
         options = m.options
         settings = RolloutSettings(
-            m.run_options, 1, marionette.p, marionette.winches, vars(bounds), options.margin,
-            options.slack, m.clearance.solids, problem.goal.numbers, -1.0,
-        )  # fmt: skip
+            m.run_options,
+            1,
+            marionette.p,
+            marionette.winches,
+            vars(bounds),
+            options.margin,
+            options.slack,
+            m.clearance.solids,
+            problem.goal.numbers,
+            -1.0,
+        )
         super().__init__(marionette.model.compiled.rollouts, settings, 1)
         self._before, self._there = np.empty(layout.n), np.empty(layout.n)
         self._acc_K, self._distance = np.empty(len(bounds.speed)), np.empty(1)
@@ -152,9 +160,12 @@ class _OneClearance:
         self._found, self._pair = np.empty(1), np.empty(1, np.int64)
         self._call = marionette.model.compiled.clearances.dll.fan_clearance
         self._arguments = (
-            ctypes.c_longlong(1), *map(pointer, self._given), ctypes.byref(solids),
-            pointer(self._found), pointer(self._pair),
-        )  # fmt: skip
+            ctypes.c_longlong(1),
+            *map(pointer, self._given),
+            ctypes.byref(solids),
+            pointer(self._found),
+            pointer(self._pair),
+        )
 
     def __call__(self, q_D: Array, q_K: Array) -> float:
         """[m]."""

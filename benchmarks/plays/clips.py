@@ -51,8 +51,9 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
     player, bounds = play.cast.players["pierrot"], play.cast.file.stage
     made = clip_gesture(
         place_on_spot(player.alone, path, start=player.hangs),
-        speed=bounds.speed, acceleration=bounds.acceleration,
-    )  # fmt: skip
+        speed=bounds.speed,
+        acceleration=bounds.acceleration,
+    )
     run, clip = found.run.resample(cue_of_play.start + made.t), made.retargeted
     seen = places_in(clip.figure, player.alone.poses(run.q_D, run.q_K))
     at, heading = np.array([player.start.x, player.start.y]), player.start.heading
@@ -69,9 +70,7 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
     for parts in GROUPS.values():
         wanted = {part: clip.places.parts[part] for part in parts}
         hung = rms([clip.hung[part] - wanted[part] for part in parts])
-        off = rms([
-            seen[part] - (wanted[part] - middle) @ turn.T - [*at, 0.0] for part in parts
-        ])  # fmt: skip
+        off = rms([seen[part] - (wanted[part] - middle) @ turn.T - [*at, 0.0] for part in parts])
         cells.append(f"{hung:.1f} + {off - hung:.1f}")
     return (
         f"| {path.stem} | {clip.t[-1]:.1f} s | {compiled:.1f} s | {' | '.join(cells)} | "

@@ -1,6 +1,6 @@
 """Compiles and verifies a play of a minute, then the same with one gesture changed.
 
-    python -m benchmarks.plays.minute [--play FILE] [--change "clap, when: 24}" "nod, when: 24}"]
+python -m benchmarks.plays.minute [--play FILE] [--change "clap, when: 24}" "nod, when: 24}"]
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Random plays: each compiles, or names the cues that cannot be done; what compiles is verified.
 
-    python -m benchmarks.plays.random_plays --plays 200 [--seed 0] [--players 2]
+python -m benchmarks.plays.random_plays --plays 200 [--seed 0] [--players 2]
 """
 
 from __future__ import annotations
@@ -44,12 +44,17 @@ def random_play(seed: int, players: int = 2, cues: int = 8) -> dict[str, Any]:
         made = [_cue(rng, names, walked) for _ in range(max(1, cues // 2))]
         acts.append({"act": f"act {act + 1}", "after": float(rng.integers(0, 3)), "cues": made})
     return {
-        "play": "trial", "tempo": float(rng.choice([60.0, 90.0, 100.0, 120.0])), "cast": cast,
+        "play": "trial",
+        "tempo": float(rng.choice([60.0, 90.0, 100.0, 120.0])),
+        "cast": cast,
         "stage": {
-            "space": {"x": [-1.0, 1.0], "y": [-1.0, 1.0]}, "marks": MARKS, "obstacles": [TABLE],
+            "space": {"x": [-1.0, 1.0], "y": [-1.0, 1.0]},
+            "marks": MARKS,
+            "obstacles": [TABLE],
         },
-        "times": {"drum": float(rng.integers(4, 12))}, "acts": acts,
-    }  # fmt: skip
+        "times": {"drum": float(rng.integers(4, 12))},
+        "acts": acts,
+    }
 
 
 def _cue(rng: np.random.Generator, names: tuple[str, ...], walked: set[str]) -> dict[str, Any]:
@@ -57,8 +62,11 @@ def _cue(rng: np.random.Generator, names: tuple[str, ...], walked: set[str]) -> 
     if rng.random() < 0.15:
         who = "all"
     cue: dict[str, Any] = {"who": who}
-    verb = str(rng.choice(["does", "walks to", "turns to", "looks at", "points at"],
-                          p=[0.45, 0.25, 0.1, 0.1, 0.1]))  # fmt: skip
+    verb = str(
+        rng.choice(
+            ["does", "walks to", "turns to", "looks at", "points at"], p=[0.45, 0.25, 0.1, 0.1, 0.1]
+        )
+    )
     others = [name for name in names if name != who]
     if verb == "does":
         cue["does"] = str(rng.choice(GESTURES))

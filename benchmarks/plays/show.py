@@ -51,14 +51,16 @@ def measure(play: fan.Play, folder: Path) -> None:
     go = OscMessageBuilder("/go").build().dgram
     begun: list[tuple[float, float]] = []
     show.listen(
-        lambda what: begun.append((time.perf_counter(), show.performance.t))
-        if what.kind == "start" and what.number == number else None
-    )  # fmt: skip
+        lambda what: (
+            begun.append((time.perf_counter(), show.performance.t))
+            if what.kind == "start" and what.number == number
+            else None
+        )
+    )
     moved, ticks, told, whole = [], [], [], []
     with open_show(
-        show, "light", "127.0.0.1", 0, folder, Address("127.0.0.1", 0),
-        Address(*ears.getsockname()),
-    ) as page:  # fmt: skip
+        show, "light", "127.0.0.1", 0, folder, Address("127.0.0.1", 0), Address(*ears.getsockname())
+    ) as page:
         assert page.osc is not None
         for _ in range(TRIES):
             page.show.later(None, page.show.reset)
@@ -77,8 +79,10 @@ def measure(play: fan.Play, folder: Path) -> None:
             told.append(now - begun[-1][0])
             whole.append(now - sent)
     line("/go sent -> the hands move [ms]", moved)
-    print(f"  simulated ticks meanwhile: median {statistics.median(ticks):.0f}, "
-          f"most {max(ticks):.0f} of {1e3 * show.performance.tick:.1f} ms")  # fmt: skip
+    print(
+        f"  simulated ticks meanwhile: median {statistics.median(ticks):.0f}, "
+        f"most {max(ticks):.0f} of {1e3 * show.performance.tick:.1f} ms"
+    )
     line("the cue begins -> its message is heard [ms]", told)
     line("/go sent -> /cue/N/start is heard [ms]", whole)
 

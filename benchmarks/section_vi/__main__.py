@@ -54,9 +54,11 @@ def write_report(file: str, inputs: Path | None, folder: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Measures the paper's Section VI.")
     parser.add_argument(
-        "file", nargs="?", metavar="FILE",
+        "file",
+        nargs="?",
+        metavar="FILE",
         help="puppet file, or name of a bundled one, for a report; else writes docs/reduction.md",
-    )  # fmt: skip
+    )
     parser.add_argument("--inputs", type=Path, metavar="FILE", help="its motion; else small moves")
     parser.add_argument("--out", type=Path, default=Path("out"), metavar="DIR", help="its folder")
     given = parser.parse_args()

@@ -48,10 +48,14 @@ def tracking_run(
     """
     full = mechanism.with_drives(full, 1.0, bandwidth)
     run = simulate(
-        full, mechanism.full_state(full, reference.x0),
-        mechanism.translated(reference.inputs, full), reference.inputs.end,
-        method=_EVENT, effort=False, throw=False,
-    )  # fmt: skip
+        full,
+        mechanism.full_state(full, reference.x0),
+        mechanism.translated(reference.inputs, full),
+        reference.inputs.end,
+        method=_EVENT,
+        effort=False,
+        throw=False,
+    )
     return TrackingRun(bandwidth, deviation(mechanism, reference.run, run))
 
 

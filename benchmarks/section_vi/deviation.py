@@ -42,11 +42,7 @@ class Deviation:
 
 
 def deviation(
-    mechanism: Mechanism,
-    mixed: Trajectory,
-    run: Trajectory,
-    n: int = 300,
-    from_rest: bool = False,
+    mechanism: Mechanism, mixed: Trajectory, run: Trajectory, n: int = 300, from_rest: bool = False
 ) -> Deviation:
     """The difference of a run from the mixed model's, up to the earlier end.
 

@@ -100,9 +100,13 @@ def tracking_forces(
     width = np.diff(times)
     nodes = (times[:-1, None] + width[:, None] * _NODES).ravel()
     run = simulate(
-        mechanism.mixed, reference.x0, reference.inputs, end,
-        method=Event(rtol=1e-12, atol=1e-12), save_at=nodes,
-    )  # fmt: skip
+        mechanism.mixed,
+        reference.x0,
+        reference.inputs,
+        end,
+        method=Event(rtol=1e-12, atol=1e-12),
+        save_at=nodes,
+    )
     assert run.effort is not None
     at = np.searchsorted(run.t, nodes - _SAME_TIME)
     needed = run.effort.values[at] + mechanism.inertia(ratio) * run.acc_K[at]
@@ -115,9 +119,12 @@ def tracking_forces(
     hold = Input.hold(full)
     n = len(width)
     return replace(
-        hold, breaks=times, coef=np.tile(hold.coef[:1], (n, 1, 1)),
-        base=np.tile(hold.base[:1], (n, 1)), force=force,
-    )  # fmt: skip
+        hold,
+        breaks=times,
+        coef=np.tile(hold.coef[:1], (n, 1, 1)),
+        base=np.tile(hold.base[:1], (n, 1)),
+        force=force,
+    )
 
 
 def compare(
@@ -157,9 +164,10 @@ def compare(
             mixed, other = (
                 simulate(puppet, x, driven, end, method=method, save_at=save_at)
                 for puppet, x, driven in (
-                    (mechanism.mixed, reference.x0, reference.inputs), (full, x_full, inputs)
+                    (mechanism.mixed, reference.x0, reference.inputs),
+                    (full, x_full, inputs),
                 )
-            )  # fmt: skip
+            )
         except SimulationError as error:
             stopped.append(f"{method.name} at {setting:.3g}: {error}")
             continue

@@ -168,6 +168,8 @@ def _chain(mechanism: Mechanism) -> Chain:
     piece = mechanism.length_scale / _CHAIN.pieces
     critical = 2.0 * np.sqrt(stiffness / piece * mass / (_CHAIN.pieces - 1)) * piece
     return Chain(
-        pieces=_CHAIN.pieces, mass=Parameter(parameter=STRING_MASS, value=mass),
-        stiffness=stiffness, damping=_CHAIN.damping_ratio * float(critical),
-    )  # fmt: skip
+        pieces=_CHAIN.pieces,
+        mass=Parameter(parameter=STRING_MASS, value=mass),
+        stiffness=stiffness,
+        damping=_CHAIN.damping_ratio * float(critical),
+    )

@@ -12,12 +12,7 @@ from benchmarks.section_vi.file_drives import FileDrives, follow_on_file_drives
 from benchmarks.section_vi.heavy_string import heavy_strings
 from benchmarks.section_vi.mechanism import Mechanism
 from benchmarks.section_vi.plots import Measurements
-from benchmarks.section_vi.reference import (
-    Reference,
-    simulate_reference,
-    smooth_reference,
-    toss,
-)
+from benchmarks.section_vi.reference import Reference, simulate_reference, smooth_reference, toss
 from benchmarks.section_vi.report import SectionReport
 from benchmarks.section_vi.symbolic import symbolic
 
@@ -102,9 +97,10 @@ def _measure(
     """Parts (b) and (c)."""
     full = mechanism.full()
     comparisons, stopped = attempts.run(
-        "exact tracking", "comparing with exact tracking",
+        "exact tracking",
+        "comparing with exact tracking",
         lambda: compare(mechanism, full, reference),
-    ) or ([], [])  # fmt: skip
+    ) or ([], [])
     attempts.missing += [f"exact tracking, {line}" for line in stopped]
     thrown, catches = toss(mechanism, reference.x0, reference.inputs), None
     if thrown is None:
@@ -114,22 +110,26 @@ def _measure(
             "catches", "comparing a catch", lambda: shared_catches(mechanism, full, thrown)
         )
     tracking = attempts.run(
-        "bandwidth", "varying the drives' bandwidth",
+        "bandwidth",
+        "varying the drives' bandwidth",
         lambda: bandwidth_sweep(mechanism, mechanism.full(bandwidth=1.0), reference),
-    )  # fmt: skip
+    )
     heavy = attempts.run(
         "a string with mass", "giving a string mass", lambda: heavy_strings(mechanism, reference)
     )
     on_file_drives = None
     if marionette.tree.drives:
         on_file_drives = attempts.run(
-            "the file's drives", "moving the file's own drives",
+            "the file's drives",
+            "moving the file's own drives",
             lambda: follow_on_file_drives(mechanism, marionette, reference),
-        )  # fmt: skip
+        )
     measured = Measurements(
-        comparisons=tuple(comparisons), catches=tuple(catches or ()),
-        tracking=tuple(tracking or ()), heavy_strings=tuple(heavy or ()),
-    )  # fmt: skip
+        comparisons=tuple(comparisons),
+        catches=tuple(catches or ()),
+        tracking=tuple(tracking or ()),
+        heavy_strings=tuple(heavy or ()),
+    )
     return measured, on_file_drives
 
 

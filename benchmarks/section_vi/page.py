@@ -8,9 +8,12 @@ from benchmarks.section_vi.report import HOLDS, SectionReport
 from benchmarks.strings.report import Table, number
 
 SHORT = (
-    "M_DK = 0", "M_DD(q_D), M_KK(q_K)", "<Y, Y> in span, slack", "any acc_K",
+    "M_DK = 0",
+    "M_DD(q_D), M_KK(q_K)",
+    "<Y, Y> in span, slack",
+    "any acc_K",
     "<X, X> in span, taut",
-)  # fmt: skip
+)
 """The claims of :attr:`fantoccini.lab.ReductionReport.claims`, in few words."""
 
 
@@ -19,12 +22,18 @@ def page(reports: Sequence[SectionReport], chains: str, machine: str) -> str:
     boom = next(r.reduction.kinetic for r in reports if r.reduction.kinetic.coupled)
     missing = [f"Not measured: {r.name}, {line}." for r in reports for line in r.missing]
     return TEXT.format(
-        verdicts=verdicts(reports).markdown(), figures=figures(reports).markdown(),
-        structure=structure(reports).markdown(), share=f"{100.0 * boom.impact_share:.2g}",
-        exact=exact(reports).markdown(), catches=catches(reports).markdown(),
-        bandwidth=bandwidth(reports).markdown(), massive=massive(reports).markdown(),
-        missing="\n\n".join(missing), chains=chains.strip(), machine=machine,
-    )  # fmt: skip
+        verdicts=verdicts(reports).markdown(),
+        figures=figures(reports).markdown(),
+        structure=structure(reports).markdown(),
+        share=f"{100.0 * boom.impact_share:.2g}",
+        exact=exact(reports).markdown(),
+        catches=catches(reports).markdown(),
+        bandwidth=bandwidth(reports).markdown(),
+        massive=massive(reports).markdown(),
+        missing="\n\n".join(missing),
+        chains=chains.strip(),
+        machine=machine,
+    )
 
 
 def verdicts(reports: Sequence[SectionReport]) -> Table:
@@ -41,17 +50,29 @@ def figures(reports: Sequence[SectionReport]) -> Table:
     rows = []
     for r in reports:
         heavy = r.heavy_strings[-1]
-        rows.append([
-            r.name, str(len(r.reduction.driven)), number(r.exact.deviation.max_puppet),
-            f"{r.catch_order:.2f}", f"{r.bandwidth_order:.2f}",
-            number(r.tracking[-1].deviation.max_puppet),
-            number(heavy.tracking[-1].deviation.max_puppet),
-        ])  # fmt: skip
+        rows.append(
+            [
+                r.name,
+                str(len(r.reduction.driven)),
+                number(r.exact.deviation.max_puppet),
+                f"{r.catch_order:.2f}",
+                f"{r.bandwidth_order:.2f}",
+                number(r.tracking[-1].deviation.max_puppet),
+                number(heavy.tracking[-1].deviation.max_puppet),
+            ]
+        )
     return Table(
-        ["puppet", "drives", "error, exact tracking", "catch: exponent of inertia",
-         "lag: exponent of bandwidth", "error, highest bandwidth", "error, string with mass"],
+        [
+            "puppet",
+            "drives",
+            "error, exact tracking",
+            "catch: exponent of inertia",
+            "lag: exponent of bandwidth",
+            "error, highest bandwidth",
+            "error, string with mass",
+        ],
         rows,
-    )  # fmt: skip
+    )
 
 
 def structure(reports: Sequence[SectionReport]) -> Table:
@@ -59,16 +80,27 @@ def structure(reports: Sequence[SectionReport]) -> Table:
     rows = []
     for r in reports:
         found = r.reduction
-        rows.append([
-            found.name, number(found.kinetic.coupling), number(found.slack),
-            number(min(t.min_acceleration for t in found.tracking)),
-            number(min(t.min_singular_value for t in found.tracking)), number(max(found.taut)),
-        ])  # fmt: skip
+        rows.append(
+            [
+                found.name,
+                number(found.kinetic.coupling),
+                number(found.slack),
+                number(min(t.min_acceleration for t in found.tracking)),
+                number(min(t.min_singular_value for t in found.tracking)),
+                number(max(found.taut)),
+            ]
+        )
     return Table(
-        ["puppet", "M_DK / sqrt(M_DD M_KK)", "share outside span, slack",
-         "acceleration kept", "smallest singular value of A_D", "share outside span, taut"],
+        [
+            "puppet",
+            "M_DK / sqrt(M_DD M_KK)",
+            "share outside span, slack",
+            "acceleration kept",
+            "smallest singular value of A_D",
+            "share outside span, taut",
+        ],
         rows,
-    )  # fmt: skip
+    )
 
 
 def exact(reports: Sequence[SectionReport]) -> Table:
@@ -95,11 +127,12 @@ def bandwidth(reports: Sequence[SectionReport]) -> Table:
     """Differences over the bandwidth."""
     rows = [
         [
-            r.name, f"{r.tracking[0].bandwidth:.3g}",
+            r.name,
+            f"{r.tracking[0].bandwidth:.3g}",
             *(number(t.deviation.max_puppet) for t in r.tracking),
         ]
         for r in reports
-    ]  # fmt: skip
+    ]
     first = reports[0].tracking[0].bandwidth
     times = [f"{t.bandwidth / first:.0f} w_1" for t in reports[0].tracking]
     return Table(["puppet", "w_1 [rad/s]", *times], rows)
@@ -109,17 +142,21 @@ def massive(reports: Sequence[SectionReport]) -> Table:
     """Differences with a string of the largest mass."""
     rows = [
         [
-            r.name, m.string, number(m.mass), number(m.coupling),
-            *(number(t.deviation.max_puppet) for t in m.tracking), number(m.exact.max_puppet),
+            r.name,
+            m.string,
+            number(m.mass),
+            number(m.coupling),
+            *(number(t.deviation.max_puppet) for t in m.tracking),
+            number(m.exact.max_puppet),
         ]
         for r in reports
         for m in r.heavy_strings[-1:]
-    ]  # fmt: skip
+    ]
     head, first = reports[0].heavy_strings[0], reports[0].tracking[0].bandwidth
     times = [f"{t.bandwidth / first:.0f} w_1" for t in head.tracking]
     return Table(
         ["puppet", "string", "its mass [kg]", "relative M_DK", *times, "exact tracking"], rows
-    )  # fmt: skip
+    )
 
 
 TEXT = """\

@@ -16,8 +16,11 @@ from fantoccini.base.arrays import Array
 from fantoccini.output.view.curves import Curve, Panel, curves, slope
 
 EXACT, CATCHES, BANDWIDTH, HEAVY_STRING = (
-    "Exact tracking", "Catches", "Bandwidth", "A string with mass",
-)  # fmt: skip
+    "Exact tracking",
+    "Catches",
+    "Bandwidth",
+    "A string with mass",
+)
 PICTURES = {
     EXACT: "exact_tracking.png",
     CATCHES: "catches.png",
@@ -123,12 +126,14 @@ def _charts(measured: Measurements) -> dict[str, list[_Chart]]:
 def _exact(comparisons: Sequence[Comparison]) -> list[_Chart]:
     by_events = [
         _Line(
-            f"rtol {c.setting:g}", c.deviation.t, np.maximum.accumulate(c.deviation.puppet),
+            f"rtol {c.setting:g}",
+            c.deviation.t,
+            np.maximum.accumulate(c.deviation.puppet),
             marked=False,
         )
         for c in comparisons
         if c.method == "event"
-    ]  # fmt: skip
+    ]
     if not by_events:
         return []
     title = "Exact tracking, event-driven"

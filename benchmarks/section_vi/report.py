@@ -106,7 +106,7 @@ class SectionReport(plots.Measurements):
         """The whole page, with those pictures that exist."""
         n = len(self.reduction.driven)
         opening = (
-            f"Which claims of Section VI (\"Validity of mixed kinematic-dynamic modeling\") of "
+            f'Which claims of Section VI ("Validity of mixed kinematic-dynamic modeling") of '
             f"Johnson and Murphey, ICRA 2007, hold for this puppet of {number(self.mass)} kg with "
             f"{n} driven coordinate{'s' * (n > 1)}. The mixed model takes them as inputs; in the "
             "full model each has a drive."
@@ -184,12 +184,12 @@ class SectionReport(plots.Measurements):
         )
         lines = tuple(
             (
-                c.method, f"rtol {c.setting:g}" if c.method == "event" else
-                f"{1e3 * c.setting:.2f} ms", *_both(c.deviation.max_puppet,
-                c.deviation.max_mechanism),
+                c.method,
+                f"rtol {c.setting:g}" if c.method == "event" else f"{1e3 * c.setting:.2f} ms",
+                *_both(c.deviation.max_puppet, c.deviation.max_mechanism),
             )
             for c in self.comparisons
-        )  # fmt: skip
+        )
         return Table(EXACT, text, ("method", "setting>", "puppet>", "drives>"), lines)
 
     def _catch_table(self) -> Table:
@@ -200,15 +200,21 @@ class SectionReport(plots.Measurements):
         )
         lines = tuple(
             (
-                f"{c.ratio:g}", number(c.impulse, 6),
-                number(abs(1.0 - c.impulse / c.mixed_impulse)), number(c.jump), number(c.after),
+                f"{c.ratio:g}",
+                number(c.impulse, 6),
+                number(abs(1.0 - c.impulse / c.mixed_impulse)),
+                number(c.jump),
+                number(c.after),
             )
             for c in self.catches
-        )  # fmt: skip
+        )
         header = (
-            "drive / puppet>", "impulse [N s]>", "less than the mixed model's, relative>",
-            "jump of v_D>", "puppet later (m, rad)>",
-        )  # fmt: skip
+            "drive / puppet>",
+            "impulse [N s]>",
+            "less than the mixed model's, relative>",
+            "jump of v_D>",
+            "puppet later (m, rad)>",
+        )
         return Table(CATCHES, text, header, lines)
 
     def _bandwidth_table(self) -> Table:

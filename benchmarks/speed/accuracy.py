@@ -119,17 +119,27 @@ class Problem:
         """Seconds of the processor and the error of an event-driven run."""
         began = time.thread_time()
         run = fan.simulate(
-            arm(), self.x0, None, t_end=SECONDS, method=fan.Event(rtol=tolerance, atol=tolerance),
-            effort=False, save_at=[SECONDS],
-        )  # fmt: skip
+            arm(),
+            self.x0,
+            None,
+            t_end=SECONDS,
+            method=fan.Event(rtol=tolerance, atol=tolerance),
+            effort=False,
+            save_at=[SECONDS],
+        )
         return time.thread_time() - began, self.error(run.q_D[-1], run.v_D[-1])
 
     def theirs(self, peer: MuJoCo, integrator: str, damping: float | None, dt: float) -> Run:
         """A run of MuJoCo."""
         settings = {
-            "integrator": integrator, "solver": "Newton", "jacobian": "dense", "islands": False,
-            "timestep": dt, "tolerance": 1e-14, "iterations": 200,
-        }  # fmt: skip
+            "integrator": integrator,
+            "solver": "Newton",
+            "jacobian": "dense",
+            "islands": False,
+            "timestep": dt,
+            "tolerance": 1e-14,
+            "iterations": 200,
+        }
         if damping is not None:
             settings["solref"] = [2.0 * dt, damping]
             settings["solimp"] = [0.9999, 0.9999, 0.001, 0.5, 2.0]

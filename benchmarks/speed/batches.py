@@ -60,8 +60,11 @@ def chapter(peers: Peers, turns: int, trajectories: int) -> Chapter:
         [name, *(f"{x:.0f}" for x in (s.median, min(s.values), max(s.values)))]
         for name, s in taken.items()
     ]
-    rows += [[f"{name}, rollout", peers.missing[name], "-", "-"]
-             for name in peers.missing if name.startswith("MuJoCo")]  # fmt: skip
+    rows += [
+        [f"{name}, rollout", peers.missing[name], "-", "-"]
+        for name in peers.missing
+        if name.startswith("MuJoCo")
+    ]
     text = (
         f"{trajectories} trajectories of {STEPS} steps of {number(DT * 1e3)} ms, each with a swing "
         f"of its own, in turns, {turns} of them, by the clock. Ours come from one call of "
@@ -73,8 +76,11 @@ def chapter(peers: Peers, turns: int, trajectories: int) -> Chapter:
     table = Table(["trajectories a second", "median", "min", "max"], rows)
     goals = [
         Goal(f"trajectories a second, ours / mujoco.rollout, {THREADS} threads", ratio, RATE_MARK),
-        Goal(f"lanes: simulated seconds a second of one core, steps of {number(DT * 1e3)} ms",
-             lanes, LANES_MARK),
-    ]  # fmt: skip
+        Goal(
+            f"lanes: simulated seconds a second of one core, steps of {number(DT * 1e3)} ms",
+            lanes,
+            LANES_MARK,
+        ),
+    ]
     parts = [text, table, f"One core simulates {times(lanes.median)} real time."]
     return Chapter(Section("4. Many trajectories", parts), goals)

@@ -64,7 +64,8 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
         + ", ".join(
             f"{100 * shares[work].median:.0f} % of {what}"
             for work, what in (
-                ("evaluate", "an evaluation"), ("step", "a time step"),
+                ("evaluate", "an evaluation"),
+                ("step", "a time step"),
                 ("lane step", "a lane's time step"),
             )
         )

@@ -106,9 +106,7 @@ def main() -> None:
     )
     chosen = np.linspace(0, len(trajectory.t) - 1, arguments.nodes).astype(int)
     states = [getattr(trajectory, name)[chosen] for name in ("q_D", "v_D", "q_K", "v_K", "acc_K")]
-    (found,) = least(
-        arguments.turns, lambda: puppet.linearise_steps(*states, dt=0.01, threads=1)
-    )
+    (found,) = least(arguments.turns, lambda: puppet.linearise_steps(*states, dt=0.01, threads=1))
     print(
         f"linearise_steps at {arguments.nodes} states: {1e6 * found / arguments.nodes:.1f} us each "
         f"(at most {PER_NODE:g})"

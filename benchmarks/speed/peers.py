@@ -37,9 +37,13 @@ SETTLED = 100
 """Steps in which strings find their tensions and nothing else moves yet."""
 
 STIFF = {
-    "integrator": "Euler", "solver": "Newton", "jacobian": "dense", "timestep": DT,
-    "solref": [2 * DT, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0],
-}  # fmt: skip
+    "integrator": "Euler",
+    "solver": "Newton",
+    "jacobian": "dense",
+    "timestep": DT,
+    "solref": [2 * DT, 1.0],
+    "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0],
+}
 """MuJoCo's strings as hard as they can be: their tensions at rest are those of rigid ones."""
 
 
@@ -89,9 +93,14 @@ def gather(older: Path) -> Peers:
             return None
         right = accelerations <= SAME and (rested is None or rested <= CLOSE)
         peers.checks.append(
-            [name, peer.version, number(accelerations), "-" if rested is None else number(rested),
-             "yes" if right else "**no**"]
-        )  # fmt: skip
+            [
+                name,
+                peer.version,
+                number(accelerations),
+                "-" if rested is None else number(rested),
+                "yes" if right else "**no**",
+            ]
+        )
         if not right:
             peers.missing[name] = "void: it is not the same puppet"
         return peer if right else None
@@ -165,8 +174,10 @@ def _acceleration_apart(peer) -> float:
         x = rest.replace(q_D=q_D, v_D=rng.normal(size=len(rest.v_D)))
         instant = Evaluation.of(puppet.model, x)
         ours = instant.back(instant.w0)
-        worst = max(worst, float(np.abs(peer.acceleration(x.q_D, x.v_D) - ours).max())
-                    / float(np.abs(ours).max()))  # fmt: skip
+        worst = max(
+            worst,
+            float(np.abs(peer.acceleration(x.q_D, x.v_D) - ours).max()) / float(np.abs(ours).max()),
+        )
     return worst
 
 

@@ -18,6 +18,7 @@ from .subject import DT, hanging, marionette
 
 HERE = Path(__file__).resolve().parent
 
+
 @dataclass(frozen=True)
 class Burst:
     """What a program printed.

@@ -104,9 +104,15 @@ def _least(work: Callable[[], fan.Trajectory]) -> tuple[float, fan.Trajectory]:
 def stepped(puppet, x: State, inputs, t_end: float, dt: float) -> fan.Trajectory:
     """A run of the time-stepper that keeps little."""
     return fan.simulate(
-        puppet, x, inputs, t_end, method=fan.TimeStepping(dt=dt), effort=False, throw=False,
+        puppet,
+        x,
+        inputs,
+        t_end,
+        method=fan.TimeStepping(dt=dt),
+        effort=False,
+        throw=False,
         save_every=max(1, int(t_end / dt / 100)),
-    )  # fmt: skip
+    )
 
 
 def largest_step(

@@ -13,10 +13,18 @@ from fantoccini.model.puppet.chain import CORD_DAMPING, CORD_MASS, CORD_STIFFNES
 STIFFNESSES = (50.0, 500.0, 50_000.0)
 """EA of other strings than the cord, with 8 pieces [N]."""
 HEAD = [
-    "strings", "EA [N]", "DOF", "fastest [1/s]", "fastest / slowest", "largest step [ms]",
-    "timestepping [s/s]", "event: steps a second", "event [s/s]", "stretch [mm]",
+    "strings",
+    "EA [N]",
+    "DOF",
+    "fastest [1/s]",
+    "fastest / slowest",
+    "largest step [ms]",
+    "timestepping [s/s]",
+    "event: steps a second",
+    "event [s/s]",
+    "stretch [mm]",
     "hand error [mm]",
-]  # fmt: skip
+]
 
 
 def measured(
@@ -38,11 +46,21 @@ def table(subject: Subject, stiffnesses: tuple[float, ...] = ()) -> tuple[Table,
     rows, all_found = [], []
     for name, EA, m in measured(subject, stiffnesses):
         all_found.append(m)
-        rows.append([
-            name, EA, str(m.dof), number(m.fastest), number(m.fastest / m.slowest),
-            number(1e3 * m.largest_step), number(m.stepping), number(m.steps), number(m.event),
-            number(1e3 * m.stretch), "-" if name == "massless" else number(1e3 * m.error),
-        ])  # fmt: skip
+        rows.append(
+            [
+                name,
+                EA,
+                str(m.dof),
+                number(m.fastest),
+                number(m.fastest / m.slowest),
+                number(1e3 * m.largest_step),
+                number(m.stepping),
+                number(m.steps),
+                number(m.event),
+                number(1e3 * m.stretch),
+                "-" if name == "massless" else number(1e3 * m.error),
+            ]
+        )
         print(" | ".join(rows[-1]), flush=True)
     return Table(HEAD, rows), all_found
 
@@ -53,15 +71,20 @@ def chain_table() -> str:
     puppet, others = table(PUPPET)
     massless, eight = found[0], found[1 + ARM.pieces.index(8)]
     return TEXT.format(
-        arm=arm.markdown(), puppet=puppet.markdown(),
-        mass=1e3 * CORD_MASS, EA=CORD_STIFFNESS, damping=CORD_DAMPING, rtol=TOLERANCE,
+        arm=arm.markdown(),
+        puppet=puppet.markdown(),
+        mass=1e3 * CORD_MASS,
+        EA=CORD_STIFFNESS,
+        damping=CORD_DAMPING,
+        rtol=TOLERANCE,
         step=number(massless.largest_step / eight.largest_step),
         event=number(eight.event / massless.event),
         stepping=number(eight.stepping / massless.stepping),
         error=number(1e3 * eight.error),
         slower=number(others[-1].event / others[0].event),
-        last=PUPPET.pieces[-1], stiffer=number(eight.fastest / massless.fastest),
-    )  # fmt: skip
+        last=PUPPET.pieces[-1],
+        stiffer=number(eight.fastest / massless.fastest),
+    )
 
 
 TEXT = """\

@@ -58,10 +58,18 @@ class Subject:
 
 
 ARM = Subject(
-    "arm3d", {"hand.length": -0.15, "hand.x": 0.08, "hand.y": 0.05}, 0.6, 1.5, "hand",
+    "arm3d",
+    {"hand.length": -0.15, "hand.x": 0.08, "hand.y": 0.05},
+    0.6,
+    1.5,
+    "hand",
     (2, 4, 8, 16, 32),
-)  # fmt: skip
+)
 PUPPET = Subject(
-    "marionette", {"hand_left.length": -0.1, "shoulder_left.x": 0.02, "head.x": 0.01}, 0.5, 1.0,
-    "hand_left", (4, 8),
-)  # fmt: skip
+    "marionette",
+    {"hand_left.length": -0.1, "shoulder_left.x": 0.02, "head.x": 0.01},
+    0.5,
+    1.0,
+    "hand_left",
+    (4, 8),
+)

@@ -3,17 +3,7 @@
 import argparse
 import time
 
-from . import (
-    ROOT,
-    closed_forms,
-    contest,
-    convergence,
-    energy,
-    fixed_steps,
-    rest,
-    soak,
-    tolerance,
-)
+from . import ROOT, closed_forms, contest, convergence, energy, fixed_steps, rest, soak, tolerance
 from .report import write
 
 SECTIONS = {

@@ -66,10 +66,7 @@ def measure(scenario: Scenario, make) -> dict[str, list[Point]]:
 
 def section() -> Section:
     """Tables and a picture for the thrown pendulum and the dropped arm."""
-    cases = [
-        (scenarios.chain(), mujoco_peer.pendulum),
-        (scenarios.arm_fall(), mujoco_peer.arm),
-    ]
+    cases = [(scenarios.chain(), mujoco_peer.pendulum), (scenarios.arm_fall(), mujoco_peer.arm)]
     out = Section("1. Convergence through slack and taut")
     out.parts.append(
         "Two motions of 5 s, string ends and lengths fixed so that MuJoCo can follow. "

@@ -85,8 +85,9 @@ def section() -> Section:
         runs = {"event": {}}
         for dt in STEPS:
             runs[f"timestepping, {dt * 1e3:g} ms"] = {
-                "method": fan.TimeStepping(dt=dt), "save_every": round(SAVED / dt),
-            }  # fmt: skip
+                "method": fan.TimeStepping(dt=dt),
+                "save_every": round(SAVED / dt),
+            }
         for name, options in runs.items():
             run = fan.simulate(swing.marionette, swing.x0, t_end=SECONDS, effort=False, **options)
             energy = run.ledger["kinetic"] + run.ledger["potential"]

@@ -36,8 +36,5 @@ def section() -> Section:
         head = ["step (s)", "violation (m)", "order", "residual (J)", "order"]
         head += ["place (m, rad)", "order", "velocity (m/s, rad/s)", "order"]
         title = f"{scenario.name[0].upper()}{scenario.name[1:]}"
-        out.parts += [
-            f"### {title}: {seconds:g} s, {len(known.events)} events",
-            Table(head, rows),
-        ]
+        out.parts += [f"### {title}: {seconds:g} s, {len(known.events)} events", Table(head, rows)]
     return out

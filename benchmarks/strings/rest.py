@@ -62,9 +62,12 @@ def courses(x: float, z: float, seconds: float) -> dict[str, Course]:
     for method in ("event", "timestepping"):
         exact = method == "event"
         run = fan.simulate(
-            scenarios.pendulum(), x0, t_end=seconds, save_at=grid[1:] if exact else None,
+            scenarios.pendulum(),
+            x0,
+            t_end=seconds,
+            save_at=grid[1:] if exact else None,
             method=fan.Event() if exact else fan.TimeStepping(dt=STEP),
-        )  # fmt: skip
+        )
         found[method] = Course(run.t, run.q_D, run.v_D, run.tension["line"])
     for setting in mujoco_peer.DAMPING:
         for integrator in ("Euler", "RK4"):

@@ -37,9 +37,19 @@ FALL = {"shoulder": 0.5, "elbow": -0.5, "hand.x": 0.45, "hand.length": 1.02}
 """The slack pose that the arm is dropped from [rad], [m]."""
 
 LED_X = [
-    (0, 0.41), (0.44, 0.42), (0.77, 0.45), (1.06, 0.44), (1.41, 0.34), (1.76, 0.42),
-    (2.02, 0.35), (2.42, 0.4), (2.84, 0.46), (3.3, 0.4), (3.9, 0.44), (5.0, 0.45),
-]  # fmt: skip
+    (0, 0.41),
+    (0.44, 0.42),
+    (0.77, 0.45),
+    (1.06, 0.44),
+    (1.41, 0.34),
+    (1.76, 0.42),
+    (2.02, 0.35),
+    (2.42, 0.4),
+    (2.84, 0.46),
+    (3.3, 0.4),
+    (3.9, 0.44),
+    (5.0, 0.45),
+]
 LED_LENGTH = [0.58, 0.75, 0.82, 0.77, 0.63, 0.65, 0.73, 0.77, 0.6, 0.75, 0.75]
 """Waypoints (s, m) of the led arm's string end, and the lengths at them after the first [m]."""
 
@@ -79,9 +89,14 @@ class Scenario:
         if "tolerance" in options:
             options["rtol"] = options["atol"] = options.pop("tolerance")
         return fan.simulate(
-            self.marionette, self.x0, self.inputs, t_end=t_end, effort=False,
-            method=as_method(method, **options), save_at=save_at,
-        )  # fmt: skip
+            self.marionette,
+            self.x0,
+            self.inputs,
+            t_end=t_end,
+            effort=False,
+            method=as_method(method, **options),
+            save_at=save_at,
+        )
 
     def errors(self, run: Trajectory) -> tuple[float, float]:
         """Largest error of a coordinate and of a velocity at the end."""

@@ -31,9 +31,22 @@ ENUMERATIONS = ("EventKind", "OptimalStatus", "PlanStatus", "PolishStatus", "Sta
 """Names whose members explain themselves, without a docstring each."""
 
 BUNDLED = (
-    "arm2d", "arm3d", "crane", "marionette", "marionette_bar", "names", "path", "performance",
-    "performances", "promenade", "scenes", "stand6", "string_pendulum", "stroll", "visit",
-)  # fmt: skip
+    "arm2d",
+    "arm3d",
+    "crane",
+    "marionette",
+    "marionette_bar",
+    "names",
+    "path",
+    "performance",
+    "performances",
+    "promenade",
+    "scenes",
+    "stand6",
+    "string_pendulum",
+    "stroll",
+    "visit",
+)
 
 MORE = {
     "dynamics": tuple(f"marionette.puppets.{name}" for name in BUNDLED),

@@ -108,12 +108,7 @@ from .lab import (
     sweep as sweep,
     validate_reduction as validate_reduction,
 )
-from .model import (
-    Member as Member,
-    Prop as Prop,
-    Puppet as Puppet,
-    Scene as Scene,
-)
+from .model import Member as Member, Prop as Prop, Puppet as Puppet, Scene as Scene
 from .motion import (
     Columns as Columns,
     EventKind as EventKind,

@@ -36,9 +36,7 @@ def test_a_mirrored_twin_is_a_body(greeting: fan.Trajectory, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("fps", [0.0, -1.0, np.nan, np.inf, 1e4])
-def test_a_rate_that_is_none_is_refused(
-    thrown: fan.Trajectory, tmp_path: Path, fps: float
-) -> None:
+def test_a_rate_that_is_none_is_refused(thrown: fan.Trajectory, tmp_path: Path, fps: float) -> None:
     with pytest.raises(ValueError, match="fps is"):
         fan.export(thrown, tmp_path / "run.glb", fps=fps)
 
@@ -103,9 +101,17 @@ def test_a_play_is_exported_from_python_and_from_the_command_line(tmp_path: Path
 def test_simulate_writes_animations(tmp_path: Path) -> None:
     out = [tmp_path / "run.glb", tmp_path / "run.npz"]
     done = fantoccini(
-        "simulate", "arm2d", "--duration", "1", "--out", out[0], "--out", out[1], "--bodies",
+        "simulate",
+        "arm2d",
+        "--duration",
+        "1",
+        "--out",
+        out[0],
+        "--out",
+        out[1],
+        "--bodies",
         "lower",
-    )  # fmt: skip
+    )
     assert done.exit_code == 0, done.stderr
     player = Player(out[0])
     assert "lower" in player.names

@@ -130,9 +130,7 @@ def test_taut_strings_are_straight_and_end_where_they_hang(
     player, still, t = Player(greeting_glb), still_of(greeting), np.linspace(0.0, 10.0, 97)
     run = greeting.resample(t)
     size = 1.35
-    for name, points in zip(
-        run.tension.names, still.string_points(run.q_D, run.q_K), strict=True
-    ):
+    for name, points in zip(run.tension.names, still.string_points(run.q_D, run.q_K), strict=True):
         rings = player.vertices(name, t).reshape(len(t), -1, 3, 3).mean(axis=2)
         ends = rings[:, [0, -1]] - points[:, [0, -1]] @ UP.T
         assert np.abs(ends).max() < 1e-5 + 2e-6, name
@@ -261,9 +259,12 @@ def validated(path: Path) -> dict:
     if shutil.which("node") is None or not (modules / "gltf-validator").is_dir():
         pytest.skip("gltf-validator is not installed (make installs it with npm)")
     said = subprocess.run(
-        ["node", "-e", VALIDATE, str(path)], capture_output=True, text=True, check=True,
+        ["node", "-e", VALIDATE, str(path)],
+        capture_output=True,
+        text=True,
+        check=True,
         cwd=modules.parent,
-    )  # fmt: skip
+    )
     return json.loads(said.stdout)
 
 
@@ -296,9 +297,10 @@ def test_every_body_is_a_joint_of_a_skin(thrown: fan.Trajectory, tmp_path: Path)
     run = fan.simulate(marionette, marionette.rest(), t_end=0.05, method="timestepping")
     every = [body.name for body in marionette.puppet.expanded().bodies]
     for motion, bodies, names in (
-        (run, None, every), (run, ["torso", "shin_left"], ["torso", "shin_left"]),
+        (run, None, every),
+        (run, ["torso", "shin_left"], ["torso", "shin_left"]),
         (thrown, None, ["bob"]),
-    ):  # fmt: skip
+    ):
         made = fan.export(motion, tmp_path / "a.glb", bodies=bodies)
         gltf = pygltflib.GLTF2().load(str(made))
         joints = {gltf.nodes[k].name for skin in gltf.skins for k in skin.joints}

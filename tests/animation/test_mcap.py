@@ -51,11 +51,12 @@ def poses(message: Any) -> dict[str, tuple[np.ndarray, Rotation]]:
     """Places and orientations of all frames in the world, as a viewer chains them."""
     own = {
         tf.child_frame_id: (
-            tf.parent_frame_id, np.array(xyz(tf.translation)),
+            tf.parent_frame_id,
+            np.array(xyz(tf.translation)),
             Rotation.from_quat([*xyz(tf.rotation), tf.rotation.w]),
         )
         for tf in message.transforms
-    }  # fmt: skip
+    }
     out = {}
     for name in own:
         r, turn, above = np.zeros(3), Rotation.identity(), name
@@ -262,8 +263,12 @@ def test_a_run_that_begins_before_0_begins_with_the_clock(tmp_path: Path) -> Non
     fan.export(run, tmp_path / "early.mcap", fps=10)
     found = messages(tmp_path / "early.mcap")["/joints"]
     np.testing.assert_allclose([t for t, _ in found], np.arange(7) / 10, atol=1e-9)
-    lengths = [joint.position for _, message in found for joint in message.joints
-               if joint.name == "hand.length"]  # fmt: skip
+    lengths = [
+        joint.position
+        for _, message in found
+        for joint in message.joints
+        if joint.name == "hand.length"
+    ]
     column = run.coordinates.q_K.index("hand.length")
     at = run.resample(np.arange(7) / 10 - 0.5)
     np.testing.assert_allclose(lengths, at.q_K[:, column], atol=1e-9)

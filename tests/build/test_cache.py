@@ -238,9 +238,7 @@ def test_a_shared_unit_is_compiled_once_for_several_libraries(cache, damaged):
     def compiled_units(value: int) -> int:
         files, told = {"main.cpp": SHARED.replace("VALUE", str(value))}, []
         source = build.Source(files, "main.cpp", shared_units=("collision/touch_unit",))
-        entry = build.obtain(
-            str(value) * 64, lambda: source, flags=("-O0",), progress=told.append
-        )
+        entry = build.obtain(str(value) * 64, lambda: source, flags=("-O0",), progress=told.append)
         assert answer(entry) == 10 + value
         assert {file.suffix for file in entry.iterdir()} == {".cpp", ".json", ".so"}
         return sum("touch_unit" in text for text in told)

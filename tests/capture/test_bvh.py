@@ -97,9 +97,11 @@ class RandomTree:
         self.columns.extend((i, kind) for kind in kinds)
         offset = " ".join(map(repr, self.offsets[i].tolist()))
         self.lines += [
-            f"{pad}{'ROOT' if i == 0 else 'JOINT'} j{i}", f"{pad}{{", f"{pad}OFFSET {offset}",
+            f"{pad}{'ROOT' if i == 0 else 'JOINT'} j{i}",
+            f"{pad}{{",
+            f"{pad}OFFSET {offset}",
             f"{pad}CHANNELS {len(kinds)} {' '.join(kinds)}",
-        ]  # fmt: skip
+        ]
         below = [k for k in range(self.n) if self.parents[k] == i]
         for k in below:
             self._add(k, depth + 1)
@@ -116,8 +118,9 @@ def test_random_trees_agree_with_scipy(tmp_path):
         for f in range(tree.frames):
             where, turned = {}, {}
             for i in range(tree.n):
-                mine = [(kind, tree.values[f, c]) for c, (j, kind) in enumerate(tree.columns)
-                        if j == i]  # fmt: skip
+                mine = [
+                    (kind, tree.values[f, c]) for c, (j, kind) in enumerate(tree.columns) if j == i
+                ]
                 local = tree.offsets[i].copy()
                 for kind, value in mine:
                     if kind.endswith("position"):
@@ -269,11 +272,15 @@ JAPANESE = ("センター", "左ひじ", "右ひじ")
 @pytest.mark.parametrize(
     ("encoding", "names"),
     [
-        ("utf-8", JAPANESE), ("utf-8-sig", JAPANESE), ("utf-16", JAPANESE), ("cp932", JAPANESE),
-        ("utf-8-sig", ("hips", "upper arm", "hand")), ("utf-16-le", ("hips", "ä", "ö")),
+        ("utf-8", JAPANESE),
+        ("utf-8-sig", JAPANESE),
+        ("utf-16", JAPANESE),
+        ("cp932", JAPANESE),
+        ("utf-8-sig", ("hips", "upper arm", "hand")),
+        ("utf-16-le", ("hips", "ä", "ö")),
         ("latin-1", ("Hüfte", "Schlüssel", "Füße")),
     ],
-)  # fmt: skip
+)
 def test_names_are_read_in_their_encoding(tmp_path, encoding, names):
     text = ARM
     for plain, name in zip(("hips", "upper arm", "hand"), names, strict=True):
@@ -342,9 +349,12 @@ def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, conven
     rooted = fan.load_bvh(written(tmp_path, with_fixed_root(text, away))).without_calibration()
     assert (rooted.up, rooted.unit) == (plain.up, plain.unit) == (1, rooted.unit)
     assert rooted.unit[1] == size and rooted.height == pytest.approx(plain.height)
-    heads = [take.upright().positions[:, take.skeleton.names.index(head), 2].mean()
-             for take in (plain, rooted)
-             for head in take.skeleton.names if head.endswith("Head")]  # fmt: skip
+    heads = [
+        take.upright().positions[:, take.skeleton.names.index(head), 2].mean()
+        for take in (plain, rooted)
+        for head in take.skeleton.names
+        if head.endswith("Head")
+    ]
     assert heads[0] == pytest.approx(heads[1], abs=1e-3) and heads[0] > 1.3
 
 

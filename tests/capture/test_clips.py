@@ -9,9 +9,7 @@ from benchmarks.capture.motions import MOTIONS
 
 import fantoccini as fan
 
-ROLES = {
-    "cmu": ("", "ToeBase"), "mixamo": ("mixamorig:", "ToeBase"), "lafan1": ("", "Toe"),
-}  # fmt: skip
+ROLES = {"cmu": ("", "ToeBase"), "mixamo": ("mixamorig:", "ToeBase"), "lafan1": ("", "Toe")}
 JOINTS = ("Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot")
 
 

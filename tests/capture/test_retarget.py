@@ -26,14 +26,40 @@ from fantoccini.theatre.retarget.placing import place
 
 pytestmark = pytest.mark.long
 
-NAMES = ("Hips", "LeftUpLeg", "LeftLeg", "LeftFoot", "RightUpLeg", "RightLeg", "RightFoot",
-         "LeftArm", "LeftForeArm", "LeftHand", "RightArm", "RightForeArm", "RightHand",
-         "Head")  # fmt: skip
-STANDS = np.array([
-    [0, 0, 0.95], [0, 0.1, 0.95], [0, 0.1, 0.5], [0, 0.1, 0.05], [0, -0.1, 0.95], [0, -0.1, 0.5],
-    [0, -0.1, 0.05], [0, 0.2, 1.45], [0, 0.2, 1.15], [0, 0.2, 0.9], [0, -0.2, 1.45],
-    [0, -0.2, 1.15], [0, -0.2, 0.9], [0, 0, 1.6],
-])  # fmt: skip
+NAMES = (
+    "Hips",
+    "LeftUpLeg",
+    "LeftLeg",
+    "LeftFoot",
+    "RightUpLeg",
+    "RightLeg",
+    "RightFoot",
+    "LeftArm",
+    "LeftForeArm",
+    "LeftHand",
+    "RightArm",
+    "RightForeArm",
+    "RightHand",
+    "Head",
+)
+STANDS = np.array(
+    [
+        [0, 0, 0.95],
+        [0, 0.1, 0.95],
+        [0, 0.1, 0.5],
+        [0, 0.1, 0.05],
+        [0, -0.1, 0.95],
+        [0, -0.1, 0.5],
+        [0, -0.1, 0.05],
+        [0, 0.2, 1.45],
+        [0, 0.2, 1.15],
+        [0, 0.2, 0.9],
+        [0, -0.2, 1.45],
+        [0, -0.2, 1.15],
+        [0, -0.2, 0.9],
+        [0, 0, 1.6],
+    ]
+)
 
 
 def clip(folder: Path, convention: str, name: str) -> Path:

@@ -13,30 +13,32 @@ import fantoccini as fan
 def balls(n: int) -> fan.Marionette:
     """n balls on the strings s0, s1, ..."""
     return fan.Marionette(
-        fan.Puppet.model_validate({
-            "puppet": "balls",
-            "bodies": [
-                {
-                    "name": f"ball{i}",
-                    "joint": {"type": "translation", "axes": ["x", "y", "z"]},
-                    "shapes": [{"type": "sphere", "radius": 0.01, "mass": 0.1}],
-                }
-                for i in range(n)
-            ],
-            "strings": [
-                {
-                    "name": f"s{i}",
-                    "path": [
-                        {"body": f"ball{i}"},
-                        {"driven": ["x", "y", "z"], "at": [0.3 * i, 0, 1]},
-                    ],
-                    "length": "driven",
-                }
-                for i in range(n)
-            ],
-            "pose": {f"ball{i}.x": 0.3 * i for i in range(n)},
-        })
-    )  # fmt: skip
+        fan.Puppet.model_validate(
+            {
+                "puppet": "balls",
+                "bodies": [
+                    {
+                        "name": f"ball{i}",
+                        "joint": {"type": "translation", "axes": ["x", "y", "z"]},
+                        "shapes": [{"type": "sphere", "radius": 0.01, "mass": 0.1}],
+                    }
+                    for i in range(n)
+                ],
+                "strings": [
+                    {
+                        "name": f"s{i}",
+                        "path": [
+                            {"body": f"ball{i}"},
+                            {"driven": ["x", "y", "z"], "at": [0.3 * i, 0, 1]},
+                        ],
+                        "length": "driven",
+                    }
+                    for i in range(n)
+                ],
+                "pose": {f"ball{i}.x": 0.3 * i for i in range(n)},
+            }
+        )
+    )
 
 
 def carried(

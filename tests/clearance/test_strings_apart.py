@@ -36,12 +36,14 @@ def scene() -> fan.Marionette:
     """Two puppets of two balls, and a crate that nothing holds."""
     crate = {"type": "box", "size": CRATE.tolist(), "mass": 1, "orientation": {"rpy": TURN}}
     return fan.Marionette(
-        fan.Scene.model_validate({
-            "scene": "pair",
-            "puppets": [{"name": name, "puppet": balls(2).puppet} for name in "pq"],
-            "props": [{"name": "crate", "shapes": [crate], "at": [0, 0, 0.5]}],
-        })
-    )  # fmt: skip
+        fan.Scene.model_validate(
+            {
+                "scene": "pair",
+                "puppets": [{"name": name, "puppet": balls(2).puppet} for name in "pq"],
+                "props": [{"name": "crate", "shapes": [crate], "at": [0, 0, 0.5]}],
+            }
+        )
+    )
 
 
 def wandering(seed: int, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -66,11 +68,9 @@ def expected(seed: int, slack: float) -> dict[tuple[str, str], np.ndarray]:
     stage, (q_D, q_K, t) = scene(), wandering(seed, slack)
     lengths, places = stage.model.string_lengths(q_D, q_K), stage.string_points(q_D, q_K)
     clouds = {
-        string.name: np.array([
-            rope.path(place[k], lengths[k, n], N_POINTS) for k in range(len(t))
-        ])
+        string.name: np.array([rope.path(place[k], lengths[k, n], N_POINTS) for k in range(len(t))])
         for n, (string, place) in enumerate(zip(stage.tree.strings, places, strict=True))
-    }  # fmt: skip
+    }
     names, found = list(clouds), {}
     for n, name in enumerate(names):
         for other in names[n + 1 :]:
@@ -143,9 +143,10 @@ def test_distances_within_a_puppet_can_be_left_out(seed):
         assert [(a.what, a.other) for a in approaches] == [(a.what, a.other) for a in expected]
         for one, other in zip(approaches, expected, strict=True):
             assert_allclose(
-                [one.distance, one.t, *one.place], [other.distance, other.t, *other.place],
+                [one.distance, one.t, *one.place],
+                [other.distance, other.t, *other.place],
                 atol=1e-9,
-            )  # fmt: skip
+            )
 
 
 def test_without_pairs_of_one_puppet_its_crossings_are_still_found():
@@ -167,8 +168,11 @@ def test_kinds_names_and_order():
     found = StringsApart(scene()).over(q_D, q_K, t).nearest(within=10.0)
     assert len(found.strings) == 6
     assert {(a.what, a.other) for a in found.own} == {
-        ("p.s0", "p.ball1"), ("p.s1", "p.ball0"), ("q.s0", "q.ball1"), ("q.s1", "q.ball0"),
-    }  # fmt: skip
+        ("p.s0", "p.ball1"),
+        ("p.s1", "p.ball0"),
+        ("q.s0", "q.ball1"),
+        ("q.s1", "q.ball0"),
+    }
     assert {a.other for a in found.bodies} == {*RADII, "crate"}
     assert [a.distance for a in found.strings] == sorted(a.distance for a in found.strings)
 
@@ -257,6 +261,7 @@ def test_segments_against_minimisation():
         line = a[n] + steps * (b - a)[n]
         out = np.linalg.norm(line - np.clip(line, -half[n], half[n]), axis=1)
         assert of_boxes[n] == pytest.approx(out.min(), abs=1e-3)
+
         # The distance from a point of one to the other segment is convex along the one.
         def gap(x, n=n):
             near = a[n] + x * (b - a)[n]

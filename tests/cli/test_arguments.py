@@ -22,10 +22,26 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 COMMANDS = (
-    "check", "schema", "info", "equations", "export", "import", "simulate", "plan", "optimise",
-    "identify", "follow", "play", "show", "perform", "take", "validate-reduction", "stand", "demo",
+    "check",
+    "schema",
+    "info",
+    "equations",
+    "export",
+    "import",
+    "simulate",
+    "plan",
+    "optimise",
+    "identify",
+    "follow",
+    "play",
+    "show",
+    "perform",
+    "take",
+    "validate-reduction",
+    "stand",
+    "demo",
     "doctor",
-)  # fmt: skip
+)
 PARTS = ("stand check", "stand export", "stand stream", "stand emulate")
 """Commands of groups."""
 
@@ -109,10 +125,12 @@ WRONG = {
     ),
     "a film of plots": (["simulate", "arm2d", "--plot", "x.mp4"], ".png, .svg, .pdf"),
     "a report of another kind": (
-        ["identify", "swing.yaml", "--report", "x.pdf"], "allowed: .json, .html",
+        ["identify", "swing.yaml", "--report", "x.pdf"],
+        "allowed: .json, .html",
     ),
     "a report in no folder": (
-        ["identify", "swing.yaml", "--report", "no/x.html"], "there is no folder",
+        ["identify", "swing.yaml", "--report", "no/x.html"],
+        "there is no folder",
     ),
     "a report that is a record": (["identify", "none.yaml", "--report", "x.html"], "none.yaml"),
     "an export into no folder": (["export", "arm2d", "no/x"], "there is no folder"),
@@ -264,8 +282,10 @@ def test_check_counts_and_lists_mistakes_of_all_files(tmp_path) -> None:
     assert said[0] == "arm2d: no mistakes; 2 DOF, 1 strings, 2 driven"
     assert said[1].startswith("arm2d: 0.2 kg, ")
     assert [line.split(": ")[1] for line in result.stderr.splitlines()] == [
-        "flor", "bodies", "bodies",
-    ]  # fmt: skip
+        "flor",
+        "bodies",
+        "bodies",
+    ]
 
 
 def test_a_file_of_another_kind_is_named(tmp_path, monkeypatch) -> None:

@@ -175,11 +175,22 @@ LONG = ("x" * 300, "x" * 300 + ".yaml", "é" * 200, "x" * 5000, "a/" * 3000 + "b
 def test_a_name_that_no_file_can_have_is_one_mistake_for_every_reader(name, tmp_path) -> None:
     arm = fan.puppets.arm2d().coordinates
     readers = (
-        fan.load, fan.load_bvh, fan.load_task, fan.load_problem, fan.load_play, fan.load_stand,
-        fan.load_record, fan.import_model, fan.theatre.retarget.load_mapping, fan.model.load,
-        partial(fan.Input.load, arm), partial(fan.load_gesture, arm), fan.Trajectory.load,
-        fan.Recording.load, partial(fan.load_score, arm),
-    )  # fmt: skip
+        fan.load,
+        fan.load_bvh,
+        fan.load_task,
+        fan.load_problem,
+        fan.load_play,
+        fan.load_stand,
+        fan.load_record,
+        fan.import_model,
+        fan.theatre.retarget.load_mapping,
+        fan.model.load,
+        partial(fan.Input.load, arm),
+        partial(fan.load_gesture, arm),
+        fan.Trajectory.load,
+        fan.Recording.load,
+        partial(fan.load_score, arm),
+    )
     for read in readers:
         with pytest.raises((FileError, ValueError)) as caught:
             read(name)
@@ -189,11 +200,22 @@ def test_a_name_that_no_file_can_have_is_one_mistake_for_every_reader(name, tmp_
 @pytest.mark.parametrize("name", LONG[:3], ids=["ASCII", "an ending", "two bytes each"])
 def test_a_name_that_is_too_long_is_a_mistake_on_the_command_line(name, tmp_path) -> None:
     for command in (
-        ("check",), ("info",), ("equations",), ("simulate",), ("plan",), ("optimise",), ("play",),
-        ("perform",), ("identify",), ("stand", "check"), ("show",), ("follow", "jumps"),
+        ("check",),
+        ("info",),
+        ("equations",),
+        ("simulate",),
+        ("plan",),
+        ("optimise",),
+        ("play",),
+        ("perform",),
+        ("identify",),
+        ("stand", "check"),
+        ("show",),
+        ("follow", "jumps"),
         ("follow",),
-        ("check", "-q", "arm2d", "--inputs"), ("simulate", "-q", "arm2d", "--inputs"),
-    ):  # fmt: skip
+        ("check", "-q", "arm2d", "--inputs"),
+        ("simulate", "-q", "arm2d", "--inputs"),
+    ):
         more = {("stand", "check"): ("run.npz",), ("follow",): ("marionette",)}.get(command, ())
         said = mistake(*command, name, *more)
         assert "internal error" not in said, command

@@ -55,17 +55,29 @@ def test_touches_are_told_with_their_times(task, tmp_path) -> None:
     (tmp_path / "again.yaml").write_text(head.replace("dab", "again") + clip)
     result = fantoccini("optimise", "again.yaml", "--out", "again.npz")
     assert result.exit_code == 0, result.stderr
-    runs = [fan.Trajectory.load(name).resample(np.linspace(0, 0.8, 9)) for name in
-            ("dab.npz", "again.npz")]  # fmt: skip
+    runs = [
+        fan.Trajectory.load(name).resample(np.linspace(0, 0.8, 9))
+        for name in ("dab.npz", "again.npz")
+    ]
     assert runs[1].q_D == pytest.approx(runs[0].q_D, abs=0.01)
     assert np.ptp(runs[0].q_D[:, 1]) > 0.05
 
 
 def test_a_task_is_solved_drawn_and_written(task, tmp_path) -> None:
     result = fantoccini(
-        "optimise", task, "--picture", "ring.png", "--save", "best.npz", "--out", "run.npz",
-        "--tolerance", "1e-4", "--cost-tolerance", "1e-9",
-    )  # fmt: skip
+        "optimise",
+        task,
+        "--picture",
+        "ring.png",
+        "--save",
+        "best.npz",
+        "--out",
+        "run.npz",
+        "--tolerance",
+        "1e-4",
+        "--cost-tolerance",
+        "1e-9",
+    )
     assert result.exit_code == 0, result.stderr
     for part in ("solved", "lower", "root mean square", "hand"):
         assert part in result.stdout

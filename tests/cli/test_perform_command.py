@@ -29,13 +29,26 @@ def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
     ears.settimeout(30.0)
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
-        [sys.executable, "-c", "from fantoccini.app.cli import main; main()",
-         "perform", "short.yaml",
-         "--port", "0", "--no-browser", "--osc-in", "0",
-         "--osc-out", f"127.0.0.1:{ears.getsockname()[1]}"],
-        env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        text=True, cwd=tmp_path,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-c",
+            "from fantoccini.app.cli import main; main()",
+            "perform",
+            "short.yaml",
+            "--port",
+            "0",
+            "--no-browser",
+            "--osc-in",
+            "0",
+            "--osc-out",
+            f"127.0.0.1:{ears.getsockname()[1]}",
+        ],
+        env={**os.environ, "PYTHONPATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+    )
     watch = threading.Timer(180.0, process.kill)
     watch.start()
     said = ""

@@ -12,9 +12,20 @@ import fantoccini as fan
 def test_a_bundled_problem_is_planned_verified_and_written(tmp_path) -> None:
     paths = {name: tmp_path / name for name in ("run.npz", "run.png", "tree.png", "plan.npz")}
     result = fantoccini(
-        "plan", "arm3d_boxes", "--seed", "1", "--confirm", "--out", paths["run.npz"], "--out",
-        paths["run.png"], "--picture", paths["tree.png"], "--save", paths["plan.npz"],
-    )  # fmt: skip
+        "plan",
+        "arm3d_boxes",
+        "--seed",
+        "1",
+        "--confirm",
+        "--out",
+        paths["run.npz"],
+        "--out",
+        paths["run.png"],
+        "--picture",
+        paths["tree.png"],
+        "--save",
+        paths["plan.npz"],
+    )
     assert result.exit_code == 0, result.stderr
     assert "exact" in result.stdout and "event-driven" in result.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(paths)
@@ -35,9 +46,15 @@ def test_problems_are_listed_and_the_schema_printed() -> None:
 
 def test_no_plan_is_exit_code_one() -> None:
     result = fantoccini(
-        "plan", "arm3d_boxes", "--planner", "est-2007", "--time-limit", "0.05", "--tolerance",
+        "plan",
+        "arm3d_boxes",
+        "--planner",
+        "est-2007",
+        "--time-limit",
+        "0.05",
+        "--tolerance",
         "0.01",
-    )  # fmt: skip
+    )
     assert result.exit_code == 1
     assert "timeout" in result.stdout and "nearest" in result.stderr
     assert "Verification" not in result.stdout

@@ -17,9 +17,16 @@ from fantoccini.model.tree import measure
 
 ROOT = Path(__file__).resolve().parents[2]
 PERFORMANCES = {
-    "conduct": "stand6", "dance": "marionette_bar", "greeting": "marionette", "hoist": "crane",
-    "stir": "arm3d", "stroll": "stroll", "toss": "arm2d", "visit": "visit", "walk": "promenade",
-}  # fmt: skip
+    "conduct": "stand6",
+    "dance": "marionette_bar",
+    "greeting": "marionette",
+    "hoist": "crane",
+    "stir": "arm3d",
+    "stroll": "stroll",
+    "toss": "arm2d",
+    "visit": "visit",
+    "walk": "promenade",
+}
 
 DOG = """\
 puppet: dog
@@ -75,57 +82,81 @@ def test_check_says_how_large_heavy_and_high_a_puppet_is(dog):
 
 
 ABSURD = {
-    "millimetres": ("radius: 0.038", "radius: 38", {
-        "5: bodies[0].shapes": "found a body that measures 76.2 m; usual: 0.0001 to 20 m",
-        "2: bodies": " t in all; usual: 0.001 g to 20 t",
-    }),
-    "g/cm^3": ("480", "0.48", {
-        "5: bodies[0].shapes[0].density": "in g/cm^3? then write 480",
-    }),
-    "kg for g": ("mass: 0.05", "mass: 50", {
-        "9: bodies[1].shapes[0].mass": "found 50 kg in 0.000113 m^3, 4.42e+05 kg/m^3; usual: ",
-    }),
-    "kg for g of a body": ("mass: 0.04", "mass: 40", {
-        "14: bodies[2].mass": "found 40 kg in ",
-    }),
-    "inertia in g mm^2": ("inertia: [1e-5, 1e-5, 1e-5]", "inertia: [1e4, 1e4, 1e4]", {
-        "15: bodies[2].inertia": "found a radius of gyration of 500 m",
-    }),
-    "a limit in degrees": ("lower: -60 deg", "lower: -60", {
-        "13: bodies[2].joint.limits.lower": "found -60 rad, 9.55 turns; usual: a limit within a "
-        "full turn; is it -60 deg?",
-    }),
-    "a limit of two turns": ("upper: 80 deg", "upper: 720 deg", {
-        "13: bodies[2].joint.limits.upper": "2 turns; usual: a limit within a full turn",
-    }),
-    "a rest in degrees": ("rest: 0.1", "rest: 30", {
-        "13: bodies[2].joint.spring.rest": "is it 30 deg?",
-    }),
-    "a pose beyond its limit": ("hip: 10 deg", "hip: 3", {
-        "22: pose.hip": "found 3 rad, beyond the joint's limits, -1.047 to 1.396 rad",
-    }),
-    "a pose in degrees": ("hip: 10 deg", "hip: 10", {
-        "22: pose.hip": "is it 10 deg?",
-    }),
-    "a pose beyond its cone": ("[0.2, 0, 0]", "[0, 2, 0]", {
-        "22: pose.neck.rotation": "found a swing of 115 deg, beyond the joint's cone of 50 deg",
-    }),
-    "a string in centimetres": ("length: 0.6}", "length: 60}", {
-        "19: strings[0].length": "found 60 m; in the start pose its path measures 0.61 m",
-    }),
-    "a string in kilometres": ("length: 0.6}", "length: 0.0006}", {
-        "19: strings[0].length": "found 0.0006 m; in the start pose its path measures 0.61 m",
-    }),
-    "a driven length in the pose": ("rear.length: 0.61", "rear.length: 61", {
-        "22: pose.rear.length": "found 61 m",
-    }),
-    "gravity in cm/s^2": ("puppet: dog", "puppet: dog\ngravity: [0, 0, -981]", {
-        "2: gravity": "found 981 m/s^2; on earth it is 9.81",
-    }),
-    "gravity upwards": ("puppet: dog", "puppet: dog\ngravity: [0, 0, 9.81]", {
-        "2: gravity": "found a positive z",
-    }),
-}  # fmt: skip
+    "millimetres": (
+        "radius: 0.038",
+        "radius: 38",
+        {
+            "5: bodies[0].shapes": "found a body that measures 76.2 m; usual: 0.0001 to 20 m",
+            "2: bodies": " t in all; usual: 0.001 g to 20 t",
+        },
+    ),
+    "g/cm^3": ("480", "0.48", {"5: bodies[0].shapes[0].density": "in g/cm^3? then write 480"}),
+    "kg for g": (
+        "mass: 0.05",
+        "mass: 50",
+        {"9: bodies[1].shapes[0].mass": "found 50 kg in 0.000113 m^3, 4.42e+05 kg/m^3; usual: "},
+    ),
+    "kg for g of a body": ("mass: 0.04", "mass: 40", {"14: bodies[2].mass": "found 40 kg in "}),
+    "inertia in g mm^2": (
+        "inertia: [1e-5, 1e-5, 1e-5]",
+        "inertia: [1e4, 1e4, 1e4]",
+        {"15: bodies[2].inertia": "found a radius of gyration of 500 m"},
+    ),
+    "a limit in degrees": (
+        "lower: -60 deg",
+        "lower: -60",
+        {
+            "13: bodies[2].joint.limits.lower": "found -60 rad, 9.55 turns; usual: a limit "
+            "within a full turn; is it -60 deg?"
+        },
+    ),
+    "a limit of two turns": (
+        "upper: 80 deg",
+        "upper: 720 deg",
+        {"13: bodies[2].joint.limits.upper": "2 turns; usual: a limit within a full turn"},
+    ),
+    "a rest in degrees": (
+        "rest: 0.1",
+        "rest: 30",
+        {"13: bodies[2].joint.spring.rest": "is it 30 deg?"},
+    ),
+    "a pose beyond its limit": (
+        "hip: 10 deg",
+        "hip: 3",
+        {"22: pose.hip": "found 3 rad, beyond the joint's limits, -1.047 to 1.396 rad"},
+    ),
+    "a pose in degrees": ("hip: 10 deg", "hip: 10", {"22: pose.hip": "is it 10 deg?"}),
+    "a pose beyond its cone": (
+        "[0.2, 0, 0]",
+        "[0, 2, 0]",
+        {"22: pose.neck.rotation": "found a swing of 115 deg, beyond the joint's cone of 50 deg"},
+    ),
+    "a string in centimetres": (
+        "length: 0.6}",
+        "length: 60}",
+        {"19: strings[0].length": "found 60 m; in the start pose its path measures 0.61 m"},
+    ),
+    "a string in kilometres": (
+        "length: 0.6}",
+        "length: 0.0006}",
+        {"19: strings[0].length": "found 0.0006 m; in the start pose its path measures 0.61 m"},
+    ),
+    "a driven length in the pose": (
+        "rear.length: 0.61",
+        "rear.length: 61",
+        {"22: pose.rear.length": "found 61 m"},
+    ),
+    "gravity in cm/s^2": (
+        "puppet: dog",
+        "puppet: dog\ngravity: [0, 0, -981]",
+        {"2: gravity": "found 981 m/s^2; on earth it is 9.81"},
+    ),
+    "gravity upwards": (
+        "puppet: dog",
+        "puppet: dog\ngravity: [0, 0, 9.81]",
+        {"2: gravity": "found a positive z"},
+    ),
+}
 
 
 @pytest.mark.parametrize(("old", "new", "said"), ABSURD.values(), ids=ABSURD)

@@ -82,6 +82,7 @@ def test_a_cue_that_may_be_left_out_is_told_and_ends_with_0(tmp_path):
 
 def test_the_verdict_is_told_before_the_report_and_the_film_are_made(tmp_path, monkeypatch):
     """Regression: it was printed only after them, and not at all if one failed."""
+
     def fails(*_, **__):
         raise fan.PictureError("no room on the disk")
 
@@ -113,7 +114,8 @@ WRONG = {
     "another output": (["--out", "x.txt"], ".npz, .csv"),
     "an output twice": (["--out", "x.npz", "--out", "x.npz"], "is given twice"),
     "a look of nothing": (
-        ["--fps", "10"], "applies to a film, an animation or a table (.csv), but none is written"
+        ["--fps", "10"],
+        "applies to a film, an animation or a table (.csv), but none is written",
     ),
 }
 

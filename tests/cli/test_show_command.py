@@ -39,11 +39,20 @@ class Shown:
     def __init__(self, *arguments: object, folder: Path):
         path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
         self.process = subprocess.Popen(
-            [sys.executable, "-c", "from fantoccini.app.cli import main; main()", "show",
-             *map(str, arguments), "--no-browser"],
-            env={**os.environ, "PYTHONPATH": path}, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, text=True, cwd=folder,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-c",
+                "from fantoccini.app.cli import main; main()",
+                "show",
+                *map(str, arguments),
+                "--no-browser",
+            ],
+            env={**os.environ, "PYTHONPATH": path},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=folder,
+        )
         self.watch = threading.Timer(90.0, self.process.kill)
         self.watch.start()
         self.url = self.process.stdout.readline().strip()

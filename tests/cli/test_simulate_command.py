@@ -107,9 +107,7 @@ def test_a_start_beyond_a_string_is_brought_onto_it(tmp_path) -> None:
         "simulate", "string_pendulum", "--duration", "0.1", "--start", "bob.z=-2", "--out", out
     )
     assert result.exit_code == 0
-    assert "to the nearest state that strings and limits allow; bob.z is -1" in (
-        result.stderr
-    )
+    assert "to the nearest state that strings and limits allow; bob.z is -1" in (result.stderr)
     assert fan.Trajectory.load(out).q_D[0] == pytest.approx([0.0, -1.0], abs=1e-9)
 
 
@@ -161,9 +159,20 @@ def test_ctrl_c_writes_what_was_reached_and_ends_with_130(tmp_path) -> None:
     fan.puppets.arm2d().rest()  # so that nothing is compiled below
     out = tmp_path / "run.npz"
     command = [
-        sys.executable, "-c", BEGUN, "simulate", "arm2d", "--out", str(out),
-        "--method", "timestepping", "--dt", "0.0005", "--duration", "3600",
-    ]  # fmt: skip
+        sys.executable,
+        "-c",
+        BEGUN,
+        "simulate",
+        "arm2d",
+        "--out",
+        str(out),
+        "--method",
+        "timestepping",
+        "--dt",
+        "0.0005",
+        "--duration",
+        "3600",
+    ]
     with subprocess.Popen(
         command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as run:
@@ -191,8 +200,7 @@ def test_an_output_that_cannot_be_written_ends_with_1(tmp_path, monkeypatch) -> 
     result = fantoccini("simulate", "arm2d", "-q", "--duration", "1", "--out", tmp_path / "x.npz")
     assert result.exit_code == 1
     assert (
-        result.stderr
-        == f"fantoccini: cannot write {tmp_path / 'x.npz'}: No space left on device\n"
+        result.stderr == f"fantoccini: cannot write {tmp_path / 'x.npz'}: No space left on device\n"
     )
 
 
@@ -238,8 +246,9 @@ def test_a_bundled_performance_by_its_name(tmp_path, monkeypatch):
 def test_a_name_of_no_performance_is_a_mistake(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = mistake(command, "arm2d", "--inputs", "tos")
-    assert said == "tos: no such file, and no bundled performance of this name; " \
-        "did you mean 'toss'?\n"
+    assert (
+        said == "tos: no such file, and no bundled performance of this name; did you mean 'toss'?\n"
+    )
 
 
 def test_a_file_goes_before_a_performance_of_its_name(tmp_path, monkeypatch):

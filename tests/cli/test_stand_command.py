@@ -64,13 +64,17 @@ def test_wrong_arguments(files):
     wrong = {
         "no bundled stand of this name; did you mean 'desktop6'": ("desktop", files / "run.npz"),
         "winch.moves.line.length: line.length is not a driven": (
-            files / "good.yaml", _other(files),
+            files / "good.yaml",
+            _other(files),
         ),
         "arm2d has other coordinates than the run": (
-            files / "good.yaml", files / "run.npz", "--puppet", "arm2d",
+            files / "good.yaml",
+            files / "run.npz",
+            "--puppet",
+            "arm2d",
         ),
         "allowed: .html": (files / "good.yaml", files / "run.npz", "--report", files / "page.pdf"),
-    }  # fmt: skip
+    }
     for words, arguments in wrong.items():
         done = fantoccini("stand", "check", *arguments, code=2)
         assert words in " ".join(done.stderr.split()), done.stderr
@@ -108,8 +112,16 @@ def test_export_and_dry_run(files):
     sent = [line for line in out.read_text().splitlines() if not line.startswith(";")]
     before = sorted(files.iterdir())
     dry = fantoccini(
-        "stand", "stream", *arguments, "--controller", "grbl", "--slack", "5", "--dry-run",
-        "--port", files / "none",
+        "stand",
+        "stream",
+        *arguments,
+        "--controller",
+        "grbl",
+        "--slack",
+        "5",
+        "--dry-run",
+        "--port",
+        files / "none",
     )
     assert dry.stdout.splitlines() == sent
     assert sorted(files.iterdir()) == before

@@ -65,11 +65,23 @@ class Process:
     def __init__(self, files, *arguments):
         path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
         self.own = subprocess.Popen(
-            [sys.executable, "-c", PATIENT, "stand", "stream", "stand.yaml", "run.npz",
-             *map(str, arguments)],
-            env={**os.environ, "PYTHONPATH": path}, stdin=subprocess.PIPE, text=True, cwd=files,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-c",
+                PATIENT,
+                "stand",
+                "stream",
+                "stand.yaml",
+                "run.npz",
+                *map(str, arguments),
+            ],
+            env={**os.environ, "PYTHONPATH": path},
+            stdin=subprocess.PIPE,
+            text=True,
+            cwd=files,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
         self.watch = threading.Timer(120.0, self.own.kill)
         self.watch.start()
         self.said = ""
@@ -265,9 +277,15 @@ def test_nobody_there(files):
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
     done = fantoccini(
-        "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", "artnet",
-        "--to", f"127.0.0.1:{port}",
-    )  # fmt: skip
+        "stand",
+        "stream",
+        files / "stand.yaml",
+        files / "run.npz",
+        "--controller",
+        "artnet",
+        "--to",
+        f"127.0.0.1:{port}",
+    )
     assert done.exit_code == 1
     assert "t = 0.000 s: not sent: Connection refused" in done.stderr
     assert "--from-time" not in done.stderr  # nothing moved
@@ -277,9 +295,18 @@ def test_a_dry_run_sends_nothing(files):
     points = points_of(files, "artnet")
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as stand:
         done = fantoccini(
-            "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", "artnet",
-            "--dry-run", "--to", "{}:{}".format(*stand.address), "--from-time", "0.5",
-        )  # fmt: skip
+            "stand",
+            "stream",
+            files / "stand.yaml",
+            files / "run.npz",
+            "--controller",
+            "artnet",
+            "--dry-run",
+            "--to",
+            "{}:{}".format(*stand.address),
+            "--from-time",
+            "0.5",
+        )
         time.sleep(0.1)
     assert len(stand) == stand.wrong == 0
     rows = [re.fullmatch(r"(\S+) 1=(\d+)", line).groups() for line in done.stdout.splitlines()]
@@ -290,15 +317,22 @@ def test_a_dry_run_sends_nothing(files):
     )
 
 
-@pytest.mark.parametrize("kind, option, words", [
-    ("osc", ("--port", "a"), "applies to G-code, and the controller is osc"),
-    ("osc", ("--from-line", "3"), "applies to G-code"),
-    ("grbl", ("--to", "127.0.0.1:9000"), "applies to osc and artnet, and the controller is grbl"),
-    ("grbl", ("--from-time", "1"), "applies to osc and artnet"),
-    ("artnet", ("--to", "nowhere"), "needed: HOST:PORT"),
-    ("artnet", ("--to", "nowhere", "--dry-run"), "needed: HOST:PORT"),
-    ("artnet", ("--to", "127.0.0.1:0"), "found port 0"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "kind, option, words",
+    [
+        ("osc", ("--port", "a"), "applies to G-code, and the controller is osc"),
+        ("osc", ("--from-line", "3"), "applies to G-code"),
+        (
+            "grbl",
+            ("--to", "127.0.0.1:9000"),
+            "applies to osc and artnet, and the controller is grbl",
+        ),
+        ("grbl", ("--from-time", "1"), "applies to osc and artnet"),
+        ("artnet", ("--to", "nowhere"), "needed: HOST:PORT"),
+        ("artnet", ("--to", "nowhere", "--dry-run"), "needed: HOST:PORT"),
+        ("artnet", ("--to", "127.0.0.1:0"), "found port 0"),
+    ],
+)
 def test_options_of_the_other_kind_are_refused(files, kind, option, words):
     done = fantoccini(
         "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", kind, *option
@@ -310,18 +344,31 @@ def test_options_of_the_other_kind_are_refused(files, kind, option, words):
 @pytest.mark.parametrize("dry", [(), ("--dry-run",)])
 def test_a_time_beyond_the_end_is_told(files, dry):
     done = fantoccini(
-        "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", "osc",
-        "--from-time", "100", *dry,
-    )  # fmt: skip
+        "stand",
+        "stream",
+        files / "stand.yaml",
+        files / "run.npz",
+        "--controller",
+        "osc",
+        "--from-time",
+        "100",
+        *dry,
+    )
     assert done.exit_code == 1 and not done.stdout
     assert "found 100 s to go on from; the set points last 1.5 s" in done.stderr
 
 
 def test_a_broadcast_address_is_refused(files):
     done = fantoccini(
-        "stand", "stream", files / "stand.yaml", files / "run.npz", "--controller", "osc",
-        "--to", "255.255.255.255:9000",
-    )  # fmt: skip
+        "stand",
+        "stream",
+        files / "stand.yaml",
+        files / "run.npz",
+        "--controller",
+        "osc",
+        "--to",
+        "255.255.255.255:9000",
+    )
     assert done.exit_code == 1
     assert "all machines of a network would hear it" in done.stderr
 
@@ -329,9 +376,16 @@ def test_a_broadcast_address_is_refused(files):
 @pytest.mark.parametrize("kind", ["osc", "artnet"])
 def test_the_emulator_of_packets_has_no_rate(files, kind):
     done = fantoccini(
-        "stand", "emulate", files / "stand.yaml", "--controller", kind, "--rate", "20",
-        "--listen", "no.such.host.invalid:1",
-    )  # fmt: skip
+        "stand",
+        "emulate",
+        files / "stand.yaml",
+        "--controller",
+        kind,
+        "--rate",
+        "20",
+        "--listen",
+        "no.such.host.invalid:1",
+    )
     assert done.exit_code == 2
     assert f"applies to G-code, and the controller is {kind}" in " ".join(done.stderr.split())
 
@@ -340,16 +394,39 @@ def test_the_emulated_stand_of_packets_writes_where_its_motors_were(files, monke
     monkeypatch.setattr(sending, "LATEST", 5.0)
     path = os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])
     emulated = subprocess.Popen(
-        [sys.executable, "-c", "from fantoccini.app.cli import main; main()", "stand", "emulate",
-         "stand.yaml", "--controller", "osc", "--listen", "127.0.0.1:0", "--out", "motors.csv"],
-        env={**os.environ, "PYTHONPATH": path}, text=True, cwd=files,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-c",
+            "from fantoccini.app.cli import main; main()",
+            "stand",
+            "emulate",
+            "stand.yaml",
+            "--controller",
+            "osc",
+            "--listen",
+            "127.0.0.1:0",
+            "--out",
+            "motors.csv",
+        ],
+        env={**os.environ, "PYTHONPATH": path},
+        text=True,
+        cwd=files,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     watch = threading.Timer(120.0, emulated.kill)
     watch.start()
     address = emulated.stdout.readline().strip()
-    done = fantoccini("stand", "stream", files / "stand.yaml", files / "run.npz", "--controller",
-                      "osc", "--to", address)  # fmt: skip
+    done = fantoccini(
+        "stand",
+        "stream",
+        files / "stand.yaml",
+        files / "run.npz",
+        "--controller",
+        "osc",
+        "--to",
+        address,
+    )
     assert done.exit_code == 0
     _, said = emulated.communicate()
     watch.cancel()

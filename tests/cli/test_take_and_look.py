@@ -119,10 +119,29 @@ def test_pictures_and_films_look_as_asked_for(tmp_path):
     """17.16: the command line lacked what Python has."""
     film, strip = tmp_path / "a.mp4", tmp_path / "a.png"
     result = fantoccini(
-        "simulate", "string_pendulum", "--start", "bob.x=0.5", "--start", "bob.z=0.6",
-        "--duration", "1", "--out", film, "--out", strip, "--view", "40,15", "--focus", "bodies",
-        "--theme", "dark", "--size", "320x240", "--fps", "10",
-    )  # fmt: skip
+        "simulate",
+        "string_pendulum",
+        "--start",
+        "bob.x=0.5",
+        "--start",
+        "bob.z=0.6",
+        "--duration",
+        "1",
+        "--out",
+        film,
+        "--out",
+        strip,
+        "--view",
+        "40,15",
+        "--focus",
+        "bodies",
+        "--theme",
+        "dark",
+        "--size",
+        "320x240",
+        "--fps",
+        "10",
+    )
     assert result.exit_code == 0, result.stderr
     about = next(imageio_ffmpeg.read_frames(str(film)))
     assert about["source_size"] == (320, 240) and about["fps"] == pytest.approx(10.0)

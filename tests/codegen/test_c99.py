@@ -104,10 +104,12 @@ def arguments(model: Model, seed: int) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize(
     ("make", "which", "flag"),
     [
-        (bundled, "arm2d", "-O1"), (bundled, "marionette", "-O0"), (described, 4, "-O0"),
+        (bundled, "arm2d", "-O1"),
+        (bundled, "marionette", "-O0"),
+        (described, 4, "-O0"),
         (described, 9, "-O1"),
     ],
-)  # fmt: skip
+)
 def test_the_exported_functions_return_what_the_equations_do(make, which, flag, tmp_path):
     """Some warnings come with -O1; the longest texts, of the same make, are compiled without."""
     model = make(which)
@@ -141,8 +143,10 @@ def test_the_example_runs_anywhere(name, tmp_path):
     printed = subprocess.run([program], capture_output=True, text=True, check=True).stdout
     lines = printed.splitlines()
     assert [line.split(":")[0] for line in lines] == [
-        "h", "potential energy [J]", "acc_D without strings"
-    ]  # fmt: skip
+        "h",
+        "potential energy [J]",
+        "acc_D without strings",
+    ]
     assert "nan" not in "".join(lines)
 
 

@@ -24,10 +24,18 @@ OPERATIONS = {
     "arm3d": {"dynamics": 331, "step_dynamics": 337, "effort": 56, "energy": 98, "rows": 54},
     "crane": {"dynamics": 261, "step_dynamics": 277, "effort": 32, "energy": 68, "rows": 29},
     "marionette": {
-        "dynamics": 4727, "step_dynamics": 5579, "effort": 509, "energy": 1179, "rows": 545,
+        "dynamics": 4727,
+        "step_dynamics": 5579,
+        "effort": 509,
+        "energy": 1179,
+        "rows": 545,
     },
     "marionette_bar": {
-        "dynamics": 5471, "step_dynamics": 6143, "effort": 934, "energy": 1256, "rows": 650,
+        "dynamics": 5471,
+        "step_dynamics": 6143,
+        "effort": 934,
+        "energy": 1256,
+        "rows": 650,
     },
     "stand6": {"dynamics": 5034, "step_dynamics": 5951, "effort": 0, "energy": 1179, "rows": 556},
     "string_pendulum": {"dynamics": 33, "step_dynamics": 23, "effort": 0, "energy": 6, "rows": 6},
@@ -61,9 +69,13 @@ def test_every_process_derives_the_same_text(tmp_path):
         folder.mkdir()
         environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(SOURCE)}
         printed = subprocess.run(
-            [sys.executable, "-c", _HASHES], cwd=folder, env=environment,
-            capture_output=True, text=True, check=True,
-        ).stdout  # fmt: skip
+            [sys.executable, "-c", _HASHES],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
         found.append(json.loads(printed))
     equations = equations_of("arm2d")
     files = generate(equations).files | c99_files(equations)

@@ -45,9 +45,7 @@ def thrown(
     return x.replace(v_D=v)
 
 
-def stepped(
-    marionette: fan.Marionette, x0: fan.State, t_end: float, dt: float
-) -> fan.Trajectory:
+def stepped(marionette: fan.Marionette, x0: fan.State, t_end: float, dt: float) -> fan.Trajectory:
     """A time-stepping run."""
     return fan.simulate(marionette, x0, t_end=t_end, method=fan.TimeStepping(dt=dt))
 
@@ -68,9 +66,10 @@ bodies:
 - {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.3}]}
 """)
     return marionette, thrown(
-        marionette, {"a.x": -0.5, "a.y": 0.03, "b.x": 0.2, "b.z": 0.05},
+        marionette,
+        {"a.x": -0.5, "a.y": 0.03, "b.x": 0.2, "b.z": 0.05},
         {"a.x": 2.0, "a.wz": 9.0, "b.x": -1.0, "b.y": 0.1},
-    )  # fmt: skip
+    )
 
 
 def ladder(angle: float) -> tuple[fan.Marionette, fan.State]:
@@ -89,10 +88,13 @@ bodies:
   inertia: [0.083333333333333333, 0.083333333333333333, 1.0e-4]
 """)
     tilt = np.pi / 2 - angle
-    return marionette, marionette.state({
-        "rod.x": 0.5 * np.cos(angle) + 0.001, "rod.z": 0.5 * np.sin(angle) + 0.001,
-        "rod.rotation": (np.cos(tilt / 2), 0.0, -np.sin(tilt / 2), 0.0),
-    })  # fmt: skip
+    return marionette, marionette.state(
+        {
+            "rod.x": 0.5 * np.cos(angle) + 0.001,
+            "rod.z": 0.5 * np.sin(angle) + 0.001,
+            "rod.rotation": (np.cos(tilt / 2), 0.0, -np.sin(tilt / 2), 0.0),
+        }
+    )
 
 
 def rocking_block(lean: float) -> tuple[fan.Marionette, fan.State, float]:
@@ -107,8 +109,11 @@ bodies:
   shapes: [{type: box, size: [0.1, 0.3, 0.5], mass: 1}]
 """)
     a, R = np.arctan(0.1 / 0.5), 0.5 * np.hypot(0.1, 0.5)
-    x0 = marionette.state({
-        "block.x": 0.05 - R * np.sin(a - lean), "block.z": R * np.cos(a - lean),
-        "block.rotation": (np.cos(lean / 2), 0.0, np.sin(lean / 2), 0.0),
-    })  # fmt: skip
+    x0 = marionette.state(
+        {
+            "block.x": 0.05 - R * np.sin(a - lean),
+            "block.z": R * np.cos(a - lean),
+            "block.rotation": (np.cos(lean / 2), 0.0, np.sin(lean / 2), 0.0),
+        }
+    )
     return marionette, x0, a

@@ -44,10 +44,12 @@ pose: {box.z: 0.11}
 """
     )
     x0 = tray.state()
-    turn = {"tray.rotation": [
-        (t, [np.cos(a / 2), np.sin(a / 2) * np.cos(3 * t), np.sin(a / 2) * np.sin(3 * t), 0])
-        for t, a in zip(np.linspace(0, 2, 9), [0, *[0.08] * 7, 0], strict=True)
-    ]}  # fmt: skip
+    turn = {
+        "tray.rotation": [
+            (t, [np.cos(a / 2), np.sin(a / 2) * np.cos(3 * t), np.sin(a / 2) * np.sin(3 * t), 0])
+            for t, a in zip(np.linspace(0, 2, 9), [0, *[0.08] * 7, 0], strict=True)
+        ]
+    }
     run = fan.simulate(tray, x0, fan.Input.waypoints(tray, turn), method="timestepping")
     carries = run.contact.force_on("box", len(run))[:, 2]
     assert carries[10:].min() > 0.5 * 9.81

@@ -135,10 +135,13 @@ bodies:
   inertia: [0.0833333333, 0.0833333333, 1.0e-6]
 """)
     start = 1e-3
-    x0 = marionette.state({
-        "rod.x": 0.5 * np.sin(start), "rod.z": 0.5 * np.cos(start) + 0.0001,
-        "rod.rotation": (np.cos(start / 2), 0.0, np.sin(start / 2), 0.0),
-    })  # fmt: skip
+    x0 = marionette.state(
+        {
+            "rod.x": 0.5 * np.sin(start),
+            "rod.z": 0.5 * np.cos(start) + 0.0001,
+            "rod.rotation": (np.cos(start / 2), 0.0, np.sin(start / 2), 0.0),
+        }
+    )
     angle = np.linspace(0.0, np.pi / 2, 200001)
     ratio = np.abs(0.75 * np.sin(angle) * (3 * np.cos(angle) - 2))
     slips = ratio > mu * (3 * np.cos(angle) - 1) ** 2 / 4

@@ -96,8 +96,10 @@ def test_groups_and_pairs_choose_what_meets_and_how_it_rubs():
     rules = zip(chosen.friction, chosen.restitution, strict=True)
     found = dict(zip(chosen.names, rules, strict=True))
     assert found == {
-        ("fore", "floor"): (0.2, 0.0), ("hand", "floor"): (0.9, 0.3), ("fore", "post"): (0.2, 1.0)
-    }  # fmt: skip
+        ("fore", "floor"): (0.2, 0.0),
+        ("hand", "floor"): (0.9, 0.3),
+        ("fore", "post"): (0.2, 1.0),
+    }
 
 
 def test_bodies_of_one_tree_that_overlap_at_the_pose_of_the_file_do_not_touch():
@@ -124,9 +126,13 @@ def test_a_scene_takes_the_rules_of_its_puppets_or_has_its_own(tmp_path):
     pairs = "{pairs: [{between: [body, floor], friction: 0.9}]}"
     shared = fan.load(scene(tmp_path, pairs, "true")).model.contacts
     assert set(shared.names) == {
-        ("a.body", "floor"), ("b.body", "floor"), ("b.body", "a.body"), ("crate", "a.body"),
-        ("crate", "b.body"), ("crate", "floor"),
-    }  # fmt: skip
+        ("a.body", "floor"),
+        ("b.body", "floor"),
+        ("b.body", "a.body"),
+        ("crate", "a.body"),
+        ("crate", "b.body"),
+        ("crate", "floor"),
+    }
     friction = dict(zip(shared.names, shared.friction, strict=True))
     assert friction["a.body", "floor"] == 0.9
     assert friction["b.body", "floor"] == 0.5
@@ -143,13 +149,18 @@ def staged(places: dict, pair: dict) -> fan.Marionette:
     arm = loads(ARM.replace("CONTACT", "true"))
     box = {"type": "box", "size": [0.1, 0.1, 0.1]}
     return fan.Marionette(
-        fan.Scene.model_validate({
-            "scene": "s", "contact": {"friction": 0.2, "pairs": [pair]},
-            "puppets": [{"name": name, "puppet": arm} | place for name, place in places.items()],
-            "props": [{"name": "crate", "at": [9, 0, 1], "shapes": [box | {"mass": 1}]}],
-            "obstacles": [box | {"name": "wall", "at": [0, 9, 0]}],
-        })
-    )  # fmt: skip
+        fan.Scene.model_validate(
+            {
+                "scene": "s",
+                "contact": {"friction": 0.2, "pairs": [pair]},
+                "puppets": [
+                    {"name": name, "puppet": arm} | place for name, place in places.items()
+                ],
+                "props": [{"name": "crate", "at": [9, 0, 1], "shapes": [box | {"mass": 1}]}],
+                "obstacles": [box | {"name": "wall", "at": [0, 9, 0]}],
+            }
+        )
+    )
 
 
 @pytest.mark.parametrize("between", ["p floor", "crate p", "p p", "p wall", "crate wall"])

@@ -119,9 +119,7 @@ def test_a_block_that_is_pushed_begins_to_slide():
     push = np.array([0.4 * 9.81 + 1.0, 0.0, 0.0])
     lin = block.linearise(x, u_D=push)
     assert {point.mode for point in lin.contacts} == {"slide"}
-    assert lin.edges == (
-        "body|floor: begins to slide, in a direction that has no derivative",
-    )
+    assert lin.edges == ("body|floor: begins to slide, in a direction that has no derivative",)
     assert lin.acc_D[0] == pytest.approx(1.0, rel=1e-9)
     assert lin.acc.u_D[0, 0] == pytest.approx(1.0, rel=1e-9)
     assert lin.acc.u_D[0, 2] == pytest.approx(0.4, rel=1e-9)

@@ -99,9 +99,11 @@ def check_differences(case: Case, steps: Steps = Steps()) -> fan.Rollout:
         by[name] = d
         x = case.x
         there = x.replace(
-            q_D=moved(x.q_D, by["q_D"], t.scalars_D, t.quaternions_D), v_D=x.v_D + by["v_D"],
-            q_K=moved(x.q_K, by["q_K"], t.scalars_K, t.quaternions_K), v_K=x.v_K + by["v_K"],
-        )  # fmt: skip
+            q_D=moved(x.q_D, by["q_D"], t.scalars_D, t.quaternions_D),
+            v_D=x.v_D + by["v_D"],
+            q_K=moved(x.q_K, by["q_K"], t.scalars_K, t.quaternions_K),
+            v_K=x.v_K + by["v_K"],
+        )
         at = puppet.rollout(
             there, case.acc + by["acc_K"], case.force + by["u_D"], p=puppet.p + by["p"], dt=DT
         )
@@ -114,8 +116,9 @@ def check_differences(case: Case, steps: Steps = Steps()) -> fan.Rollout:
         if not values.size:
             continue
         d = rng.normal(size=values.shape)
-        one, two = ((changed(name, k * h * d) - changed(name, -k * h * d)) / (2 * k * h)
-                    for k in (1, 2))  # fmt: skip
+        one, two = (
+            (changed(name, k * h * d) - changed(name, -k * h * d)) / (2 * k * h) for k in (1, 2)
+        )
         terms = values * d
         error = abs(np.sum(terms) - (4 * one - two) / 3) / np.sum(np.abs(terms))
         assert error < 1e-7, (name, error)

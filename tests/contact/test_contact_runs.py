@@ -211,17 +211,18 @@ strings:
 pose: {a.x: -0.05, b.x: 0.05}
 """)
     lifted = 0.3
-    x0 = pair.state({
-        "a.x": -0.05 - 0.95 * np.sin(lifted), "a.z": 0.95 - 0.95 * np.cos(lifted),
-        "a.rotation": (np.cos(lifted / 2), 0.0, np.sin(lifted / 2), 0.0),
-        "b.x": 0.051,
-    })  # fmt: skip
+    x0 = pair.state(
+        {
+            "a.x": -0.05 - 0.95 * np.sin(lifted),
+            "a.z": 0.95 - 0.95 * np.cos(lifted),
+            "a.rotation": (np.cos(lifted / 2), 0.0, np.sin(lifted / 2), 0.0),
+            "b.x": 0.051,
+        }
+    )
     run = stepped(pair, pair.project(x0), 0.7, 2.5e-4)
     i = next(k for k, t in enumerate(run.t) if run.contact.at(k) and t > 0)
     m = np.array([1.0, 0.4])
-    before, after = (
-        m @ [run["v:a.x"][k], run["v:b.x"][k]] for k in (i - 2, i + 4)
-    )
+    before, after = (m @ [run["v:a.x"][k], run["v:b.x"][k]] for k in (i - 2, i + 4))
     assert before > 0.3
     assert abs(after - before) < 2e-3 * before
     assert run["v:b.x"][i + 4] >= run["v:a.x"][i + 4] - 1e-6
@@ -281,7 +282,8 @@ def test_an_impact_in_the_first_step_is_booked(box):
 
 def test_restitution_with_friction_adds_no_energy():
     """Newton's law of impact alone would: Kane's double pendulum that strikes the floor."""
-    pendulum = fan.loads("""
+    pendulum = fan.loads(
+        """
 puppet: kane
 floor: 0
 contact: {friction: 0.5, restitution: RESTITUTION}
@@ -293,7 +295,8 @@ bodies:
   parent: upper
   joint: {type: revolute, axis: [0, 1, 0], at: [0, 0, -1]}
   shapes: [{type: capsule, from: [0, 0, -0.1], to: [0, 0, -1], radius: 0.01, mass: 1}]
-""".replace("RESTITUTION", "0.9"))
+""".replace("RESTITUTION", "0.9")
+    )
     rng = np.random.default_rng(0)
     struck = 0
     for _ in range(20):
@@ -376,9 +379,7 @@ def test_sharing_changes_no_motion_and_no_sum(box):
     """What is written every step and what is written once: the same bits of the motion."""
     x0 = tumbling(box, 1)[0]
     often = stepped(box, x0, 0.5, DT)
-    seldom = fan.simulate(
-        box, x0, t_end=0.5, method=fan.TimeStepping(dt=DT), save_every=100
-    )
+    seldom = fan.simulate(box, x0, t_end=0.5, method=fan.TimeStepping(dt=DT), save_every=100)
     assert np.array_equal(often.q_D[::100], seldom.q_D)
     mass = 1.0
     change = np.diff(often.v_D[:, :3], axis=0) / DT

@@ -50,27 +50,34 @@ def last(puppet: fan.Marionette, x: fan.State, t_end: float, inputs=None) -> fan
 
 
 def by_start(
-    puppet: fan.Marionette, x: fan.State, t_end: float, directions: np.ndarray, step: float,
+    puppet: fan.Marionette,
+    x: fan.State,
+    t_end: float,
+    directions: np.ndarray,
+    step: float,
     inputs=None,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """Differences of runs by their start, along directions (2 n_vD, m)."""
     t = puppet.coordinates
     base = last(puppet, x, t_end, inputs)
 
     def end(d: np.ndarray) -> np.ndarray:
         dq, dv = np.split(directions @ d, 2)
-        start = x.replace(
-            q_D=moved(x.q_D, dq, t.scalars_D, t.quaternions_D), v_D=x.v_D + dv
-        )
+        start = x.replace(q_D=moved(x.q_D, dq, t.scalars_D, t.quaternions_D), v_D=x.v_D + dv)
         return tangent(puppet, base, last(puppet, start, t_end, inputs))
 
     return difference(end, directions.shape[1], step)
 
 
 def check(
-    puppet: fan.Marionette, x: fan.State, t_end: float, events: list[str],
-    drop: tuple[int, ...] = (), step: float = 1e-4, bound: float = 1e-7,
-):  # fmt: skip
+    puppet: fan.Marionette,
+    x: fan.State,
+    t_end: float,
+    events: list[str],
+    drop: tuple[int, ...] = (),
+    step: float = 1e-4,
+    bound: float = 1e-7,
+):
     """The last x0 is a difference of runs, but along the directions ``drop``."""
     found = fan.sensitivity(puppet, x, t_end=t_end)
     assert [event.kind for event in found.run.events] == events
@@ -98,8 +105,9 @@ def test_a_ball_that_bounces_by_complex_steps_through_its_closed_form():
     x = thrown(puppet, {"ball": 0.6}, {"ball": 0.2})
     found = fan.sensitivity(puppet, x, t_end=0.9)
     assert len(found.passages) == 2 and found.sharp
-    wanted = np.array([bounced(0.6 + 1e-30j * a, 0.2 + 1e-30j * b, 0.9, 0.6).imag / 1e-30
-                       for a, b in np.eye(2)]).T  # fmt: skip
+    wanted = np.array(
+        [bounced(0.6 + 1e-30j * a, 0.2 + 1e-30j * b, 0.9, 0.6).imag / 1e-30 for a, b in np.eye(2)]
+    ).T
     assert worst(found.x0[-1], wanted) < 1e-8
     first = found.passages[0]
     assert first.rows == ("ball|floor",)
@@ -219,8 +227,10 @@ def acrobat() -> tuple[fan.Marionette, fan.State, dict[str, list[tuple[float, fl
     puppet = fan.loads(ACROBAT)
     x = puppet.state({"body.z": 0.17, "leg": 0.3, "rope.length": 1.2})
     v_D = np.array([0.1, 0.05, 0.0, 0.1, 0.2, 0.1, 0.3, 0.2, -0.1, 0.3])
-    points = {"rope.length": [(0, 1.2), (0.1, 1.1), (0.5, 1.05)],
-              "tray.z": [(0, -0.02), (0.5, 0.08)]}  # fmt: skip
+    points = {
+        "rope.length": [(0, 1.2), (0.1, 1.1), (0.5, 1.05)],
+        "tray.z": [(0, -0.02), (0.5, 0.08)],
+    }
     return puppet, x.replace(v_D=v_D), points
 
 
@@ -269,9 +279,7 @@ def test_the_bundled_marionette_lifts_a_hand_while_it_stands():
     found = fan.sensitivity(puppet, x, lift(0.0), 0.1, along=along[1:])
     assert found.sharp and found.run.contact is not None and len(found.run.contact)
     base = last(puppet, x, 0.1, lift(0.0))
-    wanted = difference(
-        lambda d: tangent(puppet, base, last(puppet, x, 0.1, lift(d[0]))), 1, 1e-5
-    )
+    wanted = difference(lambda d: tangent(puppet, base, last(puppet, x, 0.1, lift(d[0]))), 1, 1e-5)
     assert worst(found.along[-1], wanted) < 1e-7
 
 

@@ -17,6 +17,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 DT = 0.002
 
+
 @dataclass(frozen=True)
 class Steps:
     """Of the differences by configurations, velocities, and accelerations and forces."""
@@ -67,14 +68,21 @@ def check_step(
             values = zip(puppet.tree.parameters.items(), p, strict=True)
             one = puppet.with_parameters({name: value + dp for (name, value), dp in values})
         there = x.replace(
-            q_D=moved(x.q_D, q_D, t.scalars_D, t.quaternions_D), v_D=x.v_D + v_D,
-            q_K=moved(x.q_K, q_K, t.scalars_K, t.quaternions_K), v_K=x.v_K + v_K,
-        )  # fmt: skip
+            q_D=moved(x.q_D, q_D, t.scalars_D, t.quaternions_D),
+            v_D=x.v_D + v_D,
+            q_K=moved(x.q_K, q_K, t.scalars_K, t.quaternions_K),
+            v_K=x.v_K + v_K,
+        )
         y, force = step(one, there, acc_K + acc, u_D + u, dt)
-        return np.concatenate([
-            apart(end.q_D, y.q_D, n, t.scalars_D, t.quaternions_D), y.v_D,
-            apart(end.q_K, y.q_K, k, t.scalars_K, t.quaternions_K), y.v_K, force.ravel(),
-        ])  # fmt: skip
+        return np.concatenate(
+            [
+                apart(end.q_D, y.q_D, n, t.scalars_D, t.quaternions_D),
+                y.v_D,
+                apart(end.q_K, y.q_K, k, t.scalars_K, t.quaternions_K),
+                y.v_K,
+                force.ravel(),
+            ]
+        )
 
     sizes = {"q_D": steps.q, "v_D": steps.v, "q_K": steps.q, "v_K": steps.v, "p": steps.q}
     of_state = np.concatenate([lin.A, lin.B, lin.B_u, lin.B_p], axis=1)
@@ -163,8 +171,11 @@ def test_a_box_slides_along_its_edge(box):
 
 def test_a_box_on_one_edge(box):
     angle = 0.3
-    tilted = {"body.z": 0.1 * np.sin(angle) + 0.05 * np.cos(angle), "body.qw": np.cos(angle / 2),
-              "body.qy": np.sin(angle / 2)}  # fmt: skip
+    tilted = {
+        "body.z": 0.1 * np.sin(angle) + 0.05 * np.cos(angle),
+        "body.qw": np.cos(angle / 2),
+        "body.qy": np.sin(angle / 2),
+    }
     slides = {"body.x": 0.5, "body.y": 0.1, "body.wy": 1.0}
     check_step(box, thrown(box, tilted, slides), ["slide"] * 2)
 
@@ -193,9 +204,7 @@ def test_boxes_stacked_and_logs_that_lie_on_one_another():
     stack = fan.loads(STACK)
     check_step(stack, stack.state({"a.z": 0.05, "b.z": 0.15}), ["stick"] * 8, steps=flat)
     logs = fan.loads(LOGS)
-    x = thrown(
-        logs, {"a.z": 0.03, "b.z": 0.1, "b.x": 0.05}, {"b.x": 0.1, "b.wx": 0.2, "b.wz": 0.1}
-    )
+    x = thrown(logs, {"a.z": 0.03, "b.z": 0.1, "b.x": 0.05}, {"b.x": 0.1, "b.wx": 0.2, "b.wz": 0.1})
     modes = ["stick", "stick", "slide", "slide"]
     check_step(logs, x, modes, steps=flat)
 
@@ -206,8 +215,9 @@ def test_a_mesh_on_its_facet(tmp_path):
     points = np.array([*ground, [0, 0, 0.1], [0, 0.2, 0.1]])
     mesh = trimesh.convex.convex_hull(points)
     (tmp_path / "wedge.obj").write_text(mesh.export(file_type="obj", digits=17))
-    text = BOX.replace("{type: box, size: [0.2, 0.3, 0.1], mass: 1}",
-                       "{type: mesh, file: wedge.obj, mass: 1}")  # fmt: skip
+    text = BOX.replace(
+        "{type: box, size: [0.2, 0.3, 0.1], mass: 1}", "{type: mesh, file: wedge.obj, mass: 1}"
+    )
     (tmp_path / "wedge.yaml").write_text(text)
     wedge = fan.load(tmp_path / "wedge.yaml")
     x = wedge.state({"body.z": 0.0})

@@ -125,9 +125,11 @@ pose: {ball.x: 0.05, ball.y: 0.01, ball.z: 0.25, ring.x: 0.29, ring.z: 0.15}
 def test_a_dented_mesh_in_lanes_and_in_a_scene_of_two(tmp_path):
     """Batches move it as single runs do; a second body has its own pieces."""
     thing = scene(
-        tmp_path, hook(), WALL,
+        tmp_path,
+        hook(),
+        WALL,
         more="- {name: other, joint: {type: free}, shapes: [" + MESH + "]}\n",
-    )  # fmt: skip
+    )
     assert len(thing.model.contacts.hulls) == 6
     method = fan.TimeStepping(dt=1e-3)
     starts = [

@@ -55,9 +55,10 @@ def test_a_block_pushed_up_a_steep_slope_turns_and_slides_back():
     """Friction reverses where the block does, which is an event."""
     slope, mu, v = 0.5, 0.3, 2.0
     run = fan.simulate(
-        on_slope(slope, mu), thrown(on_slope(slope, mu), {"body.z": 0.05}, {"body.x": -v}),
+        on_slope(slope, mu),
+        thrown(on_slope(slope, mu), {"body.z": 0.05}, {"body.x": -v}),
         t_end=1.5,
-    )  # fmt: skip
+    )
     sound(run)
     up, down = (G * (np.sin(slope) + sign * mu * np.cos(slope)) for sign in (1, -1))
     first, back = of(run, "slide")
@@ -147,10 +148,13 @@ bodies:
   mass: 1
   inertia: [0.083333333333333333, 0.083333333333333333, 1.0e-6]
 """)
-    x0 = marionette.state({
-        "rod.x": 0.5 * np.sin(start), "rod.z": 0.5 * np.cos(start) + r,
-        "rod.rotation": (np.cos(start / 2), 0.0, np.sin(start / 2), 0.0),
-    })  # fmt: skip
+    x0 = marionette.state(
+        {
+            "rod.x": 0.5 * np.sin(start),
+            "rod.z": 0.5 * np.cos(start) + r,
+            "rod.rotation": (np.cos(start / 2), 0.0, np.sin(start / 2), 0.0),
+        }
+    )
     run = fan.simulate(marionette, x0, t_end=2.4)
     assert run.status is Status.DONE
     slide = of(run, "slide")[0]
@@ -286,10 +290,13 @@ bodies:
     lean = 0.6
     x0 = thrown(
         marionette,
-        {"rod.x": -0.5 * np.sin(lean), "rod.z": 0.5 * np.cos(lean) + 0.001,
-         "rod.rotation": (np.cos(lean / 2), 0.0, -np.sin(lean / 2), 0.0)},
+        {
+            "rod.x": -0.5 * np.sin(lean),
+            "rod.z": 0.5 * np.cos(lean) + 0.001,
+            "rod.rotation": (np.cos(lean / 2), 0.0, -np.sin(lean / 2), 0.0),
+        },
         {"rod.x": 3.0},
-    )  # fmt: skip
+    )
     run = fan.simulate(marionette, x0, t_end=1.0, throw=False)
     assert run.status is Status.NO_UNIQUE_MOTION
     with pytest.raises(fan.SimulationError, match="Painlev"):

@@ -65,10 +65,17 @@ def moved_alike(run: fan.Trajectory, other: fan.Trajectory) -> None:
     assert np.max(np.abs(run.v_D[-1] - other.v_D[-1])) < 10 * CLOSE
 
 
-@pytest.mark.parametrize(("yaw", "mu", "over", "speed"), [
-    (0.4, 0.5, 0.02, 0.0), (0.4, 0.2, 0.0, 0.5), (0.0, 0.3, -0.1, 1.5), (0.4, 0.0, -0.1, 1.5),
-    (0.7, 0.3, -0.05, 3.0), (0.3, 0.5, -0.1, 1.5),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("yaw", "mu", "over", "speed"),
+    [
+        (0.4, 0.5, 0.02, 0.0),
+        (0.4, 0.2, 0.0, 0.5),
+        (0.0, 0.3, -0.1, 1.5),
+        (0.4, 0.0, -0.1, 1.5),
+        (0.7, 0.3, -0.05, 3.0),
+        (0.3, 0.5, -0.1, 1.5),
+    ],
+)
 def test_a_box_as_a_mesh_tips_over_an_edge_as_the_box_does(tmp_path, yaw, mu, over, speed):
     """Whichever of box and table is the mesh; faces, two edges, then corners that leave them."""
     turn = (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
@@ -85,26 +92,31 @@ def test_a_box_as_a_mesh_tips_over_an_edge_as_the_box_does(tmp_path, yaw, mu, ov
 ROUND = {
     "ball": ("type: sphere, radius: 0.05", {"x": -0.1, "z": 0.05}, {"x": 0.5, "wy": 10.0}),
     "ball at a corner": (
-        "type: sphere, radius: 0.05", {"x": -0.02, "y": 0.49, "z": 0.05},
+        "type: sphere, radius: 0.05",
+        {"x": -0.02, "y": 0.49, "z": 0.05},
         {"x": 0.2, "y": 0.1, "wy": 4.0, "wx": -2.0},
     ),
     "rod along": (
         "type: capsule, from: [-0.1, 0, 0], to: [0.1, 0, 0], radius: 0.03",
-        {"x": -0.1, "z": 0.03}, {"x": 1.0},
+        {"x": -0.1, "z": 0.03},
+        {"x": 1.0},
     ),
     "rod askew": (
         "type: capsule, from: [0.01, -0.1, 0], to: [-0.01, 0.1, 0], radius: 0.03",
-        {"x": -0.1, "z": 0.03}, {"x": 0.6, "wy": 20.0},
+        {"x": -0.1, "z": 0.03},
+        {"x": 0.6, "wy": 20.0},
     ),
     "rod on its end": (
         "type: capsule, from: [-0.1, 0, 0.01], to: [0.1, 0, -0.01], radius: 0.03",
-        {"x": -0.05, "z": 0.0412}, {"x": 0.8},
+        {"x": -0.05, "z": 0.0412},
+        {"x": 0.8},
     ),
     "egg": (
-        "type: ellipsoid, radii: [0.06, 0.05, 0.04]", {"x": -0.1, "z": 0.04},
+        "type: ellipsoid, radii: [0.06, 0.05, 0.04]",
+        {"x": -0.1, "z": 0.04},
         {"x": 0.6, "wy": 8.0},
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", ROUND)
@@ -115,9 +127,10 @@ def test_round_solids_pass_over_the_edge_of_a_mesh_as_over_that_of_a_box(tmp_pat
     for is_mesh in (False, True):
         thing = over_edge(tmp_path, shape, 0.5, is_mesh)
         x0 = thrown(
-            thing, {f"body.{k}": x for k, x in place.items()},
+            thing,
+            {f"body.{k}": x for k, x in place.items()},
             {f"body.{k}": x for k, x in speed.items()},
-        )  # fmt: skip
+        )
         runs.append(fan.simulate(thing, x0, t_end=0.4))
         sound(runs[-1])
     moved_alike(*runs)
@@ -158,17 +171,20 @@ bodies:
     # On the edge ahead, tipped by `start` from lying on the face behind it.
     half, inertia, start = np.pi / n, side + R**2, 0.35
     lean = start - half  # of the line from the edge to the middle, from the slope's normal
-    x0 = thing.state({
-        "body.x": R * np.sin(lean), "body.z": R * np.cos(lean),
-        "body.rotation": (np.cos(start / 2), 0.0, np.sin(start / 2), 0.0),
-    })  # fmt: skip
+    x0 = thing.state(
+        {
+            "body.x": R * np.sin(lean),
+            "body.z": R * np.cos(lean),
+            "body.rotation": (np.cos(start / 2), 0.0, np.sin(start / 2), 0.0),
+        }
+    )
     speed = 1.0
     x0 = thrown(
         thing,
         {name: float(x) for name, x in zip(thing.coordinates.q_D[:3], x0.q_D[:3], strict=True)}
         | {"body.rotation": tuple(float(x) for x in x0.q_D[3:])},
         {"body.x": speed * R * np.cos(lean), "body.z": -speed * R * np.sin(lean), "body.wy": speed},
-    )  # fmt: skip
+    )
     t_end = 1.2
     run = fan.simulate(thing, x0, t_end=t_end)
     sound(run)
@@ -180,9 +196,14 @@ bodies:
     t, y, times, spins, rolled = 0.0, [lean, speed], [], [], 0
     while t < t_end:
         piece = solve_ivp(
-            lambda t, y: [y[1], G * R * np.sin(y[0] + slope) / inertia], (t, t_end), y,
-            method="DOP853", rtol=1e-12, atol=1e-12, events=lands,
-        )  # fmt: skip
+            lambda t, y: [y[1], G * R * np.sin(y[0] + slope) / inertia],
+            (t, t_end),
+            y,
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+            events=lands,
+        )
         t, y = piece.t[-1], piece.y[:, -1]
         if piece.status == 1:
             times.append(t)
@@ -222,9 +243,13 @@ bodies:
         lean[0] * first[0] - lean[1:] @ first[1:],
         (lean[0] * first[1:] + first[0] * lean[1:] + np.cross(lean[1:], first[1:])),
     )
-    x0 = thing.state({
-        "body.y": -arm * np.sin(start), "body.z": arm * np.cos(start), "body.rotation": (w, x, y, z)
-    })  # fmt: skip
+    x0 = thing.state(
+        {
+            "body.y": -arm * np.sin(start),
+            "body.z": arm * np.cos(start),
+            "body.rotation": (w, x, y, z),
+        }
+    )
     run = fan.simulate(thing, x0, t_end=1.5)
     sound(run)
     falls = 0.5 * np.pi - np.arcsin(a / np.sqrt(3) / arm)  # where the middle is over the facet
@@ -234,9 +259,12 @@ bodies:
 
     # The start is a root of the speed: angle = start + s^2.
     exact, _ = quad(
-        lambda s: 2 * s / np.sqrt(squared(start + s**2)), 0, np.sqrt(falls - start),
-        epsabs=1e-13, epsrel=1e-13,
-    )  # fmt: skip
+        lambda s: 2 * s / np.sqrt(squared(start + s**2)),
+        0,
+        np.sqrt(falls - start),
+        epsabs=1e-13,
+        epsrel=1e-13,
+    )
     touch = next(event for event in run.events if event.kind == "touch")
     assert abs(touch.t - exact) < CLOSE
     # The corner that lands is the facet's height away from the edge.
@@ -249,15 +277,21 @@ def test_a_plank_that_falls_first_slips_where_its_forces_leave_the_cone(tmp_path
     """About its lower edge, at l from the middle: |F| = mu N, both from the energy, is a root."""
     size, start = (0.02, 0.2, 1.0), 0.03
     thing = over_edge(
-        tmp_path, block(tmp_path, size, True), mu, is_mesh,
+        tmp_path,
+        block(tmp_path, size, True),
+        mu,
+        is_mesh,
         ", mass: 1, com: [0, 0, 0], inertia: [0.09, 0.08, 0.01]",
-    )  # fmt: skip
+    )
     arm, own = 0.5 * np.hypot(size[0], size[2]), np.arctan(size[0] / size[2])
     turned = start + own
-    x0 = thing.state({
-        "body.x": -0.4 + arm * np.sin(start), "body.z": arm * np.cos(start),
-        "body.rotation": (np.cos(turned / 2), 0.0, np.sin(turned / 2), 0.0),
-    })  # fmt: skip
+    x0 = thing.state(
+        {
+            "body.x": -0.4 + arm * np.sin(start),
+            "body.z": arm * np.cos(start),
+            "body.rotation": (np.cos(turned / 2), 0.0, np.sin(turned / 2), 0.0),
+        }
+    )
     run = fan.simulate(thing, x0, t_end=1.5)
     assert run.status is Status.DONE
     slide = next(event for event in run.events if event.kind == "slide")

@@ -146,9 +146,10 @@ def test_a_rolling_ball_that_its_winch_catches_comes_to_rest_in_a_slipping_phase
     most, v, start = 2.0, 1.5, 0.3
     ball = pulled(most, "sphere")
     x0 = thrown(
-        ball, {"body.z": 0.1, "body.x": 1.0, "rope.length": 1.0 + start},
+        ball,
+        {"body.z": 0.1, "body.x": 1.0, "rope.length": 1.0 + start},
         {"body.x": -v, "body.wy": -v / 0.1},
-    )  # fmt: skip
+    )
     run = fan.simulate(ball, x0, t_end=2.0)
     sound(run, 1e-10)
     assert kinds(run)[:3] == ["catch", "slip", "grip"]
@@ -167,9 +168,7 @@ def test_a_ball_thrown_sliding_is_caught_while_it_slides():
     """v' = -mu g - max / m from the catch on, until the ball rolls."""
     most, v, start = 2.0, 2.0, 0.05
     ball = pulled(most, "sphere")
-    x0 = thrown(
-        ball, {"body.z": 0.1, "body.x": 1.0, "rope.length": 1.0 + start}, {"body.x": -v}
-    )
+    x0 = thrown(ball, {"body.z": 0.1, "body.x": 1.0, "rope.length": 1.0 + start}, {"body.x": -v})
     run = fan.simulate(ball, x0, t_end=0.4)
     sound(run, 1e-11)
     catch = brentq(lambda t: v * t - MU * G * t**2 / 2 - start, 0.0, 0.1, xtol=1e-15)
@@ -193,9 +192,14 @@ def with_winches(text: str, ends: list[list[float]]) -> fan.Marionette:
 
 
 def wound_in(
-    made: fan.Marionette, rng: np.random.Generator, place: dict[str, float],
-    low: list[float], high: list[float], most: float, ways: list[tuple[float, float, float]],
-) -> tuple[fan.Marionette, fan.State, fan.Input]:  # fmt: skip
+    made: fan.Marionette,
+    rng: np.random.Generator,
+    place: dict[str, float],
+    low: list[float],
+    high: list[float],
+    most: float,
+    ways: list[tuple[float, float, float]],
+) -> tuple[fan.Marionette, fan.State, fan.Input]:
     """The puppet with random winches between two corners, ropes a little slack, and their inputs.
 
     Args:
@@ -242,9 +246,14 @@ strings:""",
     for seed in range(12):
         rng = np.random.default_rng(seed)
         block, x0, wind = wound_in(
-            made, rng, {"a.z": 0.05}, [0.7, -0.6, 0.05], [1.2, 0.6, 0.4], 8.0,
+            made,
+            rng,
+            {"a.z": 0.05},
+            [0.7, -0.6, 0.05],
+            [1.2, 0.6, 0.4],
+            8.0,
             [(0.3, 0.05, 0.25), (0.7, 0.0, 0.4)],
-        )  # fmt: skip
+        )
         run = fan.simulate(block, x0, wind, t_end=0.8)
         sound(run)
         moved += {"catch", "slip", "grip", "slide"} <= set(kinds(run))
@@ -276,9 +285,14 @@ strings:""",
     for seed in range(8):
         rng = np.random.default_rng(seed)
         hung, x0, wind = wound_in(
-            made, rng, {"a.z": 0.4, "b.x": -0.35, "b.z": 0.1}, [-0.6, -0.6, 0.8], [0.6, 0.6, 1.2],
-            15.0, [(0.4, 0.0, 0.3), (0.8, -0.5, 0.0)],
-        )  # fmt: skip
+            made,
+            rng,
+            {"a.z": 0.4, "b.x": -0.35, "b.z": 0.1},
+            [-0.6, -0.6, 0.8],
+            [0.6, 0.6, 1.2],
+            15.0,
+            [(0.4, 0.0, 0.3), (0.8, -0.5, 0.0)],
+        )
         run = fan.simulate(hung, x0, wind, t_end=1.0)
         sound(run, 1e-8)
         met += {"slip", "touch"} <= set(kinds(run))

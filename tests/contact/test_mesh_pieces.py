@@ -69,9 +69,7 @@ def test_it_lands_slides_and_rests_as_the_boxes_do(both):
     """Dropped turned, so that a leg lands first; it slides to the post and comes to rest."""
     runs = []
     for model in both:
-        x0 = thrown(
-            model, {"body.z": 0.12}, {"body.x": 0.8, "body.wy": 0.6, "body.wx": 0.3}
-        )  # fmt: skip
+        x0 = thrown(model, {"body.z": 0.12}, {"body.x": 0.8, "body.wy": 0.6, "body.wx": 0.3})
         runs.append(stepped(model, x0, 1.0, 1e-3))
     boxes, mesh = runs
     landed = np.max(boxes.q_D[:, 2]) - np.min(boxes.q_D[:, 2])

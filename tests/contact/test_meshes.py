@@ -36,9 +36,14 @@ def hulled(points: np.ndarray) -> trimesh.Trimesh:
 
 
 def body(
-    folder: Path, mesh: trimesh.Trimesh, *, shape: str = MESH, friction: float = 0.5,
-    gravity: tuple[float, ...] = (0.0, 0.0, -9.81), more: str = "",
-) -> fan.Marionette:  # fmt: skip
+    folder: Path,
+    mesh: trimesh.Trimesh,
+    *,
+    shape: str = MESH,
+    friction: float = 0.5,
+    gravity: tuple[float, ...] = (0.0, 0.0, -9.81),
+    more: str = "",
+) -> fan.Marionette:
     """A free body with a shape, which may be the mesh ``thing.obj``."""
     (folder / "thing.obj").write_text(mesh.export(file_type="obj", digits=17))
     text = BODY.replace("SHAPE", shape).replace("FRICTION", str(friction))
@@ -52,11 +57,13 @@ def lowest(q_D: np.ndarray, points: np.ndarray) -> np.ndarray:
     found = []
     for q in q_D:
         w, x, y, z = q[3:7]
-        R = np.array([
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ])  # fmt: skip
+        R = np.array(
+            [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+            ]
+        )
         found.append(np.sort((points @ R.T + q[:3])[:, 2]))
     return np.array(found)
 
@@ -72,9 +79,7 @@ def test_a_box_as_a_mesh_slides_and_rests_as_the_box(tmp_path, friction):
     post = "obstacles: [{name: post, type: box, size: [0.1, 1, 0.2], at: [0.4, 0, 0]}]\n"
     runs = []
     for shape in ("{type: box, size: [0.2, 0.3, 0.1], mass: 1}", MESH):
-        thing = body(
-            tmp_path, BOX, shape=shape, friction=friction, gravity=gravity, more=post
-        )  # fmt: skip
+        thing = body(tmp_path, BOX, shape=shape, friction=friction, gravity=gravity, more=post)
         x0 = thrown(thing, {"body.z": 0.051}, {"body.x": 0.4})
         runs.append(stepped(thing, x0, 0.6, 1e-3))
     box, mesh = runs
@@ -107,9 +112,11 @@ def test_a_wedge_holds_a_block_that_its_friction_holds(tmp_path):
     cube = trimesh.creation.box((0.06, 0.06, 0.06))
     for friction, slides in ((0.3, False), (0.2, True)):
         thing = body(
-            tmp_path, cube, friction=friction,
+            tmp_path,
+            cube,
+            friction=friction,
             more="obstacles: [{name: ramp, type: mesh, file: wedge.obj}]\n",
-        )  # fmt: skip
+        )
         up = np.array([np.sin(angle), 0.0, np.cos(angle)])
         middle = np.array([0.2, 0.1, 0.05]) + 0.03 * up
         place = {"body.x": middle[0], "body.y": middle[1], "body.z": middle[2]}
@@ -153,11 +160,12 @@ def test_meshes_meet_one_another_and_other_shapes(tmp_path):
         "crate": ("{type: box, size: [0.1, 0.1, 0.1], mass: 0.5}", [-0.2, 0.2, 0.16], 0.15),
         "rod": (
             "{type: capsule, from: [-0.05, 0, 0], to: [0.05, 0, 0], radius: 0.03, mass: 0.3}",
-            [0.0, -0.2, 0.14], 0.13,
+            [0.0, -0.2, 0.14],
+            0.13,
         ),
         "egg": ("{type: ellipsoid, radii: [0.08, 0.06, 0.03], mass: 0.3}", [0, 0, 0.14], 0.13),
         "ball": ("{type: sphere, radius: 0.03, mass: 0.3}", [0.2, -0.2, 0.14], 0.13),
-    }  # fmt: skip
+    }
     bodies, pose = "", []
     for name, (shape, at, _) in things.items():
         bodies += f"- {{name: {name}, joint: {{type: free}}, shapes: [{shape}]}}\n"
@@ -204,9 +212,11 @@ def test_a_box_as_an_obstacle_holds_what_stands_on_it(tmp_path):
 def refused(folder: Path, mesh: trimesh.Trimesh, text: str, *, more: str = "") -> None:
     """A mesh that is drawn, on a body with a mass of its own."""
     thing = body(
-        folder, mesh, shape="{type: sphere, radius: 0.1, mass: 1}, {type: mesh, file: thing.obj}",
+        folder,
+        mesh,
+        shape="{type: sphere, radius: 0.1, mass: 1}, {type: mesh, file: thing.obj}",
         more=more,
-    )  # fmt: skip
+    )
     with pytest.raises(PuppetError) as error:
         _ = thing.model.contacts
     assert text in str(error.value)

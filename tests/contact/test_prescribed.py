@@ -71,8 +71,12 @@ def test_driven_bodies_that_pass_through_one_another_or_a_thin_wall_are_reported
     made = run(hands, through, method)
     assert made.status is Status.OVERSTEPPED
     assert [kind for kind, _ in pair_events(made, "ball|wall")] == ["touch", "lift"]
-    met = moved(hands, ball_x=[(0, 0.5), (0.5, 0.0)], ball_z=[(0, 1.2), (0.5, 1.2)],
-                box_z=[(0, 0.5), (0.5, 1.2)])  # fmt: skip
+    met = moved(
+        hands,
+        ball_x=[(0, 0.5), (0.5, 0.0)],
+        ball_z=[(0, 1.2), (0.5, 1.2)],
+        box_z=[(0, 0.5), (0.5, 1.2)],
+    )
     made = run(hands, met, method)
     assert made.status is Status.OVERSTEPPED
     assert {e.name for e in made.events} >= {"ball|box"}

@@ -108,9 +108,11 @@ def step_differences(puppet: fan.Marionette, x: fan.State, d: np.ndarray, size: 
     def end(s: float) -> fan.State:
         q_D, v_D, q_K, v_K, acc, u = np.split(s * size * d, places)
         there = x.replace(
-            q_D=moved(x.q_D, q_D, t.scalars_D, t.quaternions_D), v_D=x.v_D + v_D,
-            q_K=moved(x.q_K, q_K, t.scalars_K, t.quaternions_K), v_K=x.v_K + v_K,
-        )  # fmt: skip
+            q_D=moved(x.q_D, q_D, t.scalars_D, t.quaternions_D),
+            v_D=x.v_D + v_D,
+            q_K=moved(x.q_K, q_K, t.scalars_K, t.quaternions_K),
+            v_K=x.v_K + v_K,
+        )
         return puppet.stepper(there, fan.TimeStepping(dt=dt)).advance(dt, acc, u_D=u)
 
     def apart_by(s: float) -> np.ndarray:
@@ -192,9 +194,10 @@ def test_rollouts_of_a_puppet_on_both_feet_have_gradients(stool):
     dq = 1e-8 * rng.normal(size=t.n_vD)
     dq[t.v_D.index("hip_left.wx")] = dq[t.v_D.index("hip_right.wx")]
     changes = {
-        "q_D": dq, "v_D": 1e-6 * rng.normal(size=t.n_vD),
+        "q_D": dq,
+        "v_D": 1e-6 * rng.normal(size=t.n_vD),
         "u_D": 1e-3 * rng.normal(size=(12, t.n_vD)),
-    }  # fmt: skip
+    }
     gradient_of_last(stool, stool.state(), 12, changes)
 
 
@@ -203,7 +206,8 @@ def test_rollouts_of_the_standing_marionette_have_gradients(promenade):
     t, rng = promenade.coordinates, np.random.default_rng(2)
     others = np.array(["shoulder" not in name for name in t.v_K])
     changes = {
-        "v_D": 1e-7 * rng.normal(size=t.n_vD), "u_D": 1e-5 * rng.normal(size=(12, t.n_vD)),
+        "v_D": 1e-7 * rng.normal(size=t.n_vD),
+        "u_D": 1e-5 * rng.normal(size=(12, t.n_vD)),
         "acc_K": 1e-4 * others * rng.normal(size=(12, t.n_vK)),
-    }  # fmt: skip
+    }
     gradient_of_last(promenade, promenade.rest(), 12, changes)

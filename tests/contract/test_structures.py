@@ -54,8 +54,10 @@ def test_the_header_has_the_constants_of_python():
         assert f"  static constexpr double {name} = {float(x)!r};" in header()
     tolerances = active_set.ROW_TOLERANCES
     assert (tolerances.closed_gap, tolerances.start_gap, tolerances.rest_speed) == (
-        CONSTANTS["closed_gap"], CONSTANTS["start_gap"], CONSTANTS["rest_speed"]
-    )  # fmt: skip
+        CONSTANTS["closed_gap"],
+        CONSTANTS["start_gap"],
+        CONSTANTS["rest_speed"],
+    )
     arm = arm2d().model
     assert arm.tension_cap == CONSTANTS["tension_cap"] * arm.weight
 
@@ -64,9 +66,11 @@ def test_no_other_header_repeats_them():
     """The size of forces in the runtime undid the 1e5 of Python with a 1e-5 of its own."""
     owners = {
         "event/flow.hpp": ("closed_gap", "least_length", "tension_cap"),
-        "event/instants.hpp": ("start_gap",), "event/attempts.hpp": ("rest_speed",),
-        "model/winch.hpp": ("winch_deceleration",), "collision/hull.hpp": ("hull_vertices",),
-    }  # fmt: skip
+        "event/instants.hpp": ("start_gap",),
+        "event/attempts.hpp": ("rest_speed",),
+        "model/winch.hpp": ("winch_deceleration",),
+        "collision/hull.hpp": ("hull_vertices",),
+    }
     assert sorted(name for names in owners.values() for name in names) == sorted(CONSTANTS)
     for file, names in owners.items():
         text = (runtime_folder() / "fantoccini" / file).read_text(encoding="utf-8")

@@ -189,9 +189,15 @@ def hull_words(hull: Hull) -> list[float]:
     """A hull as the program reads it."""
     counts = len(hull.vertices), len(hull.planes), len(hull.edges), len(hull.corners)
     arrays = (
-        hull.vertices, hull.planes, hull.begins, hull.corners, hull.sides, hull.edges,
-        hull.around_begins, hull.around,
-    )  # fmt: skip
+        hull.vertices,
+        hull.planes,
+        hull.begins,
+        hull.corners,
+        hull.sides,
+        hull.edges,
+        hull.around_begins,
+        hull.around,
+    )
     radii = (float(np.min(hull.planes[:, 3])), hull.outer)
     return [*counts, *radii, *(float(w) for a in arrays for w in np.ravel(a))]
 
@@ -249,9 +255,7 @@ def _coal_hull(hull: Hull) -> Any:
     return coal.Convex(points, triangles)
 
 
-def polytope(
-    points: ArrayLike, at: ArrayLike = (0, 0, 0), turn: Rotation | None = None
-) -> Placed:
+def polytope(points: ArrayLike, at: ArrayLike = (0, 0, 0), turn: Rotation | None = None) -> Placed:
     """The convex hull of points, turned about the origin and shifted."""
     made = hull_of(np.asarray(points, float))
     R = np.eye(3) if turn is None else turn.as_matrix()

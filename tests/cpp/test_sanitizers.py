@@ -42,9 +42,19 @@ def words(
     chosen = [float(getattr(options, name)) for name in names]
     winches = np.minimum(marionette.winches if winches is None else winches, 1e300)
     parts = [
-        [event, x0.t, t_end, twice, *chosen], x0.q_D, x0.v_D, x0.slip, marionette.p, winches,
-        [len(bound.coef)], bound.breaks, bound.coef, bound.base, [len(save_at)], save_at,
-    ]  # fmt: skip
+        [event, x0.t, t_end, twice, *chosen],
+        x0.q_D,
+        x0.v_D,
+        x0.slip,
+        marionette.p,
+        winches,
+        [len(bound.coef)],
+        bound.breaks,
+        bound.coef,
+        bound.base,
+        [len(save_at)],
+        save_at,
+    ]
     return "\n".join(repr(float(x)) for part in parts for x in np.ravel(part))
 
 
@@ -92,9 +102,15 @@ def test_a_run_with_winches_that_slip_and_strings_that_bounce(puppet, event):
     runs = {}
     for saved in (False, True):
         fed = words(
-            marionette, x0, inputs, event=event, t_end=1.0, twice=True, winches=winches,
+            marionette,
+            x0,
+            inputs,
+            event=event,
+            t_end=1.0,
+            twice=True,
+            winches=winches,
             save_at=np.linspace(0.0, 1.0, 51) if saved else (),
-        )  # fmt: skip
+        )
         runs[saved] = found = numbers(run_program(program, fed))
         assert found["status"] == 0
         assert found["finite"] == 1

@@ -38,11 +38,7 @@ ACROSS = Rotation.from_euler("y", 90, degrees=True)
 
 # Two solids that lie on one another, and how many points they have.
 LYING: dict[str, tuple[Placed, Placed, int]] = {
-    "box on plane": (
-        box([0.3, 0, 0.0499], [0.2, 0.1, 0.05]),
-        half_space([0, 0, 0], [0, 0, 1]),
-        4,
-    ),
+    "box on plane": (box([0.3, 0, 0.0499], [0.2, 0.1, 0.05]), half_space([0, 0, 0], [0, 0, 1]), 4),
     "plate on plane": (
         box([0.3, 0, 0], [0.2, 0.1, 0], Rotation.from_euler("x", 180, degrees=True)),
         half_space([0, 0, 0], [0, 0, 1]),
@@ -114,7 +110,7 @@ LYING: dict[str, tuple[Placed, Placed, int]] = {
         half_space([0, 0, 0], [0, 0, 1]),
         1,
     ),
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -230,17 +226,25 @@ def test_closed_forms(program: Path) -> None:
         (
             capsule([-1, 0, 0.3], [1, 0, 0.3], 0.1),
             capsule([0.2, -1, 0], [0.2, 1, 0], 0.16),
-            [0.2, 0, 0.18], [0, 0, 1], 0.04,
+            [0.2, 0, 0.18],
+            [0, 0, 1],
+            0.04,
         ),
         (
-            ellipsoid([0, 0, 1.3], [0.3, 0.1, 0.1], tilted), plane,
-            [beside, 0, 1], [0, 0, 1], 0.3 - low,
+            ellipsoid([0, 0, 1.3], [0.3, 0.1, 0.1], tilted),
+            plane,
+            [beside, 0, 1],
+            [0, 0, 1],
+            0.3 - low,
         ),
         (
-            ellipsoid([0, 0, 0.25], [0.3, 0.2, 0.1]), sphere([0, 0, 0], 0.12),
-            [0, 0, 0.135], [0, 0, 1], 0.03,
+            ellipsoid([0, 0, 0.25], [0.3, 0.2, 0.1]),
+            sphere([0, 0, 0], 0.12),
+            [0, 0, 0.135],
+            [0, 0, 1],
+            0.03,
         ),
-    ]  # fmt: skip
+    ]
     found = touches(program, [(x, y) for x, y, *_ in cases], 0.2)
     for pair, (_, _, point, normal, gap) in zip(found, cases, strict=True):
         (t,) = pair.touches
@@ -339,15 +343,11 @@ def sweeps() -> dict[str, list[tuple[Placed, Placed]]]:
     )
     angles = np.linspace(0, 0.1, 801)
     return {
-        "yaw on a capsule": [
-            (rod.turned(Rotation.from_euler("z", a)), log) for a in angles
-        ],
+        "yaw on a capsule": [(rod.turned(Rotation.from_euler("z", a)), log) for a in angles],
         "pitch on a capsule": [
             (rod.turned(Rotation.from_euler("y", a)).moved([0, 0, 0.15 * a]), log) for a in angles
         ],
-        "end to end": [
-            (rod.moved([s, 0, 0]), log) for s in np.linspace(0.3, 0.4, 801)
-        ],
+        "end to end": [(rod.moved([s, 0, 0]), log) for s in np.linspace(0.3, 0.4, 801)],
         "over a box's edge": [
             (rod.turned(Rotation.from_euler("y", a)).moved([0.1, 0.03, 0.035 + 0.1 * a]), block)
             for a in angles
@@ -355,7 +355,7 @@ def sweeps() -> dict[str, list[tuple[Placed, Placed]]]:
         "off a box's edge": [
             (rod.moved([0.1, s, 0.03]), block) for s in np.linspace(0.08, 0.12, 801)
         ],
-    }  # fmt: skip
+    }
 
 
 def test_points_slide_from_lying_to_crossing(program: Path) -> None:

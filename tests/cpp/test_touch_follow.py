@@ -18,8 +18,11 @@ ALONG, BEYOND = 1, -1
 
 PAIRS = [
     *itertools.combinations_with_replacement(("capsule", "box", "hull"), 2),
-    ("sphere", "box"), ("sphere", "hull"), ("box", "half-space"), ("hull", "half-space"),
-]  # fmt: skip
+    ("sphere", "box"),
+    ("sphere", "hull"),
+    ("box", "half-space"),
+    ("hull", "half-space"),
+]
 
 
 @pytest.fixture(scope="module")

@@ -158,7 +158,8 @@ LYING: dict[str, tuple[Placed, Placed]] = {
     ),
     "on its corner": (
         box(
-            [0, 0, 0.1 * 3**0.5 - 1e-4], [0.1] * 3,
+            [0, 0, 0.1 * 3**0.5 - 1e-4],
+            [0.1] * 3,
             Rotation.align_vectors([[0, 0, 1]], [[1, 1, 1]])[0],
         ),
         box([0, 0, -0.1], [0.4, 0.4, 0.1]),
@@ -176,23 +177,27 @@ LYING: dict[str, tuple[Placed, Placed]] = {
         box([0, 0, -0.05], [0.1, 0.1, 0.05]),
     ),
     "under a capsule": (
-        box([0, 0, 0], [0.2, 0.1, 0.05]), capsule([-0.1, 0.02, 0.0799], [0.1, 0.02, 0.0799], 0.03)
+        box([0, 0, 0], [0.2, 0.1, 0.05]),
+        capsule([-0.1, 0.02, 0.0799], [0.1, 0.02, 0.0799], 0.03),
     ),
     "under a capsule over the edge": (
-        box([0, 0, 0], [0.2, 0.1, 0.05]), capsule([-0.1, 0.02, 0.0801], [0.4, 0.05, 0.0801], 0.03)
+        box([0, 0, 0], [0.2, 0.1, 0.05]),
+        capsule([-0.1, 0.02, 0.0801], [0.4, 0.05, 0.0801], 0.03),
     ),
     "along a capsule": (
         box([0, 0, 0], [0.2, 0.1, 0.05]),
         capsule([-0.1, 0.1201, 0.0701], [0.3, 0.1201, 0.0701], 0.03),
     ),
     "in a capsule": (
-        box([0, 0, 0], [0.2, 0.1, 0.05]), capsule([-0.1, 0.02, 0.045], [0.1, 0.02, 0.045], 0.03)
+        box([0, 0, 0], [0.2, 0.1, 0.05]),
+        capsule([-0.1, 0.02, 0.045], [0.1, 0.02, 0.045], 0.03),
     ),
     "in a sphere": (box([0, 0, 0], [0.2, 0.1, 0.05]), sphere([0.05, 0.02, 0.04], 0.03)),
     "under an ellipsoid": (
-        box([0, 0, 0], [0.3, 0.2, 0.05]), ellipsoid([0.05, 0.02, 0.0999], [0.1, 0.08, 0.05])
+        box([0, 0, 0], [0.3, 0.2, 0.05]),
+        ellipsoid([0.05, 0.02, 0.0999], [0.1, 0.08, 0.05]),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", LYING)
@@ -212,12 +217,14 @@ RESTING: dict[str, tuple[Placed, Placed]] = {
     "tetrahedron": (polytope(SHAPES["tetrahedron"], [0, 0, -1e-5]), PLANE),
     "prism on a plane": (polytope(prism(40), [0, 0, 0.05]), PLANE),
     "prism on a prism": (
-        polytope(prism(40), [0.03, 0.01, 0.05]), polytope(prism(30), [0, 0, -0.05])
+        polytope(prism(40), [0.03, 0.01, 0.05]),
+        polytope(prism(30), [0, 0, -0.05]),
     ),
     "prism on a box": (polytope(prism(40), [0.03, 0, 0.05]), box([0, 0, -0.1], [0.1] * 3)),
     "lying prism": (
         polytope(
-            prism(8), [0, 0, 0.1 * np.cos(np.pi / 8)],
+            prism(8),
+            [0, 0, 0.1 * np.cos(np.pi / 8)],
             Rotation.from_euler("zy", [np.pi / 8, np.pi / 2]),
         ),
         PLANE,
@@ -227,7 +234,7 @@ RESTING: dict[str, tuple[Placed, Placed]] = {
         polytope(SHAPES["wedge"], [0.02, 0.01, 0.1], Rotation.from_euler("x", np.pi)),
     ),
     **{f"box {name}": (as_hull(x), y) for name, (x, y) in LYING.items() if name != "on its corner"},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", RESTING)

@@ -58,9 +58,20 @@ def compile_program(source: str, folder: Path, *flags: str) -> Path:
     """A program of this folder, compiled into ``folder`` where its model lies."""
     program = folder / Path(source).stem
     command = [
-        gcc(), "-std=c++17", *WARNINGS, *flags, "-I", str(folder), "-I", str(HERE),
-        "-I", str(runtime_folder()), str(HERE / source), "-o", str(program),
-    ]  # fmt: skip
+        gcc(),
+        "-std=c++17",
+        *WARNINGS,
+        *flags,
+        "-I",
+        str(folder),
+        "-I",
+        str(HERE),
+        "-I",
+        str(runtime_folder()),
+        str(HERE / source),
+        "-o",
+        str(program),
+    ]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[:6000]
     return program

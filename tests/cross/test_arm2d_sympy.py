@@ -13,18 +13,36 @@ from oracles.arm2d_sympy import Arm, model
 
 KNOTS = {
     "ten events": (
-        [(0, 0.41), (0.44, 0.42), (0.77, 0.45), (1.06, 0.44), (1.41, 0.34), (1.76, 0.42),
-         (2.02, 0.35), (2.42, 0.4), (2.84, 0.46)],
+        [
+            (0, 0.41),
+            (0.44, 0.42),
+            (0.77, 0.45),
+            (1.06, 0.44),
+            (1.41, 0.34),
+            (1.76, 0.42),
+            (2.02, 0.35),
+            (2.42, 0.4),
+            (2.84, 0.46),
+        ],
         [0.58, 0.75, 0.82, 0.77, 0.63, 0.65, 0.73, 0.77],
         10,
     ),
     "hard catches": (
-        [(0, 0.3), (0.21, 0.35), (0.54, 0.46), (0.87, 0.42), (1.14, 0.5), (1.37, 0.47),
-         (1.57, 0.43), (1.87, 0.34), (2.17, 0.47)],
+        [
+            (0, 0.3),
+            (0.21, 0.35),
+            (0.54, 0.46),
+            (0.87, 0.42),
+            (1.14, 0.5),
+            (1.37, 0.47),
+            (1.57, 0.43),
+            (1.87, 0.34),
+            (2.17, 0.47),
+        ],
         [0.56, 0.84, 0.83, 0.65, 0.7, 0.63, 0.78, 0.84],
         8,
     ),
-}  # fmt: skip
+}
 """Waypoints of x, lengths at the same times after the first, number of events."""
 
 START = np.array([-0.35, 0.85])
@@ -113,15 +131,11 @@ def test_event_driven_run_equals_scipys(arm, case):
     assert len(theirs.events) == n_events
 
     state = start(
-        arm,
-        {"shoulder": START[0], "elbow": START[1], "hand.x": x0, "hand.length": taut},
-        {},
+        arm, {"shoulder": START[0], "elbow": START[1], "hand.x": x0, "hand.length": taut}, {}
     )
     coef = {"hand.x": drive.coef[:, 0], "hand.length": drive.coef[:, 1]}
     given = polynomial_input(arm, drive.breaks, coef, state.q_K)
-    run = fan.simulate(
-        arm, state, given, t_end=times[-1], method=fan.Event(rtol=1e-12, atol=1e-12)
-    )
+    run = fan.simulate(arm, state, given, t_end=times[-1], method=fan.Event(rtol=1e-12, atol=1e-12))
     ours = [e for e in run.events if e.kind in ("catch", "release")]
     assert [e.kind for e in ours] == [kind for _, kind, _, _ in theirs.events]
     for event, (t, _, impulse, _) in zip(ours, theirs.events, strict=True):

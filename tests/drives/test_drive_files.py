@@ -52,18 +52,30 @@ def rig(*drives: str) -> str:
         (f"on: crank, mass: 1, {PD}", "mass", "crank turns: it takes inertia and gear, no mass"),
         (f"on: crank, inertia: 1, drum: 0.1, {PD}", "drum", "crank turns"),
         ("on: crank, inertia: 1, motor: {type: servo, torque: 1}", "", "a motor without control"),
-        (f"on: crank, inertia: 1, motor: {{type: stepper, torque: 1}}, {PD}", "",
-         "a stepper follows its command by itself"),
-        ("on: bar.rotation, inertia: 1, motor: {type: stepper, torque: 1}", "motor.type",
-         "turns about three axes"),
-        (f"on: crank, inertia: 1, motor: {{type: turbine}}, {PD}", "motor.type",
-         "allowed: servo, dc, stepper"),
+        (
+            f"on: crank, inertia: 1, motor: {{type: stepper, torque: 1}}, {PD}",
+            "",
+            "a stepper follows its command by itself",
+        ),
+        (
+            "on: bar.rotation, inertia: 1, motor: {type: stepper, torque: 1}",
+            "motor.type",
+            "turns about three axes",
+        ),
+        (
+            f"on: crank, inertia: 1, motor: {{type: turbine}}, {PD}",
+            "motor.type",
+            "allowed: servo, dc, stepper",
+        ),
         ("on: crank, inertia: 1, control: {type: pid}", "control.type", "allowed: pd, computed"),
         (f"on: crank, inertia: -1, {PD}", "inertia", "needed: a positive number"),
-        ("on: crank, inertia: 1, motor: {type: stepper, torque: 1, steps: 1.5}", "motor.steps",
-         "needed: a whole number"),
+        (
+            "on: crank, inertia: 1, motor: {type: stepper, torque: 1, steps: 1.5}",
+            "motor.steps",
+            "needed: a whole number",
+        ),
     ],
-)  # fmt: skip
+)
 def test_mistakes(drive, key, message):
     with pytest.raises(PuppetError) as found:
         loads(rig(drive))
@@ -90,8 +102,9 @@ def test_a_twin_has_one_drive(first, second):
 def test_the_schema_takes_what_files_may_hold():
     parts = Puppet.model_json_schema()["$defs"]
     assert [kind["type"] for kind in parts["Drive"]["properties"]["on"]["anyOf"]] == [
-        "string", "array",
-    ]  # fmt: skip
+        "string",
+        "array",
+    ]
     for key in ("steps", "microsteps"):
         bounds = parts["StepperMotor"]["properties"][key]
         assert (bounds["minimum"], bounds["maximum"]) == (1, 100_000)
@@ -122,8 +135,10 @@ def test_a_free_joint_is_taken_apart():
     tree = grow(puppet)
     links = {link.name: link for link in tree.links}
     assert [links[n].role for n in ("bar.carriage1", "bar.carriage2", "bar")] == [
-        "driven", "dynamic", "driven",
-    ]  # fmt: skip
+        "driven",
+        "dynamic",
+        "driven",
+    ]
     assert "bar.rotation" in tree.coordinates.rotations
 
 

@@ -28,10 +28,13 @@ def driven_coordinates(puppet: dict) -> list[tuple[str, bool]]:
         joint = body["joint"]
         if joint.get("driven"):
             name = joint.get("name", body["name"])
-            kinds = {"revolute": [("", False)], "prismatic": [("", True)],
-                     "ball": [(".rotation", False)],
-                     "translation": [(f".{a}", True) for a in joint.get("axes", ())],
-                     "free": [(".x", True), (".y", True), (".z", True), (".rotation", False)]}
+            kinds = {
+                "revolute": [("", False)],
+                "prismatic": [("", True)],
+                "ball": [(".rotation", False)],
+                "translation": [(f".{a}", True) for a in joint.get("axes", ())],
+                "free": [(".x", True), (".y", True), (".z", True), (".rotation", False)],
+            }
             found += [(name + s, length) for s, length in kinds[joint["type"]]]
     for string in puppet.get("strings", ()):
         ends = [a for point in string["path"] for a in point.get("driven", ())]

@@ -82,8 +82,10 @@ def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
 
     bob = fan.loads(BOB)
     rest = bob.rest({"line.length": 0.7})
-    for x in (start_state(bob, None, {"line.length": 0.7}, True),
-              trial_start(bob, None, {"line.length": 0.7})):  # fmt: skip
+    for x in (
+        start_state(bob, None, {"line.length": 0.7}, True),
+        trial_start(bob, None, {"line.length": 0.7}),
+    ):
         np.testing.assert_array_equal(x.q_D, rest.q_D)
         assert np.abs(bob.forward_dynamics(x)[0]).max() < 1e-10
 

@@ -78,11 +78,14 @@ drives:
 pose: {bob.z: 0.2, line.length: 0.8}
 """
 
-FREE = BOB[: BOB.index("drives:")] + """
+FREE = (
+    BOB[: BOB.index("drives:")]
+    + """
 drives:
   - {on: line.length, mass: {parameter: rotor, value: 0.6}}
 pose: {bob.z: 0.2, line.length: 0.9}
 """
+)
 
 
 @pytest.fixture(scope="module")
@@ -174,9 +177,11 @@ def test_a_run_begins_with_a_speed_of_its_own(machines):
 
 def test_a_stepper_holds_what_its_torque_holds(machines):
     """n T sin(50 (angle - n q)) = load; a load above n T pulls it out of step."""
+
     def held(load, t_end=3.0):
-        given = fan.Input.hold(machines, t_end).with_forces({"wheel": [(0, 0.0), (0.5, load),
-                                                                       (t_end, load)]})
+        given = fan.Input.hold(machines, t_end).with_forces(
+            {"wheel": [(0, 0.0), (0.5, load), (t_end, load)]}
+        )
         run = fan.simulate(machines, machines.state(), given, t_end=t_end, throw=False)
         return column(run, "wheel")[-1], run.status.name
 
@@ -194,12 +199,17 @@ def test_a_stepper_goes_in_microsteps(machines):
 
 def test_a_stepper_is_pulled_out_beyond_its_corner(machines):
     """At 5 times the corner speed a fifth of the torque is left: less than friction takes."""
+
     def lag(speed):
         end = 20.0 / speed + 0.3
         move = {"wheel": [(0, 0.0), (end, 20.0)]}
         run = fan.simulate(
-            machines, machines.state(), fan.Input.waypoints(machines, move), t_end=end + 1.0,
-            method=fan.TimeStepping(dt=5e-4), throw=False,
+            machines,
+            machines.state(),
+            fan.Input.waypoints(machines, move),
+            t_end=end + 1.0,
+            method=fan.TimeStepping(dt=5e-4),
+            throw=False,
         )
         return abs(column(run, "wheel")[-1] - 20.0), run.status.name
 
@@ -247,8 +257,9 @@ def lagrange():
 def test_a_bob_on_a_winch_and_a_trolley(bob):
     """Event-driven to 1e-9 of Lagrange's equations; orders 1 and 2 of the other two."""
     equations, n = lagrange(), 3 / 0.02
-    move = fan.Input.waypoints(bob, {"line.length": [(0, 0.8), (0.6, 0.6)],
-                                     "line.x": [(0, 0.0), (0.5, 0.15)]})
+    move = fan.Input.waypoints(
+        bob, {"line.length": [(0, 0.8), (0.6, 0.6)], "line.x": [(0, 0.0), (0.5, 0.15)]}
+    )
 
     def rates(t, y):
         M, force = equations(*y)

@@ -111,9 +111,13 @@ def test_a_flows_guard_locates_the_first_lost_step(stepped):
     x0, weak = stepped.rest({"line.length": TOLD}), stepped.with_parameters({"T": 0.02})
     flow = weak.flow(x0)
     found = scipy.integrate.solve_ivp(
-        flow.rate, (flow.t0, 0.03), flow.y0, rtol=1e-9, atol=1e-9,
+        flow.rate,
+        (flow.t0, 0.03),
+        flow.y0,
+        rtol=1e-9,
+        atol=1e-9,
         events=lambda t, y: flow.guards(t, y)[len(flow.rows)],
-    )  # fmt: skip
+    )
     assert found.t_events[0][0] == pytest.approx(time_of_first_lost_step(0.02), abs=1e-6)
 
 
@@ -131,9 +135,7 @@ def test_a_winch_that_runs_away_ends_the_run(stepped, method, capsys):
     report(run, 1.0)
     assert "line.length ran away" in capsys.readouterr().out
     held = stepped.with_parameters({"T": 1.02 * LOAD})
-    run = fan.simulate(
-        held, held.rest({"line.length": TOLD}), t_end=0.2, method=fine(method)
-    )
+    run = fan.simulate(held, held.rest({"line.length": TOLD}), t_end=0.2, method=fine(method))
     assert run.status is Status.DONE
 
 
@@ -175,9 +177,7 @@ def test_batches_tell_lane_by_lane(stepped):
         assert many.status.tolist() == [Status.DONE, Status.RUNAWAY, Status.DONE]
         assert many.blamed(1) == ("line.length",) and not many.blamed(0)
         assert many.reached[1] < 0.8 == many.reached[0]
-        one = fan.simulate(
-            stepped, x0, inputs[1], t_end=0.8, method=fine(method), throw=False
-        )
+        one = fan.simulate(stepped, x0, inputs[1], t_end=0.8, method=fine(method), throw=False)
         assert (one.status, one.t[-1]) == (Status.RUNAWAY, pytest.approx(many.reached[1]))
 
 

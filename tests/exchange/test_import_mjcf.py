@@ -145,10 +145,17 @@ CONNECTED = """
 </mujoco>"""
 
 
-@pytest.mark.parametrize(("kind", "count", "extent", "length"), [
-    ("connect", 3, 2.0, 1.0), ("weld", 6, 50.0, 1.0), ("connect", 3, 0.5, 0.1),
-    ("weld", 6, 0.099, 0.01), ("weld", 6, 1e-5, 0.001), ("connect", 3, "inf", 1.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "count", "extent", "length"),
+    [
+        ("connect", 3, 2.0, 1.0),
+        ("weld", 6, 50.0, 1.0),
+        ("connect", 3, 0.5, 0.1),
+        ("weld", 6, 0.099, 0.01),
+        ("weld", 6, 1e-5, 0.001),
+        ("connect", 3, "inf", 1.0),
+    ],
+)
 def test_bodies_are_held_by_wires(kind, count, extent, length, tmp_path):
     """At rest, accelerations are those of MuJoCo's constraint if it were rigid:
 
@@ -290,16 +297,18 @@ WRONG = {
     "entities": ('<!DOCTYPE a [<!ENTITY x "y">]>\n<mujoco/>', ":1: found a document type"),
     "an unknown element": ("<mujoco>\n<wrldbody/></mujoco>", ":2: MuJoCo says: XML Error"),
     "an asset that is not there": (
-        f'<mujoco><asset><mesh file="no.stl"/></asset>{BALL}</mujoco>', "no.stl",
+        f'<mujoco><asset><mesh file="no.stl"/></asset>{BALL}</mujoco>',
+        "no.stl",
     ),
     "a file that is not there": (
-        '<mujoco>\n<include file="no.xml"/></mujoco>', ":2: include: found no file 'no.xml'",
+        '<mujoco>\n<include file="no.xml"/></mujoco>',
+        ":2: include: found no file 'no.xml'",
     ),
     "no mass": ("<mujoco>\n<worldbody><body>\n<joint/></body></worldbody></mujoco>", "mass"),
     "no bodies": ("<mujoco/>", "found no bodies"),
     "too deep": ("<mujoco>\n" + "<body>" * 300, ":2: nested deeper than 200 levels"),
     "a macro": ('<robot name="a" xmlns:xacro="x">\n<xacro:if/></robot>', ":2: found a macro"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("text", "message"), WRONG.values(), ids=WRONG)
@@ -358,8 +367,9 @@ def test_a_colour_of_a_geom_goes_before_its_material(tmp_path):
         '</asset><worldbody><body><freejoint/><geom size="0.1" material="red"/>'
         '<geom size="0.2" material="red" rgba="0 0 1 1"/>'
         '<geom size="0.3" material="no" rgba="0 1 0 1"/>'
-        '<geom size="0.4" material="no"/></body></worldbody></mujoco>', tmp_path
-    )  # fmt: skip
+        '<geom size="0.4" material="no"/></body></worldbody></mujoco>',
+        tmp_path,
+    )
     shapes = fan.model.loads(made.text).bodies[0].shapes
     assert [s.colour for s in shapes] == ["#ff0000", "#0000ff", "#00ff00"]
 
@@ -435,8 +445,11 @@ MANY = """<mujoco><worldbody>
 
 @pytest.mark.parametrize("left", [(), ("orientation",), ("dcmotor",), ("motor",)])
 def test_actuators_of_several_controls_are_left_out_one_by_one(left, tmp_path):
-    text = "\n".join(row for row in MANY.splitlines() if not row.strip().startswith(
-        tuple(f"<{tag}" for tag in left)))  # fmt: skip
+    text = "\n".join(
+        row
+        for row in MANY.splitlines()
+        if not row.strip().startswith(tuple(f"<{tag}" for tag in left))
+    )
     made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
     told = [note for note in made.report if "left out: what it moves is free" in note.message]
     assert len(told) == m.nactuator == 3 - len(left)
@@ -449,19 +462,19 @@ def test_actuators_of_several_controls_are_left_out_one_by_one(left, tmp_path):
 HINGED = "<worldbody><body><joint name='j'/><geom size='1'/></body></worldbody>"
 BOMBS = {
     "a height field": "<asset><hfield name='a' nrow='20000' ncol='20000' size='1 1 1 1'/></asset>",
-    "several": "<asset>" + "".join(
-        f"<hfield name='{k}' nrow='4000' ncol='4000' size='1 1 1 1'/>" for k in range(5))
-        + "</asset>",
+    "several": "<asset>"
+    + "".join(f"<hfield name='{k}' nrow='4000' ncol='4000' size='1 1 1 1'/>" for k in range(5))
+    + "</asset>",
     "a texture": "<asset><texture name='a' type='2d' builtin='flat' width='20000' height='20000'/>"
-                 "</asset>",
+    "</asset>",
     "a cube": "<asset><texture name='a' type='cube' builtin='flat' width='9000' height='9000'/>"
-              "</asset>",
+    "</asset>",
     "a sky": "<asset><texture type='skybox' builtin='flat' width='9000' height='54000'/></asset>",
     "a texture by default": "<default><texture width='20000' height='20000' builtin='flat'/>"
-                            "</default><asset><texture type='2d' name='a'/></asset>",
+    "</default><asset><texture type='2d' name='a'/></asset>",
     "by a class": "<default><default class='x'><texture width='20000' height='20000' "
-                  "builtin='flat'/></default></default><asset>"
-                  "<texture class='x' type='2d' name='a'/></asset>",
+    "builtin='flat'/></default></default><asset>"
+    "<texture class='x' type='2d' name='a'/></asset>",
     "user data": "<size nuserdata='100000000'/>",
     "user data of bodies": "<size nuser_body='100000000'/>",
     "user data of geoms": "<size nuser_geom='50000000'/>" + HINGED,
@@ -469,18 +482,18 @@ BOMBS = {
     "keys": "<size nkey='100000000'/>" + HINGED,
     "a sensor": "<sensor><user dim='100000000'/></sensor>",
     "contacts": HINGED.replace("<geom", "<geom name='g'")
-                + "<sensor><contact geom1='g' num='100000000'/></sensor>",
+    + "<sensor><contact geom1='g' num='100000000'/></sensor>",
     "a camera": "<worldbody><camera name='c' resolution='20000 20000'/></worldbody>"
-                "<sensor><rangefinder camera='c'/></sensor>",
+    "<sensor><rangefinder camera='c'/></sensor>",
     "a mesh": "<asset><mesh name='m' builtin='supersphere' params='20000 1 1'/></asset>",
     "a plate": "<asset><mesh name='m' builtin='plate' params='20000 20000'/></asset>",
     "a cone": "<asset><mesh name='m' builtin='cone' params='3000000 1'/></asset>",
     "samples": HINGED + "<actuator><motor joint='j' nsample='16000000' delay='1'/></actuator>",
     "samples of a sensor": "<sensor><clock nsample='16000000' delay='1'/></sensor>",
     "activations": HINGED + "<actuator><general joint='j' dyntype='user' actdim='100000000'/>"
-                            "</actuator>",
+    "</actuator>",
     "exponents": "<size nuserdata='1e8'/>",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("text", BOMBS.values(), ids=BOMBS)
@@ -502,9 +515,11 @@ def test_images_are_measured_before_mujoco_unpacks_them(tmp_path):
     folder = tmp_path / "pictures"
     folder.mkdir()
     (folder / "a.png").write_bytes(png + chunk(b"IEND", b""))
-    for asset in ("<texture type='2d' name='a' file='a.png'/>",
-                  "<texture type='cube' name='a' fileright='a.png'/>",
-                  "<hfield name='a' file='a.png' size='1 1 1 1'/>"):  # fmt: skip
+    for asset in (
+        "<texture type='2d' name='a' file='a.png'/>",
+        "<texture type='cube' name='a' fileright='a.png'/>",
+        "<hfield name='a' file='a.png' size='1 1 1 1'/>",
+    ):
         text = f"<mujoco><compiler assetdir='pictures'/><asset>{asset}</asset></mujoco>"
         with pytest.raises(ExchangeError, match="MuJoCo would take"):
             imported(text, tmp_path)

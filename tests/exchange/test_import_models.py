@@ -13,9 +13,13 @@ from fantoccini.output.exchange import import_model
 pytestmark = pytest.mark.slow
 
 OFF = {
-    "actuators": "actuator", "equalities": "equality", "fluid": "option", "gravcomp": "body",
-    "frictionloss": "joint", "springs of ball joints": "joint",
-}  # fmt: skip
+    "actuators": "actuator",
+    "equalities": "equality",
+    "fluid": "option",
+    "gravcomp": "body",
+    "frictionloss": "joint",
+    "springs of ball joints": "joint",
+}
 """What is off in MuJoCo -> kind of the notes about it."""
 
 

@@ -82,7 +82,7 @@ def test_a_planar_joint_is_two_slides_and_a_hinge(tmp_path):
     m = mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody><body pos="0.3 0 1">
       <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>
       <joint type="hinge" axis="0 0 1"/>
-      <inertial pos="0.1 0.2 0" mass="2" fullinertia="{' '.join(map(repr, full.tolist()))}"/>
+      <inertial pos="0.1 0.2 0" mass="2" fullinertia="{" ".join(map(repr, full.tolist()))}"/>
       <body><joint axis="0 1 0" damping="0.5"/>
       <inertial pos="0 0 0.3" mass="1" diaginertia="0.1 0.1 0.1"/></body>
       </body></worldbody></mujoco>""")
@@ -104,7 +104,7 @@ def test_a_material_is_known_after_its_first_visual(tmp_path):
         f'<robot name="r"><link name="a">{ball.format("/>")}</link>'
         f'<link name="b">{ball.format(defined)}</link>'
         f'<link name="c">{ball.format("/>")}</link>{joint("j", "fixed", "a", "b")}'
-        f'{joint("k", "fixed", "a", "c")}</robot>'
+        f"{joint('k', 'fixed', 'a', 'c')}</robot>"
     )
     puppet = fan.model.loads(imported(text, tmp_path).text)
     assert [body.shapes[0].colour for body in puppet.bodies] == ["#ff0000"] * 3
@@ -118,8 +118,9 @@ def test_meshes_of_the_model_are_kept(tmp_path):
     before = kept.read_bytes()
     made = imported(
         '<robot name="arm"><link name="a"><visual><geometry><mesh filename="arm_meshes/base.stl"/>'
-        "</geometry></visual></link></robot>", tmp_path
-    )  # fmt: skip
+        "</geometry></visual></link></robot>",
+        tmp_path,
+    )
     with pytest.raises(ExchangeError, match=r"base\.stl: is part of the model"):
         made.save(tmp_path / "arm.yaml", force=True)
     assert kept.read_bytes() == before and not (tmp_path / "arm.yaml").exists()
@@ -218,8 +219,9 @@ def test_meshes_of_all_formats(ending, tmp_path):
     )
     made = imported(
         '<robot name="r"><link name="a"><visual><geometry>'
-        f'<mesh filename="package://r/box.{ending}"/></geometry></visual></link></robot>', tmp_path
-    )  # fmt: skip
+        f'<mesh filename="package://r/box.{ending}"/></geometry></visual></link></robot>',
+        tmp_path,
+    )
     assert not made.report
     made.save(tmp_path / "r.yaml")
     (body,) = fan.model.load(tmp_path / "r.yaml").bodies
@@ -251,7 +253,8 @@ WRONG = {
     ),
     "a twin": (LINKS + '<link name="a"/>', ":4: link: 'a' is there already, in line 2"),
     "an unknown link": (
-        LINKS + joint("j", "fixed", "a", "c"), ":4: joint j: no link is called 'c'",
+        LINKS + joint("j", "fixed", "a", "c"),
+        ":4: joint j: no link is called 'c'",
     ),
     "an unknown type": (
         LINKS + joint("j", "ball", "a", "b"),
@@ -278,7 +281,7 @@ WRONG = {
         LINKS + joint("j", "continuous", "a", "b", '<axis xyz="0 0 0"/>'),
         ":4: joint j: found an axis of zero length",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("text", "message"), WRONG.values(), ids=WRONG)
@@ -343,31 +346,45 @@ def hinged(inside: str, base: str = "", head: str = "") -> str:
     """A link on a hinge on another one."""
     return (
         f'<robot name="r" {head}>\n<link name="a">{base}</link>\n<link name="b">{inside}</link>\n'
-        + joint("j", "continuous", "a", "b", '<axis xyz="0 1 0"/>') + "</robot>"
-    )  # fmt: skip
+        + joint("j", "continuous", "a", "b", '<axis xyz="0 1 0"/>')
+        + "</robot>"
+    )
 
 
 WITH = INERTIA.format(0.1, 0)
 LEFT_OVER = {
     "a macro in a visual": (f"<visual>{BALL}<xacro:material_black/></visual>", "<xacro:material_"),
     "a block in a visual": (f'<visual>{BALL}<xacro:insert_block name="o"/></visual>', "<xacro:ins"),
-    "with more inside": (f"<visual>{BALL}<xacro:if value='1'><origin/></xacro:if></visual>",
-                         "<xacro:if>"),
-    "a macro in a collision": (f"<visual>{BALL}</visual><collision>{BALL}<xacro:c/></collision>",
-                               "<xacro:c>"),
+    "with more inside": (
+        f"<visual>{BALL}<xacro:if value='1'><origin/></xacro:if></visual>",
+        "<xacro:if>",
+    ),
+    "a macro in a collision": (
+        f"<visual>{BALL}</visual><collision>{BALL}<xacro:c/></collision>",
+        "<xacro:c>",
+    ),
     "an empty visual": (f"<visual/><visual>{BALL}</visual>", "has an empty visual, left out"),
     "a visual of an origin": (f"<visual><origin/></visual><visual>{BALL}</visual>", "empty visual"),
     "an empty geometry": (f"<visual><geometry/></visual><visual>{BALL}</visual>", "empty visual"),
-    "a geometry of a comment": (f"<visual><geometry><!-- a --></geometry></visual>"
-                                f"<visual>{BALL}</visual>", "empty visual"),
-    "a geometry of a macro": (f"<visual><geometry><xacro:g/></geometry></visual>"
-                              f"<visual>{BALL}</visual>", "<xacro:g>"),
+    "a geometry of a comment": (
+        f"<visual><geometry><!-- a --></geometry></visual><visual>{BALL}</visual>",
+        "empty visual",
+    ),
+    "a geometry of a macro": (
+        f"<visual><geometry><xacro:g/></geometry></visual><visual>{BALL}</visual>",
+        "<xacro:g>",
+    ),
     "an empty collision": (f"<collision/><visual>{BALL}</visual>", "has an empty collision"),
-    "an empty collision beside another": (f"<collision/><collision>{BALL}</collision>",
-                                          "has an empty collision"),
-    "a capsule beside a visual": (f'<visual>{BALL}</visual><collision><geometry><capsule '
-                                  'radius="1" length="2"/></geometry></collision>', ""),
-}  # fmt: skip
+    "an empty collision beside another": (
+        f"<collision/><collision>{BALL}</collision>",
+        "has an empty collision",
+    ),
+    "a capsule beside a visual": (
+        f"<visual>{BALL}</visual><collision><geometry><capsule "
+        'radius="1" length="2"/></geometry></collision>',
+        "",
+    ),
+}
 
 
 @pytest.mark.parametrize("head", ["", 'xmlns:xacro="http://www.ros.org/wiki/xacro"'])
@@ -436,9 +453,16 @@ def test_products_that_no_solid_has_are_left_out(products, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["file://{}", "file://localhost{}", "package://r/my%20box.stl", "my%20box.stl",
-             "my box.stl", "file://my%20box.stl"],
-)  # fmt: skip
+    "name",
+    [
+        "file://{}",
+        "file://localhost{}",
+        "package://r/my%20box.stl",
+        "my%20box.stl",
+        "my box.stl",
+        "file://my%20box.stl",
+    ],
+)
 def test_a_uri_may_have_spaces_as_percent_20(name, tmp_path):
     folder = tmp_path / "a folder"
     folder.mkdir()

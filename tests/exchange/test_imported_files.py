@@ -30,9 +30,10 @@ def test_a_mesh_named_like_another_is_another(tmp_path):
     assets = "".join(f'<mesh name="{n}" vertex="{corners} {k + 2}"/>' for k, n in enumerate(names))
     geoms = "".join(f'<geom type="mesh" mesh="{name}"/>' for name in names)
     made = imported(
-        f'<mujoco><asset>{assets}</asset><worldbody><body><freejoint/>'
-        f'<geom type="cylinder" size="0.1 0.2"/>{geoms}</body></worldbody></mujoco>', tmp_path
-    )  # fmt: skip
+        f"<mujoco><asset>{assets}</asset><worldbody><body><freejoint/>"
+        f'<geom type="cylinder" size="0.1 0.2"/>{geoms}</body></worldbody></mujoco>',
+        tmp_path,
+    )
     assert len({path.lower() for path in made.meshes}) == 4
     made.save(tmp_path / "a.yaml")
     shapes = fan.model.load(tmp_path / "a.yaml").bodies[0].shapes
@@ -65,8 +66,9 @@ def test_solids_that_no_puppet_has_are_left_out(tmp_path):
         '<geom type="box" size="1e-9 1 1"/>'
         '<body name="a"><freejoint/><geom type="mesh" mesh="m" mass="1"/>'
         '<geom type="capsule" size="1 2e6" mass="1"/><geom size="0.5"/></body>'
-        "</worldbody></mujoco>", tmp_path
-    )  # fmt: skip
+        "</worldbody></mujoco>",
+        tmp_path,
+    )
     assert not made.meshes
     (shape,) = fan.model.loads(made.text).bodies[0].shapes
     assert shape.type == "sphere" and not fan.model.loads(made.text).obstacles
@@ -91,8 +93,9 @@ def test_looks_that_are_lost_are_told(tmp_path):
         '<mujoco><asset><texture name="t" type="2d" builtin="flat" width="8" height="8"/>'
         '<material name="m" texture="t"/></asset><worldbody><body><freejoint/>'
         '<geom name="a" size="0.1" material="m"/><geom name="b" size="0.2" rgba="1 0 0 0.5"/>'
-        '<geom name="c" size="0.3"/></body></worldbody></mujoco>', tmp_path
-    )  # fmt: skip
+        '<geom name="c" size="0.3"/></body></worldbody></mujoco>',
+        tmp_path,
+    )
     assert [str(n).partition(":1: ")[2] for n in made.report if n.kind == "geom"] == [
         "geom a: has a texture, left out",
         "geom b: is transparent; here it is opaque",
@@ -120,8 +123,9 @@ def test_meshes_that_mujoco_read_are_kept(tmp_path):
     before = kept.read_bytes()
     made = imported(
         '<mujoco><compiler meshdir="a_meshes"/><asset><mesh file="part.stl"/></asset><worldbody>'
-        '<body><freejoint/><geom type="mesh" mesh="part"/></body></worldbody></mujoco>', tmp_path
-    )  # fmt: skip
+        '<body><freejoint/><geom type="mesh" mesh="part"/></body></worldbody></mujoco>',
+        tmp_path,
+    )
     with pytest.raises(ExchangeError, match=r"part\.stl: is part of the model"):
         made.save(tmp_path / "a.yaml", force=True)
     assert kept.read_bytes() == before and not (tmp_path / "a.yaml").exists()

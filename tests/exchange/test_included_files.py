@@ -77,8 +77,11 @@ def test_notes_name_the_included_file_and_its_line(folder):
         "m.xml:None: contact",
     ]
     assert [path.name for path in made.sources[:4]] == [
-        "m.xml", "first.xml", "inner.xml", "last.xml",
-    ]  # fmt: skip
+        "m.xml",
+        "first.xml",
+        "inner.xml",
+        "last.xml",
+    ]
     m = mujoco.MjModel.from_xml_path("m.xml")
     wanted = [m.body(k).name.replace(".", "_") for k in range(1, m.nbody)]
     assert [body.name for body in fan.model.loads(made.text).bodies] == wanted
@@ -92,12 +95,22 @@ WRONG = {
     "no XML": ("inner", "</body>", "</boy>", ":6: ", "is not XML"),
     "no file": ("inner", "last.xml", "none.xml", ":5: include: ", "found no file 'none.xml'"),
     "a circle": ("last", "<geom", '<include file="inner.xml"/><geom', ":2: ", "included already"),
-    "no content": ("inner", '<include file="last.xml"/>', '<include file="../empty.xml"/>', ":5: ",
-                   "'../empty.xml' has no elements"),
-    "content": ("inner", 'last.xml"/>', 'last.xml"><geom size="1"/></include>', ":5: include: ",
-                "has elements inside"),
+    "no content": (
+        "inner",
+        '<include file="last.xml"/>',
+        '<include file="../empty.xml"/>',
+        ":5: ",
+        "'../empty.xml' has no elements",
+    ),
+    "content": (
+        "inner",
+        'last.xml"/>',
+        'last.xml"><geom size="1"/></include>',
+        ":5: include: ",
+        "has elements inside",
+    ),
     "itself": ("last", "<geom", '<include file="m.xml"/><geom', ":2: ", "included already"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("name", "old", "new", "line", "text"), WRONG.values(), ids=WRONG)
@@ -144,42 +157,52 @@ COPIES = {
         "parts/last.xml:2",
     ),
     "many small ones": (
-        ('<replicate count="10">' + GEOM + "</replicate>") * 2000, "parts/last.xml:2",
+        ('<replicate count="10">' + GEOM + "</replicate>") * 2000,
+        "parts/last.xml:2",
     ),
     "of bodies": (
         '<replicate count="9000"><body><joint/>' + GEOM * 9 + "</body></replicate>",
         "parts/last.xml:2",
     ),
     "a cable through points": (
-        f'<composite type="cable" vertex="{"0 0 0 " * 20000}"/>', "parts/last.xml:2",
+        f'<composite type="cable" vertex="{"0 0 0 " * 20000}"/>',
+        "parts/last.xml:2",
     ),
     "a cloth of points": (
-        f'<flexcomp type="direct" dim="1" point="{"0 0 0 " * 20000}"/>', "parts/last.xml:2",
+        f'<flexcomp type="direct" dim="1" point="{"0 0 0 " * 20000}"/>',
+        "parts/last.xml:2",
     ),
     "a cloth of a file": ('<flexcomp type="mesh" dim="2" file="x.obj"/>', "parts/last.xml:2"),
     "cloths without a count": ('<flexcomp name="f" dim="3"/>' * 12, "parts/last.xml:2"),
     "of themselves": (
         "".join(
-            f'<body name="a{k}">{GEOM}' + "".join(
-                f'<attach body="a{k - 1}" prefix="{c}{k}"/>' for c in "xy" if k
-            ) + "</body>" for k in range(25)
-        ), "parts/last.xml:2",
+            f'<body name="a{k}">{GEOM}'
+            + "".join(f'<attach body="a{k - 1}" prefix="{c}{k}"/>' for c in "xy" if k)
+            + "</body>"
+            for k in range(25)
+        ),
+        "parts/last.xml:2",
     ),
     "of frames": (
         "".join(
-            f'<frame name="a{k}">{GEOM}' + "".join(
-                f'<attach frame="a{k - 1}" prefix="{c}{k}"/>' for c in "xy" if k
-            ) + "</frame>" for k in range(25)
-        ), "parts/last.xml:2",
+            f'<frame name="a{k}">{GEOM}'
+            + "".join(f'<attach frame="a{k - 1}" prefix="{c}{k}"/>' for c in "xy" if k)
+            + "</frame>"
+            for k in range(25)
+        ),
+        "parts/last.xml:2",
     ),
     "of copies": (
-        f'<body name="a">{GEOM}</body>' + "".join(
+        f'<body name="a">{GEOM}</body>'
+        + "".join(
             f'<frame><attach body="{"x" * k}a" prefix="x"/><attach body="world" prefix="y{k}"/>'
-            "</frame>" for k in range(25)
-        ), "parts/last.xml:2",
+            "</frame>"
+            for k in range(25)
+        ),
+        "parts/last.xml:2",
     ),
     "a cable": ('<composite type="cable" count="20000 1 1"/>', "parts/last.xml:2"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("inside", "place"), COPIES.values(), ids=COPIES)
@@ -259,8 +282,12 @@ def test_lines_are_known_beside_cdata_and_flexible_bodies(folder):
     (folder / "meshes" / "parts").mkdir(parents=True)
     (folder / "meshes" / "parts" / "x.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     told = [f"{n.file}:{n.line}: {n.kind}" for n in import_model("m.xml").report]
-    assert {"m.xml:8: actuator", "parts/first.xml:11: actuator", "parts/first.xml:6: joint",
-            "parts/last.xml:2: geom"} <= set(told)  # fmt: skip
+    assert {
+        "m.xml:8: actuator",
+        "parts/first.xml:11: actuator",
+        "parts/first.xml:6: joint",
+        "parts/last.xml:2: geom",
+    } <= set(told)
 
 
 IN_ATTACHED = {
@@ -268,9 +295,12 @@ IN_ATTACHED = {
     "a number": ('size="0.1"', '\nsize="-1"', ":2: ", "must be positive"),
     "no XML": ("</body>", "\n</boy>", ":3: ", "is not XML"),
     "of its parts": (
-        "<joint/>", '\n<include file="z.xml"/>', "parts/z.xml:2: ", "must be positive",
+        "<joint/>",
+        '\n<include file="z.xml"/>',
+        "parts/z.xml:2: ",
+        "must be positive",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("old", "new", "line", "text"), IN_ATTACHED.values(), ids=IN_ATTACHED)

@@ -70,9 +70,7 @@ def test_looks_of_mesh_files_that_are_lost_are_told(red, told, tmp_path):
     (tmp_path / "b.mtl").write_text(f"newmtl red\n{red}\nnewmtl blue\nKd 0 0 1\n")
     green = '<material name="green"><color rgba="0 1 0 1"/></material>'
     mesh = MESH.replace("a.obj", "b.obj")
-    _, report = coloured_by(
-        f"<visual>{mesh}</visual><visual>{mesh}{green}</visual>", tmp_path
-    )
+    _, report = coloured_by(f"<visual>{mesh}</visual><visual>{mesh}{green}</visual>", tmp_path)
     assert [n.message for n in report] == (
         [] if told is None else [f"{told}each triangle has one opaque colour here"]
     )
@@ -102,13 +100,18 @@ def test_materials_without_a_name_are_of_their_visuals_alone(tmp_path):
     ball = '<geometry><sphere radius="1"/></geometry>'
     red = '<color rgba="1 0 0 1"/></material>'
     shapes, (note,) = coloured_by(
-        f'<visual>{ball}<material>{red}</visual><visual>{ball}<material/></visual>'
+        f"<visual>{ball}<material>{red}</visual><visual>{ball}<material/></visual>"
         f'<visual>{ball}<material name="">{red}</visual><visual>{ball}<material name=""/></visual>'
-        f'<visual>{ball}<material name="red"/></visual>', tmp_path
-    )  # fmt: skip
+        f'<visual>{ball}<material name="red"/></visual>',
+        tmp_path,
+    )
     assert [shape.colour for shape in shapes] == [
-        "#ff0000", "#b2b2b2", "#ff0000", "#b2b2b2", "#b2b2b2",
-    ]  # fmt: skip
+        "#ff0000",
+        "#b2b2b2",
+        "#ff0000",
+        "#b2b2b2",
+        "#b2b2b2",
+    ]
     assert note.message == "has a solid of the material 'red', which is not defined; there are none"
 
 
@@ -147,7 +150,8 @@ def test_textures_of_urdf_are_told(tmp_path):
     wood = '<material name="wood"><texture filename="wood.png"/></material>'
     (one, other), report = coloured_by(
         f'<visual>{MESH}{wood}</visual><visual><geometry><sphere radius="1"/></geometry>'
-        '<material name="wood"/></visual>', tmp_path
-    )  # fmt: skip
+        '<material name="wood"/></visual>',
+        tmp_path,
+    )
     assert (one.colour, other.colour) == (None, "#b2b2b2")
     assert [n.message for n in report] == ["has the texture 'wood.png', left out"] * 2

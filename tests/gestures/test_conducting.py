@@ -42,8 +42,9 @@ def pass_by(conductor: fan.Conductor, seconds: float, dt: float = 0.01) -> np.nd
 def test_waits_are_in_the_score_and_take_no_time_offline(score):
     assert score, score.changes
     assert [(w.name, w.t, w.loop_start) for w in score.waits] == [
-        ("curtain", 1.0, None), ("marching", 8.0, 4.0),
-    ]  # fmt: skip
+        ("curtain", 1.0, None),
+        ("marching", 8.0, 4.0),
+    ]
     assert score.inputs(score.marionette.rest()).duration == pytest.approx(score.duration)
 
 

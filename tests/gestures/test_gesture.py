@@ -37,11 +37,23 @@ def offset(gesture: fan.Gesture, name: str, t: float) -> float:
 
 
 def test_directions_are_coordinates_with_signs(twins):
-    points = {"line_left.up": 0.1, "line_left.forward": 0.02, "line_left.out": 0.03,
-              "line_right.down": 0.1, "line_right.back": 0.02, "line_right.out": 0.03}  # fmt: skip
+    points = {
+        "line_left.up": 0.1,
+        "line_left.forward": 0.02,
+        "line_left.out": 0.03,
+        "line_right.down": 0.1,
+        "line_right.back": 0.02,
+        "line_right.out": 0.03,
+    }
     found = fan.Gesture.of(twins, {name: [(0, 0), (1, by)] for name, by in points.items()})
-    expected = {"line_left.length": -0.1, "line_left.x": 0.02, "line_left.y": 0.03,
-                "line_right.length": 0.1, "line_right.x": -0.02, "line_right.y": -0.03}  # fmt: skip
+    expected = {
+        "line_left.length": -0.1,
+        "line_left.x": 0.02,
+        "line_left.y": 0.03,
+        "line_right.length": 0.1,
+        "line_right.x": -0.02,
+        "line_right.y": -0.03,
+    }
     for name, by in expected.items():
         assert offset(found, name, 1.0) == pytest.approx(by, abs=1e-15)
         assert offset(found, name, 0.5) == pytest.approx(0.5 * by, abs=1e-15)  # minimum jerk
@@ -75,9 +87,13 @@ def test_mistakes_are_told(twins, points, message):
 
 def test_a_mirror_exchanges_left_and_right(twins):
     one = fan.Gesture.of(
-        twins, {"line_left.up": [(0, 0), (1, 0.1)], "line_left.left": [(0, 0), (1, 0.03)],
-                "bar.y": [(0, 0), (1, 0.2)]},
-    )  # fmt: skip
+        twins,
+        {
+            "line_left.up": [(0, 0), (1, 0.1)],
+            "line_left.left": [(0, 0), (1, 0.03)],
+            "bar.y": [(0, 0), (1, 0.2)],
+        },
+    )
     other = one.mirrored()
     assert set(other.uses) == {"line_right", "bar"}
     assert offset(other, "line_right.length", 1.0) == pytest.approx(-0.1)
@@ -178,9 +194,10 @@ def test_what_follows_is_led_to_as_fast_as_the_bounds_allow(twins):
 
 def test_what_is_not_named_stays_and_a_way_is_kept(twins):
     walk = fan.Gesture.of(
-        twins, {f"line_{side}.forward": [(0, 0), (1, 0.2)] for side in ("left", "right")},
+        twins,
+        {f"line_{side}.forward": [(0, 0), (1, 0.2)] for side in ("left", "right")},
         travels=True,
-    )  # fmt: skip
+    )
     lift = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
     sway = fan.Gesture.of(twins, {"line_left.forward": [(0, 0), (1, 0.05), (2, 0)]})
     whole = walk.then(lift, sway, walk)
@@ -201,9 +218,11 @@ def test_a_recording_is_a_gesture(twins):
     t = np.linspace(0.0, 2.0, 41)
     for a, b in zip(back.evaluate(t), inputs.evaluate(t + 1.0), strict=True):
         i = twins.coordinates.q_K.index("line_left.length")
-        same = [i] if a.shape[1] == twins.coordinates.n_qK else [
-            twins.coordinates.v_K.index("line_left.length")
-        ]
+        same = (
+            [i]
+            if a.shape[1] == twins.coordinates.n_qK
+            else [twins.coordinates.v_K.index("line_left.length")]
+        )
         np.testing.assert_allclose(a[:, same], b[:, same], atol=1e-12)
 
 
@@ -229,10 +248,13 @@ def test_turns_of_a_recorded_bar_are_those_of_its_hands():
     # The same turns from another orientation.
     x = take.start.replace(q_K=wanted[0][300])
     moved = gesture.inputs(x.replace(v_K=np.zeros(6))).evaluate(0.9)[0][q : q + 4]
-    there, here = (rotation.between(a, b) for a, b in (
-        (wanted[0][300, q : q + 4], moved),
-        (wanted[0][0, q : q + 4], gesture.inputs(take.start).evaluate(0.9)[0][q : q + 4]),
-    ))  # fmt: skip
+    there, here = (
+        rotation.between(a, b)
+        for a, b in (
+            (wanted[0][300, q : q + 4], moved),
+            (wanted[0][0, q : q + 4], gesture.inputs(take.start).evaluate(0.9)[0][q : q + 4]),
+        )
+    )
     np.testing.assert_allclose(there, here, atol=1e-12)
     far = fan.Input.waypoints(
         take.marionette, {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 2]), (2, [0, 0, 3.5])]}
@@ -274,9 +296,9 @@ def test_the_right_hand_waves(marionette):
     x0 = marionette.rest()
     wave = fan.load_gesture(marionette, "wave")
     run = fan.simulate(marionette, x0, wave.inputs(x0), t_end=8.0, method="timestepping")
-    hand = np.array([
-        marionette.pose(run.state(i), "forearm_right")[:3, 3] for i in range(0, len(run.t), 20)
-    ])  # fmt: skip
+    hand = np.array(
+        [marionette.pose(run.state(i), "forearm_right")[:3, 3] for i in range(0, len(run.t), 20)]
+    )
     assert hand[:, 2].max() - hand[0, 2] > 0.1
     late = hand[-len(hand) // 4 :].mean(axis=0)  # it swings a little yet
     assert np.linalg.norm(late - hand[0]) < 5e-3

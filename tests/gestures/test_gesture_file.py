@@ -49,9 +49,21 @@ def check_hand(marionette: fan.Marionette, x0: fan.State, gesture: fan.Gesture) 
 
 def test_bundled_gestures_move_what_they_say(marionette):
     assert set(gesture_names()) >= {
-        "bow", "breathe", "clap", "hang", "jump", "kneel", "look", "march", "nod", "point",
-        "shake", "sit", "stand", "wave",
-    }  # fmt: skip
+        "bow",
+        "breathe",
+        "clap",
+        "hang",
+        "jump",
+        "kneel",
+        "look",
+        "march",
+        "nod",
+        "point",
+        "shake",
+        "sit",
+        "stand",
+        "wave",
+    }
     for name in gesture_names():
         found = fan.load_gesture(marionette, name)
         assert found.name == name and found.uses
@@ -62,10 +74,14 @@ def test_bundled_gestures_move_what_they_say(marionette):
 def test_a_file_says_what_python_says(marionette, tmp_path):
     read = fan.load_gesture(marionette, written(tmp_path, GOOD))
     made = fan.Gesture.of(
-        marionette, {"hand_right.length": [(0, 0), (1, -0.2), (2, 0)],
-                     "hand_right.y": [(0, 0), (1, -0.03), (2, 0)]},
-        name="greet", marks={"up": 1.0},
-    )  # fmt: skip
+        marionette,
+        {
+            "hand_right.length": [(0, 0), (1, -0.2), (2, 0)],
+            "hand_right.y": [(0, 0), (1, -0.03), (2, 0)],
+        },
+        name="greet",
+        marks={"up": 1.0},
+    )
     assert np.allclose(read.coef, made.coef, atol=1e-15) and read.marks == made.marks
 
 
@@ -78,9 +94,13 @@ def test_at_key_poses_the_puppet_hangs_where_they_say(marionette, tmp_path):
 
 def test_key_poses_count_on_what_else_moves(marionette, tmp_path):
     """The hand is where it is to be while the body is lowered by a centimetre."""
-    text = POSED + "moves:\n" + "".join(
-        f"  {name}.down: [[0, 0], [1, 10 mm], [2, 0]]\n"
-        for name in ("head", "shoulder_left", "shoulder_right")
+    text = (
+        POSED
+        + "moves:\n"
+        + "".join(
+            f"  {name}.down: [[0, 0], [1, 10 mm], [2, 0]]\n"
+            for name in ("head", "shoulder_left", "shoulder_right")
+        )
     )
     found = fan.load_gesture(marionette, written(tmp_path, text))
     x0 = marionette.rest()

@@ -270,9 +270,15 @@ def test_a_score_is_an_input_of_the_command_line(tmp_path):
     assert "a.wav from 0.00 s for 1.00 s" in checked.stdout and "1 caption\n" in checked.stdout
     out = tmp_path / "run.npz"
     done = fantoccini(
-        "simulate", "marionette", "--inputs", str(path), "--method", "timestepping",
-        "--out", str(out),
-    )  # fmt: skip
+        "simulate",
+        "marionette",
+        "--inputs",
+        str(path),
+        "--method",
+        "timestepping",
+        "--out",
+        str(out),
+    )
     assert done.exit_code == 0 and "the bound is 12" in done.stderr
     run = fan.Trajectory.load(out)
     assert run.t[0] == 0.0 and run.t[-1] == pytest.approx(26 * 0.6 + 1.7)
@@ -284,9 +290,14 @@ def test_a_score_is_an_input_of_the_command_line(tmp_path):
 def test_on_beat_rehearses_scores_only(tmp_path):
     quick = "score: q\nlanes: {legs: [{gesture: march}]}\n"
     done = fantoccini(
-        "simulate", "marionette", "--inputs", written(tmp_path, quick), "--on-beat",
-        "--method", "timestepping",
-    )  # fmt: skip
+        "simulate",
+        "marionette",
+        "--inputs",
+        written(tmp_path, quick),
+        "--on-beat",
+        "--method",
+        "timestepping",
+    )
     assert done.exit_code == 0 and "knee_left" in done.stdout and "rehearsed" in done.stdout
     assert "no --inputs are given" in mistake("simulate", "marionette", "--on-beat")
     start = ("simulate", "marionette", "--on-beat", "--start", "elbow_left=0.1")
@@ -304,9 +315,21 @@ def test_the_command_line_films_scores_with_their_sound(tmp_path):
     )
     film, picture = tmp_path / "a.mp4", tmp_path / "a.gif"
     done = fantoccini(
-        "simulate", "marionette", "--inputs", written(tmp_path, text), "--method", "timestepping",
-        "--out", film, "--out", picture, "--size", "96x120", "--fps", "5",
-    )  # fmt: skip
+        "simulate",
+        "marionette",
+        "--inputs",
+        written(tmp_path, text),
+        "--method",
+        "timestepping",
+        "--out",
+        film,
+        "--out",
+        picture,
+        "--size",
+        "96x120",
+        "--fps",
+        "5",
+    )
     assert done.exit_code == 0 and "a .gif is silent" in done.stderr
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", str(film)]
     said = subprocess.run(command, capture_output=True, text=True, check=False).stderr

@@ -149,7 +149,9 @@ def test_a_phrase_is_played_like_a_gesture(marionette, tmp_path):
         (NUMBER, ("on: {low: after}", "at: again.end"), 10, r"\(line 11\)"),
         (
             NUMBER.replace(", name: low", "").replace(", name: again", ""),
-            ("low.low + 1", "bow.low"), 8, "2 cues play 'bow', on lines 10, 11",
+            ("low.low + 1", "bow.low"),
+            8,
+            "2 cues play 'bow', on lines 10, 11",
         ),
         (NUMBER, ("hello.up,", "helo.up,"), 15, "did you mean 'hello.up'"),
         (HOLDS, ("hold: 2", "hold: 2, gesture: bow"), 5, "both `gesture` and `hold`"),
@@ -165,7 +167,7 @@ def test_a_phrase_is_played_like_a_gesture(marionette, tmp_path):
         (PHRASES, ("on: {low: 40}", "on: {lower: 40}"), 14, "did you mean 'low'"),
         (PHRASES, ("[{phrase: hello}, {gesture: bow}]", "[]"), 10, "at least 1 item"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_have_places(marionette, tmp_path, text, change, line, message):
     assert change[0] in text
     with pytest.raises(FileError, match=message) as caught:

@@ -13,9 +13,18 @@ from fantoccini.theatre.gestures.stepping import Step, Track, footing_after
 from fantoccini.theatre.gestures.walking import SWAY, steps
 
 GIVEN = (
-    Step(0, 0.5), Step(0, 0.5), Step(0.08), Step(0.08), Step(0.08), Step(), Step(),
-    Step(-0.05, 0.3), Step(-0.05, 0.3), Step(0.0, -0.6), Step(0.1, -0.2),
-)  # fmt: skip
+    Step(0, 0.5),
+    Step(0, 0.5),
+    Step(0.08),
+    Step(0.08),
+    Step(0.08),
+    Step(),
+    Step(),
+    Step(-0.05, 0.3),
+    Step(-0.05, 0.3),
+    Step(0.0, -0.6),
+    Step(0.1, -0.2),
+)
 STRINGS = ("shoulder_left", "shoulder_right", "head", "hand_left", "knee_right")
 
 

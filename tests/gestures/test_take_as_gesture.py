@@ -50,9 +50,10 @@ def test_what_is_no_gesture_is_told(take, tmp_path):
     live.stop().save(tmp_path / "still.npz")
     take.save(tmp_path / "reach.npz")
     for path, puppet_of, why in (
-        ("still.npz", puppet, "nothing moves"), ("reach.npz", fan.puppets.arm2d(), "reach.npz"),
+        ("still.npz", puppet, "nothing moves"),
+        ("reach.npz", fan.puppets.arm2d(), "reach.npz"),
         ("none.npz", puppet, "no file"),
-    ):  # fmt: skip
+    ):
         with pytest.raises(fan.FileError, match=why):
             fan.load_gesture(puppet_of, tmp_path / path)
     (tmp_path / "a.yaml").write_text("gesture: a\nmoves: {head.up: [[0, 0], [1, 1 cm]]}\n")

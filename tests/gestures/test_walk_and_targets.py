@@ -14,8 +14,14 @@ from fantoccini.theatre.gestures import score_schema
 pytestmark = pytest.mark.slow
 
 STRINGS = (
-    "head", "shoulder_left", "shoulder_right", "hand_left", "hand_right", "knee_left", "knee_right",
-)  # fmt: skip
+    "head",
+    "shoulder_left",
+    "shoulder_right",
+    "hand_left",
+    "hand_right",
+    "knee_left",
+    "knee_right",
+)
 HAND = np.array([0.0, 0.0, -0.09])
 STEP_TIME = 0.6
 
@@ -56,8 +62,9 @@ def written(tmp_path, text: str):
 def ends_at(puppet: fan.Marionette, x0: fan.State, d: np.ndarray, of: str = "") -> np.ndarray:
     """(7,) x + i y of the strings' ends at offsets."""
     v_K = puppet.coordinates.v_K
-    places = {p: [float(x0[f"{of}{s}.{p}"]) + d[v_K.index(f"{of}{s}.{p}")] for s in STRINGS]
-              for p in "xy"}  # fmt: skip
+    places = {
+        p: [float(x0[f"{of}{s}.{p}"]) + d[v_K.index(f"{of}{s}.{p}")] for s in STRINGS] for p in "xy"
+    }
     return np.array(places["x"]) + 1j * np.array(places["y"])
 
 

@@ -82,9 +82,13 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
         inputs = _moved(fit.inputs, offset)
         t = fit.t[own] - fit.delay_of(theta)
         run = fan.simulate(
-            puppet, x, inputs, float(t[-1]) + 0.01, method=fan.Event(rtol=1e-11, atol=1e-11),
+            puppet,
+            x,
+            inputs,
+            float(t[-1]) + 0.01,
+            method=fan.Event(rtol=1e-11, atol=1e-11),
             save_at=t,
-        ).resample(t)  # fmt: skip
+        ).resample(t)
         return fit.channels.look(run.q_D, run.q_K, puppet.p, fit.places(theta))
 
     for i, name in enumerate(one.labels):
@@ -153,8 +157,12 @@ def swing(rng, seconds=12.0, noise=0.01):
     t = np.arange(0.0, seconds, 0.02)
     made = solve_ivp(
         lambda t, y: [y[1], (mass * 9.81 * centre * np.sin(y[0]) - damping * y[1]) / whole],
-        (0.0, seconds), [np.radians(40.0), 0.0], t_eval=t, rtol=1e-10, atol=1e-10,
-    )  # fmt: skip
+        (0.0, seconds),
+        [np.radians(40.0), 0.0],
+        t_eval=t,
+        rtol=1e-10,
+        atol=1e-10,
+    )
     return t, made.y[0] + noise * rng.standard_normal(len(t)), (mass, centre, damping, whole)
 
 
@@ -170,16 +178,24 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
         whole = 0.01 + mass * own**2
         made = solve_ivp(
             lambda t, y: [y[1], (mass * 9.81 * own * np.sin(y[0]) - damping * y[1]) / whole],
-            (0.0, t[-1]), [start, rate], t_eval=t, rtol=1e-9, atol=1e-9,
-        )  # fmt: skip
+            (0.0, t[-1]),
+            [start, rate],
+            t_eval=t,
+            rtol=1e-9,
+            atol=1e-9,
+        )
         return (made.y[0] - angle) / 0.01
 
     peer = least_squares(misfit, [centre, 0.03, np.radians(40.0), 0.0])
     errors = np.sqrt(np.diag(np.linalg.inv(peer.jac.T @ peer.jac)))
     one = fan.Record(
-        puppet, fan.Input.hold(puppet, float(t[-1])), t, {"pin": angle},
-        unknown=[fan.Unknown("centre", positive=False), "damping"], noise={"pin": 0.01},
-    )  # fmt: skip
+        puppet,
+        fan.Input.hold(puppet, float(t[-1])),
+        t,
+        {"pin": angle},
+        unknown=[fan.Unknown("centre", positive=False), "damping"],
+        noise={"pin": 0.01},
+    )
     found = fan.identify(one, drift=(1e-4, 1e-3))
     for i, name in enumerate(("centre", "damping")):
         assert abs(found[name] - peer.x[i]) < 0.2 * errors[i], name
@@ -192,9 +208,12 @@ def test_what_a_pendulum_cannot_tell_apart_is_named():
     text = PENDULUM.replace("inertia: [0.01, 0.01, 0.0001]", "inertia: [1.0e-9, 1.0e-9, 1.0e-9]")
     t, angle, _ = swing(rng)
     one = fan.Record(
-        fan.loads(text), fan.Input.hold(fan.loads(text), float(t[-1])), t, {"pin": angle},
+        fan.loads(text),
+        fan.Input.hold(fan.loads(text), float(t[-1])),
+        t,
+        {"pin": angle},
         unknown=["mass", "damping", fan.Unknown("centre", positive=False)],
-    )  # fmt: skip
+    )
     found = fan.identify(one)
     assert len(found.combinations) == 1
     parts = found.combinations[0].parts
@@ -214,9 +233,13 @@ def test_what_a_pendulum_cannot_tell_apart_is_named():
 def scaled_case():
     """An arm of which all masses, dampings and drags are unknown."""
     truth = {
-        "shoulder_damping": 2.4e-3, "upper_mass": 0.15, "elbow_damping": 2.4e-3,
-        "lower_mass": 0.11, "upper_drag": 0.022, "delay": 0.004,
-    }  # fmt: skip
+        "shoulder_damping": 2.4e-3,
+        "upper_mass": 0.15,
+        "elbow_damping": 2.4e-3,
+        "lower_mass": 0.11,
+        "upper_drag": 0.022,
+        "delay": 0.004,
+    }
     markers = [replace(m, find=False) for m in arm().markers]
     return replace(arm(), truth=truth, markers=markers, signed=())
 
@@ -306,13 +329,16 @@ def test_random_motions_are_tried_and_written(case, tmp_path):
 
 def test_a_length_between_joints_is_found():
     """A parameter that moves markers at a fixed configuration, too."""
-    text = PENDULUM.replace("  - name: cart", """  - name: tail
+    text = PENDULUM.replace(
+        "  - name: cart",
+        """  - name: tail
     parent: rod
     joint: {type: revolute, axis: [0, -1, 0], at: [0, 0, {parameter: reach, value: -0.5}]}
     mass: 0.1
     com: [0, 0, -0.1]
     inertia: [1.0e-4, 1.0e-4, 1.0e-4]
-  - name: cart""")
+  - name: cart""",
+    )
     puppet = fan.loads(text).with_parameters({"centre": -0.3})
     true, rng = puppet.with_parameters({"reach": -0.46}), np.random.default_rng(2)
     hold = fan.Input.hold(puppet, 6.0)
@@ -325,9 +351,14 @@ def test_a_length_between_joints_is_found():
         "tail": seen["tail"] + 0.01 * rng.standard_normal(len(t))
     }
     one = fan.Record(
-        puppet, hold, t, columns, [fan.Marker("joint", "tail")],
-        [fan.Unknown("reach", positive=False), "damping"], start={"pin": 0.1},
-    )  # fmt: skip
+        puppet,
+        hold,
+        t,
+        columns,
+        [fan.Marker("joint", "tail")],
+        [fan.Unknown("reach", positive=False), "damping"],
+        start={"pin": 0.1},
+    )
     found = fan.identify(one)
     assert abs(found["reach"] + 0.46) < 1e-3
     assert abs(found["damping"] / 0.02 - 1.0) < 0.05
@@ -338,9 +369,14 @@ def free(about, **options):
     t, angle, _ = swing(np.random.default_rng(3), seconds=3.0, noise=0.05)
     puppet = fan.loads(PENDULUM).with_parameters({"mass": 0.4, "centre": -0.3})
     return fan.Record(
-        puppet, fan.Input.hold(puppet, float(t[-1])), t, {"pin": angle},
-        unknown=[fan.Unknown("damping", about)], noise={"pin": 0.05}, **options,
-    )  # fmt: skip
+        puppet,
+        fan.Input.hold(puppet, float(t[-1])),
+        t,
+        {"pin": angle},
+        unknown=[fan.Unknown("damping", about)],
+        noise={"pin": 0.05},
+        **options,
+    )
 
 
 def test_a_small_first_guess_hides_nothing():
@@ -424,6 +460,10 @@ bodies:
     t = np.linspace(0.1, 1.9, 60)
     with pytest.raises(fan.StateError, match="no dynamic coordinates"):
         fan.Record(
-            rail, fan.Input.hold(rail, 2.0), t, {"dot.x": 0.0 * t}, [fan.Marker("dot", "cart")],
+            rail,
+            fan.Input.hold(rail, 2.0),
+            t,
+            {"dot.x": 0.0 * t},
+            [fan.Marker("dot", "cart")],
             find_delay=True,
-        )  # fmt: skip
+        )

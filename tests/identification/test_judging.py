@@ -94,28 +94,64 @@ def test_units_follow_from_where_numbers_stand():
     data = {
         "gravity": [0, 0, number("g")],
         "bodies": [
-            {"name": "a", "mass": number("m"), "com": [0, 0, number("c")],
-             "inertia": [number("i"), 1, 1], "drag": {"quadratic": number("q")},
-             "joint": {"type": "ball", "damping": number("turning")},
-             "shapes": [{"density": number("rho")}]},
-            {"name": "b", "joint": {"type": "prismatic", "damping": number("sliding"),
-                                    "spring": {"stiffness": number("k"), "rest": number("r")}}},
+            {
+                "name": "a",
+                "mass": number("m"),
+                "com": [0, 0, number("c")],
+                "inertia": [number("i"), 1, 1],
+                "drag": {"quadratic": number("q")},
+                "joint": {"type": "ball", "damping": number("turning")},
+                "shapes": [{"density": number("rho")}],
+            },
+            {
+                "name": "b",
+                "joint": {
+                    "type": "prismatic",
+                    "damping": number("sliding"),
+                    "spring": {"stiffness": number("k"), "rest": number("r")},
+                },
+            },
             {"name": "c", "joint": {"type": "free", "damping": number("both")}},
         ],
-        "strings": [{"length": number("l"), "restitution": number("e"),
-                     "chain": {"stiffness": number("EA"), "mass": number("cord")}}],
+        "strings": [
+            {
+                "length": number("l"),
+                "restitution": number("e"),
+                "chain": {"stiffness": number("EA"), "mass": number("cord")},
+            }
+        ],
         "springs": [{"stiffness": number("rubber")}],
         "drives": [
-            {"on": ["s.length"], "drum": 0.01, "friction": {"viscous": number("wound")},
-             "control": {"stiffness": number("pd")}},
+            {
+                "on": ["s.length"],
+                "drum": 0.01,
+                "friction": {"viscous": number("wound")},
+                "control": {"stiffness": number("pd")},
+            },
             {"on": "s.x", "friction": {"coulomb": number("carriage")}},
             {"on": "bar", "control": {"stiffness": number("turned")}},
         ],
-    }  # fmt: skip
+    }
     kinds = {"s.length": "m", "s.x": "m", "bar": "rad"}
     assert parameter_units(data, kinds) == {
-        "g": "m/s²", "m": "kg", "c": "m", "i": "kg m²", "q": "N s²/m²", "turning": "N m s/rad",
-        "rho": "kg/m³", "sliding": "N s/m", "k": "N/m", "r": "m", "both": "N s/m or N m s/rad",
-        "l": "m", "e": "", "EA": "N", "cord": "kg", "rubber": "N/m", "wound": "N m s/rad",
-        "pd": "N/m", "carriage": "N", "turned": "N m/rad",
-    }  # fmt: skip
+        "g": "m/s²",
+        "m": "kg",
+        "c": "m",
+        "i": "kg m²",
+        "q": "N s²/m²",
+        "turning": "N m s/rad",
+        "rho": "kg/m³",
+        "sliding": "N s/m",
+        "k": "N/m",
+        "r": "m",
+        "both": "N s/m or N m s/rad",
+        "l": "m",
+        "e": "",
+        "EA": "N",
+        "cord": "kg",
+        "rubber": "N/m",
+        "wound": "N m s/rad",
+        "pd": "N/m",
+        "carriage": "N",
+        "turned": "N m/rad",
+    }

@@ -98,8 +98,11 @@ MISTAKES = [
     ("upper.mass:", "upper.maas:", r"swing\.yaml:9: .*found no maas; did you mean 'mass'"),
     ("  tie:", "  lower.drag.linear:", r"swing\.yaml:12: .*needed: about"),
     ("  tie:", "  tie:\n  hand.path.0.at.z:", r"swing\.yaml:13: .*the same number as tie; leave"),
-    ("  elbow_damping:", "  elbow.damping:\n  elbow_damping:",
-     r"swing\.yaml:12: .*the same number as elbow\.damping"),
+    (
+        "  elbow_damping:",
+        "  elbow.damping:\n  elbow_damping:",
+        r"swing\.yaml:12: .*the same number as elbow\.damping",
+    ),
     ("[hand.length]", "[hand.lenght]", r"swing\.yaml:13: offsets\[0\]: .*'hand\.length'"),
     ("[hand.length]", "[hand.x, hand.x]", r"swing\.yaml:13: offsets\[1\]: hand\.x is .* twice"),
     ("swing.csv", "swong.csv", r"swing\.yaml:3: samples: "),
@@ -109,17 +112,32 @@ MISTAKES = [
     ("  middle:", "  centre:", r"swing\.yaml:5: .*none of the columns centre\.x"),
     ("delay: find", "noise: {elbow: 0.1}", r"swing\.yaml:14: noise\.elbow: .*no marker or column"),
     ("delay: find", "start: {elbo: 1}", r"swing\.yaml:14: start\.elbo: "),
-    ("delay: find", "columns: {wrist.x: {coordinate: elbo}}",
-     r"swing\.yaml:14: columns\.wrist\.x\.coordinate: .*'elbow'"),
-    ("delay: find", "columns: {wrist.x: {tension: hnd}}",
-     r"swing\.yaml:14: columns\.wrist\.x\.tension: .*'hand'"),
-    ("delay: find", "columns: {wrist.x: {unit: deg}}",
-     r"swing\.yaml:14: columns\.wrist\.x\.unit: found deg; wrist\.x is in m"),
-    ("delay: find", "columns: {wrist.x: {tension: hand, unit: deg}}",
-     r"swing\.yaml:14: .*found deg; hand\.tension is in N"),
-    ("delay: find", "columns: {tip.x: {tension: hand}, tip.y: {tension: hand}}",
-     r"swing\.yaml:14: columns\.tip\.y: the columns tip\.x and tip\.y are both hand\.tension"),
-]  # fmt: skip
+    (
+        "delay: find",
+        "columns: {wrist.x: {coordinate: elbo}}",
+        r"swing\.yaml:14: columns\.wrist\.x\.coordinate: .*'elbow'",
+    ),
+    (
+        "delay: find",
+        "columns: {wrist.x: {tension: hnd}}",
+        r"swing\.yaml:14: columns\.wrist\.x\.tension: .*'hand'",
+    ),
+    (
+        "delay: find",
+        "columns: {wrist.x: {unit: deg}}",
+        r"swing\.yaml:14: columns\.wrist\.x\.unit: found deg; wrist\.x is in m",
+    ),
+    (
+        "delay: find",
+        "columns: {wrist.x: {tension: hand, unit: deg}}",
+        r"swing\.yaml:14: .*found deg; hand\.tension is in N",
+    ),
+    (
+        "delay: find",
+        "columns: {tip.x: {tension: hand}, tip.y: {tension: hand}}",
+        r"swing\.yaml:14: columns\.tip\.y: the columns tip\.x and tip\.y are both hand\.tension",
+    ),
+]
 
 
 @pytest.mark.parametrize(("old", "new", "message"), MISTAKES)
@@ -221,8 +239,15 @@ bodies:
 
 def test_a_written_puppet_differs_in_its_numbers_alone(tmp_path):
     data = read_text(BARE).data
-    found = {"a.mass": 0.25, "a.com.z": -0.2, "m": 0.125, "j.damping": 0.01,
-             "b.drag.linear": 0.5, "b.drag.angular": 1e-5, "c.mass": 1.0}  # fmt: skip
+    found = {
+        "a.mass": 0.25,
+        "a.com.z": -0.2,
+        "m": 0.125,
+        "j.damping": 0.01,
+        "b.drag.linear": 0.5,
+        "b.drag.angular": 1e-5,
+        "c.mass": 1.0,
+    }
     write_numbers(BARE, {find(data, k): x for k, x in found.items()}, tmp_path / "out.yaml")
     text = (tmp_path / "out.yaml").read_text(encoding="utf-8")
     expected = BARE.replace("0.5,", "0.25,").replace("-0.1]", "-0.2]").replace("3e-1", "0.125")
@@ -315,9 +340,16 @@ def test_a_failed_suggestion_leaves_what_was_found(folder, tmp_path):
     """Motions that the string cannot follow: the puppet is written and printed all the same."""
     out = tmp_path / "found.yaml"
     done = identify(
-        folder / "swing.yaml", "--out", out, "--suggest", tmp_path / "next.csv",
-        "--duration", 2, "--reach", 1000,
-    )  # fmt: skip
+        folder / "swing.yaml",
+        "--out",
+        out,
+        "--suggest",
+        tmp_path / "next.csv",
+        "--duration",
+        2,
+        "--reach",
+        1000,
+    )
     assert done.exit_code != 0 and not (tmp_path / "next.csv").exists()
     assert out.exists() and "upper.mass" in done.output
 

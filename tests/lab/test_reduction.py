@@ -35,9 +35,12 @@ def products_by_hand(metric, q, n_forces):
     """<grad q_i, grad q_j> by Christoffel's symbols, for the last coordinates, as a function."""
     n, G, m = len(q), sp.simplify(metric.inv()), metric
     lower = [
-        [[(m[k, i].diff(q[j]) + m[k, j].diff(q[i]) - m[i, j].diff(q[k])) / 2 for k in range(n)]
-         for j in range(n)] for i in range(n)
-    ]  # fmt: skip
+        [
+            [(m[k, i].diff(q[j]) + m[k, j].diff(q[i]) - m[i, j].diff(q[k])) / 2 for k in range(n)]
+            for j in range(n)
+        ]
+        for i in range(n)
+    ]
 
     def nabla(X, Y):
         turning = sp.zeros(n, 1)

@@ -69,9 +69,7 @@ def test_the_hand_on_the_winch_feels_the_pull_by_virtual_work():
     """-dV/dL = mean of T (1 + T / 2 EA) over the pieces."""
     x, table = rope().rest(), rope().coordinates
     still = np.zeros((1, table.n_vD)), np.zeros((1, table.n_vK))
-    force = rope().effort(
-        x.q_D[None], still[0], x.q_K[None], still[1], *still, np.zeros((1, 0))
-    )[0]
+    force = rope().effort(x.q_D[None], still[0], x.q_K[None], still[1], *still, np.zeros((1, 0)))[0]
     T = G * (0.2 + 0.03 / (N - 1) * np.arange(N))
     assert force[table.v_K.index("line.length")] == pytest.approx(
         -np.mean(T * (1 + T / 400)), rel=1e-9

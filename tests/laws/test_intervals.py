@@ -21,8 +21,10 @@ def caught() -> tuple[fan.Marionette, fan.State, np.ndarray]:
     values = {"shoulder": -0.2, "elbow": 0.6, "hand.length": 0.95, "v:elbow": 0.5}
     x0 = arm.project(arm.state(values | {"v:shoulder": -0.3}))
     acc = np.zeros((6, arm.coordinates.n_vK))
-    for name, a in {"hand.x": [1.0, -0.5, -0.5, 0.4, 0.0, 0.1],
-                    "hand.length": [-5.0, -5.0, 6.0, 6.0, 0.0, 0.0]}.items():  # fmt: skip
+    for name, a in {
+        "hand.x": [1.0, -0.5, -0.5, 0.4, 0.0, 0.1],
+        "hand.length": [-5.0, -5.0, 6.0, 6.0, 0.0, 0.0],
+    }.items():
         acc[:, arm.coordinates.v_K.index(name)] = a
     return arm, x0, acc
 
@@ -59,10 +61,12 @@ def test_intervals_with_catches_beside_differences(caught):
             z, u, p = np.split(d, [2 * (n + k), 2 * n + 3 * k])
             q_D, v_D, q_K, v_K = np.split(z, [n, 2 * n, 2 * n + k])
             x = here.replace(
-                t=0.0, v_D=here.v_D + v_D, v_K=here.v_K + v_K,
+                t=0.0,
+                v_D=here.v_D + v_D,
+                v_K=here.v_K + v_K,
                 q_D=tangent.moved(t.scalars_D, t.quaternions_D, here.q_D[None], q_D[None])[0],
                 q_K=tangent.moved(t.scalars_K, t.quaternions_K, here.q_K[None], q_K[None])[0],
-            )  # fmt: skip
+            )
             puppet = arm.with_parameters(
                 {name: arm.tree.parameters[name] + one for name, one in zip(names, p, strict=True)}
             )

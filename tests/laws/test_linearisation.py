@@ -103,9 +103,15 @@ def check_partials(puppet: fan.Marionette, rows, seed: int, bound: float) -> Non
     assert worst(np.concatenate([lin.acc_D, lin.tension[held]]), here) < 1e-11
 
     def at(q_D=0.0, v_D=0.0, q_K=0.0, v_K=0.0, acc=0.0, u=0.0, p=None):
-        one = puppet if p is None else puppet.with_parameters(
-            {name: value + d for (name, value), d in
-             zip(puppet.tree.parameters.items(), p, strict=True)}
+        one = (
+            puppet
+            if p is None
+            else puppet.with_parameters(
+                {
+                    name: value + d
+                    for (name, value), d in zip(puppet.tree.parameters.items(), p, strict=True)
+                }
+            )
         )
         zero_D, zero_K = np.zeros(t.n_vD), np.zeros(t.n_vK)
         state = x.replace(
@@ -266,9 +272,15 @@ def check_step(puppet: fan.Marionette, x: fan.State, acc_K, u_D, dt: float, boun
     lin = puppet.linearise_step(x, acc_K, u_D, dt)
 
     def step(z=None, acc=0.0, u=0.0, p=None) -> np.ndarray:
-        one = puppet if p is None else puppet.with_parameters(
-            {name: value + d for (name, value), d in
-             zip(puppet.tree.parameters.items(), p, strict=True)}
+        one = (
+            puppet
+            if p is None
+            else puppet.with_parameters(
+                {
+                    name: value + d
+                    for (name, value), d in zip(puppet.tree.parameters.items(), p, strict=True)
+                }
+            )
         )
         parts = np.split(np.zeros(2 * n + 2 * k) if z is None else z, np.cumsum([n, n, k]))
         start = x.replace(
@@ -330,9 +342,7 @@ def test_steps_follow_one_another(arm):
 
     def run(dz: np.ndarray) -> np.ndarray:
         q_D, v_D, q_K, v_K = np.split(dz, 4)
-        start = x0.replace(
-            q_D=x0.q_D + q_D, v_D=x0.v_D + v_D, q_K=x0.q_K + q_K, v_K=x0.v_K + v_K
-        )
+        start = x0.replace(q_D=x0.q_D + q_D, v_D=x0.v_D + v_D, q_K=x0.q_K + q_K, v_K=x0.v_K + v_K)
         y = arm.stepper(start, method=fan.TimeStepping(dt=dt, extrapolate=False)).advance(
             10 * dt, acc_K
         )

@@ -175,8 +175,11 @@ def test_the_frequency_is_that_of_the_simulated_swing():
     elbow = run.q_D[:, 1] - x0.q_D[1]
     up = np.flatnonzero((elbow[:-1] < 0.0) & (elbow[1:] >= 0.0))
     crossings = [
-        np.interp(0.0, (fine := run.resample(np.linspace(run.t[i], run.t[i + 1], 400))).q_D[:, 1]
-                  - x0.q_D[1], fine.t)
+        np.interp(
+            0.0,
+            (fine := run.resample(np.linspace(run.t[i], run.t[i + 1], 400))).q_D[:, 1] - x0.q_D[1],
+            fine.t,
+        )
         for i in up
     ]
     periods = np.diff(crossings)

@@ -65,8 +65,9 @@ def test_a_puppet_is_checked_without_its_equations(monkeypatch):
 
 def test_an_unresisted_motion_is_named():
     """Of a point mass on a free joint its turning, not what carries it."""
-    text = WOUND.replace("drives:", "  - {name: stay, path: [{body: dot}, {world: [0, 0, 1]}], "
-                         "length: 1}\ndrives:")  # fmt: skip
+    text = WOUND.replace(
+        "drives:", "  - {name: stay, path: [{body: dot}, {world: [0, 0, 1]}], length: 1}\ndrives:"
+    )
     dot = "  - {name: dot, joint: {type: free}, mass: 1}\nstrings:"
     with pytest.raises(PuppetError, match=r"dot: the mass matrix is singular: look at dot\.wx"):
         made = loads(text.replace("strings:", dot))

@@ -201,9 +201,9 @@ def test_at_rest_the_strings_carry_the_weight(name, cradle, request):
     assert np.abs(run.v_D).max() < 1e-8
     if name == "arm2d":
         return
-    total = model.one("gravity", x)[model.table.v_D.index(
-        {"cradle": "rod.z", "marionette": "torso.z"}[name]
-    ), 0]  # fmt: skip
+    total = model.one("gravity", x)[
+        model.table.v_D.index({"cradle": "rod.z", "marionette": "torso.z"}[name]), 0
+    ]
     pull = 0.0
     points = marionette.string_points(x0.q_D, x0.q_K)
     for string, tension in zip(points, run.tension.values[0], strict=True):

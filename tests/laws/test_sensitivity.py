@@ -104,8 +104,10 @@ def test_a_run_through_catches_and_releases(swing):
     ours, theirs = (on_breaks(inputs, x0, breaks) for inputs in (lift, other))
 
     def by_inputs(s: np.ndarray) -> np.ndarray:
-        mix = {name: (1 - s[0]) * getattr(ours, name) + s[0] * getattr(theirs, name)
-               for name in ("coef", "base")}
+        mix = {
+            name: (1 - s[0]) * getattr(ours, name) + s[0] * getattr(theirs, name)
+            for name in ("coef", "base")
+        }
         inputs = dataclasses.replace(ours, **mix)
         return end(arm, x0.replace(q_K=inputs.evaluate(0.0)[0]), inputs, 0.6)
 
@@ -223,8 +225,9 @@ def test_a_tumbling_box(bounce, t_end, catches):
     here = found.run.state(-1)
     to_pose = difference(
         lambda d: box.poses(moved(here.q_D, d, t.scalars_D, t.quaternions_D), here.q_K)[0].ravel(),
-        6, 1e-3,
-    )  # fmt: skip
+        6,
+        1e-3,
+    )
     mine = np.concatenate([to_pose @ found.x0[-1][:6], found.x0[-1][6:]])
     assert worst(mine, wanted) < 1e-7
     if bounce:

@@ -140,18 +140,24 @@ def textured(folder: Path, name: str) -> np.ndarray:
     image = material.CImage("i", name)
     surface = material.Surface("sf", image)
     sampler = material.Sampler2D("sm", surface)
-    effect = material.Effect("e", [surface, sampler], "lambert",
-                             diffuse=material.Map(sampler, "UV"))  # fmt: skip
+    effect = material.Effect(
+        "e", [surface, sampler], "lambert", diffuse=material.Map(sampler, "UV")
+    )
     own = material.Material("m1", "m1", effect)
     made.effects.append(effect)
     made.materials.append(own)
     made.images.append(image)
     corners = np.array([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0], float)
     uv = np.array([0.0, 0.6, 0.4, 0.6, 0.4, 0.9, 0.6, 0.1, 0.9, 0.1, 0.9, 0.4])
-    geometry = collada.geometry.Geometry(made, "g", "g", [
-        source.FloatSource("p", corners, ("X", "Y", "Z")),
-        source.FloatSource("t", uv, ("S", "T")),
-    ])  # fmt: skip
+    geometry = collada.geometry.Geometry(
+        made,
+        "g",
+        "g",
+        [
+            source.FloatSource("p", corners, ("X", "Y", "Z")),
+            source.FloatSource("t", uv, ("S", "T")),
+        ],
+    )
     inputs = source.InputList()
     inputs.addInput(0, "VERTEX", "#p")
     inputs.addInput(1, "TEXCOORD", "#t", set="0")

@@ -49,9 +49,10 @@ def head(tmp_path: Path) -> Path:
     writer = Writer()
     red, blue = writer.material(RED), writer.material(BLUE)
     writer.boxes(
-        ((0.25, 0.25, 0.25), (0, 0, 0), red), ((0.5, 0.0625, 0.5), (0, 0.25, 0), blue),
+        ((0.25, 0.25, 0.25), (0, 0, 0), red),
+        ((0.5, 0.0625, 0.5), (0, 0.25, 0), blue),
         ((0.0625, 0.0625, 0.0625), (0, 0, 0.25)),
-    )  # fmt: skip
+    )
     return writer.save(tmp_path / "head.glb")
 
 
@@ -141,8 +142,11 @@ def test_many_colours_become_few_that_are_near(tmp_path):
     writer = Writer()
     look = writer.material(image=image)
     uv = np.column_stack([0.5 + 0.49 * ball.vertices[:, 2], rng.random(len(ball.vertices))])
-    writer.node(writer.mesh(ball.vertices, ball.faces, look,
-                            TEXCOORD_0=writer.numbers(uv.astype("float32"))))  # fmt: skip
+    writer.node(
+        writer.mesh(
+            ball.vertices, ball.faces, look, TEXCOORD_0=writer.numbers(uv.astype("float32"))
+        )
+    )
     found = read(writer.save(tmp_path / "a.glb"), tmp_path)
     different = np.unique(found.colours, axis=0)
     assert 30 < len(different) <= LIMITS.max_colours
@@ -199,8 +203,9 @@ def test_each_colour_is_one_surface(head):
     for colour, surface in coloured(solid):
         made = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
         areas[tuple(np.round(255 * colour).astype(int).tolist())] = made.area
-        assert np.allclose(np.sum(surface.normals[surface.faces[:, 0]] * made.face_normals, axis=1),
-                           1.0)  # fmt: skip
+        assert np.allclose(
+            np.sum(surface.normals[surface.faces[:, 0]] * made.face_normals, axis=1), 1.0
+        )
     wanted = {
         tuple(np.round(255 * srgb(RED)).astype(int).tolist()): 6 * 0.0625,
         tuple(np.round(255 * srgb(BLUE)).astype(int).tolist()): 2 * 0.25 + 4 * 0.03125,
@@ -289,8 +294,10 @@ def test_recordings_bring_all_files_along(tmp_path):
     folder.mkdir(parents=True)
     writer = Writer()
     look = writer.material(image=np.full((2, 2, 3), 77, "uint8"))
-    writer.node(writer.mesh(material=look, TEXCOORD_0=writer.numbers(np.zeros((8, 2), "float32"))),
-                scale=[0.1] * 3)  # fmt: skip
+    writer.node(
+        writer.mesh(material=look, TEXCOORD_0=writer.numbers(np.zeros((8, 2), "float32"))),
+        scale=[0.1] * 3,
+    )
     writer.gltf.images[0] = gl.Image(uri="paint.png")
     Image.fromarray(np.full((2, 2, 3), 77, "uint8")).save(folder / "paint.png")
     writer.save(folder / "a.gltf")
@@ -312,8 +319,11 @@ def test_the_outline_has_the_mean_by_area(tmp_path):
     coarse = mesh(0, np.zeros(3), vertices, np.array([[0, 1, 2], [0, 2, 3]]), colours)
     points, faces = trimesh.remesh.subdivide(vertices, np.array([[0, 1, 2]]))
     fine = mesh(
-        0, np.zeros(3), np.vstack([points, vertices]), np.vstack([faces, [[len(points) + k for k in
-        (0, 2, 3)]]]), np.vstack([np.tile(colours[0], (len(faces), 1)), colours[1]]),
-    )  # fmt: skip
+        0,
+        np.zeros(3),
+        np.vstack([points, vertices]),
+        np.vstack([faces, [[len(points) + k for k in (0, 2, 3)]]]),
+        np.vstack([np.tile(colours[0], (len(faces), 1)), colours[1]]),
+    )
     assert len(fine.faces) == 5
     assert np.allclose(fine.colour, coarse.colour) and np.allclose(coarse.colour, [0.5, 0, 0.5])

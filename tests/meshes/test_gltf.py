@@ -24,7 +24,6 @@ def mesh(folder: Path, name: str, **keys) -> Mesh:
     return made.bodies[0].shapes[0]
 
 
-
 def of_boxes(maps: list[tuple[np.ndarray, np.ndarray]]) -> tuple[float, np.ndarray, np.ndarray]:
     """Volume, centre and inertia per mass of unit cubes under x -> A x + b.
 
@@ -102,6 +101,7 @@ def test_numbers_of_all_kinds_are_the_same_cube(tmp_path):
 
     cube("soup.glb", lambda w: w.mesh(soup, None))
     for kind in ("uint8", "uint32"):
+
         def indexed(w: Writer, kind: str = kind) -> int:
             made = w.mesh()
             w.gltf.meshes[made].primitives[0].indices = w.numbers(CUBE.ravel().astype(kind))
@@ -113,10 +113,18 @@ def test_numbers_of_all_kinds_are_the_same_cube(tmp_path):
         made = w.mesh(faces=[0, 2, 1, 3], mode=5)
         rest = CUBE[2:]
         of = w.gltf.meshes[made].primitives
-        of.append(gl.Primitive(attributes=of[0].attributes, mode=6,
-                               indices=w.numbers(np.array([4, 5, 7, 6], "uint16"))))  # fmt: skip
-        of.append(gl.Primitive(attributes=of[0].attributes,
-                               indices=w.numbers(rest[2:].ravel().astype("uint16"))))  # fmt: skip
+        of.append(
+            gl.Primitive(
+                attributes=of[0].attributes,
+                mode=6,
+                indices=w.numbers(np.array([4, 5, 7, 6], "uint16")),
+            )
+        )
+        of.append(
+            gl.Primitive(
+                attributes=of[0].attributes, indices=w.numbers(rest[2:].ravel().astype("uint16"))
+            )
+        )
         of.append(gl.Primitive(attributes=of[0].attributes, mode=1))
         return made
 
@@ -156,9 +164,14 @@ def test_numbers_of_all_kinds_are_the_same_cube(tmp_path):
         whole[:, :3] = np.sign(CORNERS) * 32767
         made = w.mesh()
         w.gltf.accessors.append(
-            gl.Accessor(bufferView=w.view(whole.tobytes(), stride=8), count=8, type=gl.VEC3,
-                        componentType=5122, normalized=True)
-        )  # fmt: skip
+            gl.Accessor(
+                bufferView=w.view(whole.tobytes(), stride=8),
+                count=8,
+                type=gl.VEC3,
+                componentType=5122,
+                normalized=True,
+            )
+        )
         w.gltf.meshes[made].primitives[0].attributes.POSITION = len(w.gltf.accessors) - 1
         return made
 

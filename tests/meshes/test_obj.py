@@ -45,8 +45,9 @@ def test_negative_indices_of_a_urdfs_mesh_count_back_from_their_line(tmp_path):
     (tmp_path / "a.obj").write_text(blocks(relative=True))
     made = imported(
         '<robot name="r"><link name="a"><visual><geometry><mesh filename="a.obj"/></geometry>'
-        "</visual></link></robot>", tmp_path
-    )  # fmt: skip
+        "</visual></link></robot>",
+        tmp_path,
+    )
     made.save(tmp_path / "r.yaml")
     (body,) = fan.model.load(tmp_path / "r.yaml").bodies
     assert load_mesh(body.shapes[0]).volume == pytest.approx(sum(s**3 for s in SIZES), rel=1e-6)
@@ -65,9 +66,14 @@ def test_negative_indices_of_textures_and_normals_count_likewise(tmp_path):
         given = [f"{key} {' '.join(map(repr, rng.uniform(size=3).tolist()))}" for key in keys]
         counts += new
         picked = [rng.choice(n, 3, replace=False) + 1 for n in counts]
-        back += [*given, "f " + " ".join(
-            "/".join(str(i - n - 1) for i, n in zip(corner, counts, strict=True))
-            for corner in zip(*picked, strict=True))]  # fmt: skip
+        back += [
+            *given,
+            "f "
+            + " ".join(
+                "/".join(str(i - n - 1) for i, n in zip(corner, counts, strict=True))
+                for corner in zip(*picked, strict=True)
+            ),
+        ]
         ahead += [*given, "f " + " ".join("/".join(map(str, c)) for c in zip(*picked, strict=True))]
     (tmp_path / "a.obj").write_text("\n".join(back))
     (tmp_path / "b.obj").write_text("\n".join(ahead))
@@ -92,14 +98,18 @@ VARIANTS = {
     "a byte order mark": "\ufeff" + PLAIN,
     "capitals": PLAIN.replace("v ", "V ").replace("f ", "F "),
     "continued": "".join(line.replace(" ", " \\\n", 1) + "\n" for line in LINES),
-    "normals": "".join(f"{line}\n" if line[0] == "v" else f"vn 0 0 1\n{line[:2]}" + " ".join(
-        f"{i}//-1" for i in line[2:].split()) + "\n" for line in LINES),
+    "normals": "".join(
+        f"{line}\n"
+        if line[0] == "v"
+        else f"vn 0 0 1\n{line[:2]}" + " ".join(f"{i}//-1" for i in line[2:].split()) + "\n"
+        for line in LINES
+    ),
     "a name of a lost library": "# mtllib none.mtl\nmtllib no such.mtl\no é\ng a b\ns 1\n" + PLAIN,
     "comments that end in a backslash": "".join(f"# C:\\out\\\n{line}\n" for line in LINES),
     "marks behind numbers": "".join(f"{line}#{k}\n" for k, line in enumerate(LINES)),
     "a last line continued": PLAIN.rstrip("\n") + " \\\n",
     "a w": "".join(f"{line} 1.0\n" if line[0] == "v" else f"{line}\n" for line in LINES),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("text", VARIANTS.values(), ids=VARIANTS)

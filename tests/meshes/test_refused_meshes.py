@@ -46,9 +46,19 @@ def changed(folder: Path, change: Callable[[dict], None]) -> str:
 
 @pytest.mark.parametrize(
     "uri",
-    ["../a.bin", "/etc/passwd", "http://example.org/a.bin", "file:///etc/passwd", "C:\\a.bin",
-     "%2e%2e/a.bin", "..%2fa.bin", "x/../../a.bin", "a\x00.bin", "x" * 300],
-)  # fmt: skip
+    [
+        "../a.bin",
+        "/etc/passwd",
+        "http://example.org/a.bin",
+        "file:///etc/passwd",
+        "C:\\a.bin",
+        "%2e%2e/a.bin",
+        "..%2fa.bin",
+        "x/../../a.bin",
+        "a\x00.bin",
+        "x" * 300,
+    ],
+)
 def test_a_buffer_lies_in_the_files_folder(tmp_path, uri):
     folder = tmp_path / "in"
     folder.mkdir()
@@ -84,14 +94,16 @@ def test_a_link_does_not_lead_out(tmp_path):
         (lambda c: c["nodes"][0].update(translation=["a", 0, 0]), "a"),
         (lambda c: c["nodes"][0].update(scale=[float("nan")] * 3), "no triangles with finite"),
         (lambda c: c["asset"].update(version="1.0"), "glTF 1.0; allowed: 2.0"),
-        (lambda c: c.update(extensionsRequired=["KHR_draco_mesh_compression"]),
-         "needs KHR_draco_mesh_compression: export it without compression"),
+        (
+            lambda c: c.update(extensionsRequired=["KHR_draco_mesh_compression"]),
+            "needs KHR_draco_mesh_compression: export it without compression",
+        ),
         (lambda c: c["meshes"][0]["primitives"][0].update(mode=1), "no triangles"),
         (lambda c: c["meshes"][0]["primitives"][0].update(mode=9), "mode 9"),
         (lambda c: c["meshes"][0]["primitives"][0].pop("attributes"), "KeyError"),
         (lambda c: c["accessors"][0].update(componentType=1), "KeyError"),
     ],
-)  # fmt: skip
+)
 def test_a_broken_gltf_is_a_located_mistake(tmp_path, change, says):
     import re
 
@@ -215,7 +227,7 @@ def test_any_change_is_read_or_refused(tmp_path, name):
                 case 2:
                     bad[at:at] = bad[at : at + int(rng.integers(1, 9))]
                 case 3:
-                    bad[at] = ord(rng.choice(list("0123456789-.e[]{},\"")))
+                    bad[at] = ord(rng.choice(list('0123456789-.e[]{},"')))
         path.write_bytes(bad)
         try:
             found = read(path, tmp_path)
@@ -235,9 +247,11 @@ def test_a_small_gltf_takes_little_memory(tmp_path, shared):
         {"attributes": {"POSITION": 0 if shared else k}, "indices": 30} for k in range(30)
     ]
     content = {
-        "asset": {"version": "2.0"}, "nodes": [{"mesh": 0}], "meshes": [{"primitives": primitives}],
+        "asset": {"version": "2.0"},
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": primitives}],
         "accessors": [*accessors, none],
-    }  # fmt: skip
+    }
     (tmp_path / "a.gltf").write_text(json.dumps(content))
     tracemalloc.start()
     message = refused(tmp_path, "a.gltf")

@@ -39,8 +39,9 @@ def stl(folder: Path, solid: trimesh.Trimesh, **keys) -> Mesh:
 def test_three_boxes_in_one_file_have_the_inertia_of_three_box_shapes(tmp_path):
     """To 1e-12: their sizes are single-precision numbers, as files have them."""
     rng, writer = np.random.default_rng(2), Writer()
-    boxes = [(np.float32(rng.uniform(0.1, 0.4, 3)), np.float32(rng.uniform(-1, 1, 3)))
-             for _ in range(3)]  # fmt: skip
+    boxes = [
+        (np.float32(rng.uniform(0.1, 0.4, 3)), np.float32(rng.uniform(-1, 1, 3))) for _ in range(3)
+    ]
     writer.boxes(*((size.astype(float), at.astype(float)) for size, at in boxes))
     writer.save(tmp_path / "a.glb")
     volume, unit = shape_inertia(mesh(tmp_path, "a.glb"))
@@ -49,10 +50,18 @@ def test_three_boxes_in_one_file_have_the_inertia_of_three_box_shapes(tmp_path):
     ]
     total = sum(v for v, _ in parts)
     com = sum(v * u.com for v, u in parts) / total
-    about = sum(
-        v * (u.inertia + (u.com - com) @ (u.com - com) * np.eye(3)
-             - np.outer(u.com - com, u.com - com)) for v, u in parts
-    ) / total  # fmt: skip
+    about = (
+        sum(
+            v
+            * (
+                u.inertia
+                + (u.com - com) @ (u.com - com) * np.eye(3)
+                - np.outer(u.com - com, u.com - com)
+            )
+            for v, u in parts
+        )
+        / total
+    )
     assert volume == pytest.approx(total, rel=1e-12)
     np.testing.assert_allclose(unit.com, com, rtol=0, atol=1e-12)
     np.testing.assert_allclose(unit.inertia, about, rtol=0, atol=1e-12)
@@ -164,9 +173,10 @@ def test_winding_numbers_tell_in_from_out():
     made = joined(trimesh.creation.icosphere(subdivisions=2), cube(3, 0, 0))
     points = np.random.default_rng(0).uniform([-1.2, -1.2, -1.2], [3.6, 1.2, 1.2], (300, 3))
     planes = trimesh.creation.icosphere(subdivisions=2)
-    flat = planes.face_normals @ points.T - np.sum(
-        planes.face_normals * planes.triangles_center, axis=1
-    )[:, None]
+    flat = (
+        planes.face_normals @ points.T
+        - np.sum(planes.face_normals * planes.triangles_center, axis=1)[:, None]
+    )
     wanted = (flat.max(axis=0) < 0) | np.all(np.abs(points - [3, 0, 0]) < 0.5, axis=1)
     assert np.array_equal(inside(made, points), wanted) and 20 < wanted.sum() < 280
 

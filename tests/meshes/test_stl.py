@@ -14,11 +14,16 @@ from fantoccini.model.meshes import read
 from fantoccini.model.puppet.shapes import load_mesh
 
 BINARY = trimesh.Trimesh(CORNERS, CUBE, process=False).export(file_type="stl")
-TEXT = "solid cube\n" + "".join(
-    "facet normal 0 0 0\n outer loop\n" + "".join(
-        f"  vertex {x} {y} {z}\n" for x, y, z in CORNERS[face].tolist()
-    ) + " endloop\nendfacet\n" for face in CUBE
-) + "endsolid cube\n"  # fmt: skip
+TEXT = (
+    "solid cube\n"
+    + "".join(
+        "facet normal 0 0 0\n outer loop\n"
+        + "".join(f"  vertex {x} {y} {z}\n" for x, y, z in CORNERS[face].tolist())
+        + " endloop\nendfacet\n"
+        for face in CUBE
+    )
+    + "endsolid cube\n"
+)
 VARIANTS = {
     "binary": BINARY,
     "a byte behind": BINARY + b"\0",
@@ -38,10 +43,12 @@ VARIANTS = {
     "a name in Latin-1": TEXT.replace("cube", "Würfel").encode("latin-1"),
     "no name": TEXT.replace(" cube", "").encode(),
     "no end": TEXT.replace("endsolid cube\n", "").encode(),
-    "two solids": (TEXT[: len(TEXT) // 2].rpartition("facet")[0] + "endsolid\nsolid b\nfacet"
-                   + TEXT.removeprefix(TEXT[: len(TEXT) // 2].rpartition("facet")[0] + "facet")
-                   ).encode(),
-}  # fmt: skip
+    "two solids": (
+        TEXT[: len(TEXT) // 2].rpartition("facet")[0]
+        + "endsolid\nsolid b\nfacet"
+        + TEXT.removeprefix(TEXT[: len(TEXT) // 2].rpartition("facet")[0] + "facet")
+    ).encode(),
+}
 
 
 @pytest.mark.parametrize("content", VARIANTS.values(), ids=VARIANTS)

@@ -18,8 +18,14 @@ UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From glTF's axes, y up, to ours, z up."""
 
 _TYPES = {1: gl.SCALAR, 2: gl.VEC2, 3: gl.VEC3, 4: gl.VEC4}
-_KINDS = {"int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125,
-          "float32": 5126}  # fmt: skip
+_KINDS = {
+    "int8": 5120,
+    "uint8": 5121,
+    "int16": 5122,
+    "uint16": 5123,
+    "uint32": 5125,
+    "float32": 5126,
+}
 
 
 class Writer:
@@ -33,9 +39,10 @@ class Writer:
         """Bytes in the buffer."""
         self.data += b"\0" * (-len(self.data) % 4)
         self.gltf.bufferViews.append(
-            gl.BufferView(buffer=0, byteOffset=len(self.data), byteLength=len(content),
-                          byteStride=stride)
-        )  # fmt: skip
+            gl.BufferView(
+                buffer=0, byteOffset=len(self.data), byteLength=len(content), byteStride=stride
+            )
+        )
         self.data += content
         return len(self.gltf.bufferViews) - 1
 
@@ -44,10 +51,14 @@ class Writer:
         values = np.ascontiguousarray(values)
         width = 1 if values.ndim == 1 else values.shape[1]
         self.gltf.accessors.append(
-            gl.Accessor(bufferView=self.view(values.tobytes()), count=len(values),
-                        componentType=_KINDS[str(values.dtype)], type=_TYPES[width],
-                        normalized=normalized)
-        )  # fmt: skip
+            gl.Accessor(
+                bufferView=self.view(values.tobytes()),
+                count=len(values),
+                componentType=_KINDS[str(values.dtype)],
+                type=_TYPES[width],
+                normalized=normalized,
+            )
+        )
         return len(self.gltf.accessors) - 1
 
     def material(self, colour=(1.0, 1.0, 1.0), image: np.ndarray | None = None, **sampler) -> int:
@@ -68,16 +79,22 @@ class Writer:
         return len(self.gltf.materials) - 1
 
     def mesh(
-        self, vertices=CORNERS, faces=CUBE, material: int | None = None, mode: int | None = None,
+        self,
+        vertices=CORNERS,
+        faces=CUBE,
+        material: int | None = None,
+        mode: int | None = None,
         **attributes: int,
-    ) -> int:  # fmt: skip
+    ) -> int:
         """A mesh of one primitive."""
         indices = None if faces is None else self.numbers(np.asarray(faces, "uint16").reshape(-1))
         corners = self.numbers(vertices.astype("float32"))
         made = gl.Primitive(
-            attributes=gl.Attributes(POSITION=corners, **attributes), indices=indices,
-            material=material, mode=mode,
-        )  # fmt: skip
+            attributes=gl.Attributes(POSITION=corners, **attributes),
+            indices=indices,
+            material=material,
+            mode=mode,
+        )
         self.gltf.meshes.append(gl.Mesh(primitives=[made]))
         return len(self.gltf.meshes) - 1
 

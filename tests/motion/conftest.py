@@ -18,11 +18,7 @@ def table() -> CoordinateTable:
     rows = [Coordinate(n, Role.DYNAMIC, n.split(".")[0], "rad", i) for i, n in enumerate(q_D)]
     rows += [
         Coordinate(
-            n,
-            Role.DRIVEN,
-            n.split(".")[0],
-            "rad" if n == "crank" else "1" if ".q" in n else "m",
-            i,
+            n, Role.DRIVEN, n.split(".")[0], "rad" if n == "crank" else "1" if ".q" in n else "m", i
         )
         for i, n in enumerate(q_K)
     ]

@@ -162,16 +162,28 @@ YAML = {
     "duration": ("duration: 1\ncoordinates: {crank: [[0, 1], [2, 2]]}\n", 1, "duration", "before"),
     "negative duration": ("duration: -1\n", 1, "duration", "positive"),
     "a time too large for a float": (
-        f"coordinates:\n  crank: [[0, 1], [1{'0' * 400}, 2]]\n", 2, "crank[1]", "up to 1e+09",
+        f"coordinates:\n  crank: [[0, 1], [1{'0' * 400}, 2]]\n",
+        2,
+        "crank[1]",
+        "up to 1e+09",
     ),
     "a value too large for a float": (
-        f"coordinates:\n  crank: [[0, 1], [1, -1{'0' * 400}]]\n", 2, "crank[1]", "up to 1e+09",
+        f"coordinates:\n  crank: [[0, 1], [1, -1{'0' * 400}]]\n",
+        2,
+        "crank[1]",
+        "up to 1e+09",
     ),
     "a number of 5000 digits": (
-        f"coordinates:\n  crank: [[0, 1], [1{'0' * 5000}, 2]]\n", 2, "", "",
+        f"coordinates:\n  crank: [[0, 1], [1{'0' * 5000}, 2]]\n",
+        2,
+        "",
+        "",
     ),
     "a force too large for a float": (
-        f"forces:\n  elbow: [[1{'0' * 400}, 1]]\n", 2, "elbow[0]", "up to 1e+09",
+        f"forces:\n  elbow: [[1{'0' * 400}, 1]]\n",
+        2,
+        "elbow[0]",
+        "up to 1e+09",
     ),
     "a duration too large for a float": (f"duration: 1{'0' * 400}\n", 1, "duration", "finite"),
     "force": ("forces:\n  elbo: [[0, 1]]\n", 2, "forces.elbo", "'elbow'"),
@@ -302,9 +314,11 @@ def taken(table, **changes) -> dict:
     arrays = {
         "start_q_K": np.where(np.arange(10) == 0, 0.8, table.start_K),
         "start_v_K": np.zeros(table.n_vK),
-        "acc_K": np.zeros((5, table.n_vK)), "t": np.array(0.0), "tick": np.array(0.01),
+        "acc_K": np.zeros((5, table.n_vK)),
+        "t": np.array(0.0),
+        "tick": np.array(0.01),
         "about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8),
-    } | changes  # fmt: skip
+    } | changes
     return {name: value for name, value in arrays.items() if value is not None}
 
 

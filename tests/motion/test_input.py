@@ -153,13 +153,7 @@ def test_times_may_have_any_shape(table):
 
 def test_nothing_driven_is_an_input_too(table):
     free = dataclasses.replace(
-        table,
-        q_K=(),
-        v_K=(),
-        quaternions_K=(),
-        scalars_K=(),
-        rotations={},
-        start_K=np.zeros(0),
+        table, q_K=(), v_K=(), quaternions_K=(), scalars_K=(), rotations={}, start_K=np.zeros(0)
     )
     made = Input.hold(free).with_forces({"elbow": [(0, 1), (1, 2)]}).bound(np.zeros(0))
     assert made.evaluate([0.0, 1.0])[0].shape == (2, 0)

@@ -43,9 +43,7 @@ def central(table, points: dict, name: str, k: int, d: float = 2e-6) -> np.ndarr
 def sided(table, points: dict, name: str, k: int, d: float) -> np.ndarray:
     """Richardson's extrapolation of one-sided differences."""
     here = motion(table, points)
-    half, whole = (
-        (motion(table, moved(points, name, k, h)) - here) / h for h in (0.5 * d, d)
-    )
+    half, whole = ((motion(table, moved(points, name, k, h)) - here) / h for h in (0.5 * d, d))
     return 2 * half - whole
 
 

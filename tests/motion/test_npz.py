@@ -35,9 +35,11 @@ def files(arm, tmp_path_factory):
     t = np.linspace(0, 1, 40)
     np.savez(folder / "inputs.npz", **{"t": t, "hand.length": 0.8 + 0.01 * np.sin(t)})
     readers = {
-        "run": Trajectory.load, "take": Recording.load, "before": Recording.load,
+        "run": Trajectory.load,
+        "take": Recording.load,
+        "before": Recording.load,
         "inputs": lambda p: Input.load(arm, p),
-    }  # fmt: skip
+    }
     return {name: (folder / f"{name}.npz", load) for name, load in readers.items()}
 
 
@@ -84,22 +86,37 @@ def changed(files, kind: str, tmp_path, change):
 @pytest.mark.parametrize(
     "change, message, kind",
     [
-        (lambda c, a: c.update({"winches.npy": stored(np.array([[5.0, -1.0, 0.0]]))}),
-         r"winch of hand: found a largest tension of 5 N, rewinding at -1 m/s", "take"),
-        (lambda c, a: c.update({"winches.npy": stored(np.array([[np.nan, 0.0, 0.0]]))}),
-         "winch of hand", "take"),
+        (
+            lambda c, a: c.update({"winches.npy": stored(np.array([[5.0, -1.0, 0.0]]))}),
+            r"winch of hand: found a largest tension of 5 N, rewinding at -1 m/s",
+            "take",
+        ),
+        (
+            lambda c, a: c.update({"winches.npy": stored(np.array([[np.nan, 0.0, 0.0]]))}),
+            "winch of hand",
+            "take",
+        ),
         (lambda c, a: a.update(puppet=3), "puppet is 3; it must be a text", "take"),
         (lambda c, a: a.update(steps=10**12), "found 1000000000000 steps in a tick", "take"),
-        (lambda c, a: c.update({"checks.npy": stored(np.zeros((2, 3)))}),
-         "checks is float64 of the", "take"),
+        (
+            lambda c, a: c.update({"checks.npy": stored(np.zeros((2, 3)))}),
+            "checks is float64 of the",
+            "take",
+        ),
         (lambda c, a: c.update({"ticks.npy": stored(np.array([0, 99]))}), "at most 6", "take"),
         (lambda c, a: c.update({"ticks.npy": stored(np.array([3, 6]))}), "increase from 0", "take"),
-        (lambda c, a: c.update({"events.npy": stored(np.array([[0.0, 77, 0, 0, 0]]))}),
-         "an event of the kind 77", "before"),
-        (lambda c, a: c.update({"rows.npy": stored(np.zeros((2, 3)))}),
-         "rows is float64 of the", "before"),
+        (
+            lambda c, a: c.update({"events.npy": stored(np.array([[0.0, 77, 0, 0, 0]]))}),
+            "an event of the kind 77",
+            "before",
+        ),
+        (
+            lambda c, a: c.update({"rows.npy": stored(np.zeros((2, 3)))}),
+            "rows is float64 of the",
+            "before",
+        ),
     ],
-)  # fmt: skip
+)
 def test_recordings_are_checked(files, tmp_path, change, message, kind):
     """17.28: winches, puppets, steps, events and rows as no recording has them."""
     with pytest.raises(FileError, match=rf"a\.npz: is not a recording .*{message}"):
@@ -109,8 +126,10 @@ def test_recordings_are_checked(files, tmp_path, change, message, kind):
 @pytest.mark.parametrize(
     "change, message",
     [
-        (lambda c, a: c.update({"q_D.npy": stored(np.zeros((26, 2), dtype=complex))}),
-         "q_D is complex128"),
+        (
+            lambda c, a: c.update({"q_D.npy": stored(np.zeros((26, 2), dtype=complex))}),
+            "q_D is complex128",
+        ),
         (lambda c, a: c.update({"t.npy": stored(np.full(26, np.nan))}), "t holds a number"),
         (lambda c, a: c.update({"v_K.npy": stored(np.zeros((26, 9)))}), "v_K is float64 of the"),
         (lambda c, a: c.pop("taut.npy"), "taut is missing"),
@@ -118,7 +137,7 @@ def test_recordings_are_checked(files, tmp_path, change, message, kind):
         (lambda c, a: a.update(puppet=7), "puppet is 7; it must be a text"),
         (lambda c, a: a.update(status="FINE"), "FINE"),
     ],
-)  # fmt: skip
+)
 def test_trajectories_are_checked(files, tmp_path, change, message):
     """17.28: shapes and kinds of arrays, places, texts."""
     with pytest.raises(FileError, match=rf"a\.npz: is not a trajectory .*{message}"):
@@ -140,6 +159,7 @@ def test_what_decoders_raise_is_caught(files, tmp_path):
 
 def test_entries_that_are_there_twice_are_refused():
     """And many entries are looked through at once, not each beside all others."""
+
     def refuse(name: str, text: str) -> FileError:
         return FileError([Mistake("run.npz", None, name, text)])
 

@@ -52,7 +52,8 @@ def run_of(table, t, **changes) -> Trajectory:
         "taut": Columns(("hand", "knee"), np.stack([t < 1, t >= 0], axis=-1), "string"),
         "ledger": Columns(LEDGER, np.outer(t, np.arange(len(LEDGER))), "entry"),
         "events": (
-            EventRecord(1.0, EventKind.CATCH, "hand", 0.25, 0.5), EventRecord(1.5, "breakpoint"),
+            EventRecord(1.0, EventKind.CATCH, "hand", 0.25, 0.5),
+            EventRecord(1.5, "breakpoint"),
         ),
         "status": Status.DONE,
         "method": "event",
@@ -162,9 +163,13 @@ def test_slip_and_blame_come_back(table, run, tmp_path):
     slip = Columns(("hand", "knee"), np.stack([0.1 * run.t, 0 * run.t], axis=-1), "string")
     events = (EventRecord(0.5, "slip", "hand", 0.0, 0.1), EventRecord(1.5, "grip", "hand"))
     stopped = run_of(
-        table, run.t, slip=slip, blamed=("hand", "elbow.upper"), events=events,
+        table,
+        run.t,
+        slip=slip,
+        blamed=("hand", "elbow.upper"),
+        events=events,
         status=Status.IMPOSSIBLE_INPUT,
-    )  # fmt: skip
+    )
     stopped.save(tmp_path / "a.npz")
     back = Trajectory.load(tmp_path / "a.npz")
     assert back.slip.names == slip.names
@@ -307,11 +312,7 @@ def test_summary(run):
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        {"q_D": np.zeros((3, 1))},
-        {"tension": Columns(("a",), np.zeros((5, 1)))},
-    ],
+    "change", [{"q_D": np.zeros((3, 1))}, {"tension": Columns(("a",), np.zeros((5, 1)))}]
 )
 def test_shapes_are_checked(table, change):
     with pytest.raises(ValueError, match=r"shape|samples|must"):

@@ -68,9 +68,13 @@ def decrease(program: StageProgram, u: np.ndarray) -> float:
 @pytest.mark.parametrize("by", (0.02, 0.2))
 @pytest.mark.parametrize(
     "bounds",
-    ({}, {"acceleration": 1.0}, {"acceleration": 2.0, "speed": 0.1},
-     {"acceleration": 3.0, "speed": 0.3, "held": ("hand.length",)}),
-)  # fmt: skip
+    (
+        {},
+        {"acceleration": 1.0},
+        {"acceleration": 2.0, "speed": 0.1},
+        {"acceleration": 3.0, "speed": 0.3, "held": ("hand.length",)},
+    ),
+)
 def test_the_step_is_that_of_the_interior_point_method(arm, by, bounds):
     task = task_of(arm, by, **bounds)
     found, program, solution, objective = both(arm, task, motion(arm, task))

@@ -60,8 +60,11 @@ def lowering(ball_arm: fan.Marionette, clearance: float | None = None) -> fan.Ta
 
 def test_clearances_of_all_parts_are_those_of_the_whole():
     puppet = fan.puppets.marionette_bar()
-    whole = Clearance(puppet, [{"name": "b", "type": "box", "size": [0.2, 0.2, 0.2],
-                                "at": [0.3, 0, 0.5]}], self_collision=True)  # fmt: skip
+    whole = Clearance(
+        puppet,
+        [{"name": "b", "type": "box", "size": [0.2, 0.2, 0.2], "at": [0.3, 0, 0.5]}],
+        self_collision=True,
+    )
     parts = whole.parts()
     rest = puppet.rest()
     random = np.random.default_rng(1)

@@ -69,10 +69,11 @@ def test_the_residual_of_a_puppet_on_its_own_clip_is_none(
     at = take.resample(still.t)
     nodes = Nodes(arm.coordinates, 0.0, 0.1, at.q_D, at.v_D, at.q_K, at.v_K, still.acc_K)
     for track in (
-        fan.Track.point("lower", fan.Clip(take), at=TIP), fan.Track.velocity("*", fan.Clip(take)),
+        fan.Track.point("lower", fan.Clip(take), at=TIP),
+        fan.Track.velocity("*", fan.Clip(take)),
         fan.Track.orientation("lower", fan.Clip(take)),
         fan.Track.coordinate("elbow", fan.Clip(take)),
-    ):  # fmt: skip
+    ):
         r = residual_of(arm, track, nodes).value(Looks(arm, nodes))
         assert r == pytest.approx(0.0 * r, abs=1e-8)
 

@@ -36,13 +36,20 @@ def pulled(block: fan.Marionette, dt: float, **options) -> fan.Task:
     """The block is to be 0.4 m farther after a second, at 0.5 m/s, with little acceleration."""
     place, speed = WEIGHTS
     return fan.Task(
-        block, block.rest(), T,
-        [fan.Track.coordinate("body.x", WAY, weight=0.0, end_weight=place),
-         fan.Track.velocity("body.x", SPEED, weight=0.0, end_weight=speed)],
-        fan.Smooth(1.0, 0.0), fan.Bounds(tension={"line": (0.1, np.inf)}), interval=T / N, dt=dt,
+        block,
+        block.rest(),
+        T,
+        [
+            fan.Track.coordinate("body.x", WAY, weight=0.0, end_weight=place),
+            fan.Track.velocity("body.x", SPEED, weight=0.0, end_weight=speed),
+        ],
+        fan.Smooth(1.0, 0.0),
+        fan.Bounds(tension={"line": (0.1, np.inf)}),
+        interval=T / N,
+        dt=dt,
         guess=fan.Input.waypoints(block, {"line.x": [(0, 0.65), (2 * T, 0.65 + 2 * WAY)]}),
         **options,
-    )  # fmt: skip
+    )
 
 
 def closed_form() -> tuple[np.ndarray, float]:

@@ -65,9 +65,15 @@ def test_a_hoist_is_as_fast_as_its_force_allows(hoist: fan.Marionette, most: flo
     up = most / MASS - g
     least = np.sqrt(2.0 * WAY * (up + g) / (up * g))
     task = fan.Task(
-        hoist, hoist.rest(), (0.3, 2.0), [], fan.Smooth(1e-9, 0.0),
-        fan.Bounds(force={"lift": (0.0, most)}), end=hoist.rest({"lift": WAY}), interval=2.0 / 40,
-    )  # fmt: skip
+        hoist,
+        hoist.rest(),
+        (0.3, 2.0),
+        [],
+        fan.Smooth(1e-9, 0.0),
+        fan.Bounds(force={"lift": (0.0, most)}),
+        end=hoist.rest({"lift": WAY}),
+        interval=2.0 / 40,
+    )
     best = fan.optimise(task, iterations=100, cost_tolerance=0.0)
     assert best, best.summary()
     assert best.run.t[-1] == pytest.approx(least, rel=within)
@@ -86,9 +92,14 @@ def test_a_winch_pulls_with_the_tension(arm: fan.Marionette):
         fan.Bounds(tension={"hand": (1e-3, np.inf)}, force={"hand.length": (-high, -low)}),
     ):
         task = fan.Task(
-            arm, x0, 1.0, [fan.Track.coordinate("hand.length", x0.q_K[1] - 0.05, weight=100.0)],
-            fan.Smooth(1e-2, 1e-5), bounds, interval=0.05,
-        )  # fmt: skip
+            arm,
+            x0,
+            1.0,
+            [fan.Track.coordinate("hand.length", x0.q_K[1] - 0.05, weight=100.0)],
+            fan.Smooth(1e-2, 1e-5),
+            bounds,
+            interval=0.05,
+        )
         # Derivatives of time steps, not being those of tensions at nodes, end a percent above: the
         # search goes on with exact ones.
         found.append(fan.optimise(task, cost_tolerance=0.0, iterations=100))
@@ -105,9 +116,15 @@ def test_forces_change_with_motions_as_their_rows_say(cart: fan.Marionette):
     x0 = cart.project(x0)
     names = ("rail", "line.length")
     task = fan.Task(
-        cart, x0, 0.5, [], bounds=fan.Bounds(force={name: (-50.0, 50.0) for name in names}),
-        interval=0.1, dt=0.001, parameters={"load": (0.2, 0.8)},
-    )  # fmt: skip
+        cart,
+        x0,
+        0.5,
+        [],
+        bounds=fan.Bounds(force={name: (-50.0, 50.0) for name in names}),
+        interval=0.1,
+        dt=0.001,
+        parameters={"load": (0.2, 0.8)},
+    )
     chosen, rng = Chosen(cart, x0, task.parameters), np.random.default_rng(5)
     runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen), chosen)
     objective = Objective(task)
@@ -163,10 +180,13 @@ def test_the_force_of_a_cart_holds_its_bounds(cart: fan.Marionette):
 
 def test_the_force_of_a_motor_is_bounded_through_its_command():
     """A lift behind a motor that follows its command by a spring and a damper."""
-    lift = fan.loads(HOIST.split("- {name: bob")[0] + """
+    lift = fan.loads(
+        HOIST.split("- {name: bob")[0]
+        + """
 drives:
 - {on: lift, mass: 0.1, control: {type: pd, stiffness: 2000, damping: 120}}
-""")
+"""
+    )
     x0 = lift.rest()
     tracks = [
         fan.Track.coordinate("lift", x0.q_D[0] + 0.2, weight=0.0, end_weight=1e3),

@@ -48,9 +48,16 @@ def optimum(problem: Problem, interval: float, step: float, on: str = "string") 
     if on == "string":
         bounds = bounds.staying_taut(puppet, x0)
     task = fan.Task(
-        puppet, x0, problem.duration, [], fan.Smooth(problem.weight, 0.0), bounds, end=end,
-        interval=interval, dt=step,
-    )  # fmt: skip
+        puppet,
+        x0,
+        problem.duration,
+        [],
+        fan.Smooth(problem.weight, 0.0),
+        bounds,
+        end=end,
+        interval=interval,
+        dt=step,
+    )
     return fan.optimise(task, time_limit=600.0)  # of a machine that others use as well
 
 

@@ -183,12 +183,12 @@ def test_another_optimiser_comes_to_the_same_motion_from_beside_it(swing_up: fan
     # Differences of 1e-6 m/s^2, and of the independent rows only: a taut end follows by itself.
     kept = [0, 2, 4, 5, 6, 7]
     other = minimize(
-        cost, start + 0.02 * np.random.default_rng(0).standard_normal(len(start)),
-        method="SLSQP", options={"maxiter": 100, "ftol": 1e-9, "eps": 1e-6},
-        constraints=[
-            {"type": "eq", "fun": lambda a: left(a)[kept]}, {"type": "ineq", "fun": room},
-        ],
-    )  # fmt: skip
+        cost,
+        start + 0.02 * np.random.default_rng(0).standard_normal(len(start)),
+        method="SLSQP",
+        options={"maxiter": 100, "ftol": 1e-9, "eps": 1e-6},
+        constraints=[{"type": "eq", "fun": lambda a: left(a)[kept]}, {"type": "ineq", "fun": room}],
+    )
     assert other.success, other.message
     assert np.max(np.abs(left(other.x))) < 1e-8
     assert swing_up.cost == pytest.approx(other.fun, rel=1e-5)

@@ -96,9 +96,16 @@ def least_time(
     """From rest to rest over WAY."""
     end = hoist.rest({"lift.command": WAY})
     task = fan.Task(
-        hoist, hoist.rest(), (0.3, 2.0), [], fan.Smooth(1e-9, 0.0), bounds, end=end,
-        interval=2.0 / intervals, guess=guess,
-    )  # fmt: skip
+        hoist,
+        hoist.rest(),
+        (0.3, 2.0),
+        [],
+        fan.Smooth(1e-9, 0.0),
+        bounds,
+        end=end,
+        interval=2.0 / intervals,
+        guess=guess,
+    )
     best = fan.optimise(task, iterations=200, cost_tolerance=0.0)
     assert best, best.summary()
     return best
@@ -122,17 +129,22 @@ def by_linear_programs(current: float, voltage: float, intervals: int) -> float:
         hold = MASS * g / gain
         A, b = [], []
         for rows, still, most in (
-            (i, hold, current), (RESISTANCE * i + gain * v, RESISTANCE * hold, voltage),
-        ):  # fmt: skip
+            (i, hold, current),
+            (RESISTANCE * i + gain * v, RESISTANCE * hold, voltage),
+        ):
             if most == np.inf:
                 continue
             A += [rows, -rows]
             b += [np.full(2 * intervals, most - still), np.full(2 * intervals, most + still)]
         way = h * h * (np.arange(intervals)[::-1] + 0.5)
         found = linprog(
-            -way, np.concatenate(A), np.concatenate(b), np.ones((1, intervals)), [0.0],
+            -way,
+            np.concatenate(A),
+            np.concatenate(b),
+            np.ones((1, intervals)),
+            [0.0],
             bounds=(None, None),
-        )  # fmt: skip
+        )
         return -found.fun - WAY
 
     return brentq(excess, 0.2, 2.0, xtol=1e-11)
@@ -203,9 +215,7 @@ def test_what_is_asked_for_is_the_law_of_the_controller():
     for x, exerts in ((near, True), (far, False)):
         at = {name: getattr(x, name) for name in ("q_D", "v_D", "q_K", "v_K")}
         (asked,) = weak.model.library.evaluate("motor_demands", **at, acc_K=[0.0], p=weak.p).f_D
-        (effort,) = weak.effort(
-            **at, acc_D=np.zeros(1), acc_K=np.zeros(1), tension=np.zeros(0)
-        )  # fmt: skip
+        (effort,) = weak.effort(**at, acc_D=np.zeros(1), acc_K=np.zeros(1), tension=np.zeros(0))
         assert asked == pytest.approx(2000 * (x.q_K - x.q_D)[0] + 120 * (x.v_K - x.v_D)[0])
         assert bool(effort == pytest.approx(asked)) is exerts
 
@@ -236,9 +246,14 @@ def test_voltages_change_with_motions_as_their_rows_say(cart: fan.Marionette):
     x0 = cart.project(x0.replace(v_D=x0.v_D + 0.1, v_K=x0.v_K + 0.05))
     spans = {"load": (0.2, 0.8), "gear": (1.0, 3.0), "R": (1.0, 2.0)}
     task = fan.Task(
-        cart, x0, 0.4, [], bounds=fan.Bounds(voltage=20.0, current={"line.command.length": 9.0}),
-        interval=0.1, parameters=spans,
-    )  # fmt: skip
+        cart,
+        x0,
+        0.4,
+        [],
+        bounds=fan.Bounds(voltage=20.0, current={"line.command.length": 9.0}),
+        interval=0.1,
+        parameters=spans,
+    )
     chosen, rng = Chosen(cart, x0, spans), np.random.default_rng(7)
     runs = ExactRuns(TimeSteps(cart, task.dt, 1, chosen, False), chosen)
     rows = Objective(task).rows
@@ -283,10 +298,13 @@ def test_what_has_no_motor_is_refused(hoist: fan.Marionette, tmp_path):
         found(hoist, voltage={"lift.command": 0.0})
     with pytest.raises(fan.StateError, match=r"voltage of lift\.command is \(0, 12\)"):
         found(hoist, voltage={"lift.command": (0, 12)})
-    servo = fan.loads(HOIST.replace(
-        f"{{type: dc, constant: {CONSTANT}, current: 100, resistance: {RESISTANCE}, voltage: 48}}",
-        "{type: servo, torque: 3}",
-    ))  # fmt: skip
+    servo = fan.loads(
+        HOIST.replace(
+            f"{{type: dc, constant: {CONSTANT}, current: 100, resistance: {RESISTANCE}, "
+            "voltage: 48}",
+            "{type: servo, torque: 3}",
+        )
+    )
     with pytest.raises(fan.UnknownNameError, match="there are none"):
         found(servo, voltage={"lift.command": 12.0})
     task = fan.Task(hoist, hoist.rest(), 1.0, [], bounds=fan.Bounds(voltage=12.0))

@@ -41,8 +41,9 @@ def holding(arm: fan.Marionette, **more: object) -> fan.MPC:
 
 def test_a_kicked_arm_is_calm_and_in_place_long_before_it_is_without(arm):
     x0, place = kicked(arm, 2.0), tip(arm, arm.rest())
-    left = [np.linalg.norm(tip(arm, followed(arm, mpc, x0, 75)) - place)
-            for mpc in (holding(arm), None)]  # fmt: skip
+    left = [
+        np.linalg.norm(tip(arm, followed(arm, mpc, x0, 75)) - place) for mpc in (holding(arm), None)
+    ]
     assert left[0] < 2e-3
     assert left[1] > 5.0 * left[0]
 

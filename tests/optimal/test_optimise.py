@@ -63,9 +63,16 @@ def test_the_bundled_tasks_converge(name: str):
 def test_a_crane_goes_from_rest_to_rest_in_the_least_time(small_crane: fan.Marionette):
     there = small_crane.rest({"line.x": WAY})
     task = fan.Task(
-        small_crane, small_crane.rest(), (0.5, 3.0), [], fan.Smooth(1e-8, 0.0),
-        fan.Bounds(acceleration=MOST, held=("line.length",)), end=there, interval=0.03, dt=0.002,
-    )  # fmt: skip
+        small_crane,
+        small_crane.rest(),
+        (0.5, 3.0),
+        [],
+        fan.Smooth(1e-8, 0.0),
+        fan.Bounds(acceleration=MOST, held=("line.length",)),
+        end=there,
+        interval=0.03,
+        dt=0.002,
+    )
     best = fan.optimise(task)
     assert best, best.summary()
     assert best.run.t[-1] == pytest.approx(shortest(), rel=1e-4)
@@ -127,8 +134,13 @@ def test_another_optimiser_finds_no_lower_cost(small_crane: fan.Marionette):
         return 25.0 * np.trapezoid(off, t) + 10.0 * off[-1] + smooth
 
     assert best.cost == pytest.approx(cost(best.nodes.acc_K[:, 0]), rel=1e-9)
-    other = minimize(cost, np.zeros(N), bounds=[(-0.4, 0.4)] * N, method="L-BFGS-B",
-                     options={"ftol": 1e-13, "gtol": 1e-9})  # fmt: skip
+    other = minimize(
+        cost,
+        np.zeros(N),
+        bounds=[(-0.4, 0.4)] * N,
+        method="L-BFGS-B",
+        options={"ftol": 1e-13, "gtol": 1e-9},
+    )
     assert best.cost == pytest.approx(other.fun, rel=1e-4)
     assert best.nodes.acc_K[:, 0] == pytest.approx(other.x, abs=5e-3)
     assert np.max(np.abs(best.nodes.acc_K)) == pytest.approx(0.4, abs=1e-6)  # the bound counts
@@ -207,10 +219,14 @@ def test_gains_bring_a_disturbed_arm_back(arm: fan.Marionette, round_trip: fan.O
             x, there = stepper.state, nodes
             acc = nodes.acc_K[i].copy()
             if feedback:
-                z = np.concatenate([
-                    x.q_D - there.q_D[i], x.v_D - there.v_D[i],
-                    x.q_K - there.q_K[i], x.v_K - there.v_K[i],
-                ])  # fmt: skip
+                z = np.concatenate(
+                    [
+                        x.q_D - there.q_D[i],
+                        x.v_D - there.v_D[i],
+                        x.q_K - there.q_K[i],
+                        x.v_K - there.v_K[i],
+                    ]
+                )
                 acc += K[i] @ z
             stepper.advance(nodes.interval, acc)
             worst.append(np.linalg.norm(stepper.state.q_D - nodes.q_D[i + 1]))
@@ -316,5 +332,3 @@ def test_tasks_that_are_none(arm: fan.Marionette):
         fan.Task(arm, x0, 1.0, ["elbow"])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="interval"):
         fan.Task(arm, x0, 1.0, [], interval=0.0)
-
-

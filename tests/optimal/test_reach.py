@@ -74,8 +74,9 @@ def test_a_plumb_bob_hangs_straight_below_its_end():
 
 def test_what_keeps_a_bob_from_its_place_is_named():
     plumb = fan.loads(PLUMB)
-    high = fan.reach(plumb, {"bob": [0.0, 0.0, 2.5]}, bounds=fan.Bounds(
-        position={"line.length": (0.02, 3.0)}))[0]  # fmt: skip
+    high = fan.reach(
+        plumb, {"bob": [0.0, 0.0, 2.5]}, bounds=fan.Bounds(position={"line.length": (0.02, 3.0)})
+    )[0]
     assert high.status is fan.ReachStatus.OUT_OF_REACH and not high
     assert high.distance == pytest.approx(0.52, abs=1e-6)
     assert high.limits == ("the string line would have to be shorter than 0.02 m",)
@@ -195,8 +196,11 @@ def test_poses_hang_and_inputs_move_them_as_told(marionette):
         ends.append(marionette.rest(pose.state.replace(q_K=q_K)))
     slope = marionette.difference(ends[1].q_D, ends[0].q_D) / (2.0 * step)
     # Legs that hang straight turn about themselves almost freely: rest leaves them as they are.
-    turns = [i for i, v in enumerate(marionette.coordinates.v_D) if v.startswith("hip")
-             and v.endswith("wz")]  # fmt: skip
+    turns = [
+        i
+        for i, v in enumerate(marionette.coordinates.v_D)
+        if v.startswith("hip") and v.endswith("wz")
+    ]
     smooth = np.setdiff1d(np.arange(25), turns)
     assert len(smooth) == 23
     apart = np.abs(found.by_K[4][smooth, k] - slope[smooth])
@@ -246,9 +250,14 @@ def test_a_knee_rises_when_its_slack_string_comes_taut(marionette):
     x = marionette.rest()
     assert "knee_left" not in fan.reach(marionette, {HAND: hand_of(marionette, x)}, x)[0].taut
     knee = marionette.pose(x, "shin_left")[:3, 3]
-    one = fan.reach(marionette, {"shin_left": [np.nan, np.nan, knee[2] + 0.05]}, x,
-                    bounds=fan.Bounds(held=tuple(n for n in marionette.coordinates.v_K
-                                                 if not n.startswith("knee_left"))))[0]  # fmt: skip
+    one = fan.reach(
+        marionette,
+        {"shin_left": [np.nan, np.nan, knee[2] + 0.05]},
+        x,
+        bounds=fan.Bounds(
+            held=tuple(n for n in marionette.coordinates.v_K if not n.startswith("knee_left"))
+        ),
+    )[0]
     assert one and "knee_left" in one.taut
     assert marionette.pose(one.state, "shin_left")[2, 3] == pytest.approx(knee[2] + 0.05, abs=1e-6)
 
@@ -264,8 +273,7 @@ def test_a_tie_lets_a_lever_down_lowest_where_its_string_is_square_to_it():
         between = np.arccos((a * a + c * c - 0.25) / (2.0 * a * c))
         return float(np.sin(np.arctan2(0.2, 0.8) - between))
 
-    best = minimize_scalar(height, bounds=(0.4, 0.9), method="bounded",
-                           options={"xatol": 1e-9})  # fmt: skip
+    best = minimize_scalar(height, bounds=(0.4, 0.9), method="bounded", options={"xatol": 1e-9})
     assert best.x == pytest.approx(np.sqrt(0.68 - 0.25), abs=1e-6)
     assert one.parameters["tie"] == pytest.approx(-best.x, abs=1e-4)
     assert one.distance == pytest.approx(9.0 + best.fun, abs=1e-7)
@@ -278,11 +286,17 @@ def test_the_place_of_a_knees_string_is_confirmed_by_a_sweep():
     fixed, tie = "at: [0.018, 0, -0.115]}", "at: [{parameter: tie, value: 0.018}, 0, -0.09]}"
     tied = text.replace(fixed, tie)
     made = fan.loads(tied.replace("puppet: marionette", "puppet: tied", 1))
-    start = made.rest(dict(zip(made.coordinates.q_K, made.rest().q_K, strict=True)) | {
-        "knee_left.length": 0.95})  # fmt: skip
+    start = made.rest(
+        dict(zip(made.coordinates.q_K, made.rest().q_K, strict=True)) | {"knee_left.length": 0.95}
+    )
     span, held = (0.0, 0.06), tuple(made.coordinates.v_K)
-    one = fan.reach(made, {"shin_left": [np.nan, np.nan, 9.0]}, start,
-                    bounds=fan.Bounds(held=held), parameters={"tie": span})[0]  # fmt: skip
+    one = fan.reach(
+        made,
+        {"shin_left": [np.nan, np.nan, 9.0]},
+        start,
+        bounds=fan.Bounds(held=held),
+        parameters={"tie": span},
+    )[0]
     ties, heights = np.linspace(*span, 17), []
     for tie in ties:
         other = made.with_parameters({"tie": float(tie)})
@@ -315,5 +329,10 @@ def test_mistakes_are_named():
         fan.reach(plumb, {"bob": [0, 0, 1]}, parameters={"tie": (0, 1)})
     falling = plumb.state({"bob.x": 0.3, "line.length": np.hypot(0.3, 1.0)})
     with pytest.raises(fan.StateError, match="does not hang"):
-        fan.reach(plumb, {"bob": [0, 0, 1]}, falling.replace(taut=np.array([False])),
-                  bounds=fan.Bounds(held=("line.x",)), slack=True)  # fmt: skip
+        fan.reach(
+            plumb,
+            {"bob": [0, 0, 1]},
+            falling.replace(taut=np.array([False])),
+            bounds=fan.Bounds(held=("line.x",)),
+            slack=True,
+        )

@@ -96,9 +96,14 @@ def test_bounds_and_rows_that_are_passed_at_a_price_are_those_of_another_solver(
         LinearConstraint(np.concatenate([rows, one], axis=1), given.row_low.ravel(), np.inf),
     ]
     best = minimize(
-        cost, np.zeros(n + N * m), jac=slope, method="SLSQP", constraints=constraints,
-        bounds=list(zip(low, high, strict=True)), options={"ftol": 1e-14, "maxiter": 500},
-    )  # fmt: skip
+        cost,
+        np.zeros(n + N * m),
+        jac=slope,
+        method="SLSQP",
+        constraints=constraints,
+        bounds=list(zip(low, high, strict=True)),
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
     assert best.success
     found = StageSolver(1e-10).solve(given)
     x = np.concatenate([found.u, found.z[1:]], axis=1).ravel()
@@ -228,18 +233,30 @@ def test_driven_states_that_are_double_integrators_are_kept_as_bands():
     s = k + size
     root = random.normal(size=(6, s, s))
     given = StageProgram(
-        H=root @ root.swapaxes(1, 2) + np.eye(s), g=random.normal(size=(6, s)),
-        cross=0.1 * random.normal(size=(6, s, k)), A=A, B=B, e=random.normal(size=(6, size)),
-        low=np.full((6, s), -UNBOUNDED), high=np.full((6, s), UNBOUNDED),
-        C=np.zeros((6, 0, 2 * s)), row_low=np.zeros((6, 0)), row_high=np.zeros((6, 0)),
+        H=root @ root.swapaxes(1, 2) + np.eye(s),
+        g=random.normal(size=(6, s)),
+        cross=0.1 * random.normal(size=(6, s, k)),
+        A=A,
+        B=B,
+        e=random.normal(size=(6, size)),
+        low=np.full((6, s), -UNBOUNDED),
+        high=np.full((6, s), UNBOUNDED),
+        C=np.zeros((6, 0, 2 * s)),
+        row_low=np.zeros((6, 0)),
+        row_high=np.zeros((6, 0)),
         elastic=np.zeros((6, 0)),
-    )  # fmt: skip
+    )
     turned = np.arange(size)[::-1]
     both = np.concatenate([np.arange(k), k + turned])
     other = replace(
-        given, H=given.H[:, both][:, :, both], g=given.g[:, both], cross=given.cross[:, both],
-        A=A[:, turned][:, :, turned], B=B[:, turned], e=given.e[:, turned],
-    )  # fmt: skip
+        given,
+        H=given.H[:, both][:, :, both],
+        g=given.g[:, both],
+        cross=given.cross[:, both],
+        A=A[:, turned][:, :, turned],
+        B=B[:, turned],
+        e=given.e[:, turned],
+    )
     found, again = StageSolver(1e-10).solve(given), StageSolver(1e-10).solve(other)
     assert found.u == pytest.approx(again.u, rel=1e-10, abs=1e-10)
     assert found.z == pytest.approx(again.z[:, turned], rel=1e-10, abs=1e-10)

@@ -72,9 +72,10 @@ def test_bundled_tasks_are_as_they_say():
     path = np.array([circle.tracks[0].path(t) for t in np.linspace(0.0, 2.0, 101)])
     assert np.ptp(path[:, 1]) == pytest.approx(0.1, rel=1e-3)
     assert set(circle.bounds.held) == {
-        name for name in circle.marionette.coordinates.v_K
+        name
+        for name in circle.marionette.coordinates.v_K
         if name.split(".")[0] not in ("hand_right", "shoulder_left", "shoulder_right")
-    }  # fmt: skip
+    }
 
 
 def test_a_file_says_what_python_says(tmp_path):
@@ -93,7 +94,9 @@ def test_a_file_says_what_python_says(tmp_path):
 
     elbow = [0.0, 0.2, 0.4], [np.radians(50), np.radians(60), 1.0]
     made = fan.Task(
-        arm, x0, 0.4,
+        arm,
+        x0,
+        0.4,
         [
             fan.Track.point("lower", circle, at=(0.3, 0.0, 0.0), weight=1e4),
             fan.Track.coordinate("elbow", elbow, start=0.1),
@@ -102,12 +105,16 @@ def test_a_file_says_what_python_says(tmp_path):
         ],
         fan.Smooth(acceleration=1e-3),
         fan.Bounds(
-            position={"hand.length": (0.5, np.inf)}, joint={"elbow": (0.0, np.radians(120))},
-            tension={"hand": (0.1, 50.0)}, speed=2.0, acceleration={"hand.x": 5.0},
+            position={"hand.length": (0.5, np.inf)},
+            joint={"elbow": (0.0, np.radians(120))},
+            tension={"hand": (0.1, 50.0)},
+            speed=2.0,
+            acceleration={"hand.x": 5.0},
             held=("hand.x",),
         ),
-        interval=0.05, dt=0.025,
-    )  # fmt: skip
+        interval=0.05,
+        dt=0.025,
+    )
     assert np.array_equal(read.x0.q_D, x0.q_D)
     assert read.bounds == made.bounds
     assert (read.durations, read.interval, read.dt) == (made.durations, made.interval, made.dt)
@@ -205,7 +212,7 @@ MISTAKES = [
     (TRACK, ("interval: 0.05", "interval: 1.0e-6"), 24, "interval", "allowed: 10000"),
     (CRANE, ("slack: true", "explore: 1"), 7, "explore", "needed beside it: slack: true"),
     (CRANE, ("slack: true", "slack: true\nexplore: -1"), 8, "explore", "greater than or equal"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("text", "change", "line", "key", "message"), MISTAKES)

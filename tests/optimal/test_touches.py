@@ -39,14 +39,21 @@ def drawing(pen: fan.Marionette, touches: list[fan.Touch], duration=T) -> fan.Ta
     tracks = [
         getattr(fan.Track, kind)(name, value, weight=0.0, end_weight=END)
         for kind, name, value in (
-            ("coordinate", "pen.x", 1.0), ("coordinate", "pen.z", 0.0),
-            ("velocity", "pen.x", 0.0), ("velocity", "pen.z", 0.0),
+            ("coordinate", "pen.x", 1.0),
+            ("coordinate", "pen.z", 0.0),
+            ("velocity", "pen.x", 0.0),
+            ("velocity", "pen.z", 0.0),
         )
-    ]  # fmt: skip
+    ]
     return fan.Task(
-        pen, pen.rest(), duration, tracks, fan.Smooth(1.0, 0.0), interval=np.max(duration) / N,
+        pen,
+        pen.rest(),
+        duration,
+        tracks,
+        fan.Smooth(1.0, 0.0),
+        interval=np.max(duration) / N,
         touches=touches,
-    )  # fmt: skip
+    )
 
 
 def least_cost(times: np.ndarray, places: np.ndarray, duration: float = T) -> float:
@@ -55,9 +62,10 @@ def least_cost(times: np.ndarray, places: np.ndarray, duration: float = T) -> fl
     k = h * np.arange(N)
 
     def reached(t: np.ndarray) -> np.ndarray:
-        return 0.5 * np.clip(t[:, None] - k, 0, None) ** 2 - 0.5 * np.clip(
-            t[:, None] - k - h, 0, None
-        ) ** 2  # fmt: skip
+        return (
+            0.5 * np.clip(t[:, None] - k, 0, None) ** 2
+            - 0.5 * np.clip(t[:, None] - k - h, 0, None) ** 2
+        )
 
     A, E = reached(np.asarray(times)), np.vstack([reached(np.array([duration])), np.full(N, h)])
     total = 0.0
@@ -74,9 +82,11 @@ def test_the_time_of_a_touch_is_the_best_one(pen: fan.Marionette):
         drawing(pen, [fan.Touch("pen", (0.3, 0.0, 0.2))]), cost_tolerance=0.0, tolerance=1e-8
     )
     other = minimize_scalar(
-        lambda t: least_cost([t], [[0.3, 0.2]]), bounds=(0.1, 0.9), method="bounded",
+        lambda t: least_cost([t], [[0.3, 0.2]]),
+        bounds=(0.1, 0.9),
+        method="bounded",
         options={"xatol": 1e-10},
-    )  # fmt: skip
+    )
     assert best.status is fan.OptimalStatus.SOLVED
     (found,) = best.touched
     assert found.t == pytest.approx(other.x, abs=1e-7)
@@ -106,9 +116,12 @@ def test_touches_in_turn_come_in_their_order(pen: fan.Marionette):
     turned = drawing(pen, [touches[0], replace(touches[1], in_turn=True)])
     best = fan.optimise(turned, cost_tolerance=0.0, iterations=200)
     other = minimize(
-        lambda t: least_cost([t[0], t[0] + t[1]], places), [0.4, 0.2], method="L-BFGS-B",
-        bounds=[(0.1, 0.8), (0.05, 0.8)], options={"ftol": 1e-15, "gtol": 1e-8},
-    )  # fmt: skip
+        lambda t: least_cost([t[0], t[0] + t[1]], places),
+        [0.4, 0.2],
+        method="L-BFGS-B",
+        bounds=[(0.1, 0.8), (0.05, 0.8)],
+        options={"ftol": 1e-15, "gtol": 1e-8},
+    )
     assert best, best.summary()
     assert [one.t for one in best.touched] == pytest.approx(np.cumsum(other.x), abs=1e-3)
     assert best.cost == pytest.approx(other.fun, rel=1e-7)
@@ -116,14 +129,15 @@ def test_touches_in_turn_come_in_their_order(pen: fan.Marionette):
 
 
 def test_the_duration_may_be_free_as_well(pen: fan.Marionette):
-    task = replace(
-        drawing(pen, [fan.Touch("pen", (0.3, 0.0, 0.2))], (0.5, 4.0)), time_weight=20.0
-    )
+    task = replace(drawing(pen, [fan.Touch("pen", (0.3, 0.0, 0.2))], (0.5, 4.0)), time_weight=20.0)
     best = fan.optimise(task, cost_tolerance=0.0, iterations=200)
     other = minimize(
-        lambda x: least_cost(x[:1] * x[1], [[0.3, 0.2]], x[1]) + 20.0 * x[1], [0.4, 1.2],
-        method="L-BFGS-B", bounds=[(0.1, 0.9), (0.5, 4.0)], options={"ftol": 1e-15, "gtol": 1e-7},
-    )  # fmt: skip
+        lambda x: least_cost(x[:1] * x[1], [[0.3, 0.2]], x[1]) + 20.0 * x[1],
+        [0.4, 1.2],
+        method="L-BFGS-B",
+        bounds=[(0.1, 0.9), (0.5, 4.0)],
+        options={"ftol": 1e-15, "gtol": 1e-7},
+    )
     assert best, best.summary()
     assert best.cost == pytest.approx(other.fun, rel=1e-6)
     assert best.run.t[-1] == pytest.approx(other.x[1], rel=1e-3)
@@ -140,9 +154,16 @@ def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
         fan.Track.coordinate("hand.length", x0.q_K[1], weight=0.0, end_weight=100.0),
     ]
     task = fan.Task(
-        arm, x0, end, tracks, fan.Smooth(1e-2, 0.0), fan.Bounds().staying_taut(arm, x0),
-        interval=end / n, dt=0.001, touches=[fan.Touch("lower", place, TIP, (0.1, end))],
-    )  # fmt: skip
+        arm,
+        x0,
+        end,
+        tracks,
+        fan.Smooth(1e-2, 0.0),
+        fan.Bounds().staying_taut(arm, x0),
+        interval=end / n,
+        dt=0.001,
+        touches=[fan.Touch("lower", place, TIP, (0.1, end))],
+    )
     best = fan.optimise(task, cost_tolerance=0.0, iterations=100)
     assert best, best.summary()
     t, h, k = np.linspace(0, end, n + 1), end / n, arm.coordinates.n_vK
@@ -163,9 +184,13 @@ def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
 
     first = np.append(np.ravel(best.nodes.acc_K) * 0.9, best.touched[0].t + 0.03)
     other = minimize(
-        cost, first, method="SLSQP", constraints={"type": "eq", "fun": off},
-        bounds=[(None, None)] * n * k + [(0.1, end)], options={"ftol": 1e-12, "maxiter": 200},
-    )  # fmt: skip
+        cost,
+        first,
+        method="SLSQP",
+        constraints={"type": "eq", "fun": off},
+        bounds=[(None, None)] * n * k + [(0.1, end)],
+        options={"ftol": 1e-12, "maxiter": 200},
+    )
     assert best.cost == pytest.approx(other.fun, rel=1e-4)
     assert best.touched[0].t == pytest.approx(other.x[-1], abs=2e-3)
     assert best.touched[0].distance < 1e-6
@@ -190,10 +215,15 @@ pose: {pin: 60 deg, line.length: 0.5}
     x0 = lever.rest()
     place = lever.pose(x0.replace(q_D=x0.q_D - 0.15), "rod") @ [0, 0, -1, 1]
     task = fan.Task(
-        lever, x0, 0.6, [fan.Track.velocity("*", weight=0.1)], fan.Smooth(1e-2, 1e-6),
-        interval=0.05, touches=[fan.Touch("rod", place[:3], (0, 0, -1))],
+        lever,
+        x0,
+        0.6,
+        [fan.Track.velocity("*", weight=0.1)],
+        fan.Smooth(1e-2, 1e-6),
+        interval=0.05,
+        touches=[fan.Touch("rod", place[:3], (0, 0, -1))],
         parameters={"tie": (-0.75, -0.5)},
-    )  # fmt: skip
+    )
 
     def cost(tie: float) -> float:
         one = lever.with_parameters({"tie": tie})
@@ -219,9 +249,14 @@ def test_it_goes_on_from_what_was_found_and_has_gains(pen: fan.Marionette):
 def test_a_place_that_is_missed_is_violated(arm: fan.Marionette):
     x0 = arm.rest()
     task = fan.Task(
-        arm, x0, 1.0, [], bounds=fan.Bounds(acceleration=0.1), interval=0.1,
+        arm,
+        x0,
+        1.0,
+        [],
+        bounds=fan.Bounds(acceleration=0.1),
+        interval=0.1,
         touches=[fan.Touch("lower", (3.0, 0.0, 0.0), TIP)],
-    )  # fmt: skip
+    )
     found = fan.optimise(task, iterations=10)
     assert not found and found.status is fan.OptimalStatus.VIOLATED
     assert found.touched[0].distance > 1.0

@@ -44,8 +44,14 @@ def test_the_second_move_comes_half_a_swing_later(trolley, method):
     """Zero vibration: two equal moves half a period apart leave no swing (Smith, 1957)."""
     half = np.pi * np.sqrt(LENGTH / 9.81)
     found = fan.tune(
-        trolley, lambda v: two_moves(trolley, max(v["delay"], 0.11)), {"delay": (0.4, 0.2)}, swing,
-        method=method, runs=20, generations=30, narrow=1e-4,
+        trolley,
+        lambda v: two_moves(trolley, max(v["delay"], 0.11)),
+        {"delay": (0.4, 0.2)},
+        swing,
+        method=method,
+        runs=20,
+        generations=30,
+        narrow=1e-4,
     )
     assert found.status is TunedStatus.SETTLED
     assert found.values["delay"] == pytest.approx(half, abs=2e-3)
@@ -71,9 +77,15 @@ def test_the_cost_sees_the_whole_run(trolley, method):
         return float(np.max(np.abs(run.q_D[run.t > 1.5])))
 
     found = fan.tune(
-        trolley, lambda v: two_moves(trolley, max(v["delay"], 0.11)).shifted(1.0),
-        {"delay": (0.4, 0.1)}, largest, x0, method=method, runs=8, generations=3,
-    )  # fmt: skip
+        trolley,
+        lambda v: two_moves(trolley, max(v["delay"], 0.11)).shifted(1.0),
+        {"delay": (0.4, 0.1)},
+        largest,
+        x0,
+        method=method,
+        runs=8,
+        generations=3,
+    )
     assert all(len(t) == 201 and t[0] == 1.0 and t[-1] == 3.0 for t in seen)
     assert found.cost == largest(found.run) > 0.0
 
@@ -91,8 +103,13 @@ def test_the_users_random_numbers_stay(trolley):
 def test_the_same_seed_gives_the_same(trolley):
     def found(seed: int) -> fan.Tuned:
         return fan.tune(
-            trolley, lambda v: two_moves(trolley, max(v["delay"], 0.11)), {"delay": (0.4, 0.1)},
-            swing, runs=10, generations=3, seed=seed,
+            trolley,
+            lambda v: two_moves(trolley, max(v["delay"], 0.11)),
+            {"delay": (0.4, 0.1)},
+            swing,
+            runs=10,
+            generations=3,
+            seed=seed,
         )
 
     assert found(1).values == found(1).values
@@ -111,9 +128,13 @@ def test_motions_that_fail_are_passed_by(trolley):
         return two_moves(trolley, v["delay"])
 
     found = fan.tune(
-        trolley, family, {"delay": (0.7, 0.3)},
-        lambda run: np.inf if run.q_K[-1, 0] > 0.9 else swing(run), runs=20, generations=15,
-    )  # fmt: skip
+        trolley,
+        family,
+        {"delay": (0.7, 0.3)},
+        lambda run: np.inf if run.q_K[-1, 0] > 0.9 else swing(run),
+        runs=20,
+        generations=15,
+    )
     assert found.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.02)
     assert np.isfinite(found.cost)
 
@@ -135,9 +156,14 @@ def test_two_numbers(trolley):
 def test_what_makes_no_sense_is_refused(trolley):
     def tune(numbers=None, cost=swing, **options) -> fan.Tuned:
         return fan.tune(
-            trolley, lambda v: two_moves(trolley, 0.5), {"a": (0.0, 1.0)} if numbers is None
-            else numbers, cost, runs=4, generations=2, **options,
-        )  # fmt: skip
+            trolley,
+            lambda v: two_moves(trolley, 0.5),
+            {"a": (0.0, 1.0)} if numbers is None else numbers,
+            cost,
+            runs=4,
+            generations=2,
+            **options,
+        )
 
     wrong = {"a": (0.0, 1.0), "b": 1.0}
     for numbers in ({}, {"a": (0.0, 0.0)}, {"a": (0.0, np.nan)}, {"a": 1.0}, wrong):
@@ -148,9 +174,12 @@ def test_what_makes_no_sense_is_refused(trolley):
     for counts in ({"runs": 2}, {"runs": 3.5}, {"generations": 0}, {"seed": -1}):
         with pytest.raises(ValueError, match=next(iter(counts)) + "|non-negative"):
             fan.tune(
-                trolley, lambda v: two_moves(trolley, 0.5), {"a": (0.0, 1.0)}, swing,
+                trolley,
+                lambda v: two_moves(trolley, 0.5),
+                {"a": (0.0, 1.0)},
+                swing,
                 **{"runs": 3, "generations": 1, **counts},
-            )  # fmt: skip
+            )
 
     def longer(v: dict[str, float]) -> fan.Input:
         return fan.Input.waypoints(trolley, {"trolley.x": [(0.0, 0.0), (1.0 + v["a"] ** 2, AWAY)]})
@@ -168,16 +197,24 @@ def test_an_interrupted_search_keeps_the_best(trolley):
         raise KeyboardInterrupt
 
     found = fan.tune(
-        trolley, lambda v: two_moves(trolley, 0.5), {"a": (0.0, 1.0)}, swing, runs=4,
+        trolley,
+        lambda v: two_moves(trolley, 0.5),
+        {"a": (0.0, 1.0)},
+        swing,
+        runs=4,
         progress=progress,
-    )  # fmt: skip
+    )
     assert found.status is TunedStatus.STOPPED
     assert len(found.curve) == 1
 
 
 def test_time_is_limited(trolley):
     found = fan.tune(
-        trolley, lambda v: two_moves(trolley, max(v["delay"], 0.2)), {"delay": (0.4, 0.1)}, swing,
-        runs=4, time_limit=1e-6,
-    )  # fmt: skip
+        trolley,
+        lambda v: two_moves(trolley, max(v["delay"], 0.2)),
+        {"delay": (0.4, 0.1)},
+        swing,
+        runs=4,
+        time_limit=1e-6,
+    )
     assert found.status is TunedStatus.TIMEOUT and len(found.curve) == 1

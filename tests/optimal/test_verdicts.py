@@ -22,12 +22,14 @@ def task(small_crane: fan.Marionette, bounds: fan.Bounds, **options) -> fan.Task
 @pytest.mark.parametrize(
     ("bounds", "words"),
     [
-        (fan.Bounds(position={"line.x": (-0.1, 0.15)}),
-         r"line\.x is 0\.2 at the end, beyond its bounds -0\.1 to 0\.15"),
+        (
+            fan.Bounds(position={"line.x": (-0.1, 0.15)}),
+            r"line\.x is 0\.2 at the end, beyond its bounds -0\.1 to 0\.15",
+        ),
         (fan.Bounds(joint={"bob.x": (-1.0, 0.1)}), r"bob\.x is 0\.2 at the end"),
         (fan.Bounds(held=("line.x",)), r"line\.x is held, but the end is off its start by 0\.2"),
     ],
-)  # fmt: skip
+)
 def test_an_end_outside_its_bounds_is_refused_at_once(small_crane, bounds, words):
     with pytest.raises(fan.StateError, match=words):
         fan.optimise(task(small_crane, bounds))
@@ -139,9 +141,12 @@ def test_ctrl_c_in_a_later_motion_keeps_the_best(small_crane, monkeypatch):
         return replace(run, status=fan.Status.STOPPED) if next(count) >= 4 else run
 
     monkeypatch.setattr(shooting, "simulate", stopped)
-    found = fan.optimise(replace(task(small_crane, fan.Bounds(), end=None), tracks=[
-        fan.Track.coordinate("bob.x", lambda t: 0.1 * t**2)
-    ]))  # fmt: skip
+    found = fan.optimise(
+        replace(
+            task(small_crane, fan.Bounds(), end=None),
+            tracks=[fan.Track.coordinate("bob.x", lambda t: 0.1 * t**2)],
+        )
+    )
     assert found.status is fan.OptimalStatus.STOPPED
     assert found.cost < found.curve[0][1]
 

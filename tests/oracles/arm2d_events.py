@@ -94,9 +94,14 @@ class Mode:
         lam = -(A_D @ free + Adot_v + A_K @ acc_K) / (A_D @ pull)
         hdot = A_D @ y[2:] + A_K @ v_K
         return {
-            "free": free, "taut": free + pull * lam, "tension": -lam, "h": h, "hdot": hdot,
-            "catch": -hdot / (A_D @ pull), "pull": pull,
-        }  # fmt: skip
+            "free": free,
+            "taut": free + pull * lam,
+            "tension": -lam,
+            "h": h,
+            "hdot": hdot,
+            "catch": -hdot / (A_D @ pull),
+            "pull": pull,
+        }
 
     def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
         """d/dt (theta, v)."""

@@ -124,16 +124,32 @@ def model() -> dict[str, object]:
 
     def rate_of(row):
         return sp.Matrix(
-            [[sum(sp.diff(a, q) * v for q, v in zip([*q_D, *q_K], [*v_D, *v_K], strict=True))
-              for a in row]]
-        )  # fmt: skip
+            [
+                [
+                    sum(sp.diff(a, q) * v for q, v in zip([*q_D, *q_K], [*v_D, *v_K], strict=True))
+                    for a in row
+                ]
+            ]
+        )
 
     Adot_D, Adot_K = rate_of(A_D), rate_of(A_K)
     found = {
-        "M": M, "C": C, "g": g, "h": h, "A_D": A_D, "A_K": A_K, "Adot_D": Adot_D,
-        "Adot_K": Adot_K, "Adot_v": (Adot_D * v_D + Adot_K * v_K)[0], "T": kinetic, "V": potential,
-        "g_1": g_1, "g_2": g_2, "V_1": twists[0], "V_2": twists[1],
-    }  # fmt: skip
+        "M": M,
+        "C": C,
+        "g": g,
+        "h": h,
+        "A_D": A_D,
+        "A_K": A_K,
+        "Adot_D": Adot_D,
+        "Adot_K": Adot_K,
+        "Adot_v": (Adot_D * v_D + Adot_K * v_K)[0],
+        "T": kinetic,
+        "V": potential,
+        "g_1": g_1,
+        "g_2": g_2,
+        "V_1": twists[0],
+        "V_2": twists[1],
+    }
     symbols = [*q_D, *v_D, *q_K, *v_K, *p.values()]
     vectors = {"g", "A_D", "A_K", "Adot_D", "Adot_K", "V_1", "V_2"}
     functions = {name: _numeric(symbols, e, name in vectors) for name, e in found.items()}

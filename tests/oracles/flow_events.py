@@ -61,9 +61,16 @@ class Run:
 
 
 def simulate(
-    marionette, x0, inputs, t_end, integrator="DOP853", rtol=1e-10, atol=1e-10, max_step=0.02,
+    marionette,
+    x0,
+    inputs,
+    t_end,
+    integrator="DOP853",
+    rtol=1e-10,
+    atol=1e-10,
+    max_step=0.02,
     max_events=1000,
-):  # fmt: skip
+):
     """The run from a state, by a method of SciPy or a subclass of its ``OdeSolver``.
 
     Args:

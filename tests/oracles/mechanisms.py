@@ -42,11 +42,7 @@ def car_axis() -> dict:
                 "joint": {"type": "prismatic", "axis": [0, 0, 1]},
                 "mass": MASS,
             },
-            {
-                "name": "right",
-                "joint": {"type": "translation", "axes": ["x", "z"]},
-                "mass": MASS,
-            },
+            {"name": "right", "joint": {"type": "translation", "axes": ["x", "z"]}, "mass": MASS},
         ],
         "strings": [
             {

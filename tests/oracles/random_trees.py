@@ -12,9 +12,7 @@ DOF = {"fixed": 0, "revolute": 1, "prismatic": 1, "translation": 2, "ball": 3, "
 ABOVE = np.array([0.0, 0.0, 2.0])
 """Where strings end [m]."""
 
-WEIGHT = {
-    "fixed": 1, "revolute": 5, "prismatic": 2, "translation": 1, "ball": 2.5, "free": 1,
-}  # fmt: skip
+WEIGHT = {"fixed": 1, "revolute": 5, "prismatic": 2, "translation": 1, "ball": 2.5, "free": 1}
 
 
 def description(
@@ -157,10 +155,7 @@ def _joint(rng, kind, driven, dissipative, springs, limits) -> dict:
     if dissipative and kind != "fixed" and rng.random() < 0.5:
         joint["damping"] = float(rng.uniform(0.0, 1.0))
     if springs and kind in ("revolute", "prismatic") and rng.random() < 0.3:
-        joint["spring"] = {
-            "stiffness": float(rng.uniform(0.0, 20.0)),
-            "rest": float(rng.normal()),
-        }
+        joint["spring"] = {"stiffness": float(rng.uniform(0.0, 20.0)), "rest": float(rng.normal())}
     if limits and kind in ("revolute", "prismatic") and rng.random() < 0.7:
         low, high = rng.uniform(0.5, 2.0, 2)
         joint["limits"] = {"lower": -float(low), "upper": float(high)}

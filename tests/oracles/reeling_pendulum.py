@@ -86,8 +86,12 @@ class Reeling:
                 tensions.append(self._tension(drive, piece, t0, y))
             s = DOP853(
                 lambda t, y, piece=piece: self._rhs(drive, piece, t, y),
-                t0, y, t1, rtol=tolerance, atol=tolerance / 10.0,
-            )  # fmt: skip
+                t0,
+                y,
+                t1,
+                rtol=tolerance,
+                atol=tolerance / 10.0,
+            )
             while s.status == "running":
                 s.step()
             y = s.y

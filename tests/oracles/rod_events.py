@@ -148,10 +148,19 @@ def simulate(rod: Rod, q, v, t_end: float, *, tolerance: float = 1e-13) -> Run:
                 itertools.pairwise(grid), itertools.pairwise(values), strict=True
             ):
                 hit = [
-                    (root(lambda t, r=r, s=s, y=y, taut=taut, piece=piece: guards(
-                        t, state(s.t_old, y, t, piece, taut), piece, taut)[r], a, b), r)
-                    for r in range(2) if armed[r] and ga[r] <= 0 < gb[r]
-                ]  # fmt: skip
+                    (
+                        root(
+                            lambda t, r=r, s=s, y=y, taut=taut, piece=piece: guards(
+                                t, state(s.t_old, y, t, piece, taut), piece, taut
+                            )[r],
+                            a,
+                            b,
+                        ),
+                        r,
+                    )
+                    for r in range(2)
+                    if armed[r] and ga[r] <= 0 < gb[r]
+                ]
                 if hit:
                     event = min(hit)
                     break

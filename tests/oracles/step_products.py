@@ -26,9 +26,16 @@ def swept(
     """
     n, t = len(acc), puppet.coordinates
     steps = puppet.linearise_steps(
-        run.q_D[:-1], run.v_D[:-1], run.q_K[:-1], run.v_K[:-1], acc, force, dt=run.dt,
-        forces=True, pull=True,
-    )  # fmt: skip
+        run.q_D[:-1],
+        run.v_D[:-1],
+        run.q_K[:-1],
+        run.v_K[:-1],
+        acc,
+        force,
+        dt=run.dt,
+        forces=True,
+        pull=True,
+    )
     assert (steps.held == run.held).all()
     assert (steps.n_contacts == run.n_contacts).all()
     assert np.allclose(steps.v_D, run.v_D[1:], rtol=0, atol=1e-9)

@@ -22,6 +22,8 @@ def arrays_before(recording: fan.Recording, path: Path) -> dict[str, np.ndarray]
     about = arrays["about"].tobytes().replace(b"recording.3", b"recording.2")
     output = recording.written.output
     return arrays | {
-        "about": np.frombuffer(about, dtype=np.uint8), "rows": output.samples,
-        "events": output.events, "contacts": output.contacts,
-    }  # fmt: skip
+        "about": np.frombuffer(about, dtype=np.uint8),
+        "rows": output.samples,
+        "events": output.events,
+        "contacts": output.contacts,
+    }

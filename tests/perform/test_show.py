@@ -48,8 +48,9 @@ class Stage:
             used = (
                 reach.lengths(live.state.v_K, hands.group, len(hands.speed)) / hands.speed,
                 reach.lengths(live.state.v_K - before, hands.group, len(hands.speed))
-                / live.tick / hands.acceleration,
-            )  # fmt: skip
+                / live.tick
+                / hands.acceleration,
+            )
             self.most = np.maximum(self.most, np.max(used, axis=1))
 
     def astray(self, who: str = "") -> float:
@@ -256,9 +257,8 @@ class Desk:
         self.ears.bind(("127.0.0.1", 0))
         self.ears.settimeout(5.0)
         self.osc = Osc(
-            stage.show, Address("127.0.0.1", 0), Address(*self.ears.getsockname()),
-            self.jobs.append,
-        )  # fmt: skip
+            stage.show, Address("127.0.0.1", 0), Address(*self.ears.getsockname()), self.jobs.append
+        )
 
     def raw(self, data: bytes) -> None:
         self.ears.sendto(data, self.osc.heard_at)
@@ -310,14 +310,15 @@ def test_messages_direct_the_show_and_tell_of_it(desk):
     assert desk.heard() == ("/act", "One", pytest.approx(0.0, abs=0.01))
     assert desk.heard() == ("/cue/1/start", 1, "wave", pytest.approx(0.0, abs=0.01))
     for address, true in (
-        ("/hold", lambda: show.held), ("/resume", lambda: not show.held),
+        ("/hold", lambda: show.held),
+        ("/resume", lambda: not show.held),
         ("/player/pierrot/take", lambda: show.taken == {"pierrot"}),
         ("/player/pierrot/give", lambda: not show.taken),
         ("/cue/next", lambda: show.t == show.play.cues[1].start),
         ("/cue/4/start", lambda: show.t == show.play.cues[3].start),
         ("/cue/repeat", lambda: show.t == show.play.cues[3].start),
         ("/panic", lambda: show.held),
-    ):  # fmt: skip
+    ):
         desk.send(address)
         desk.obeyed()
         assert true(), address

@@ -32,12 +32,7 @@ def shape(kind: str, rng: np.random.Generator) -> dict:
         }
     if kind == "capsule":
         ends = rng.normal(0, 0.1, (2, 3)).tolist()
-        return {
-            "type": kind,
-            "from": ends[0],
-            "to": ends[1],
-            "radius": rng.uniform(0.01, 0.04),
-        }
+        return {"type": kind, "from": ends[0], "to": ends[1], "radius": rng.uniform(0.01, 0.04)}
     return {
         "type": kind,
         "size": rng.uniform(0.05, 0.3, 3).tolist(),
@@ -148,9 +143,13 @@ def test_boxes_are_as_far_apart_as_coal_says():
             coal.Transform3s(turned(other), np.array(other["at"])),
         )
         theirs = coal.distance(
-            coal.Box(*mine["size"]), places[0], coal.Box(*other["size"]), places[1],
-            coal.DistanceRequest(), coal.DistanceResult(),
-        )  # fmt: skip
+            coal.Box(*mine["size"]),
+            places[0],
+            coal.Box(*other["size"]),
+            places[1],
+            coal.DistanceRequest(),
+            coal.DistanceResult(),
+        )
         found = float(Clearance(puppet, [other | {"name": "it"}]).of(x))
         assert (found > 0.0) == (theirs > 0.0) or abs(theirs) < 1e-6
         if theirs > 1e-6:
@@ -273,9 +272,11 @@ def test_a_puppet_may_be_kept_clear_of_itself():
             ],
         }
         for name, parent, at in (
-            ("a", "world", [0, 0, 0]), ("b", "a", [0.2, 0, 0]), ("c", "b", [0.2, 0, 0])
+            ("a", "world", [0, 0, 0]),
+            ("b", "a", [0.2, 0, 0]),
+            ("c", "b", [0.2, 0, 0]),
         )
-    ]  # fmt: skip
+    ]
     chain = fan.loads(str({"puppet": "chain", "bodies": links}))
     own = Clearance(chain, self_collision=True)
     x = chain.state({"j_b": np.pi / 2, "j_c": np.pi / 2})

@@ -22,9 +22,7 @@ from fantoccini.control.planning import (
 from fantoccini.control.planning.plan_path import PlanPath
 from fantoccini.control.problems import Problem, StateArrays
 
-DAMPED = fan.loads(
-    fan.puppets.path("arm3d").read_text(encoding="utf-8").replace("2.0e-4", "0.2")
-)
+DAMPED = fan.loads(fan.puppets.path("arm3d").read_text(encoding="utf-8").replace("2.0e-4", "0.2"))
 START = {"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1}
 RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
 BOXES = [
@@ -120,9 +118,7 @@ def test_what_is_hidden_between_looks_is_found(boxes):
     between = run.at(fast + 0.5 * boxes.rollouts.options.interval)
     bead = {"name": "bead", "type": "sphere", "radius": 1.2e-3}
     middle = np.mean(arm.string_points(between.q_D, between.q_K)[0], axis=0)
-    asked = Problem(
-        arm, boxes.start, boxes.goal, [bead | {"at": middle.tolist()}], tolerance=0.25
-    )
+    asked = Problem(arm, boxes.start, boxes.goal, [bead | {"at": middle.tolist()}], tolerance=0.25)
     seen = asked.rollouts.clearance.of(run.resample(first))
     assert seen.min() > 0.0
     made = check.checked(PlanPath(asked, plan.tree, plan.path), method="event")

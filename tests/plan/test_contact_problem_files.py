@@ -113,7 +113,7 @@ def test_the_command_tells_what_is_touched(folder):
         (PUSH, ("[hand, crate]", "[hand, box]"), 6, "box"),
         (PUSH, ("tolerance: 0.05", "hold: -1"), 7, "hold"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_have_places(folder, text, change, line, message):
     assert change[0] in text
     path = written(folder, text.replace(*change))

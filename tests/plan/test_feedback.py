@@ -246,9 +246,7 @@ def test_a_plan_is_followed_by_standing_still(plan):
     held = inputs.then(fan.Input.hold(arm, 0.5))
     assert held.evaluate(inputs.end)[1].tolist() == [0.0, 0.0, 0.0]
     one = fan.simulate(arm, plan.start, held, method="timestepping")
-    two = fan.simulate(
-        arm, plan.start, inputs, t_end=inputs.end + 0.5, method="timestepping"
-    )
+    two = fan.simulate(arm, plan.start, inputs, t_end=inputs.end + 0.5, method="timestepping")
     np.testing.assert_allclose(one.q_D[-1], two.q_D[-1], atol=1e-9)
 
 
@@ -264,9 +262,15 @@ def test_plans_begin_at_time_stepped_states(plan):
         if abs(Evaluation.of(arm.model, run.state(i)).h[0]) > 1e-9
     )
     again = Problem(
-        arm, x.replace(t=0.0), problem.goal, problem.rollouts.clearance.obstacles, tolerance=0.25,
-        margin=0.005, slack=False, speed=0.5,
-    )  # fmt: skip
+        arm,
+        x.replace(t=0.0),
+        problem.goal,
+        problem.rollouts.clearance.obstacles,
+        tolerance=0.25,
+        margin=0.005,
+        slack=False,
+        speed=0.5,
+    )
     found = solve(again, seed=3)
     assert found and found.verify(method="event").arrives
     assert found.feedback().run(method="event").arrives

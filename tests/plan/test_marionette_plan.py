@@ -26,9 +26,14 @@ def test_the_marionette_touches_the_bell_past_the_lamp():
     assert max(float(t.max()) for _, t in run.tension.items()) < 2.0 * problem.marionette.weight
     # Without the lamp the straight way is open, and goes through where it stood.
     free = fan.Problem(
-        problem.marionette, problem.start, problem.goal, tolerance=0.02, speed=0.4,
-        acceleration=1.0, slack=False,
-    )  # fmt: skip
+        problem.marionette,
+        problem.start,
+        problem.goal,
+        tolerance=0.02,
+        speed=0.4,
+        acceleration=1.0,
+        slack=False,
+    )
     straight = [fan.solve(free, seed=s) for s in range(4)]
     hits = [float(problem.rollouts.clearance.of(p.trajectory).min()) < 0.0 for p in straight]
     assert all(straight) and sum(hits) >= 3

@@ -59,12 +59,17 @@ def folder(tmp_path_factory):
     hole = trimesh.creation.box((0.1, 0.2, 0.3))
     hole.invert()
     for name, mesh in {
-        "ell": ell, "corner": corner, "box": box.subdivide(), "halves": sum(halves[1:], halves[0]),
-        "hollow": box + hole, "open": trimesh.Trimesh(box.vertices, box.faces[:-2]),
+        "ell": ell,
+        "corner": corner,
+        "box": box.subdivide(),
+        "halves": sum(halves[1:], halves[0]),
+        "hollow": box + hole,
+        "open": trimesh.Trimesh(box.vertices, box.faces[:-2]),
         "sheet": trimesh.Trimesh(corner.vertices, corner.faces[3:]),
-        "small": small, "pair": small + small.copy().apply_translation([1, 0, 0]),
+        "small": small,
+        "pair": small + small.copy().apply_translation([1, 0, 0]),
         "fine": box.subdivide().subdivide().subdivide(),
-    }.items():  # fmt: skip
+    }.items():
         mesh.export(made / f"{name}.obj")
     return made
 
@@ -279,9 +284,17 @@ def test_a_plan_goes_through_a_notch():
     refused = fan.Problem(ARM, HANGING, RAISED, [about])
     assert "string hand meets about" in refused.reason
     plan = fan.plan(
-        ARM, HANGING, RAISED, [SHELF], tolerance=0.25, margin=0.005, iterations=40_000,
-        time_limit=120.0, seed=2, threads=1,
-    )  # fmt: skip
+        ARM,
+        HANGING,
+        RAISED,
+        [SHELF],
+        tolerance=0.25,
+        margin=0.005,
+        iterations=40_000,
+        time_limit=120.0,
+        seed=2,
+        threads=1,
+    )
     assert plan, str(plan)
     clear = plan.problem.rollouts.clearance
     assert np.min(clear.of(plan.trajectory)) > 0.0

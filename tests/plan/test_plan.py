@@ -265,9 +265,12 @@ def test_compiling_does_not_count(tmp_path, monkeypatch):
 
 def test_a_goal_at_which_the_ends_cannot_be_is_searched_without_a_law():
     out = fan.Problem(
-        ARM, ARM.rest({"hand.x": 0.3, "hand.length": 1.32}), RAISED, tolerance=0.25,
+        ARM,
+        ARM.rest({"hand.x": 0.3, "hand.length": 1.32}),
+        RAISED,
+        tolerance=0.25,
         ranges={"hand.length": (1.25, 1.6)},
-    )  # fmt: skip
+    )
     assert not out.rollouts.funnels and not out.equilibrium
     assert solve(out, iterations=200).tried >= 200
 
@@ -276,9 +279,12 @@ def test_a_puppet_without_strings_is_planned():
     cart = {"name": "cart", "joint": {"name": "slide", "type": "prismatic", "axis": [1, 0, 0]}}
     cart["joint"]["driven"] = True
     bob = {
-        "name": "bob", "parent": "cart", "mass": 0.2, "com": [0, 0, -0.3],
+        "name": "bob",
+        "parent": "cart",
+        "mass": 0.2,
+        "com": [0, 0, -0.3],
         "joint": {"name": "swing", "type": "revolute", "axis": [0, 1, 0], "damping": 0.01},
-    }  # fmt: skip
+    }
     puppet = fan.loads(str({"puppet": "gantry", "bodies": [cart, bob]}))
     found = fan.plan(puppet, puppet.state(), {"swing": 0.3}, tolerance=0.1, iterations=20_000)
     assert found and found.replay()

@@ -145,10 +145,16 @@ def test_the_schema_takes_bundled_problems_and_refuses_others(tmp_path):
         (("elbow: 60 deg}", "elbow: 1e300}"), 5, "a size of at most 1e.06"),
         (("  pose: {elbow: 60 deg}\n  weights: {elbow: 2}", "  speed_weight: 1"), 4, "neither"),
         (("weights: {elbow: 2}", "weights: {elbo: 2}"), 6, "did you mean 'elbow'"),
-        (("  pose: {elbow: 60 deg}\n  weights: {elbow: 2}",
-          "  point: {body: hand, place: [0, 0, 0]}"), 5, "no body is called 'hand'"),
+        (
+            (
+                "  pose: {elbow: 60 deg}\n  weights: {elbow: 2}",
+                "  point: {body: hand, place: [0, 0, 0]}",
+            ),
+            5,
+            "no body is called 'hand'",
+        ),
     ],
-)  # fmt: skip
+)
 def test_mistakes_have_places(tmp_path, change, line, message):
     assert change[0] in GOOD
     path = written(tmp_path, GOOD.replace(*change))

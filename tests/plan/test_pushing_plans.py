@@ -35,9 +35,7 @@ def test_an_arm_pushes_a_crate_further(crates, seed):
     """10 cm on, where it stays: simulated by other steps than the planner's."""
     scene, x0 = crates
     goal = fan.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
-    plan = fan.plan(
-        scene, x0, goal, contact=MAY, tolerance=0.05, seed=seed, time_limit=60.0
-    )
+    plan = fan.plan(scene, x0, goal, contact=MAY, tolerance=0.05, seed=seed, time_limit=60.0)
     assert plan and plan.problem.hold > 0.0 and plan.touches[0].parts == ("hand", "crate")
     method = fan.TimeStepping(dt=1e-3)
     run = fan.simulate(scene, x0, plan.inputs, plan.inputs.end + 2.0, method=method)
@@ -61,9 +59,7 @@ def test_a_ball_is_pushed_past_its_place():
     scene = before_prop(HANGING_ARM, BALL, 0.05)
     x0 = scene.rest(DRAWN)
     goal = fan.Goal.point(scene, "crate", [0.25, 0.0, 0.05])
-    plan = fan.plan(
-        scene, x0, goal, contact=MAY, tolerance=0.05, hold=0.0, seed=0, time_limit=60.0
-    )
+    plan = fan.plan(scene, x0, goal, contact=MAY, tolerance=0.05, hold=0.0, seed=0, time_limit=60.0)
     run = plan.verify().run
     assert plan and np.linalg.norm(moved(scene, run)[-1] - [0.1, 0.0, 0.0]) < 0.05
     assert len(run.contact.of("hand", "crate")) > 0
@@ -79,9 +75,14 @@ def test_a_prop_is_kept_off_and_stays_where_it_is(crates):
     through = fan.plan(scene, x0, {"shoulder": 0.4, "elbow": 0.0}, tolerance=0.05, iterations=2000)
     assert not through
     along = fan.plan(
-        scene, x0, {"shoulder": 0.4, "elbow": 0.0}, contact=MAY, tolerance=0.1, seed=0,
+        scene,
+        x0,
+        {"shoulder": 0.4, "elbow": 0.0},
+        contact=MAY,
+        tolerance=0.1,
+        seed=0,
         time_limit=60.0,
-    )  # fmt: skip
+    )
     made = along.verify()
     assert along and made.touches and moved(scene, made.run)[-1, 0] > 0.05
 
@@ -94,9 +95,14 @@ def test_a_crate_that_is_too_heavy_says_how_far_it_came(mass, goes):
     x0 = scene.rest()
     goal = fan.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
     problem = Problem(
-        scene, x0, goal, contact={"touch": [("bob", "crate")]}, tolerance=0.05, speed=0.3,
+        scene,
+        x0,
+        goal,
+        contact={"touch": [("bob", "crate")]},
+        tolerance=0.05,
+        speed=0.3,
         acceleration=0.5,
-    )  # fmt: skip
+    )
     plan = solve(problem, seed=0, iterations=None if goes else 1000, time_limit=60.0)
     assert bool(plan) == goes
     if goes:

@@ -41,9 +41,12 @@ def test_motions_are_those_of_the_simulator():
         times = segment * np.arange(7)
         inputs = fan.Input.segments(ARM, times, START.q_K, START.v_K, acceleration[i])
         run = fan.simulate(
-            ARM, START, inputs, t_end=times[-1],
+            ARM,
+            START,
+            inputs,
+            t_end=times[-1],
             method=fan.TimeStepping(dt=rollouts.options.dt, extrapolate=False),
-        )  # fmt: skip
+        )
         steps = rollouts.options.look * rollouts.options.looks * np.arange(1, 7)
         assert np.allclose(made.states["q_D"][i], run.q_D[steps], atol=1e-9)
         assert np.allclose(made.states["v_D"][i], run.v_D[steps], atol=1e-7)
@@ -126,21 +129,24 @@ def test_derivatives_of_segments_are_those_of_the_simulators_steps():
 
 
 def test_led_motions_come_to_rest_at_the_goal():
-    asked = Problem(
-        ARM, START, {"shoulder.rotation": [0, -0.6, 0], "elbow": 1.2}, tolerance=1e-3
-    )
+    asked = Problem(ARM, START, {"shoulder.rotation": [0, -0.6, 0], "elbow": 1.2}, tolerance=1e-3)
     made = asked.rollouts.where(tolerance=-1.0).simulate(
-        asked.root, np.zeros(4), np.zeros((4, 100, 3)), n_given=np.zeros(4),
+        asked.root,
+        np.zeros(4),
+        np.zeros((4, 100, 3)),
+        n_given=np.zeros(4),
         lead_time=np.array([0.3, 0.5, 0.8, 1.0]),
-    )  # fmt: skip
+    )
     assert np.all(made.distance[:, -1] < 0.02)
 
 
 def test_distances_from_goals():
     goal = Goal.pose(
-        ARM, {"shoulder.rotation": [0.1, -0.7, 0.3], "elbow": (0.5, 0.9)},
-        weights={"elbow": 2.0}, speed_weight=0.3,
-    )  # fmt: skip
+        ARM,
+        {"shoulder.rotation": [0.1, -0.7, 0.3], "elbow": (0.5, 0.9)},
+        weights={"elbow": 2.0},
+        speed_weight=0.3,
+    )
     rng = np.random.default_rng(4)
     states = [
         ARM.state({"shoulder.rotation": rng.normal(size=3), "elbow": e}).replace(

@@ -26,13 +26,19 @@ def V(boxes, shooting) -> np.ndarray:
 def test_candidates_are_the_plans_own_rollouts(boxes, shooting, V):
     candidate = shooting.candidates(V[None])
     inputs = fan.Input.segments(
-        boxes.marionette, shooting.segment * np.arange(len(V) + 1), boxes.start.q_K,
-        boxes.start.v_K, shooting.accelerations(V),
-    )  # fmt: skip
+        boxes.marionette,
+        shooting.segment * np.arange(len(V) + 1),
+        boxes.start.q_K,
+        boxes.start.v_K,
+        shooting.accelerations(V),
+    )
     run = fan.simulate(
-        boxes.marionette, boxes.start, inputs, t_end=shooting.segment * len(V),
+        boxes.marionette,
+        boxes.start,
+        inputs,
+        t_end=shooting.segment * len(V),
         method=fan.TimeStepping(dt=boxes.rollouts.options.dt, extrapolate=False),
-    )  # fmt: skip
+    )
     every = boxes.rollouts.options.look
     np.testing.assert_allclose(candidate.nodes.q_D[0], run.q_D[::every], atol=1e-10)
     # Tension, of which constraints know 0.3 of its part of the weight, 2 % of that wished for.

@@ -13,8 +13,15 @@ from fantoccini.control.problems import Problem
 pytestmark = pytest.mark.slow
 
 FEET = [("shin_left", "floor"), ("shin_right", "floor")]
-STRINGS = ("head", "shoulder_left", "shoulder_right", "hand_left", "hand_right", "knee_left",
-           "knee_right")  # fmt: skip
+STRINGS = (
+    "head",
+    "shoulder_left",
+    "shoulder_right",
+    "hand_left",
+    "hand_right",
+    "knee_left",
+    "knee_right",
+)
 
 
 @pytest.fixture(scope="module")

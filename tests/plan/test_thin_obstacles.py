@@ -36,9 +36,17 @@ def wall(thickness: float, at: float = 0.5) -> dict:
 
 def problem(thickness: float, *, margin: float = 0.0, strings: bool = False) -> Problem:
     return Problem(
-        bob(), bob().rest(), {"bob.x": 1.0}, [wall(thickness)], margin=margin, strings=strings,
-        speed=3.0, acceleration=30.0, tolerance=0.3, threads=2,
-    )  # fmt: skip
+        bob(),
+        bob().rest(),
+        {"bob.x": 1.0},
+        [wall(thickness)],
+        margin=margin,
+        strings=strings,
+        speed=3.0,
+        acceleration=30.0,
+        tolerance=0.3,
+        threads=2,
+    )
 
 
 @pytest.mark.parametrize("strings", [False, True])

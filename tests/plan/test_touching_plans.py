@@ -145,9 +145,13 @@ def test_a_table_out_of_reach_is_recognised():
 def test_a_search_that_does_not_touch_says_how_far_it_is():
     """The strings hardly move, which is not recognised beforehand."""
     plan = fan.plan(
-        ARM, START, ON_TABLE, ranges={"wrist.length": (0.5, 0.6), "sleeve.length": (0.5, 0.61)},
-        iterations=200, time_limit=60.0,
-    )  # fmt: skip
+        ARM,
+        START,
+        ON_TABLE,
+        ranges={"wrist.length": (0.5, 0.6), "sleeve.length": (0.5, 0.61)},
+        iterations=200,
+        time_limit=60.0,
+    )
     assert not plan and plan.status is fan.PlanStatus.APPROXIMATE
     assert "hand is 0." in plan.message and "m from table" in plan.message
 

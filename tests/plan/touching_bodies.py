@@ -84,9 +84,11 @@ def before_prop(puppet: str, shape: dict[str, Any], height: float) -> fan.Marion
     return fan.Marionette(
         fan.Scene.model_validate(
             {
-                "scene": "floor", "floor": 0, "contact": {"friction": 0.4},
+                "scene": "floor",
+                "floor": 0,
+                "contact": {"friction": 0.4},
                 "puppets": [{"name": "one", "puppet": fan.loads(puppet).puppet}],
                 "props": [prop],
             }
         )
-    )  # fmt: skip
+    )

@@ -106,9 +106,13 @@ def test_a_play_with_a_clip_compiles_and_holds(
     [("columbine", 3, 0.025), ("pierrot", 2, 0.09)],
 )
 def test_the_limbs_are_seen_to_do_the_clip(
-    waving: tuple[fan.Play, Path], verified: fan.Verification, made: ClipGesture,
-    who: str, number: int, most: float,
-):  # fmt: skip
+    waving: tuple[fan.Play, Path],
+    verified: fan.Verification,
+    made: ClipGesture,
+    who: str,
+    number: int,
+    most: float,
+):
     """In the stage's run, against the clip carried to where the player stands."""
     play, _ = waving
     start = play.cues[number - 1].start
@@ -215,9 +219,11 @@ def test_a_mapping_file_beside_a_clip_is_its_own(plays: Plays, short: Path):
     joints = {**fan.theatre.retarget.load_mapping("motionbuilder").joints, "elbow_left": "Elbow"}
     lines = "".join(f"  {part}: {joint}\n" for part, joint in joints.items())
     short.with_suffix(".yaml").write_text(f"mapping: mine\njoints:\n{lines}")
-    check_play(plays.written(
-        "acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n"
-    ))  # fmt: skip
+    check_play(
+        plays.written(
+            "acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n"
+        )
+    )
 
 
 def test_a_check_simulates_nothing_and_a_change_keeps_the_clip(
@@ -256,10 +262,14 @@ def test_clips_are_changed_as_gestures_are(plays: Plays, short: Path):
         assert speed <= BOUNDS["speed"] * WITHIN
         assert acceleration <= BOUNDS["acceleration"] * WITHIN
     # The arm that goes up is the other one.
-    rise = {name: np.ptp(found.run[f"{name}.length"]) for name in
-            ("pierrot.hand_left", "pierrot.hand_right")}  # fmt: skip
-    plain = {name: np.ptp(found.run[f"{name}.length"]) for name in
-             ("columbine.hand_left", "columbine.hand_right")}  # fmt: skip
+    rise = {
+        name: np.ptp(found.run[f"{name}.length"])
+        for name in ("pierrot.hand_left", "pierrot.hand_right")
+    }
+    plain = {
+        name: np.ptp(found.run[f"{name}.length"])
+        for name in ("columbine.hand_left", "columbine.hand_right")
+    }
     assert (rise["pierrot.hand_left"] > rise["pierrot.hand_right"]) != (
         plain["columbine.hand_left"] > plain["columbine.hand_right"]
     )

@@ -92,16 +92,20 @@ def test_a_ball_is_given_in_a_play(gift):
     assert wave.start == pytest.approx(marks["taken"] + 20 * gift.score.beat, abs=0.1)
     kinds = [(one.kind, one.players) for one in sorted(gift.meetings, key=lambda one: one.begin)]
     assert kinds == [
-        ("hangs", ("pierrot",)), ("given", ("pierrot", "columbine")), ("hangs", ("columbine",)),
-    ]  # fmt: skip
+        ("hangs", ("pierrot",)),
+        ("given", ("pierrot", "columbine")),
+        ("hangs", ("columbine",)),
+    ]
     found = fan.verify_play(gift)
     assert found, found.faults
-    pushed = {frozenset(names) for names in np.array(found.run.contact.names)[
-        np.unique(found.run.contact.pair)
-    ].tolist()}  # fmt: skip
+    pushed = {
+        frozenset(names)
+        for names in np.array(found.run.contact.names)[np.unique(found.run.contact.pair)].tolist()
+    }
     assert pushed == {
-        frozenset(("ball", "pierrot.forearm_right")), frozenset(("ball", "columbine.forearm_left")),
-    }  # fmt: skip
+        frozenset(("ball", "pierrot.forearm_right")),
+        frozenset(("ball", "columbine.forearm_left")),
+    }
 
 
 def test_the_run_of_the_stage_is_that_of_its_companies(gift):
@@ -176,8 +180,11 @@ def test_mistakes_of_props_have_their_line(tmp_path, prop, text):
 
 def test_who_does_not_hold_a_prop_cannot_give_it(tmp_path):
     path = tmp_path / "gift.yaml"
-    path.write_text(PLAY.replace("who: pierrot, gives: ball, to: columbine",
-                                 "who: columbine, gives: ball, to: pierrot"))  # fmt: skip
+    path.write_text(
+        PLAY.replace(
+            "who: pierrot, gives: ball, to: columbine", "who: columbine, gives: ball, to: pierrot"
+        )
+    )
     why, *_ = fan.load_play(path).changes
     assert "gift.yaml:16" in str(why)
     assert "columbine does not hold ball: pierrot holds it" in str(why)

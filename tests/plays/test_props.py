@@ -34,9 +34,12 @@ def puppet(name: str, x: float, y: float, heading: float) -> dict:
         for string in ("shoulder", "hand", "knee"):
             pose[f"{string}_{side}.length"] = HUNG[string] - RAISED
     return {
-        "name": name, "puppet": "marionette", "at": [x, y, 0.0], "pose": pose,
+        "name": name,
+        "puppet": "marionette",
+        "at": [x, y, 0.0],
+        "pose": pose,
         "orientation": {"axis": [0, 0, 1], "angle": heading},
-    }  # fmt: skip
+    }
 
 
 def seen(x: float, y: float, heading: float, forward: float, left: float) -> tuple[float, float]:
@@ -48,14 +51,17 @@ def seen(x: float, y: float, heading: float, forward: float, left: float) -> tup
 THINGS = {
     name: YAML(typ="safe").load(files(plays).joinpath("things", f"{name}.yaml").read_text())
     for name in ("ball", "basket", "chair")
-}  # fmt: skip
+}
 
 
 def prop(kind: str, x: float, y: float, z: float, heading: float) -> dict:
     return {
-        "name": kind, "at": [x, y, z], "drag": THINGS[kind]["drag"],
-        "orientation": {"axis": [0, 0, 1], "angle": heading}, "shapes": THINGS[kind]["shapes"],
-    }  # fmt: skip
+        "name": kind,
+        "at": [x, y, z],
+        "drag": THINGS[kind]["drag"],
+        "orientation": {"axis": [0, 0, 1], "angle": heading},
+        "shapes": THINGS[kind]["shapes"],
+    }
 
 
 def hung(kind: str, x: float, y: float, heading: float, side: str, off: float = 0.0) -> dict:
@@ -78,11 +84,17 @@ def stage(puppets: list, things: list, obstacles=(), pairs=()) -> fan.Marionette
         ]
     rules = RULES | {"pairs": [*free, *pairs]}
     return fan.Marionette(
-        fan.Scene.model_validate({
-            "scene": "props", "floor": 0, "contact": rules, "puppets": puppets, "props": things,
-            "obstacles": list(obstacles),
-        })
-    )  # fmt: skip
+        fan.Scene.model_validate(
+            {
+                "scene": "props",
+                "floor": 0,
+                "contact": rules,
+                "puppets": puppets,
+                "props": things,
+                "obstacles": list(obstacles),
+            }
+        )
+    )
 
 
 def met(run, name: str) -> dict[str, tuple[float, float]]:
@@ -118,8 +130,10 @@ def nearest(scene, run, kind: str, arms: tuple[str, ...]) -> float:
     strings = StringsApart(scene).over(q_D, q_K, t)
     assert not strings.crossings()
     near = strings.nearest()
-    owner = [(one, one.what.split(".")[0], one.other.split(".")[0])
-             for one in (*near.strings, *near.bodies)]  # fmt: skip
+    owner = [
+        (one, one.what.split(".")[0], one.other.split(".")[0])
+        for one in (*near.strings, *near.bodies)
+    ]
     return min(*found, *(one.distance for one, a, b in owner if a != b))
 
 
@@ -142,7 +156,8 @@ RECEIVER, AHEAD = 0.4322, 0.0202
 @pytest.mark.parametrize(
     ("kind", "side", "place", "off"),
     [
-        ("ball", "right", (0.0, 0.0, 0.0), 0.0), ("ball", "right", (0.0, 0.0, 0.0), 0.01),
+        ("ball", "right", (0.0, 0.0, 0.0), 0.0),
+        ("ball", "right", (0.0, 0.0, 0.0), 0.01),
         ("basket", "left", (0.7, -0.4, 2.1), 0.0),
     ],
 )
@@ -196,17 +211,23 @@ def test_a_seat_bears_who_sits_and_lets_her_stand_up():
     place = (0.3, 0.2, -1.2)
     x, y = seen(*place, -0.135, 0.0)
     chair = {
-        "name": "chair", "at": [x, y, 0], "shapes": THINGS["chair"]["shapes"],
+        "name": "chair",
+        "at": [x, y, 0],
+        "shapes": THINGS["chair"]["shapes"],
         "orientation": {"axis": [0, 0, 1], "angle": place[2]},
-    }  # fmt: skip
+    }
     scene = stage([puppet("columbine", *place)], [chair])
     x0 = scene.rest()
     sitting = sit(scene, "", "chair", SEAT)
     down, up = sitting.down, sitting.up
     run = fan.simulate(
-        scene, x0, down.then(down.rest(scene, 2.0, everything=False), up).inputs(x0), t_end=12.0,
-        method=METHOD, save_every=10,
-    )  # fmt: skip
+        scene,
+        x0,
+        down.then(down.rest(scene, 2.0, everything=False), up).inputs(x0),
+        t_end=12.0,
+        method=METHOD,
+        save_every=10,
+    )
     assert run.status is fan.Status.DONE
     floor = run.contact.of("chair", "floor")
     bears = np.zeros(len(run))
@@ -227,13 +248,18 @@ def test_a_basket_is_put_down():
     side, place, top = "left", (0.3, 0.2, -1.2), 0.195
     x, y = seen(*place, 0.36, 0.07)
     table = {
-        "name": "table", "type": "box", "size": [0.3, 0.3, top], "at": [x, y, top / 2],
+        "name": "table",
+        "type": "box",
+        "size": [0.3, 0.3, top],
+        "at": [x, y, top / 2],
         "orientation": {"axis": [0, 0, 1], "angle": place[2]},
-    }  # fmt: skip
+    }
     scene = stage(
-        [puppet("columbine", *place)], [hung("basket", *place, side)], [table],
+        [puppet("columbine", *place)],
+        [hung("basket", *place, side)],
+        [table],
         [{"between": ["table", "columbine"], "meet": False}],
-    )  # fmt: skip
+    )
     x0 = scene.rest()
     pose = props.carry(scene, "", side=side)
     pose = pose.then(pose.rest(scene, 1.0, everything=False))

@@ -27,9 +27,13 @@ def puppet() -> fan.Marionette:
 
 
 def write(
-    folder: Path, cues: str, prop: str = "ball", side: str = "right", top: float = TOP,
+    folder: Path,
+    cues: str,
+    prop: str = "ball",
+    side: str = "right",
+    top: float = TOP,
     at: str = "[-0.3, 0]",
-) -> Path:  # fmt: skip
+) -> Path:
     """A play with a puppet that holds something, and a table."""
     path = folder / "put.yaml"
     path.write_text(
@@ -57,10 +61,11 @@ def stood(play: fan.Play, prop: str) -> np.ndarray:
 @pytest.mark.parametrize(
     ("prop", "side", "top", "at"),
     [
-        ("ball", "right", 0.19, "[0.7, 0.8]"), ("basket", "left", TOP, "[-0.3, 0]"),
+        ("ball", "right", 0.19, "[0.7, 0.8]"),
+        ("basket", "left", TOP, "[-0.3, 0]"),
         ("basket", "right", 0.21, "[0.9, -0.7]"),
     ],
-)  # fmt: skip
+)
 def test_a_prop_is_put_down_and_picked_up_again(tmp_path, prop, side, top, at):
     play = fan.load_play(write(tmp_path, DOWN + UP, prop, side, top, at))
     assert play.changes == ()

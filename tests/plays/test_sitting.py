@@ -35,9 +35,13 @@ BOWS = "{who: pierrot, does: bow}"
 
 
 def made(
-    folder: Path, *cues: str, seat: str = "chair", props: str = "", obstacles: str = "",
+    folder: Path,
+    *cues: str,
+    seat: str = "chair",
+    props: str = "",
+    obstacles: str = "",
     cast: str = "",
-) -> fan.Play:  # fmt: skip
+) -> fan.Play:
     path = folder / "rest.yaml"
     lines = "\n".join(f"      - {cue.replace('SEAT', seat)}" for cue in cues)
     path.write_text(
@@ -55,8 +59,10 @@ def check_sits(play: fan.Play) -> None:
     cues = {cue.name: cue for cue in play.cues}
     k = int(np.searchsorted(run.t, cues["sit"].end))
     poses = stage.poses(run.q_D[k : k + 1], run.q_K[k : k + 1])[0]
-    places = {name: poses[link_index(stage.model, name)] for name in ("torso", "thigh_left",
-              "thigh_right", "shin_left", "shin_right")}  # fmt: skip
+    places = {
+        name: poses[link_index(stage.model, name)]
+        for name in ("torso", "thigh_left", "thigh_right", "shin_left", "shin_right")
+    }
     # The trunk leans back by less than 25 degrees; -z of a thigh or shin is along it.
     assert places["torso"][2, 2] > np.cos(np.radians(25.0))
     for side in ("left", "right"):
@@ -104,9 +110,13 @@ def reasons(play: fan.Play) -> str:
 
 def test_who_sits_does_not_walk_and_nobody_sits_on_her(tmp_path):
     play = made(
-        tmp_path, SITS, "{who: pierrot, walks to: west}", "{who: columbine, sits on: chair}",
-        props=CHAIR.format(at="[0.1, -0.2]", facing="audience"), cast=", columbine: {at: east}",
-    )  # fmt: skip
+        tmp_path,
+        SITS,
+        "{who: pierrot, walks to: west}",
+        "{who: columbine, sits on: chair}",
+        props=CHAIR.format(at="[0.1, -0.2]", facing="audience"),
+        cast=", columbine: {at: east}",
+    )
     assert len(play.changes) == 2
     assert "pierrot sits on chair; needed before: `stands up from`" in reasons(play)
     assert "columbine: sits on chair cannot be done: pierrot sits on chair" in reasons(play)

@@ -228,10 +228,12 @@ def test_a_gesture_follows_a_walk_though_a_string_snaps_taut_as_it_begins(plays:
     play = plays.compiled(cues)
     walk, run = play.cues[0], play.runs().players["pierrot"]
     catches = [
-        event for event in run.events
-        if event.kind == "catch" and 1e-4 < event.speed < 1e-2
+        event
+        for event in run.events
+        if event.kind == "catch"
+        and 1e-4 < event.speed < 1e-2
         and walk.end + 0.5 < event.t < 12 * beat - 0.5
-    ]  # fmt: skip
+    ]
     assert catches
     for event in catches[:: max(1, len(catches) // 4)]:
         again = plays.compiled(cues.replace("12}", f"{event.t / beat!r}}}"), before=play)

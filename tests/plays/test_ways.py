@@ -27,8 +27,14 @@ WEST, EAST = Footing(-1.0, 0.0, 0.0), Footing(1.0, 0.0, 0.0)
 
 
 def found(start: Footing, goal: Footing, **given) -> Way | NoWay:
-    settings = dict(begin=0.0, step_time=STEP_TIME, longest_step=LONGEST, radius=RADIUS,
-                    space=SPACE, latest_begin=3.0)  # fmt: skip
+    settings = dict(
+        begin=0.0,
+        step_time=STEP_TIME,
+        longest_step=LONGEST,
+        radius=RADIUS,
+        space=SPACE,
+        latest_begin=3.0,
+    )
     return find_way(start, goal, **(settings | given))
 
 
@@ -100,8 +106,9 @@ def test_a_way_is_walked_as_it_was_planned():
     v_K = puppet.coordinates.v_K
     for t in np.linspace(0.0, gesture.duration, 400):
         d, _ = gesture.offsets(t)
-        x, y = (0.5 * sum(d[v_K.index(f"shoulder_{s}.{p}")] for s in ("left", "right"))
-                for p in "xy")  # fmt: skip
+        x, y = (
+            0.5 * sum(d[v_K.index(f"shoulder_{s}.{p}")] for s in ("left", "right")) for p in "xy"
+        )
         planned, _ = way.footing(np.array([way.begin + t]))
         walked = start.place + np.exp(1j * start.heading) * complex(x, y)
         assert abs(walked - complex(*planned[0])) <= SWAY + 1e-5
@@ -157,37 +164,52 @@ def test_it_steps_out_of_the_way_of_others():
         (Footing(0.1, 0.1), {"blocked": [TABLE]}, Hindrance.GOAL_BLOCKED, "table is there"),
         (Footing(0.1, 1.1), {}, Hindrance.GOAL_OUTSIDE, "0.10 m outside of the hands' space"),
         (
-            EAST, {"others": [straight("columbine", (0, 0.5), (1, 0.1), 0, 9)]},
-            Hindrance.GOAL_OCCUPIED, "columbine stands there when it would arrive",
+            EAST,
+            {"others": [straight("columbine", (0, 0.5), (1, 0.1), 0, 9)]},
+            Hindrance.GOAL_OCCUPIED,
+            "columbine stands there when it would arrive",
         ),
         (
-            EAST, {"others": [straight("columbine", (1, 0.1), (1, 0.1), 0, 9)]},
-            Hindrance.GOAL_OCCUPIED, "columbine stands there",
+            EAST,
+            {"others": [straight("columbine", (1, 0.1), (1, 0.1), 0, 9)]},
+            Hindrance.GOAL_OCCUPIED,
+            "columbine stands there",
         ),
         (
-            EAST, {"blocked": [Box("cage", (1.0, 0.3), (0.5, 0.02)),
-                               Box("cage", (1.0, -0.3), (0.5, 0.02)),
-                               Box("door", (0.6, 0.0), (0.02, 0.3))]},
-            Hindrance.NO_WAY_ROUND, "no way leads round cage and door",
+            EAST,
+            {
+                "blocked": [
+                    Box("cage", (1.0, 0.3), (0.5, 0.02)),
+                    Box("cage", (1.0, -0.3), (0.5, 0.02)),
+                    Box("door", (0.6, 0.0), (0.02, 0.3)),
+                ]
+            },
+            Hindrance.NO_WAY_ROUND,
+            "no way leads round cage and door",
         ),
         (
-            EAST, {"blocked": GATE, "others": [straight("columbine", (0, 0), (0, 0), 0, 1)]},
-            Hindrance.NO_WAY_ROUND, "no way leads round columbine",
+            EAST,
+            {"blocked": GATE, "others": [straight("columbine", (0, 0), (0, 0), 0, 1)]},
+            Hindrance.NO_WAY_ROUND,
+            "no way leads round columbine",
         ),
         (
-            EAST, {"blocked": GATE, "others": [straight("columbine", (0.4, 0), (0, 0), 0, 2)]},
-            Hindrance.OTHERS_IN_THE_WAY, "columbine is in the way, and no way leads past",
+            EAST,
+            {"blocked": GATE, "others": [straight("columbine", (0.4, 0), (0, 0), 0, 2)]},
+            Hindrance.OTHERS_IN_THE_WAY,
+            "columbine is in the way, and no way leads past",
         ),
     ],
-)  # fmt: skip
+)
 def test_where_there_is_no_way_there_is_a_reason_and_a_place_nearby(goal, given, kind, text):
     nothing = found(WEST, goal, **given)
     assert isinstance(nothing, NoWay) and not nothing
     assert nothing.kind is kind and text in nothing.reason
     nearest = nothing.nearest
     assert nearest is not None and nearest.heading == goal.heading
-    way = check(found(WEST, nearest, **given), nearest, given.get("blocked", ()),
-                given.get("others", ()))  # fmt: skip
+    way = check(
+        found(WEST, nearest, **given), nearest, given.get("blocked", ()), given.get("others", ())
+    )
     assert way.length > 0.0 and abs(nearest.place - goal.place) < 1.3
 
 
@@ -217,8 +239,10 @@ def test_touching_disks_may_part_and_meet():
 
 
 def test_the_same_stage_has_the_same_way():
-    walks = [straight("pierrot", (1.0, 0.5), (-1.0, 0.5), 0.0, 15.0),
-             straight("columbine", (0.3, -0.9), (0.3, 0.9), 0.0, 15.0)]  # fmt: skip
+    walks = [
+        straight("pierrot", (1.0, 0.5), (-1.0, 0.5), 0.0, 15.0),
+        straight("columbine", (0.3, -0.9), (0.3, 0.9), 0.0, 15.0),
+    ]
     one, two = (found(WEST, EAST, blocked=[TABLE], others=walks) for _ in range(2))
     assert dataclasses.asdict(check(one, EAST, [TABLE], walks)) == dataclasses.asdict(two)
 
@@ -231,8 +255,14 @@ def test_a_hundred_ways_past_others_never_touch_any():
         return Footing(*rng.uniform((-1.4, -0.9, -3.0), (1.4, 0.9, 3.0)))
 
     for case in range(100):
-        blocked = [Box("table", tuple(rng.uniform(-0.6, 0.6, 2)), tuple(rng.uniform(0.05, 0.3, 2)),
-                       rng.uniform(-3.0, 3.0))]  # fmt: skip
+        blocked = [
+            Box(
+                "table",
+                tuple(rng.uniform(-0.6, 0.6, 2)),
+                tuple(rng.uniform(0.05, 0.3, 2)),
+                rng.uniform(-3.0, 3.0),
+            )
+        ]
         if case % 3 == 0:
             blocked.append(Disk("well", tuple(rng.uniform(-0.9, 0.9, 2)), rng.uniform(0.05, 0.2)))
         others: list[Other] = []
@@ -249,8 +279,10 @@ def test_a_hundred_ways_past_others_never_touch_any():
             check(way, goal, blocked, others)
             ways += 1
             waited += way.begin > 0.0 or any(step.stands for step in way.steps)
-    print(f"{ways} ways, {waited} wait; {1e3 * np.median(took):.0f} ms, at most "
-          f"{1e3 * np.max(took):.0f} ms")  # fmt: skip
+    print(
+        f"{ways} ways, {waited} wait; {1e3 * np.median(took):.0f} ms, at most "
+        f"{1e3 * np.max(took):.0f} ms"
+    )
     assert ways > 40 and waited > 5
 
 

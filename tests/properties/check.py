@@ -21,18 +21,31 @@ DT = {"event": 0.002, "timestepping": 0.002, "variational": 0.01}
 
 EXPECTED = {
     "event": {
-        Status.DONE, Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP, Status.COLLAPSED,
-        Status.LENGTH_NOT_POSITIVE, Status.REDUNDANT_STRINGS,
+        Status.DONE,
+        Status.IMPOSSIBLE_INPUT,
+        Status.TENSION_CAP,
+        Status.COLLAPSED,
+        Status.LENGTH_NOT_POSITIVE,
+        Status.REDUNDANT_STRINGS,
     },
     "timestepping": {
-        Status.DONE, Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE, Status.REDUNDANT_STRINGS,
-        Status.OVERSTEPPED, Status.GAINED_ENERGY, Status.UNBALANCED,
+        Status.DONE,
+        Status.COLLAPSED,
+        Status.LENGTH_NOT_POSITIVE,
+        Status.REDUNDANT_STRINGS,
+        Status.OVERSTEPPED,
+        Status.GAINED_ENERGY,
+        Status.UNBALANCED,
     },
     "variational": {
-        Status.DONE, Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP, Status.LENGTH_NOT_POSITIVE,
-        Status.NOT_SETTLED, Status.REDUNDANT_STRINGS,
+        Status.DONE,
+        Status.IMPOSSIBLE_INPUT,
+        Status.TENSION_CAP,
+        Status.LENGTH_NOT_POSITIVE,
+        Status.NOT_SETTLED,
+        Status.REDUNDANT_STRINGS,
     },
-}  # fmt: skip
+}
 """How a run may end. Time-stepping goes on under inputs that nothing can follow; the variational
 integrator may stop there without finding out why."""
 
@@ -116,9 +129,15 @@ def simulated(given: Performance, method: str, dt: float | None = None) -> fan.T
             raise KeyboardInterrupt
 
     return fan.simulate(
-        given.marionette, given.x0, given.inputs, given.t_end,
-        method=method_of(method, dt=dt or DT[method]), effort=False, progress=count, throw=False,
-    )  # fmt: skip
+        given.marionette,
+        given.x0,
+        given.inputs,
+        given.t_end,
+        method=method_of(method, dt=dt or DT[method]),
+        effort=False,
+        progress=count,
+        throw=False,
+    )
 
 
 def checked(
@@ -153,10 +172,16 @@ def checked(
             measures, more = _variational(given, run, rows, event)
         broken += more
     return Result(
-        puppet, seed, method, given.asks, run.status.name,
-        sum(e.kind in ("catch", "limit_on") for e in run.events), len(run.events),
-        *(float(x) for x in measures), tuple(broken),
-    )  # fmt: skip
+        puppet,
+        seed,
+        method,
+        given.asks,
+        run.status.name,
+        sum(e.kind in ("catch", "limit_on") for e in run.events),
+        len(run.events),
+        *(float(x) for x in measures),
+        tuple(broken),
+    )
 
 
 class _Rows:
@@ -199,9 +224,15 @@ class _Rates:
         puppet, tree = given.marionette, given.marionette.tree
         self._puppet, self._n, self._n_s = puppet, run.v_D.shape[1], len(tree.strings)
         on = puppet.model.library.evaluate(
-            "dynamics", q_D=run.q_D, v_D=run.v_D, q_K=run.q_K, v_K=run.v_K, acc_K=run.acc_K,
-            u_D=given.inputs.evaluate_force(run.t), p=puppet.p,
-        )  # fmt: skip
+            "dynamics",
+            q_D=run.q_D,
+            v_D=run.v_D,
+            q_K=run.q_K,
+            v_K=run.v_K,
+            acc_K=run.acc_K,
+            u_D=given.inputs.evaluate_force(run.t),
+            p=puppet.p,
+        )
         self._L, self._w0 = on.L, on.w0
         self._J = np.zeros((len(run), len(tree.limits), self._n))
         for i, limit in enumerate(tree.limits):

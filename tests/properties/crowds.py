@@ -44,11 +44,18 @@ DRAWN = 8
 EXPECTED = {
     "timestepping": stages.EXPECTED,
     "event": {
-        Status.DONE, Status.TOO_MANY_EVENTS, Status.NO_UNIQUE_MOTION, Status.TOO_MANY_CONTACTS,
-        Status.COLLAPSED, Status.LENGTH_NOT_POSITIVE, Status.IMPOSSIBLE_INPUT, Status.RUNAWAY,
-        Status.REDUNDANT_STRINGS, Status.NOT_SETTLED,
+        Status.DONE,
+        Status.TOO_MANY_EVENTS,
+        Status.NO_UNIQUE_MOTION,
+        Status.TOO_MANY_CONTACTS,
+        Status.COLLAPSED,
+        Status.LENGTH_NOT_POSITIVE,
+        Status.IMPOSSIBLE_INPUT,
+        Status.RUNAWAY,
+        Status.REDUNDANT_STRINGS,
+        Status.NOT_SETTLED,
     },
-}  # fmt: skip
+}
 """How a run may end."""
 LEDGER = {"timestepping": stages.LEDGER, "event": 1e-6}
 """Bound on the ledger's residual, relative to the energy of the stage."""
@@ -129,9 +136,14 @@ def crowd(name: str, seed: int, method: str) -> Crowd | None:
     inputs = None
     if made.coordinates.n_vK and rng.random() < 0.6:
         inputs = fan.Inputs.random(
-            made, len(starts), seed, t_end=t_end, every=float(rng.uniform(0.04, 0.1)),
-            reach=float(rng.choice([0.003, 0.03])), turn=float(rng.choice([0.02, 0.2])),
-        )  # fmt: skip
+            made,
+            len(starts),
+            seed,
+            t_end=t_end,
+            every=float(rng.uniform(0.04, 0.1)),
+            reach=float(rng.choice([0.003, 0.03])),
+            turn=float(rng.choice([0.02, 0.2])),
+        )
     options = fan.Event() if method == "event" else fan.TimeStepping(dt=dt)
     return Crowd(made, starts, inputs, t_end, options)
 
@@ -180,10 +192,17 @@ def ran(given: Crowd) -> fan.Trajectories:
             raise KeyboardInterrupt  # what was reached is kept, with the status STOPPED
 
     return fan.simulate_batch(
-        given.marionette, given.starts, given.inputs, given.t_end, method=given.method,
-        save=("q_D", "v_D", "ledger", "contact_residual"), save_at=times, threads=1,
-        progress=watch, **every,
-    )  # fmt: skip
+        given.marionette,
+        given.starts,
+        given.inputs,
+        given.t_end,
+        method=given.method,
+        save=("q_D", "v_D", "ledger", "contact_residual"),
+        save_at=times,
+        threads=1,
+        progress=watch,
+        **every,
+    )
 
 
 def one_of(given: Crowd, i: int) -> Crowd:
@@ -395,12 +414,15 @@ def main() -> int:
             count = soak(names, options.runs, options.seed, options.workers, shares, show)
         seconds = round(time.perf_counter() - start, 1)
         report = {
-            "runs": count.runs, "touched": count.touched, "stages": names,
-            "seed": options.seed, "seconds": seconds,
+            "runs": count.runs,
+            "touched": count.touched,
+            "stages": names,
+            "seed": options.seed,
+            "seconds": seconds,
             "by_status": {m: dict(c.most_common()) for m, c in count.by_status.items()},
             "worst": count.worst,
             "failures": {w: [k, count.commands[w]] for w, k in count.failures.most_common()},
-        }  # fmt: skip
+        }
         options.out.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         print(f"{count.runs} runs in {seconds} s")
     print(f"{count.touched} of {count.runs} touched", count.by_status, count.worst)

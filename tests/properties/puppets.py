@@ -81,10 +81,7 @@ def _twins() -> dict:
     """A weight in space on two equal strings between the same two points."""
     hand = {"name": "hand", "joint": {**_SPACE, "at": [0, 0, 0.6], "driven": True}}
     strings = [_string(name, _on("bob"), _on("hand"), 0.6) for name in ("one", "other")]
-    return {
-        "bodies": [{"name": "bob", "joint": _SPACE, "mass": 0.25}, hand],
-        "strings": strings,
-    }
+    return {"bodies": [{"name": "bob", "joint": _SPACE, "mass": 0.25}, hand], "strings": strings}
 
 
 def _rod() -> dict:
@@ -99,9 +96,12 @@ def _rod() -> dict:
 def _beam() -> dict:
     """A beam in space on two strings of fixed length, inside its radius of gyration."""
     beam = {
-        "name": "beam", "joint": {"type": "free"}, "mass": 0.5, "com": [0, 0, -0.01],
+        "name": "beam",
+        "joint": {"type": "free"},
+        "mass": 0.5,
+        "com": [0, 0, -0.01],
         "inertia": [5e-4, 0.02, 0.02],
-    }  # fmt: skip
+    }
     ends = {"left": -0.1, "right": 0.1}
     strings = [_string(n, _on("beam", x), _end("xyz", x, 0, 0.6), 0.6) for n, x in ends.items()]
     return {"bodies": [beam], "strings": strings}
@@ -150,12 +150,17 @@ def _tackle() -> dict:
     weight = {"name": "weight", "joint": {**_SPACE, "at": [0.6, 0, 0]}, "mass": 0.3}
     strings = [
         _string(
-            "rope", _on("weight"), _end("z", -0.2, 0, 0.6), "driven",
-            _world(0.5, 0, 0.6), _world(0.2, 0, 0.6), _on("block"),
+            "rope",
+            _on("weight"),
+            _end("z", -0.2, 0, 0.6),
+            "driven",
+            _world(0.5, 0, 0.6),
+            _world(0.2, 0, 0.6),
+            _on("block"),
         ),
         _string("stay", _on("block"), _world(0, 0, -0.5), 0.7),
         _string("guard", _on("weight"), _world(0.6, 0, 0.9), 1.1),
-    ]  # fmt: skip
+    ]
     return {"bodies": [block, weight], "strings": strings}
 
 
@@ -234,9 +239,12 @@ def _arm() -> dict:
 def _limb() -> dict:
     """An arm in space: a ball joint with cone and twist, an elbow with limits and a spring."""
     ball = {
-        "type": "ball", "damping": 2e-4, "spring": {"stiffness": 0.02},
-        "cone": {"max": 0.9, "axis": [0, 0, -1]}, "twist": {"lower": -0.8, "upper": 0.6},
-    }  # fmt: skip
+        "type": "ball",
+        "damping": 2e-4,
+        "spring": {"stiffness": 0.02},
+        "cone": {"max": 0.9, "axis": [0, 0, -1]},
+        "twist": {"lower": -0.8, "upper": 0.6},
+    }
     elbow = _hinge(-0.22, limits={"lower": -0.1, "upper": 2.0})
     bodies = [_link("upper", "world", ball, 0.22, 0.1), _link("lower", "upper", elbow, 0.2, 0.07)]
     strings = [
@@ -249,9 +257,10 @@ def _limb() -> dict:
 def _neck() -> dict:
     """A head alone: a ball joint with cone and twist that strings pull over its limits."""
     ball = {
-        "type": "ball", "cone": {"max": 0.5, "axis": [0, 0, 1]},
+        "type": "ball",
+        "cone": {"max": 0.5, "axis": [0, 0, 1]},
         "twist": {"lower": -0.4, "upper": 0.4},
-    }  # fmt: skip
+    }
     head = {"name": "head", "joint": ball, "mass": 0.3, "com": [0, 0, 0.06]}
     strings = [
         _string("left", _on("head", 0.02, 0.06, 0.08), _end("z", 0.02, 0.1, 0.4)),

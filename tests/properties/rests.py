@@ -67,16 +67,23 @@ def description(seed: int) -> dict:
     if len(bodies) > 1 and rng.random() < 0.25:
         some = (bodies[0]["name"], bodies[-1]["name"])
         ends = [{"body": name, "at": _floats(rng.uniform(-0.05, 0.05, 3))} for name in some]
-        springs.append({
-            "name": "spring", "between": ends, "stiffness": float(rng.uniform(1.0, 40.0)),
-            "rest": float(rng.uniform(0.0, 0.2)), "damping": 0.1,
-        })  # fmt: skip
+        springs.append(
+            {
+                "name": "spring",
+                "between": ends,
+                "stiffness": float(rng.uniform(1.0, 40.0)),
+                "rest": float(rng.uniform(0.0, 0.2)),
+                "damping": 0.1,
+            }
+        )
     bar = [{"name": "bar", "joint": {"type": "free", "at": [0.0, 0.0, 0.7], "driven": True}}]
     used = any(point.get("body") == "bar" for s in strings for point in s["path"])
     return {
-        "puppet": f"rest{seed}", "bodies": (bar if used else []) + bodies, "strings": strings,
+        "puppet": f"rest{seed}",
+        "bodies": (bar if used else []) + bodies,
+        "strings": strings,
         "springs": springs,
-    }  # fmt: skip
+    }
 
 
 def _floats(values) -> list[float]:

@@ -28,10 +28,16 @@ from properties.performances import with_velocity
 METHOD = "timestepping"
 
 EXPECTED = {
-    Status.DONE, Status.OVERSTEPPED, Status.GAINED_ENERGY, Status.NOT_SETTLED, Status.COLLAPSED,
-    Status.LENGTH_NOT_POSITIVE, Status.REDUNDANT_STRINGS, Status.TOO_MANY_CONTACTS,
+    Status.DONE,
+    Status.OVERSTEPPED,
+    Status.GAINED_ENERGY,
+    Status.NOT_SETTLED,
+    Status.COLLAPSED,
+    Status.LENGTH_NOT_POSITIVE,
+    Status.REDUNDANT_STRINGS,
+    Status.TOO_MANY_CONTACTS,
     Status.UNBALANCED,
-}  # fmt: skip
+}
 """How a run may end."""
 
 OVERLAP = 0.02
@@ -101,9 +107,10 @@ BOX = _prop("box", _shape("box", 0.12, 0.16, 0.2, mass=1.0))
 PLATE = _prop("tile", _shape("box", 0.3, 0.3, 0.01, mass=0.3))
 EGG = _prop("egg", _shape("ellipsoid", 0.04, 0.05, 0.09, mass=0.15))
 DUMBBELL = _prop(
-    "dumbbell", _shape("box", 0.1, 0.1, 0.1, at=[-0.12, 0, 0], mass=2.0),
+    "dumbbell",
+    _shape("box", 0.1, 0.1, 0.1, at=[-0.12, 0, 0], mass=2.0),
     _shape("sphere", 0.06, at=[0.12, 0, 0], mass=0.5),
-)  # fmt: skip
+)
 PEBBLE = _prop("pebble", _shape("sphere", 0.012, mass=0.003))
 
 
@@ -112,28 +119,53 @@ def _figure() -> dict:
     hinge = {"type": "revolute", "axis": [0, -1, 0], "limits": {"lower": -0.8, "upper": 1.2}}
     limb = {"type": "capsule", "from": [0, 0, 0], "to": [0, 0, -0.2], "radius": 0.02, "mass": 0.1}
     bodies = [
-        {"name": "trunk", "joint": {"type": "free", "at": [0, 0, 0.4]},
-         "shapes": [_shape("box", 0.1, 0.14, 0.2, mass=0.5)]},
-        {"name": "arm", "parent": "trunk", "shapes": [limb],
-         "joint": {"type": "ball", "at": [0, 0.1, 0.08], "cone": {"max": 2.2, "axis": [0, 0, -1]}}},
-    ]  # fmt: skip
+        {
+            "name": "trunk",
+            "joint": {"type": "free", "at": [0, 0, 0.4]},
+            "shapes": [_shape("box", 0.1, 0.14, 0.2, mass=0.5)],
+        },
+        {
+            "name": "arm",
+            "parent": "trunk",
+            "shapes": [limb],
+            "joint": {
+                "type": "ball",
+                "at": [0, 0.1, 0.08],
+                "cone": {"max": 2.2, "axis": [0, 0, -1]},
+            },
+        },
+    ]
     for side, y in (("left", 0.04), ("right", -0.04)):
         bodies += [
-            {"name": f"leg_{side}", "parent": "trunk", "shapes": [limb],
-             "joint": hinge | {"at": [0, y, -0.1]}},
-            {"name": f"foot_{side}", "parent": f"leg_{side}",
-             "joint": {"type": "fixed", "at": [0.02, 0, -0.23]},
-             "shapes": [_shape("box", 0.1, 0.05, 0.02, mass=0.05)]},
-        ]  # fmt: skip
+            {
+                "name": f"leg_{side}",
+                "parent": "trunk",
+                "shapes": [limb],
+                "joint": hinge | {"at": [0, y, -0.1]},
+            },
+            {
+                "name": f"foot_{side}",
+                "parent": f"leg_{side}",
+                "joint": {"type": "fixed", "at": [0.02, 0, -0.23]},
+                "shapes": [_shape("box", 0.1, 0.05, 0.02, mass=0.05)],
+            },
+        ]
     ends = {
-        "head": ("trunk", [0, 0, 0.1]), "hand": ("arm", [0, 0, -0.2]),
+        "head": ("trunk", [0, 0, 0.1]),
+        "hand": ("arm", [0, 0, -0.2]),
         "heel": ("leg_left", [0, 0, -0.2]),
-    }  # fmt: skip
+    }
     strings = [
-        {"name": name, "length": "driven", "path": [
-            {"body": body, "at": at}, {"driven": ["x", "y", "z"], "at": [0, 0.05 * k, 1.1]}]}
+        {
+            "name": name,
+            "length": "driven",
+            "path": [
+                {"body": body, "at": at},
+                {"driven": ["x", "y", "z"], "at": [0, 0.05 * k, 1.1]},
+            ],
+        }
         for k, (name, (body, at)) in enumerate(ends.items())
-    ]  # fmt: skip
+    ]
     return {"puppet": "figure", "bodies": bodies, "strings": strings}
 
 
@@ -142,19 +174,40 @@ def _paddle() -> dict:
     return {
         "puppet": "paddle",
         "bodies": [
-            {"name": "plate", "joint": {"type": "free", "at": [0, 0, 0.5], "driven": True},
-             "shapes": [_shape("box", 0.5, 0.4, 0.02, mass=2.0)]},
-            {"name": "stamp", "shapes": [_shape("capsule", 0.2, 0.05, mass=3.0)],
-             "joint": {"type": "prismatic", "axis": [1, 0, 0], "at": [-0.8, 0, 0.3],
-                       "driven": True}},
-            {"name": "load", "joint": {"type": "free", "at": [0.5, 0, 0.5]},
-             "shapes": [_shape("box", 0.1, 0.1, 0.1, mass=1.0)]},
+            {
+                "name": "plate",
+                "joint": {"type": "free", "at": [0, 0, 0.5], "driven": True},
+                "shapes": [_shape("box", 0.5, 0.4, 0.02, mass=2.0)],
+            },
+            {
+                "name": "stamp",
+                "shapes": [_shape("capsule", 0.2, 0.05, mass=3.0)],
+                "joint": {
+                    "type": "prismatic",
+                    "axis": [1, 0, 0],
+                    "at": [-0.8, 0, 0.3],
+                    "driven": True,
+                },
+            },
+            {
+                "name": "load",
+                "joint": {"type": "free", "at": [0.5, 0, 0.5]},
+                "shapes": [_shape("box", 0.1, 0.1, 0.1, mass=1.0)],
+            },
         ],
         "strings": [
-            {"name": "rope", "length": "driven", "max_tension": 60, "rewind_speed": 0.5, "path": [
-                {"body": "load", "at": [0, 0, 0.05]}, {"driven": ["x", "z"], "at": [0.5, 0, 1.2]}]},
+            {
+                "name": "rope",
+                "length": "driven",
+                "max_tension": 60,
+                "rewind_speed": 0.5,
+                "path": [
+                    {"body": "load", "at": [0, 0, 0.05]},
+                    {"driven": ["x", "z"], "at": [0.5, 0, 1.2]},
+                ],
+            }
         ],
-    }  # fmt: skip
+    }
 
 
 ALL: dict[str, tuple[list[dict], list[dict]]] = {
@@ -184,15 +237,17 @@ def _described(name: str, contact: object, obstacles: list[dict]) -> fan.Marione
     """The stage of a name with rules of contact and obstacles."""
     puppets, props = ALL[name]
     members = [
-        {"name": f"p{k}", "at": [0.0, 0.7 * k, 0.0],
-         "puppet": fan.model.loads(json.dumps(puppet))}
+        {"name": f"p{k}", "at": [0.0, 0.7 * k, 0.0], "puppet": fan.model.loads(json.dumps(puppet))}
         for k, puppet in enumerate(puppets or [_PEG])
-    ]  # fmt: skip
+    ]
     scene = {
-        "scene": name, "floor": 0.0, "contact": contact, "obstacles": obstacles,
+        "scene": name,
+        "floor": 0.0,
+        "contact": contact,
+        "obstacles": obstacles,
         "puppets": members,
         "props": [prop | {"at": [0.4 * k, -1.5, 0.5]} for k, prop in enumerate(props)],
-    }  # fmt: skip
+    }
     return fan.Marionette(fan.Scene.model_validate(scene))
 
 
@@ -324,9 +379,14 @@ def checked(name: str, seed: int) -> Staged:
             raise KeyboardInterrupt
 
     run = fan.simulate(
-        given.marionette, given.x0, given.inputs, given.t_end,
-        method=fan.TimeStepping(dt=given.dt), progress=count, throw=False,
-    )  # fmt: skip
+        given.marionette,
+        given.x0,
+        given.inputs,
+        given.t_end,
+        method=fan.TimeStepping(dt=given.dt),
+        progress=count,
+        throw=False,
+    )
     broken = _finite(run)
     measures = (0.0, 0.0, 0.0)
     if not broken:
@@ -334,9 +394,16 @@ def checked(name: str, seed: int) -> Staged:
     asks = "nothing" if given.inputs is None else "wild"
     touches = sum(e.kind == "touch" for e in run.events)
     return Staged(
-        name, seed, METHOD, asks, run.status.name, touches, len(run.events), *measures,
+        name,
+        seed,
+        METHOD,
+        asks,
+        run.status.name,
+        touches,
+        len(run.events),
+        *measures,
         tuple(broken),
-    )  # fmt: skip
+    )
 
 
 def _finite(run: fan.Trajectory) -> list[str]:

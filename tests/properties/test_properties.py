@@ -109,11 +109,19 @@ def test_a_run_of_a_crowd_that_has_broken_before(case):
 @pytest.mark.parametrize(
     "case",
     [
-        "beads 31 event", "beads 278 event", "beads 5098 event", "beads 8609 event",
-        "beads 8633 event", "beads 13057 event", "beads 14626 event", "arm 571 event",
-        "bouncers 10393 event", "limb 15086 timestepping", "tray 100463 variational",
+        "beads 31 event",
+        "beads 278 event",
+        "beads 5098 event",
+        "beads 8609 event",
+        "beads 8633 event",
+        "beads 13057 event",
+        "beads 14626 event",
+        "arm 571 event",
+        "bouncers 10393 event",
+        "limb 15086 timestepping",
+        "tray 100463 variational",
     ],
-)  # fmt: skip
+)
 def test_a_case_that_has_broken_before(case):
     puppet, seed, method = case.split()
     assert not checked(puppet, int(seed), method).broken
@@ -145,9 +153,21 @@ def test_same_input_same_bits_in_any_thread(method):
 # clock's resolution. In the last one a mode ended and began without end.
 @pytest.mark.parametrize(
     "case",
-    ["heap 1 15", "heap 13 1", "heap 20 6", "crates 12 12", "crates 21 1", "paddle 21 4",
-     "figure 7 8", "balls 15 2", "crates 12 9", "crates 8 2", "duet 11 11", "crates 25 1"],
-)  # fmt: skip
+    [
+        "heap 1 15",
+        "heap 13 1",
+        "heap 20 6",
+        "crates 12 12",
+        "crates 21 1",
+        "paddle 21 4",
+        "figure 7 8",
+        "balls 15 2",
+        "crates 12 9",
+        "crates 8 2",
+        "duet 11 11",
+        "crates 25 1",
+    ],
+)
 def test_an_event_driven_run_of_a_crowd_that_has_broken_before(case):
     name, seed, i = case.split()
     assert not crowds.alone(name, int(seed), "event", int(i))

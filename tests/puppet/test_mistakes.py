@@ -199,8 +199,12 @@ IN_BODY = [
     ("joint: {type: translation, axes: [x, w]}", 4, "joint.axes[1]", "found 'w'; allowed: x, y, z"),
     ("joint: {axis: [0, 0, 1]}", 4, "joint.type", "missing"),
     ("at: [0, 0, 1]", 4, "at", "a body is placed by its joint: joint: {at: [x, y, z]"),
-    ("joint: {type: revolute, axis: [0, 1, 0], limits: [-1, 1]}", 4, "joint.limits",
-     "found a list; needed: {lower: ..., upper: ...}"),
+    (
+        "joint: {type: revolute, axis: [0, 1, 0], limits: [-1, 1]}",
+        4,
+        "joint.limits",
+        "found a list; needed: {lower: ..., upper: ...}",
+    ),
     ("joint: {type: revolute, axis: [0, 0, 0]}", 4, "joint.axis", "zero length"),
     ("joint: {type: ball, axis: [0, 0, 1]}", 4, "joint.axis", "a ball joint has none"),
     ("joint: {type: fixed, damping: 1}", 4, "joint.damping", "a fixed joint has none"),
@@ -303,9 +307,7 @@ def test_a_cycle_of_parents_is_reported_once() -> None:
     text = "puppet: p\nbodies:\n" + "".join(
         f"  - {{name: {a}, parent: {b}}}\n" for a, b in ("ab", "bc", "ca", "dc")
     )
-    assert mistakes(text) == [
-        (3, "bodies[0].parent", "the parents form a cycle: a -> b -> c -> a")
-    ]
+    assert mistakes(text) == [(3, "bodies[0].parent", "the parents form a cycle: a -> b -> c -> a")]
 
 
 def test_a_joint_may_carry_its_own_body_s_name_but_no_other() -> None:
@@ -441,9 +443,4 @@ def test_a_puppet_built_in_python_is_checked_in_the_same_way() -> None:
     problems = caught.value.mistakes
     assert {p.file for p in problems} == {"<python>"}
     assert {p.line for p in problems} == {None}
-    assert [p.key for p in problems] == [
-        "bodies[1].mass",
-        "flor",
-        "bodies[0].parent",
-        "pose.elbow",
-    ]
+    assert [p.key for p in problems] == ["bodies[1].mass", "flor", "bodies[0].parent", "pose.elbow"]

@@ -122,9 +122,20 @@ def test_the_json_schema_knows_every_key_and_describes_it() -> None:
     schema = json_schema()
     json.dumps(schema)
     assert set(schema["properties"]) == {
-        "puppet", "gravity", "bodies", "strings", "springs", "drives", "mirror", "pose", "contact",
-        "obstacles", "floor", "members", "props",
-    }  # fmt: skip
+        "puppet",
+        "gravity",
+        "bodies",
+        "strings",
+        "springs",
+        "drives",
+        "mirror",
+        "pose",
+        "contact",
+        "obstacles",
+        "floor",
+        "members",
+        "props",
+    }
     assert set(schema["required"]) == {"puppet", "bodies"}
     kinds = schema["$defs"]["Joint"]["properties"]["type"]["enum"]
     assert kinds == ["fixed", "revolute", "prismatic", "translation", "ball", "free"]

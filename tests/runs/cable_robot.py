@@ -21,10 +21,12 @@ REWOUND = {i: more + ", rewind_speed: 0.5" for i, more in LIMITED.items()}
 def robot(extra: dict[int, str] | None = None) -> fan.Marionette:
     """A free box on eight driven lengths; ``extra`` keys by string."""
     lines = [
-        "puppet: robot", "bodies:",
+        "puppet: robot",
+        "bodies:",
         "  - {name: box, joint: {type: free, at: [0, 0, 1.5]}, shapes: [{type: box, "
-        "size: [0.4, 0.4, 0.4], mass: 10}]}", "strings:",
-    ]  # fmt: skip
+        "size: [0.4, 0.4, 0.4], mass: 10}]}",
+        "strings:",
+    ]
     for i, (at, end) in enumerate(zip(BOX.tolist(), FRAME.tolist(), strict=True)):
         more = (extra or {}).get(i, "")
         path = f"[{{body: box, at: {at}}}, {{world: {end}}}]"

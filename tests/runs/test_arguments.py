@@ -148,9 +148,7 @@ def test_complex_numbers_and_text_are_refused_not_cut(arm, kind):
 def test_what_is_refused_says_what_is_needed(arm):
     x0 = arm.rest({"hand.length": 0.8})
     for call, message in refused(arm, x0):
-        with pytest.raises(
-            (ValueError, TypeError, KeyError, fan.FantocciniError), match=message
-        ):
+        with pytest.raises((ValueError, TypeError, KeyError, fan.FantocciniError), match=message):
             call()
 
 

@@ -175,9 +175,15 @@ def test_ctrl_c_keeps_what_was_reached(method):
     # Far longer than the first look at the batch takes to come: some seconds of work.
     t_end = 3000.0
     many = fan.simulate_batch(
-        ARM, X0, inputs, t_end=t_end, method=method, threads=1, progress=interrupt,
+        ARM,
+        X0,
+        inputs,
+        t_end=t_end,
+        method=method,
+        threads=1,
+        progress=interrupt,
         save_every=10_000 if method == "timestepping" else None,
-    )  # fmt: skip
+    )
     assert Status.STOPPED in many.counts()
     stopped = many.status == Status.STOPPED
     assert not np.any(many.reached[stopped] >= t_end)

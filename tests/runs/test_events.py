@@ -17,9 +17,7 @@ LENGTH, MASS, GRAVITY = 0.7, 0.3, 9.81
 
 PENDULUM = {
     "puppet": "pendulum",
-    "bodies": [
-        {"name": "bob", "joint": {"type": "translation", "axes": ["x", "z"]}, "mass": MASS}
-    ],
+    "bodies": [{"name": "bob", "joint": {"type": "translation", "axes": ["x", "z"]}, "mass": MASS}],
     "strings": [
         {"name": "string", "path": [{"body": "bob"}, {"world": [0, 0, 0]}], "length": LENGTH}
     ],
@@ -60,12 +58,18 @@ LEVER = {
         }
     ],
     "strings": [
-        {"name": "left", "path": [{"body": "rod", "at": [-0.15, 0, 0]}, {"world": [-0.15, 0, 1]}],
-         "length": 1.0},
-        {"name": "right", "path": [{"body": "rod", "at": [0.15, 0, 0]}, {"world": [0.15, 0, 1]}],
-         "length": 1.0},
+        {
+            "name": "left",
+            "path": [{"body": "rod", "at": [-0.15, 0, 0]}, {"world": [-0.15, 0, 1]}],
+            "length": 1.0,
+        },
+        {
+            "name": "right",
+            "path": [{"body": "rod", "at": [0.15, 0, 0]}, {"world": [0.15, 0, 1]}],
+            "length": 1.0,
+        },
     ],
-}  # fmt: skip
+}
 """A rod tied inside its radius of gyration: what lifts one end lifts the other."""
 
 
@@ -153,8 +157,9 @@ def test_events_do_not_depend_on_the_steps(pendulum):
 
 def test_breaks_of_the_inputs_are_events(pendulum):
     """Where the acceleration of an input jumps, the tension jumps and an event says so."""
-    hoist = fan.loads(json.dumps(PENDULUM | {"strings": [
-        {**PENDULUM["strings"][0], "length": "driven"}]}))  # fmt: skip
+    hoist = fan.loads(
+        json.dumps(PENDULUM | {"strings": [{**PENDULUM["strings"][0], "length": "driven"}]})
+    )
     x0 = hoist.rest({"string.length": LENGTH})
     inputs = fan.Input.segments(hoist, [0.0, 0.3, 0.6], x0.q_K, [0.0], [[-2.0], [2.0]])
     run = fan.simulate(hoist, x0, inputs)
@@ -166,15 +171,19 @@ def test_breaks_of_the_inputs_are_events(pendulum):
 
 def test_an_acceleration_beyond_gravity_lets_go(pendulum):
     """A string paid out faster than its load falls goes slack at the break itself."""
-    hoist = fan.loads(json.dumps(PENDULUM | {"strings": [
-        {**PENDULUM["strings"][0], "length": "driven"}]}))  # fmt: skip
+    hoist = fan.loads(
+        json.dumps(PENDULUM | {"strings": [{**PENDULUM["strings"][0], "length": "driven"}]})
+    )
     x0 = hoist.rest({"string.length": LENGTH})
     acc = [[0.5], [12.0], [-20.0]]
     inputs = fan.Input.segments(hoist, [0.0, 0.2, 0.3, 0.365], x0.q_K, [0.0], acc)
     run = fan.simulate(hoist, x0, inputs, 0.365)
     assert kinds(run) == [
-        ("breakpoint", ""), ("release", "string"), ("breakpoint", ""), ("catch", "string")
-    ]  # fmt: skip
+        ("breakpoint", ""),
+        ("release", "string"),
+        ("breakpoint", ""),
+        ("catch", "string"),
+    ]
     assert run.events[1].t == pytest.approx(0.2, abs=1e-12)
     # The gap grows by 1.095 t^2 for 0.1 s and is closed at 14.905 t^2 with the speed it had.
     gap, speed = 1.095 * 0.1**2, 2.19 * 0.1

@@ -121,8 +121,6 @@ def test_a_pull_that_nothing_can_follow_ends_alike(arm_reference, name):
     (marionette, x0, _, _), _ = arm_reference
     inputs = fan.Input.waypoints(marionette, {"hand.x": [(0, x0.q_K[0]), (2, 3.0)]})
     ours = fan.simulate(marionette, x0, inputs, throw=False)
-    run = flow_events.simulate(
-        marionette, x0, inputs, 2.0, integrator=name, rtol=1e-6, atol=1e-6
-    )
+    run = flow_events.simulate(marionette, x0, inputs, 2.0, integrator=name, rtol=1e-6, atol=1e-6)
     assert ours.blamed == ("hand",) and run.stopped
     assert run.x.t == pytest.approx(ours.t[-1], abs=1e-3)

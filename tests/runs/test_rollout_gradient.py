@@ -55,17 +55,27 @@ def test_it_is_what_differences_of_rollouts_give():
     assert 0 < run.held.sum() < run.held.size
     own = rng.normal(size=(2, 41, t.n_vD))
     found = run.gradient(q_D=own[0], v_D=own[1])
-    along = {f.name: rng.normal(size=getattr(found, f.name).shape)
-             for f in dataclasses.fields(found)}  # fmt: skip
-    steps = {"q_D": 1e-5, "v_D": 1e-4, "q_K": 1e-5, "v_K": 1e-4, "acc_K": 1e-3, "u_D": 1e-3,
-             "p": 1e-4}  # fmt: skip
+    along = {
+        f.name: rng.normal(size=getattr(found, f.name).shape) for f in dataclasses.fields(found)
+    }
+    steps = {
+        "q_D": 1e-5,
+        "v_D": 1e-4,
+        "q_K": 1e-5,
+        "v_K": 1e-4,
+        "acc_K": 1e-3,
+        "u_D": 1e-3,
+        "p": 1e-4,
+    }
 
     def cost(name, s):
         d = {key: s * a * (key == name) for key, a in along.items()}
         there = x.replace(
-            q_D=moved(x.q_D, d["q_D"], t.scalars_D, t.quaternions_D), v_D=x.v_D + d["v_D"],
-            q_K=x.q_K + d["q_K"], v_K=x.v_K + d["v_K"],
-        )  # fmt: skip
+            q_D=moved(x.q_D, d["q_D"], t.scalars_D, t.quaternions_D),
+            v_D=x.v_D + d["v_D"],
+            q_K=x.q_K + d["q_K"],
+            v_K=x.v_K + d["v_K"],
+        )
         made = arm.rollout(there, acc + d["acc_K"], force + d["u_D"], p=arm.p + d["p"])
         assert (made.held == run.held).all()
         return float(np.sum(own[0] * made.q_D) + np.sum(own[1] * made.v_D))

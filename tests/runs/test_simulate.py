@@ -54,10 +54,13 @@ def test_an_end_before_the_start_is_refused(arm, hanging, t_end):
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        (fan.Event, "rtol"), (fan.Event, "atol"), (fan.Event, "max_step"),
-        (fan.TimeStepping, "dt"), (fan.Variational, "dt"),
+        (fan.Event, "rtol"),
+        (fan.Event, "atol"),
+        (fan.Event, "max_step"),
+        (fan.TimeStepping, "dt"),
+        (fan.Variational, "dt"),
     ],
-)  # fmt: skip
+)
 def test_steps_and_tolerances_are_positive(kind, name, value):
     with pytest.raises(ValueError, match=f"{name} is {value}; it must be a finite number"):
         kind(**{name: value})

@@ -80,10 +80,18 @@ def test_a_heap_of_spinning_bodies_names_what_touches_while_it_crawls(monkeypatc
     early = dataclasses.replace(pace.LIMITS, first_look=0.5)
     monkeypatch.setattr(pace, "LIMITS", early)
     heap = fan.loads(SPINNING)
-    x0 = heap.state({
-        "a.z": 0.05, "b.x": 0.02, "b.z": 0.12, "c.x": -0.02, "c.z": 0.19,
-        "v:a.wz": 60.0, "v:b.wz": -60.0, "v:c.wx": 60.0,
-    })  # fmt: skip
+    x0 = heap.state(
+        {
+            "a.z": 0.05,
+            "b.x": 0.02,
+            "b.z": 0.12,
+            "c.x": -0.02,
+            "c.z": 0.19,
+            "v:a.wz": 60.0,
+            "v:b.wz": -60.0,
+            "v:c.wx": 60.0,
+        }
+    )
     with pytest.warns(SlowRunWarning, match=r"touch|events of"):
         run = fan.simulate(heap, x0, t_end=1e4, time_limit=8.0, throw=False)
     assert run.status in (Status.OUT_OF_TIME, Status.TOO_MANY_EVENTS)

@@ -149,8 +149,8 @@ def test_a_run_goes_on_from_any_of_its_rows(marionette, wandering, method):
     for i in range(0, len(whole) - 5, 7):
         x = whole.state(i)
         part = fan.simulate(
-            marionette, x, inputs, t_end=whole.t[i + 5], method=alone(method), effort=False,
-        )  # fmt: skip
+            marionette, x, inputs, t_end=whole.t[i + 5], method=alone(method), effort=False
+        )
         np.testing.assert_allclose(part.q_D[-1], whole.q_D[i + 5], atol=1e-9)
         np.testing.assert_allclose(part.v_D[-1], whole.v_D[i + 5], atol=1e-7)
     last = fan.simulate(marionette, whole.state(len(whole) - 1), t_end=1.1, method=method)
@@ -172,8 +172,10 @@ def test_a_run_goes_on_a_hundred_times(arm, lift, method):
 def test_extrapolating_steps_go_on_within_their_error(arm, lift):
     """17.7, 17.20: a run that goes on lacks the accelerations before: an error of one step each."""
     x0 = arm.project(arm.rest({"hand.length": 0.8}).replace(v_D=[1.0, -2.0]))
-    runs = {dt: fan.simulate(arm, x0, lift, t_end=1.0, method=fan.TimeStepping(dt=dt))
-            for dt in (0.002, 0.001)}  # fmt: skip
+    runs = {
+        dt: fan.simulate(arm, x0, lift, t_end=1.0, method=fan.TimeStepping(dt=dt))
+        for dt in (0.002, 0.001)
+    }
     error = np.abs(runs[0.002].q_D[-1] - runs[0.001].q_D[-1]).max()
     x = x0
     for k in range(100):
@@ -267,13 +269,22 @@ def test_a_state_of_another_puppet_is_named(arm, marionette):
     nameless = State(0.0, x.q_D, x.v_D, x.q_K, x.v_K, x.taut)
     for given in (x, nameless):
         for ask in (
-            arm.forward_dynamics, arm.mass_matrix, arm.linearise, arm.linearise_step, arm.project,
-            arm.modes, arm.stepper, arm.flow, arm.kinetic_energy, arm.rest,
-            lambda x: energies(arm.model, x), lambda x: Evaluation.of(arm.model, x),
+            arm.forward_dynamics,
+            arm.mass_matrix,
+            arm.linearise,
+            arm.linearise_step,
+            arm.project,
+            arm.modes,
+            arm.stepper,
+            arm.flow,
+            arm.kinetic_energy,
+            arm.rest,
+            lambda x: energies(arm.model, x),
+            lambda x: Evaluation.of(arm.model, x),
             lambda x: fan.simulate(arm, x, t_end=0.1),
             lambda x: fan.simulate_batch(arm, [x, x], t_end=0.1),
             lambda x: fan.sensitivity(arm, x, t_end=0.1),
-        ):  # fmt: skip
+        ):
             with pytest.raises(fan.StateError, match="another puppet"):
                 ask(given)
 
@@ -343,6 +354,6 @@ def test_nan_is_in_no_argument(arm):
         lambda: fan.Input.segments(arm, [0.0, 1.0], [0.45, 0.8], [0.0, 0.0], [[nan, 0.0]]),
         lambda: fan.Inputs.random(arm, 2, reach=nan),
         lambda: arm.state({"elbow": nan}),
-    ):  # fmt: skip
+    ):
         with pytest.raises((ValueError, fan.FantocciniError), match=r"nan|finite|increase"):
             ask()

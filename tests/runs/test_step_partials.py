@@ -19,8 +19,12 @@ def moving(name, n=4, seed=0):
     batch = puppet.stepper_batch(puppet.rest(), n)
     for _ in range(15):
         batch.advance(0.01, 2.0 * rng.normal(size=batch.v_K.shape))
-    batch.reset(v_D=batch.v_D + 0.3 * rng.normal(size=batch.v_D.shape), q_D=batch.q_D,
-                q_K=batch.q_K, v_K=batch.v_K)  # fmt: skip
+    batch.reset(
+        v_D=batch.v_D + 0.3 * rng.normal(size=batch.v_D.shape),
+        q_D=batch.q_D,
+        q_K=batch.q_K,
+        v_K=batch.v_K,
+    )
     return puppet, batch, rng
 
 
@@ -70,16 +74,18 @@ def test_they_are_what_central_differences_give(name):
     for sign in (1.0, -1.0):
         for change in changes:
             dq, dv, dq_K, dv_K = np.split(sign * h * change, np.cumsum(widths)[:-1])
-            moved.append([
-                puppet.integrate(start[0], dq), start[1] + dv,
-                puppet.integrate(start[2], dq_K, driven=True), start[3] + dv_K,
-            ])  # fmt: skip
+            moved.append(
+                [
+                    puppet.integrate(start[0], dq),
+                    start[1] + dv,
+                    puppet.integrate(start[2], dq_K, driven=True),
+                    start[3] + dv_K,
+                ]
+            )
     after = puppet.linearise_steps(*map(np.array, zip(*moved, strict=True)), acc)
     assert (after.held == many.held).all()
     half = len(changes)
-    dq = np.array([
-        puppet.difference(after.q_D[half + i], after.q_D[i]) for i in range(half)
-    ])  # fmt: skip
+    dq = np.array([puppet.difference(after.q_D[half + i], after.q_D[i]) for i in range(half)])
     dv = after.v_D[:half] - after.v_D[half:]
     found = np.concatenate([dq, dv], axis=1).T / (2 * h)
     wanted = many.A[0][: 2 * n]

@@ -178,7 +178,7 @@ def test_where_they_begin_may_be_arrays():
         (lambda b: b.reset([0], q=np.zeros(2)), TypeError, "takes t, q_D"),
         (lambda b: b.reset([0, 1], [HANG] * 3), ValueError, "3 rows"),
     ],
-)  # fmt: skip
+)
 def test_wrong_arguments_change_nothing(call, error, says):
     batch = ARM.stepper_batch(HANG, 4)
     batch.advance(0.02)

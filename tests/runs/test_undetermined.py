@@ -94,9 +94,11 @@ def test_a_stand_is_not_judged_by_tensions_that_the_motion_does_not_determine(mo
     platform, runs = moving
     for run in runs:
         found = check_stand(loads_stand(STAND), run, platform)
-        assert not found.ok and not found.broken and set(found.undetermined) == {
-            f"w{i}" for i in range(8)
-        }
+        assert (
+            not found.ok
+            and not found.broken
+            and set(found.undetermined) == {f"w{i}" for i in range(8)}
+        )
         assert "is not determined" in found.summary() and "w3" in found.summary()
         assert any("does not determine the forces of w0" in note for note in found.notes)
         # Speeds are those of the inputs, and are judged.
@@ -145,11 +147,12 @@ def test_strings_that_can_only_pull_determine_that_none_does(small, method):
 def plate(string_model: str = "constraint") -> fan.Marionette:
     """A plate of 10 kg on four upright cables."""
     lines = [
-        "puppet: plate", "bodies:",
+        "puppet: plate",
+        "bodies:",
         "  - {name: plate, joint: {type: free, at: [0, 0, 1.5]}, "
         "shapes: [{type: box, size: [0.6, 0.6, 0.2], mass: 10}]}",
         "strings:",
-    ]  # fmt: skip
+    ]
     for i, (x, y, z) in enumerate(CORNERS.tolist()):
         path = f"[{{body: plate, at: [{x}, {y}, {z}]}}, {{world: [{x}, {y}, 3]}}]"
         lines.append(f"  - {{name: c{i}, path: {path}, length: driven}}")

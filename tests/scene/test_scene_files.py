@@ -58,9 +58,13 @@ def test_a_scene_is_one_puppet_whose_names_begin_with_its_members(tmp_path) -> N
     table = made.coordinates
     assert made.name == "duet" and made.puppet.members == ("one", "two")
     assert table.q_K == (
-        "one.hand.x", "one.hand.z", "one.hand.length", "two.hand.x", "two.hand.z",
+        "one.hand.x",
+        "one.hand.z",
+        "one.hand.length",
+        "two.hand.x",
+        "two.hand.z",
         "two.hand.length",
-    )  # fmt: skip
+    )
     assert table.q_D[:3] == ("one.a.x", "one.a.y", "one.a.z") and "ball.qw" in table.q_D
     x = made.state({"one.a.z": 0.1})
     assert x["two.a.x"] == 0.5 and x["ball.z"] == 0.2 and x["two.hand.length"] == 0.9

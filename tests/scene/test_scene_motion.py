@@ -121,14 +121,21 @@ pose: {one.z: 0.1}
 
 def test_a_swing_without_damping_rests_beside_a_ball_that_falls():
     """Its strings alone let the ball go on falling; let go, the swing never stops by itself."""
-    scene = fan.Scene.model_validate({
-        "scene": "swing",
-        "floor": 0,
-        "contact": True,
-        "puppets": [{"name": "arm", "puppet": "arm2d", "at": [0, 0, 0.5]}],
-        "props": [{"name": "ball", "at": [0.6, 0, 0.3],
-                   "shapes": [{"type": "sphere", "radius": 0.05, "mass": 0.1}]}],
-    })  # fmt: skip
+    scene = fan.Scene.model_validate(
+        {
+            "scene": "swing",
+            "floor": 0,
+            "contact": True,
+            "puppets": [{"name": "arm", "puppet": "arm2d", "at": [0, 0, 0.5]}],
+            "props": [
+                {
+                    "name": "ball",
+                    "at": [0.6, 0, 0.3],
+                    "shapes": [{"type": "sphere", "radius": 0.05, "mass": 0.1}],
+                }
+            ],
+        }
+    )
     stage, arm = fan.Marionette(scene), fan.puppets.arm2d()
     found = stage.rest()
     assert found.q_D[:2] == pytest.approx(arm.rest().q_D, abs=1e-6)

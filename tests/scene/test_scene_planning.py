@@ -55,9 +55,15 @@ def test_a_plan_keeps_a_puppet_away_from_the_other(scene) -> None:
     x0 = lamps.rest()
     goal = {"one.bulb.x": 0.5, "two.bulb.x": 0.4}
     made = fan.plan(
-        lamps, x0, goal, tolerance=0.2, seed=0, speed=1.0, acceleration=4.0,
+        lamps,
+        x0,
+        goal,
+        tolerance=0.2,
+        seed=0,
+        speed=1.0,
+        acceleration=4.0,
         ranges={"one.cord.x": (-0.5, 1.5), "two.cord.x": (-1.0, 1.5)},
-    )  # fmt: skip
+    )
     assert made, made.reason
     run = made.verify(method="event").run
     assert float(Clearance(lamps).of(run).min()) > 0.0

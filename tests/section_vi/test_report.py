@@ -26,8 +26,11 @@ def report(puppet: fan.Marionette) -> SectionReport:
         runs.append(TrackingRun(w, Deviation(t, t / w**2, 0.1 * t / w**2)))
     exact = ("event", 1e-8, 1e-9), ("event", 1e-12, 0.0), ("variational", 0.004, 1e-5)
     return SectionReport(
-        reduction=fan.validate_reduction(puppet), symbolic=symbolic(puppet), mass=puppet.mass,
-        duration=1.0, first_impact=1.0,
+        reduction=fan.validate_reduction(puppet),
+        symbolic=symbolic(puppet),
+        mass=puppet.mass,
+        duration=1.0,
+        first_impact=1.0,
         comparisons=tuple(Comparison(m, s, Deviation(t, x * t, 0.1 * x * t)) for m, s, x in exact),
         catches=tuple(
             SharedCatch(r, "hand", 1.0 - 0.1 / r, 1.0, 0.1 / r, 0.01 / r) for r in (1.0, 10.0, 1e2)
@@ -38,7 +41,7 @@ def report(puppet: fan.Marionette) -> SectionReport:
         file_drives=FileDrives(
             ("hand.length",), Deviation(t, 0.01 * t, 0.0 * t), 0.002 * t[:, None], np.array([3.0])
         ),
-    )  # fmt: skip
+    )
 
 
 def test_the_command_leaves_the_page_of_a_puppet_with_its_plots(tmp_path, monkeypatch, capsys):
@@ -51,11 +54,15 @@ def test_the_command_leaves_the_page_of_a_puppet_with_its_plots(tmp_path, monkey
     assert "M_DK = 0  (2 x 2)" in text and "| hand.length |" in text
     said = capsys.readouterr().out
     for part in (
-        "(a) fails: <X_i, X_j>", "(a) yes: the mixed model is exact", "at rtol 1e-12",
-        "to the power -1.00", "to the power -2.00", "with hand of 0.01 kg",
+        "(a) fails: <X_i, X_j>",
+        "(a) yes: the mixed model is exact",
+        "at rtol 1e-12",
+        "to the power -1.00",
+        "to the power -2.00",
+        "with hand of 0.01 kg",
         "on the file's own drives they differ by 0.01 (m, rad)",
         "not measured: a | line with [red]markup[/red]",
-    ):  # fmt: skip
+    ):
         assert part in " ".join(said.split()) and part in " ".join(text.split())
 
 

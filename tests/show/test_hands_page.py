@@ -28,9 +28,12 @@ def scene(browser, tmp_path_factory):
     until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
     page.show.pause()  # hands are wanted elsewhere all the same, and nothing has to be drawn
     yield SimpleNamespace(
-        browser=browser, page=page, live=page.show, performance=page.show.performance,
+        browser=browser,
+        page=page,
+        live=page.show,
+        performance=page.show.performance,
         client=next(iter(clients().values())),
-    )  # fmt: skip
+    )
     page.close()
 
 
@@ -168,9 +171,7 @@ class window:
 
     def __init__(self, browser, width: int, height: int, mobile: bool = False):
         self._browser = browser
-        self._size = {
-            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile,
-        }  # fmt: skip
+        self._size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile}
 
     def __enter__(self) -> None:
         self._browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", self._size)

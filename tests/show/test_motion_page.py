@@ -66,8 +66,12 @@ def test_a_file_plays_from_disk_without_a_network(browser, swing, tmp_path):
     early = picture(browser, "html")
     assert colours(early) > 100
     until(lambda: np.abs(picture(browser).astype(int) - early).max() > 60, "it moves")
-    until(lambda: " N" in browser.execute_script(
-        "return document.getElementById('readings').innerText"), "tensions")  # fmt: skip
+    until(
+        lambda: (
+            " N" in browser.execute_script("return document.getElementById('readings').innerText")
+        ),
+        "tensions",
+    )
     asked = [
         message["params"]["request"]["url"]
         for entry in browser.get_log("performance")
@@ -97,9 +101,11 @@ def in_step(browser, swing):
     view = SceneNodes(server.viser, motion.geometry, LIGHT).view("three-quarter")
     server.stop()
     camera = SimpleNamespace(
-        position=view.eye, look_at=view.target, up_direction=np.array([0.0, 0.0, 1.0]),
+        position=view.eye,
+        look_at=view.target,
+        up_direction=np.array([0.0, 0.0, 1.0]),
         fov=np.radians(30.0),
-    )  # fmt: skip
+    )
     seen = {}
     for t in (0.6, 1.3, 0.6):  # on, and back
         browser.execute_script(SCRUB, str(t))

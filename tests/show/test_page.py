@@ -11,16 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.show.browser import (
-    canvas,
-    colours,
-    like,
-    picture,
-    pixel,
-    press,
-    until,
-    words,
-)
+from tests.show.browser import canvas, colours, like, picture, pixel, press, until, words
 from tests.show.toys import BAR, GREEN, WRONG, toy
 
 import fantoccini as fan
@@ -41,9 +32,14 @@ def scene(browser, tmp_path_factory):
     clients = page.server.viser.get_clients
     until(clients, "the page connects")
     found = SimpleNamespace(
-        browser=browser, page=page, live=page.show, performance=page.show.performance,
-        folder=folder, file=file, client=next(iter(clients().values())),
-    )  # fmt: skip
+        browser=browser,
+        page=page,
+        live=page.show,
+        performance=page.show.performance,
+        folder=folder,
+        file=file,
+        client=next(iter(clients().values())),
+    )
     until(lambda: like(picture(browser), RED) > 200, "the puppet is seen")
     yield found
     page.close()
@@ -104,12 +100,15 @@ def test_a_bead_is_dragged_and_the_puppet_follows(scene, monkeypatch):
     )
     # What was 80 pixels to the right still lies under the mouse.
     until(
-        lambda: abs(
-            pixel(scene.client, scene.performance.target("line")[0], canvas(scene.browser))[0]
-            - (x + 80.0)
-        ) < 8.0,
+        lambda: (
+            abs(
+                pixel(scene.client, scene.performance.target("line")[0], canvas(scene.browser))[0]
+                - (x + 80.0)
+            )
+            < 8.0
+        ),
         "the end is wanted under the mouse",
-    )  # fmt: skip
+    )
     assert scene.live.holder.viewer == scene.client.client_id
     picture(scene.browser, "dragged")
     mouse = ActionBuilder(scene.browser)
@@ -162,8 +161,13 @@ def test_a_parameter_changes_under_way(scene):
     until(lambda: scene.performance.marionette.p[0] > 0.4, "the ball is heavier")
     mass = float(scene.performance.marionette.p[0])
     until(lambda: scene.performance.t > t + 0.3, "the puppet lives on")
-    until(lambda: scene.performance.marionette.p[0] == pytest.approx(
-        float(slider.get_attribute("aria-valuenow"))), "the slider says what it is")  # fmt: skip
+    until(
+        lambda: (
+            scene.performance.marionette.p[0]
+            == pytest.approx(float(slider.get_attribute("aria-valuenow")))
+        ),
+        "the slider says what it is",
+    )
     mass = float(scene.performance.marionette.p[0])
     until(lambda: abs(scene.performance.tension[0] - 9.81 * mass) < 0.03 * 9.81 * mass, "weight")
     assert np.isfinite(scene.performance.state.q_D).all()
@@ -248,9 +252,11 @@ def test_a_gamepad_moves_winds_pauses_and_records(scene):
         assert np.array_equal(performance.target("line")[0], rest)
         hold(gone=False, axes=[0, 0, 0, 0])
         for button, holds in (
-            (9, lambda: live.paused), (9, lambda: not live.paused),
-            (3, lambda: live.recorder.running), (3, lambda: not live.recorder.running),
-        ):  # fmt: skip
+            (9, lambda: live.paused),
+            (9, lambda: not live.paused),
+            (3, lambda: live.recorder.running),
+            (3, lambda: not live.recorder.running),
+        ):
             hold(down=[button])
             until(holds, f"button {button}")
             hold(down=[])

@@ -21,8 +21,12 @@ from fantoccini.app.web import page
 
 AHEAD = np.array([0.0, 1.0, 0.0])
 HOSTILE = (
-    "<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "a&b", "{alert(1)}", "\u202ex",
-)  # fmt: skip
+    "<script>alert(1)</script>",
+    '"><img src=x onerror=alert(1)>',
+    "a&b",
+    "{alert(1)}",
+    "\u202ex",
+)
 
 
 def test_across_the_line_of_sight_a_handle_stays_under_the_mouse():
@@ -45,9 +49,12 @@ def ray(eye, point):
 def test_in_a_plane_that_is_seen_well_a_handle_stays_under_the_mouse(azimuth, elevation, right, up):
     """17.12: by the ray through the handle, wherever in the picture it is taken."""
     ahead = -np.array(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
-         np.sin(elevation)]
-    )  # fmt: skip
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
     across = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     upwards = np.cross(across, ahead)
     place = np.array([0.3, -0.2, 1.0])
@@ -125,8 +132,9 @@ def test_text_of_a_puppet_is_never_markup(name):
     assert "<" not in shown and ">" not in shown and '"' not in shown and "\u202e" not in shown
     nodes = SimpleNamespace(
         colours=SimpleNamespace(top=1.0, hexadecimal=lambda _: "#000000"),
-        theme=SimpleNamespace(colour=lambda _: "#111111"), scene=SimpleNamespace(wires=(False,)),
-    )  # fmt: skip
+        theme=SimpleNamespace(colour=lambda _: "#111111"),
+        scene=SimpleNamespace(wires=(False,)),
+    )
     moment = SimpleNamespace(tension=np.array([0.5]), taut=np.array([True]))
     for html in (panel.bars([name], moment, nodes), panel.note(name)):
         assert shown in html

@@ -55,15 +55,23 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def scene(folder):
     page = fan.show(
-        fan.puppets.marionette(), port=0, browser=False, wait=False, record_to=folder,
+        fan.puppets.marionette(),
+        port=0,
+        browser=False,
+        wait=False,
+        record_to=folder,
         score=folder / "number.yaml",
-    )  # fmt: skip
+    )
     with page, Viewer(page.url) as viewer:
         assert page.show.stage.instrument.tempo.bpm == 120.0
         yield SimpleNamespace(
-            page=page, live=page.show, stage=page.show.stage, viewer=viewer, folder=folder,
+            page=page,
+            live=page.show,
+            stage=page.show.stage,
+            viewer=viewer,
+            folder=folder,
             performance=page.show.performance,
-        )  # fmt: skip
+        )
 
 
 @pytest.fixture(autouse=True)
@@ -347,6 +355,9 @@ def test_a_score_is_for_live_puppets_and_without_mistakes(folder, tmp_path):
     (tmp_path / "wrong.yaml").write_text("score: wrong\nlanes: {a: [{gesture: nodd}]}\n")
     with pytest.raises(fan.FileError, match="nodd"):
         fan.show(
-            fan.puppets.marionette(), score=tmp_path / "wrong.yaml", port=0, browser=False,
+            fan.puppets.marionette(),
+            score=tmp_path / "wrong.yaml",
+            port=0,
+            browser=False,
             wait=False,
-        )  # fmt: skip
+        )

@@ -39,9 +39,13 @@ def scene(browser, tmp_path, monkeypatch):
         clients = page.server.viser.get_clients
         until(lambda: clients() and like(picture(browser), RED) > 200, "the puppet is seen")
         yield SimpleNamespace(
-            browser=browser, live=page.show, stage=page.show.stage, folder=tmp_path,
-            performance=page.show.performance, client=next(iter(clients().values())),
-        )  # fmt: skip
+            browser=browser,
+            live=page.show,
+            stage=page.show.stage,
+            folder=tmp_path,
+            performance=page.show.performance,
+            client=next(iter(clients().values())),
+        )
 
 
 def drag_bead(scene, right: int) -> None:
@@ -123,9 +127,7 @@ def test_record_trim_gesture_performance_film(scene):
         start = scene.performance.state.q_K
         press(scene.browser, "sweep")
         until(lambda: scene.performance.playing == ("sweep",), "the button plays it")
-        until(
-            lambda: np.abs(scene.performance.state.q_K - start).max() > 0.05, "the hand sweeps"
-        )
+        until(lambda: np.abs(scene.performance.state.q_K - start).max() > 0.05, "the hand sweeps")
         scene.browser.execute_script("document.activeElement.blur()")
         ActionChains(scene.browser).send_keys("1").perform()
         until(lambda: scene.performance.playing == ("sweep",), "the key plays it")

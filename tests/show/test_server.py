@@ -157,10 +157,17 @@ def test_only_values_that_a_control_can_have_are_set(server):
 
     callbacks = list(slider._impl.update_cb)
     for updates in (
-        {"update_cb": []}, {"removed": True}, {"value": 0.2, "removed": True}, {"no_such": 1},
-        {"is_button": True}, {"value": float("nan")}, {"value": 7.0}, {"value": "x"},
-        {"value": None}, {},
-    ):  # fmt: skip
+        {"update_cb": []},
+        {"removed": True},
+        {"value": 0.2, "removed": True},
+        {"no_such": 1},
+        {"is_button": True},
+        {"value": float("nan")},
+        {"value": 7.0},
+        {"value": "x"},
+        {"value": None},
+        {},
+    ):
         set_(slider, **updates)
         assert slider.value == 0.5
         assert slider._impl.update_cb == callbacks

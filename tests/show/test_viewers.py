@@ -27,9 +27,12 @@ def opened(marionette, folder):
     """A live page."""
     page = fan.show(marionette, port=0, browser=False, wait=False, record_to=folder)
     return SimpleNamespace(
-        page=page, live=page.show, performance=page.show.performance, url=page.url,
+        page=page,
+        live=page.show,
+        performance=page.show.performance,
+        url=page.url,
         clients=page.server.viser.get_clients,
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture
@@ -117,8 +120,9 @@ def test_rings_are_about_the_handle_that_is_chosen(tmp_path):
     controls = scene.live.controls
     try:
         assert {name: ring.visible for name, ring in controls.rings.items()} == {
-            "bar": True, "rocker": False,
-        }  # fmt: skip
+            "bar": True,
+            "rocker": False,
+        }
         with Viewer(scene.url) as one:
             one.choose("Handle", "rocker")
             until(lambda: controls.selected == "rocker", "it is chosen")

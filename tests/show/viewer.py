@@ -36,19 +36,27 @@ class Viewer:
         self.poses: dict[str, tuple] = {}
         self.notices: list[str] = []
         self._socket = connect(
-            url.replace("http", "ws", 1), origin=url, max_size=None,
+            url.replace("http", "ws", 1),
+            origin=url,
+            max_size=None,
             subprotocols=[f"viser-v{viser.__version__}"],
-        )  # fmt: skip
+        )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
         # Nobody is a viewer before it has said where it looks from.
         self.send(
             _messages.ViewerCameraMessage(
-                wxyz=(1.0, 0.0, 0.0, 0.0), position=(3.0, 0.0, 1.0), fov=0.5, near=0.01, far=100.0,
-                image_height=600, image_width=800, look_at=(0.0, 0.0, 1.0),
+                wxyz=(1.0, 0.0, 0.0, 0.0),
+                position=(3.0, 0.0, 1.0),
+                fov=0.5,
+                near=0.01,
+                far=100.0,
+                image_height=600,
+                image_width=800,
+                look_at=(0.0, 0.0, 1.0),
                 up_direction=(0.0, 0.0, 1.0),
             )
-        )  # fmt: skip
+        )
 
     def __enter__(self) -> Viewer:
         return self
@@ -116,10 +124,17 @@ class Viewer:
         """Drags a node from where it was taken to somewhere else [m]."""
         self.send(
             _messages.SceneNodeDragMessage(
-                phase, node, None, tuple(map(float, start)), (0.5, 0.5), tuple(map(float, end)),
-                (0.5, 0.5), "left", None,
+                phase,
+                node,
+                None,
+                tuple(map(float, start)),
+                (0.5, 0.5),
+                tuple(map(float, end)),
+                (0.5, 0.5),
+                "left",
+                None,
             )
-        )  # fmt: skip
+        )
 
     def turn(self, phase: str, node: str, position: np.ndarray, wxyz: np.ndarray) -> None:
         """Turns rings as a mouse on them does."""
@@ -174,8 +189,10 @@ class Viewer:
             self.notices.append(message["props"]["title"])
         elif "uuid" in message and "props" in message:
             self.controls[message["uuid"]] = {
-                **message["props"], "value": message.get("value"), "type": kind,
-            }  # fmt: skip
+                **message["props"],
+                "value": message.get("value"),
+                "type": kind,
+            }
         elif kind == "GuiUpdateMessage" and message["uuid"] in self.controls:
             self.controls[message["uuid"]].update(message["updates"])
         elif kind == "GuiRemoveMessage":

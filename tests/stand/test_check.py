@@ -49,9 +49,7 @@ def test_a_hanging_mass(hoist, gear, efficiency):
     text = STAND.replace("    moves", f"    gear: {gear}\n    efficiency: {efficiency}\n    moves")
     found = check_stand(stand(text=text), still, hoist)
     assert np.allclose(found.torque, -MASS * G * RADIUS / gear, rtol=1e-6)
-    up = fan.Input.segments(
-        hoist, np.array([0.0, 0.4]), x0.q_K, np.array([-0.5]), np.zeros((1, 1))
-    )
+    up = fan.Input.segments(hoist, np.array([0.0, 0.4]), x0.q_K, np.array([-0.5]), np.zeros((1, 1)))
     moving = hoist.project(hoist.state({"line.length": 0.8}))
     moving = replace(moving, v_D=np.array([0.5]), v_K=np.array([-0.5]))
     steady = fan.simulate(hoist, moving, up, t_end=0.4)
@@ -69,8 +67,9 @@ def test_power_goes_into_the_puppet_the_rotors_and_friction(stand6, conduct):
     J = np.array([axis.inertia for axis in found.axes])
     spun = 0.5 * (v * n) ** 2 @ J
     w = v * n
-    viscous, coulomb, slow = (getattr(found.axes[0].file.friction, k)
-                              for k in ("viscous", "coulomb", "speed"))  # fmt: skip
+    viscous, coulomb, slow = (
+        getattr(found.axes[0].file.friction, k) for k in ("viscous", "coulomb", "speed")
+    )
     rubbed = np.sum(viscous * w**2 + coulomb * w**2 / np.sqrt(w**2 + slow**2), axis=1)
     # The six_winches have gears that lose a part: what arrives is F pdot.
     arrives = np.sum(found.force * v, axis=1)
@@ -109,9 +108,12 @@ def test_the_hump_that_a_catch_must_not_pass(load):
 
     def escapes(impulse: float) -> bool:
         found = scipy.integrate.solve_ivp(
-            lambda t, y: [y[1], (-T * np.sin(50 * y[0]) - M) / J], (0.0, 0.5),
-            [rest, -impulse / J], rtol=1e-9, atol=1e-12,
-        )  # fmt: skip
+            lambda t, y: [y[1], (-T * np.sin(50 * y[0]) - M) / J],
+            (0.0, 0.5),
+            [rest, -impulse / J],
+            rtol=1e-9,
+            atol=1e-12,
+        )
         return bool(np.min(found.y[0]) < rest - 2 * np.pi / 50)
 
     assert not escapes(0.995 * most) and escapes(1.005 * most)
@@ -168,9 +170,13 @@ def test_a_simulated_stepper_agrees(hoist, lifted, share):
     ).with_parameters({"torque": torque})
     given = fan.Input.waypoints(real, LIFT)
     run = fan.simulate(
-        real, real.rest({"line.length": 0.8}), given, t_end=1.5,
-        method=fan.TimeStepping(dt=1e-4), throw=False,
-    )  # fmt: skip
+        real,
+        real.rest({"line.length": 0.8}),
+        given,
+        t_end=1.5,
+        method=fan.TimeStepping(dt=1e-4),
+        throw=False,
+    )
     limit = found.of("winch")["torque"]
     if share > 1.0:
         assert limit.broken is None and not found.lost and run.status is fan.Status.DONE

@@ -88,8 +88,16 @@ def test_klipper_reads_its_macro(conduct, sequences, tmp_path):
             continue
         assert command == "MANUAL_STEPPER"
         values = dict(word.split("=", 1) for word in words)
-        assert set(values) <= {"STEPPER", "ENABLE", "SET_POSITION", "MOVE", "SPEED", "ACCEL",
-                               "SYNC", "STOP_ON_ENDSTOP"}  # fmt: skip
+        assert set(values) <= {
+            "STEPPER",
+            "ENABLE",
+            "SET_POSITION",
+            "MOVE",
+            "SPEED",
+            "ACCEL",
+            "SYNC",
+            "STOP_ON_ENDSTOP",
+        }
         assert float(values.get("SPEED", 1.0)) > 0.0 and float(values.get("ACCEL", 0.0)) >= 0.0
         for key in ("MOVE", "SET_POSITION"):
             if key in values:
@@ -110,15 +118,22 @@ def test_ros_takes_the_trajectory_as_a_message(conduct, ending, tmp_path):
     path = save_points(points, tmp_path / f"conduct{ending}")
     text = path.read_text(encoding="utf-8")
     store = get_typestore(Stores.ROS2_HUMBLE)
-    message = typed(store, "trajectory_msgs/msg/JointTrajectory",
-                    json.loads(text) if ending == ".json" else yaml.safe_load(text))  # fmt: skip
-    again = store.deserialize_cdr(store.serialize_cdr(message, message.__msgtype__),
-                                  message.__msgtype__)  # fmt: skip
+    message = typed(
+        store,
+        "trajectory_msgs/msg/JointTrajectory",
+        json.loads(text) if ending == ".json" else yaml.safe_load(text),
+    )
+    again = store.deserialize_cdr(
+        store.serialize_cdr(message, message.__msgtype__), message.__msgtype__
+    )
     whole = points.whole()
     assert again.joint_names == [axis.name for axis in points.axes]
     assert len(again.points) == len(whole)
-    for name, values in (("positions", whole.position), ("velocities", whole.velocity),
-                         ("accelerations", whole.acceleration)):  # fmt: skip
+    for name, values in (
+        ("positions", whole.position),
+        ("velocities", whole.velocity),
+        ("accelerations", whole.acceleration),
+    ):
         np.testing.assert_array_equal([getattr(p, name) for p in again.points], values)
     stamps = [p.time_from_start for p in again.points]
     t = np.array([s.sec + 1e-9 * s.nanosec for s in stamps])
@@ -141,8 +156,11 @@ def typed(store, kind, data):
         elif what in (3, 4):  # a list
             inner, of = detail[0]
             value = (
-                [typed(store, of, x) for x in value] if inner == 2
-                else value if of[0] == "string" else np.array(value, np.float64)
-            )  # fmt: skip
+                [typed(store, of, x) for x in value]
+                if inner == 2
+                else value
+                if of[0] == "string"
+                else np.array(value, np.float64)
+            )
         made[name] = value
     return store.types[kind](**made)

@@ -18,12 +18,13 @@ SPAN = rf"{NUMBER}(?: to {NUMBER})?"
 PARTS = {
     "drum": ("type: drum, radius: 0.01", "type: drum, radius: {}", rf"drum, radius {SPAN} m"),
     "belt": (
-        "type: drum, radius: 0.01", "type: belt, pitch: 0.002, teeth: {}",
+        "type: drum, radius: 0.01",
+        "type: belt, pitch: 0.002, teeth: {}",
         rf"pulley of {SPAN} teeth",
     ),
     "screw": ("type: drum, radius: 0.01", "type: screw, lead: {}", rf"lead of {SPAN} m"),
     "shaft": ("type: shaft", "type: shaft", rf"gear of {SPAN} instead"),
-}  # fmt: skip
+}
 OWN = {"drum": 0.01, "belt": 31, "screw": 0.0628, "shaft": 1.0}
 
 
@@ -124,7 +125,8 @@ def test_numbers_of_advice_are_rounded_to_the_safe_side(hoist, lifted, torque):
     rate = re.search(rf"makes {NUMBER} steps/s", line)[1]
     torques = [float(x) for x in re.findall(rf"{NUMBER} N m at", line)]
     told = {
-        "speed: 1": f"speed: {speed}", "acceleration: 20": "acceleration: 60",
+        "speed: 1": f"speed: {speed}",
+        "acceleration: 20": "acceleration: 60",
         "axes:": f"controller: {{type: grbl, step_rate: {rate}}}\naxes:",
-    }  # fmt: skip
+    }
     assert check_stand(stand(f"{max(torques)}", **told), lifted, hoist).ok

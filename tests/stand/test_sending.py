@@ -64,9 +64,11 @@ def artnet_read(data, universe=0):
 def test_an_osc_server_hears_every_set_point(conduct):
     """The first second of six axes, in real time."""
     points = set_points(
-        "six_winches", conduct.resample(np.linspace(0.0, 1.0, 501)), fan.puppets.stand6(),
+        "six_winches",
+        conduct.resample(np.linspace(0.0, 1.0, 501)),
+        fan.puppets.stand6(),
         controller="osc",
-    )  # fmt: skip
+    )
     heard = {}
 
     def hear(address, value):
@@ -144,8 +146,9 @@ def test_a_puppet_on_the_received_set_points_moves_as_in_its_run(hoist, kind):
     assert stand.wrong == 0 and len(stand) == done.sent
     # Before the motion, in it, and after it.
     t = np.array(done.times)
-    counts = np.rint(np.interp(t, points.motion.t, points.motion.position[:, 0])
-                     * points.axes[0].counts)  # fmt: skip
+    counts = np.rint(
+        np.interp(t, points.motion.t, points.motion.position[:, 0]) * points.axes[0].counts
+    )
     within = 1.0 if kind == "osc" else 1.0 + 0.7 / 65535 / 2 * points.axes[0].counts
     assert np.max(np.abs(stand.steps[:, 0] - counts)) <= within
     own = np.append(np.diff(t) > 0.0, False)
@@ -208,6 +211,7 @@ def test_a_listener_that_goes_away_stops_the_motion(lifted, hoist):
     progress = Sending()
     listener = Receiver(points.map.stand, points.controller, LOCAL, 0)
     with listener as stand, udp_sender(*stand.address) as send:
+
         def until(data):
             if len(stand) == 40:
                 stand.close()
@@ -297,7 +301,7 @@ def test_a_hold_stays_on_the_path_and_goes_on_or_stops(lifted, hoist, answer):
     assert t[k - 1] - begun == pytest.approx(ramp / 2.0, abs=0.011 + 0.01 * progress.dropped)
     if not progress.dropped:
         step = np.diff(t)
-        np.testing.assert_allclose(np.diff(step[60 : k - 2]), -0.01**2 / ramp, atol=1e-9)
+        np.testing.assert_allclose(np.diff(step[60 : k - 2]), -(0.01**2) / ramp, atol=1e-9)
         if answer:
             np.testing.assert_allclose(np.diff(step[k + 1 : k + 15]), 0.01**2 / ramp, atol=1e-9)
 
@@ -343,8 +347,15 @@ def test_the_emulated_stand_refuses_what_is_none(lifted, hoist):
     assert stand.stops == 1 and stand.silent
     points = points_of(lifted, hoist)
     message = b"/winch\0\0,f\0\0"
-    stand = sent_to(points, [message + b"\x7f\xc0\0\0", b"/other\0\0,f\0\0\x3f\0\0\0", b"#bundle\0",
-                             message + b"\x3f\0\0\0"])  # fmt: skip
+    stand = sent_to(
+        points,
+        [
+            message + b"\x7f\xc0\0\0",
+            b"/other\0\0,f\0\0\x3f\0\0\0",
+            b"#bundle\0",
+            message + b"\x3f\0\0\0",
+        ],
+    )
     assert len(stand) == 1 and stand.wrong == 3
     assert stand.steps[0, 0] == np.rint(0.5 * points.axes[0].counts)
 

@@ -47,16 +47,22 @@ def test_six_motors_are_within_a_step_at_all_set_points(conduct, rate, inverse, 
         np.testing.assert_allclose(at_end, 1e3 * np.array(home), atol=0.06)  # 1.5 steps
 
 
-@pytest.mark.parametrize("text", [
-    ABLE,
-    ABLE.replace("moves: {line.length: 1}", "moves: {line.length: -1}\n    reversed: true")
-        .replace("travel: [0.2, 0.9]", "travel: [-0.9, -0.2]"),
-    # 160 steps per mm at 1.5 m/s, and a shaft, whose position is in degrees
-    ABLE.replace("{type: drum, radius: 0.01}", "{type: screw, lead: 0.02}")
-        .replace("inertia: 1.0e-5}", "inertia: 1.0e-7, microsteps: 16}"),
-    ABLE.replace("{type: drum, radius: 0.01}", "{type: shaft}").replace("0.5, i", "5, i")
+@pytest.mark.parametrize(
+    "text",
+    [
+        ABLE,
+        ABLE.replace(
+            "moves: {line.length: 1}", "moves: {line.length: -1}\n    reversed: true"
+        ).replace("travel: [0.2, 0.9]", "travel: [-0.9, -0.2]"),
+        # 160 steps per mm at 1.5 m/s, and a shaft, whose position is in degrees
+        ABLE.replace("{type: drum, radius: 0.01}", "{type: screw, lead: 0.02}").replace(
+            "inertia: 1.0e-5}", "inertia: 1.0e-7, microsteps: 16}"
+        ),
+        ABLE.replace("{type: drum, radius: 0.01}", "{type: shaft}")
+        .replace("0.5, i", "5, i")
         .replace("inertia: 1.0e-5}", "inertia: 1.0e-5, microsteps: 256}"),
-])  # fmt: skip
+    ],
+)
 def test_holds_reversals_and_fine_steps(lifted, hoist, text):
     points = set_points(loads_stand(text), lifted, hoist, controller="grbl", anyway=True)
     assert np.max(apart(points, replayed(points))) <= 1.0
@@ -136,11 +142,14 @@ def test_joint_trajectories_read_back(lifted, hoist, tmp_path):
     assert np.max(np.abs(whole.velocity[whole.t < 0.1])) <= 0.4
 
 
-@pytest.mark.parametrize(("kind", "column", "scale", "offset", "tolerance"), [
-    ("csv", "winch [m]", 1.0, 0.0, 1e-8),
-    ("odrive", "winch.position", 1.0 / (2.0 * np.pi * 0.01), 0.0, 1e-7),
-    ("dynamixel", "winch", 4096.0 / (2.0 * np.pi * 0.01), 2048.0, 0.5),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kind", "column", "scale", "offset", "tolerance"),
+    [
+        ("csv", "winch [m]", 1.0, 0.0, 1e-8),
+        ("odrive", "winch.position", 1.0 / (2.0 * np.pi * 0.01), 0.0, 1e-7),
+        ("dynamixel", "winch", 4096.0 / (2.0 * np.pi * 0.01), 2048.0, 0.5),
+    ],
+)
 def test_tables(lifted, hoist, tmp_path, kind, column, scale, offset, tolerance):
     points = set_points(loads_stand(ABLE), lifted, hoist, controller=kind, rate=40.0)
     path = save_points(points, tmp_path / "a.csv")
@@ -186,8 +195,18 @@ def test_the_look_ahead_and_the_port_bound_the_rate(conduct):
 def test_the_machine_answers_with_grbls_numbers(lifted, hoist):
     points = set_points(loads_stand(ABLE), lifted, hoist, controller="grbl")
     machine = GrblMachine(grbl_settings(points.map.stand, points.controller, points.rate))
-    wrong = {"G1X1": 22, "G7": 20, "X": 2, "!": 1, "$Z": 3, "G1X1F" + "0" * 90: 11, "G4": 2,
-             "X1X2": 25, "G92": 26, "G1X1F10Q2": 36}  # fmt: skip
+    wrong = {
+        "G1X1": 22,
+        "G7": 20,
+        "X": 2,
+        "!": 1,
+        "$Z": 3,
+        "G1X1F" + "0" * 90: 11,
+        "G4": 2,
+        "X1X2": 25,
+        "G92": 26,
+        "G1X1F10Q2": 36,
+    }
     for line, number in wrong.items():
         assert machine.line(line) == f"error:{number}", line
     machine.line("G1X10F600")

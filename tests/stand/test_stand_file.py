@@ -82,24 +82,34 @@ WRONG = {
     "a factor of 0": ("line.length: 1", "line.length: 0", 7, "a factor that is not 0"),
     "nothing to move": ("{line.length: 1}", "{}", 7, "found nothing"),
     "home outside": (
-        "    speed: 1\n", "    speed: 1\n    home: {towards: min, at: 0.1, speed: 1}\n", 10,
+        "    speed: 1\n",
+        "    speed: 1\n    home: {towards: min, at: 0.1, speed: 1}\n",
+        10,
         "within travel",
     ),
     "an unknown key": ("    speed: 1\n", "    sped: 1\n    speed: 1\n", 9, "did you mean 'speed'"),
     "like nobody": ("    speed: 1\n", "    like: wich\n", 9, "there is no axis 'wich'"),
     "like itself": ("    speed: 1\n", "    like: winch\n", 9, "would be like itself"),
     "zero of what nothing moves": (
-        "axes:", "zero: {line.lenght: 1}\naxes:", 3, "did you mean 'line.length'",
+        "axes:",
+        "zero: {line.lenght: 1}\naxes:",
+        3,
+        "did you mean 'line.length'",
     ),
     "a controller for nobody": (
-        "axes:", "controller: {type: grbl, names: {wnch: X}}\naxes:", 3, "did you mean 'winch'",
+        "axes:",
+        "controller: {type: grbl, names: {wnch: X}}\naxes:",
+        3,
+        "did you mean 'winch'",
     ),
     "a controller of no kind": ("axes:", "controller: {type: grb}\naxes:", 3, "allowed: "),
     "two axes for one coordinate": (
-        "axes:", "axes:\n  other: {like: winch, moves: {line.length: 2}}", 8,
+        "axes:",
+        "axes:\n  other: {like: winch, moves: {line.length: 2}}",
+        8,
         "moving other by 1 with winch by -2 changes nothing; 2 axes move 1 coordinates",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("old, new, line, words", WRONG.values(), ids=WRONG)

@@ -83,6 +83,7 @@ def test_hold_goes_on_or_stops(points):
 
     for answer in (True, False):
         with Emulator(machine_of(points)) as emulator:
+
             def go_on(progress, emulator=emulator, answer=answer):
                 threading.Event().wait(0.1)
                 asked.append(emulator.held)

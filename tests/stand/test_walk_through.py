@@ -41,8 +41,14 @@ def test_a_stand_from_its_puppet_to_its_motors(stand, tmp_path, monkeypatch):
     (waves,) = [b for b in blocks(PAGE, "yaml") if b.startswith("# waves.yaml")]
     Path("waves.yaml").write_text(waves)
     done = [c[:2] if c[0] == "stand" else c[:1] for c in commands(stand)]
-    assert done == [["check"], ["simulate"], ["stand", "check"], ["stand", "export"],
-                    ["stand", "emulate"], ["stand", "stream"]]  # fmt: skip
+    assert done == [
+        ["check"],
+        ["simulate"],
+        ["stand", "check"],
+        ["stand", "export"],
+        ["stand", "emulate"],
+        ["stand", "stream"],
+    ]
     for command in commands(stand):
         if command[:2] == ["stand", "emulate"]:
             emulator, port = started(command)
@@ -66,9 +72,11 @@ def started(command):
     where = ["--listen", "127.0.0.1:0"] if "osc" in command else []
     process = subprocess.Popen(
         [sys.executable, "-c", "from fantoccini.app.cli import main; main()", *command, *where],
-        env={**os.environ, "PYTHONPATH": path}, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    )  # fmt: skip
+        env={**os.environ, "PYTHONPATH": path},
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     watch = threading.Timer(240.0, process.kill)
     watch.daemon = True
     watch.start()

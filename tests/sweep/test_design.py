@@ -18,8 +18,13 @@ def test_a_dict_is_a_grid_whose_last_name_is_the_fastest():
     made = design({"a": [1, 2], "b": ["x", "y", "z"]})
     assert made.shape == (2, 3)
     assert [(c["a"], c["b"]) for c in made.cases] == [
-        (1, "x"), (1, "y"), (1, "z"), (2, "x"), (2, "y"), (2, "z"),
-    ]  # fmt: skip
+        (1, "x"),
+        (1, "y"),
+        (1, "z"),
+        (2, "x"),
+        (2, "y"),
+        (2, "z"),
+    ]
     assert [c.index for c in made.cases] == list(range(6))
 
 

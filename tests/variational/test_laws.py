@@ -54,9 +54,13 @@ def test_it_is_of_second_order_between_catches(damped, moving):
 def test_the_energy_of_a_gentle_swing_does_not_drift():
     """The undamped marionette, all strings taut, 100 s in steps of 10 ms."""
     run = fan.simulate(
-        rigs.undamped(), rigs.gentle(0.02), t_end=100.0, method=fan.Variational(dt=0.01),
-        save_every=5, effort=False,
-    )  # fmt: skip
+        rigs.undamped(),
+        rigs.gentle(0.02),
+        t_end=100.0,
+        method=fan.Variational(dt=0.01),
+        save_every=5,
+        effort=False,
+    )
     E, T = rigs.energy(run), run.ledger["kinetic"]
     blocks = np.array_split(np.arange(len(run.t)), 20)
     means = np.array([[run.t[b].mean(), E[b].mean()] for b in blocks])

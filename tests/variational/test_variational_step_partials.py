@@ -37,11 +37,17 @@ def test_they_are_what_differences_of_steps_give(name):
         nodes = []
         for change in changes:
             q, v, q_K, v_K, acc, u, p = np.split(change, places[1:-1])
-            nodes.append([
-                puppet.integrate(start[0], q), start[1] + v,
-                puppet.integrate(start[2], q_K, driven=True), start[3] + v_K, inputs[0] + acc,
-                inputs[1] + u, inputs[2] + p,
-            ])  # fmt: skip
+            nodes.append(
+                [
+                    puppet.integrate(start[0], q),
+                    start[1] + v,
+                    puppet.integrate(start[2], q_K, driven=True),
+                    start[3] + v_K,
+                    inputs[0] + acc,
+                    inputs[1] + u,
+                    inputs[2] + p,
+                ]
+            )
         *states, p = map(np.array, zip(*nodes, strict=True))
         return puppet.linearise_steps(
             *states, p=p, method="variational", forces=True, pull=True, dt=0.002
@@ -58,8 +64,9 @@ def test_they_are_what_differences_of_steps_give(name):
         assert (after.held == many.held).all() and (before.held == many.held).all()
         change = [
             np.array([puppet.difference(b, a) for a, b in zip(after.q_D, before.q_D, strict=True)]),
-            after.v_D - before.v_D, after.tension - before.tension,
-        ]  # fmt: skip
+            after.v_D - before.v_D,
+            after.tension - before.tension,
+        ]
         found += weight * np.concatenate(change, axis=1).T / (2 * k * sizes)
     wanted = np.concatenate([many.motion[0], many.pull[0]])
     for first, last in pairwise(places):

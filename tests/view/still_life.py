@@ -50,11 +50,20 @@ def swinging(marionette: StillLife, duration: float = 1.0, rows: int = 41) -> Tr
     energy = np.column_stack([np.sin(t) ** 2, 3.0 + np.cos(t), -t, 0 * t, 0 * t, t, 1e-6 * t])
     entries = ("kinetic", "potential", "damping", "impact", "slip", "work", "residual")
     return Trajectory(
-        t=t, q_D=q_D, v_D=v_D, acc_D=v_D, q_K=q_K, v_K=v_K, acc_K=v_K,
+        t=t,
+        q_D=q_D,
+        v_D=v_D,
+        acc_D=v_D,
+        q_K=q_K,
+        v_K=v_K,
+        acc_K=v_K,
         tension=Columns(names, tension, "string"),
         limit_force=Columns(limits, np.zeros((rows, len(limits))), "limit"),
         taut=Columns(names, taut, "string"),
         ledger=Columns(entries, energy, "entry"),
         events=tuple(EventRecord(0.8 * duration, "catch", name, 0.1, 0.2) for name in names[-1:]),
-        status=Status.DONE, method="event", coordinates=table, puppet=marionette.puppet,
-    )  # fmt: skip
+        status=Status.DONE,
+        method="event",
+        coordinates=table,
+        puppet=marionette.puppet,
+    )

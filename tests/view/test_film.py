@@ -21,9 +21,12 @@ from view.still_life import bundled, swinging
 def test_frames_duration_and_size(tmp_path, swung, ending):
     seen = []
     target = view.film(
-        *swung, tmp_path / f"a.{ending}", fps=20, size=(239, 180),
+        *swung,
+        tmp_path / f"a.{ending}",
+        fps=20,
+        size=(239, 180),
         progress=lambda done, total: seen.append((done, total)),
-    )  # fmt: skip
+    )
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(target))
     assert frames == 20
     assert seconds == pytest.approx(1.0, abs=0.051)
@@ -135,7 +138,8 @@ def test_pictures_and_films_have_one_default_theme():
     """17.16: strips were light and films dark."""
     from inspect import signature
 
-    themes = {signature(f).parameters["theme"].default for f in (
-        view.film, view.strip, view.draw, view.plot, fan.show
-    )}  # fmt: skip
+    themes = {
+        signature(f).parameters["theme"].default
+        for f in (view.film, view.strip, view.draw, view.plot, fan.show)
+    }
     assert themes == {"light"}

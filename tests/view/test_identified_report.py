@@ -21,7 +21,7 @@ from fantoccini.output import reports
 from fantoccini.output.reports import identified_plots
 from fantoccini.output.view.theme import RED
 
-HOSTILE = '''<script>alert('$x^$')</script>" onerror="alert(1)'''
+HOSTILE = """<script>alert('$x^$')</script>" onerror="alert(1)"""
 _VOID = {"meta", "img"}
 
 

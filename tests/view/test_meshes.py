@@ -28,11 +28,11 @@ SOLIDS = {
     ),
     "ball": (capsule(0, GREY, np.tile(CENTRE, (2, 1)), 0.2), BALL * 0.008, CENTRE),
     "speck": (capsule(0, GREY, np.zeros((2, 3)), 1e-4), BALL * 1e-12, [0.0, 0.0, 0.0]),
-    "ellipsoid": (
-        ellipsoid(0, GREY, CENTRE, TURN * [0.1, 0.2, 0.05]), BALL * 0.001, CENTRE,
-    ),
+    "ellipsoid": (ellipsoid(0, GREY, CENTRE, TURN * [0.1, 0.2, 0.05]), BALL * 0.001, CENTRE),
     "mirrored ellipsoid": (
-        ellipsoid(0, GREY, CENTRE, TURN * [-0.1, 0.2, 0.05]), BALL * 0.001, CENTRE,
+        ellipsoid(0, GREY, CENTRE, TURN * [-0.1, 0.2, 0.05]),
+        BALL * 0.001,
+        CENTRE,
     ),
     "box": (box(0, GREY, CENTRE, TURN * [0.1, 0.2, 0.05]), 8.0 * 0.001, CENTRE),
     "mirrored box": (box(0, GREY, CENTRE, TURN * [-0.1, 0.2, 0.05]), 8.0 * 0.001, CENTRE),
@@ -41,7 +41,7 @@ SOLIDS = {
         0.048,
         [0.0, 0.0, 0.0],
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", SOLIDS)

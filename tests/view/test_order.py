@@ -68,9 +68,9 @@ def test_everything_is_painted_once_even_in_a_tangle(seed):
 
 def test_an_ellipsoids_outline_is_the_spheres_when_round():
     """A sphere of radius r at depth d shows with radius f r / sqrt(d^2 - r^2) on the axis."""
-    outline = paint(
-        ellipsoid(0, RED, np.zeros(3), np.eye(3)), STILL, CAMERA, VIEW, LIGHT, 1.0
-    )[0].outline
+    outline = paint(ellipsoid(0, RED, np.zeros(3), np.eye(3)), STILL, CAMERA, VIEW, LIGHT, 1.0)[
+        0
+    ].outline
     radii = np.linalg.norm(outline - 200.0, axis=1)
     assert radii == pytest.approx(np.full(len(radii), 200.0 / 0.3 / np.sqrt(99.0)))
 

@@ -113,16 +113,19 @@ def test_labels_of_small_numbers_stay_on_the_sheet():
 def dangling(factor):
     """A rod on a string, this many times one metre large, beside a ball that stands there."""
     ball = f"type: sphere, radius: {0.1 * factor}, at: [{0.4 * factor}, 0, 0]"
-    return StillLife(loads(
-        "puppet: rod\n"
-        f"obstacles: [{{name: ball, {ball}}}]\n"
-        "bodies:\n"
-        "  - {name: rod, joint: {type: free}, shapes: [{type: capsule, from: [0, 0, 0],\n"
-        f"     to: [0, 0, {-0.4 * factor}], radius: {0.03 * factor}, mass: 1}}]}}\n"
-        "strings:\n"
-        f"  - {{name: line, path: [{{body: rod}}, {{driven: [x], at: [0, 0, {0.6 * factor}]}}],\n"
-        "     length: driven}\n"
-    ))
+    return StillLife(
+        loads(
+            "puppet: rod\n"
+            f"obstacles: [{{name: ball, {ball}}}]\n"
+            "bodies:\n"
+            "  - {name: rod, joint: {type: free}, shapes: [{type: capsule, from: [0, 0, 0],\n"
+            f"     to: [0, 0, {-0.4 * factor}], radius: {0.03 * factor}, mass: 1}}]}}\n"
+            "strings:\n"
+            "  - {name: line, path: [{body: rod},"
+            f" {{driven: [x], at: [0, 0, {0.6 * factor}]}}],\n"
+            "     length: driven}\n"
+        )
+    )
 
 
 @pytest.mark.parametrize("factor", [1e-4, 1e-3, 50.0])
@@ -162,13 +165,17 @@ def test_the_tension_bars_texts_keep_apart():
 
 
 def test_names_are_plain_text(tmp_path):
-    m = StillLife(loads(
-        "puppet: tame\n"
-        "bodies:\n"
-        "  - {name: a_b_c, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 1}]}\n"
-        "strings:\n"
-        "  - {name: s_1_2, path: [{body: a_b_c}, {world: [0, 0, 1]}], length: 1.2}\n"
-    ))
+    m = StillLife(
+        loads(
+            "puppet: tame\n"
+            "bodies:\n"
+            "  - name: a_b_c\n"
+            "    joint: {type: free}\n"
+            "    shapes: [{type: sphere, radius: 0.1, mass: 1}]\n"
+            "strings:\n"
+            "  - {name: s_1_2, path: [{body: a_b_c}, {world: [0, 0, 1]}], length: 1.2}\n"
+        )
+    )
     m.tree = dataclasses.replace(m.tree, name=HOSTILE)
     run = swinging(m)
     view.draw(m, run.state(0), tmp_path / "a.png", size=(200, 200))
@@ -180,17 +187,27 @@ def test_names_are_plain_text(tmp_path):
 
 
 def test_bodies_without_shapes_and_springs_are_drawn(tmp_path):
-    m = StillLife(loads(
-        "puppet: bare\n"
-        "bodies:\n"
-        "  - {name: rod, joint: {type: revolute, axis: [0, 1, 0]}, mass: 1, com: [0, 0, -1],\n"
-        "     inertia: [0.1, 0.1, 0.1]}\n"
-        "springs:\n"
-        "  - {name: s, between: [{body: rod, at: [0, 0, -1]}, {world: [1, 0, -1]}],\n"
-        "     stiffness: 1, rest: 1}\n"
-    ))
-    x = swinging(bundled("arm2d")).state(0).replace(
-        q_D=np.zeros(1), v_D=np.zeros(1), q_K=np.zeros(0), v_K=np.zeros(0), taut=np.zeros(0, bool)
+    m = StillLife(
+        loads(
+            "puppet: bare\n"
+            "bodies:\n"
+            "  - {name: rod, joint: {type: revolute, axis: [0, 1, 0]}, mass: 1, com: [0, 0, -1],\n"
+            "     inertia: [0.1, 0.1, 0.1]}\n"
+            "springs:\n"
+            "  - {name: s, between: [{body: rod, at: [0, 0, -1]}, {world: [1, 0, -1]}],\n"
+            "     stiffness: 1, rest: 1}\n"
+        )
+    )
+    x = (
+        swinging(bundled("arm2d"))
+        .state(0)
+        .replace(
+            q_D=np.zeros(1),
+            v_D=np.zeros(1),
+            q_K=np.zeros(0),
+            v_K=np.zeros(0),
+            taut=np.zeros(0, bool),
+        )
     )
     target = view.draw(m, x, tmp_path / "a.png", size=(300, 300), scale=1.0)
     assert busy(target) > 0.005

@@ -99,10 +99,15 @@ def test_the_page_has_the_measured_figures(page, verification):
 
 def test_the_least_clearances_are_those_of_the_run(verification, page):
     run = verification.run
-    found = {frozenset(one.owners): one for one in clearances(verification.play.cast, run)
-             if not one.of_strings}  # fmt: skip
-    one, two = (run.q_D[:, [run.coordinates.q_D.index(f"{name}.ball.{x}") for x in "xyz"]]
-                for name in ("one", "two"))  # fmt: skip
+    found = {
+        frozenset(one.owners): one
+        for one in clearances(verification.play.cast, run)
+        if not one.of_strings
+    }
+    one, two = (
+        run.q_D[:, [run.coordinates.q_D.index(f"{name}.ball.{x}") for x in "xyz"]]
+        for name in ("one", "two")
+    )
     apart = np.linalg.norm(one - two, axis=1).min() - 0.1
     assert found[frozenset(("one", "two"))].distance == pytest.approx(apart, abs=1e-4)
     floor = found[frozenset(("one", "floor"))]
@@ -143,9 +148,11 @@ def inside(figure) -> list[str]:
     whole, words = figure.bbox, []
     for axes in figure.axes:
         ticks = [
-            tick.label1 for axis in (axes.xaxis, axes.yaxis) for tick in axis.get_major_ticks()
+            tick.label1
+            for axis in (axes.xaxis, axes.yaxis)
+            for tick in axis.get_major_ticks()
             if axis.get_view_interval().min() <= tick.get_loc() <= axis.get_view_interval().max()
-        ]  # fmt: skip
+        ]
         for one in (*axes.texts, axes.xaxis.label, axes.yaxis.label, *ticks):
             if not one.get_text() or not one.get_visible():
                 continue

@@ -23,9 +23,14 @@ def test_the_page_says_what_the_check_says(checked, tmp_path):
     path = reports.stand_report(checked, tmp_path / "page.html", slower(checked))
     text = path.read_text(encoding="utf-8")
     for words in (
-        "verdict fails", "What would help", "A slower tempo, simulated again", "Lost steps",
-        "&lt;b&gt;bold&lt;/b&gt; &amp; more", "a motor with", "nothing was measured",
-    ):  # fmt: skip
+        "verdict fails",
+        "What would help",
+        "A slower tempo, simulated again",
+        "Lost steps",
+        "&lt;b&gt;bold&lt;/b&gt; &amp; more",
+        "a motor with",
+        "nothing was measured",
+    ):
         assert words in text, words
     assert "<b>" not in text and "https://" not in text
     assert text.count("data:image/") == 3
@@ -34,8 +39,9 @@ def test_the_page_says_what_the_check_says(checked, tmp_path):
 def test_a_page_of_a_stand_that_can(checked, tmp_path):
     again = check_stand(
         loads_stand(STAND.replace("TORQUE", "1").replace("speed: 1", "speed: 2")),
-        checked.run, checked.marionette,
-    )  # fmt: skip
+        checked.run,
+        checked.marionette,
+    )
     text = reports.stand_report(again, tmp_path / "page.html").read_text(encoding="utf-8")
     assert "verdict holds" in text and "What would help" not in text
 

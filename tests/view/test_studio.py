@@ -68,12 +68,19 @@ def test_links_are_photographed_where_the_camera_projects_them(installed, swung)
 def test_a_picture_and_a_film(installed, tmp_path, swung):
     m, run = swung
     quick, photographed = (
-        imread(view.draw(
-            m, run.state(20), tmp_path / f"{renderer}.png", run.tension.values[20], size=SIZE,
-            scale=1.0, renderer=renderer,
-        ))[..., :3]
+        imread(
+            view.draw(
+                m,
+                run.state(20),
+                tmp_path / f"{renderer}.png",
+                run.tension.values[20],
+                size=SIZE,
+                scale=1.0,
+                renderer=renderer,
+            )
+        )[..., :3]
         for renderer in view.RENDERERS
-    )  # fmt: skip
+    )
     apart = np.abs(quick - photographed).max(axis=2)
     assert 0.001 < np.mean(apart > 0.05) < 0.2  # solids and strings differ, all else does not
     film = view.film(m, run, tmp_path / "a.mp4", fps=5, size=(160, 120), renderer="pyvista")

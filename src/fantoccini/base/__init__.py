@@ -19,12 +19,7 @@ from fantoccini.base.arrays import (
     frozen,
     is_number,
 )
-from fantoccini.base.datagrams import (
-    AddressError,
-    ManyHearersError,
-    socket_at,
-    socket_to,
-)
+from fantoccini.base.datagrams import AddressError, ManyHearersError, socket_at, socket_to
 from fantoccini.base.drawing import output
 from fantoccini.base.errors import (
     ARRIVED,
@@ -49,33 +44,12 @@ from fantoccini.base.errors import (
     UnknownNameError,
     nearest,
 )
-from fantoccini.base.files import (
-    decoded,
-    lines_of,
-    replacing,
-    write_table,
-)
+from fantoccini.base.files import decoded, lines_of, replacing, write_table
 from fantoccini.base.interpolate import Places
-from fantoccini.base.media import (
-    MediaError,
-    ffmpeg,
-    sound_duration,
-    sound_input,
-)
-from fantoccini.base.polynomial import (
-    N_COEF,
-    shifted,
-)
-from fantoccini.base.progress import (
-    OnAmount,
-    OnCases,
-    OnStep,
-    progress_bar,
-)
-from fantoccini.base.rotation import (
-    exp,
-    multiply,
-)
+from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_input
+from fantoccini.base.polynomial import N_COEF, shifted
+from fantoccini.base.progress import OnAmount, OnCases, OnStep, progress_bar
+from fantoccini.base.rotation import exp, multiply
 from fantoccini.base.tangent import moved
 
 __all__ = [

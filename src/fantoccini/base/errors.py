@@ -178,9 +178,12 @@ class Status(enum.IntEnum):
     SINGULAR_MASS = 12, "the mass matrix is singular: a joint moves no mass"
     NOT_SETTLED = 13, "the equations of a step could not be solved"
     LOST_STEPS = 14, "a stepper lost steps on the way; the run went on to its end"
-    RUNAWAY = 15, (
-        "a load dragged a drive away although its motor or controller gave all it can; the run "
-        "ends early where it is gone too far"
+    RUNAWAY = (
+        15,
+        (
+            "a load dragged a drive away although its motor or controller gave all it can; the run "
+            "ends early where it is gone too far"
+        ),
     )
     TOO_MANY_SAMPLES = 16, "the samples of the run reached the bound on memory"
     REDUNDANT_STRINGS = 17, "redundant strings contradict one another"

@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 _MARKS = {
-    codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be",
-}  # fmt: skip
+    codecs.BOM_UTF8: "utf-8",
+    codecs.BOM_UTF16_LE: "utf-16-le",
+    codecs.BOM_UTF16_BE: "utf-16-be",
+}
 """Byte order mark -> encoding."""
 _KANA = re.compile("[\u3041-\u30fe]")
 """Characters of Japanese names, which text in other encodings does not decode to."""

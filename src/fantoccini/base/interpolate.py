@@ -85,9 +85,7 @@ def motion(
         turn = rotation.between(q_all[a, spot], q_all[b, spot])
         rate, curve = rotation.tangent_motion(turn, v_all[b, slot], acc_all[b, slot])
         coef = polynomial.hermite(
-            h,
-            (np.zeros_like(turn), v_all[a, slot], acc_all[a, slot]),
-            (turn, rate, curve),
+            h, (np.zeros_like(turn), v_all[a, slot], acc_all[a, slot]), (turn, rate, curve)
         )
         phi, first, second = polynomial.evaluate(coef, time)
         q[inner, spot] = rotation.multiply(q_all[a, spot], rotation.exp(phi))

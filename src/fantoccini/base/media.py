@@ -55,10 +55,24 @@ def sound_duration(path: Path) -> float:
         MediaError: it cannot be read, has no sound, or is longer than four hours.
     """
     command = [
-        ffmpeg(), "-hide_banner", "-nostdin", "-loglevel", "error", *sound_input(path),
-        "-map", "0:a:0", "-t", str(_LONGEST + 1), "-ac", "1", "-ar", str(_RATE), "-f", "s16le",
+        ffmpeg(),
+        "-hide_banner",
+        "-nostdin",
+        "-loglevel",
+        "error",
+        *sound_input(path),
+        "-map",
+        "0:a:0",
+        "-t",
+        str(_LONGEST + 1),
+        "-ac",
+        "1",
+        "-ar",
+        str(_RATE),
+        "-f",
+        "s16le",
         "pipe:1",
-    ]  # fmt: skip
+    ]
     try:
         done = subprocess.run(command, capture_output=True, timeout=_PATIENCE, check=False)
     except subprocess.TimeoutExpired:

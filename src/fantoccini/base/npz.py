@@ -125,9 +125,10 @@ def read(
                 allowed = most
             if need > allowed:
                 raise wrong(
-                    "", f"its arrays need {need / 1e6:,.0f} MB; the most that is read of this file "
-                    f"is {allowed / 1e6:,.0f} MB"
-                )  # fmt: skip
+                    "",
+                    f"its arrays need {need / 1e6:,.0f} MB; the most that is read of this file "
+                    f"is {allowed / 1e6:,.0f} MB",
+                )
             found = {}
             for item in entries:
                 name = item.filename.removesuffix(_ENDING)

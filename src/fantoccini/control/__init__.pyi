@@ -1,11 +1,6 @@
 """The names of the package, and where each is defined."""
 
-from . import (
-    optimal as optimal,
-    planning as planning,
-    problems as problems,
-    tasks as tasks,
-)
+from . import optimal as optimal, planning as planning, problems as problems, tasks as tasks
 from .optimal import (
     MPC as MPC,
     MPCStatus as MPCStatus,

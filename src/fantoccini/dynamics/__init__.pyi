@@ -10,10 +10,7 @@ from . import (
     simulation as simulation,
     steppers as steppers,
 )
-from .clearance import (
-    Clearance as Clearance,
-    HalfSpace as HalfSpace,
-)
+from .clearance import Clearance as Clearance, HalfSpace as HalfSpace
 from .compiled import (
     Event as Event,
     Flow as Flow,
@@ -36,12 +33,7 @@ from .equilibrium import (
     input_warnings as input_warnings,
     warnings as warnings,
 )
-from .marionette import (
-    Marionette as Marionette,
-    load as load,
-    loads as loads,
-    puppets as puppets,
-)
+from .marionette import Marionette as Marionette, load as load, loads as loads, puppets as puppets
 from .mujoco import (
     Joint as Joint,
     MuJoCoPuppet as MuJoCoPuppet,
@@ -56,7 +48,4 @@ from .simulation import (
     simulate as simulate,
     simulate_batch as simulate_batch,
 )
-from .steppers import (
-    Stepper as Stepper,
-    StepperBatch as StepperBatch,
-)
+from .steppers import Stepper as Stepper, StepperBatch as StepperBatch

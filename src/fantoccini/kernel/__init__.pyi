@@ -7,4 +7,3 @@ from . import (
     equations as equations,
     runtime as runtime,
 )
-

@@ -1,9 +1,6 @@
 """The names of the package, and where each is defined."""
 
-from . import (
-    identification as identification,
-    sweeps as sweeps,
-)
+from . import identification as identification, sweeps as sweeps
 from .identification import (
     Identified as Identified,
     Marker as Marker,
@@ -18,9 +15,4 @@ from .reduction import (
     ReductionReport as ReductionReport,
     validate_reduction as validate_reduction,
 )
-from .sweeps import (
-    Case as Case,
-    SweepResult as SweepResult,
-    Trial as Trial,
-    sweep as sweep,
-)
+from .sweeps import Case as Case, SweepResult as SweepResult, Trial as Trial, sweep as sweep

@@ -142,25 +142,38 @@ class ReductionReport:
             kept = min(t.min_acceleration for t in self.tracking)
             smallest = min(t.min_singular_value for t in self.tracking)
             reason = (
-                f"strings tie drives to one another: {tied} of {n} configurations" if tied else
-                f"a drive keeps {kept:.2g} or more of its acceleration; smallest singular value of "
-                f"the scaled A_D {smallest:.2g} ({n} configurations)"
-            )  # fmt: skip
+                f"strings tie drives to one another: {tied} of {n} configurations"
+                if tied
+                else f"a drive keeps {kept:.2g} or more of its acceleration; smallest singular "
+                f"value of the scaled A_D {smallest:.2g} ({n} configurations)"
+            )
             outside = (
                 f"outside in {sum(share > MAX_OUTSIDE for share in self.taut)} of {n} "
                 f"configurations; largest part outside {max(self.taut):.2g}"
             )
         return (
-            Claim("the kinetic energy is block diagonal in [q_D, q_K]", not pair,
-                  f"largest |M_DK| {kinetic.coupling:.2g} of sqrt(M_DD M_KK){pair} {at}"),
-            Claim("each block depends on its own coordinates alone", max(D, K) <= MAX_OUTSIDE,
-                  f"M_DD changes with q_K by {D:.2g} of itself, M_KK with q_D by {K:.2g} {at}"),
-            Claim("<Y_i, Y_j> lies in span{Y_k} while the strings are slack",
-                  self.slack <= MAX_OUTSIDE, f"largest part outside {self.slack:.2g} {at}"),
+            Claim(
+                "the kinetic energy is block diagonal in [q_D, q_K]",
+                not pair,
+                f"largest |M_DK| {kinetic.coupling:.2g} of sqrt(M_DD M_KK){pair} {at}",
+            ),
+            Claim(
+                "each block depends on its own coordinates alone",
+                max(D, K) <= MAX_OUTSIDE,
+                f"M_DD changes with q_K by {D:.2g} of itself, M_KK with q_D by {K:.2g} {at}",
+            ),
+            Claim(
+                "<Y_i, Y_j> lies in span{Y_k} while the strings are slack",
+                self.slack <= MAX_OUTSIDE,
+                f"largest part outside {self.slack:.2g} {at}",
+            ),
             Claim("with taut strings the drives can still give any acc_K", any_acc_K, reason),
-            Claim("<X_i, X_j> lies in span{X_k} with taut strings, constrained connection",
-                  products, outside),
-        )  # fmt: skip
+            Claim(
+                "<X_i, X_j> lies in span{X_k} with taut strings, constrained connection",
+                products,
+                outside,
+            ),
+        )
 
     @property
     def answer(self) -> str:
@@ -174,10 +187,14 @@ class ReductionReport:
         share = self.kinetic.impact_share
         return (
             "yes: the mixed model is exact if the drives follow inputs of bounded acceleration"
-            + (f"; a jump of v_K would give the puppet up to {100.0 * share:.2g} % of a driven "
-               "coordinate's kinetic energy" if share > MAX_OUTSIDE else "")
+            + (
+                f"; a jump of v_K would give the puppet up to {100.0 * share:.2g} % of a driven "
+                "coordinate's kinetic energy"
+                if share > MAX_OUTSIDE
+                else ""
+            )
             + ("; tied strings go slack if the drives move apart" if self.tied else "")
-        )  # fmt: skip
+        )
 
 
 def validate_reduction(marionette: Marionette) -> ReductionReport:
@@ -194,11 +211,13 @@ def validate_reduction(marionette: Marionette) -> ReductionReport:
     states = random_states(mixed, N_STATES, rng)
     on = taut_states(mixed, N_STATES, rng)
     return ReductionReport(
-        mixed.name, mixed.coordinates.v_K, kinetic_energy(mixed, states),
+        mixed.name,
+        mixed.coordinates.v_K,
+        kinetic_energy(mixed, states),
         max(symmetric_products(mixed, x, inertia)[1] for x in states),
         tuple(symmetric_products(mixed, x, inertia, rows)[1] for x, rows in on),
         tuple(tracking(mixed, x, inertia, rows) for x, rows in on),
-    )  # fmt: skip
+    )
 
 
 def without_drives(marionette: Marionette) -> Marionette:
@@ -208,10 +227,18 @@ def without_drives(marionette: Marionette) -> Marionette:
     mixed = Marionette(puppet.model_copy(update={"drives": ()}), progress)
     if mixed.coordinates.n_vK == 0:
         file, _ = puppet.locate(puppet.name)
-        raise PuppetError([Mistake(
-            file, None, "", "no coordinate is driven, so there is no mechanism to reduce; "
-            "give a string `length: driven` or an end `driven: [x]`, or a joint `driven: true`",
-        )])  # fmt: skip
+        raise PuppetError(
+            [
+                Mistake(
+                    file,
+                    None,
+                    "",
+                    "no coordinate is driven, so there is no mechanism to reduce; "
+                    "give a string `length: driven` or an end `driven: [x]`, or a joint "
+                    "`driven: true`",
+                )
+            ]
+        )
     return mixed
 
 
@@ -365,10 +392,15 @@ def symmetric_products(
     products, outside = np.zeros((n, k, k)), 0.0
     for i in range(k):
         for j in range(i + 1):
-            terms = np.stack([
-                -C[j].T @ fields[:, i], -C[i].T @ fields[:, j],
-                Adot[j].T @ mu[:, i], Adot[i].T @ mu[:, j],
-            ], axis=1)  # fmt: skip
+            terms = np.stack(
+                [
+                    -C[j].T @ fields[:, i],
+                    -C[i].T @ fields[:, j],
+                    Adot[j].T @ mu[:, i],
+                    Adot[i].T @ mu[:, j],
+                ],
+                axis=1,
+            )
             terms = np.linalg.solve(L, terms)
             terms = terms - across @ (across.T @ terms)
             total = terms.sum(axis=1)

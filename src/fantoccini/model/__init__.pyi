@@ -1,11 +1,6 @@
 """The names of the package, and where each is defined."""
 
-from . import (
-    meshes as meshes,
-    puppet as puppet,
-    scene as scene,
-    tree as tree,
-)
+from . import meshes as meshes, puppet as puppet, scene as scene, tree as tree
 from .puppet import (
     PD as PD,
     Attachment as Attachment,
@@ -42,12 +37,5 @@ from .puppet import (
     load as load,
     loads as loads,
 )
-from .scene import (
-    Member as Member,
-    Prop as Prop,
-    Scene as Scene,
-)
-from .tree import (
-    Size as Size,
-    measure as measure,
-)
+from .scene import Member as Member, Prop as Prop, Scene as Scene
+from .tree import Size as Size, measure as measure

@@ -1,61 +1,22 @@
 """Motion as data: states, inputs, trajectories and events."""
 
 from fantoccini.motion import binding, joints, pieces, reading
-from fantoccini.motion.archive import (
-    RECORDING,
-    RECORDINGS,
-    mesh_files,
-    restored,
-)
+from fantoccini.motion.archive import RECORDING, RECORDINGS, mesh_files, restored
 from fantoccini.motion.binding import check_same_puppet
-from fantoccini.motion.channel import (
-    SAME_TIME,
-    Channel,
-    Points,
-)
+from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.columns import Columns
-from fantoccini.motion.contacts import (
-    ContactPoints,
-    pair_name,
-)
-from fantoccini.motion.files import (
-    csv_columns,
-    csv_reader,
-    inputs_schema,
-    wrong_count,
-)
-from fantoccini.motion.findings import (
-    Findings,
-    Path,
-)
+from fantoccini.motion.contacts import ContactPoints, pair_name
+from fantoccini.motion.files import csv_columns, csv_reader, inputs_schema, wrong_count
+from fantoccini.motion.findings import Findings, Path
 from fantoccini.motion.input import Input
 from fantoccini.motion.input_derivative import InputDerivative
 from fantoccini.motion.inputs import Inputs
-from fantoccini.motion.overload import (
-    Overload,
-    overloads,
-)
-from fantoccini.motion.pieces import (
-    channel_names,
-    constants,
-)
+from fantoccini.motion.overload import Overload, overloads
+from fantoccini.motion.pieces import channel_names, constants
 from fantoccini.motion.reading import Table
-from fantoccini.motion.state import (
-    EventKind,
-    EventRecord,
-    State,
-    States,
-    check_size,
-)
-from fantoccini.motion.trajectories import (
-    RESIDUAL,
-    SAVED,
-    Trajectories,
-)
-from fantoccini.motion.trajectory import (
-    LEDGER,
-    Trajectory,
-)
+from fantoccini.motion.state import EventKind, EventRecord, State, States, check_size
+from fantoccini.motion.trajectories import RESIDUAL, SAVED, Trajectories
+from fantoccini.motion.trajectory import LEDGER, Trajectory
 
 __all__ = [
     "LEDGER",

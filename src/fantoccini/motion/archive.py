@@ -24,12 +24,26 @@ RECORDINGS = (RECORDING, "fantoccini.recording.2")
 """Formats that are read."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _TABLES = (
-    "tension", "limit_force", "taut", "ledger", "effort", "violation", "slip", "undetermined",
-)  # fmt: skip
+    "tension",
+    "limit_force",
+    "taut",
+    "ledger",
+    "effort",
+    "violation",
+    "slip",
+    "undetermined",
+)
 _FLAGS = ("taut", "undetermined")
 """Tables of flags."""
-_POINTS = {"sample": (), "pair": (), "gap": (), "point": (3,), "normal": (3,), "force": (3,),
-           "velocity": (3,)}  # fmt: skip
+_POINTS = {
+    "sample": (),
+    "pair": (),
+    "gap": (),
+    "point": (3,),
+    "normal": (3,),
+    "force": (3,),
+    "velocity": (3,),
+}
 """Arrays of contact points, and the width of each."""
 _WHOLE = ("sample", "pair")
 _NUMBERS = ("t", "impulse", "speed")
@@ -221,4 +235,3 @@ def _places(
             if type(place) is not int or not 0 <= place <= end:
                 raise ValueError(f"coordinates has the place {place!r}; it must be 0 to {end}")
     return found
-

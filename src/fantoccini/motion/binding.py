@@ -71,9 +71,7 @@ def bound(
     own = breaks[differs] if len(breaks) > 1 else breaks
     place[differs], speed[differs] = joints.tolerances(table, own, coef[differs])
     away = np.abs(q_here - q_K)
-    same = np.maximum(
-        place[:, of_q], joints.TOLERANCES.place * np.maximum(1.0, np.abs(q_here))
-    )
+    same = np.maximum(place[:, of_q], joints.TOLERANCES.place * np.maximum(1.0, np.abs(q_here)))
     for at, _ in table.quaternions_K:
         spot = slice(at, at + 4)
         mine, theirs = q_here[:, spot], q_K[:, spot]

@@ -330,9 +330,7 @@ class Input:
             )
         return joined.checked()
 
-    def bound(
-        self, q_K: ConfigK, t: float | None = None, v_K: VecK | None = None
-    ) -> Input:
+    def bound(self, q_K: ConfigK, t: float | None = None, v_K: VecK | None = None) -> Input:
         """The input for a run from a start state: unnamed coordinates hold the state's values.
 
         Args:
@@ -347,10 +345,16 @@ class Input:
         t = self.start if t is None else float(t)
         q_here, v_here, _ = self.evaluate(t)
         coef, base = binding.bound(
-            self.coordinates, self.breaks[None], self.coef[None], self.base[None],
-            self.named[None], q_here[None], np.asarray(q_K, dtype=float)[None], t,
+            self.coordinates,
+            self.breaks[None],
+            self.coef[None],
+            self.base[None],
+            self.named[None],
+            q_here[None],
+            np.asarray(q_K, dtype=float)[None],
+            t,
             None if v_K is None else (v_here[None], np.asarray(v_K, dtype=float)[None]),
-        )  # fmt: skip
+        )
         return dataclasses.replace(self, coef=coef[0], base=base[0])
 
     # -- reading one -------------------------------------------------------------------------

@@ -81,9 +81,13 @@ class Inputs:
         kept = np.diff(breaks) > 0
         force = None if self.force is None else self.force[i][kept]
         return Input(
-            self.coordinates, np.append(breaks[:-1][kept], breaks[-1]), self.coef[i][kept],
-            self.base[i][kept], self.named[i if len(self.named) > 1 else 0], force,
-        )  # fmt: skip
+            self.coordinates,
+            np.append(breaks[:-1][kept], breaks[-1]),
+            self.coef[i][kept],
+            self.base[i][kept],
+            self.named[i if len(self.named) > 1 else 0],
+            force,
+        )
 
     @classmethod
     def of(cls, inputs: Sequence[Input]) -> Inputs:

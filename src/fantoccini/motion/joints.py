@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
 
-
 @dataclass(frozen=True)
 class Tolerances:
     """Differences at a joint: allowed up to the larger of the two bounds for each quantity."""
@@ -77,9 +76,7 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
     return same, np.maximum(tol.relative_speed * speed, tol.speed)
 
 
-def begun(
-    table: CoordinateTable, coef: Array, s: Array, h: Array, move: Array, v: Array
-) -> Array:
+def begun(table: CoordinateTable, coef: Array, s: Array, h: Array, move: Array, v: Array) -> Array:
     """Pieces with another start position and velocity, and the same end.
 
     Args:

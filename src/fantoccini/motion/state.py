@@ -129,9 +129,10 @@ class State:
             if str(name).startswith("v:") and name[2:] in names:
                 return float(values[names.index(name[2:])])
         raise UnknownNameError(
-            "coordinate", str(name),
+            "coordinate",
+            str(name),
             (*table.q_D, *table.q_K, *(f"v:{n}" for n in (*table.v_D, *table.v_K))),
-        )  # fmt: skip
+        )
 
     def replace(self, **changes: Any) -> State:
         """A copy with some fields changed: ``x.replace(t=0.0, v_D=v)``.

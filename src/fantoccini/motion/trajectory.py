@@ -244,9 +244,15 @@ class Trajectory:
         holds = np.concatenate([self.taut.values[i], self.limit_force.values[i] > 0])
         slip = np.zeros(0) if self.slip is None else self.slip.values[i]
         return State(
-            self.t[i], self.q_D[i], self.v_D[i], self.q_K[i], self.v_K[i],
-            holds, slip, self.coordinates,
-        )  # fmt: skip
+            self.t[i],
+            self.q_D[i],
+            self.v_D[i],
+            self.q_K[i],
+            self.v_K[i],
+            holds,
+            slip,
+            self.coordinates,
+        )
 
     # -- giving it away ----------------------------------------------------------------------
 
@@ -373,9 +379,15 @@ class Trajectory:
 
     def _tables(self) -> dict[str, Columns]:
         names = (
-            "tension", "limit_force", "taut", "ledger", "effort", "violation", "slip",
+            "tension",
+            "limit_force",
+            "taut",
+            "ledger",
+            "effort",
+            "violation",
+            "slip",
             "undetermined",
-        )  # fmt: skip
+        )
         return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
     def _inside(self, times: Times) -> Times:

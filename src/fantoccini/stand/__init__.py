@@ -1,57 +1,17 @@
 """Stands: the machines that move puppets, and whether they can do a motion."""
 
-from fantoccini.stand.axes import (
-    Axis,
-    AxisMap,
-    AxisMotion,
-    axes_of,
-)
-from fantoccini.stand.check import (
-    StandCheck,
-    check_stand,
-)
-from fantoccini.stand.controllers import (
-    ArtNet,
-    Grbl,
-    Marlin,
-    Osc,
-)
-from fantoccini.stand.emulator import (
-    Emulator,
-    GrblMachine,
-)
-from fantoccini.stand.gcode_text import (
-    GrblSettings,
-    gcode,
-    gentle_feed,
-    grbl_settings,
-)
-from fantoccini.stand.helping import (
-    lost_lines,
-    remedies,
-)
-from fantoccini.stand.limits import (
-    QUANTITIES,
-    Limit,
-)
+from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
+from fantoccini.stand.check import StandCheck, check_stand
+from fantoccini.stand.controllers import ArtNet, Grbl, Marlin, Osc
+from fantoccini.stand.emulator import Emulator, GrblMachine
+from fantoccini.stand.gcode_text import GrblSettings, gcode, gentle_feed, grbl_settings
+from fantoccini.stand.helping import lost_lines, remedies
+from fantoccini.stand.limits import QUANTITIES, Limit
 from fantoccini.stand.packets import packets_of
-from fantoccini.stand.point_files import (
-    ENDINGS,
-    joint_trajectory,
-    save_points,
-)
-from fantoccini.stand.points import (
-    SetPoints,
-    controller_of,
-    set_points,
-)
+from fantoccini.stand.point_files import ENDINGS, joint_trajectory, save_points
+from fantoccini.stand.points import SetPoints, controller_of, set_points
 from fantoccini.stand.receiving import Receiver
-from fantoccini.stand.sending import (
-    Sending,
-    check_first,
-    send_points,
-    udp_sender,
-)
+from fantoccini.stand.sending import Sending, check_first, send_points, udp_sender
 from fantoccini.stand.stand_file import (
     Stand,
     is_stand,
@@ -69,12 +29,7 @@ from fantoccini.stand.streaming import (
     serial_port,
     stream,
 )
-from fantoccini.stand.tempo import (
-    Slowed,
-    inputs_of,
-    slowed,
-    slower,
-)
+from fantoccini.stand.tempo import Slowed, inputs_of, slowed, slower
 
 __all__ = [
     "ENDINGS",

@@ -154,12 +154,16 @@ class AxisMap:
         names, J = factors({name: axis.moves for name, axis in stand.file.axes.items()})
         held = [name for name in table.q_K if name not in names]
         return cls(
-            stand, axes_of(stand), names, tuple(held),
+            stand,
+            axes_of(stand),
+            names,
+            tuple(held),
             np.array([places[n][0] for n in names], dtype=np.intp),
             np.array([places[n][1] for n in names], dtype=np.intp),
             np.array([table.q_K.index(n) for n in held], dtype=np.intp),
-            J, np.array([stand.file.zero.get(name, 0.0) for name in names]),
-        )  # fmt: skip
+            J,
+            np.array([stand.file.zero.get(name, 0.0) for name in names]),
+        )
 
     @cached_property
     def inverse(self) -> Array:
@@ -205,9 +209,7 @@ class AxisMap:
         """(..., n) forces F = J^T f_K of the axes on what they move, of efforts (..., n_vK)."""
         return effort[..., self.v] @ self.J
 
-    def _moved_though_held(
-        self, t: Times, q_K: Array
-    ) -> list[tuple[tuple[str | int, ...], str]]:
+    def _moved_though_held(self, t: Times, q_K: Array) -> list[tuple[tuple[str | int, ...], str]]:
         found: list[tuple[tuple[str | int, ...], str]] = []
         for name, place in zip(self.held, self.held_q, strict=True):
             away = np.abs(q_K[:, place] - q_K[0, place])

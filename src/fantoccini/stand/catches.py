@@ -111,9 +111,7 @@ def kicks(
     most = taken(axis, np.abs(torque[here]), w, own**2 / impacts.lost[hit])
     margin = 100.0 * (1.0 - own / np.maximum(most, own / _MOST))
     return [
-        Kick(
-            axis.name, float(impacts.t[i]), impacts.strings[i], float(x), float(m), float(left)
-        )
+        Kick(axis.name, float(impacts.t[i]), impacts.strings[i], float(x), float(m), float(left))
         for i, x, m, left in zip(hit, own, most, margin, strict=True)
     ]
 

@@ -186,8 +186,9 @@ def check_stand(
             raise ValueError("the run does not say what moved; needed: its marionette")
         marionette = Marionette(run.puppet)
     elif (marionette.coordinates.q_D, marionette.coordinates.v_K) != (
-        run.coordinates.q_D, run.coordinates.v_K
-    ):  # fmt: skip
+        run.coordinates.q_D,
+        run.coordinates.v_K,
+    ):
         raise ValueError(f"the run is not one of {marionette.name}: it has other coordinates")
     bound = AxisMap.of(stand, run.coordinates)
     bound.motion_of(run)  # refuses what the stand's axes do not move
@@ -213,10 +214,20 @@ def check_stand(
         for limit in limits_of(stand, axis, k, motion, loads[k])
     ]
     return StandCheck(
-        bound, run, marionette, motion, force, torque, available, tuple(limits), impacts, hits,
-        _lost(bound, marionette, motion, np.where(unknown, 0.0, torque), available, hits), unknown,
+        bound,
+        run,
+        marionette,
+        motion,
+        force,
+        torque,
+        available,
+        tuple(limits),
+        impacts,
+        hits,
+        _lost(bound, marionette, motion, np.where(unknown, 0.0, torque), available, hits),
+        unknown,
         _notes(run, bound, unknown),
-    )  # fmt: skip
+    )
 
 
 def _unknown(bound: AxisMap, marionette: Marionette, run: Trajectory, times: Array) -> Mask:
@@ -275,18 +286,25 @@ def _times(run: Trajectory) -> Array:
 
 
 def _lost(
-    bound: AxisMap, marionette: Marionette, motion: AxisMotion, torque: Array, available: Array,
+    bound: AxisMap,
+    marionette: Marionette,
+    motion: AxisMotion,
+    torque: Array,
+    available: Array,
     hits: tuple[Kick, ...],
-) -> dict[str, LostSteps]:  # fmt: skip
+) -> dict[str, LostSteps]:
     found = {}
     for k, axis in enumerate(bound.axes):
         if isinstance(axis.motor, Stepper):
             carried = marionette.mass / axis.ratio**2
             lost = lost_steps(
-                axis.motor.steps, motion.t, np.abs(torque[:, k]), available[:, k],
-                axis.inertia + carried, [hit.t for hit in hits
-                                         if hit.axis == axis.name and hit.margin < 0.0],
-            )  # fmt: skip
+                axis.motor.steps,
+                motion.t,
+                np.abs(torque[:, k]),
+                available[:, k],
+                axis.inertia + carried,
+                [hit.t for hit in hits if hit.axis == axis.name and hit.margin < 0.0],
+            )
             if lost is not None:
                 found[axis.name] = lost
     return found

@@ -289,9 +289,11 @@ class Emulator:
     """
 
     def __init__(
-        self, machine: GrblMachine, pace: float = 0.0,
+        self,
+        machine: GrblMachine,
+        pace: float = 0.0,
         heard: Callable[[str, str], None] | None = None,
-    ):  # fmt: skip
+    ):
         if sys.platform == "win32":
             raise StandError("the emulator needs pseudo-terminals, which Windows lacks")
         import tty

@@ -108,11 +108,14 @@ def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
     junction = float(np.max(acceleration)) / rate**2 / 4.0
     return GrblSettings(
         np.array([axis.counts for axis in axes]) / scale,
-        SPARE_RATE * scale * np.array([axis.file.speed for axis in axes]), acceleration,
-        max(LEAST_JUNCTION, junction), controller.planner, letters(stand, controller),
+        SPARE_RATE * scale * np.array([axis.file.speed for axis in axes]),
+        acceleration,
+        max(LEAST_JUNCTION, junction),
+        controller.planner,
+        letters(stand, controller),
         tuple(axis.direction < 0 for axis in axes),
         controller.buffer if isinstance(controller, Grbl) else 128,
-    )  # fmt: skip
+    )
 
 
 def gcode(points: SetPoints, inverse: bool = True) -> str:
@@ -258,8 +261,11 @@ def _head(points: SetPoints, settings: GrblSettings, marlin: bool) -> list[str]:
     for code, values in pairs.items():
         words = (f"{a}{v:.3f}" for a, v in zip(settings.letters, values, strict=True))
         lines.append(f"; {code} {' '.join(words)}")
-    return [*lines, f"; M204 T{np.max(settings.acceleration):.3f}",
-            f"; M205 J{settings.junction:.3f}"]  # fmt: skip
+    return [
+        *lines,
+        f"; M204 T{np.max(settings.acceleration):.3f}",
+        f"; M205 J{settings.junction:.3f}",
+    ]
 
 
 def _refuse_slow_port(points: SetPoints, moves: TimedMoves, lines: list[str]) -> None:

@@ -101,10 +101,16 @@ def limits_of(stand: Stand, axis: Axis, k: int, motion: AxisMotion, load: Load) 
     end = low if p[i] - low < high - p[i] else high
     made = [
         Limit(
-            axis.name, "travel", unit, float(p[i]), end, 100.0 * float(room[i]) / (high - low),
-            float(t[i]), _first(t, room < -_ROUNDING * (high - low)),
+            axis.name,
+            "travel",
+            unit,
+            float(p[i]),
+            end,
+            100.0 * float(room[i]) / (high - low),
+            float(t[i]),
+            _first(t, room < -_ROUNDING * (high - low)),
         )
-    ]  # fmt: skip
+    ]
     assert file.speed is not None and file.acceleration is not None
     rates = [
         ("speed", f"{unit}/s", np.abs(v), np.full(len(t), file.speed)),
@@ -125,7 +131,13 @@ def limits_of(stand: Stand, axis: Axis, k: int, motion: AxisMotion, load: Load) 
         broken = [hit.t for hit in load.kicks if hit.margin < 0.0]
         made.append(
             Limit(
-                axis.name, "catch", "N m s", worst.impulse, worst.bound, worst.margin, worst.t,
+                axis.name,
+                "catch",
+                "N m s",
+                worst.impulse,
+                worst.bound,
+                worst.margin,
+                worst.t,
                 min(broken, default=None),
             )
         )
@@ -138,9 +150,15 @@ def _rate(axis: str, quantity: str, unit: str, t: Array, demand: Array, bound: A
     i = int(np.argmax(share))
     margin = 100.0 * (1.0 - min(float(share[i]), _MOST))
     return Limit(
-        axis, quantity, unit, float(demand[i]), float(bound[i]), margin, float(t[i]),
+        axis,
+        quantity,
+        unit,
+        float(demand[i]),
+        float(bound[i]),
+        margin,
+        float(t[i]),
         _first(t, demand > bound * (1.0 + _ROUNDING)),
-    )  # fmt: skip
+    )
 
 
 def _first(t: Array, broken: Mask) -> float | None:
@@ -152,7 +170,7 @@ def torque_of(axis: Axis, motion: AxisMotion, force: Array, k: int) -> Array:
     n, v, acc = axis.ratio, motion.velocity[:, k], motion.acceleration[:, k]
     load = force[:, k] / n
     drives = np.sign(load * v)  # 1 where the motor drives its load
-    arrives = axis.file.efficiency ** -drives
+    arrives = axis.file.efficiency**-drives
     torque = load * arrives + axis.inertia * n * acc
     friction = axis.file.friction
     if friction is not None:

@@ -40,9 +40,13 @@ class LostSteps:
 
 
 def lost_steps(
-    steps: int, t: Array, demand: Array, available: Array, inertia: float,
+    steps: int,
+    t: Array,
+    demand: Array,
+    available: Array,
+    inertia: float,
     thrown: Sequence[float] = (),
-) -> LostSteps | None:  # fmt: skip
+) -> LostSteps | None:
     """The steps that a motor loses; None where it has torque enough.
 
     Args:

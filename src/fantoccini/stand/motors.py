@@ -19,10 +19,10 @@ from fantoccini.model.puppet import Count
 
 _TURN = 2.0 * math.pi
 _POINTS = {
-    "type": "array", "minItems": 2, "items": {
-        "type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2,
-    },
-}  # fmt: skip
+    "type": "array",
+    "minItems": 2,
+    "items": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+}
 
 
 def _torque(value: Any) -> Any:
@@ -217,9 +217,11 @@ def _share(value: float) -> float:
 
 
 Efficiency = Annotated[
-    float, BeforeValidator(read_real), AfterValidator(_share),
+    float,
+    BeforeValidator(read_real),
+    AfterValidator(_share),
     WithJsonSchema({"type": "number", "exclusiveMinimum": 0, "maximum": 1}),
-]  # fmt: skip
+]
 
 
 class AxisFriction(Model):

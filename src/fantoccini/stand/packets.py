@@ -54,9 +54,7 @@ def packets_of(stand: Stand, controller: Any, rate: float) -> Packets:
     if not isinstance(controller, ArtNet):
         raise StandError(f"{controller.type} takes no packets; needed: --controller osc or artnet")
     if rate > MOST_FRAMES:
-        raise StandError(
-            f"found {rate:g} set points per second; DMX takes at most {MOST_FRAMES:g}"
-        )
+        raise StandError(f"found {rate:g} set points per second; DMX takes at most {MOST_FRAMES:g}")
     return ArtNetPackets(axes_of(stand), channels(stand, controller), controller)
 
 

@@ -58,7 +58,7 @@ def table(points: SetPoints) -> str:
     names = [str(controller.names.get(axis.name, axis.name)) for axis in axes]
     for name in names:
         if "," in name or '"' in name:
-            raise StandError(f"controller names: found {name!r}; needed: a name without , and \"")
+            raise StandError(f'controller names: found {name!r}; needed: a name without , and "')
     turns = np.array([axis.direction * axis.ratio / (2.0 * math.pi) for axis in axes])
     if isinstance(controller, ODrive):
         head = [f"{name}.{what}" for name in names for what in ("position", "velocity")]
@@ -87,12 +87,15 @@ def joint_trajectory(points: SetPoints) -> dict[str, Any]:
         "joint_names": [str(controller.names.get(a.name, a.name)) for a in points.axes],
         "points": [
             {
-                "positions": p.tolist(), "velocities": v.tolist(), "accelerations": a.tolist(),
-                "effort": [], "time_from_start": _stamp(float(t)),
+                "positions": p.tolist(),
+                "velocities": v.tolist(),
+                "accelerations": a.tolist(),
+                "effort": [],
+                "time_from_start": _stamp(float(t)),
             }
             for t, p, v, a in rows
         ],
-    }  # fmt: skip
+    }
 
 
 def _trajectory_text(points: SetPoints, ending: str) -> str:

@@ -25,9 +25,18 @@ GENTLE = 0.2
 PULL_OFF = 0.002
 """Of the switch, after homing and where it is parked [m or rad]."""
 TYPES = (
-    "grbl", "fluidnc", "klipper", "marlin", "csv", "odrive", "can", "dynamixel", "ros2", "osc",
+    "grbl",
+    "fluidnc",
+    "klipper",
+    "marlin",
+    "csv",
+    "odrive",
+    "can",
+    "dynamixel",
+    "ros2",
+    "osc",
     "artnet",
-)  # fmt: skip
+)
 """Kinds of controllers."""
 
 _QUINTIC = 1.875, 5.7735
@@ -145,10 +154,17 @@ class SetPoints:
 
 
 def set_points(
-    stand: Stand | str | os.PathLike[str], run: Trajectory, marionette: Marionette | None = None,
-    *, rate: float | None = None, controller: str | None = None, home: bool = False,
-    slack: float = 0.0, park: bool = False, anyway: bool = False,
-) -> SetPoints:  # fmt: skip
+    stand: Stand | str | os.PathLike[str],
+    run: Trajectory,
+    marionette: Marionette | None = None,
+    *,
+    rate: float | None = None,
+    controller: str | None = None,
+    home: bool = False,
+    slack: float = 0.0,
+    park: bool = False,
+    anyway: bool = False,
+) -> SetPoints:
     """The set points of a run on a stand.
 
     Args:

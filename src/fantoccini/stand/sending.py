@@ -74,10 +74,15 @@ class Sending:
 
 
 def send_points(
-    points: SetPoints, send: Send, *, first: float = 0.0, hold: threading.Event | None = None,
-    go_on: Callable[[Sending], bool] | None = None, progress: Sending | None = None,
+    points: SetPoints,
+    send: Send,
+    *,
+    first: float = 0.0,
+    hold: threading.Event | None = None,
+    go_on: Callable[[Sending], bool] | None = None,
+    progress: Sending | None = None,
     latest: float | None = None,
-) -> Sending:  # fmt: skip
+) -> Sending:
     """Sends set points as packets, and returns when the last one was due.
 
     A set point whose successor is due already is left out; packets never come in bunches.
@@ -118,8 +123,9 @@ class _Sender:
         self.path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
         self.end = float(motion.t[-1])
         self.interval = 1.0 / points.rate
-        self.stops = SOFT * max((a.file.speed or 0.0) / (a.file.acceleration or np.inf)
-                                for a in points.axes)  # fmt: skip
+        self.stops = SOFT * max(
+            (a.file.speed or 0.0) / (a.file.acceleration or np.inf) for a in points.axes
+        )
         self.send, self.progress, self.latest = send, progress, latest
         self.due, self.epoch = time.monotonic(), _epoch()
 

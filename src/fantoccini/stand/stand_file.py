@@ -70,15 +70,16 @@ def _coordinate(value: Any) -> Any:
 
 
 Coordinate = Annotated[str, BeforeValidator(_coordinate), WithJsonSchema({"type": "string"})]
-Moves = Annotated[
-    dict[Coordinate, Annotated[Real, AfterValidator(_factor)]], AfterValidator(_some)
-]
+Moves = Annotated[dict[Coordinate, Annotated[Real, AfterValidator(_factor)]], AfterValidator(_some)]
 Travel = Annotated[
-    tuple[Angle, Angle], sized(2), SIZED, AfterValidator(_between),
-    WithJsonSchema({
-        "type": "array", "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2,
-    }),
-]  # fmt: skip
+    tuple[Angle, Angle],
+    sized(2),
+    SIZED,
+    AfterValidator(_between),
+    WithJsonSchema(
+        {"type": "array", "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2}
+    ),
+]
 
 
 class HomeFile(Model):
@@ -230,8 +231,9 @@ def _stand(located: Located) -> Stand:
     for name, axis in file.axes.items():
         found += [
             (("axes", name, key), "this key is missing")
-            for key in _INHERITED if getattr(axis, key) is None
-        ]  # fmt: skip
+            for key in _INHERITED
+            if getattr(axis, key) is None
+        ]
         if axis.travel is None or axis.home is None:
             continue
         low, high = axis.travel

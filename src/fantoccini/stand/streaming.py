@@ -143,11 +143,17 @@ def resumed(text: str, first: int, feed: float = GENTLE_FEED) -> list[Line]:
 
 
 def stream(
-    port: Port, lines: Sequence[Line], buffer: int = 128, counting: bool = True, *,
-    on_line: Callable[[Progress], None] | None = None, silence: float = SILENCE,
-    progress: Progress | None = None, hold: threading.Event | None = None,
+    port: Port,
+    lines: Sequence[Line],
+    buffer: int = 128,
+    counting: bool = True,
+    *,
+    on_line: Callable[[Progress], None] | None = None,
+    silence: float = SILENCE,
+    progress: Progress | None = None,
+    hold: threading.Event | None = None,
     go_on: Callable[[Progress], bool] | None = None,
-) -> Progress:  # fmt: skip
+) -> Progress:
     """Sends lines, and waits until the controller took them all.
 
     Args:

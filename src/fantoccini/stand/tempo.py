@@ -100,9 +100,13 @@ def slowed(check: StandCheck, factor: float) -> Slowed:
     end, method = float(run.t[0] + factor * run.duration), _method(run)
     n = max(2, round(_SAVED * (end - run.t[0])))
     made = simulate(
-        marionette, _started(marionette, x0), inputs_of(run, factor), end, method=method,
+        marionette,
+        _started(marionette, x0),
+        inputs_of(run, factor),
+        end,
+        method=method,
         save_at=np.linspace(run.t[0], end, n) if method == "event" else None,
-    )  # fmt: skip
+    )
     apart, body, t, rms = distances(marionette, run, made, factor)
     again = check_stand(check.map.stand, made, marionette)
     return Slowed(factor, made, again, apart, body, t, rms)

@@ -85,7 +85,8 @@ def check(
     inputs: Annotated[
         list[Path] | None,
         typer.Option(
-            metavar="FILE", callback=performed,
+            metavar="FILE",
+            callback=performed,
             help="Inputs file, or name of a bundled performance, to check with every puppet; "
             "repeatable.",
         ),
@@ -99,9 +100,7 @@ def check(
 
 
 @app.command()
-def schema(
-    of: Annotated[SchemaOf, typer.Argument(help="Kind of file.")] = SchemaOf.PUPPET,
-) -> None:
+def schema(of: Annotated[SchemaOf, typer.Argument(help="Kind of file.")] = SchemaOf.PUPPET) -> None:
     """Print a JSON Schema, for editors."""
     import json
 
@@ -150,8 +149,7 @@ def info(
 
 @app.command()
 def equations(
-    file: File,
-    latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False,
+    file: File, latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False
 ) -> None:
     """Print a small puppet's equations.
 
@@ -271,11 +269,11 @@ def identify(
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(min=1.0, metavar="S", help="Of the motions tried by --suggest [s].")
+        typer.Option(min=1.0, metavar="S", help="Of the motions tried by --suggest [s]."),
     ] = None,
     reach: Annotated[
         float | None,
-        typer.Option(min=1e-4, metavar="M", help="How far motions tried by --suggest go [m].")
+        typer.Option(min=1e-4, metavar="M", help="How far motions tried by --suggest go [m]."),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of the random motions.")] = None,
     force: Annotated[
@@ -292,9 +290,7 @@ def identify(
     """
     from fantoccini.app.cli.identify import identify_record
 
-    identify_record(
-        file, out, report, suggest, duration, reach, seed, force, threads, quiet
-    )  # fmt: skip
+    identify_record(file, out, report, suggest, duration, reach, seed, force, threads, quiet)
 
 
 @app.command("follow")

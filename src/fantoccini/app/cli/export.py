@@ -27,9 +27,14 @@ _OPTION = "OUT"
 
 
 def export_motion(
-    file: str, out: Path, force: bool, fps: float | None, bodies: str | None,
-    problem: str | None, quiet: bool,
-) -> None:  # fmt: skip
+    file: str,
+    out: Path,
+    force: bool,
+    fps: float | None,
+    bodies: str | None,
+    problem: str | None,
+    quiet: bool,
+) -> None:
     """Writes a saved motion; the ending of ``out`` selects the format.
 
     Args:
@@ -57,9 +62,14 @@ def export_motion(
 
 
 def export_c99(
-    file: str, folder: Path, force: bool, fps: float | None, bodies: str | None,
-    problem: str | None, quiet: bool,
-) -> None:  # fmt: skip
+    file: str,
+    folder: Path,
+    force: bool,
+    fps: float | None,
+    bodies: str | None,
+    problem: str | None,
+    quiet: bool,
+) -> None:
     """Writes the files; each appears complete or not at all.
 
     Args:

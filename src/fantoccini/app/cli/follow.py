@@ -52,14 +52,20 @@ def follow_file(request: FollowRequest) -> None:
             say(note)
         puppet = marionette(request.file, steps.step)
         placed = place_clip(
-            puppet, clip, request.mapping, travel=request.travel,
-            up=request.up and request.up.value, of=request.of,
-        )  # fmt: skip
+            puppet,
+            clip,
+            request.mapping,
+            travel=request.travel,
+            up=request.up and request.up.value,
+            of=request.of,
+        )
         followed = follow_clip(
-            puppet, placed, speed=request.speed or SPEED,
+            puppet,
+            placed,
+            speed=request.speed or SPEED,
             acceleration=request.acceleration or ACCELERATION,
             progress=steps.bar("following", 1.0),
-        )  # fmt: skip
+        )
         if request.save is not None:
             steps.step(f"writing {request.save}")
             with writing(request.save):
@@ -110,28 +116,40 @@ def _remarks(followed: Followed) -> Iterator[str]:
 
 def _recording(followed: Followed) -> Recording:
     return Recording(
-        followed.retargeted.marionette, followed.run.state(0), followed.acc_K, followed.interval,
+        followed.retargeted.marionette,
+        followed.run.state(0),
+        followed.acc_K,
+        followed.interval,
         round(followed.interval / _STEP),
-    )  # fmt: skip
+    )
 
 
 def _report(followed: Followed) -> None:
     found = followed.retargeted
     speed, acceleration = abs(followed.run.v_K).max(), abs(followed.acc_K).max()
-    table("Clip", ("", ">"), [
-        ("duration [s]", f"{found.clip.duration:.4g}"),
-        ("frames, and poses that settled", f"{len(found.t)}, {found.settled}"),
-        ("size of the puppet, of the person's", f"{found.places.scale:.3g}"),
-        ("fastest driven coordinate [m/s, rad/s]", f"{speed:.3g}"),
-        ("largest acceleration [m/s^2, rad/s^2]", f"{acceleration:.3g}"),
-        ("time [s]", f"{followed.seconds:.3g}"),
-    ])  # fmt: skip
+    table(
+        "Clip",
+        ("", ">"),
+        [
+            ("duration [s]", f"{found.clip.duration:.4g}"),
+            ("frames, and poses that settled", f"{len(found.t)}, {found.settled}"),
+            ("size of the puppet, of the person's", f"{found.places.scale:.3g}"),
+            ("fastest driven coordinate [m/s, rad/s]", f"{speed:.3g}"),
+            ("largest acceleration [m/s^2, rad/s^2]", f"{acceleration:.3g}"),
+            ("time [s]", f"{followed.seconds:.3g}"),
+        ],
+    )
     table(
         "Distance from the clip, root mean squares [mm]",
         ("", "hanging>", "in motion>", "largest>", "more, of the height>"),
         [
-            (one.name, f"{1e3 * one.reach:.1f}", f"{1e3 * one.run:.1f}",
-             f"{1e3 * one.largest:.1f}", f"{100 * one.above:.1f} %")
+            (
+                one.name,
+                f"{1e3 * one.reach:.1f}",
+                f"{1e3 * one.run:.1f}",
+                f"{1e3 * one.largest:.1f}",
+                f"{100 * one.above:.1f} %",
+            )
             for one in followed.report
         ],
-    )  # fmt: skip
+    )

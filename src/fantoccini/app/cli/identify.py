@@ -31,18 +31,26 @@ _LITTLE = 0.05
 
 
 def identify_record(
-    file: Path, out: Path | None, report: Path | None, suggest: Path | None,
-    duration: float | None, reach: float | None, seed: int | None, force: bool,
-    threads: int | None, quiet: bool,
-) -> None:  # fmt: skip
+    file: Path,
+    out: Path | None,
+    report: Path | None,
+    suggest: Path | None,
+    duration: float | None,
+    reach: float | None,
+    seed: int | None,
+    force: bool,
+    threads: int | None,
+    quiet: bool,
+) -> None:
     """Identifies, prints what was found, and writes the outputs.
 
     Exit code 1 where the record leaves something untold or the search was cut short.
     """
     for option, path, endings in (
-        ("--out", out, (".yaml", ".yml")), ("--report", report, (".json", ".html")),
+        ("--out", out, (".yaml", ".yml")),
+        ("--report", report, (".json", ".html")),
         ("--suggest", suggest, (".csv",)),
-    ):  # fmt: skip
+    ):
         if path is not None:
             check_output(path, endings, option)
     for option, value in (("--duration", duration), ("--reach", reach), ("--seed", seed)):
@@ -74,10 +82,13 @@ def identify_record(
     if suggest is not None:
         with Steps(quiet) as steps:
             best = suggest_motion(
-                record, duration=_DURATION if duration is None else duration,
-                reach=_REACH if reach is None else reach, seed=seed or 0, threads=threads,
+                record,
+                duration=_DURATION if duration is None else duration,
+                reach=_REACH if reach is None else reach,
+                seed=seed or 0,
+                threads=threads,
                 progress=lambda name: steps.step(f"looking at the motion {name}"),
-            )  # fmt: skip
+            )
             with writing(suggest):
                 best[0].save(suggest)
         if not quiet:
@@ -117,8 +128,11 @@ def _print(found: Identified) -> None:
     if found.lost:
         times = [f"{t + found.delay:.4g} s" for t in found.lost[:_MOST]]
         more = len(found.lost) - len(times)
-        write("segments that do not count, from: " + ", ".join(times)
-              + (f" and {more} more" if more else ""))  # fmt: skip
+        write(
+            "segments that do not count, from: "
+            + ", ".join(times)
+            + (f" and {more} more" if more else "")
+        )
     for doubt in doubts(found):
         write(f"doubt: {doubt}")
     write(f"chi2 {found.chi2:.3f}, drift {found.drift:.2g}, {found.seconds:.1f} s")
@@ -131,9 +145,10 @@ def print_motions(best: tuple[Candidate, ...]) -> None:
         ("", "tells [bits]>", "worst deviation>", "untold>"),
         [
             (one.name, f"{one.gain:.1f}", f"{100 * one.worst:.2g} %", len(one.combinations))
-            for one in best[:_MOST] if not one.refused
+            for one in best[:_MOST]
+            if not one.refused
         ],
-    )  # fmt: skip
+    )
     if best[0].gain < _LITTLE:
         write("no motion tells anything of these numbers; more --reach, or other columns, may")
 
@@ -155,10 +170,12 @@ def _save_numbers(found: Identified, path: Path) -> None:
         return float(x) if math.isfinite(x) else None
 
     data: dict[str, Any] = {
-        "record": found.record.name, "puppet": found.record.marionette.name,
+        "record": found.record.name,
+        "puppet": found.record.marionette.name,
         "numbers": {
             name: {
-                "value": number(x), "standard_deviation": number(d),
+                "value": number(x),
+                "standard_deviation": number(d),
                 "interval": [number(end) for end in found.interval(name)],
             }
             for name, x, d in zip(found.names, found.values, found.deviations, strict=True)
@@ -168,10 +185,16 @@ def _save_numbers(found: Identified, path: Path) -> None:
             {"parts": one.parts, "relative_deviation": number(one.deviation)}
             for one in found.combinations
         ],
-        "residuals": {name: number(x) for name, x in found.rms().items()}, "noise": found.noise,
-        "chi2": number(found.chi2), "drift": number(found.drift), "converged": found.converged,
-        "doubts": list(doubts(found)), "left": number(found.left), "lost": list(found.lost),
-        "outliers": [vars(one) for one in found.outliers], "seconds": found.seconds,
-    }  # fmt: skip
+        "residuals": {name: number(x) for name, x in found.rms().items()},
+        "noise": found.noise,
+        "chi2": number(found.chi2),
+        "drift": number(found.drift),
+        "converged": found.converged,
+        "doubts": list(doubts(found)),
+        "left": number(found.left),
+        "lost": list(found.lost),
+        "outliers": [vars(one) for one in found.outliers],
+        "seconds": found.seconds,
+    }
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")

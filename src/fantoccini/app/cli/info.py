@@ -66,24 +66,30 @@ def describe_puppet(file: str) -> None:
         ("name", "parent", "joint", "type", "role", *(["armature"] if shown else [])),
         [
             (
-                link.name, "world" if link.parent == WORLD else names[link.parent], link.joint,
-                link.kind, link.role, *([rotor] if shown else []),
+                link.name,
+                "world" if link.parent == WORLD else names[link.parent],
+                link.joint,
+                link.kind,
+                link.role,
+                *([rotor] if shown else []),
             )
             for link, rotor in zip(tree.links, rotors, strict=True)
         ],
-    )  # fmt: skip
+    )
     starts = {"dynamic": coordinates.start_D, "driven": coordinates.start_K}
     table(
         "Coordinates",
         ("name", "role", "unit", "start>"),
         [
             (
-                c.name, c.role, c.unit,
+                c.name,
+                c.role,
+                c.unit,
                 "" if c.index is None else _start(float(starts[c.role][c.index])),
             )
             for c in coordinates.rows
         ],
-    )  # fmt: skip
+    )
     given = [key for key in _WINCH if any(getattr(string, key) for string in tree.strings)]
     table(
         "Strings",
@@ -105,16 +111,16 @@ def describe_puppet(file: str) -> None:
         ("name", "pieces>", "length", "stiffness", "damping"),
         [
             (
-                c.name, c.pieces, "driven" if c.length is None else _value(c.length),
+                c.name,
+                c.pieces,
+                "driven" if c.length is None else _value(c.length),
                 *map(_value, (c.stiffness, c.damping)),
             )
             for c in tree.chains
         ],
-    )  # fmt: skip
+    )
     table(
-        "Limits",
-        ("name", "bound>"),
-        [(limit.name, _bound(made, limit)) for limit in tree.limits],
+        "Limits", ("name", "bound>"), [(limit.name, _bound(made, limit)) for limit in tree.limits]
     )
     table("Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()])
     counts = operations(made.equations)

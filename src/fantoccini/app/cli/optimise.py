@@ -49,10 +49,15 @@ def optimise_file(request: OptimiseRequest) -> None:
         tries = max(1, 2 * task.explore)  # an exploration, and what tightens its motion
         done = steps.bar("optimising", float(request.iterations * tries))
         found = optimise(
-            task, tolerance=request.tolerance, cost_tolerance=request.cost_tolerance,
-            iterations=request.iterations, time_limit=request.time_limit, threads=request.threads,
-            seed=request.seed, progress=lambda at: done(float(at.iterations)),
-        )  # fmt: skip
+            task,
+            tolerance=request.tolerance,
+            cost_tolerance=request.cost_tolerance,
+            iterations=request.iterations,
+            time_limit=request.time_limit,
+            threads=request.threads,
+            seed=request.seed,
+            progress=lambda at: done(float(at.iterations)),
+        )
         _write(request, found, steps)
     if not request.quiet:
         _report(found)
@@ -123,11 +128,15 @@ def _report(found: Optimum) -> None:
         "Touches",
         ("", "place", "time [s]>", "distance [m]>"),
         [
-            (one.touch.body, ", ".join(f"{x:.4g}" for x in one.touch.place), f"{one.t:.4f}",
-             f"{one.distance:.2g}")
+            (
+                one.touch.body,
+                ", ".join(f"{x:.4g}" for x in one.touch.place),
+                f"{one.t:.4f}",
+                f"{one.distance:.2g}",
+            )
             for one in found.touched
         ],
-    )  # fmt: skip
+    )
     table(
         "Strings",
         ("name", "min [N]>", "max [N]>"),

@@ -41,10 +41,14 @@ def plan_file(request: PlanRequest) -> None:
         problem = load_problem(request.file, progress=steps.step, **options)
         steps.step("planning")
         found = solve(
-            problem, planner=request.planner.value, time_limit=request.time_limit,
-            improve=request.improve, confirm=request.confirm, objective=objective,
+            problem,
+            planner=request.planner.value,
+            time_limit=request.time_limit,
+            improve=request.improve,
+            confirm=request.confirm,
+            objective=objective,
             seed=request.seed,
-        )  # fmt: skip
+        )
         checks = {}
         if found and not request.quiet:
             steps.step("verifying")
@@ -100,12 +104,14 @@ def _report(found: PlanResult, checks: dict[str, Check]) -> None:
             ("", "reaches the goal>", "distance>", "clearance [mm]>"),
             [
                 (
-                    name, "yes" if c.arrives else "no", f"{c.distance:.4g}",
+                    name,
+                    "yes" if c.arrives else "no",
+                    f"{c.distance:.4g}",
                     f"{1e3 * c.clearance:.1f}",
                 )
                 for name, c in checks.items()
             ],
-        )  # fmt: skip
+        )
     touches = next((c.touches for c in checks.values() if c.touches), ())
     if touches:
         table(
@@ -113,12 +119,15 @@ def _report(found: PlanResult, checks: dict[str, Check]) -> None:
             ("", "first [s]>", "speed [m/s]>", "force at the end [N]>", "may"),
             [
                 (
-                    " on ".join(m.parts), f"{m.t:.3f}", f"{m.speed:.3f}", f"{m.force:.3g}",
+                    " on ".join(m.parts),
+                    f"{m.t:.3f}",
+                    f"{m.speed:.3f}",
+                    f"{m.force:.3g}",
                     "yes" if m.asked else "no",
                 )
                 for m in touches
             ],
-        )  # fmt: skip
+        )
     if found.goal.share is not None and checks:
         share = next(iter(checks.values())).share
         write(f"the puppet stands with {100.0 * share:.0f} % of its weight")

@@ -99,9 +99,9 @@ def _print(verification: Verification) -> None:
     play = verification.play
     seen: dict[int, list[tuple[str, ...]]] = {}
     for one in verification.cues:
-        seen.setdefault(one.cue.number, []).append((
-            one.who, f"{one.wanted:.2f}", f"{one.seen:.2f}", f"{1e3 * one.late:+.0f}",
-        ))  # fmt: skip
+        seen.setdefault(one.cue.number, []).append(
+            (one.who, f"{one.wanted:.2f}", f"{one.seen:.2f}", f"{1e3 * one.late:+.0f}")
+        )
     for name, start in play.acts.items():
         lines = []
         for cue in play.cues:

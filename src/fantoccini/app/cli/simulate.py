@@ -143,9 +143,14 @@ def timed(
     began, trouble = time.perf_counter(), ""
     try:
         run = simulate(
-            marionette, x0, inputs, x0.t + duration,
-            method=method, progress=lambda t: done(t - x0.t), **saved,
-        )  # fmt: skip
+            marionette,
+            x0,
+            inputs,
+            x0.t + duration,
+            method=method,
+            progress=lambda t: done(t - x0.t),
+            **saved,
+        )
     except SimulationError as error:
         if error.trajectory is None:
             raise

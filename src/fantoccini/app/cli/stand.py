@@ -29,9 +29,14 @@ _MAX_NAMED = 12
 
 
 def check_run(
-    stand: str, run: Path, puppet: str | None, report: Path | None, slower: bool, as_json: bool,
+    stand: str,
+    run: Path,
+    puppet: str | None,
+    report: Path | None,
+    slower: bool,
+    as_json: bool,
     quiet: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Checks a stand with a run, prints the margins, and exits with 1 if it cannot do it."""
     if report is not None:
         check_output(report, (".html",), "--report")
@@ -115,7 +120,9 @@ def as_data(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> dict[
         "undetermined": found.undetermined,
         "lost_steps": {name: dataclasses.asdict(lost) for name, lost in found.lost.items()},
         "remedies": list(remedies(found)),
-        "slower": None if tempo is None else {
+        "slower": None
+        if tempo is None
+        else {
             "text": tempo[1],
             "factor": None if slow is None else slow.factor,
             "margin": None if slow is None else slow.check.margin,
@@ -123,4 +130,4 @@ def as_data(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> dict[
             "rms": None if slow is None else slow.rms,
         },
         "notes": list(found.notes),
-    }  # fmt: skip
+    }

@@ -11,10 +11,11 @@ from fantoccini.app.cli.stand_requests import StandExportRequest, StandStreamReq
 from fantoccini.app.console import Quiet, positive, takes
 
 stand_app = typer.Typer(
-    help="Stands: whether they can do a run, and set points for it.", no_args_is_help=True,
+    help="Stands: whether they can do a run, and set points for it.",
+    no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)  # fmt: skip
+)
 
 
 @stand_app.command("check")
@@ -31,8 +32,7 @@ def stand_check(
         Path | None, typer.Option(metavar="PATH", help="Write a page with plots (.html).")
     ] = None,
     slower: Annotated[
-        bool,
-        typer.Option(help="Where it cannot, simulate the run again at slower tempos."),
+        bool, typer.Option(help="Where it cannot, simulate the run again at slower tempos.")
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     quiet: Quiet = False,
@@ -78,20 +78,20 @@ def stand_emulate(
         str, typer.Argument(metavar="STAND", help="Stand file, or name of a bundled stand.")
     ],
     controller: Annotated[
-        str | None,
-        typer.Option(metavar="TYPE", help="Kind of controller, instead of the stand's."),
+        str | None, typer.Option(metavar="TYPE", help="Kind of controller, instead of the stand's.")
     ] = None,
     rate: Annotated[
         float | None,
         typer.Option(
-            metavar="N", callback=positive,
+            metavar="N",
+            callback=positive,
             help="Set points per second that GRBL is set up for [50].",
         ),
     ] = None,
     listen: Annotated[
         str | None,
         typer.Option(
-            metavar="HOST:PORT", help="Where packets of OSC or Art-Net are heard [the stand's].",
+            metavar="HOST:PORT", help="Where packets of OSC or Art-Net are heard [the stand's]."
         ),
     ] = None,
     out: Annotated[

@@ -77,9 +77,13 @@ def stream_run(request: StandStreamRequest) -> None:
 
 
 def emulate(
-    stand: str, controller: str | None, rate: float | None, listen: str | None, out: Path | None,
+    stand: str,
+    controller: str | None,
+    rate: float | None,
+    listen: str | None,
+    out: Path | None,
     quiet: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Serves until a program ends, or packets come no more."""
     if out is not None:
         check_output(out, (".csv",), "--out")
@@ -162,6 +166,13 @@ def _points(options: StandMotionOptions, stand: str, run: Path, steps: Steps) ->
             )
     steps.step("making set points")
     return set_points(
-        read, moved, made, rate=options.rate, controller=options.controller, home=options.home,
-        slack=1e-3 * options.slack, park=options.park, anyway=True,
-    )  # fmt: skip
+        read,
+        moved,
+        made,
+        rate=options.rate,
+        controller=options.controller,
+        home=options.home,
+        slack=1e-3 * options.slack,
+        park=options.park,
+        anyway=True,
+    )

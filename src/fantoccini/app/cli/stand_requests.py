@@ -25,13 +25,13 @@ class StandMotionOptions:
         typer.Option(metavar="FILE", help="The run's puppet, where the run does not say."),
     ] = None
     controller: Annotated[
-        str | None,
-        typer.Option(metavar="TYPE", help="Kind of controller, instead of the stand's."),
+        str | None, typer.Option(metavar="TYPE", help="Kind of controller, instead of the stand's.")
     ] = None
     rate: Annotated[
         float | None,
         typer.Option(
-            metavar="N", callback=positive,
+            metavar="N",
+            callback=positive,
             help="Set points per second [the controller's; 50 for G-code].",
         ),
     ] = None
@@ -41,14 +41,14 @@ class StandMotionOptions:
     slack: Annotated[
         float,
         typer.Option(
-            metavar="MM", min=0.0, max=1000.0,
+            metavar="MM",
+            min=0.0,
+            max=1000.0,
             help="Drums pay out so much and wind it in again before the start.",
         ),
     ] = 0.0
     park: Annotated[bool, typer.Option("--park", help="Go home in the end.")] = False
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Also what the stand cannot do.")
-    ] = False
+    anyway: Annotated[bool, typer.Option("--anyway", help="Also what the stand cannot do.")] = False
     quiet: Quiet = False
 
 
@@ -67,27 +67,24 @@ class StandStreamRequest(StandMotionOptions):
 
     stand: OfStand
     run: OfRun
-    port: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Serial port [the stand's].")
-    ] = None
+    port: Annotated[str | None, typer.Option(metavar="NAME", help="Serial port [the stand's].")] = (
+        None
+    )
     baud: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=300, help="Bits per second [the stand's]."),
+        int | None, typer.Option(metavar="N", min=300, help="Bits per second [the stand's].")
     ] = None
     from_line: Annotated[
-        int | None,
-        typer.Option(metavar="N", min=1, help="Go on from this line of the G-code."),
+        int | None, typer.Option(metavar="N", min=1, help="Go on from this line of the G-code.")
     ] = None
     to: Annotated[
         str | None,
-        typer.Option(
-            metavar="HOST:PORT", help="Where packets of OSC or Art-Net go [the stand's].",
-        ),
+        typer.Option(metavar="HOST:PORT", help="Where packets of OSC or Art-Net go [the stand's]."),
     ] = None
     from_time: Annotated[
         float | None,
         typer.Option(
-            metavar="S", min=0.0,
+            metavar="S",
+            min=0.0,
             help="Go on from this time of the set points, where the axes stand (OSC, Art-Net).",
         ),
     ] = None

@@ -67,14 +67,23 @@ def send_lines(points: SetPoints, request: StandStreamRequest) -> None:
     progress = Progress()
     try:
         with _holding() as hold, serial_port(name, request.baud or controller.baud) as port:
-            stream(port, lines, buffer, counting, progress=progress, hold=hold,
-                   go_on=lambda done: _ask(f"line {done.last}"))  # fmt: skip
+            stream(
+                port,
+                lines,
+                buffer,
+                counting,
+                progress=progress,
+                hold=hold,
+                go_on=lambda done: _ask(f"line {done.last}"),
+            )
     except StreamError as error:
         say(f"fantoccini: {error}")
         if progress.last:
             first = first_lost(text, progress.last, controller.planner)
-            say(f"the controller took all lines up to {progress.last}, and may have dropped what "
-                f"waited; when it still knows where it is, go on with --from-line {first}")
+            say(
+                f"the controller took all lines up to {progress.last}, and may have dropped what "
+                f"waited; when it still knows where it is, go on with --from-line {first}"
+            )
         raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
     if not request.quiet:
         write(f"{progress.done} lines; up to {progress.most} characters were under way")
@@ -84,8 +93,10 @@ def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
     """Sends packets over a network in real time, or prints what would be in them."""
     controller = points.controller
     for option, given in (
-        ("--port", request.port), ("--baud", request.baud), ("--from-line", request.from_line),
-    ):  # fmt: skip
+        ("--port", request.port),
+        ("--baud", request.baud),
+        ("--from-line", request.from_line),
+    ):
         if given is not None:
             fail(f"applies to G-code, and the controller is {controller.type}", option)
     host, port = address_to(request.to, "--to") or (controller.host, controller.port)
@@ -98,24 +109,36 @@ def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
                 write(f"{t:.4f} {packets.told(position)}")
         return
     if first and not request.quiet:
-        say(f"the first packet sends the axes to where they are at t = {first:g} s, at once; they "
-            "must stand there")
+        say(
+            f"the first packet sends the axes to where they are at t = {first:g} s, at once; they "
+            "must stand there"
+        )
     broadcast = isinstance(controller, ArtNet) and controller.broadcast
     progress = Sending()
     try:
         with _holding() as hold, udp_sender(host, port, broadcast) as send:
-            send_points(points, send, first=first, hold=hold, progress=progress,
-                        go_on=lambda done: _ask(f"t = {done.t:.3f} s", done.lost))  # fmt: skip
+            send_points(
+                points,
+                send,
+                first=first,
+                hold=hold,
+                progress=progress,
+                go_on=lambda done: _ask(f"t = {done.t:.3f} s", done.lost),
+            )
     except PacketError as error:
         say(f"fantoccini: {error}")
         if progress.t > 0.0:
             # Rounded down, so that no set point is left out.
-            say(f"when the axes are where they were, go on with --from-time "
-                f"{np.floor(1e3 * error.t) / 1e3:.3f}")  # fmt: skip
+            say(
+                f"when the axes are where they were, go on with --from-time "
+                f"{np.floor(1e3 * error.t) / 1e3:.3f}"
+            )
         raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
     if not request.quiet:
-        write(f"{progress.sent} packets to {host}:{port}, {progress.dropped} set points left out; "
-              f"at most {1e3 * progress.latest:.2f} ms late")  # fmt: skip
+        write(
+            f"{progress.sent} packets to {host}:{port}, {progress.dropped} set points left out; "
+            f"at most {1e3 * progress.latest:.2f} ms late"
+        )
 
 
 @contextlib.contextmanager

@@ -11,9 +11,14 @@ from fantoccini.theatre.perform import Recording
 
 
 def edit_take(
-    file: Path, out: Path | None, trim: str | None, smooth: float | None,
-    stretch: float | None, loop: int | None, quiet: bool,
-) -> None:  # fmt: skip
+    file: Path,
+    out: Path | None,
+    trim: str | None,
+    smooth: float | None,
+    stretch: float | None,
+    loop: int | None,
+    quiet: bool,
+) -> None:
     """Reads a recording, edits it in the order of the options, and writes it.
 
     Args:

@@ -62,10 +62,7 @@ from .requests import (
     SimulateRequest as SimulateRequest,
     takes as takes,
 )
-from .start import (
-    read_values as read_values,
-    start_state as start_state,
-)
+from .start import read_values as read_values, start_state as start_state
 from .terminal import (
     Steps as Steps,
     number as number,

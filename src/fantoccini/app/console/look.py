@@ -46,9 +46,15 @@ class Look:
 
     @classmethod
     def of(
-        cls, view: str | None, focus: Focus | None, theme: Theme | None, size: str | None,
-        fps: float | None, forces: bool = False, bodies: str | None = None,
-    ) -> Look:  # fmt: skip
+        cls,
+        view: str | None,
+        focus: Focus | None,
+        theme: Theme | None,
+        size: str | None,
+        fps: float | None,
+        forces: bool = False,
+        bodies: str | None = None,
+    ) -> Look:
         """The look from the values of options.
 
         Raises:
@@ -57,10 +63,14 @@ class Look:
         if fps is not None and not 0.0 < fps <= _MAX_FPS:
             fail(f"{fps:g} must be positive and at most {_MAX_FPS:g}", "--fps")
         return cls(
-            None if view is None else _view(view), None if focus is None else focus.value,
-            None if theme is None else theme.value, None if size is None else _size(size), fps,
-            forces or None, None if bodies is None else _names(bodies),
-        )  # fmt: skip
+            None if view is None else _view(view),
+            None if focus is None else focus.value,
+            None if theme is None else theme.value,
+            None if size is None else _size(size),
+            fps,
+            forces or None,
+            None if bodies is None else _names(bodies),
+        )
 
     def check(self, out: Sequence[Path], plot: Path | None = None) -> None:
         """Raises a usage error if an option applies to none of the output files."""

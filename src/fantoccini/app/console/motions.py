@@ -93,12 +93,17 @@ def report_lateness(found: Rehearsal) -> None:
         ("lane", "gesture", "mark", "string", "at [s]>", "as written>", "rehearsed>"),
         [
             (
-                one.cue.lane, one.cue.gesture, one.mark, one.string,
-                f"{one.cue.marks[one.mark]:.2f}", _ms(one), _ms(now),
+                one.cue.lane,
+                one.cue.gesture,
+                one.mark,
+                one.string,
+                f"{one.cue.marks[one.mark]:.2f}",
+                _ms(one),
+                _ms(now),
             )
             for one, now in zip(found.before, found.late, strict=True)
         ],
-    )  # fmt: skip
+    )
 
 
 def _ms(late: Late) -> str:

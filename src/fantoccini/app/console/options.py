@@ -12,10 +12,19 @@ import typer
 SchemaOf = enum.StrEnum(
     "SchemaOf",
     [
-        "PUPPET", "SCENE", "INPUTS", "GESTURE", "SCORE", "PLAY", "PROBLEM", "TASK", "MAPPING",
-        "STAND", "RECORD",
+        "PUPPET",
+        "SCENE",
+        "INPUTS",
+        "GESTURE",
+        "SCORE",
+        "PLAY",
+        "PROBLEM",
+        "TASK",
+        "MAPPING",
+        "STAND",
+        "RECORD",
     ],
-)  # fmt: skip
+)
 Planner = enum.StrEnum("Planner", {"EXPLORE": "explore", "EST2007": "est-2007"})
 Objective = enum.StrEnum("Objective", ["GENTLE", "TIME", "ACCELERATION"])
 Theme = enum.StrEnum("Theme", ["LIGHT", "DARK"])
@@ -51,7 +60,8 @@ Quiet = Annotated[
 Inputs = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", callback=performed,
+        metavar="FILE",
+        callback=performed,
         help="Motion of the driven coordinates: .yaml, .csv, .npz, a recording (.npz), or the name "
         "of a bundled performance.",
     ),

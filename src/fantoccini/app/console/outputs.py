@@ -131,6 +131,11 @@ def _write(
             say(f"{path}: has {MAX_GIF_FPS:g} frames a second, the most that browsers play")
         done = steps.bar(f"rendering {path}", 1.0)
         view.film(
-            marionette, run, path, progress=lambda frame, frames: done(frame / frames),
-            **look.given("view", "focus", "theme", "size", "fps", "forces"), guides=guides, **films,
-        )  # fmt: skip
+            marionette,
+            run,
+            path,
+            progress=lambda frame, frames: done(frame / frames),
+            **look.given("view", "focus", "theme", "size", "fps", "forces"),
+            guides=guides,
+            **films,
+        )

@@ -26,18 +26,27 @@ def report(run: Trajectory, seconds: float) -> None:
     table(
         "Strings",
         (
-            "name", "catches>", "releases>", "longest slack [s]>", "min [N]>", "max [N]>",
+            "name",
+            "catches>",
+            "releases>",
+            "longest slack [s]>",
+            "min [N]>",
+            "max [N]>",
             "hardest catch [N s]>",
         ),
         [
             (
-                name, caught[name], released[name], f"{longest_slack(run, name):.3f}",
-                float(np.min(tension)), float(np.max(tension)),
+                name,
+                caught[name],
+                released[name],
+                f"{longest_slack(run, name):.3f}",
+                float(np.min(tension)),
+                float(np.max(tension)),
                 number(impulse[name]) if name in impulse else "",
             )
             for name, tension in run.tension.items()
         ],
-    )  # fmt: skip
+    )
     table(
         "Energy [J]",
         tuple(f"{name}>" for name in ("", *run.ledger.names)),

@@ -42,12 +42,14 @@ def takes(request: type[R]) -> Callable[[Callable[[R], None]], Callable[..., Non
     defaults = {f.name: f.default for f in fields(request)}
     parameters = [
         inspect.Parameter(
-            name, inspect.Parameter.KEYWORD_ONLY, annotation=hints[name],
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            annotation=hints[name],
             default=inspect.Parameter.empty if defaults[name] is MISSING else defaults[name],
         )
         for owner in request.__mro__
         for name in vars(owner).get("__annotations__", {})
-    ]  # fmt: skip
+    ]
 
     def decorate(run: Callable[[R], None]) -> Callable[..., None]:
         def command(**values: Any) -> None:
@@ -94,7 +96,7 @@ class PictureOptions:
         """The look of pictures; a usage error if an option has an invalid value."""
         return Look.of(
             self.view, self.focus, self.theme, self.size, self.fps, self.forces, self.bodies
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,8 +124,7 @@ class SimulateRequest(PictureOptions):
         ),
     ] = None
     rtol: Annotated[
-        float | None,
-        typer.Option(callback=positive, help="Relative tolerance of event [1e-11]."),
+        float | None, typer.Option(callback=positive, help="Relative tolerance of event [1e-11].")
     ] = None
     start: Annotated[
         list[str] | None,
@@ -142,8 +143,7 @@ class SimulateRequest(PictureOptions):
     ] = False
     out: Out = None
     plot: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Plot against time: .png, .svg or .pdf."),
+        Path | None, typer.Option(metavar="PATH", help="Plot against time: .png, .svg or .pdf.")
     ] = None
     rate: Annotated[
         float | None,
@@ -177,8 +177,7 @@ class PlanRequest(PictureOptions):
     ] = None
     planner: Annotated[Planner, typer.Option(help="Planner to use.")] = Planner.EXPLORE
     tolerance: Annotated[
-        float | None,
-        typer.Option(callback=positive, help="Goal tolerance; overrides the file."),
+        float | None, typer.Option(callback=positive, help="Goal tolerance; overrides the file.")
     ] = None
     time_limit: Annotated[
         float, typer.Option(metavar="S", callback=positive, help="Time limit for the first plan.")
@@ -193,8 +192,7 @@ class PlanRequest(PictureOptions):
         ),
     ] = True
     objective: Annotated[
-        Objective | None,
-        typer.Option(help="Cost that --improve reduces; overrides the file."),
+        Objective | None, typer.Option(help="Cost that --improve reduces; overrides the file.")
     ] = None
     seed: Annotated[int, typer.Option(help="Seed of all random choices.")] = 0
     threads: Annotated[
@@ -228,8 +226,7 @@ class OptimiseRequest(PictureOptions):
         bool, typer.Option("--check", help="Only check the file and list its mistakes.")
     ] = False
     tolerance: Annotated[
-        float,
-        typer.Option(callback=positive, help="Residual of the conditions of optimality."),
+        float, typer.Option(callback=positive, help="Residual of the conditions of optimality.")
     ] = 1e-6
     cost_tolerance: Annotated[
         float,
@@ -288,8 +285,7 @@ class FollowRequest(PictureOptions):
     ] = None
     out: Out = None
     guides: Annotated[
-        bool,
-        typer.Option("--guides/--no-guides", help="Draw the clip in strips and films."),
+        bool, typer.Option("--guides/--no-guides", help="Draw the clip in strips and films.")
     ] = True
     save: SaveInputs = None
     show: ShowMotion = False
@@ -349,8 +345,7 @@ class PerformRequest(PageOptions):
         typer.Option(metavar="HOST:PORT", help="Where OSC messages are heard [nowhere]."),
     ] = None
     osc_out: Annotated[
-        str | None,
-        typer.Option(metavar="HOST:PORT", help="Where OSC messages are sent [nowhere]."),
+        str | None, typer.Option(metavar="HOST:PORT", help="Where OSC messages are sent [nowhere].")
     ] = None
 
 

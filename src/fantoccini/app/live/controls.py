@@ -113,9 +113,13 @@ class Controls:
     def remove(self) -> None:
         """Removes everything from the page."""
         for node in (
-            *self._beads.values(), *self.labels.values(), *self.rings.values(),
-            *self.sliders.values(), self._ghosts, self._leads,
-        ):  # fmt: skip
+            *self._beads.values(),
+            *self.labels.values(),
+            *self.rings.values(),
+            *self.sliders.values(),
+            self._ghosts,
+            self._leads,
+        ):
             node.remove()
 
     def select(self, name: str | None) -> None:
@@ -191,24 +195,36 @@ class Controls:
     def _add_handle(self, n: int, handle: Handle) -> None:
         position, wxyz = self._performance.place(handle.name)
         bead = self._server.scene.add_icosphere(
-            f"/handles/{n}", radius=0.017 * self._size, subdivisions=3, position=position,
-            color=self._colour(handle.name, False), cast_shadow=False,
-        )  # fmt: skip
+            f"/handles/{n}",
+            radius=0.017 * self._size,
+            subdivisions=3,
+            position=position,
+            color=self._colour(handle.name, False),
+            cast_shadow=False,
+        )
         bead.on_click(lambda event, name=handle.name: self.select(name))
         if len(handle.axes):
             for modifier in (None, "shift"):
                 bead.on_drag("left", modifier=modifier)(self._dragged(handle))
         self._beads[handle.name] = bead
         self.labels[handle.name] = self._server.scene.add_label(
-            f"/names/{n}", handle.name, anchor="bottom-center",
+            f"/names/{n}",
+            handle.name,
+            anchor="bottom-center",
             position=position + np.array([0.0, 0.0, self._above[n]]),
-        )  # fmt: skip
+        )
         if len(handle.turns):
             ring = self._server.scene.add_transform_controls(
-                f"/rings/{n}", scale=0.16 * self._size, line_width=2.0,
-                disable_axes=not len(handle.axes), disable_sliders=True, depth_test=False,
-                opacity=0.75, position=position, wxyz=wxyz,
-            )  # fmt: skip
+                f"/rings/{n}",
+                scale=0.16 * self._size,
+                line_width=2.0,
+                disable_axes=not len(handle.axes),
+                disable_sliders=True,
+                depth_test=False,
+                opacity=0.75,
+                position=position,
+                wxyz=wxyz,
+            )
             ring.on_update(self._turned_ring(handle))
             self.rings[handle.name] = ring
 
@@ -237,9 +253,13 @@ class Controls:
             "/lag/leads", none, colour, thickness=1.5, thickness_units="screen", visible=False
         )
         self._ghosts = api.add_point_cloud(
-            "/lag/wanted", np.zeros((1, 3), dtype=np.float32), colour,
-            point_size=0.02 * self._size, point_shape="circle", visible=False,
-        )  # fmt: skip
+            "/lag/wanted",
+            np.zeros((1, 3), dtype=np.float32),
+            colour,
+            point_size=0.02 * self._size,
+            point_shape="circle",
+            visible=False,
+        )
 
     def _show_selected(self) -> None:
         """Shows the rings of one handle at a time: those of several would overlap."""
@@ -280,9 +300,10 @@ class Controls:
                     return
                 winds = name in self._performance.lengths
                 grab = self.grabs[key] = _Grab(
-                    np.array(event.start_position), self._performance.target(name)[0],
+                    np.array(event.start_position),
+                    self._performance.target(name)[0],
                     self._performance.wanted_length(name) if winds else None,
-                )  # fmt: skip
+                )
             camera, mouse = event.client.camera, np.array(event.end_position, dtype=float)
             eye = np.array(camera.position, dtype=float)
             if not np.isfinite([mouse, eye, grab.anchor]).all():

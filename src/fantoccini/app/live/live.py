@@ -105,9 +105,10 @@ class Live(PageLoop):
     def handlers(self) -> dict[str, Handler]:
         """Websockets of our own."""
         return {
-            pad.PATH: self.pads.visit, sound.PATH: self.stage.sounds.visit,
+            pad.PATH: self.pads.visit,
+            sound.PATH: self.stage.sounds.visit,
             midi.PATH: self._midi.visit,
-        }  # fmt: skip
+        }
 
     @property
     def recorder(self) -> Recorder:
@@ -298,8 +299,10 @@ class Live(PageLoop):
         for button, do in (
             (pad.NEXT, lambda: self.controls.select_next(1)),
             (pad.BEFORE, lambda: self.controls.select_next(-1)),
-            (pad.PAUSE, self.pause), (pad.RESET, self.reset), (pad.RECORD, self.record),
-        ):  # fmt: skip
+            (pad.PAUSE, self.pause),
+            (pad.RESET, self.reset),
+            (pad.RECORD, self.record),
+        ):
             if button in pressed:
                 self.act(viewer, do)
         if sticks.moved:
@@ -334,14 +337,19 @@ class Live(PageLoop):
         self.nodes = SceneNodes(self.server.viser, geometry, self.theme, top)
         self.panel.build(self.nodes)
         self.controls = Controls(
-            self.server.viser, self.performance, self.theme, geometry.size,
-            self.nodes.view("three-quarter"), self.act,
-            lambda: self.panel.drag_winds, self.holder.leave, self.panel.lengths,
-        )  # fmt: skip
-        self.pushes = Pushes(
-            self.server.viser, self.performance, self.nodes, self.theme, self.act,
+            self.server.viser,
+            self.performance,
+            self.theme,
+            geometry.size,
+            self.nodes.view("three-quarter"),
+            self.act,
+            lambda: self.panel.drag_winds,
             self.holder.leave,
-        )  # fmt: skip
+            self.panel.lengths,
+        )
+        self.pushes = Pushes(
+            self.server.viser, self.performance, self.nodes, self.theme, self.act, self.holder.leave
+        )
         self.panel.set_up(self.controls)
         self.nodes.show(self._moment())
 
@@ -378,9 +386,11 @@ class Live(PageLoop):
         client = self.server.viser.get_clients().get(viewer)
         if client is not None:
             client.add_notification(
-                "Somebody else holds the strings", f"{holder_text(self.holder.viewer, viewer)}.",
-                auto_close_seconds=3.0, color="yellow",
-            )  # fmt: skip
+                "Somebody else holds the strings",
+                f"{holder_text(self.holder.viewer, viewer)}.",
+                auto_close_seconds=3.0,
+                color="yellow",
+            )
 
     def _fit(self, client: viser.ClientHandle) -> None:
         """A narrow window, as on a phone, needs a more distant camera."""

@@ -114,9 +114,7 @@ class LivePanel:
         self._score: ScoreTab | None = None
         self._play: PlayTab | None = None
         if live.stage.show is not None:
-            self._play = PlayTab(
-                live, gui, tabs.add_tab("Play"), self._command, live.stage.show
-            )
+            self._play = PlayTab(live, gui, tabs.add_tab("Play"), self._command, live.stage.show)
         elif live.stage.score is not None:
             self._score = ScoreTab(live, gui, tabs.add_tab("Score"), self._command, theme)
         self._pause.on_click(lambda e: live.later(e.client_id, live.pause))
@@ -330,9 +328,11 @@ class LivePanel:
         acts("Next handle", "F", lambda _: live.controls.select_next(1))
         acts("Handle before", "G", lambda _: live.controls.select_next(-1))
         for label, key, right, up in (
-            ("left", "A", -_PUSH, 0.0), ("right", "D", _PUSH, 0.0),
-            ("up or away", "W", 0.0, _PUSH), ("down or near", "S", 0.0, -_PUSH),
-        ):  # fmt: skip
+            ("left", "A", -_PUSH, 0.0),
+            ("right", "D", _PUSH, 0.0),
+            ("up or away", "W", 0.0, _PUSH),
+            ("down or near", "S", 0.0, -_PUSH),
+        ):
             acts(f"Handle {label}", key, partial(live.push, right, up))
         acts("Wind in", "E", lambda _: live.wind(-_PUSH))
         acts("Wind out", "Q", lambda _: live.wind(_PUSH))

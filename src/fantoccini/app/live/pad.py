@@ -83,8 +83,8 @@ def read(message: str | bytes) -> Sticks | None:
         return None
     try:
         data = json.loads(message)
-        axes = [float(x) for x in data["axes"][:_LIMITS.max_count]]
-        down = frozenset(n for n, b in enumerate(data["buttons"][:_LIMITS.max_count]) if b == 1)
+        axes = [float(x) for x in data["axes"][: _LIMITS.max_count]]
+        down = frozenset(n for n, b in enumerate(data["buttons"][: _LIMITS.max_count]) if b == 1)
     except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return None
     if not all(map(math.isfinite, axes)):

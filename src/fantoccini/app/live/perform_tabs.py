@@ -54,9 +54,11 @@ class GesturesTab:
         with tab:
             self._about = gui.add_html("")
             home = gui.add_button(
-                "Home (H)", icon="home", color="gray",
+                "Home (H)",
+                icon="home",
+                color="gray",
                 hint="Takes back all gestures; without any, the hands go to the start",
-            )  # fmt: skip
+            )
             home.on_click(lambda e: live.later(e.client_id, self._go_home))
             boxes = (
                 ("Mirrored", "mirrored", "Left and right change places"),
@@ -203,9 +205,10 @@ class TakesTab:
             self._about = gui.add_html("")
             self.choice = gui.add_dropdown("Take", (_NONE,), hint="The newest first")
             self._play = gui.add_button(
-                "Play (L)", icon="player-play",
+                "Play (L)",
+                icon="player-play",
                 hint="From its start; ends the score and gestures that are played",
-            )  # fmt: skip
+            )
             self.again = gui.add_checkbox("Loop", False, hint="Again and again, joined smoothly")
             with gui.add_folder("Edit"):
                 self._editing = gui.add_html("")
@@ -302,9 +305,15 @@ class TakesTab:
     def _add_part(self, length: float) -> Any:
         with self._tab:
             part = self._gui.add_multi_slider(
-                "Part [s]", 0.0, round(length, 2), 0.01, (0.0, round(length, 2)),
-                min_range=0.05, order=self.again.order + 0.5, hint="Start and end",
-            )  # fmt: skip
+                "Part [s]",
+                0.0,
+                round(length, 2),
+                0.01,
+                (0.0, round(length, 2)),
+                min_range=0.05,
+                order=self.again.order + 0.5,
+                hint="Start and end",
+            )
         part.on_update(self._edit)
         return part
 

@@ -36,13 +36,19 @@ class PlayTab:
     ):
         self._live, self._show = live, show
         acts: tuple[tuple[str, str, str, str, str, Callable[[], None]], ...] = (
-            ("GO (Space)", "space", "player-skip-forward", "green",
-             "Begins the play, or the cue that stands by", show.go),
+            (
+                "GO (Space)",
+                "space",
+                "player-skip-forward",
+                "green",
+                "Begins the play, or the cue that stands by",
+                show.go,
+            ),
             ("Hold (Y)", "Y", "player-pause", "gray", "The hands rest; goes on", self._hold),
             ("Skip (K)", "K", "player-track-next", "gray", "To the next cue", show.skip),
             ("Repeat (J)", "J", "reload", "gray", "The present cue once more", show.repeat),
             ("All stop (I)", "I", "hand-stop", "red", "All hands stop at once", show.panic),
-        )  # fmt: skip
+        )
         self._labels: dict[str, Any] = {}
         with tab:
             self._about = gui.add_html("")
@@ -54,9 +60,11 @@ class PlayTab:
             self._players = {}
             for who in show.play.cast.players:
                 button = gui.add_button(
-                    f"Take {who}", icon="hand-grab", color="gray",
+                    f"Take {who}",
+                    icon="hand-grab",
+                    color="gray",
                     hint="Into your hands, or back to the play",
-                )  # fmt: skip
+                )
                 button.on_click(partial(self._asked, partial(self._take, who)))
                 self._players[who] = button
             names = {_listed(cue): cue.number for cue in show.play.cues if not cue.refused}

@@ -1,6 +1,6 @@
 """Bodies that viewers pull at: as by a rubber band between the body and the mouse.
 
-    F = k (mouse - point),  |F| <= most
+F = k (mouse - point),  |F| <= most
 """
 
 from __future__ import annotations
@@ -82,9 +82,13 @@ class Pushes:
             for mesh in nodes.bodies[k]:
                 mesh.on_drag("left")(self._dragged(name))
         self._line = server.scene.add_line_segments(
-            "/pull", np.zeros((1, 2, 3)), to_bytes(rgb(theme.cycle[0])), thickness=2.0,
-            thickness_units="screen", visible=False,
-        )  # fmt: skip
+            "/pull",
+            np.zeros((1, 2, 3)),
+            to_bytes(rgb(theme.cycle[0])),
+            thickness=2.0,
+            thickness_units="screen",
+            visible=False,
+        )
 
     def remove(self) -> None:
         """Lets go, and removes the line from the page; meshes go with their nodes."""

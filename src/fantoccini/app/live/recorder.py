@@ -133,9 +133,7 @@ def unused(folder: Path, stem: str, ending: str, used: Collection[Path] = frozen
     return path
 
 
-def free_path(
-    folder: Path, name: str, now: datetime, used: Collection[Path] = frozenset()
-) -> Path:
+def free_path(folder: Path, name: str, now: datetime, used: Collection[Path] = frozenset()) -> Path:
     """A path without a file: ``NAME-YYYYmmdd-HHMMSS.npz`` in the folder.
 
     Args:

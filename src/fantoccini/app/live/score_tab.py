@@ -51,9 +51,11 @@ class ScoreTab:
             self._changes = gui.add_html("", visible=False)
             self._about = gui.add_html("")
             self._go = gui.add_button(
-                "GO (Space)", icon="player-skip-forward", color="green",
+                "GO (Space)",
+                icon="player-skip-forward",
+                color="green",
                 hint="Begins; goes on where it waits",
-            )  # fmt: skip
+            )
             self._play = gui.add_button("Play (Y)", icon="player-play")
             stop = gui.add_button("Stop", icon="player-stop", color="gray")
         self._go.on_click(lambda e: live.later(e.client_id, live.stage.go))
@@ -150,8 +152,9 @@ def drawing(score: Score, t: float, theme: Theme) -> str:
             f'y="{top + 9}" text-anchor="{end}">{text(name)}</text>'
         )
     x = t * scale
-    parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{top}" stroke="{ink}" '
-                 'stroke-width="1.6"/>')  # fmt: skip
+    parts.append(
+        f'<line x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{top}" stroke="{ink}" stroke-width="1.6"/>'
+    )
     return (
         f'<svg viewBox="-4 0 {_SIZES.width + 8} {top + 14}" style="width:100%;display:block" '
         f'font-size="9" fill="{ink}">{"".join(parts)}</svg>'

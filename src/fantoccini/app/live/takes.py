@@ -138,9 +138,12 @@ class Takes:
 
             run = made.trajectory
             film(
-                made.marionette, run, path, theme=theme,
+                made.marionette,
+                run,
+                path,
+                theme=theme,
                 progress=lambda k, n: self._worker.progress(what, k / n),
-            )  # fmt: skip
+            )
             return f"wrote {path} ({run.duration:.1f} s)"
 
         self._worker.do(what, job)

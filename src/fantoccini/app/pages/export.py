@@ -152,7 +152,7 @@ def _caption(motion: ResampledRun, theme: Theme) -> str:
     script = _SCRIPT.replace("READINGS", json.dumps(readings, allow_nan=False))
     return (
         f'<div style="position:fixed;right:1.2em;top:1em;z-index:5;pointer-events:none;'
-        f'color:{to_hex(theme.ink)};'
+        f"color:{to_hex(theme.ink)};"
         'font:13px/1.5 system-ui,sans-serif">'
         f'<div style="font-size:18px;font-weight:600">{text(geometry.title)} '
         '<span id="clock" style="font-weight:400;opacity:0.7"></span></div>'

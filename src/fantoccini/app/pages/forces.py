@@ -40,10 +40,14 @@ class Forces:
         self._wanted, self._arrows = False, np.zeros((0, 2, 3), dtype=np.float32)
         size = geometry.size
         self.node = server.scene.add_arrows(
-            "/forces", self._arrows, to_bytes(theme.force), visible=False,
-            shaft_radius=_SHAPE.shaft * size, head_radius=_SHAPE.head * size,
+            "/forces",
+            self._arrows,
+            to_bytes(theme.force),
+            visible=False,
+            shaft_radius=_SHAPE.shaft * size,
+            head_radius=_SHAPE.head * size,
             head_length=_SHAPE.head_length * size,
-        )  # fmt: skip
+        )
 
     def want(self, wanted: bool) -> None:
         """Shows or hides them."""

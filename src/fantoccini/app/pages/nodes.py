@@ -162,14 +162,24 @@ class SceneNodes:
         middle = np.round(0.5 * (low + high) / cell) * cell
         plane = mix(theme.bottom, theme.floor[:3], float(theme.floor[3]))
         self._floor = api.add_grid(
-            "/floor", width=6.0 * reach, height=6.0 * reach, plane="xy",
+            "/floor",
+            width=6.0 * reach,
+            height=6.0 * reach,
+            plane="xy",
             position=(float(middle[0]), float(middle[1]), geometry.floor),
-            cell_size=cell, section_size=5.0 * cell,
-            cell_color=to_bytes(mix(plane, theme.grid, 0.55)), section_color=to_bytes(theme.grid),
-            cell_thickness=0.6, section_thickness=1.0, fade_distance=2.6 * reach,
-            fade_strength=1.0, fade_from="camera", plane_color=to_bytes(plane),
-            plane_opacity=1.0, shadow_opacity=0.45 if theme.name == "light" else 0.6,
-        )  # fmt: skip
+            cell_size=cell,
+            section_size=5.0 * cell,
+            cell_color=to_bytes(mix(plane, theme.grid, 0.55)),
+            section_color=to_bytes(theme.grid),
+            cell_thickness=0.6,
+            section_thickness=1.0,
+            fade_distance=2.6 * reach,
+            fade_strength=1.0,
+            fade_from="camera",
+            plane_color=to_bytes(plane),
+            plane_opacity=1.0,
+            shadow_opacity=0.45 if theme.name == "light" else 0.6,
+        )
         self._nodes.append(self._floor)
         obstacles = [s for s in geometry.solids if s.link == WORLD]
         self._obstacles = self._meshes("/obstacles", obstacles)
@@ -201,10 +211,14 @@ class SceneNodes:
             faces = np.concatenate([p.faces + at for p, at in zip(parts, starts, strict=True)])
             nodes.append(
                 self.server.scene.add_mesh_simple(
-                    f"{name}/{n}", vertices, faces.astype(np.uint32), color=colour,
-                    flat_shading=sharp, side="front",
+                    f"{name}/{n}",
+                    vertices,
+                    faces.astype(np.uint32),
+                    color=colour,
+                    flat_shading=sharp,
+                    side="front",
                 )
-            )  # fmt: skip
+            )
         self._nodes += nodes
         return nodes
 

@@ -153,14 +153,17 @@ class Plot:
         values = {"auto": False, "range": list(scale)}
         zeros = tuple(np.zeros(2) for _ in series[1:])
         self._node = gui.add_uplot(
-            (np.array(span, dtype=float), *zeros), tuple(series),
+            (np.array(span, dtype=float), *zeros),
+            tuple(series),
             scales={"x": {"time": False, "auto": False, "range": list(span)}, "y": values},
             axes=(
                 {"stroke": ink, "grid": grid, "size": 26},
                 {"stroke": ink, "grid": grid, "size": 46, "label": label, "labelSize": 16},
             ),
-            legend={"show": False}, cursor={"show": False}, height=height,
-        )  # fmt: skip
+            legend={"show": False},
+            cursor={"show": False},
+            height=height,
+        )
 
     def draw(self, t: np.ndarray, values: np.ndarray, now: float | None = None) -> None:
         """Draws values (n_names, n) at times (n,), with the mark at ``now`` [s]."""

@@ -37,11 +37,13 @@ class PlanTree:
         """Adds dots and line to the geometry of a motion of this size [m]."""
         dots = self.nodes[spread(len(self.nodes), MAX_DOTS)].astype(np.float32)
         server.scene.add_point_cloud(
-            "/plan/tree", dots, to_bytes(theme.faint), point_size=0.005 * size,
-            point_shape="circle",
-        )  # fmt: skip
+            "/plan/tree", dots, to_bytes(theme.faint), point_size=0.005 * size, point_shape="circle"
+        )
         if len(self.way) > 1:
             server.scene.add_line_segments(
-                "/plan/way", np.stack([self.way[:-1], self.way[1:]], axis=1),
-                to_bytes(PATH_COLOUR), thickness=2.5, thickness_units="screen",
-            )  # fmt: skip
+                "/plan/way",
+                np.stack([self.way[:-1], self.way[1:]], axis=1),
+                to_bytes(PATH_COLOUR),
+                thickness=2.5,
+                thickness_units="screen",
+            )

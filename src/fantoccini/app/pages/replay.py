@@ -40,10 +40,18 @@ class _Sizes(NamedTuple):
 _SIZES = _Sizes()
 
 EVENT_TEXTS = {
-    "catch": "catches", "release": "goes slack", "limit_on": "reaches its limit",
-    "limit_off": "leaves its limit", "accumulation": "catches ever faster", "slip": "slips",
-    "grip": "grips", "touch": "touch", "lift": "part", "slide": "slide", "stick": "stick",
-}  # fmt: skip
+    "catch": "catches",
+    "release": "goes slack",
+    "limit_on": "reaches its limit",
+    "limit_off": "leaves its limit",
+    "accumulation": "catches ever faster",
+    "slip": "slips",
+    "grip": "grips",
+    "touch": "touch",
+    "lift": "part",
+    "slide": "slide",
+    "stick": "stick",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,9 +148,13 @@ class Replay(PageLoop):
         gui.add_html(note(_about(motion)))
         span = motion.start, motion.end
         self._slider = gui.add_slider(
-            "Time", span[0], max(span[1], span[0] + 1e-3),
-            max(1e-3, round((span[1] - span[0]) / 2000, 3)), span[0], marks=_marks(motion),
-        )  # fmt: skip
+            "Time",
+            span[0],
+            max(span[1], span[0] + 1e-3),
+            max(1e-3, round((span[1] - span[0]) / 2000, 3)),
+            span[0],
+            marks=_marks(motion),
+        )
         self._slider.on_update(self._slid)
         self._play = gui.add_button("Pause", icon="player-pause")
         self._play.on_click(lambda _: self._toggle())
@@ -163,14 +175,25 @@ class Replay(PageLoop):
             with gui.add_folder("Tension"):
                 self._bars = gui.add_html("")
                 self._tension = Plot(
-                    gui, motion.geometry.names, self.theme, "N", span,
-                    (0.0, 1.05 * self.nodes.colours.top), mark=True,
-                )  # fmt: skip
+                    gui,
+                    motion.geometry.names,
+                    self.theme,
+                    "N",
+                    span,
+                    (0.0, 1.05 * self.nodes.colours.top),
+                    mark=True,
+                )
         with gui.add_folder("Energy"):
             self._energy = Plot(
-                gui, ("kinetic", "potential", "sum"), self.theme, "J", span,
-                _scale(self._energies), mark=True, height=140,
-            )  # fmt: skip
+                gui,
+                ("kinetic", "potential", "sum"),
+                self.theme,
+                "J",
+                span,
+                _scale(self._energies),
+                mark=True,
+                height=140,
+            )
             gui.add_html(_legend(("kinetic", "potential", "sum"), self.theme.cycle))
         self._listing = None
         if motion.events:
@@ -178,9 +201,11 @@ class Replay(PageLoop):
                 self._listing = gui.add_html("")
         gui.add_command("Play or pause", hotkey="P").on_trigger(lambda _: self._toggle())
         for label, key, what in (
-            ("Step back", "A", "<"), ("Step on", "D", ">"),
-            ("Event before", "W", "|<"), ("Next event", "S", ">|"),
-        ):  # fmt: skip
+            ("Step back", "A", "<"),
+            ("Step on", "D", ">"),
+            ("Event before", "W", "|<"),
+            ("Next event", "S", ">|"),
+        ):
             gui.add_command(label, hotkey=key).on_trigger(lambda _, what=what: self._step(what))
 
     def _slid(self, event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:

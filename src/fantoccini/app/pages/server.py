@@ -76,9 +76,11 @@ class Server:
         self.port = self.viser.get_port()
         self.moved = port not in (0, self.port)
         self.viser.gui.configure_theme(
-            dark_mode=theme.name == "dark", show_logo=False, show_share_button=False,
+            dark_mode=theme.name == "dark",
+            show_logo=False,
+            show_share_button=False,
             brand_color=to_bytes(rgb(theme.cycle[0])),
-        )  # fmt: skip
+        )
 
     @property
     def url(self) -> str:

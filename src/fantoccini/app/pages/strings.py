@@ -95,9 +95,13 @@ class Strings:
             name: str, n: int, colour: tuple[int, int, int], width: float, visible: bool = True
         ) -> viser.LineSegmentsHandle:
             return server.scene.add_line_segments(
-                name, np.zeros((n, 2, 3)), colour, thickness=width, thickness_units="screen",
+                name,
+                np.zeros((n, 2, 3)),
+                colour,
+                thickness=width,
+                thickness_units="screen",
                 visible=visible,
-            )  # fmt: skip
+            )
 
         self._spans = [
             add(f"/strings/{geometry.names[s]}/{n}", 1, (0, 0, 0), 3.0, False)

@@ -25,22 +25,30 @@ CHECKED_VERSIONS = ("1.1.1",)
 """Versions of viser that the tests have passed with."""
 
 UNUSED_MESSAGES = (
-    "GuiButtonHoldMessage", "GuiFormSubmitMessage", "GuiFormDirtyMessage",
-    "FileTransferStartUpload", "FileTransferPart",
+    "GuiButtonHoldMessage",
+    "GuiFormSubmitMessage",
+    "GuiFormDirtyMessage",
+    "FileTransferStartUpload",
+    "FileTransferPart",
     # These would open a tunnel through a server of viser's makers.
-    "ShareUrlRequest", "ShareUrlDisconnect",
-)  # fmt: skip
+    "ShareUrlRequest",
+    "ShareUrlDisconnect",
+)
 """Messages from the browser that no control of ours sends; they are refused."""
 
 MESSAGES = (*UNUSED_MESSAGES, "GuiUpdateMessage", "SetPositionMessage", "SetOrientationMessage")
 """All messages that are used here."""
 
 MEMBERS = (
-    "_websock_server.register_handler", "_websock_server.unregister_handler",
-    "gui._gui_input_handle_from_uuid", "gui._handle_gui_updates",
-    "scene.world_axes._impl.name", "scene.world_axes._impl.position",
-    "scene.world_axes._impl.wxyz", "scene.world_axes._impl.api._queue_scene_message",
-)  # fmt: skip
+    "_websock_server.register_handler",
+    "_websock_server.unregister_handler",
+    "gui._gui_input_handle_from_uuid",
+    "gui._handle_gui_updates",
+    "scene.world_axes._impl.name",
+    "scene.world_axes._impl.position",
+    "scene.world_axes._impl.wxyz",
+    "scene.world_axes._impl.api._queue_scene_message",
+)
 """Members of a server that are used here."""
 
 MAX_TEXT = 200

@@ -17,13 +17,7 @@ from fantoccini.base.documents.located import (
     validate,
 )
 from fantoccini.base.documents.refusals import Refusals
-from fantoccini.base.documents.sized_values import (
-    SIZED,
-    Place,
-    Size,
-    Sized,
-    Value,
-)
+from fantoccini.base.documents.sized_values import SIZED, Place, Size, Sized, Value
 from fantoccini.base.documents.values import (
     NAME,
     Angle,

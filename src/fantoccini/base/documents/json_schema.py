@@ -19,8 +19,4 @@ def described_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
         if "const" in part.get("properties", {}).get("type", {}):
             # `type` has a default in Python but must be given in a file.
             part["required"] = list(dict.fromkeys(["type", *part.get("required", [])]))
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **schema,
-        "title": title,
-    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": title}

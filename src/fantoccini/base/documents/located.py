@@ -136,10 +136,7 @@ def read_file(path: str | os.PathLike[str], error: type[FileError] = FileError) 
 
 
 def read_located(
-    text: str | bytes,
-    file: str,
-    folder: FilePath | None = None,
-    error: type[FileError] = FileError,
+    text: str | bytes, file: str, folder: FilePath | None = None, error: type[FileError] = FileError
 ) -> Located:
     """Reads YAML text.
 

@@ -26,8 +26,6 @@ Sized = Annotated[Real, SIZED]
 Size = Annotated[Positive, SIZED]
 Place = Annotated[Vector, SIZED]
 Value = Annotated[
-    Angle | tuple[Angle, ...],
-    SIZED,
-    WithJsonSchema({"type": ["number", "string", "array"]}),
+    Angle | tuple[Angle, ...], SIZED, WithJsonSchema({"type": ["number", "string", "array"]})
 ]
 """A number or angle, or a tuple of them: an interval or a rotation."""

@@ -1,33 +1,12 @@
 """Optimal control: minimum-cost motions of a puppet within bounds."""
 
-from fantoccini.control.optimal.api import (
-    follow,
-    optimise,
-    refuse_winches,
-)
-from fantoccini.control.optimal.mpc import (
-    MPC,
-    MPCStatus,
-)
+from fantoccini.control.optimal.api import follow, optimise, refuse_winches
+from fantoccini.control.optimal.mpc import MPC, MPCStatus
 from fantoccini.control.optimal.outlook import out_of_reach
-from fantoccini.control.optimal.reached import (
-    Reach,
-    ReachedPose,
-    ReachStatus,
-)
-from fantoccini.control.optimal.reaching import (
-    What,
-    reach,
-)
-from fantoccini.control.optimal.result import (
-    OptimalStatus,
-    Optimum,
-)
-from fantoccini.control.optimal.tuning import (
-    Tuned,
-    TunedStatus,
-    tune,
-)
+from fantoccini.control.optimal.reached import Reach, ReachedPose, ReachStatus
+from fantoccini.control.optimal.reaching import What, reach
+from fantoccini.control.optimal.result import OptimalStatus, Optimum
+from fantoccini.control.optimal.tuning import Tuned, TunedStatus, tune
 
 __all__ = [
     "MPC",

@@ -153,9 +153,10 @@ def optimise(
         warnings.warn(text, stacklevel=2)
     touched = objective.touches.along(run, at.nodes.parameters)
     bound = max(
-        passed_bound(objective, at.nodes, at.ends), _too_near(objective, runs, at.nodes),
+        passed_bound(objective, at.nodes, at.ends),
+        _too_near(objective, runs, at.nodes),
         key=lambda one: one.rank,
-    )  # fmt: skip
+    )
     end = end_residual(objective, at.nodes)
     worst = max(bound, end, touch_residual(touched), key=lambda one: one.rank)
     reason = ""
@@ -173,10 +174,24 @@ def optimise(
                 at.nodes, steps.linearise(at.nodes), objective.end_gap(at.nodes)
             )
     return Optimum(
-        task, status, run, at.nodes.inputs(), at.cost, at.kkt, at.stationarity, bound.size,
-        end.size, touched, at.iterations, time.perf_counter() - began, tuple(curve), reason, at,
-        objective, runs,
-    )  # fmt: skip
+        task,
+        status,
+        run,
+        at.nodes.inputs(),
+        at.cost,
+        at.kkt,
+        at.stationarity,
+        bound.size,
+        end.size,
+        touched,
+        at.iterations,
+        time.perf_counter() - began,
+        tuple(curve),
+        reason,
+        at,
+        objective,
+        runs,
+    )
 
 
 def follow(
@@ -223,8 +238,9 @@ def follow(
     if not slack and not explore:
         bounds = bounds.staying_taut(marionette, x0)
     h = min(max(duration / 50.0, 0.01), 0.04) if interval is None else interval
-    task = Task(marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h,
-                explore=explore)  # fmt: skip
+    task = Task(
+        marionette, x0, duration, tracks, smooth or Smooth(), bounds, interval=h, explore=explore
+    )
     _check(task)
     for text in out_of_reach(task):
         warnings.warn(text, stacklevel=2)
@@ -326,9 +342,10 @@ def first_nodes(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> No
         made = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
     most = task.bounds.magnitudes(task.marionette, "acceleration")
     return replace(
-        made, acc_K=np.clip(made.acc_K, -most, most),
+        made,
+        acc_K=np.clip(made.acc_K, -most, most),
         parameters=np.clip(values, chosen.low, chosen.high),
-    )  # fmt: skip
+    )
 
 
 def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:

@@ -76,9 +76,14 @@ class ClampedSteps:
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):
             one = linearise_steps(
-                self._marionette.model, *x, nodes.acc_K, dt=dt, pull=pulls and j == 0,
-                threads=self._threads, room=self._room,
-            )  # fmt: skip
+                self._marionette.model,
+                *x,
+                nodes.acc_K,
+                dt=dt,
+                pull=pulls and j == 0,
+                threads=self._threads,
+                room=self._room,
+            )
             self._room = one.motion
             self._stages.add_step(one.motion, driven, k, j == 0)
             if j == 0:
@@ -122,21 +127,40 @@ class ClampedSteps:
         n = nodes.n_z - 2 * k
         numbers = nodes.numbers
         numbers_of = {
-            "N": N, "n_d": n, "n_inputs": k, "k": len(bounds.inputs), "n_squares": J.shape[1],
-            "n_pulls": len(pulls), "n_joints": len(bounds.places),
-            "jerk": objective.task.smooth.jerk / h, "h": h,
+            "N": N,
+            "n_d": n,
+            "n_inputs": k,
+            "k": len(bounds.inputs),
+            "n_squares": J.shape[1],
+            "n_pulls": len(pulls),
+            "n_joints": len(bounds.places),
+            "jerk": objective.task.smooth.jerk / h,
+            "h": h,
             "price": objective.price,
-            "unit": objective.unit, "shift": shift, "most_stages": round(work),
-        }  # fmt: skip
+            "unit": objective.unit,
+            "shift": shift,
+            "most_stages": round(work),
+        }
         arrays: dict[str, AnyArray] = {
-            "inputs": bounds.inputs.astype(np.int32), "squares": J, "diagonal": diagonal,
-            "g": g, "pulls": C, "pull_weight": W, "acc": nodes.acc_K, "q": numbers[:, n : n + k],
-            "v": numbers[:, n + k :], "most": bounds.acceleration,
-            "last_most": np.minimum(bounds.acceleration, bounds.jump), "speed": bounds.speed,
-            "low": bounds.low, "high": bounds.high,
-            "joint_places": bounds.places.astype(np.int32), "joint": numbers[1:, bounds.places],
-            "joint_low": bounds.joint_low, "joint_high": bounds.joint_high,
-        }  # fmt: skip
+            "inputs": bounds.inputs.astype(np.int32),
+            "squares": J,
+            "diagonal": diagonal,
+            "g": g,
+            "pulls": C,
+            "pull_weight": W,
+            "acc": nodes.acc_K,
+            "q": numbers[:, n : n + k],
+            "v": numbers[:, n + k :],
+            "most": bounds.acceleration,
+            "last_most": np.minimum(bounds.acceleration, bounds.jump),
+            "speed": bounds.speed,
+            "low": bounds.low,
+            "high": bounds.high,
+            "joint_places": bounds.places.astype(np.int32),
+            "joint": numbers[1:, bounds.places],
+            "joint_low": bounds.joint_low,
+            "joint_high": bounds.joint_high,
+        }
         return self._stages.solve(numbers_of, arrays, slopes.driven)
 
     def _of_interior_point(
@@ -145,9 +169,7 @@ class ClampedSteps:
         linear = self._steps.linearise(nodes)
         linear.e[:] = 0.0
         program = objective.program(nodes, linear, damping * objective.unit, 0.0)
-        found = self._solver.solve(
-            program, objective.unit, barrier=_BARRIER, most=_FACTORISATIONS
-        )
+        found = self._solver.solve(program, objective.unit, barrier=_BARRIER, most=_FACTORISATIONS)
         u = objective.widened(found)[1]
         n = found.iterations
         return ClampedOutcome(u, np.nan, n, n * len(nodes), found.solved)

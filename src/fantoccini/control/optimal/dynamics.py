@@ -168,6 +168,16 @@ class TimeSteps:
         if self.chosen:
             start_c[:, 1:] = self.chosen.start_by(nodes.parameters)
         return LinearEnds(
-            nodes.between(*x), tension, taut, settled, A, B, pull[..., :n_s], acc[..., :n_s], by_c,
-            pull_c, acc_c, start_c,
-        )  # fmt: skip
+            nodes.between(*x),
+            tension,
+            taut,
+            settled,
+            A,
+            B,
+            pull[..., :n_s],
+            acc[..., :n_s],
+            by_c,
+            pull_c,
+            acc_c,
+            start_c,
+        )

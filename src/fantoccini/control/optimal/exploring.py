@@ -102,9 +102,14 @@ class Exploration:
     """
 
     def __init__(
-        self, first: Nodes, objective: Objective, rng: np.random.Generator,
-        threads: int | None = None, until: float = np.inf, near: bool = False,
-    ):  # fmt: skip
+        self,
+        first: Nodes,
+        objective: Objective,
+        rng: np.random.Generator,
+        threads: int | None = None,
+        until: float = np.inf,
+        near: bool = False,
+    ):
         self._near = near
         self._first, self._objective, self._rng, self._until = first, objective, rng, until
         self._threads, self._driven = threads, Driven.of(objective.task)
@@ -180,9 +185,14 @@ class Exploration:
         first, task, N = self._first, self._objective.task, len(self._first)
         inputs, q_K, v_K = _inputs(first, acc_K)
         runs = simulate_batch(
-            task.marionette, task.x0, inputs, first.t[-1], save_at=first.t, save=_SAVED,
+            task.marionette,
+            task.x0,
+            inputs,
+            first.t[-1],
+            save_at=first.t,
+            save=_SAVED,
             threads=self._threads,
-        )  # fmt: skip
+        )
         if np.any(runs.status == Status.STOPPED):
             raise KeyboardInterrupt
         assert runs.tension is not None and runs.limit_force is not None

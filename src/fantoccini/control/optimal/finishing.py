@@ -44,9 +44,12 @@ def iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | No
 
 
 def search_minimum(
-    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
+    runs: EventRuns,
+    at: Iterate,
+    objective: Objective,
+    limits: Limits,
     note: Callable[[Iterate], None],
-) -> tuple[EventRuns, Iterate]:  # fmt: skip
+) -> tuple[EventRuns, Iterate]:
     """Searches with time steps, with exact derivatives, and from perturbed solutions.
 
     Driven rotations have no exact derivatives.
@@ -74,25 +77,29 @@ def search_minimum(
 
 
 def _search_by_steps(
-    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
+    runs: EventRuns,
+    at: Iterate,
+    objective: Objective,
+    limits: Limits,
     note: Callable[[Iterate], None],
-) -> Iterate:  # fmt: skip
+) -> Iterate:
     """The search with derivatives of time steps, for at most half of the remaining iterations.
 
     It ends earlier if the derivatives do not predict the decrease of the cost.
     """
     some = (limits.iterations - at.iterations + 1) // 2
     tolerance = max(limits.cost_tolerance, COARSE)
-    limits = replace(
-        limits, cost_tolerance=tolerance, iterations=some, damping=SETTINGS.calm
-    )
+    limits = replace(limits, cost_tolerance=tolerance, iterations=some, damping=SETTINGS.calm)
     return Search(at, runs, objective, limits).run(note)
 
 
 def _search_exactly(
-    runs: EventRuns, coarse: Iterate, objective: Objective, limits: Limits,
+    runs: EventRuns,
+    coarse: Iterate,
+    objective: Objective,
+    limits: Limits,
     note: Callable[[Iterate], None],
-) -> Iterate:  # fmt: skip
+) -> Iterate:
     """The search continued with exact derivatives of the run.
 
     Derivatives of time steps have errors of the order of the step, and so has their optimum.
@@ -106,9 +113,13 @@ def _search_exactly(
         # The residual by time steps does not apply to the run; keep the exact one.
         stationarity = max(coarse.stationarity, at.stationarity)
         at = replace(
-            coarse, stationarity=stationarity, solution=at.solution, iterations=at.iterations,
-            stalled=at.stalled, settled=at.settled,
-        )  # fmt: skip
+            coarse,
+            stationarity=stationarity,
+            solution=at.solution,
+            iterations=at.iterations,
+            stalled=at.stalled,
+            settled=at.settled,
+        )
     return at
 
 
@@ -147,9 +158,12 @@ def is_worse(at: Iterate, before: Iterate, objective: Objective) -> bool:
 
 
 def confirmed(
-    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits,
+    runs: EventRuns,
+    at: Iterate,
+    objective: Objective,
+    limits: Limits,
     note: Callable[[Iterate], None],
-) -> tuple[EventRuns, Iterate]:  # fmt: skip
+) -> tuple[EventRuns, Iterate]:
     """The motion of time steps as an event-driven run, improved where there is time for it.
 
     The same where the event-driven run does not arrive in time.
@@ -161,9 +175,14 @@ def confirmed(
         return runs, at
     now = time.perf_counter()
     made = replace(
-        at, nodes=made.nodes, ends=made.ends, cost=made.cost, damping=SETTINGS.first_damping,
-        stalled=False, settled=False,
-    )  # fmt: skip
+        at,
+        nodes=made.nodes,
+        ends=made.ends,
+        cost=made.cost,
+        damping=SETTINGS.first_damping,
+        stalled=False,
+        settled=False,
+    )
     if limits.until - now > _RUNS_LEFT * (now - began):
         made = Search(made, events, objective, limits).run(note)
     return replace(events, until=np.inf), made

@@ -70,11 +70,15 @@ class ForceRows:
         marionette = self._chosen.marionette(nodes.parameters)
         ends = [
             self._at(
-                marionette, nodes, sign * way[:, :n_z], sign * way[:, n_z:],
-                acc_D + sign * _STEP * acc, linear.tension + sign * _STEP * pull,
+                marionette,
+                nodes,
+                sign * way[:, :n_z],
+                sign * way[:, n_z:],
+                acc_D + sign * _STEP * acc,
+                linear.tension + sign * _STEP * pull,
             )
             for sign in (-1.0, 1.0)
-        ]  # fmt: skip
+        ]
         out[..., moves] = np.moveaxis(ends[1] - ends[0], 0, 2) / (2.0 * _STEP)
         neighbours = self._chosen.neighbours(nodes.parameters)
         still, u = np.zeros((1, n_z)), np.zeros((1, k))
@@ -83,13 +87,16 @@ class ForceRows:
                 continue
             found = [
                 self._at(
-                    self._chosen.marionette(p), nodes, still, u,
+                    self._chosen.marionette(p),
+                    nodes,
+                    still,
+                    u,
                     acc_D + (p[i - 1] - nodes.parameters[i - 1]) * linear.acc[..., n_z + j],
-                    linear.tension + (p[i - 1] - nodes.parameters[i - 1])
-                    * linear.pull[..., n_z + j],
+                    linear.tension
+                    + (p[i - 1] - nodes.parameters[i - 1]) * linear.pull[..., n_z + j],
                 )[0]
                 for p in neighbours[i - 1]
-            ]  # fmt: skip
+            ]
             below, above = neighbours[i - 1]
             out[..., n_z + j] = (found[1] - found[0]) / (above[i - 1] - below[i - 1])
         return out

@@ -51,13 +51,19 @@ class HybridRuns(EventRuns):
             pull, acc = _pulls(marionette, run, nodes)
         by_p, none = found.C[..., columns], np.zeros((nodes.n_z, 1))
         return LinearEnds(
-            ends.e, ends.tension, ends.taut, ends.settled, found.A, found.B, pull[..., :n_s],
+            ends.e,
+            ends.tension,
+            ends.taut,
+            ends.settled,
+            found.A,
+            found.B,
+            pull[..., :n_s],
             acc[..., :n_s],
             by_c=np.concatenate([np.concatenate(later, axis=1)[..., None], by_p], axis=2),
             pull_c=np.pad(pull[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
             acc_c=np.pad(acc[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
             start_c=np.concatenate([none, self.chosen.start_by(nodes.parameters)], axis=1),
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Moments at which a motion is nearest to places, each in its window and some in turn.
 
-    min over t_1 <= t_2 <= ... of sum |off_k(t_k)|^2,   low_k <= t_k <= high_k
+min over t_1 <= t_2 <= ... of sum |off_k(t_k)|^2,   low_k <= t_k <= high_k
 """
 
 from __future__ import annotations

@@ -102,9 +102,14 @@ class MotorRows:
         """(n, N, m / 2) values where states and accelerations are changed by n rows z and u."""
         q_D, v_D, q_K, v_K = nodes.states(z, first)
         force = marionette.model.library.evaluate(
-            "motor_demands", q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K, acc_K=nodes.acc_K + u[:, None],
+            "motor_demands",
+            q_D=q_D,
+            v_D=v_D,
+            q_K=q_K,
+            v_K=v_K,
+            acc_K=nodes.acc_K + u[:, None],
             p=marionette.p,
-        ).f_D  # fmt: skip
+        ).f_D
         found = [
             _electric(marionette, drive, force, v_D, j < self._n_voltages)
             for j, drive in enumerate(self._drives)

@@ -152,9 +152,15 @@ class MPC:
             tracks = tracks_of(marionette, task, x0.t, 1.0, weight)
             bounds = Bounds(speed=SPEED, acceleration=ACCELERATION) if bounds is None else bounds
         self._task = Task(
-            marionette, x0, horizon, tracks, smooth or Smooth(), bounds, interval=self.interval,
+            marionette,
+            x0,
+            horizon,
+            tracks,
+            smooth or Smooth(),
+            bounds,
+            interval=self.interval,
             dt=dt,
-        )  # fmt: skip
+        )
         # A slack string has no derivative by which it would be pulled taut again.
         self._task = replace(self._task, bounds=replace(self._task.bounds, tension={}))
         self._objectives: dict[tuple[int, ...], Objective] = {}
@@ -284,9 +290,13 @@ class MPC:
         shares = np.array(SETTINGS.shares)[:, None, None]
         tries = np.clip(nodes.acc_K + shares * found.u, -self._most, self._most)
         first = State(
-            nodes.start, nodes.q_D[0], nodes.v_D[0], nodes.q_K[0], nodes.v_K[0],
+            nodes.start,
+            nodes.q_D[0],
+            nodes.v_D[0],
+            nodes.q_K[0],
+            nodes.v_K[0],
             np.zeros(ends.taut.shape[1], bool),
-        )  # fmt: skip
+        )
         best, least = nodes, before
         for made in self._predictions.make(first, nodes.start, nodes.interval, tries):
             if made is None:

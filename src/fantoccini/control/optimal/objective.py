@@ -153,9 +153,7 @@ class Objective:
         """(n_z + 3 T,) the same, and what would bring the points that touch to their places."""
         return np.concatenate([self.end_gap(nodes), self.touches.gap(nodes)])
 
-    def closed(
-        self, nodes: Nodes, z: Array, c: Array, force: Array | float
-    ) -> tuple[Array, Array]:
+    def closed(self, nodes: Nodes, z: Array, c: Array, force: Array | float) -> tuple[Array, Array]:
         """(n_z + 3 T,) how much of the gap a step closes, and the multipliers after it.
 
         Args:
@@ -189,8 +187,10 @@ class Objective:
             linear = linear.widened(self._c)
         N, n_z, k = linear.B.shape
         H, g, cross = (
-            np.zeros((N, k + n_z, k + n_z)), np.zeros((N, k + n_z)), np.zeros((N, k + n_z, k))
-        )  # fmt: skip
+            np.zeros((N, k + n_z, k + n_z)),
+            np.zeros((N, k + n_z)),
+            np.zeros((N, k + n_z, k)),
+        )
         # Of the first node, which no step moves but where parameters move it.
         Q, q = np.zeros((n_z, n_z)), np.zeros(n_z)
         self._add_residuals(nodes, H, g, Q, q)
@@ -219,11 +219,19 @@ class Objective:
         both = np.concatenate([u, k + z])
         of_rows = np.concatenate([both, k + n_z + both])
         made = StageProgram(
-            _part(H, both, both), _part(g, both), _part(cross, both, u), _part(linear.A, z, z),
-            _part(linear.B, z, u), _part(linear.e, z), _part(low, both), _part(high, both),
+            _part(H, both, both),
+            _part(g, both),
+            _part(cross, both, u),
+            _part(linear.A, z, z),
+            _part(linear.B, z, u),
+            _part(linear.e, z),
+            _part(low, both),
+            _part(high, both),
             _part(self.rows.by(nodes, linear), slice(None), of_rows),
-            row_low - value, row_high - value, np.full(value.shape, self.price),
-        )  # fmt: skip
+            row_low - value,
+            row_high - value,
+            np.full(value.shape, self.price),
+        )
         if not len(self._c):
             return made
         if self.task.is_free:
@@ -249,9 +257,16 @@ class Objective:
         at = slice(2 * n, 2 * n + self._k)
         rows = self.rows
         return Limits(
-            self._u, self._acc, interval * self._jerk, self._high[at.stop :], self._low[at],
-            self._high[at], rows.places, rows.joint_low, rows.joint_high,
-        )  # fmt: skip
+            self._u,
+            self._acc,
+            interval * self._jerk,
+            self._high[at.stop :],
+            self._low[at],
+            self._high[at],
+            rows.places,
+            rows.joint_low,
+            rows.joint_high,
+        )
 
     def squares(self, nodes: Nodes) -> tuple[Array, Array, Array]:
         """Gauss-Newton's J^T J + diagonal of the cost, but of tensions, and the gradient.
@@ -399,8 +414,9 @@ class Objective:
 
 def _part(a: Array, *places: Indices | slice) -> Array:
     """The given places of all axes but the first; the array itself where those are all."""
-    every = [isinstance(at, slice) or len(at) == n
-             for at, n in zip(places, a.shape[1:], strict=True)]  # fmt: skip
+    every = [
+        isinstance(at, slice) or len(at) == n for at, n in zip(places, a.shape[1:], strict=True)
+    ]
     if all(every):
         return a
     first, *second = places

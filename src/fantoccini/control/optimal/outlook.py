@@ -47,14 +47,17 @@ def _of_track(task: Task, track: Track, start: State) -> str:
 
 
 def _off(
-    task: Task, start: State, body: str, at: tuple[float, float, float], places: Array, what: str,
+    task: Task,
+    start: State,
+    body: str,
+    at: tuple[float, float, float],
+    places: Array,
+    what: str,
     t: Times | None = None,
-) -> str:  # fmt: skip
+) -> str:
     """How far a point hangs from the farthest of some places; empty where it reaches all."""
     try:
-        found = reach(
-            task.marionette, {(body, at): places}, start, bounds=task.bounds, slack=True
-        )
+        found = reach(task.marionette, {(body, at): places}, start, bounds=task.bounds, slack=True)
     except StateError:  # the start is beyond bounds, or hangs unstably: the search will tell
         return ""
     worst = int(np.argmax(found.distance))

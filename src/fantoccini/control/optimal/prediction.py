@@ -95,12 +95,17 @@ class Predictions:
             for name in _MOTION
         }
         return arrays | {
-            "p": np.repeat(model.p[None], n, axis=0), "fresh": np.ones(n, dtype=np.uint8),
-            "slip": np.zeros((n, len(tree.strings))), "tension": np.zeros((n, tree.n_rows)),
-            "taut": np.zeros((n, tree.n_rows), dtype=np.bool_), "books": np.zeros((n, 5)),
-            "violation": np.zeros(n), "advanced": np.zeros(n),
-            "status": np.zeros(n, dtype=np.int32), "blame": np.zeros((n, len(tree.blamable))),
-        }  # fmt: skip
+            "p": np.repeat(model.p[None], n, axis=0),
+            "fresh": np.ones(n, dtype=np.uint8),
+            "slip": np.zeros((n, len(tree.strings))),
+            "tension": np.zeros((n, tree.n_rows)),
+            "taut": np.zeros((n, tree.n_rows), dtype=np.bool_),
+            "books": np.zeros((n, 5)),
+            "violation": np.zeros(n),
+            "advanced": np.zeros(n),
+            "status": np.zeros(n, dtype=np.int32),
+            "blame": np.zeros((n, len(tree.blamable))),
+        }
 
 
 def _arrived(arrays: dict[str, AnyArray]) -> Mask:

@@ -93,9 +93,19 @@ class StageProgram:
         C[:, :, np.concatenate([inner, s + inner])] = self.C
         C[0, :, s + of_c] = (self.C[0, :, k : k + n_z] @ start).T
         return StageProgram(
-            H, g, cross, self.A, B, self.e, lowest, highest, C, self.row_low, self.row_high,
+            H,
+            g,
+            cross,
+            self.A,
+            B,
+            self.e,
+            lowest,
+            highest,
+            C,
+            self.row_low,
+            self.row_high,
             self.elastic,
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,19 +171,32 @@ class StageSolver:
         names = ("H", "g", "cross", "A", "B", "e", "low", "high")
         found = self._programs.solve(
             {name: getattr(program, name) for name in names}
-            | {"C": C, "row_low": program.row_low - shift, "row_high": program.row_high - shift,
-               "price": program.elastic},
-            unit=unit, unbounded=UNBOUNDED, tolerance=self.tolerance, barrier=barrier,
+            | {
+                "C": C,
+                "row_low": program.row_low - shift,
+                "row_high": program.row_high - shift,
+                "price": program.elastic,
+            },
+            unit=unit,
+            unbounded=UNBOUNDED,
+            tolerance=self.tolerance,
+            barrier=barrier,
             iterations=most,
-        )  # fmt: skip
+        )
         near = max(found.primal, found.dual, 0.1 * found.gap) < _GOOD
         finite = bool(np.all(np.isfinite(found.u)) and np.all(np.isfinite(found.z)))
         costate = found.costate + np.einsum("nmj,nm->nj", later, found.force)
         z = np.concatenate([np.zeros((1, n_z)), found.z])
         return StageSolution(
-            found.u, z, costate, found.passed, found.gain, (found.solved or near) and finite,
-            found.iterations, unit * found.gap * _sides(program),
-        )  # fmt: skip
+            found.u,
+            z,
+            costate,
+            found.passed,
+            found.gain,
+            (found.solved or near) and finite,
+            found.iterations,
+            unit * found.gap * _sides(program),
+        )
 
 
 def _sides(program: StageProgram) -> int:

@@ -34,9 +34,11 @@ class ReachStatus(Outcome):
 
 
 _STATUS = {
-    ReachEnd.REACHED: ReachStatus.REACHED, ReachEnd.NEAREST: ReachStatus.OUT_OF_REACH,
-    ReachEnd.STALLED: ReachStatus.STALLED, ReachEnd.TIPS: ReachStatus.TIPS,
-}  # fmt: skip
+    ReachEnd.REACHED: ReachStatus.REACHED,
+    ReachEnd.NEAREST: ReachStatus.OUT_OF_REACH,
+    ReachEnd.STALLED: ReachStatus.STALLED,
+    ReachEnd.TIPS: ReachStatus.TIPS,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,13 +208,16 @@ class Reach:
         left = np.linalg.norm(found.left[i], axis=1)
         least = _TAUT * (marionette.weight or 1.0)
         return ReachedPose(
-            self.status[i], state, float(self.distance[i]),
-            dict(zip(shown, left.tolist(), strict=True)), chosen,
+            self.status[i],
+            state,
+            float(self.distance[i]),
+            dict(zip(shown, left.tolist(), strict=True)),
+            chosen,
             dict(zip(names, found.tension[i].tolist(), strict=False)),
             tuple(s for s, pull in zip(names, found.tension[i], strict=False) if pull > least),
             tuple(v for v, m in zip(table.v_D, moves, strict=True) if not m),
             () if self.reached[i] else tuple(self._limits(i)),
-        )  # fmt: skip
+        )
 
     def _limits(self, i: int) -> list[str]:
         """What keeps a pose from its places, the firmest first."""
@@ -265,9 +270,10 @@ class Reach:
 
     def _beyond(self, name: str, bound: float, high: bool) -> str:
         lengths = {
-            s.driven_length[1]: s.name for s in self.problem.marionette.tree.strings
+            s.driven_length[1]: s.name
+            for s in self.problem.marionette.tree.strings
             if s.driven_length
-        }  # fmt: skip
+        }
         v_K = self.problem.marionette.coordinates.v_K
         if name in v_K and (v := list(v_K).index(name)) in lengths:
             more = "longer" if high else "shorter"
@@ -302,9 +308,10 @@ def target_names(targets: Sequence[Any]) -> list[str]:
     names = [target_name(what) for what in targets]
     return [
         f"{name} at ({', '.join(f'{x:g}' for x in what[1])})"
-        if names.count(name) > 1 and isinstance(what, tuple) else name
+        if names.count(name) > 1 and isinstance(what, tuple)
+        else name
         for name, what in zip(names, targets, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def length(metres: float) -> str:

@@ -100,11 +100,19 @@ def reach(
     found = model.compiled.reach.find(
         places,
         {
-            **arrays, **rows, **chosen, "q_D": still.q_D, "q_K": still.q_K, "p": model.p,
+            **arrays,
+            **rows,
+            **chosen,
+            "q_D": still.q_D,
+            "q_K": still.q_K,
+            "p": model.p,
             "moved": problem.low < problem.high,
         },
-        weight=model.weight or 1.0, tolerance=tolerance, max_iterations=iterations, once=once,
-    )  # fmt: skip
+        weight=model.weight or 1.0,
+        tolerance=tolerance,
+        max_iterations=iterations,
+        once=once,
+    )
     made = Reach(problem, found)
     if made.is_lost:
         raise StateError(
@@ -145,8 +153,12 @@ def _targets(
         raise StateError(f"reach: targets have {sorted(sizes)} places; needed: one number of them")
     n = sizes.pop() if sizes else 1
     whole = np.stack([np.broadcast_to(x, (n, 3)) for x in places], axis=1)
-    numbers = {"links": np.array(links), "columns": np.array(of_coordinates),
-               "at": np.array(at, dtype=float), "moves": moves}  # fmt: skip
+    numbers = {
+        "links": np.array(links),
+        "columns": np.array(of_coordinates),
+        "at": np.array(at, dtype=float),
+        "moves": moves,
+    }
     return whole, numbers
 
 
@@ -215,9 +227,13 @@ def _chosen(
     tension_low[rows] = np.where(model.two_sided[rows], least, np.maximum(least, 0.0))
     tension_high[rows] = most
     return {
-        "low": low, "high": high, "tension_low": tension_low, "tension_high": tension_high,
-        "joint_low": low_z[:n], "joint_high": high_z[:n],
-    }  # fmt: skip
+        "low": low,
+        "high": high,
+        "tension_low": tension_low,
+        "tension_high": tension_high,
+        "joint_low": low_z[:n],
+        "joint_high": high_z[:n],
+    }
 
 
 def _rows(marionette: Marionette, x0: State, least: Array) -> dict[str, np.ndarray]:

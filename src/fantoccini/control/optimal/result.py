@@ -124,10 +124,12 @@ class Optimum:
         at = self._iterate
         linear = self._runs.linearise(at.nodes, at.ends)
         task = replace(
-            self.task, marionette=self.marionette, parameters={},
+            self.task,
+            marionette=self.marionette,
+            parameters={},
             duration=self.nodes.interval * len(self.nodes),
             smooth=replace(self.task.smooth, jerk=0.0),
-        )  # fmt: skip
+        )
         objective = Objective(task)
         nodes = replace(at.nodes, parameters=np.zeros(0))
         objective.take_unit(nodes, linear)
@@ -217,8 +219,10 @@ class Optimum:
     def summary(self) -> str:
         """What was found, in lines."""
         lines = [f"{self.status.name}: {self.verdict}"]
-        lines.append(f"cost {self.cost:.6g}, KKT residual {self.kkt:.2g}, {self.iterations} "
-                     f"iterations in {self.seconds:.2f} s")  # fmt: skip
+        lines.append(
+            f"cost {self.cost:.6g}, KKT residual {self.kkt:.2g}, {self.iterations} "
+            f"iterations in {self.seconds:.2f} s"
+        )
         for name, value in self.parameters.items():
             lines.append(f"{name} = {value:.6g}")
         for name, e in self.rms().items():

@@ -107,9 +107,12 @@ class StepRuns(EventRuns):
         method = TimeStepping(dt=dt, extrapolate=False)
         try:
             run = uninterrupted(
-                self.chosen.marionette(nodes.parameters), self.chosen.start(nodes.parameters),
-                nodes.inputs(), nodes.t[-1], method=method,
-            )  # fmt: skip
+                self.chosen.marionette(nodes.parameters),
+                self.chosen.start(nodes.parameters),
+                nodes.inputs(),
+                nodes.t[-1],
+                method=method,
+            )
         except (SimulationError, StateError):
             return None
         if len(run) != m * len(nodes) + 1 or not np.all(np.isfinite(run.v_D[-1])):

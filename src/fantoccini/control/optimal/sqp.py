@@ -301,7 +301,9 @@ class Search:
             return self._step()
         at.stationarity = max(min(bends, 1.0), min(saves + left, 1.0))
         return _Step(
-            z, u, c,
+            z,
+            u,
+            c,
             theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),
             phi=(phi := at.cost + price * float(np.sum(violation))),
             falls=falls,
@@ -310,8 +312,10 @@ class Search:
             merit_falls=merit_falls,
             force=force,
             passes=float(np.max(solution.passed, initial=0.0)),
-            program=program, solution=solution, value=objective.rows.values(at.nodes, linear)[0],
-        )  # fmt: skip
+            program=program,
+            solution=solution,
+            value=objective.rows.values(at.nodes, linear)[0],
+        )
 
     def _along(self, step: _Step) -> Iterate | None:
         """The motion as far along a step as the filter accepts it."""
@@ -337,11 +341,15 @@ class Search:
             if theta > SETTINGS.closes * step.theta > limits.tolerance:
                 objective.stiffen_end()
             return replace(
-                at, nodes=nodes, ends=ends, cost=cost, iterations=at.iterations + 1,
+                at,
+                nodes=nodes,
+                ends=ends,
+                cost=cost,
+                iterations=at.iterations + 1,
                 force=step.force,
                 damping=_damping(at.damping, alpha, (step.merit - merit) / predicted),
                 settled=self._small_steps == SETTINGS.small_steps,
-            )  # fmt: skip
+            )
         return None
 
     def _trials(self, step: _Step) -> Iterator[tuple[float, tuple[Nodes, Ends]]]:

@@ -118,4 +118,3 @@ class ThroughModes:
         gap = float(np.max(np.abs(self.objective.end_gap(at.nodes)), initial=0.0))
         away = max(passed_bound(self.objective, at.nodes, at.ends).size, gap)
         return (True, away) if away > HOLDS else (False, at.cost)
-

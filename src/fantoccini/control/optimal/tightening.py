@@ -203,11 +203,14 @@ class Tightening:
         row_low, row_high = -ends, ends
         row_low[-1] = row_high[-1] = gap[:m]
         return replace(
-            made, low=low, high=high, C=np.concatenate([made.C, C], axis=1),
+            made,
+            low=low,
+            high=high,
+            C=np.concatenate([made.C, C], axis=1),
             row_low=np.concatenate([made.row_low, row_low], axis=1),
             row_high=np.concatenate([made.row_high, row_high], axis=1),
             elastic=np.concatenate([made.elastic, np.full((N, m), free.price)], axis=1),
-        )  # fmt: skip
+        )
 
     def _along(self, linear: LinearEnds, step: _Step) -> tuple[Iterate | None, float]:
         """The motion after a step, corrected; None where it is not taken. And the gain.

@@ -179,9 +179,18 @@ class Touches:
         return self._kept[0]
 
     def add(
-        self, nodes: Nodes, linear: LinearEnds, c: Indices, weight: float, force: Array,
-        H: Array, g: Array, cross: Array, Q: Array, q: Array,
-    ) -> None:  # fmt: skip
+        self,
+        nodes: Nodes,
+        linear: LinearEnds,
+        c: Indices,
+        weight: float,
+        force: Array,
+        H: Array,
+        g: Array,
+        cross: Array,
+        Q: Array,
+        q: Array,
+    ) -> None:
         """Adds weight/2 r^T S r - force . r to a program.
 
         Args:
@@ -234,9 +243,11 @@ class Touches:
 
     def _made(self, nodes: Nodes) -> Moments:
         h, N, n = nodes.interval, len(nodes), len(self)
-        off = self._along_nodes(nodes) if nodes.run is None else self._along(
-            nodes.run, nodes.parameters
-        )  # fmt: skip
+        off = (
+            self._along_nodes(nodes)
+            if nodes.run is None
+            else self._along(nodes.run, nodes.parameters)
+        )
         end = nodes.start + N * h
         windows = self._windows(nodes.start, end)
         low, high = np.array([(window.low, window.high) for window in windows]).T
@@ -273,11 +284,12 @@ class Touches:
         """Those of the touches, within a motion."""
         return [
             Window(
-                min(max(touch.between[0], start), end), max(min(touch.between[1], end), start),
+                min(max(touch.between[0], start), end),
+                max(min(touch.between[1], end), start),
                 touch.in_turn,
             )
             for touch in self._touches
-        ]  # fmt: skip
+        ]
 
     def _near(self, nodes: Nodes, windows: list[Window], room: Times) -> list[Window]:
         """What windows leave near the moments before, if there are.
@@ -327,8 +339,10 @@ class Touches:
             by[j, :, : 2 * n_z] = (off[j, : 2 * n_z] - off[j, 2 * n_z : 4 * n_z]).T / (2.0 * _STEP)
             by[j, :, 2 * n_z] = (off[j, -3] - off[j, -2]) / (2.0 * _STEP * h)
             for m, (below, above) in enumerate(self._chosen.neighbours(nodes.parameters)):
-                ends = [self._off(k, self._chosen.marionette(p), q_D[-1:], q_K[-1:])[0]
-                        for p in (below, above)]  # fmt: skip
+                ends = [
+                    self._off(k, self._chosen.marionette(p), q_D[-1:], q_K[-1:])[0]
+                    for p in (below, above)
+                ]
                 by[j, :, 2 * n_z + 1 + m] = (ends[1] - ends[0]) / (above[m] - below[m])
         gap = _MOMENT * h
         v, acc = (off[2, -1] - off[0, -1]) / (2.0 * gap), off[2, -1] + off[0, -1] - 2.0 * off[1, -1]
@@ -345,9 +359,11 @@ def _moved(nodes: Nodes, i: int, z: Array) -> States:
     dq_D, dv_D, dq_K, dv_K = np.split(z, nodes.splits, axis=1)
     t = nodes.table
     return (
-        tangent.moved(t.scalars_D, t.quaternions_D, nodes.q_D[i], dq_D), nodes.v_D[i] + dv_D,
-        tangent.moved(t.scalars_K, t.quaternions_K, nodes.q_K[i], dq_K), nodes.v_K[i] + dv_K,
-    )  # fmt: skip
+        tangent.moved(t.scalars_D, t.quaternions_D, nodes.q_D[i], dq_D),
+        nodes.v_D[i] + dv_D,
+        tangent.moved(t.scalars_K, t.quaternions_K, nodes.q_K[i], dq_K),
+        nodes.v_K[i] + dv_K,
+    )
 
 
 def _between(

@@ -147,12 +147,15 @@ def tune(
 
     rng = np.random.default_rng(seed)
     search = CMAEvolutionStrategy(
-        np.zeros(len(names)), 1.0,
+        np.zeros(len(names)),
+        1.0,
         {
-            "popsize": runs, "verbose": -9, "seed": np.nan,
+            "popsize": runs,
+            "verbose": -9,
+            "seed": np.nan,
             "randn": lambda *shape: rng.standard_normal(shape),
         },
-    )  # fmt: skip
+    )
     curve, status, spread = list[tuple[float, float]](), TunedStatus.GENERATIONS, spreads
     try:
         for generation in range(generations):
@@ -184,9 +187,15 @@ def tune(
         )
     values, inputs, run = trial.best
     return Tuned(
-        values, dict(zip(names, map(float, spread), strict=True)), trial.least, inputs, run, status,
-        np.array(curve), time.perf_counter() - began,
-    )  # fmt: skip
+        values,
+        dict(zip(names, map(float, spread), strict=True)),
+        trial.least,
+        inputs,
+        run,
+        status,
+        np.array(curve),
+        time.perf_counter() - began,
+    )
 
 
 def _begin(numbers: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
@@ -262,9 +271,16 @@ class _Trial:
             save_at = np.linspace(self.x0.t, end, _SAMPLES)
         try:
             many = simulate_batch(
-                self.marionette, self.x0, inputs, end, method=self.method, save_at=save_at,
-                save_every=self.save_every, save="all", threads=self.threads,
-            )  # fmt: skip
+                self.marionette,
+                self.x0,
+                inputs,
+                end,
+                method=self.method,
+                save_at=save_at,
+                save_every=self.save_every,
+                save="all",
+                threads=self.threads,
+            )
         except FantocciniError as error:
             if len(inputs) == 1:
                 self.ended = str(error)

@@ -1,30 +1,12 @@
 """Planning: inputs that take a puppet to a goal among obstacles."""
 
-from fantoccini.control.planning.api import (
-    plan,
-    solve,
-)
+from fantoccini.control.planning.api import plan, solve
 from fantoccini.control.planning.check import Check
-from fantoccini.control.planning.feedback import (
-    Feedback,
-    Followed,
-)
-from fantoccini.control.planning.options import (
-    PLANNERS,
-    SearchOptions,
-)
-from fantoccini.control.planning.planners import (
-    EST2007,
-    Explore,
-)
-from fantoccini.control.planning.polish import (
-    Polish,
-    PolishStatus,
-)
-from fantoccini.control.planning.result import (
-    PlanResult,
-    PlanStatus,
-)
+from fantoccini.control.planning.feedback import Feedback, Followed
+from fantoccini.control.planning.options import PLANNERS, SearchOptions
+from fantoccini.control.planning.planners import EST2007, Explore
+from fantoccini.control.planning.polish import Polish, PolishStatus
+from fantoccini.control.planning.result import PlanResult, PlanStatus
 from fantoccini.control.planning.search import Search
 
 __all__ = [

@@ -269,9 +269,15 @@ def extended(
 def _acceleration(marionette: Marionette, at: StateArrays, acc_K: Array, active: MaskRows) -> Array:
     """(n, n_vD) acc_D with active strings held: G tau = hddot without tension."""
     found = marionette.model.library.evaluate(
-        "dynamics", q_D=at.q_D, v_D=at.v_D, q_K=at.q_K, v_K=at.v_K, acc_K=acc_K,
-        u_D=np.zeros_like(at.v_D), p=marionette.p,
-    )  # fmt: skip
+        "dynamics",
+        q_D=at.q_D,
+        v_D=at.v_D,
+        q_K=at.q_K,
+        v_K=at.v_K,
+        acc_K=acc_K,
+        u_D=np.zeros_like(at.v_D),
+        p=marionette.p,
+    )
     strings = active.shape[1]
     unit, both = np.eye(strings), active[:, :, None] & active[:, None]
     G = np.where(both, found.G, unit * ~active[:, None])

@@ -74,9 +74,10 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
             raise FileError([Mistake(str(path), None, "", text)])
         nodes = npz.checked(arrays, "path", (None,), "i")
         options = SearchOptions(
-            planner or about["planner"] or "explore", confirm=bool(about["confirm"]),
+            planner or about["planner"] or "explore",
+            confirm=bool(about["confirm"]),
             objective=Objective(**about["objective"]),
-        )  # fmt: skip
+        )
         search = Search(problem, options)
         tree, best = SearchTree.of(arrays, like=search.tree), int(nodes[-1])
         if not 0 <= best < len(tree) or tree.path(best) != nodes.tolist():

@@ -102,9 +102,15 @@ class PlanPath:
             looks = np.arange(start.t, end, self.rollouts.options.interval)
             save_at = np.unique(np.minimum(np.append(self.times, looks), end))
         return simulate(
-            self.problem.marionette, start, self.inputs, end, method=method, save_at=save_at,
-            effort=effort, throw=False,
-        )  # fmt: skip
+            self.problem.marionette,
+            start,
+            self.inputs,
+            end,
+            method=method,
+            save_at=save_at,
+            effort=effort,
+            throw=False,
+        )
 
     def simulate_in_mujoco(self, dt: float) -> Trajectory:
         """Simulates the plan in MuJoCo with a step [s]; see :meth:`PlanResult.verify`."""

@@ -77,9 +77,15 @@ class PlanResult:
             sure = search.options.confirm or best == 0
             status = PlanStatus.EXACT if sure else PlanStatus.UNCONFIRMED
         return cls(
-            PlanPath(problem, tree, tuple(tree.path(best))), status, search, found.tried,
-            found.seconds, found.curve, found.refused, found.polished,
-        )  # fmt: skip
+            PlanPath(problem, tree, tuple(tree.path(best))),
+            status,
+            search,
+            found.tried,
+            found.seconds,
+            found.curve,
+            found.refused,
+            found.polished,
+        )
 
     @property
     def problem(self) -> Problem:
@@ -144,9 +150,13 @@ class PlanResult:
     def save(self, path: str | Path) -> None:
         """Writes the plan with its tree as npz; the file appears whole or not at all."""
         record = replace(
-            self.search.record, tree=self.tree, best=self.path[-1], tried=self.tried,
-            seconds=self.seconds, curve=self.curve,
-        )  # fmt: skip
+            self.search.record,
+            tree=self.tree,
+            best=self.path[-1],
+            tried=self.tried,
+            seconds=self.seconds,
+            curve=self.curve,
+        )
         archive.save(path, self.search, record, self.status.name)
 
     @classmethod

@@ -102,9 +102,16 @@ class Search:
     def record(self) -> SearchRecord:
         """What was found so far."""
         return SearchRecord(
-            self.tree, self.best, self.tried, self.seconds, tuple(self.curve),
-            self._rng.bit_generator.state, self.late, self.refused, self.polished,
-        )  # fmt: skip
+            self.tree,
+            self.best,
+            self.tried,
+            self.seconds,
+            tuple(self.curve),
+            self._rng.bit_generator.state,
+            self.late,
+            self.refused,
+            self.polished,
+        )
 
     def restore(self, record: SearchRecord) -> None:
         """Goes back to a record; a tree in which no plan was found yet is lost."""

@@ -69,9 +69,15 @@ class SearchTree:
             arrays[name] = np.empty(_CAPACITY, dtype=np.int64)
         self._arrays = arrays
         self.add(
-            root, acceleration=0.0, parent=-1, looks=0, catches=0, time=0.0, cost=0.0,
+            root,
+            acceleration=0.0,
+            parent=-1,
+            looks=0,
+            catches=0,
+            time=0.0,
+            cost=0.0,
             distance=distance,
-        )  # fmt: skip
+        )
 
     @classmethod
     def of(cls, arrays: dict[str, Array], like: SearchTree, bound: float = np.inf) -> SearchTree:

@@ -87,9 +87,14 @@ class Candidates:
         """One candidate."""
         one = slice(i, i + 1)
         return Candidates(
-            self.V[one], self.nodes[one], self.residual[one], self.constraints[one],
-            self.distance[one], self.calm[one], self.merit[one],
-        )  # fmt: skip
+            self.V[one],
+            self.nodes[one],
+            self.residual[one],
+            self.constraints[one],
+            self.distance[one],
+            self.calm[one],
+            self.merit[one],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,9 +317,15 @@ class Shooting:
         """
         marionette, n = self.problem.marionette, len(acc_K)
         found = marionette.model.library.evaluate(
-            "dynamics", q_D=states.q_D, v_D=states.v_D, q_K=states.q_K, v_K=states.v_K,
-            acc_K=acc_K, u_D=np.zeros_like(states.v_D), p=marionette.p,
-        )  # fmt: skip
+            "dynamics",
+            q_D=states.q_D,
+            v_D=states.v_D,
+            q_K=states.q_K,
+            v_K=states.v_K,
+            acc_K=acc_K,
+            u_D=np.zeros_like(states.v_D),
+            p=marionette.p,
+        )
         taut = self._taut
         if not len(taut):
             return found.h_limit, np.zeros((n, 0))

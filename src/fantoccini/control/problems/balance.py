@@ -174,9 +174,15 @@ def best_support(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array,
     wires = [i for i, s in enumerate(tree.strings) if s.wire]
     none_D, none_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
     found = marionette.model.library.evaluate(
-        "dynamics", q_D=q_D, v_D=none_D, q_K=q_K, v_K=none_K, acc_K=none_K, u_D=none_D,
+        "dynamics",
+        q_D=q_D,
+        v_D=none_D,
+        q_K=q_K,
+        v_K=none_K,
+        acc_K=none_K,
+        u_D=none_D,
         p=marionette.p,
-    )  # fmt: skip
+    )
     w0, W, h_limit = found.w0, found.W, found.h_limit
     # Wires push too.
     both = np.concatenate([W, -W[:, :, wires]], axis=2)

@@ -170,9 +170,15 @@ def taut_projection(marionette: Marionette, at: StateArrays, held: MaskRows) -> 
     v_D, v_K = (np.repeat(v, ways + 1, axis=0) for v in (at.v_D, at.v_K))
     h = marionette.model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h
     hdot = marionette.model.library.evaluate(
-        "dynamics", q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K, acc_K=np.zeros_like(v_K),
-        u_D=np.zeros_like(v_D), p=marionette.p,
-    ).hdot  # fmt: skip
+        "dynamics",
+        q_D=q_D,
+        v_D=v_D,
+        q_K=q_K,
+        v_K=v_K,
+        acc_K=np.zeros_like(v_K),
+        u_D=np.zeros_like(v_D),
+        p=marionette.p,
+    ).hdot
     strings = held.shape[1]
     h_q, hdot_q = (
         _forward_differences(a[:, :strings].reshape(m, ways + 1, strings), held) for a in (h, hdot)

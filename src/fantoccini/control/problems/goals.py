@@ -197,9 +197,15 @@ class Goal:
                 raise StateError("the goal is not finite")
             weight = _weights(marionette, dict.fromkeys(_names(table), 1.0))
             numbers = GoalNumbers(
-                POSE, goal.q_D, goal.q_D, weight, goal.v_D, goal.v_K,
-                speed_weight=speed_weight, driven_weight=_DRIVEN_WEIGHT,
-            )  # fmt: skip
+                POSE,
+                goal.q_D,
+                goal.q_D,
+                weight,
+                goal.v_D,
+                goal.v_K,
+                speed_weight=speed_weight,
+                driven_weight=_DRIVEN_WEIGHT,
+            )
             return cls(marionette, ", ".join(_names(table)), numbers, q_K=goal.q_K)
         if isinstance(goal, Mapping):
             return cls.pose(marionette, goal, speed_weight=speed_weight)
@@ -297,10 +303,19 @@ class Goal:
                 f"the box from {place!r} to {to!r} is empty: `to` is its highest corner"
             )
         numbers = GoalNumbers(
-            POINT, np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD),
-            np.zeros(table.n_vD), np.zeros(table.n_vK), link_index(marionette.model, body), offset,
-            target, high, _positive(speed_weight), _positive(driven_weight),
-        )  # fmt: skip
+            POINT,
+            np.zeros(table.n_qD),
+            np.zeros(table.n_qD),
+            np.zeros(table.n_vD),
+            np.zeros(table.n_vD),
+            np.zeros(table.n_vK),
+            link_index(marionette.model, body),
+            offset,
+            target,
+            high,
+            _positive(speed_weight),
+            _positive(driven_weight),
+        )
         return cls(marionette, f"{body} at {target.tolist()}", numbers)
 
     @classmethod
@@ -395,9 +410,13 @@ class Goal:
         table = marionette.coordinates
         none = np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD)
         numbers = GoalNumbers(
-            POSE, *none, np.zeros(table.n_vD), np.zeros(table.n_vK),
-            speed_weight=_positive(speed_weight), driven_weight=_positive(driven_weight),
-        )  # fmt: skip
+            POSE,
+            *none,
+            np.zeros(table.n_vD),
+            np.zeros(table.n_vK),
+            speed_weight=_positive(speed_weight),
+            driven_weight=_positive(driven_weight),
+        )
         return cls(marionette, "", numbers)
 
 

@@ -131,8 +131,12 @@ def _best_of(rollouts: Rollouts, start: State) -> Funnel:
     n, segments = len(rollouts.funnels), _TOLERANCES.trial_segments
     which, none = np.arange(n), np.zeros(n, dtype=int)
     made = rollouts.where(tolerance=-1.0, free=True).simulate(
-        StateArrays.of(start), none, np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),
-        n_given=none, funnel=which, lead_time=np.full(n, _TOLERANCES.trial_lead_time),
-    )  # fmt: skip
+        StateArrays.of(start),
+        none,
+        np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),
+        n_given=none,
+        funnel=which,
+        lead_time=np.full(n, _TOLERANCES.trial_lead_time),
+    )
     late = np.where(made.looks > 0, made.distance, np.inf)[:, segments // 2 :]
     return rollouts.funnels[int(np.argmin(np.mean(late, axis=1)))]

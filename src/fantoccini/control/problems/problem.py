@@ -132,9 +132,12 @@ class Problem:
         self.touches = Touches(marionette, contact, wanted.touches, self_collision)
         self.goal = wanted.for_problem(self.touches, tolerance)
         clearance = Clearance(
-            marionette, obstacles, strings=strings, self_collision=self_collision,
+            marionette,
+            obstacles,
+            strings=strings,
+            self_collision=self_collision,
             free=self.touches.free,
-        )  # fmt: skip
+        )
         self.bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
         bounds = self.bounds.without(reserve) if reserve else self.bounds
         kept_off = ~self.touches.may
@@ -186,19 +189,43 @@ class Problem:
         planned = [] if rollouts.bounds is bounds else [rollouts.bounds.speed]
         solids, digest = rollouts.clearance.solids, hashlib.sha256()
         for a in (
-            *self.root.parts.values(), self.marionette.p, self.marionette.winches,
-            numbers.low, numbers.high, numbers.weight, numbers.v_D, numbers.v_K, numbers.at,
-            numbers.place, numbers.place_high, bounds.speed, bounds.acceleration, bounds.low,
-            bounds.high, *planned, solids.moving, solids.standing, solids.pairs,
+            *self.root.parts.values(),
+            self.marionette.p,
+            self.marionette.winches,
+            numbers.low,
+            numbers.high,
+            numbers.weight,
+            numbers.v_D,
+            numbers.v_K,
+            numbers.at,
+            numbers.place,
+            numbers.place_high,
+            bounds.speed,
+            bounds.acceleration,
+            bounds.low,
+            bounds.high,
+            *planned,
+            solids.moving,
+            solids.standing,
+            solids.pairs,
             solids.string_radius,
-        ):  # fmt: skip
+        ):
             digest.update(np.ascontiguousarray(a).tobytes())
         plain = (
-            self.tolerance, numbers.kind, numbers.link, numbers.speed_weight,
-            numbers.driven_weight, options.margin, options.slack, options.dt, options.look,
-            options.looks, self.marionette.coordinates.v_D, self.marionette.coordinates.v_K,
+            self.tolerance,
+            numbers.kind,
+            numbers.link,
+            numbers.speed_weight,
+            numbers.driven_weight,
+            options.margin,
+            options.slack,
+            options.dt,
+            options.look,
+            options.looks,
+            self.marionette.coordinates.v_D,
+            self.marionette.coordinates.v_K,
             rollouts.clearance.meshes.digest,
-        )  # fmt: skip
+        )
         digest.update(repr(plain).encode())
         contacts = self.touches.contacts
         if contacts is not None or self.hold:

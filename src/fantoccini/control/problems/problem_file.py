@@ -160,10 +160,7 @@ def problem_names() -> tuple[str, ...]:
 
 
 def load_problem(
-    path: str | os.PathLike[str],
-    *,
-    progress: Callable[[str], None] | None = None,
-    **options: Any,
+    path: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None, **options: Any
 ) -> Problem:
     """Reads a problem file.
 
@@ -197,17 +194,26 @@ def load_problem(
         check(("segment",), lambda: whole_looks(segment, interval))
     for key, span in file.ranges.items():
         check(
-            ("ranges", key),
-            lambda key=key, span=span: Bounds.of(marionette, 1.0, 1.0, {key: span}),
+            ("ranges", key), lambda key=key, span=span: Bounds.of(marionette, 1.0, 1.0, {key: span})
         )
     check.refuse()
     start = check.need(("start",), lambda: marionette.rest(file.start))
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(file.goal, marionette, start, check)
     names = (
-        "hold", "tolerance", "speed", "acceleration", "reserve", "segment", "objective", "ranges",
-        "margin", "slack", "strings", "self_collision",
-    )  # fmt: skip
+        "hold",
+        "tolerance",
+        "speed",
+        "acceleration",
+        "reserve",
+        "segment",
+        "objective",
+        "ranges",
+        "margin",
+        "slack",
+        "strings",
+        "self_collision",
+    )
     contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
     given = (
         {"name": file.problem, "contact": contact}

@@ -261,10 +261,18 @@ class Rollouts:
             dt=options.dt, save_every=options.look, extrapolate=False
         )
         settings = RolloutSettings(
-            self.run_options, options.looks, marionette.p, marionette.winches, vars(bounds),
-            options.margin, options.slack, clearance.solids, goal.numbers, self.stop_distance,
+            self.run_options,
+            options.looks,
+            marionette.p,
+            marionette.winches,
+            vars(bounds),
+            options.margin,
+            options.slack,
+            clearance.solids,
+            goal.numbers,
+            self.stop_distance,
             kept_off,
-        )  # fmt: skip
+        )
         self._pool = RolloutPool(marionette.model.compiled.rollouts, settings, options.threads)
 
     def where(self, *, tolerance: float, free: bool = False) -> Rollouts:
@@ -321,9 +329,16 @@ class Rollouts:
         n, segments = acceleration.shape[:2]
         n_given = np.full(n, segments) if n_given is None else n_given
         found = self._pool(
-            starts.parts, start, acceleration, n_given, n_segments, self.funnels, funnel,
-            lead_time, looks,
-        )  # fmt: skip
+            starts.parts,
+            start,
+            acceleration,
+            n_given,
+            n_segments,
+            self.funnels,
+            funnel,
+            lead_time,
+            looks,
+        )
         if self.goal.function is not None:
             whole = found.looks > 0
             found.distance[whole] = self.goal.distance(StateArrays(**found.states)[whole])

@@ -1,23 +1,11 @@
 """Tasks of optimal control: costs, bounds, paths and touches, and their files."""
 
-from fantoccini.control.tasks.bounds import (
-    Bounds,
-    Interval,
-)
+from fantoccini.control.tasks.bounds import Bounds, Interval
 from fantoccini.control.tasks.chosen import Chosen
 from fantoccini.control.tasks.clip import Clip
-from fantoccini.control.tasks.costs import (
-    Smooth,
-    Track,
-)
-from fantoccini.control.tasks.drawn_inputs import (
-    Driven,
-    hats,
-)
-from fantoccini.control.tasks.nodes import (
-    Nodes,
-    number_names,
-)
+from fantoccini.control.tasks.costs import Smooth, Track
+from fantoccini.control.tasks.drawn_inputs import Driven, hats
+from fantoccini.control.tasks.nodes import Nodes, number_names
 from fantoccini.control.tasks.residuals import (
     Looks,
     NumberResidual,
@@ -29,14 +17,8 @@ from fantoccini.control.tasks.residuals import (
 from fantoccini.control.tasks.schema import task_schema
 from fantoccini.control.tasks.targets import Target
 from fantoccini.control.tasks.task import Task
-from fantoccini.control.tasks.task_file import (
-    load_task,
-    task_names,
-)
-from fantoccini.control.tasks.touch import (
-    Touch,
-    Touched,
-)
+from fantoccini.control.tasks.task_file import load_task, task_names
+from fantoccini.control.tasks.touch import Touch, Touched
 
 __all__ = [
     "Bounds",

@@ -96,8 +96,11 @@ class Bounds:
         tension = dict(zip(names, tensions, strict=False))
         wires = {s.name for s in marionette.tree.strings if s.wire}
         least = _TAUT * marionette.weight
-        taut = {name: (min(least, 0.5 * pull), np.inf) for name, pull in tension.items()
-                if pull > _PULLS * marionette.weight and name not in wires}  # fmt: skip
+        taut = {
+            name: (min(least, 0.5 * pull), np.inf)
+            for name, pull in tension.items()
+            if pull > _PULLS * marionette.weight and name not in wires
+        }
         return replace(self, tension={**taut, **self.tension})
 
     def intervals(self, marionette: Marionette) -> tuple[Array, Array]:
@@ -195,9 +198,10 @@ class Bounds:
         """
         names = marionette.coordinates.v_K
         drives = {
-            names[row.command[1]]: row for row in marionette.tree.drives
+            names[row.command[1]]: row
+            for row in marionette.tree.drives
             if row.command is not None and isinstance(row.drive.motor, DirectCurrent)
-        }  # fmt: skip
+        }
         given = getattr(self, kind)
         if not isinstance(given, Mapping):
             if given == np.inf:

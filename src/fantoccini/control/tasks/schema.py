@@ -118,8 +118,9 @@ class TrackFile(Model):
         if bool(self.times) != (self.values is not None):
             raise mistake("found one of `times` and `values`; they go together")
         if self.start is not None and self.end is not None and self.start >= self.end:
-            raise mistake(f"found the start {self.start:g} and the end {self.end:g}; the start "
-                          "must be less")  # fmt: skip
+            raise mistake(
+                f"found the start {self.start:g} and the end {self.end:g}; the start must be less"
+            )
         return self
 
     @property

@@ -38,9 +38,15 @@ class Circle:
 
     @classmethod
     def near(
-        cls, place: Array, centre: Array, normal: Array, radius: float | None, turns: float,
-        start: float, end: float,
-    ) -> Circle:  # fmt: skip
+        cls,
+        place: Array,
+        centre: Array,
+        normal: Array,
+        radius: float | None,
+        turns: float,
+        start: float,
+        end: float,
+    ) -> Circle:
         """The circle about an axis that begins nearest to a place.
 
         Args:

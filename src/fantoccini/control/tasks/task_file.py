@@ -121,12 +121,27 @@ def load_task(
     if not file.slack:
         bounds = bounds.staying_taut(marionette, x0)
     smooth = Smooth(file.smooth.acceleration, file.smooth.jerk)
-    return check.need((), lambda: Task(
-        marionette, x0, file.duration, [track for track in tracks if track is not None], smooth,
-        bounds, end, time_weight=file.time_weight, interval=file.interval, dt=file.step,
-        name=file.task, parameters=file.parameters, explore=file.explore, periodic=file.periodic,
-        guess=guess, touches=[touch for touch in touches if touch is not None],
-    ))  # fmt: skip
+    return check.need(
+        (),
+        lambda: Task(
+            marionette,
+            x0,
+            file.duration,
+            [track for track in tracks if track is not None],
+            smooth,
+            bounds,
+            end,
+            time_weight=file.time_weight,
+            interval=file.interval,
+            dt=file.step,
+            name=file.task,
+            parameters=file.parameters,
+            explore=file.explore,
+            periodic=file.periodic,
+            guess=guess,
+            touches=[touch for touch in touches if touch is not None],
+        ),
+    )
 
 
 def _guess(file: TaskFile, located: Located, marionette: Marionette) -> Input:
@@ -148,9 +163,13 @@ class _Reader:
     """
 
     def __init__(
-        self, marionette: Marionette, x0: State, duration: float | tuple[float, float],
-        located: Located, check: Refusals,
-    ):  # fmt: skip
+        self,
+        marionette: Marionette,
+        x0: State,
+        duration: float | tuple[float, float],
+        located: Located,
+        check: Refusals,
+    ):
         self._marionette, self._x0, self._duration = marionette, x0, duration
         self._located, self._check = located, check
         self._touches: list[Touch] = []
@@ -163,9 +182,15 @@ class _Reader:
         start = -math.inf if file.start is None else file.start
         end = math.inf if file.end is None else file.end
         made = Track(
-            file.kind, getattr(file, file.kind), path, file.at, file.weight, file.end_weight,
-            start, end,
-        )  # fmt: skip
+            file.kind,
+            getattr(file, file.kind),
+            path,
+            file.at,
+            file.weight,
+            file.end_weight,
+            start,
+            end,
+        )
         if file.kind != "tension":  # its path is checked by the width of its values
             still = Nodes.still(self._marionette, self._x0, 1.0, 1)
             if self._check(spot, lambda: residual_of(self._marionette, made, still)) is None:
@@ -303,9 +328,7 @@ def _continuous(kind: str, values: Array) -> Array:
 def _check_intervals(file: TaskFile, check: Refusals) -> None:
     """Notes intervals or steps of which there would be too many."""
     high = float(np.max(file.duration))
-    for key, whole, part in (
-        ("interval", high, file.interval), ("step", file.interval, file.step),
-    ):  # fmt: skip
+    for key, whole, part in (("interval", high, file.interval), ("step", file.interval, file.step)):
         if whole / part > _MAX_INTERVALS:
             text = f"found {part:g}, of which there would be {whole / part:.3g}"
             check((key,), lambda text=text: _refuse(f"{text}; allowed: {_MAX_INTERVALS}"))
@@ -317,10 +340,12 @@ def _check_exploring(file: TaskFile, check: Refusals) -> None:
         text = "it looks for motions through slack strings; needed beside it: slack: true"
         check(("explore",), lambda: _refuse(text))
     for key, value in (
-        ("parameters", file.parameters), ("touches", file.touches),
-        ("bounds.force", file.bounds.force), ("bounds.voltage", file.bounds.voltage),
+        ("parameters", file.parameters),
+        ("touches", file.touches),
+        ("bounds.force", file.bounds.force),
+        ("bounds.voltage", file.bounds.voltage),
         ("bounds.current", file.bounds.current),
-    ):  # fmt: skip
+    ):
         if file.explore and value:
             text = f"it does not go together with {key}; needed: one of them"
             check(("explore",), lambda text=text: _refuse(text))
@@ -376,10 +401,19 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
         one = Bounds(held=(name,))
         check(("bounds", "held", j), lambda one=one: one.magnitudes(marionette, "acceleration"))
     return Bounds(
-        intervals("position"), most("speed"), most("acceleration"), most("jerk"),
-        intervals("tension"), intervals("joint"), file.held, file.clearance, file.own_body,
-        intervals("force"), most("voltage"), most("current"),
-    )  # fmt: skip
+        intervals("position"),
+        most("speed"),
+        most("acceleration"),
+        most("jerk"),
+        intervals("tension"),
+        intervals("joint"),
+        file.held,
+        file.clearance,
+        file.own_body,
+        intervals("force"),
+        most("voltage"),
+        most("current"),
+    )
 
 
 def _refuse(message: str) -> None:

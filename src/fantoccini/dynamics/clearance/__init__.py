@@ -1,15 +1,7 @@
 """Distances of a puppet from obstacles, from other puppets and from itself."""
 
-from fantoccini.dynamics.clearance.measure import (
-    Clearance,
-    Least,
-    Nearest,
-)
-from fantoccini.dynamics.clearance.obstacles import (
-    HalfSpace,
-    Standing,
-    standing,
-)
+from fantoccini.dynamics.clearance.measure import Clearance, Least, Nearest
+from fantoccini.dynamics.clearance.obstacles import HalfSpace, Standing, standing
 from fantoccini.dynamics.clearance.path import Path
 from fantoccini.dynamics.clearance.strings_apart import (
     Approach,
@@ -17,10 +9,7 @@ from fantoccini.dynamics.clearance.strings_apart import (
     StringMotion,
     StringsApart,
 )
-from fantoccini.dynamics.clearance.winding import (
-    Crossing,
-    Winding,
-)
+from fantoccini.dynamics.clearance.winding import Crossing, Winding
 
 __all__ = [
     "Approach",

@@ -86,8 +86,10 @@ def _between(
         if len(around):
             piece = piece[around]
             start, middle, end = (x[around] for x in (start, middle, end))
-            waiting.append((
-                np.concatenate([piece, piece]),
-                np.concatenate([start, middle]),
-                np.concatenate([middle, end]),
-            ))
+            waiting.append(
+                (
+                    np.concatenate([piece, piece]),
+                    np.concatenate([start, middle]),
+                    np.concatenate([middle, end]),
+                )
+            )

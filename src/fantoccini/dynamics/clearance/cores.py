@@ -96,10 +96,17 @@ class Cores:
                 travelled[i] = _path(moving)
         none = np.zeros((len(bodies), T))
         return cls(
-            a, b, travelled, curves, np.concatenate([curve, none.astype(int) - 1]),
-            np.concatenate([stray, none]), shape, axes, bodies["half"][shaped],
+            a,
+            b,
+            travelled,
+            curves,
+            np.concatenate([curve, none.astype(int) - 1]),
+            np.concatenate([stray, none]),
+            shape,
+            axes,
+            bodies["half"][shaped],
             bodies["radius"][shaped],
-        )  # fmt: skip
+        )
 
     def chords(self) -> Cores:
         """The same with straight strings."""

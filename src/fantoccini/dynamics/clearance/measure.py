@@ -149,15 +149,19 @@ class Clearance:
         for name in dict.fromkeys(names):
             own = np.array([other == name for other in names])
             found[name] = replace(
-                whole, pairs=whole.pairs[own[whole.pairs[:, 0]]],
-                left_out=whole.left_out | ~own[:, None], string_radius=never,
-            )  # fmt: skip
+                whole,
+                pairs=whole.pairs[own[whole.pairs[:, 0]]],
+                left_out=whole.left_out | ~own[:, None],
+                string_radius=never,
+            )
         for i, string in enumerate(self.marionette.tree.strings):
             radius = np.where(np.arange(len(never)) == i, whole.string_radius, -1.0)
             found[f"string {string.name}"] = replace(
-                whole, pairs=whole.pairs[:0], left_out=np.ones_like(whole.left_out),
+                whole,
+                pairs=whole.pairs[:0],
+                left_out=np.ones_like(whole.left_out),
                 string_radius=radius,
-            )  # fmt: skip
+            )
         parts = {}
         for name, solids_of_one in found.items():
             parts[name] = copy(self)

@@ -115,10 +115,13 @@ class Path:
         """
         tree = self.marionette.tree
         steps = {
-            role: np.diff(polynomial.control_points(polynomial.shifted(coef[piece], start),
-                                                    (end - start)[:, None]))
+            role: np.diff(
+                polynomial.control_points(
+                    polynomial.shifted(coef[piece], start), (end - start)[:, None]
+                )
+            )
             for role, coef in self._coef.items()
-        }  # fmt: skip
+        }
         m = len(piece)
         slide, turn = np.zeros((2, m, len(tree.links)))
         for i, link in enumerate(tree.links):

@@ -95,9 +95,7 @@ class StringsApart:
         check_not_negative(radius=radius)
         self.marionette = marionette
         self._bodies, self._links = solids.moving(marionette.tree, Meshes())
-        self._pairs = string_pairs(
-            marionette, self._links, self._bodies["radius"], radius, own=own
-        )
+        self._pairs = string_pairs(marionette, self._links, self._bodies["radius"], radius, own=own)
 
     def over(self, q_D: Array, q_K: Array, t: Times) -> StringMotion:
         """The strings and bodies along a motion, to be measured.
@@ -228,10 +226,11 @@ class StringMotion:
         """Measures samples, and refines between them where pairs may be nearer than a limit."""
         pairs, none = self.pairs.every, np.zeros(len(self.pairs.every))
         pair, k = search(
-            self.cores, pairs,
+            self.cores,
+            pairs,
             lambda pair, k: limit(pair, k, np.full(len(k), _SAMPLE)),
             lambda pair, k, distance: take(pair, k, np.zeros(len(k)), distance),
-        )  # fmt: skip
+        )
         within = k + 1 < len(self.t)
         pair, k = pair[within], k[within]
         start: Array = np.zeros(len(k))

@@ -147,12 +147,14 @@ class _Step:
         u, v, w = x = np.array([b - a, d - c, c - a])
         a, b, c, d = self.after
         du, dv, dw = np.array([b - a, d - c, c - a]) - x
-        return np.array([
-            _product(u, v, w),
-            _product(du, v, w) + _product(u, dv, w) + _product(u, v, dw),
-            _product(u, dv, dw) + _product(du, v, dw) + _product(du, dv, w),
-            _product(du, dv, dw),
-        ])  # fmt: skip
+        return np.array(
+            [
+                _product(u, v, w),
+                _product(du, v, w) + _product(u, dv, w) + _product(u, v, dw),
+                _product(u, dv, dw) + _product(du, v, dw) + _product(du, dv, w),
+                _product(du, dv, dw),
+            ]
+        )
 
     def in_plane(self) -> np.ndarray:
         """(n,) whether the pieces stay in one plane, so that f says nothing."""

@@ -1,15 +1,8 @@
 """A compiled puppet: its libraries and parameters, and functions of one state."""
 
 from fantoccini.dynamics.compiled import configurations
-from fantoccini.dynamics.compiled.accelerations import (
-    ForwardDynamics,
-    forward_dynamics,
-)
-from fantoccini.dynamics.compiled.active_set import (
-    ROW_TOLERANCES,
-    ActiveSet,
-    taut_mask,
-)
+from fantoccini.dynamics.compiled.accelerations import ForwardDynamics, forward_dynamics
+from fantoccini.dynamics.compiled.active_set import ROW_TOLERANCES, ActiveSet, taut_mask
 from fantoccini.dynamics.compiled.analysis import (
     A_rate,
     coriolis_full,
@@ -33,16 +26,8 @@ from fantoccini.dynamics.compiled.checks import (
     count_samples,
     refuse_contact,
 )
-from fantoccini.dynamics.compiled.configurations import (
-    difference,
-    integrate,
-    retract,
-)
-from fantoccini.dynamics.compiled.contact_geometry import (
-    GEOMETRY_TOLERANCES,
-    PairGeometry,
-    Touch,
-)
+from fantoccini.dynamics.compiled.configurations import difference, integrate, retract
+from fantoccini.dynamics.compiled.contact_geometry import GEOMETRY_TOLERANCES, PairGeometry, Touch
 from fantoccini.dynamics.compiled.critical_step import critical_step_of_tensions
 from fantoccini.dynamics.compiled.evaluation import Evaluation
 from fantoccini.dynamics.compiled.flow import Flow
@@ -55,10 +40,7 @@ from fantoccini.dynamics.compiled.methods import (
     Variational,
     as_method,
 )
-from fantoccini.dynamics.compiled.model import (
-    LIMITS,
-    Model,
-)
+from fantoccini.dynamics.compiled.model import LIMITS, Model
 from fantoccini.dynamics.compiled.parameter_values import parameter_rows
 from fantoccini.dynamics.compiled.portable import PortablePuppet
 from fantoccini.dynamics.compiled.quantities import Quantities
@@ -71,10 +53,7 @@ from fantoccini.dynamics.compiled.screws import (
     relations,
 )
 from fantoccini.dynamics.compiled.touching import TOUCHING
-from fantoccini.dynamics.compiled.vector_checks import (
-    vector,
-    vectors,
-)
+from fantoccini.dynamics.compiled.vector_checks import vector, vectors
 
 __all__ = [
     "GEOMETRY_TOLERANCES",

@@ -88,14 +88,27 @@ def energies(model: Model, x: State) -> tuple[float, float]:
 
 
 def effort(
-    model: Model, q_D: Array, v_D: Array, q_K: Array, v_K: Array, acc_D: Array, acc_K: Array,
+    model: Model,
+    q_D: Array,
+    v_D: Array,
+    q_K: Array,
+    v_K: Array,
+    acc_D: Array,
+    acc_K: Array,
     tension: Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda; see :meth:`Marionette.effort`."""
     return model.library.evaluate(
-        "effort", q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K, acc_D=acc_D, acc_K=acc_K,
-        lam=-np.asarray(tension)[..., : len(model.tree.strings)], p=model.p,
-    ).f_K  # fmt: skip
+        "effort",
+        q_D=q_D,
+        v_D=v_D,
+        q_K=q_K,
+        v_K=v_K,
+        acc_D=acc_D,
+        acc_K=acc_K,
+        lam=-np.asarray(tension)[..., : len(model.tree.strings)],
+        p=model.p,
+    ).f_K
 
 
 def wrench_forces(model: Model, x: State, wrenches: Mapping[str, Array]) -> Array:

@@ -141,13 +141,19 @@ class PairGeometry:
                 rate_by = values[:, None] * found * speed / scale @ to_origin
                 smooth = smooth and second
         return Touch(
-            self.pair, feature, self.links, float(here[0]), here[1:4], here[4:7], by, rate, rate_by,
+            self.pair,
+            feature,
+            self.links,
+            float(here[0]),
+            here[1:4],
+            here[4:7],
+            by,
+            rate,
+            rate_by,
             smooth,
-        )  # fmt: skip
+        )
 
-    def _settled(
-        self, feature: int, along: Array | None, tolerance: float
-    ) -> tuple[Array, bool]:
+    def _settled(self, feature: int, along: Array | None, tolerance: float) -> tuple[Array, bool]:
         """(7, 6) differences at the largest step that agrees with the next, and whether any does.
 
         Args:

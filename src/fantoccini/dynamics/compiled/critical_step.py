@@ -33,9 +33,7 @@ _STATES_AT_ONCE = 1024
 """States evaluated together, which bounds the memory."""
 
 
-def critical_step(
-    model: Model, q_D: Array, q_K: Array, dt: float
-) -> tuple[float, str] | None:
+def critical_step(model: Model, q_D: Array, q_K: Array, dt: float) -> tuple[float, str] | None:
     """The critical step [s] and its spring; None where ``dt`` is below it at all configurations."""
     names, k, c = _springs(model)
     if not names:
@@ -127,9 +125,7 @@ def _forth(model: Model, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
     return model.library.evaluate("forth", L=L[:, None], x=np.stack(forces, axis=1)).y
 
 
-def _pull(
-    model: Model, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array
-) -> Array:
+def _pull(model: Model, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array) -> Array:
     """(n, n_vD) forces in the joints of a unit force on one point, its opposite on the other."""
     n, n_links = len(q_D), len(model.tree.links)
     poses = analysis.poses(model, q_D, q_K)

@@ -1,6 +1,6 @@
 """One evaluation of the compiled model with its rows: the Python side of ``model/evaluation.hpp``.
 
-    hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
+hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
 """
 
 from __future__ import annotations

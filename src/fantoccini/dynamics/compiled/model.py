@@ -229,17 +229,21 @@ class Model:
 
     @cached_property
     def _scaled_options(self) -> dict[str, Any]:
-        return Event().options | TimeStepping().options | {
-            "first_step": LIMITS.first_step,
-            "tension_cap": self.tension_cap,
-            "energy_scale": max(self.reference_force, 1e-9),
-            "force_scale": self.reference_force / (self.mass or 1.0) ** 0.5,
-            "recovery_speed": LIMITS.recovery_speed,
-            "max_steps": LIMITS.max_steps,
-            "max_events": LIMITS.max_events,
-            "save_steps": True,
-            "contacts": self.contacts,
-        }  # fmt: skip
+        return (
+            Event().options
+            | TimeStepping().options
+            | {
+                "first_step": LIMITS.first_step,
+                "tension_cap": self.tension_cap,
+                "energy_scale": max(self.reference_force, 1e-9),
+                "force_scale": self.reference_force / (self.mass or 1.0) ** 0.5,
+                "recovery_speed": LIMITS.recovery_speed,
+                "max_steps": LIMITS.max_steps,
+                "max_events": LIMITS.max_events,
+                "save_steps": True,
+                "contacts": self.contacts,
+            }
+        )
 
     # -- rows --------------------------------------------------------------------------------
 

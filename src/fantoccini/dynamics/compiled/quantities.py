@@ -102,9 +102,15 @@ class Quantities:
         return analysis.string_points(self.model, q_D, q_K)
 
     def effort(
-        self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, acc_D: Array, acc_K: Array,
+        self,
+        q_D: Array,
+        v_D: Array,
+        q_K: Array,
+        v_K: Array,
+        acc_D: Array,
+        acc_K: Array,
         tension: Array,
-    ) -> Array:  # fmt: skip
+    ) -> Array:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
 
         How heavy the control is in the hand, (..., n_vK) [N or N m]. The arguments are (..., n)

@@ -83,9 +83,7 @@ def contacts_of(
     touching = {i for a, b, _, _ in meet for i in (a, b)}
     solids, hulls, place = _solids(puppet, parts, touching, counts)
     # A dented mesh is several solids: each of them meets what the mesh meets.
-    pairs = [
-        (x, y, k) for k, (a, b, _, _) in enumerate(meet) for x in place[a] for y in place[b]
-    ]
+    pairs = [(x, y, k) for k, (a, b, _, _) in enumerate(meet) for x in place[a] for y in place[b]]
     links = solids["link"].tolist()
     pairs.sort(key=lambda pair: (links[pair[0]], links[pair[1]], pair[1], pair[0]))
     which = [k for _, _, k in pairs]
@@ -137,9 +135,11 @@ def _solids(
             own = _hulls(puppet, part.shape, part.name)
             if i < len(counts) and len(own) != counts[i]:
                 raise _refused(
-                    puppet, part.name, f"{part.shape.file} is not convex, and touched nothing when "
-                    "the puppet was compiled; load it together with what it now touches"
-                )  # fmt: skip
+                    puppet,
+                    part.name,
+                    f"{part.shape.file} is not convex, and touched nothing when "
+                    "the puppet was compiled; load it together with what it now touches",
+                )
             made += [hull_solid(h, len(hulls) + k, part.link) for k, h in enumerate(own)]
             hulls += own
         else:

@@ -7,11 +7,7 @@ from fantoccini.dynamics.derivatives.contact_rows import (
     HeldRows,
     PointMode,
 )
-from fantoccini.dynamics.derivatives.contact_state import (
-    FrozenModes,
-    motion_at,
-    with_active_set,
-)
+from fantoccini.dynamics.derivatives.contact_state import FrozenModes, motion_at, with_active_set
 from fantoccini.dynamics.derivatives.kkt import KKTSystem
 from fantoccini.dynamics.derivatives.linearisation import (
     Linearisation,
@@ -20,32 +16,16 @@ from fantoccini.dynamics.derivatives.linearisation import (
     row_derivatives_at,
     turning,
 )
-from fantoccini.dynamics.derivatives.mode_system import (
-    ModeSystem,
-    solve_in_modes,
-)
-from fantoccini.dynamics.derivatives.rollout_gradient import (
-    Rollout,
-    RolloutGradient,
-    rollout,
-)
-from fantoccini.dynamics.derivatives.small_motions import (
-    SmallMotions,
-    balanced_state,
-)
+from fantoccini.dynamics.derivatives.mode_system import ModeSystem, solve_in_modes
+from fantoccini.dynamics.derivatives.rollout_gradient import Rollout, RolloutGradient, rollout
+from fantoccini.dynamics.derivatives.small_motions import SmallMotions, balanced_state
 from fantoccini.dynamics.derivatives.step_contacts import (
     TOLERANCES,
     closed_without_force,
     geometries,
 )
-from fantoccini.dynamics.derivatives.step_linearisation import (
-    StepLinearisation,
-    linearise_step,
-)
-from fantoccini.dynamics.derivatives.step_partials import (
-    StepLinearisations,
-    linearise_steps,
-)
+from fantoccini.dynamics.derivatives.step_linearisation import StepLinearisation, linearise_step
+from fantoccini.dynamics.derivatives.step_partials import StepLinearisations, linearise_steps
 
 __all__ = [
     "TOLERANCES",

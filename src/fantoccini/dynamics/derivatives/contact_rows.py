@@ -88,7 +88,6 @@ class HeldPoint(PointMode):
         """(k,) of its force."""
         return np.asarray(self.directions @ self.force)
 
-
     @classmethod
     def of(cls, point: PointMode, touch: Touch, force: Array, velocity: Array) -> HeldPoint:
         """A point at a place, with its force and velocity."""
@@ -283,10 +282,9 @@ class _Moving:
         P_dot, n_dot, u_dot = self._rates
         twist_b_by = screws.twist_by(b)
         # The derivatives by the first link's twist move along with the second link.
-        moved = (
-            touch.rate_by @ self._apart
-            + touch.by @ (self._twist_by - bracket(self._pose_b.T, self._twist).T)
-        )  # fmt: skip
+        moved = touch.rate_by @ self._apart + touch.by @ (
+            self._twist_by - bracket(self._pose_b.T, self._twist).T
+        )
         moved[1:4] += _cross(self._pose_b[3:], touch.by[1:4] @ self._twist)
         moved[4:] += _cross(self._pose_b[3:], touch.by[4:] @ self._twist)
         P_dot_by = moved[1:4] + _at_point(twist_b_by, self.P)

@@ -106,9 +106,7 @@ def with_active_set(model: Model, x: State) -> State:
     return x.replace(taut=(tension > 0.0) | model.two_sided)
 
 
-def _begun(
-    model: Model, x: State, acc_K: Array, u_D: Array
-) -> tuple[dict[str, Array], Piece]:
+def _begun(model: Model, x: State, acc_K: Array, u_D: Array) -> tuple[dict[str, Array], Piece]:
     """The first sample of an event-driven run, and what else it writes there."""
     check_start(model, x)
     options = model.run_options()

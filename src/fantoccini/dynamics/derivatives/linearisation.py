@@ -213,8 +213,12 @@ def derivatives_at(
 ) -> dict[str, Array]:
     """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
     values: dict[str, Array | float] = {
-        **model.at(x), "acc_D": acc_D, "acc_K": acc_K, "tension": tension, "dt": dt,
-    }  # fmt: skip
+        **model.at(x),
+        "acc_D": acc_D,
+        "acc_K": acc_K,
+        "tension": tension,
+        "dt": dt,
+    }
     found: dict[str, Array] = {}
     for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
         found |= model.compiled.derivatives.at(name, values)
@@ -250,9 +254,7 @@ def row_derivatives(found: dict[str, Array]) -> Array:
     return np.concatenate([*(found[name] for name in names), none, found["hddot_p"]], axis=1)
 
 
-def tension_derivatives(
-    model: Model, tension: Array, held: Indices, dtension: Array
-) -> Array:
+def tension_derivatives(model: Model, tension: Array, held: Indices, dtension: Array) -> Array:
     """(n_rows, m) derivatives of all tensions, from those of the held rows."""
     out = np.zeros((model.tree.n_rows, dtension.shape[1]))
     out[:, out.shape[1] - len(model.p) :] = _slipping_by_p(model, tension)

@@ -230,25 +230,42 @@ def rollout(
     options = model.run_options(dt=dt, extrapolate=extrapolate)
     pairs = () if model.contacts is None else model.contacts.names
     run = GradientRun(
-        model.compiled.gradients, options, model.winches, model.reference_force, inputs, force,
-        x0.q_D, x0.v_D, values,
-    )  # fmt: skip
+        model.compiled.gradients,
+        options,
+        model.winches,
+        model.reference_force,
+        inputs,
+        force,
+        x0.q_D,
+        x0.v_D,
+        values,
+    )
     status, made = Status(run.numbers.status), run.numbers.made
     if throw and status is not Status.DONE:
         raise SimulationError(
-            status, f"at step {made} of {n}, t = {x0.t + made * dt:.6g} s; throw=False keeps the "
-            "steps before it"
-        )  # fmt: skip
+            status,
+            f"at step {made} of {n}, t = {x0.t + made * dt:.6g} s; throw=False keeps the "
+            "steps before it",
+        )
     tension = run.arrays["tension"][:made]
     upper = np.minimum(model.upper, model.tension_cap)
     held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
     return Rollout(
         **{name: run.arrays[name][: made + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
-        tension=tension, held=held, dt=dt, status=status, steps=made,
-        n_contacts=run.touches["n_points"][:made], n_sliding=run.touches["n_sliding"][:made],
-        edges=run.touches["edges"][:made], start=x0.t, coordinates=t, _run=run, _driven=driven,
+        tension=tension,
+        held=held,
+        dt=dt,
+        status=status,
+        steps=made,
+        n_contacts=run.touches["n_points"][:made],
+        n_sliding=run.touches["n_sliding"][:made],
+        edges=run.touches["edges"][:made],
+        start=x0.t,
+        coordinates=t,
+        _run=run,
+        _driven=driven,
         _pairs=tuple(pair_name(pair) for pair in pairs),
-    )  # fmt: skip
+    )
 
 
 def _inputs(

@@ -89,9 +89,13 @@ class SmallMotions:
         C_K = np.concatenate([by["A_K"][held], by_inputs])
         Y, _ = system.solve(np.zeros((n, k)), C_K)
         return cls(
-            held, N, interpreted(model, "mass_matrix", x).M, N.T @ r_q @ N, N.T @ r_v @ N,
+            held,
+            N,
+            interpreted(model, "mass_matrix", x).M,
+            N.T @ r_q @ N,
+            N.T @ r_v @ N,
             (-N.T @ (r_q @ Y + r_qK), -N.T @ (r_v @ Y + r_vK), -N.T @ by["M_DK"]),
-        )  # fmt: skip
+        )
 
 
 def balanced_state(model: Model, x: State) -> State:

@@ -243,11 +243,15 @@ def _slides_askew(
     across = u - normal * (normal @ u)
     speed = float(np.linalg.norm(across))
     return any(
-        point.pair == pair and point.mode is ContactMode.SLIDE and point.friction > 0.0
-        and (speed <= still
-             or np.linalg.norm(np.cross(point.along, across)) > TOLERANCES.askew * speed)
+        point.pair == pair
+        and point.mode is ContactMode.SLIDE
+        and point.friction > 0.0
+        and (
+            speed <= still
+            or np.linalg.norm(np.cross(point.along, across)) > TOLERANCES.askew * speed
+        )
         for point in held
-    )  # fmt: skip
+    )
 
 
 def _subspace(screws: Screws, links: tuple[int, int], point: Array) -> Array:

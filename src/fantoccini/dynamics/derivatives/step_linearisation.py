@@ -216,9 +216,7 @@ def _row_rates(model: Model, x: State, at: Evaluation, dt: float) -> Array:
     return np.concatenate(columns, axis=1) / dt
 
 
-def _carried(
-    quaternions: Iterable[tuple[int, int]], move: Array, dmove: Array, n_dq: int
-) -> Array:
+def _carried(quaternions: Iterable[tuple[int, int]], move: Array, dmove: Array, n_dq: int) -> Array:
     """Change of the tangent vector at q moved by ``move``: Exp(-move) dq + J_r(move) dmove.
 
     Args:
@@ -246,9 +244,7 @@ class DrivenStep:
         dt: the step [s].
     """
 
-    def __init__(
-        self, quaternions: Iterable[tuple[int, int]], v_K: Array, acc_K: Array, dt: float
-    ):
+    def __init__(self, quaternions: Iterable[tuple[int, int]], v_K: Array, acc_K: Array, dt: float):
         self._quaternions, self.dt, k = tuple(quaternions), dt, len(v_K)
         self._move = dt * v_K + 0.5 * dt * dt * acc_K
         end, by_v, by_a = v_K + dt * acc_K, np.eye(k), dt * np.eye(k)

@@ -157,17 +157,32 @@ def linearise_steps(
         touches, made = None, _Lanes.of(model, options, x, acc, force, own, threads)
     else:
         touches = made = step_touches(
-            model.library, options, model.winches, model.reference_force, x | along, acc, force,
-            values, threads,
-        )  # fmt: skip
+            model.library,
+            options,
+            model.winches,
+            model.reference_force,
+            x | along,
+            acc,
+            force,
+            values,
+            threads,
+        )
     tension = made.tension
     upper = np.minimum(model.upper, model.tension_cap)
     held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
     found = model.compiled.step_derivatives.find(
         {name: x[name] for name in ("q_D", "v_D", "q_K")} | {"tension": tension} | along,
-        held, values, force, dt=dt, recovery_speed=options.recovery_speed, forces=forces,
-        pull=pull, threads=threads, touches=touches, room=room,
-    )  # fmt: skip
+        held,
+        values,
+        force,
+        dt=dt,
+        recovery_speed=options.recovery_speed,
+        forces=forces,
+        pull=pull,
+        threads=threads,
+        touches=touches,
+        room=room,
+    )
     _chain_rotations(model, driven, found.motion)
     if found.pull is not None:
         _chain_rotations(model, driven, found.pull)
@@ -178,10 +193,18 @@ def linearise_steps(
     edges, n_points = (none, none) if touches is None else (touches.edges, touches.n_points)
     ended = (made.status == Status.DONE.value) & (apart <= SHORTENED * size)
     return StepLinearisations(
-        **{name: getattr(made, name) for name in widths}, tension=tension, held=held,
-        motion=found.motion, pull=found.pull, settled=ended & (edges < StepEdge.LEAVES_LAW.value),
-        edges=edges, n_contacts=n_points, dt=dt, coordinates=table, _driven=driven,
-    )  # fmt: skip
+        **{name: getattr(made, name) for name in widths},
+        tension=tension,
+        held=held,
+        motion=found.motion,
+        pull=found.pull,
+        settled=ended & (edges < StepEdge.LEAVES_LAW.value),
+        edges=edges,
+        n_contacts=n_points,
+        dt=dt,
+        coordinates=table,
+        _driven=driven,
+    )
 
 
 class _Lanes(NamedTuple):
@@ -196,17 +219,28 @@ class _Lanes(NamedTuple):
 
     @classmethod
     def of(
-        cls, model: Model, options: RunOptions, x: Mapping[str, Array], acc_K: Array,
-        u_D: Array | None, p: Array, threads: int,
-    ) -> _Lanes:  # fmt: skip
+        cls,
+        model: Model,
+        options: RunOptions,
+        x: Mapping[str, Array],
+        acc_K: Array,
+        u_D: Array | None,
+        p: Array,
+        threads: int,
+    ) -> _Lanes:
         n, tree = len(p), model.tree
         made: dict[str, AnyArray] = {name: np.array(a, order="C") for name, a in x.items()} | {
-            "fresh": np.ones(n, dtype=np.uint8), "p": np.ascontiguousarray(p),
-            "slip": np.zeros((n, len(tree.strings))), "tension": np.zeros((n, tree.n_rows)),
-            "taut": np.zeros((n, tree.n_rows), dtype=np.bool_), "books": np.zeros((n, 5)),
-            "violation": np.zeros(n), "advanced": np.zeros(n),
-            "status": np.zeros(n, dtype=np.int32), "blame": np.zeros((n, len(tree.blamable))),
-        }  # fmt: skip
+            "fresh": np.ones(n, dtype=np.uint8),
+            "p": np.ascontiguousarray(p),
+            "slip": np.zeros((n, len(tree.strings))),
+            "tension": np.zeros((n, tree.n_rows)),
+            "taut": np.zeros((n, tree.n_rows), dtype=np.bool_),
+            "books": np.zeros((n, 5)),
+            "violation": np.zeros(n),
+            "advanced": np.zeros(n),
+            "status": np.zeros(n, dtype=np.int32),
+            "blame": np.zeros((n, len(tree.blamable))),
+        }
         lanes = model.compiled.lanes
         workers = max(1, min(threads, -(-n // lanes.width)))
         steppers = LaneSteppers(lanes, n, workers, options, model.winches)
@@ -231,10 +265,18 @@ def _variational(
     slips = np.any(found.tension >= AT_CAP * model.upper, axis=1)
     none = np.zeros(len(found.solved), dtype=np.int32)
     return StepLinearisations(
-        **found.end, tension=found.tension, held=found.held, motion=found.motion[..., kept],
-        pull=found.pull[..., kept] if pull else None, settled=found.solved & ~slips, edges=none,
-        n_contacts=none, dt=dt, coordinates=t, _driven=driven,
-    )  # fmt: skip
+        **found.end,
+        tension=found.tension,
+        held=found.held,
+        motion=found.motion[..., kept],
+        pull=found.pull[..., kept] if pull else None,
+        settled=found.solved & ~slips,
+        edges=none,
+        n_contacts=none,
+        dt=dt,
+        coordinates=t,
+        _driven=driven,
+    )
 
 
 def _rows(rows: Array, n: int) -> Array:
@@ -242,9 +284,7 @@ def _rows(rows: Array, n: int) -> Array:
     return rows if len(rows) == n else np.broadcast_to(rows, (n, rows.shape[1]))
 
 
-def _driven_steps(
-    model: Model, v_K: Array, acc_K: Array, dt: float
-) -> tuple[DrivenStep, ...]:
+def _driven_steps(model: Model, v_K: Array, acc_K: Array, dt: float) -> tuple[DrivenStep, ...]:
     """The driven coordinates over every step; none where nothing turns."""
     quaternions = model.coordinates.quaternions_K
     if not quaternions:

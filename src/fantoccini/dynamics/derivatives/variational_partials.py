@@ -86,9 +86,11 @@ def variational_partials(
     values = np.broadcast_to(p, (n, p.shape[1]))
     batch = _made(model, x, acc, force, values, dt, threads)
     end = {
-        "q_D": batch.end_q_D, "v_D": batch.end_v_D, "q_K": x["q_K"].copy(),
+        "q_D": batch.end_q_D,
+        "v_D": batch.end_v_D,
+        "q_K": x["q_K"].copy(),
         "v_K": x["v_K"] + dt * acc,
-    }  # fmt: skip
+    }
     rate = x["v_K"] + 0.5 * dt * acc
     half = x["q_K"].copy()
     for q, v in t.scalars_K:
@@ -96,9 +98,16 @@ def variational_partials(
         end["q_K"][:, q] += dt * rate[:, v]
     library, n_rows = model.compiled.variational_derivatives, model.tree.n_rows
     mid = library.evaluate(
-        "midpoint_by", q_D=x["q_D"], xi=_steps(model, x["q_D"], end["q_D"]), q_mid=half, v_mid=rate,
-        acc_mid=acc, u_D=force, dt=dt, p=values,
-    )  # fmt: skip
+        "midpoint_by",
+        q_D=x["q_D"],
+        xi=_steps(model, x["q_D"], end["q_D"]),
+        q_mid=half,
+        v_mid=rate,
+        acc_mid=acc,
+        u_D=force,
+        dt=dt,
+        p=values,
+    )
     start = library.evaluate("row_rates_by", p=values, **x)
     last = library.evaluate("row_rates_by", p=values, **end)
     h = model.library.evaluate("rows", q_D=end["q_D"], q_K=end["q_K"], p=values).h
@@ -151,9 +160,14 @@ def variational_partials(
 
 
 def _made(
-    model: Model, x: Mapping[str, Array], acc_K: Array, u_D: Array, p: Array, dt: float,
+    model: Model,
+    x: Mapping[str, Array],
+    acc_K: Array,
+    u_D: Array,
+    p: Array,
+    dt: float,
     threads: int,
-) -> Batch:  # fmt: skip
+) -> Batch:
     """The steps."""
     n, t, table = len(acc_K), model.coordinates, model.tree
     coef, force = np.zeros((n, 1, t.n_vK, N_COEF)), np.zeros((n, 1, t.n_vD, N_COEF))
@@ -161,15 +175,30 @@ def _made(
         coef[:, 0, v, 0] = x["q_K"][:, q]
     coef[:, 0, :, 1], coef[:, 0, :, 2], force[:, 0, :, 0] = x["v_K"], 0.5 * acc_K, u_D
     made = Batch(
-        n=n, t=0.0, t_end=dt, q_D=x["q_D"], v_D=x["v_D"], slip=np.zeros((1, len(table.strings))),
-        breaks=np.array([[0.0, dt]]), coef=coef, base=x["q_K"][:, None], force=force, p=p,
-        winches=model.winches, options=model.run_options(dt=dt), times=np.zeros(2),
+        n=n,
+        t=0.0,
+        t_end=dt,
+        q_D=x["q_D"],
+        v_D=x["v_D"],
+        slip=np.zeros((1, len(table.strings))),
+        breaks=np.array([[0.0, dt]]),
+        coef=coef,
+        base=x["q_K"][:, None],
+        force=force,
+        p=p,
+        winches=model.winches,
+        options=model.run_options(dt=dt),
+        times=np.zeros(2),
         parts={},
-        status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.zeros(n),
-        violation=np.zeros(n), catches=np.zeros(n, dtype=np.int64),
-        releases=np.zeros(n, dtype=np.int64), blame=np.zeros((n, len(table.blamable))),
-        end_q_D=np.full((n, t.n_qD), np.nan), end_v_D=np.full((n, t.n_vD), np.nan),
-    )  # fmt: skip
+        status=np.full(n, Status.STOPPED, dtype=np.int32),
+        reached=np.zeros(n),
+        violation=np.zeros(n),
+        catches=np.zeros(n, dtype=np.int64),
+        releases=np.zeros(n, dtype=np.int64),
+        blame=np.zeros((n, len(table.blamable))),
+        end_q_D=np.full((n, t.n_qD), np.nan),
+        end_v_D=np.full((n, t.n_vD), np.nan),
+    )
     made.run(model.compiled.variational_lanes, threads)
     return made
 
@@ -204,9 +233,7 @@ class _Columns:
     def of_end(self, by_q: Array, by_v: Array | None, by_p: Array) -> Array:
         """Of what depends on q_K and v_K after the step, and on p."""
         dt, of_v = self.dt, 0.0 if by_v is None else by_v
-        return self.of_inputs(
-            by_q, dt * by_q + of_v, 0.5 * dt * dt * by_q + dt * of_v, by_p
-        )
+        return self.of_inputs(by_q, dt * by_q + of_v, 0.5 * dt * dt * by_q + dt * of_v, by_p)
 
     def of_middle(self, mid: object, end: str) -> Array:
         """Of the midpoint's momenta, by its inputs, forces and parameters."""

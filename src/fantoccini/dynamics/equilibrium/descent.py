@@ -182,9 +182,7 @@ def _curvature(at: Evaluation, by_move: Array) -> tuple[Array, Array]:
     return np.linalg.eigh(0.5 * (H + H.T))
 
 
-def _unstable(
-    at: Evaluation, rows: Indices, curvature: Array, modes: Array
-) -> Array | None:
+def _unstable(at: Evaluation, rows: Indices, curvature: Array, modes: Array) -> Array | None:
     """A push (n_vD,) along which V falls while the rows hold; None at a minimum."""
     W = at.W[:, rows]
     free = np.eye(len(modes)) - W @ np.linalg.pinv(W) if len(rows) else np.eye(len(modes))

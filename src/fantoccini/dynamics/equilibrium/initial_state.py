@@ -71,9 +71,7 @@ def _put(
     raise UnknownNameError("coordinate", name, (*table.q_D, *table.q_K, *rotations))
 
 
-def put_commands(
-    drives: Iterable[DriveRow], named: Container[str], q_D: Array, q_K: Array
-) -> None:
+def put_commands(drives: Iterable[DriveRow], named: Container[str], q_D: Array, q_K: Array) -> None:
     """Sets drives' commands in q_K to where their coordinates are in q_D, except those named.
 
     Their velocities stay as they are: inputs begin at rest however fast the coordinates move.

@@ -64,8 +64,12 @@ def warnings(model: Model, data: Any = None) -> list[Finding]:
     size = measure(model.tree, model.number)
     checks = _Checks(model, size, data)
     return [
-        *checks.whole(), *checks.support(), *checks.bodies(), *checks.joints(), *checks.strings()
-    ]  # fmt: skip
+        *checks.whole(),
+        *checks.support(),
+        *checks.bodies(),
+        *checks.joints(),
+        *checks.strings(),
+    ]
 
 
 class _Checks:
@@ -148,9 +152,7 @@ class _Checks:
         for i, body in enumerate(self.puppet.bodies):
             joint, name = body.joint, body.joint.name or body.name
             turns = joint.type == "revolute"
-            low, high = (
-                (joint.limits.lower, joint.limits.upper) if joint.limits else (None, None)
-            )
+            low, high = (joint.limits.lower, joint.limits.upper) if joint.limits else (None, None)
             place: Path
             for key, bound in (("lower", low), ("upper", high)):
                 if turns and bound is not None and abs(bound) > USUAL.max_angle:
@@ -293,9 +295,7 @@ def input_warnings(model: Model, inputs: Input) -> list[InputWarning]:
     return found
 
 
-def _speed(
-    name: str, ends: Array, speed: Array, bound: float, unit: str
-) -> list[InputWarning]:
+def _speed(name: str, ends: Array, speed: Array, bound: float, unit: str) -> list[InputWarning]:
     fastest = speed.max(axis=1)
     if not fastest[k := int(fastest.argmax())] > bound:
         return []

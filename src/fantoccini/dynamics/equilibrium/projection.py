@@ -259,9 +259,7 @@ def _nearest(model: Model, x: State, origin: State) -> State:
     return _stationary(model, x, origin, *held) or x
 
 
-def _stationary(
-    model: Model, x: State, origin: State, rows: Indices, pull: Array
-) -> State | None:
+def _stationary(model: Model, x: State, origin: State, rows: Indices, pull: Array) -> State | None:
     """The state near another with F away = W pull and h = 0 on some rows, by Newton's method.
 
     Rows that push are let go. None where it does not converge to a state that satisfies all rows

@@ -181,11 +181,14 @@ def hauled_in(model: Model, x: State) -> State:
 def _let_go(model: Model, x: State) -> tuple[Status, dict[str, Array]]:
     """A short run from a state with fixed inputs: its status and samples."""
     run = Run(
-        model.library, "timestepping", model.run_options(dt=SEARCH.dt, contacts=None),
-        x.replace(t=0.0), model.p,
+        model.library,
+        "timestepping",
+        model.run_options(dt=SEARCH.dt, contacts=None),
+        x.replace(t=0.0),
+        model.p,
         np.tile(_RIGID_WINCH, (len(model.tree.strings), 1)),
         Input.hold(model.coordinates).bound(x.q_K),
-    )  # fmt: skip
+    )
     samples = np.concatenate([piece.samples for piece in run.advance(SEARCH.piece)])
     return run.status, model.sample_layout.split(samples)
 
@@ -368,6 +371,7 @@ def _changed(
 
 def derivatives(model: Model, found: Equilibrium) -> tuple[Array, Array]:
     """Derivatives of w0 - W tau (n_vD, n_vD) and of h (len(rows), n_vD) by a small move."""
+
     def residual(q_D: Array) -> Array:
         at = Evaluation.of(model, found.x.replace(q_D=q_D))
         return np.append(at.w0 - at.W[:, found.rows] @ found.tension, at.h[found.rows])

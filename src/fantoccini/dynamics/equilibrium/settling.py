@@ -71,8 +71,13 @@ def settled(model: Model, x: State) -> State:
 def _let_go(model: Model, x: State, duration: float) -> tuple[Status, dict[str, Array]]:
     """A run with the inputs held: its status and samples."""
     run = Run(
-        model.library, "timestepping", model.run_options(dt=SETTLING.dt), x, model.p, model.winches,
+        model.library,
+        "timestepping",
+        model.run_options(dt=SETTLING.dt),
+        x,
+        model.p,
+        model.winches,
         Input.hold(model.coordinates).bound(x.q_K),
-    )  # fmt: skip
+    )
     samples = np.concatenate([piece.samples for piece in run.advance(duration)])
     return run.status, model.sample_layout.split(samples)

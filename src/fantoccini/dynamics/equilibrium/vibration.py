@@ -144,9 +144,7 @@ def modes(model: Model, x: State) -> Modes:
             "are those of a state that marionette.rest(...) gives"
         )
     if motion.contacts.edges:
-        raise StateError(
-            f"small motions there are not linear: {'; '.join(motion.contacts.edges)}"
-        )
+        raise StateError(f"small motions there are not linear: {'; '.join(motion.contacts.edges)}")
     small = SmallMotions.of(model, x, motion)
     N, K, D = small.N, small.K, small.D
     symmetric = all(

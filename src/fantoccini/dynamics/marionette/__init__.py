@@ -1,17 +1,7 @@
 """Marionette: the public face of a puppet, loaded from files, texts and the bundled ones."""
 
 from fantoccini.dynamics.marionette import puppets
-from fantoccini.dynamics.marionette.loading import (
-    StringModel,
-    load,
-    loads,
-)
+from fantoccini.dynamics.marionette.loading import StringModel, load, loads
 from fantoccini.dynamics.marionette.marionette import Marionette
 
-__all__ = [
-    "Marionette",
-    "StringModel",
-    "load",
-    "loads",
-    "puppets",
-]
+__all__ = ["Marionette", "StringModel", "load", "loads", "puppets"]

@@ -320,9 +320,20 @@ class Marionette(Quantities):
             StateError: an array has another shape.
         """
         return linearise_steps(
-            self.model, q_D, v_D, q_K, v_K, acc_K, u_D, p=p, dt=dt, forces=forces, pull=pull,
-            threads=threads, method=method,
-        )  # fmt: skip
+            self.model,
+            q_D,
+            v_D,
+            q_K,
+            v_K,
+            acc_K,
+            u_D,
+            p=p,
+            dt=dt,
+            forces=forces,
+            pull=pull,
+            threads=threads,
+            method=method,
+        )
 
     def rollout(
         self,
@@ -354,9 +365,7 @@ class Marionette(Quantities):
             StateError: an array has another shape, or winches have slipped at the start.
             SimulationError: the rollout stopped.
         """
-        return rollout(
-            self.model, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate, throw=throw
-        )
+        return rollout(self.model, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate, throw=throw)
 
     def modes(self, x: State) -> Modes:
         """Vibration modes about a state of rest, and which inputs excite each.

@@ -347,9 +347,15 @@ class _Document:
         for strength, gears in ((linear, axes[:3]), (angular, axes[3:])):
             for gear in gears if strength else ():
                 self._add(
-                    self.drags, "general", site=air, refsite="world", gear=gear,
-                    gainprm=0.0, biastype="affine", biasprm=(0.0, 0.0, -strength),
-                )  # fmt: skip
+                    self.drags,
+                    "general",
+                    site=air,
+                    refsite="world",
+                    gear=gear,
+                    gainprm=0.0,
+                    biastype="affine",
+                    biasprm=(0.0, 0.0, -strength),
+                )
 
     # -- errors ------------------------------------------------------------------------------
 

@@ -30,9 +30,13 @@ class _Motion(NamedTuple):
 
 
 def mujoco_run(
-    marionette: Marionette, x0: State, inputs: Input, t_end: float, dt: float,
+    marionette: Marionette,
+    x0: State,
+    inputs: Input,
+    t_end: float,
+    dt: float,
     text: str | None = None,
-) -> Trajectory:  # fmt: skip
+) -> Trajectory:
     """Simulates a puppet in MuJoCo with the Runge-Kutta method of order 4.
 
     Driven coordinates are set at every step; within a step their accelerations and the user forces

@@ -6,14 +6,8 @@ from fantoccini.dynamics.simulation.determinacy import undetermined
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
 from fantoccini.dynamics.simulation.intervals import interval_derivatives
 from fantoccini.dynamics.simulation.pace import SlowRunWarning
-from fantoccini.dynamics.simulation.run import (
-    simulate,
-    trajectory_of_samples,
-)
-from fantoccini.dynamics.simulation.sensitivities import (
-    Sensitivity,
-    sensitivity,
-)
+from fantoccini.dynamics.simulation.run import simulate, trajectory_of_samples
+from fantoccini.dynamics.simulation.sensitivities import Sensitivity, sensitivity
 
 __all__ = [
     "Passage",

@@ -117,7 +117,9 @@ def simulate_batch(
     check_marionette(marionette)
     model = marionette.model
     options = model.run_options(
-        **chosen.options, save_steps=False, max_memory=max_memory,
+        **chosen.options,
+        save_steps=False,
+        max_memory=max_memory,
         save_every=1 if save_every is None else save_every,
     )
     save_at = save_times(save_at, save_every, name, -np.inf, np.inf)
@@ -147,18 +149,30 @@ def simulate_batch(
     _check_memory(model, name, options, saved, n, t, t_end, save_at, out or {})
     times = _times(name, options, t, t_end, save_at)
     batch = Batch(
-        n=n, t=t, t_end=t_end,
-        q_D=states.q_D, v_D=states.v_D, slip=states.slip,
-        breaks=bound.breaks, coef=bound.coef, base=bound.base, force=bound.force,
-        p=p, winches=model.winches, options=options, times=times,
+        n=n,
+        t=t,
+        t_end=t_end,
+        q_D=states.q_D,
+        v_D=states.v_D,
+        slip=states.slip,
+        breaks=bound.breaks,
+        coef=bound.coef,
+        base=bound.base,
+        force=bound.force,
+        p=p,
+        winches=model.winches,
+        options=options,
+        times=times,
         parts=_parts(model, saved, n, len(times), out or {}),
-        status=np.full(n, Status.STOPPED, dtype=np.int32), reached=np.full(n, np.nan),
+        status=np.full(n, Status.STOPPED, dtype=np.int32),
+        reached=np.full(n, np.nan),
         violation=np.zeros(n),
-        catches=np.zeros(n, dtype=np.int64), releases=np.zeros(n, dtype=np.int64),
+        catches=np.zeros(n, dtype=np.int64),
+        releases=np.zeros(n, dtype=np.int64),
         blame=np.zeros((n, len(model.tree.blamable))),
         end_q_D=np.full((n, states.q_D.shape[1]), np.nan),
         end_v_D=np.full((n, states.v_D.shape[1]), np.nan),
-    )  # fmt: skip
+    )
     library = model.compiled.batch_library_of(name)
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; the other runs have the status they began with.

@@ -165,9 +165,14 @@ def string_restitution(marionette: Marionette, at: Evaluation) -> Array:
 
 
 def force_change(
-    marionette: Marionette, before: State, kick: Array, impulse: Array, q_D: Array, q_K: Array,
+    marionette: Marionette,
+    before: State,
+    kick: Array,
+    impulse: Array,
+    q_D: Array,
+    q_K: Array,
     p: Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """Change of M (v+ - v-) + A_D^T Lambda at fixed v+ - v- and Lambda.
 
     It is the residual of the equations of motion at rest with the kick as acc_D, less that of
@@ -175,9 +180,11 @@ def force_change(
     """
     x = before.replace(v_D=np.zeros_like(before.v_D), v_K=np.zeros_like(before.v_K))
     values = marionette.model.at(x) | {
-        "acc_D": np.stack([kick, np.zeros_like(kick)]), "acc_K": x.v_K,
-        "tension": np.stack([impulse, np.zeros_like(impulse)]), "dt": np.array(0.0),
-    }  # fmt: skip
+        "acc_D": np.stack([kick, np.zeros_like(kick)]),
+        "acc_K": x.v_K,
+        "tension": np.stack([impulse, np.zeros_like(impulse)]),
+        "dt": np.array(0.0),
+    }
     compiled = marionette.model.compiled.derivatives
     found = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)
     by = {name: part[0] - part[1] for name, part in found.items()}
@@ -197,6 +204,4 @@ def restitution_change(marionette: Marionette, at: Evaluation) -> Array:
 
 def rate_change(found: dict[str, Array], q_D: Array, q_K: Array, v_K: Array, p: Array) -> Array:
     """(n_rows, m) changes of hdot at fixed v_D; ``found`` from :func:`row_derivatives_at`."""
-    return (
-        found["hdot_q"] @ q_D + found["hdot_qK"] @ q_K + found["A_K"] @ v_K + found["hdot_p"] @ p
-    )
+    return found["hdot_q"] @ q_D + found["hdot_qK"] @ q_K + found["A_K"] @ v_K + found["hdot_p"] @ p

@@ -133,9 +133,12 @@ class ContactPieces:
             across, friction = u - n * (n @ u), f - n * (n @ f)
             size = float(np.linalg.norm(friction))
             out[number, feature] = _Seen(
-                name, float(np.linalg.norm(across)), across, friction / (size or 1.0),
+                name,
+                float(np.linalg.norm(across)),
+                across,
+                friction / (size or 1.0),
                 float(contacts.friction[number]),
-            )  # fmt: skip
+            )
         self._seen[i] = out
         return out
 

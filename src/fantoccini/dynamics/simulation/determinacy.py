@@ -79,8 +79,9 @@ def _part(run: Trajectory, begin: int, end: int) -> Trajectory:
         own = slice(*np.searchsorted(run.contact.sample, [begin, end]))
         points = {
             field.name: getattr(run.contact, field.name)[own]
-            for field in dataclasses.fields(run.contact) if field.name != "names"
-        }  # fmt: skip
+            for field in dataclasses.fields(run.contact)
+            if field.name != "names"
+        }
         points["sample"] = points["sample"] - begin
         more["contact"] = dataclasses.replace(run.contact, **points)
     return dataclasses.replace(run, **more)
@@ -129,9 +130,15 @@ class _Rows:
         table, library, tree = model.coordinates, model.library, model.tree
         n_l, n_s = len(tree.limits), len(tree.strings)
         on = library.evaluate(
-            "dynamics", q_D=run.q_D, v_D=run.v_D, q_K=run.q_K, v_K=run.v_K, acc_K=run.acc_K,
-            u_D=np.zeros(table.n_vD), p=model.p,
-        )  # fmt: skip
+            "dynamics",
+            q_D=run.q_D,
+            v_D=run.v_D,
+            q_K=run.q_K,
+            v_K=run.v_K,
+            acc_K=run.acc_K,
+            u_D=np.zeros(table.n_vD),
+            p=model.p,
+        )
         self.L = on.L
         T, forces = len(run), np.hstack([run.tension.values, run.limit_force.values])
         J = np.zeros((T, n_l, table.n_vD))

@@ -141,8 +141,7 @@ class Impact:
         q_K, v_K = by_input.q_K + x.v_K[:, None] * late, by_input.v_K + acc_K[:, None] * late
         p = by_input.p
         D = stacked(
-            np.concatenate([q_D, v_D]),
-            InputVariation(q_K, v_K, by_input.acc_K, by_input.u_D, p),
+            np.concatenate([q_D, v_D]), InputVariation(q_K, v_K, by_input.acc_K, by_input.u_D, p)
         )
         before, after = (row_derivatives_at(model, side) for side in (x, self._after))
         speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D

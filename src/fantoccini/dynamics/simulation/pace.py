@@ -82,8 +82,9 @@ class Pace:
             f"after {now:.1f} s of computing the run is at t = {t:.6g} s and {takes} its end at "
             f"{self._t_end:g} s: {self._cause()}. method='timestepping' steps over events "
             "this fast, at less accuracy; time_limit bounds the computing time",
-            SlowRunWarning, stacklevel=4,
-        )  # fmt: skip
+            SlowRunWarning,
+            stacklevel=4,
+        )
 
 
 def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecord]) -> str:

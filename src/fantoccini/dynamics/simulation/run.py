@@ -128,7 +128,9 @@ def simulate(
     check_one_run(x0, inputs)
     model = marionette.model
     options = model.run_options(
-        **chosen.options, save_steps=save_at is None, max_memory=max_memory,
+        **chosen.options,
+        save_steps=save_at is None,
+        max_memory=max_memory,
         save_every=1 if save_every is None else save_every,
     )
     model.check_state(x0)
@@ -152,9 +154,14 @@ def simulate(
 
     def trajectory(samples: Array, events: Array) -> Trajectory:
         return trajectory_of_samples(
-            marionette, Piece(samples, events, written.contacts), status, name, effort, run.blame,
+            marionette,
+            Piece(samples, events, written.contacts),
+            status,
+            name,
+            effort,
+            run.blame,
             seconds,
-        )  # fmt: skip
+        )
 
     made = trajectory(samples, events)
     contradicted = None
@@ -311,8 +318,13 @@ def trajectory_of_samples(
     h[:, :n_strings] -= part["slip"]
     violation = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
     made = Trajectory(
-        t=part["t"], q_D=part["q_D"], v_D=part["v_D"], acc_D=part["acc_D"],
-        q_K=part["q_K"], v_K=part["v_K"], acc_K=part["acc_K"],
+        t=part["t"],
+        q_D=part["q_D"],
+        v_D=part["v_D"],
+        acc_D=part["acc_D"],
+        q_K=part["q_K"],
+        v_K=part["v_K"],
+        acc_K=part["acc_K"],
         tension=Columns(strings, tension, "string"),
         limit_force=Columns(limits, part["tension"][:, n_strings:], "limit"),
         taut=Columns(strings, np.asarray(part["taut"][:, :n_strings], dtype=bool), "string"),
@@ -329,7 +341,7 @@ def trajectory_of_samples(
         seconds=seconds,
         contact=contact,
         contact_residual=None if contact is None else part["contact_residual"],
-    )  # fmt: skip
+    )
     if not with_effort:
         return made
     return dataclasses.replace(made, undetermined=undetermined(marionette.model, made))

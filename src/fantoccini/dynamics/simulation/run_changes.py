@@ -190,9 +190,7 @@ class RunChanges:
         if np.min(np.abs(self._inputs.breaks - run.t[i])) <= TOLERANCES.time:
             return Z  # at a time that stays
         x, u_D = run.state(i), self._force(run.t[i])
-        before, after = (
-            (self._held(k), these) for k, these in zip(samples, points, strict=True)
-        )
+        before, after = ((self._held(k), these) for k, these in zip(samples, points, strict=True))
         D = stacked(np.concatenate([Z, np.eye(len(Z))], axis=1), by_input.widened(len(Z)))
         change = Change.of(self.marionette, x, run.acc_K[i], u_D, before, after, D)
         if change is None:

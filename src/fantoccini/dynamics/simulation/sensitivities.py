@@ -122,9 +122,7 @@ def sensitivity(
     )
 
 
-def _bound(
-    marionette: Marionette, toward: Sequence[Input], inputs: Input, x0: State
-) -> Inputs:
+def _bound(marionette: Marionette, toward: Sequence[Input], inputs: Input, x0: State) -> Inputs:
     """Other inputs, each bound at its own start; coordinates that it does not name are held."""
     table, others = marionette.coordinates, Inputs.of(toward)
     check_same_puppet([table, others.coordinates])

@@ -133,9 +133,16 @@ class Variation:
         is_long = times[-1] - x.t > _LONG * self._step
         basis, shares = _spanned(Z, 2 * len(x.v_D)) if is_long else (Z, None)
         found = model.compiled.derivatives.flow(
-            (x.t, x.q_D, x.v_D, basis), times, piece.inputs, piece.powers, held, model.p,
-            rtol=self._rtol, atol=self._atol, step=self._step,
-        )  # fmt: skip
+            (x.t, x.q_D, x.v_D, basis),
+            times,
+            piece.inputs,
+            piece.powers,
+            held,
+            model.p,
+            rtol=self._rtol,
+            atol=self._atol,
+            step=self._step,
+        )
         self._step = found.step
         if found.status is not Status.DONE:
             raise SimulationError(found.status, f"after t = {x.t:.6g} s")
@@ -162,9 +169,14 @@ class Variation:
             out, acc = piece.variation(t), lin.acc
             Z_q = turning(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
             Z_v = (
-                acc.q_D @ Z[:n] + acc.v_D @ Z[n:] + acc.q_K @ out.q_K + acc.v_K @ out.v_K
-                + acc.acc_K @ out.acc_K + acc.u_D @ out.u_D + acc.p @ out.p
-            )  # fmt: skip
+                acc.q_D @ Z[:n]
+                + acc.v_D @ Z[n:]
+                + acc.q_K @ out.q_K
+                + acc.v_K @ out.v_K
+                + acc.acc_K @ out.acc_K
+                + acc.u_D @ out.u_D
+                + acc.p @ out.p
+            )
             moved = self._configuration_rate(q_D, v_D), lin.acc_D, Z_q.ravel(), Z_v.ravel()
             return np.concatenate(moved)
 

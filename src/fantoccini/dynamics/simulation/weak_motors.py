@@ -89,21 +89,26 @@ def _forces(marionette: Marionette, run: Trajectory, i: int, led: list[DriveRow]
     """The forces with which drives follow their commands at sample ``i`` of a run."""
     x, acc_K, n = run.state(i), run.acc_K[i], marionette.coordinates.n_vD
     places = np.array([k for row in led for k in range(row.v.start, row.v.stop)])
-    commanded = np.array([
-        acc_K[row.command[1] + k]
-        for row in led if row.command is not None
-        for k in range(row.v.stop - row.v.start)
-    ])  # fmt: skip
+    commanded = np.array(
+        [
+            acc_K[row.command[1] + k]
+            for row in led
+            if row.command is not None
+            for k in range(row.v.stop - row.v.start)
+        ]
+    )
     A = marionette.A_D(x)[x.taut]
     bias = (marionette.Adot_v(x) + marionette.A_K(x) @ acc_K)[x.taut]
     load = marionette.bias(x) + marionette.damping(x) + marionette.mass_matrix_DK(x) @ acc_K
     S, m, k = np.eye(n)[:, places], len(A), len(places)
     zero = np.zeros
-    system = np.block([
-        [marionette.mass_matrix(x), A.T, -S],
-        [A, zero((m, m)), zero((m, k))],
-        [S.T, zero((k, m)), zero((k, k))],
-    ])  # fmt: skip
+    system = np.block(
+        [
+            [marionette.mass_matrix(x), A.T, -S],
+            [A, zero((m, m)), zero((m, k))],
+            [S.T, zero((k, m)), zero((k, k))],
+        ]
+    )
     wanted = np.concatenate([-load, -bias, commanded])
     # Redundant strings: least squares give the shortest of all solutions.
     return np.linalg.lstsq(system, wanted, rcond=1e-12)[0][n + m :]

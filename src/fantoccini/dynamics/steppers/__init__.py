@@ -1,9 +1,6 @@
 """Steppers: runs advanced step by step; correction of start states with small overlaps."""
 
-from fantoccini.dynamics.steppers.parting import (
-    parted,
-    parted_starts,
-)
+from fantoccini.dynamics.steppers.parting import parted, parted_starts
 from fantoccini.dynamics.steppers.prescribed import (
     Overlap,
     deepest,
@@ -18,10 +15,7 @@ from fantoccini.dynamics.steppers.redundant import (
     first_excess_tension,
     may_be_redundant,
 )
-from fantoccini.dynamics.steppers.stepper import (
-    Stepper,
-    held_input,
-)
+from fantoccini.dynamics.steppers.stepper import Stepper, held_input
 from fantoccini.dynamics.steppers.stepper_batch import StepperBatch
 
 __all__ = [

@@ -64,10 +64,12 @@ def parted_starts(model: Model, states: States, p: Array) -> States:
     """:func:`parted` of many states, or of one, at parameters (1 or n, n_p)."""
     if model.contacts is None or not model.coordinates.n_vD:
         return states
-    gaps = np.concatenate([
-        model.library.gaps(model.contacts, states.q_D[some], states.q_K[some], p[k])
-        for k, some in enumerate(_lanes(len(states), len(p)))
-    ])  # fmt: skip
+    gaps = np.concatenate(
+        [
+            model.library.gaps(model.contacts, states.q_D[some], states.q_K[some], p[k])
+            for k, some in enumerate(_lanes(len(states), len(p)))
+        ]
+    )
     touching = np.flatnonzero(np.min(gaps, axis=1) < -ROW_TOLERANCES.touching)
     if not len(touching):
         return states
@@ -76,9 +78,15 @@ def parted_starts(model: Model, states: States, p: Array) -> States:
     q_D = states.q_D.copy()
     for i in touching:
         x = State(
-            float(states.t), states.q_D[i], states.v_D[i], states.q_K[i], states.v_K[i],
-            states.taut[i], states.slip[i], model.coordinates,
-        )  # fmt: skip
+            float(states.t),
+            states.q_D[i],
+            states.v_D[i],
+            states.q_K[i],
+            states.v_K[i],
+            states.taut[i],
+            states.slip[i],
+            model.coordinates,
+        )
         q_D[i] = parted(model.with_p(p[i if len(p) > 1 else 0]), x).q_D
     return replace(states, q_D=q_D)
 

@@ -201,9 +201,7 @@ class Stepper:
             raise SimulationError(self.status, where)
         return self.state
 
-    def run(
-        self, t_end: float, law: Law, rate: float, *, throw: bool = True
-    ) -> list[State]:
+    def run(self, t_end: float, law: Law, rate: float, *, throw: bool = True) -> list[State]:
         """Advances to ``t_end`` [s] under a feedback law that is called ``rate`` times a second.
 
         Args:

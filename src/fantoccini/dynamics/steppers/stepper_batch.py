@@ -141,9 +141,11 @@ class StepperBatch:
     def state(self, i: int) -> State:
         """The state of run i."""
         return State(
-            float(self.t[i]), taut=self.taut[i], coordinates=self.model.coordinates,
+            float(self.t[i]),
+            taut=self.taut[i],
+            coordinates=self.model.coordinates,
             **{name: self._arrays[name][i] for name in _STATE},
-        )  # fmt: skip
+        )
 
     def reset(
         self,
@@ -287,9 +289,11 @@ class _Runs:
         arrays["fresh"][i] = 0
         model = self._model.with_p(arrays["p"][i])
         x0 = State(
-            float(self._t[i]), taut=np.zeros(model.tree.n_rows, dtype=bool),
-            coordinates=model.coordinates, **{name: arrays[name][i] for name in _STATE},
-        )  # fmt: skip
+            float(self._t[i]),
+            taut=np.zeros(model.tree.n_rows, dtype=bool),
+            coordinates=model.coordinates,
+            **{name: arrays[name][i] for name in _STATE},
+        )
         self._steppers[i] = Stepper(model, x0, self._method, self._options)
 
     def _take(self, i: int, stepper: Stepper, advanced: float) -> None:

@@ -4,29 +4,14 @@
 returns the library's folder, and derives and compiles only if the cache has no such library.
 """
 
-from fantoccini.kernel.build.cache import (
-    clear,
-    obtain,
-)
+from fantoccini.kernel.build.cache import clear, obtain
 from fantoccini.kernel.build.closure import code_fingerprint
-from fantoccini.kernel.build.compiler import (
-    Compiler,
-    compile_flags,
-    default_flags,
-    find_compiler,
-)
+from fantoccini.kernel.build.compiler import Compiler, compile_flags, default_flags, find_compiler
 from fantoccini.kernel.build.description import describe
-from fantoccini.kernel.build.entry import (
-    INFO,
-    LIBRARY,
-    Source,
-)
+from fantoccini.kernel.build.entry import INFO, LIBRARY, Source
 from fantoccini.kernel.build.folders import cache_folder
 from fantoccini.kernel.build.kept import kept_arrays
-from fantoccini.kernel.build.key import (
-    fingerprint,
-    runtime_folder,
-)
+from fantoccini.kernel.build.key import fingerprint, runtime_folder
 
 __all__ = [
     "INFO",

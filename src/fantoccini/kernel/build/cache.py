@@ -154,12 +154,7 @@ def _leftovers(root: Path, age: float = 0.0) -> list[Path]:
 
 
 def _obtain_in(
-    root: Path,
-    key: str,
-    produce: Callable[[], Source],
-    flags: Flags,
-    tell: Progress,
-    afresh: bool,
+    root: Path, key: str, produce: Callable[[], Source], flags: Flags, tell: Progress, afresh: bool
 ) -> Path:
     """:func:`obtain` in one cache folder; raises UnusableError if the folder cannot be used."""
     group = root / key[:2]
@@ -190,12 +185,7 @@ def _obtain_in(
 
 
 def _make(
-    root: Path,
-    entry: Path,
-    source: Source,
-    flags: tuple[str, ...],
-    tell: Progress,
-    replace: bool,
+    root: Path, entry: Path, source: Source, flags: tuple[str, ...], tell: Progress, replace: bool
 ) -> None:
     """Compiles a source under a temporary name and moves it to the entry's place.
 

@@ -30,13 +30,7 @@ Kind = Literal["gcc", "clang", "zig"]
 COMPILE_SECONDS = 600.0
 """A compilation that takes longer is stopped."""
 
-BASE_FLAGS = (
-    "-std=c++17",
-    "-fPIC",
-    "-shared",
-    "-fvisibility=hidden",
-    "-ffp-contract=fast",
-)
+BASE_FLAGS = ("-std=c++17", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=fast")
 """Always given. Never -ffast-math: the runtime relies on infinities and on the order of sums."""
 
 APART = "-DFAN_APART"

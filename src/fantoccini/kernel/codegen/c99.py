@@ -39,7 +39,7 @@ def _header(tree: Tree, functions: dict[str, ca.Function], sizes: dict[str, int]
     parts = [
         _comment([f"The equations of motion of {shown(tree.name)}.", "", *_RULES]),
         "#ifndef FAN_MODEL_H\n#define FAN_MODEL_H\n",
-        "#ifdef __cplusplus\nextern \"C\" {\n#endif\n",
+        '#ifdef __cplusplus\nextern "C" {\n#endif\n',
         "enum {\n"
         + ",\n".join(f"  FAN_N_{name.upper()} = {sizes[n]}" for n, name in named.items())
         + "\n};\n",

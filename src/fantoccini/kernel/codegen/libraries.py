@@ -59,9 +59,7 @@ _KINDS = {
     "rollouts": _Kind("rollouts", WIDE, touches=True),
     "variational": _Kind("variational", Real()),
     "variational_lanes": _Kind("variational_lanes", WIDE),
-    "derivatives": _Kind(
-        "derivatives", Real(), mapped=True, several=True, with_lanes=True
-    ),
+    "derivatives": _Kind("derivatives", Real(), mapped=True, several=True, with_lanes=True),
     "step_derivatives": _Kind("step_derivatives", Real(), several=True, with_lanes=True),
     "gradients": _Kind("gradients", Real(), touches=True),
     "variational_derivatives": _Kind("map", Real(), mapped=True, columns=False),
@@ -82,9 +80,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     sizes = {**equations.tree.sizes, "n_packed": 0} if plain else None
     beside = {name: made.pop(name) for name in list(made) if kind.with_lanes and name in _IN_LANES}
     own = [name for name in names if name not in beside]
-    members = [
-        _member(name, kind.real, kind.mapped) for name in (*own, *["column"] * kind.columns)
-    ]
+    members = [_member(name, kind.real, kind.mapped) for name in (*own, *["column"] * kind.columns)]
     members += [_member(name, _BESIDE, kind.mapped) for name in beside]
     # Contact points push along three directions each. Bundles have a width of 1 on some processors.
     in_threes = kind.touches and equations.tree.n_contacts > 0

@@ -14,9 +14,17 @@ from fantoccini.model.tree import Tree
 _HARMLESS = re.compile(r"[A-Za-z0-9_./-]+", re.ASCII)
 
 NAMES = {
-    "n_qD": "q_D", "n_vD": "v_D", "n_qK": "q_K", "n_vK": "v_K", "n_strings": "strings",
-    "n_limits": "limits", "n_rows": "rows", "n_links": "links", "n_points": "points", "n_p": "p",
-}  # fmt: skip
+    "n_qD": "q_D",
+    "n_vD": "v_D",
+    "n_qK": "q_K",
+    "n_vK": "v_K",
+    "n_strings": "strings",
+    "n_limits": "limits",
+    "n_rows": "rows",
+    "n_links": "links",
+    "n_points": "points",
+    "n_p": "p",
+}
 """Size -> name of the list that it counts."""
 
 

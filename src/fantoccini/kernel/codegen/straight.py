@@ -182,9 +182,7 @@ class Pieces:
     definition: str
 
 
-def pieces(
-    whole: Program, name: str, longest: int, standing: Collection[str] = ()
-) -> Pieces:
+def pieces(whole: Program, name: str, longest: int, standing: Collection[str] = ()) -> Pieces:
     """The text of a function in pieces.
 
     The including file defines ``casadi_real`` and ``FAN_PIECE`` (qualifiers of the pieces). Only
@@ -261,8 +259,11 @@ def together(whole: Program, name: str, longest: int) -> str:
 
 
 _NAMES = (
-    ("const casadi_real ", "const auto "), ("arg[0][", "a["), ("arg[1][", "x["), ("res[0][", "y[")
-)  # fmt: skip
+    ("const casadi_real ", "const auto "),
+    ("arg[0][", "a["),
+    ("arg[1][", "x["),
+    ("res[0][", "y["),
+)
 
 
 def _of_several(line: str) -> str:

@@ -28,10 +28,7 @@ from fantoccini.kernel.contract.constants import (
 from fantoccini.kernel.contract.function import DERIVATIVES, LIBRARIES, MODEL, Function
 from fantoccini.kernel.contract.functions import COLUMN, FUNCTIONS, compiled, needed
 from fantoccini.kernel.contract.identity import digest
-from fantoccini.kernel.contract.quantity import (
-    SIZES,
-    Quantity,
-)
+from fantoccini.kernel.contract.quantity import SIZES, Quantity
 from fantoccini.kernel.contract.samples import (
     BOOKS,
     CONTACT,

@@ -97,8 +97,15 @@ class StepEdge(Code):
 
 
 CODES: tuple[type[Code] | type[Status], ...] = (
-    Status, EventCode, Hold, SolidKind, GoalKind, Solved, ReachEnd, StepEdge
-)  # fmt: skip
+    Status,
+    EventCode,
+    Hold,
+    SolidKind,
+    GoalKind,
+    Solved,
+    ReachEnd,
+    StepEdge,
+)
 """All codes."""
 
 SCOPED = (Solved, ReachEnd)

@@ -24,9 +24,10 @@ CLOSED_GAP = Constant(
 )
 START_GAP = Constant(1e-9, "1", "the same where a run begins, which brings the row to h = 0")
 REST_SPEED = Constant(
-    1e-5, "m/s or rad/s",
+    1e-5,
+    "m/s or rad/s",
     "hdot up to which a closed row is at rest, times the largest velocity if that is above 1",
-)  # fmt: skip
+)
 LEAST_LENGTH = Constant(1e-3, "m", "lower bound of the length by which a string's gap is divided")
 WINCH_DECELERATION = Constant(1.0, "m/s^2", "of a winch that rewinds, before it stops")
 HULL_VERTICES = Constant(128.0, "1", "most vertices of a convex polytope that touches something")

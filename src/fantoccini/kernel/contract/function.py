@@ -12,9 +12,18 @@ VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES = "variational", "variational_lanes"
 STEP_DERIVATIVES, GRADIENTS = "step_derivatives", "gradients"
 VARIATIONAL_DERIVATIVES, REACH = "variational_derivatives", "reach"
 LIBRARIES = (
-    MODEL, LANES, CLEARANCE, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, DERIVATIVES,
-    STEP_DERIVATIVES, GRADIENTS, VARIATIONAL_DERIVATIVES, REACH,
-)  # fmt: skip
+    MODEL,
+    LANES,
+    CLEARANCE,
+    ROLLOUTS,
+    VARIATIONAL,
+    VARIATIONAL_LANES,
+    DERIVATIVES,
+    STEP_DERIVATIVES,
+    GRADIENTS,
+    VARIATIONAL_DERIVATIVES,
+    REACH,
+)
 """The libraries of a puppet, each compiled when it is first needed."""
 
 

@@ -53,12 +53,16 @@ _POWER = (
     Quantity("loss", (), "W", "power of damping and drag"),
 )
 _DYNAMICS = (
-    *_FACTOR, _H, _HDOT,
+    *_FACTOR,
+    _H,
+    _HDOT,
     Quantity("gamma", _STRINGS, "m/s^2", "hddot at acc_D = 0"),
-    _A0, _HDOT_K, *_LIMITS,
+    _A0,
+    _HDOT_K,
+    *_LIMITS,
     Quantity("gamma_limit", ("n_limits",), "", "hddot of the limits at acc_D = 0"),
     *_POWER,
-)  # fmt: skip
+)
 _STEP = (*_FACTOR, _H, _HDOT, _A0, _HDOT_K, *_LIMITS, *_POWER)
 _STANDING = ("W", "J_limit", "M_DK_v_K")
 _Y = Quantity("y", ("n_vD",), "", "the solution")
@@ -88,10 +92,14 @@ _BY_ACCELERATIONS = (
 
 _ENDS = "before", "after"
 _OF_MIDPOINT = (
-    ("q", "n_vD", "tangents of q_D"), ("xi", "n_vD", "xi"), ("qm", "n_vK", "tangents of q_mid"),
-    ("vm", "n_vK", "v_mid"), ("am", "n_vK", "acc_mid"), ("u", "n_vD", "u_D"),
+    ("q", "n_vD", "tangents of q_D"),
+    ("xi", "n_vD", "xi"),
+    ("qm", "n_vK", "tangents of q_mid"),
+    ("vm", "n_vK", "v_mid"),
+    ("am", "n_vK", "acc_mid"),
+    ("u", "n_vD", "u_D"),
     ("p", "n_p", "the parameters"),
-)  # fmt: skip
+)
 
 
 _DECLARED = (
@@ -99,8 +107,12 @@ _DECLARED = (
         "dynamics",
         "Accelerations and tensions of any active set (Eqs. 10, 11): "
         "acc_D = back(L, w0 + W lam), hddot = gamma + a0 + G lam, lam = -tension.",
-        arguments("q_D v_D q_K v_K acc_K u_D p"), _DYNAMICS,
-        (MODEL, DERIVATIVES), mapped=True, exported=True, standing=_STANDING,
+        arguments("q_D v_D q_K v_K acc_K u_D p"),
+        _DYNAMICS,
+        (MODEL, DERIVATIVES),
+        mapped=True,
+        exported=True,
+        standing=_STANDING,
     ),
     Function(
         "step_dynamics",
@@ -111,94 +123,137 @@ _DECLARED = (
             Quantity("f_M", ("n_motors",), FORCE, "motors exert f_M - y_M dv over the step"),
             Quantity("y_M", ("n_motors",), "", "derivative by the change dv of velocity"),
         ),
-        (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES, GRADIENTS), mapped=True, standing=_STANDING,
-    ),
-    Function(
-        "limit_rates", "hdot of the limits at a velocity.", arguments("J_limit v_D"),
-        (Quantity("rates", ("n_limits",), "1/s", "hdot of the limits"),), (MODEL, *_STEPPING),
-    ),
-    Function(
-        "rows", "h of strings and limits, for compiled code.", PLACE, (ROWS,), (MODEL,),
+        (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES, GRADIENTS),
         mapped=True,
+        standing=_STANDING,
     ),
     Function(
-        "energy", "Kinetic energy (Eq. 5) and potential energy (Eq. 6, and springs).", STATE,
-        (
-            Quantity("T", (), "J", "kinetic energy"),
-            Quantity("V", (), "J", "potential energy"),
-        ),
-        (MODEL, LANES, VARIATIONAL, VARIATIONAL_LANES), mapped=True, exported=True,
+        "limit_rates",
+        "hdot of the limits at a velocity.",
+        arguments("J_limit v_D"),
+        (Quantity("rates", ("n_limits",), "1/s", "hdot of the limits"),),
+        (MODEL, *_STEPPING),
     ),
     Function(
-        "momentum", "Momentum of all links about their centre of mass, in world axes.", STATE,
+        "rows", "h of strings and limits, for compiled code.", PLACE, (ROWS,), (MODEL,), mapped=True
+    ),
+    Function(
+        "energy",
+        "Kinetic energy (Eq. 5) and potential energy (Eq. 6, and springs).",
+        STATE,
+        (Quantity("T", (), "J", "kinetic energy"), Quantity("V", (), "J", "potential energy")),
+        (MODEL, LANES, VARIATIONAL, VARIATIONAL_LANES),
+        mapped=True,
+        exported=True,
+    ),
+    Function(
+        "momentum",
+        "Momentum of all links about their centre of mass, in world axes.",
+        STATE,
         (Quantity("momentum", (6,), "N s, N m s", "linear, then angular"),),
-        (MODEL, LANES), mapped=True, exported=True,
+        (MODEL, LANES),
+        mapped=True,
+        exported=True,
     ),
     Function(
         "effort",
         "Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lam.",
         arguments("q_D v_D q_K v_K acc_D acc_K lam p"),
         (Quantity("f_K", ("n_vK",), FORCE, "force; for a command the force of its motor"),),
-        (MODEL,), mapped=True, exported=True,
+        (MODEL,),
+        mapped=True,
+        exported=True,
     ),
     Function(
-        "wrench_forces", "User forces u_D of Eq. 8 from a wrench on every link.",
+        "wrench_forces",
+        "User forces u_D of Eq. 8 from a wrench on every link.",
         arguments("q_D q_K wrench p"),
         (Quantity("u_D", ("n_vD",), FORCE, "equivalent user forces"),),
-        (MODEL,), mapped=True, exported=True,
+        (MODEL,),
+        mapped=True,
+        exported=True,
     ),
     Function(
-        "poses", "World pose of every link (Eqs. 2, 3).", PLACE,
+        "poses",
+        "World pose of every link (Eqs. 2, 3).",
+        PLACE,
         (Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),),
-        (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
+        (MODEL, CLEARANCE, ROLLOUTS),
+        mapped=True,
+        exported=True,
     ),
     Function(
-        "points", "World positions of the points of every string's path.", PLACE,
+        "points",
+        "World positions of the points of every string's path.",
+        PLACE,
         (Quantity("points", (3, "n_points"), "m", "x, y, z"),),
-        (MODEL, CLEARANCE, ROLLOUTS), mapped=True, exported=True,
+        (MODEL, CLEARANCE, ROLLOUTS),
+        mapped=True,
+        exported=True,
     ),
     Function(
         "screws",
         "Poses of all links, and the twist about the world's origin that a unit velocity gives all "
-        "links beyond its joint.", PLACE,
+        "links beyond its joint.",
+        PLACE,
         (
             Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),
             Quantity("screw_D", (6, "n_vD"), "1 or m", "of v_D: linear, then angular; world axes"),
             Quantity("screw_K", (6, "n_vK"), "1 or m", "of v_K, likewise"),
         ),
-        (MODEL, LANES, ROLLOUTS, GRADIENTS, REACH), mapped=True,
+        (MODEL, LANES, ROLLOUTS, GRADIENTS, REACH),
+        mapped=True,
     ),
     Function(
-        "forth", "y = F^-T x.", arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
-        mapped=True, exported=True,
+        "forth",
+        "y = F^-T x.",
+        arguments("L x"),
+        (_Y,),
+        (MODEL, *_STEPPING, DERIVATIVES),
+        mapped=True,
+        exported=True,
     ),
     Function(
-        "back", "y = F^-1 x.", arguments("L x"), (_Y,), (MODEL, *_STEPPING, DERIVATIVES),
-        mapped=True, exported=True,
+        "back",
+        "y = F^-1 x.",
+        arguments("L x"),
+        (_Y,),
+        (MODEL, *_STEPPING, DERIVATIVES),
+        mapped=True,
+        exported=True,
     ),
     Function(
-        "motor_lags", "Lag of the drives that may be too weak.", PLACE,
+        "motor_lags",
+        "Lag of the drives that may be too weak.",
+        PLACE,
         (
             Quantity("at", ("n_watched",), "rad or m", "position of the drive"),
             Quantity("command", ("n_watched",), "rad or m", "position that its command asks for"),
             Quantity("lag", ("n_watched",), "1", "lag in periods of a stepper motor"),
         ),
-        (MODEL, *_STEPPING), needs="n_watched",
+        (MODEL, *_STEPPING),
+        needs="n_watched",
     ),
     Function(
-        "motor_shares", "Share of the force its controller asks for that a motor can exert.",
+        "motor_shares",
+        "Share of the force its controller asks for that a motor can exert.",
         arguments("q_D v_D q_K v_K acc_K p"),
         (Quantity("share", ("n_watched",), "1", "force it can exert over force asked for"),),
-        (MODEL, *_STEPPING), needs="n_watched",
+        (MODEL, *_STEPPING),
+        needs="n_watched",
     ),
     Function(
-        "motor_demands", "Force that controllers ask motors for, whatever these can exert.",
+        "motor_demands",
+        "Force that controllers ask motors for, whatever these can exert.",
         arguments("q_D v_D q_K v_K acc_K p"),
         (Quantity("f_D", ("n_vD",), FORCE, "force asked for; 0 without a drive"),),
-        (MODEL,), needs="n_watched", mapped=True,
+        (MODEL,),
+        needs="n_watched",
+        mapped=True,
     ),
     Function(
-        "node", "Dynamics at a node of a variational run, and the factor with damping over dt.",
+        "node",
+        "Dynamics at a node of a variational run, and the factor with damping over dt.",
         arguments("q_D v_D q_K v_K acc_K u_D dt p"),
         (
             *_STEP,
@@ -206,10 +261,12 @@ _DECLARED = (
             Quantity("W_firm", ("n_vD", "n_strings"), "", "W of that factor"),
             Quantity("G_firm", ("n_strings", "n_strings"), "1/kg", "G of that factor"),
         ),
-        (VARIATIONAL, VARIATIONAL_LANES), standing=("W", "W_firm", "J_limit", "M_DK_v_K"),
+        (VARIATIONAL, VARIATIONAL_LANES),
+        standing=("W", "W_firm", "J_limit", "M_DK_v_K"),
     ),
     Function(
-        "midpoint_rule", "The momenta at both ends of a step by the midpoint rule.",
+        "midpoint_rule",
+        "The momenta at both ends of a step by the midpoint rule.",
         arguments("q_D xi q_mid v_mid acc_mid q_K u_D dt p"),
         (
             Quantity("before", ("n_vD",), "", "momentum p_k(xi) at the step's start"),
@@ -221,36 +278,62 @@ _DECLARED = (
         (VARIATIONAL, VARIATIONAL_LANES),
     ),
     Function(
-        "momenta", "p_D = M_DD v_D + M_DK v_K.", STATE,
+        "momenta",
+        "p_D = M_DD v_D + M_DK v_K.",
+        STATE,
         (Quantity("p_D", ("n_vD",), "", "momenta of the dynamic coordinates"),),
-        (VARIATIONAL, VARIATIONAL_LANES, VARIATIONAL_DERIVATIVES), mapped=True,
+        (VARIATIONAL, VARIATIONAL_LANES, VARIATIONAL_DERIVATIVES),
+        mapped=True,
     ),
     *(
         Function(
-            f"force_by_{by}", purpose, _FULL, results, (DERIVATIVES, STEP_DERIVATIVES), mapped=True,
+            f"force_by_{by}",
+            purpose,
+            _FULL,
+            results,
+            (DERIVATIVES, STEP_DERIVATIVES),
+            mapped=True,
             standing=tuple(result.name for result in results),
         )
         for by, purpose, results in (
-            ("q", "Derivative of Eq. 10's residual r by the dynamic configuration.",
-             (_derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),)),
-            ("v", "Derivative of r by the dynamic velocity.",
-             (_derivative("r_v", "n_vD", "n_vD", "of r by v_D"),)),
-            ("K", "Derivatives of r by the driven coordinates and the parameters.",
-             (_derivative("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
-              _derivative("r_vK", "n_vD", "n_vK", "of r by v_K"),
-              _derivative("M_DK", "n_vD", "n_vK", "of r by acc_K"),
-              _derivative("r_p", "n_vD", "n_p", "of r by the parameters"))),
+            (
+                "q",
+                "Derivative of Eq. 10's residual r by the dynamic configuration.",
+                (_derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),),
+            ),
+            (
+                "v",
+                "Derivative of r by the dynamic velocity.",
+                (_derivative("r_v", "n_vD", "n_vD", "of r by v_D"),),
+            ),
+            (
+                "K",
+                "Derivatives of r by the driven coordinates and the parameters.",
+                (
+                    _derivative("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
+                    _derivative("r_vK", "n_vD", "n_vK", "of r by v_K"),
+                    _derivative("M_DK", "n_vD", "n_vK", "of r by acc_K"),
+                    _derivative("r_p", "n_vD", "n_p", "of r by the parameters"),
+                ),
+            ),
         )
     ),
     Function(
-        "rows_by", "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
-        arguments("q_D v_D acc_D q_K v_K acc_K p"), (*_BY_RATES, *_BY_ACCELERATIONS),
-        (DERIVATIVES,), mapped=True,
+        "rows_by",
+        "A_D, A_K and the derivatives of h, hdot and hddot of strings and limits.",
+        arguments("q_D v_D acc_D q_K v_K acc_K p"),
+        (*_BY_RATES, *_BY_ACCELERATIONS),
+        (DERIVATIVES,),
+        mapped=True,
         standing=tuple(q.name for q in (*_BY_RATES, *_BY_ACCELERATIONS)),
     ),
     Function(
-        "row_rates_by", "A_D, A_K and the derivatives of h and hdot of strings and limits.",
-        STATE, _BY_RATES, (STEP_DERIVATIVES, VARIATIONAL_DERIVATIVES), mapped=True,
+        "row_rates_by",
+        "A_D, A_K and the derivatives of h and hdot of strings and limits.",
+        STATE,
+        _BY_RATES,
+        (STEP_DERIVATIVES, VARIATIONAL_DERIVATIVES),
+        mapped=True,
         standing=tuple(q.name for q in _BY_RATES),
     ),
     Function(
@@ -270,7 +353,8 @@ _DECLARED = (
         (REACH,),
     ),
     Function(
-        "momenta_by", "M v_D + M_DK v_K + A_D^T tension and its derivatives.",
+        "momenta_by",
+        "M v_D + M_DK v_K + A_D^T tension and its derivatives.",
         arguments("q_D v_D q_K v_K tension p"),
         (
             Quantity("e", ("n_vD",), "", "itself"),
@@ -280,21 +364,25 @@ _DECLARED = (
             _derivative("M_DK", "n_vD", "n_vK", "by v_K"),
             _derivative("e_p", "n_vD", "n_p", "by the parameters"),
         ),
-        (VARIATIONAL_DERIVATIVES,), mapped=True,
+        (VARIATIONAL_DERIVATIVES,),
+        mapped=True,
     ),
     Function(
-        "midpoint_by", "The midpoint rule's momenta at both ends of a step, and derivatives.",
+        "midpoint_by",
+        "The midpoint rule's momenta at both ends of a step, and derivatives.",
         arguments("q_D xi q_mid v_mid acc_mid u_D dt p"),
         (
             *(Quantity(end, ("n_vD",), "", f"momenta {end} the step") for end in _ENDS),
             *(
                 _derivative(f"{end}_{by}", "n_vD", size, f"of `{end}` by {what}")
-                for end in _ENDS for by, size, what in _OF_MIDPOINT
+                for end in _ENDS
+                for by, size, what in _OF_MIDPOINT
             ),
             _derivative("next_q", "n_vD", "n_vD", "of tangents of q_D after it by those before"),
             _derivative("next_xi", "n_vD", "n_vD", "of them by xi"),
         ),
-        (VARIATIONAL_DERIVATIVES,), mapped=True,
+        (VARIATIONAL_DERIVATIVES,),
+        mapped=True,
     ),
     Function(
         "step_back",
@@ -314,15 +402,17 @@ _DECLARED = (
         (GRADIENTS,),
     ),
     *ANALYSIS,
-)  # fmt: skip
+)
 
 FUNCTIONS: dict[str, Function] = {f.name: f for f in _DECLARED}
 """Every generated function, by name."""
 
 COLUMN = Function(
-    "column", "The entries of y = F^-T x that are not zero for x in one joint, by its number.",
-    arguments("L x_joint"), (Quantity("y", ("n_vD",), "", "these entries, side by side"),),
-)  # fmt: skip
+    "column",
+    "The entries of y = F^-T x that are not zero for x in one joint, by its number.",
+    arguments("L x_joint"),
+    (Quantity("y", ("n_vD",), "", "these entries, side by side"),),
+)
 """One for every joint with limits: ``column(which, ...)`` in compiled code."""
 
 

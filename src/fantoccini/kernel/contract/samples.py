@@ -26,10 +26,12 @@ SAMPLE: tuple[Quantity, ...] = (
     *_BOOKS,
     Quantity("slip", ("n_strings",), "m", "what the winches have let out"),
     Quantity(
-        "contact_residual", (), "1",
+        "contact_residual",
+        (),
+        "1",
         "of the laws of contact in the step before: a speed, relative to the largest in them",
     ),
-)  # fmt: skip
+)
 """A saved instant of a run."""
 
 EVENT: tuple[Quantity, ...] = (

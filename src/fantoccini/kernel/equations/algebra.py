@@ -56,8 +56,11 @@ def _operator(operation: int, reflected: bool) -> Callable[[Any, Any], Expressio
 
 
 for _name, _code in (
-    ("add", ca.OP_ADD), ("sub", ca.OP_SUB), ("mul", ca.OP_MUL), ("truediv", ca.OP_DIV)
-):  # fmt: skip
+    ("add", ca.OP_ADD),
+    ("sub", ca.OP_SUB),
+    ("mul", ca.OP_MUL),
+    ("truediv", ca.OP_DIV),
+):
     setattr(Expression, f"__{_name}__", _operator(_code, False))
     setattr(Expression, f"__r{_name}__", _operator(_code, True))
 

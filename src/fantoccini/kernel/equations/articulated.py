@@ -156,9 +156,7 @@ class Factor:
                 up, Rt = a[step.parent], step.R.T
                 here[:3] = Rt.dot(up[:3])
                 here[3:] = Rt.dot(up[3:] + cross(up[:3], step.r))
-            own = [
-                column.back(w[step.v.start + k], here) for k, column in enumerate(step.columns)
-            ]
+            own = [column.back(w[step.v.start + k], here) for k, column in enumerate(step.columns)]
             if step.turned is not None:
                 own[:3] = step.turned.T.dot(np.array(own[:3], dtype=object))
             y[step.v] = own

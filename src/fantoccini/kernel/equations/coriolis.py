@@ -38,12 +38,7 @@ def _christoffel(system: System) -> ca.SX:
     dynamic, driven = Role.DYNAMIC, Role.DRIVEN
     M_DK = system.mass(dynamic, driven)
     M = matrix(
-        np.block(
-            [
-                [system.mass(dynamic, dynamic), M_DK],
-                [M_DK.T, system.mass(driven, driven)],
-            ]
-        )
+        np.block([[system.mass(dynamic, dynamic), M_DK], [M_DK.T, system.mass(driven, driven)]])
     )
     n = v.numel()
     derivative = ca.jacobian(ca.vec(M), q)
@@ -93,9 +88,7 @@ def _moved(joint: JointMotion, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray
     return Rt.dot(w), Rt.dot(v + cross(w, joint.r))
 
 
-def _add_body(
-    C: np.ndarray, inertia: BodyInertia, motion: LinkMotion, columns: Columns
-) -> None:
+def _add_body(C: np.ndarray, inertia: BodyInertia, motion: LinkMotion, columns: Columns) -> None:
     """Adds J^T (I Jdot + B J) of one body."""
     if inertia.is_zero():
         return

@@ -38,8 +38,14 @@ from fantoccini.kernel.equations.system import System
 from fantoccini.model.tree import WORLD, Point, Role, Tree
 
 _FUNCTIONS = (
-    "force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by", "step_back", "hanging",
-)  # fmt: skip
+    "force_by_q",
+    "force_by_v",
+    "force_by_K",
+    "rows_by",
+    "row_rates_by",
+    "step_back",
+    "hanging",
+)
 
 
 class Derivatives:
@@ -136,8 +142,14 @@ class Derivatives:
             external[point.link] = (torque + cross(at, force), before + force)
 
     def _forces(self, tension: ca.SX) -> dict[str, ca.SX]:
-        names = {"r_q": "q_D", "r_v": "v_D", "r_qK": "q_K", "r_vK": "v_K", "M_DK": "acc_K",
-                 "r_p": "p"}  # fmt: skip
+        names = {
+            "r_q": "q_D",
+            "r_v": "v_D",
+            "r_qK": "q_K",
+            "r_vK": "v_K",
+            "M_DK": "acc_K",
+            "r_p": "p",
+        }
         found = self._derivatives(ca.cse(self.residual(tension)), names.values())
         return {name: found[by] for name, by in names.items()}
 
@@ -161,8 +173,10 @@ class Derivatives:
         found = {"A_D": stacked(A_D, n), "A_K": stacked(A_K, n_K)}
         # A string hangs on few links: backward from each row is the shorter way.
         for name, values, by in (
-            ("h", h, "p"), ("hdot", hdot, "q_D q_K p"), ("hddot", hddot, "q_D v_D q_K v_K p")
-        ):  # fmt: skip
+            ("h", h, "p"),
+            ("hdot", hdot, "q_D q_K p"),
+            ("hddot", hddot, "q_D v_D q_K v_K p"),
+        ):
             made = self._derivatives(ca.cse(column(values)), by.split(), backward=True)
             for symbol, x in made.items():
                 found[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
@@ -175,8 +189,16 @@ class Derivatives:
         rates = ca.substitute(hdot, s.v_D, s.v_next)
         value = ca.dot(s.z, self.residual(s.tension, s.v_ahead))
         value = ca.cse(value + ca.dot(s.y, rates) + ca.dot(s.y_h, h))
-        names = {"g_q": "q_D", "g_v": "v_D", "g_ahead": "v_ahead", "g_next": "v_next",
-                 "g_qK": "q_K", "g_vK": "v_K", "g_aK": "acc_K", "g_p": "p"}  # fmt: skip
+        names = {
+            "g_q": "q_D",
+            "g_v": "v_D",
+            "g_ahead": "v_ahead",
+            "g_next": "v_next",
+            "g_qK": "q_K",
+            "g_vK": "v_K",
+            "g_aK": "acc_K",
+            "g_p": "p",
+        }
         given = [getattr(s, name) for name in names.values()]
         # One vector for all symbols, so that what they share is differentiated once.
         whole = ca.SX.sym("whole", sum(x.numel() for x in given))

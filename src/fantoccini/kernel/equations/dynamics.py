@@ -34,9 +34,7 @@ def mass_matrix(
     for i in reversed(range(len(tree.links))):
         parent = tree.links[i].parent
         if parent != WORLD and not composite[i].is_zero():
-            composite[parent] = composite[parent] + composite[i].in_parent(
-                joints[i].R, joints[i].r
-            )
+            composite[parent] = composite[parent] + composite[i].in_parent(joints[i].R, joints[i].r)
     blocks: dict[tuple[int, int], np.ndarray] = {}
     for i in range(len(tree.links)):
         n_i = joints[i].S_w.shape[1]
@@ -63,9 +61,7 @@ def mass_matrix(
     return blocks
 
 
-def link_wrenches(
-    inertias: list[BodyInertia], motions: list[LinkMotion]
-) -> list[Wrench]:
+def link_wrenches(inertias: list[BodyInertia], motions: list[LinkMotion]) -> list[Wrench]:
     """The wrench on each link that makes it move as given."""
     none = zeros(3), zeros(3)
     return [
@@ -74,9 +70,7 @@ def link_wrenches(
     ]
 
 
-def joint_forces(
-    tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]
-) -> list[np.ndarray]:
+def joint_forces(tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]) -> list[np.ndarray]:
     """Generalised forces of wrenches on the links: tau_i = S_i^T f_i, f summed towards the root.
 
     Args:
@@ -90,9 +84,7 @@ def joint_forces(
     return [project(joint, *total) for joint, total in zip(joints, sums, strict=True)]
 
 
-def summed(
-    tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]
-) -> list[Wrench]:
+def summed(tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]) -> list[Wrench]:
     """Wrenches, or momenta, of every link's subtree about the link's origin."""
     torque, force = ([wrench[k] for wrench in wrenches] for k in range(2))
     for i in reversed(range(len(wrenches))):

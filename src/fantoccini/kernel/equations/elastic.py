@@ -85,9 +85,7 @@ def elastics(
     return found
 
 
-def _pieces(
-    around: Surroundings, chain: ChainRow, length: ca.SX, rate: ca.SX
-) -> Iterator[Elastic]:
+def _pieces(around: Surroundings, chain: ChainRow, length: ca.SX, rate: ca.SX) -> Iterator[Elastic]:
     share = 1.0 / chain.pieces
     relaxed = share * length
     k, c = around.value(chain.stiffness) / relaxed, around.value(chain.damping) / relaxed
@@ -97,10 +95,6 @@ def _pieces(
             yield Elastic(replace(row, length=row.length - relaxed), k, c)
             continue
         moving = replace(
-            row,
-            length=row.length - relaxed,
-            rate=row.rate - share * rate,
-            own=chain,
-            share=share,
+            row, length=row.length - relaxed, rate=row.rate - share * rate, own=chain, share=share
         )
         yield Elastic(moving, k, c, relaxed)

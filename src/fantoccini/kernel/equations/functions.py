@@ -125,9 +125,7 @@ class Equations:
         motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.motor_places
         return made | {"f_M": column(motors.f_D[places]), "y_M": column(motors.yields[places])}
 
-    def _with_factor(
-        self, factor: articulated.Factor, dt: ca.SX, loads: Loads
-    ) -> dict[str, ca.SX]:
+    def _with_factor(self, factor: articulated.Factor, dt: ca.SX, loads: Loads) -> dict[str, ca.SX]:
         system, s, tree = self.system, self.system.symbols, self.tree
         n, m = tree.coordinates.n_vD, len(tree.strings)
         v_K = elements(s.v_K)
@@ -370,10 +368,7 @@ class Equations:
         q, rate = ca.vertcat(s.q_D, s.q_K), ca.vertcat(*self.system.rates)
         return {
             name: ca.reshape(ca.jtimes(ca.vec(A), q, rate), A.shape)
-            for name, A in (
-                ("Adot_D", self._A_D()["A_D"]),
-                ("Adot_K", self._A_K()["A_K"]),
-            )
+            for name, A in (("Adot_D", self._A_D()["A_D"]), ("Adot_K", self._A_K()["A_K"]))
         }
 
     def _body_velocity(self) -> dict[str, ca.SX]:
@@ -389,5 +384,3 @@ class Equations:
 def derive(tree: Tree) -> Equations:
     """The equations of a tree; expressions are built on first use."""
     return Equations(tree)
-
-

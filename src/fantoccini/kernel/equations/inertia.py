@@ -65,13 +65,19 @@ class BodyInertia:
         J = self.J
         yz, xz, xy = J[1, 2], J[0, 2], J[0, 1]
         turn = [
-            U[2, 1] * J[1, 1] - U[1, 2] * J[2, 2] + yz * (U[2, 2] - U[1, 1])
+            U[2, 1] * J[1, 1]
+            - U[1, 2] * J[2, 2]
+            + yz * (U[2, 2] - U[1, 1])
             + (U[2, 0] * xy - U[1, 0] * xz),
-            U[0, 2] * J[2, 2] - U[2, 0] * J[0, 0] + xz * (U[0, 0] - U[2, 2])
+            U[0, 2] * J[2, 2]
+            - U[2, 0] * J[0, 0]
+            + xz * (U[0, 0] - U[2, 2])
             + (U[0, 1] * yz - U[2, 1] * xy),
-            U[1, 0] * J[0, 0] - U[0, 1] * J[1, 1] + xy * (U[1, 1] - U[0, 0])
+            U[1, 0] * J[0, 0]
+            - U[0, 1] * J[1, 1]
+            + xy * (U[1, 1] - U[0, 0])
             + (U[1, 2] * xz - U[0, 2] * yz),
-        ]  # fmt: skip
+        ]
         return cross(self.h, a) + np.array(turn, dtype=object), scaled(self.m, a) + U.dot(self.h)
 
     def in_parent(self, R: np.ndarray, r: np.ndarray) -> BodyInertia:
@@ -108,9 +114,7 @@ class BodyInertia:
         return BodyInertia(self.m, self.h, zeros(3, 3)), BodyInertia(ca.SX(0), zeros(3), self.J)
 
 
-def regrouped(
-    tree: Tree, inertias: list[BodyInertia], at: list[np.ndarray]
-) -> list[BodyInertia]:
+def regrouped(tree: Tree, inertias: list[BodyInertia], at: list[np.ndarray]) -> list[BodyInertia]:
     """Inertias with more zeros that give the same equations of motion.
 
     Mass that a joint does not move in the parent may belong to the parent: all of a link on a fixed

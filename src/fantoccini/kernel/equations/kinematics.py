@@ -116,9 +116,7 @@ def link_motions(
         gravity: (3,) [m/s^2].
     """
     none = zeros(3)
-    still = LinkMotion(
-        symbolic(np.eye(3)), none, none, none, none, np.array(-gravity), zeros(3, 3)
-    )
+    still = LinkMotion(symbolic(np.eye(3)), none, none, none, none, np.array(-gravity), zeros(3, 3))
     motions: list[LinkMotion] = []
     for i, link in enumerate(tree.links):
         joint = joints[i]

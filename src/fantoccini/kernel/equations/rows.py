@@ -54,9 +54,7 @@ class Surroundings:
             return zeros(3)
         return self.motions[point.link].point_velocity(self.at(point))
 
-    def add_pull(
-        self, point: Point, direction: np.ndarray, role: Role, row: np.ndarray
-    ) -> None:
+    def add_pull(self, point: Point, direction: np.ndarray, role: Role, row: np.ndarray) -> None:
         """Adds direction . d(point velocity)/dv to a row: the pull J^T direction.
 
         Args:
@@ -198,17 +196,11 @@ def string_row(
     """
     row = path_row(around, string.points)
     return replace(
-        row,
-        length=row.length - length,
-        rate=row.rate - rate,
-        bias=row.bias - curve,
-        own=string,
+        row, length=row.length - length, rate=row.rate - rate, bias=row.bias - curve, own=string
     )
 
 
-def limit_row(
-    limit: LimitRow, q: np.ndarray, w: np.ndarray
-) -> tuple[ca.SX, np.ndarray, ca.SX]:
+def limit_row(limit: LimitRow, q: np.ndarray, w: np.ndarray) -> tuple[ca.SX, np.ndarray, ca.SX]:
     """h, Jacobian by the joint's own velocities, and bias of a limit.
 
     Args:

@@ -82,10 +82,12 @@ class Variational:
         P, force, motors = self._at(q_mid, s.xi / s.dt, s.q_mid, s.v_mid, s.acc_mid, s.u_D, s.p)
         before, after = self._ends(elements(P), elements(force), elements(s.xi))
         made = {
-            "before": before, "after": after, "q_next": q_next,
+            "before": before,
+            "after": after,
+            "q_next": q_next,
             "h": self.equations["rows"](q_next, s.q_K, s.p),
             "work_M": dot(elements(motors), elements(s.xi)),
-        }  # fmt: skip
+        }
         return declared("midpoint_rule", s, made)
 
     def _momenta(self) -> ca.Function:
@@ -113,9 +115,7 @@ class Variational:
             q[i + 1 : i + 4] = scaled(w, vector) + scaled(real, u) + cross(u, vector)
         return column(q)
 
-    def _ends(
-        self, P: np.ndarray, force: np.ndarray, xi: np.ndarray
-    ) -> tuple[ca.SX, ca.SX]:
+    def _ends(self, P: np.ndarray, force: np.ndarray, xi: np.ndarray) -> tuple[ca.SX, ca.SX]:
         """p_k and p_k+1 from P and dL/dq + u_D - damping - drag."""
         table, dt = self.equations.tree.coordinates, self.equations.system.symbols.dt
         G = scaled(0.5 * dt, force)

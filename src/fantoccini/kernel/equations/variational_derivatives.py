@@ -55,8 +55,15 @@ class VariationalDerivatives:
         found = {name: made[name] for name in ("before", "after")}
         both = ca.cse(ca.vertcat(made["before"], made["after"]))
         n = tree.coordinates.n_vD
-        for name, by in (("q", "q_D"), ("xi", "xi"), ("qm", "q_mid"), ("vm", "v_mid"),
-                         ("am", "acc_mid"), ("u", "u_D"), ("p", "p")):  # fmt: skip
+        for name, by in (
+            ("q", "q_D"),
+            ("xi", "xi"),
+            ("qm", "q_mid"),
+            ("vm", "v_mid"),
+            ("am", "acc_mid"),
+            ("u", "u_D"),
+            ("p", "p"),
+        ):
             part = along_tangents(both, s, tree, by)
             found[f"before_{name}"], found[f"after_{name}"] = part[:n, :], part[n:, :]
         # N^T N is 1 of scalars and 1/4 of quaternions.

@@ -1,15 +1,8 @@
 """The compiled puppet: the only package that calls the shared library, through ctypes."""
 
 from fantoccini.kernel.runtime import memory, solids
-from fantoccini.kernel.runtime.batch import (
-    Batch,
-    BatchLibrary,
-    default_threads,
-)
-from fantoccini.kernel.runtime.clamped_stages import (
-    ClampedOutcome,
-    ClampedStages,
-)
+from fantoccini.kernel.runtime.batch import Batch, BatchLibrary, default_threads
+from fantoccini.kernel.runtime.clamped_stages import ClampedOutcome, ClampedStages
 from fantoccini.kernel.runtime.clearance import (
     BOX,
     HALF_SPACE,
@@ -20,40 +13,17 @@ from fantoccini.kernel.runtime.clearance import (
     Solids,
     moved_by,
 )
-from fantoccini.kernel.runtime.compiled import (
-    Complementarity,
-    Library,
-    Piece,
-    Run,
-)
+from fantoccini.kernel.runtime.compiled import Complementarity, Library, Piece, Run
 from fantoccini.kernel.runtime.contact_decoding import contact_points
 from fantoccini.kernel.runtime.contacts import Contacts
-from fantoccini.kernel.runtime.flow_derivatives import (
-    DerivativeLibrary,
-    FlowChanges,
-)
+from fantoccini.kernel.runtime.flow_derivatives import DerivativeLibrary, FlowChanges
 from fantoccini.kernel.runtime.frozen_flow import FrozenFlow
-from fantoccini.kernel.runtime.functions import (
-    AnyArray,
-    Functions,
-    Loaded,
-    whole,
-)
-from fantoccini.kernel.runtime.gradients import (
-    GradientLibrary,
-    GradientRun,
-)
-from fantoccini.kernel.runtime.hulls import (
-    Hull,
-    mesh_hulls,
-)
+from fantoccini.kernel.runtime.functions import AnyArray, Functions, Loaded, whole
+from fantoccini.kernel.runtime.gradients import GradientLibrary, GradientRun
+from fantoccini.kernel.runtime.hulls import Hull, mesh_hulls
 from fantoccini.kernel.runtime.lane_steppers import LaneSteppers
 from fantoccini.kernel.runtime.options import RunOptions
-from fantoccini.kernel.runtime.reach import (
-    MAX_TARGETS,
-    Reached,
-    ReachLibrary,
-)
+from fantoccini.kernel.runtime.reach import MAX_TARGETS, Reached, ReachLibrary
 from fantoccini.kernel.runtime.rollouts import (
     POINT,
     POSE,
@@ -66,21 +36,11 @@ from fantoccini.kernel.runtime.rollouts import (
     RolloutSettings,
     Segments,
 )
-from fantoccini.kernel.runtime.solids import (
-    SOLID,
-    empty,
-    half_space,
-    hull_solid,
-    solid,
-    stacked,
-)
+from fantoccini.kernel.runtime.solids import SOLID, empty, half_space, hull_solid, solid, stacked
 from fantoccini.kernel.runtime.stage_programs import StagePrograms
 from fantoccini.kernel.runtime.step_derivatives import StepDerivatives
 from fantoccini.kernel.runtime.structures import HeldInput
-from fantoccini.kernel.runtime.touching_steps import (
-    StepTouches,
-    step_touches,
-)
+from fantoccini.kernel.runtime.touching_steps import StepTouches, step_touches
 
 __all__ = [
     "BOX",

@@ -143,23 +143,37 @@ class Batch:
             return structures["Shared"](held(a), stride)
 
         arrays = structures["BatchArrays"](
-            n=self.n, t=self.t, t_end=self.t_end,
-            q_D=shared(self.q_D), v_D=shared(self.v_D), slip=shared(self.slip),
+            n=self.n,
+            t=self.t,
+            t_end=self.t_end,
+            q_D=shared(self.q_D),
+            v_D=shared(self.v_D),
+            slip=shared(self.slip),
             n_segments=self.coef.shape[1],
-            breaks=shared(self.breaks), coef=shared(self.coef), base=shared(self.base),
+            breaks=shared(self.breaks),
+            coef=shared(self.coef),
+            base=shared(self.base),
             force=shared(self.force),
-            p=shared(self.p), winches=held(np.minimum(self.winches, UNLIMITED)),
+            p=shared(self.p),
+            winches=held(np.minimum(self.winches, UNLIMITED)),
             options=self.options.structure(),
             save_every=self.options.save_every,
-            save_at=held(self.times), n_samples=len(self.times),
+            save_at=held(self.times),
+            n_samples=len(self.times),
             **{
                 name: pointer(getattr(self, name))
                 for name in (
-                    "status", "reached", "violation", "catches", "releases", "blame", "end_q_D",
+                    "status",
+                    "reached",
+                    "violation",
+                    "catches",
+                    "releases",
+                    "blame",
+                    "end_q_D",
                     "end_v_D",
                 )
             },
-        )  # fmt: skip
+        )
         for i, part in enumerate(PARTS):
             if part.name in self.parts:
                 arrays.parts[i] = pointer(self.parts[part.name])

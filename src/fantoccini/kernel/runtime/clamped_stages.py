@@ -67,9 +67,14 @@ class ClampedStages:
         motion, driven = (np.ascontiguousarray(a, dtype=float) for a in (motion, driven))
         N, n_d, columns = motion.shape
         arrays = structures["StageStepArrays"](
-            N=N, n_d=n_d, k=k, columns=columns, is_first=int(is_first), motion=pointer(motion),
+            N=N,
+            n_d=n_d,
+            k=k,
+            columns=columns,
+            is_first=int(is_first),
+            motion=pointer(motion),
             driven=_shared(driven),
-        )  # fmt: skip
+        )
         if self._dll.fan_clamped_stages_step(self._handle, ctypes.byref(arrays)):
             raise MemoryError("no memory for a program of stages")
 

@@ -213,12 +213,17 @@ class ClearanceLibrary(Loaded):
             part = slice(first, last)
             failed.append(
                 self.dll.fan_clearance(
-                    ctypes.c_longlong(last - first), pointer(q_D[part]), pointer(q_K[part]),
-                    pointer(p), *(None if a is None else pointer(a[part]) for a in about),
-                    ctypes.byref(arrays), pointer(clearance[part]), pointer(lower[part]),
+                    ctypes.c_longlong(last - first),
+                    pointer(q_D[part]),
+                    pointer(q_K[part]),
+                    pointer(p),
+                    *(None if a is None else pointer(a[part]) for a in about),
+                    ctypes.byref(arrays),
+                    pointer(clearance[part]),
+                    pointer(lower[part]),
                     pointer(pair[part]),
                 )
-            )  # fmt: skip
+            )
 
         parts = max(1, min(threads, n // _CONFIGURATIONS_PER_THREAD))
         ends = np.linspace(0, n, parts + 1).astype(int)

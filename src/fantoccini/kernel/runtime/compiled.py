@@ -86,9 +86,16 @@ class Library(Functions):
         sides, active = (a.astype(np.int32) for a in (sides, active))
         x, s, ray = np.zeros(n), np.zeros(n), np.zeros(n)
         status = self.dll.fan_complementarity(
-            n, pointer(columns), pointer(b), pointer(upper), pointer(sides),
-            pointer(active), pointer(x), pointer(s), pointer(ray),
-        )  # fmt: skip
+            n,
+            pointer(columns),
+            pointer(b),
+            pointer(upper),
+            pointer(sides),
+            pointer(active),
+            pointer(x),
+            pointer(s),
+            pointer(ray),
+        )
         return Complementarity(
             x, s, status == Solved.YES, ray if status == Solved.INFEASIBLE else None
         )
@@ -107,10 +114,12 @@ class Library(Functions):
         out = np.full((*q_D.shape[:-1], len(contacts.pairs)), np.inf)
         given = [np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p)]
         if self.dll.fan_gaps(
-            ctypes.byref(contacts.structure), ctypes.c_longlong(math.prod(q_D.shape[:-1])),
+            ctypes.byref(contacts.structure),
+            ctypes.c_longlong(math.prod(q_D.shape[:-1])),
             *(pointer(a) for a in given),
-            ctypes.c_double(margin), pointer(out),
-        ):  # fmt: skip
+            ctypes.c_double(margin),
+            pointer(out),
+        ):
             raise MemoryError("no memory for contact points")
         return out
 
@@ -133,9 +142,14 @@ class Library(Functions):
         out = np.zeros((len(poses), MOST_TOUCHES, 8))
         poses, other = (np.ascontiguousarray(a, dtype=float) for a in (poses, other))
         self.dll.fan_touches(
-            ctypes.byref(contacts.structure), int(pair), len(poses), pointer(poses), pointer(other),
-            ctypes.c_double(margin), pointer(out),
-        )  # fmt: skip
+            ctypes.byref(contacts.structure),
+            int(pair),
+            len(poses),
+            pointer(poses),
+            pointer(other),
+            ctypes.c_double(margin),
+            pointer(out),
+        )
         return out
 
 
@@ -231,23 +245,33 @@ class Run:
         self._contacts = np.zeros((n_contacts, width(CONTACT, {})))
         self._options = options
         self._record = structures["RecordArrays"](
-            samples=pointer(self._samples), sample_capacity=n_samples,
-            events=pointer(self._events), event_capacity=n_events,
-            contacts=pointer(self._contacts), contact_capacity=n_contacts,
-        )  # fmt: skip
+            samples=pointer(self._samples),
+            sample_capacity=n_samples,
+            events=pointer(self._events),
+            event_capacity=n_events,
+            contacts=pointer(self._contacts),
+            contact_capacity=n_contacts,
+        )
         self._taken_bytes, self._bound = 0.0, memory.bound(0.0, options.max_memory)
         arrays, held = input_arrays(inputs)
         slip = x0.slip if len(x0.slip) else np.zeros(library.sizes["n_strings"])
         given = {
-            "q_D": x0.q_D, "v_D": x0.v_D, "slip": slip, "p": p,
+            "q_D": x0.q_D,
+            "v_D": x0.v_D,
+            "slip": slip,
+            "p": p,
             "winches": np.minimum(winches, UNLIMITED),
-        }  # fmt: skip
+        }
         given = {name: np.ascontiguousarray(a, dtype=float) for name, a in given.items()}
         start = structures["StartArrays"](
-            t=x0.t, **{name: pointer(a) for name, a in given.items()}, input=arrays,
-            options=options.structure(), save_at=pointer(self._keep), n_save=len(self._keep),
+            t=x0.t,
+            **{name: pointer(a) for name, a in given.items()},
+            input=arrays,
+            options=options.structure(),
+            save_at=pointer(self._keep),
+            n_save=len(self._keep),
             save_every=options.save_every,
-        )  # fmt: skip
+        )
         self.status = Status(
             library.dll.fan_start(self._run, ctypes.byref(start), ctypes.byref(self._record))
         )

@@ -54,14 +54,21 @@ class Contacts:
         """For compiled code; it and its arrays live as long as this object."""
         groups = self._groups()
         arrays = (
-            self._solids(), self.pairs, groups, self.friction, self.restitution, self._meetings()
-        )  # fmt: skip
+            self._solids(),
+            self.pairs,
+            groups,
+            self.friction,
+            self.restitution,
+            self._meetings(),
+        )
         held = [np.ascontiguousarray(a) for a in arrays]
         names = ("solids", "pairs", "groups", "friction", "restitution", "meetings")
         made = structures["ContactArrays"](
-            n_solids=len(self.solids), n_pairs=len(self.pairs), n_groups=len(groups),
+            n_solids=len(self.solids),
+            n_pairs=len(self.pairs),
+            n_groups=len(groups),
             **{name: pointer(a) for name, a in zip(names, held, strict=True)},
-        )  # fmt: skip
+        )
         made.held = held
         return made
 
@@ -72,6 +79,7 @@ class Contacts:
             hull = self.hulls[solids["mesh"][i]]
             solids["hull"][i] = ctypes.addressof(hull.structure)
         return solids
+
     def _meetings(self) -> NDArray[np.int32]:
         """(m,) the first pair of the same two names: the parts of one body meet together."""
         first: dict[frozenset[str], int] = {}

@@ -63,20 +63,32 @@ class DerivativeLibrary(Functions):
         t, q_D, v_D, changes = start
         n, sizes = len(times), self.sizes
         out = FlowChanges(
-            np.empty((n, sizes["n_qD"])), np.empty((n, sizes["n_vD"])),
-            np.empty((n, *changes.shape)), Status.DONE, step,
-        )  # fmt: skip
+            np.empty((n, sizes["n_qD"])),
+            np.empty((n, sizes["n_vD"])),
+            np.empty((n, *changes.shape)),
+            Status.DONE,
+            step,
+        )
         given = {"q_D": q_D, "v_D": v_D, "changes": changes, "times": times, "p": p}
         kept = {name: np.ascontiguousarray(a, dtype=float) for name, a in given.items()}
         kept["by_inputs"] = np.ascontiguousarray(by_inputs, dtype=float)
         rows = np.ascontiguousarray(held, dtype=np.uint8)
         structure, read = input_arrays(inputs)
         arrays = structures["FlowDerivativeArrays"](
-            rtol=rtol, atol=atol, step=step, start=t, n_times=n, input=structure,
-            m=changes.shape[1], n_inputs=by_inputs.shape[2], held=pointer(rows),
-            q_D_at=pointer(out.q_D), v_D_at=pointer(out.v_D), changes_at=pointer(out.changes),
+            rtol=rtol,
+            atol=atol,
+            step=step,
+            start=t,
+            n_times=n,
+            input=structure,
+            m=changes.shape[1],
+            n_inputs=by_inputs.shape[2],
+            held=pointer(rows),
+            q_D_at=pointer(out.q_D),
+            v_D_at=pointer(out.v_D),
+            changes_at=pointer(out.changes),
             **{name: pointer(a) for name, a in kept.items()},
-        )  # fmt: skip
+        )
         failed = self.dll.fan_flow_derivatives(ctypes.byref(arrays))
         del read  # which the structure points into
         if failed:

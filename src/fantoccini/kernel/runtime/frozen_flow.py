@@ -1,6 +1,6 @@
 """The ODE of an event-driven run between events, for external integrators.
 
-    ydot = f(t, y),   y = (q_D, v_D, work, loss, slip loss),   with the active set frozen
+ydot = f(t, y),   y = (q_D, v_D, work, loss, slip loss),   with the active set frozen
 """
 
 from __future__ import annotations
@@ -38,9 +38,14 @@ class FrozenFlow(Run):
     """
 
     def __init__(
-        self, library: Library, options: RunOptions, x0: State, p: Array, winches: Array,
+        self,
+        library: Library,
+        options: RunOptions,
+        x0: State,
+        p: Array,
+        winches: Array,
         inputs: Input,
-    ):  # fmt: skip
+    ):
         dll, sizes = library.dll, library.sizes
         for name, (result, *arguments) in _SIGNATURES.items():
             function = getattr(dll, f"fan_{name}")
@@ -48,9 +53,7 @@ class FrozenFlow(Run):
         super().__init__(library, "event", options, x0, p, winches, inputs)
         self.y = np.empty(sizes["n_qD"] + sizes["n_vD"] + 3)
         self.active_set = np.empty(sizes["n_rows"], dtype=np.int8)
-        self.t: float = dll.fan_present(
-            self._run, self.y.ctypes.data, self.active_set.ctypes.data
-        )
+        self.t: float = dll.fan_present(self._run, self.y.ctypes.data, self.active_set.ctypes.data)
 
     def rate(self, t: float, y: Array) -> Array:
         """ydot (n_y,) at a time [s] and y (n_y,)."""

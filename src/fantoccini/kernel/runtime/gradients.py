@@ -66,12 +66,15 @@ class GradientRun:
         self._sizes, self._n, self._options = library.sizes, len(inputs["rate"]), options
         n, self._reference_force = self._n, reference_force
         self.arrays: dict[str, AnyArray] = {
-            "winches": np.minimum(winches, UNLIMITED), "p": np.array(p, dtype=float), **inputs,
+            "winches": np.minimum(winches, UNLIMITED),
+            "p": np.array(p, dtype=float),
+            **inputs,
             "q_D": np.zeros((n + 1, library.sizes["n_qD"])),
             "v_D": np.zeros((n + 1, library.sizes["n_vD"])),
             "acc_D": np.zeros((n, library.sizes["n_vD"])),
-            "tension": np.zeros((n, library.sizes["n_rows"])), "ahead": np.zeros((n, 2)),
-        }  # fmt: skip
+            "tension": np.zeros((n, library.sizes["n_rows"])),
+            "ahead": np.zeros((n, 2)),
+        }
         self.touches = {name: np.zeros(n, dtype=np.int32) for name in _TOUCHES}
         if library.sizes["n_contacts"]:
             self.arrays |= self.touches
@@ -97,10 +100,14 @@ class GradientRun:
         """
         n, sizes = self._n, self._sizes
         shapes: dict[str, tuple[int, ...]] = {
-            "g_q": (sizes["n_vD"],), "g_v": (sizes["n_vD"],), "g_p": (sizes["n_p"],),
-            "g_qK": (n, sizes["n_vK"]), "g_rate": (n, sizes["n_vK"]),
-            "g_mean": (n, sizes["n_vK"]), "g_u": (n, sizes["n_vD"]),
-        }  # fmt: skip
+            "g_q": (sizes["n_vD"],),
+            "g_v": (sizes["n_vD"],),
+            "g_p": (sizes["n_p"],),
+            "g_qK": (n, sizes["n_vK"]),
+            "g_rate": (n, sizes["n_vK"]),
+            "g_mean": (n, sizes["n_vK"]),
+            "g_u": (n, sizes["n_vD"]),
+        }
         out: dict[str, Array] = {name: np.zeros(shape) for name, shape in shapes.items()}
         given: dict[str, AnyArray] = {
             "held": np.ascontiguousarray(held, dtype=np.uint8),
@@ -119,6 +126,9 @@ class GradientRun:
             force = structures["Shared"](pointer(self._force), stride)
         arrays = {name: pointer(a) for name, a in (self.arrays | dict(more)).items()}
         return structures["GradientArrays"](
-            n=self._n, options=self._options.structure(), u_D=force,
-            reference_force=self._reference_force, **arrays,
-        )  # fmt: skip
+            n=self._n,
+            options=self._options.structure(),
+            u_D=force,
+            reference_force=self._reference_force,
+            **arrays,
+        )

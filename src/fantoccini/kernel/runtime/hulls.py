@@ -60,10 +60,13 @@ class Hull:
         by_name = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "centroid"}
         held = {name: np.ascontiguousarray(a) for name, a in by_name.items()}
         made = structures["Hull"](
-            n_vertices=len(self.vertices), n_facets=len(self.planes), n_edges=len(self.edges),
-            inner=float(np.min(self.planes[:, 3])), outer=self.outer,
+            n_vertices=len(self.vertices),
+            n_facets=len(self.planes),
+            n_edges=len(self.edges),
+            inner=float(np.min(self.planes[:, 3])),
+            outer=self.outer,
             **{name: pointer(a) for name, a in held.items()},
-        )  # fmt: skip
+        )
         made.held = held
         return made
 
@@ -110,10 +113,12 @@ def _outermost(parts: list[Any]) -> list[Any]:
     for i, part in enumerate(parts):
         slack = TOLERANCES.flat * float(np.max(part.extents))
         hidden = any(
-            around is not None and k != i and parts[k].volume > part.volume
+            around is not None
+            and k != i
+            and parts[k].volume > part.volume
             and np.max(part.vertices @ around[:, :3].T + around[:, 3]) <= slack
             for k, around in enumerate(planes)
-        )  # fmt: skip
+        )
         if not hidden:
             kept.append(part)
     return kept

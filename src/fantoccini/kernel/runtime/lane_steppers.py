@@ -74,10 +74,13 @@ class LaneSteppers:
         shared = {k: self._shared(x) for k, x in held.items()}
         shared.setdefault("u_D", structures["Shared"](None, 0))
         structure = structures["StepperArrays"](
-            n=self._n, duration=duration, options=self._options.structure(),
-            winches=pointer(self._winches), **shared,
+            n=self._n,
+            duration=duration,
+            options=self._options.structure(),
+            winches=pointer(self._winches),
+            **shared,
             **{name: pointer(x) for name, x in arrays.items()},
-        )  # fmt: skip
+        )
         return partial(self._advance, structure, [arrays, held])
 
     def _advance(self, structure: ctypes.Structure, kept: list[Any]) -> None:

@@ -202,9 +202,11 @@ def distances(mesh: Any, points: Array) -> Array:
     point, request, here = coal.Sphere(1e-12), coal.DistanceRequest(), coal.Transform3s.Identity()
     request.enable_signed_distance = False
     turn = np.eye(3)
-    return np.array([
-        coal.distance(
-            surface, here, point, coal.Transform3s(turn, x), request, coal.DistanceResult()
-        )
-        for x in points
-    ])  # fmt: skip
+    return np.array(
+        [
+            coal.distance(
+                surface, here, point, coal.Transform3s(turn, x), request, coal.DistanceResult()
+            )
+            for x in points
+        ]
+    )

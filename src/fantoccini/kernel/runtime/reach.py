@@ -72,12 +72,18 @@ class ReachLibrary(Loaded):
         n, n_targets, sizes = len(places), places.shape[1], self.sizes
         n_v, n_k, n_p, n_rows = (sizes[name] for name in ("n_vD", "n_vK", "n_p", "n_rows"))
         out = Reached(
-            np.zeros(n, np.int32), np.zeros(n, np.int32), np.zeros((n, sizes["n_qD"])),
-            np.zeros((n, sizes["n_qK"])), np.zeros((n, n_p)), np.zeros((n, n_rows)),
-            np.zeros((n, n_rows), bool), np.zeros((n, n_targets, 3)),
-            np.zeros((n, n_k + n_p + n_rows + n_v)), np.zeros((n, n_k + n_p, n_v)),
+            np.zeros(n, np.int32),
+            np.zeros(n, np.int32),
+            np.zeros((n, sizes["n_qD"])),
+            np.zeros((n, sizes["n_qK"])),
+            np.zeros((n, n_p)),
+            np.zeros((n, n_rows)),
+            np.zeros((n, n_rows), bool),
+            np.zeros((n, n_targets, 3)),
+            np.zeros((n, n_k + n_p + n_rows + n_v)),
+            np.zeros((n, n_k + n_p, n_v)),
             np.zeros(n, bool),
-        )  # fmt: skip
+        )
         given: dict[str, AnyArray] = {"places": places, **arrays}
         for name, a in given.items():
             kind = {"b": np.uint8, "i": np.int32}.get(a.dtype.kind, float)
@@ -88,10 +94,14 @@ class ReachLibrary(Loaded):
             for name, a in out._asdict().items()
         }
         numbers = structures["ReachArrays"](
-            n=n, n_targets=n_targets, weight=weight, tolerance=tolerance,
-            max_iterations=max_iterations, once=once,
+            n=n,
+            n_targets=n_targets,
+            weight=weight,
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            once=once,
             **{name: pointer(a) for name, a in (given | results).items()},
-        )  # fmt: skip
+        )
         if self.dll.fan_reach(ctypes.byref(numbers)):
             raise MemoryError("no memory for hanging poses")
         return out

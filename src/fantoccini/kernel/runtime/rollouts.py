@@ -30,10 +30,14 @@ STATE = ("q_D", "v_D", "slip", "q_K", "v_K")
 _GoalArrays, _FunnelArrays, _BoundArrays, _SegmentArrays, _RolloutArrays, _RolloutProgress = (
     structures[name]
     for name in (
-        "GoalArrays", "FunnelArrays", "BoundArrays", "SegmentArrays", "RolloutArrays",
+        "GoalArrays",
+        "FunnelArrays",
+        "BoundArrays",
+        "SegmentArrays",
+        "RolloutArrays",
         "RolloutProgress",
     )
-)  # fmt: skip
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +79,17 @@ class GoalNumbers:
         arrays = ("low", "high", "weight", "v_D", "v_K")
         corners = ("at", "place", "place_high")
         return _GoalArrays(
-            kind=self.kind, link=self.link, tolerance=tolerance,
-            speed_weight=self.speed_weight, driven_weight=self.driven_weight,
-            n_touches=self.n_touches, open=self.open,
+            kind=self.kind,
+            link=self.link,
+            tolerance=tolerance,
+            speed_weight=self.speed_weight,
+            driven_weight=self.driven_weight,
+            n_touches=self.n_touches,
+            open=self.open,
             touches=None if self.touches is None else _held(self.touches, kept, np.int32),
             **{name: _held(getattr(self, name), kept) for name in arrays},
             **{name: (ctypes.c_double * 3)(*getattr(self, name)) for name in corners},
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,9 +68,15 @@ class StagePrograms:
             self._handle = ctypes.c_void_p()
 
     def solve(
-        self, given: Mapping[str, Array], *, unit: float, unbounded: float, tolerance: float,
-        barrier: float, iterations: int,
-    ) -> StageOutcome:  # fmt: skip
+        self,
+        given: Mapping[str, Array],
+        *,
+        unit: float,
+        unbounded: float,
+        tolerance: float,
+        barrier: float,
+        iterations: int,
+    ) -> StageOutcome:
         """The solution of a program.
 
         Args:
@@ -87,22 +93,37 @@ class StagePrograms:
         N, n_z, k = given["B"].shape
         m = given["C"].shape[1]
         out = {
-            "u": np.empty((N, k)), "z": np.empty((N, n_z)), "costate": np.empty((N, n_z)),
-            "passed": np.empty((N, m)), "force": np.empty((N, m)), "gain": np.empty((k, n_z)),
-        }  # fmt: skip
+            "u": np.empty((N, k)),
+            "z": np.empty((N, n_z)),
+            "costate": np.empty((N, n_z)),
+            "passed": np.empty((N, m)),
+            "force": np.empty((N, m)),
+            "gain": np.empty((k, n_z)),
+        }
         kept = {name: np.ascontiguousarray(a, dtype=float) for name, a in given.items()}
         numbers: Any = structures["StageProgramArrays"](
-            N=N, n_z=n_z, k=k, m=m, unit=unit, unbounded=unbounded, tolerance=tolerance,
-            barrier=barrier, most_iterations=iterations,
+            N=N,
+            n_z=n_z,
+            k=k,
+            m=m,
+            unit=unit,
+            unbounded=unbounded,
+            tolerance=tolerance,
+            barrier=barrier,
+            most_iterations=iterations,
             **{name: pointer(a) for name, a in (kept | out).items()},
-        )  # fmt: skip
+        )
         if self._dll.fan_stage_solve(self._handle, ctypes.byref(numbers)):
             raise MemoryError("no memory for a program of stages")
         finite = all(bool(np.all(np.isfinite(a))) for a in out.values())
         return StageOutcome(
-            **out, solved=bool(numbers.solved) and finite, iterations=numbers.iterations,
-            primal=numbers.primal, dual=numbers.dual, gap=numbers.gap,
-        )  # fmt: skip
+            **out,
+            solved=bool(numbers.solved) and finite,
+            iterations=numbers.iterations,
+            primal=numbers.primal,
+            dual=numbers.dual,
+            gap=numbers.gap,
+        )
 
 
 @cache

@@ -70,27 +70,38 @@ class StepDerivatives(Loaded):
         if room is None or room.shape != (n, 2 * n_v, m):
             room = np.empty((n, 2 * n_v, m))
         out = StepPartials(
-            np.empty((n, n_v)), room,
-            np.empty((n, sizes["n_rows"], m)) if pull else None,
-        )  # fmt: skip
+            np.empty((n, n_v)), room, np.empty((n, sizes["n_rows"], m)) if pull else None
+        )
         kept: list[AnyArray] = [np.ascontiguousarray(held, dtype=np.uint8)]
 
         def address(a: Array) -> ctypes.c_void_p:
             kept.append(np.ascontiguousarray(a, dtype=float))
             return pointer(kept[-1])
 
-        held_points = {} if touches is None else {
-            "room": touches.points.shape[1], "n_points": pointer(touches.n_points),
-            "points": pointer(touches.points), "screws": pointer(touches.screws),
-            "by_p": pointer(touches.by_p), "edges": pointer(touches.edges),
-        }  # fmt: skip
+        held_points = (
+            {}
+            if touches is None
+            else {
+                "room": touches.points.shape[1],
+                "n_points": pointer(touches.n_points),
+                "points": pointer(touches.points),
+                "screws": pointer(touches.screws),
+                "by_p": pointer(touches.by_p),
+                "edges": pointer(touches.edges),
+            }
+        )
         arrays = structures["StepDerivativeArrays"](
-            dt=dt, recovery_speed=recovery_speed, forces=int(forces),
-            p=shared(p, address), u_D=shared(u_D, address), held=pointer(kept[0]),
-            acc_D=pointer(out.acc_D), motion=pointer(out.motion),
+            dt=dt,
+            recovery_speed=recovery_speed,
+            forces=int(forces),
+            p=shared(p, address),
+            u_D=shared(u_D, address),
+            held=pointer(kept[0]),
+            acc_D=pointer(out.acc_D),
+            motion=pointer(out.motion),
             pull=None if out.pull is None else pointer(out.pull),
             **{name: address(a) for name, a in starts.items()},
             **held_points,
-        )  # fmt: skip
+        )
         in_parts(self.dll.fan_step_derivatives, arrays, n, threads)
         return out

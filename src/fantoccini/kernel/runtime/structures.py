@@ -92,9 +92,11 @@ class HeldInput:
         self._force = np.zeros((1, table.n_vD, N_COEF))
         self._u_D = pointer(self._force)
         self.structure = structures["InputArrays"](
-            n_segments=1, breaks=pointer(self._breaks), coef=pointer(self._coef),
+            n_segments=1,
+            breaks=pointer(self._breaks),
+            coef=pointer(self._coef),
             base=pointer(self._base),
-        )  # fmt: skip
+        )
 
     def fill(
         self, t: float, t_end: float, q_K: ConfigK, v_K: VecK, acc_K: VecK, u_D: VecD | None = None

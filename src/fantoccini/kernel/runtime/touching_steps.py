@@ -103,9 +103,12 @@ def step_touches(
             for name, a in out._asdict().items()
         }
         arrays = structures["TouchingStepArrays"](
-            options=options.structure(), reference_force=reference_force, room=room, **given,
+            options=options.structure(),
+            reference_force=reference_force,
+            room=room,
+            **given,
             **results,
-        )  # fmt: skip
+        )
         in_parts(library.dll.fan_step_touches, arrays, n, threads)
         if room == sizes["n_contacts"] or not np.any(out.edges & StepEdge.CROWDED):
             return out

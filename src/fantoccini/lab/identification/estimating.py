@@ -126,10 +126,16 @@ def identify(
                 report = _reporting(progress, stage.name)
                 report(np.nan)
             found = search(
-                cost, at, positive, None if stage.final else kept, moves=stage.moves,
-                tolerance=stage.tolerance, extrapolated=stage.extrapolated,
-                states_only=stage.states_only, progress=report,
-            )  # fmt: skip
+                cost,
+                at,
+                positive,
+                None if stage.final else kept,
+                moves=stage.moves,
+                tolerance=stage.tolerance,
+                extrapolated=stage.extrapolated,
+                states_only=stage.states_only,
+                progress=report,
+            )
             # Derivatives by the unknowns are not tried while these stay.
             at, kept = found.at, None if stage.states_only else found.kept
             if not stage.states_only:
@@ -167,9 +173,11 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
     given = record.inputs
     inputs = bind_input(model, given, x0.q_K, x0.v_K, given.start, given.end)
     layout = Layout(
-        tuple(places), tuple(table.v_K.index(name) for name in record.offsets),
-        tuple(i for i, one in enumerate(record.markers) if one.find), record.find_delay,
-    )  # fmt: skip
+        tuple(places),
+        tuple(table.v_K.index(name) for name in record.offsets),
+        tuple(i for i, one in enumerate(record.markers) if one.find),
+        record.find_delay,
+    )
     prior = np.full(len(record.labels), np.inf)
     for i, one in enumerate(record.unknowns):
         if one.known is not None:
@@ -179,11 +187,21 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
     begin = record.begin
     span = (t[0] - record.delay, t[-1] - record.delay)
     return Fit(
-        model, inputs, record.channels, t, y, layout, begin, record.delay, prior,
-        segment, segment / max(1, round(segment / dt)),
-        default_threads() if threads is None else threads, span,
+        model,
+        inputs,
+        record.channels,
+        t,
+        y,
+        layout,
+        begin,
+        record.delay,
+        prior,
+        segment,
+        segment / max(1, round(segment / dt)),
+        default_threads() if threads is None else threads,
+        span,
         record.channels.depends(x0.q_D, x0.q_K, p, places),
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,15 +225,19 @@ class Noise:
         channels = record.channels
         kinds = ["marker"] * (3 * len(channels.markers))
         kinds += ["coordinate"] * len(channels.coordinates) + ["tension"] * len(channels.tensions)
-        given = np.array([
-            record.noise.get(name, record.noise.get(group, np.nan))
-            for name, group in zip(channels.names, channels.groups, strict=True)
-        ])  # fmt: skip
+        given = np.array(
+            [
+                record.noise.get(name, record.noise.get(group, np.nan))
+                for name, group in zip(channels.names, channels.groups, strict=True)
+            ]
+        )
         guess = np.array([_GUESS[kind] for kind in kinds])
         return cls(
-            given, np.where(np.isfinite(given), np.maximum(given, guess), guess),
-            np.array([_LEAST_NOISE[kind] for kind in kinds]), channels.groups,
-        )  # fmt: skip
+            given,
+            np.where(np.isfinite(given), np.maximum(given, guess), guess),
+            np.array([_LEAST_NOISE[kind] for kind in kinds]),
+            channels.groups,
+        )
 
     def estimated(self, fit: Fit, found: Found) -> Array:
         """(n_c,) levels from the residuals of a point, by their median, which outliers spare."""

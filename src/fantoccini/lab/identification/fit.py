@@ -116,9 +116,13 @@ class Fit:
         return self.located(theta, self.dt)[1]
 
     def predict(
-        self, at: Point, *, extrapolated: bool = False, only: MaskRows | None = None,
+        self,
+        at: Point,
+        *,
+        extrapolated: bool = False,
+        only: MaskRows | None = None,
         kept: Predicted | None = None,
-    ) -> Predicted:  # fmt: skip
+    ) -> Predicted:
         """What a point predicts.
 
         Args:
@@ -214,17 +218,27 @@ class Fit:
             dt *= 0.25
             driven, rolled = self._rolled(at, dt, chosen)
         if not rolled.arrived:
-            raise StateError(f"a segment of the record cannot be simulated in steps of {dt:g} s; "
-                             "take a smaller dt")  # fmt: skip
+            raise StateError(
+                f"a segment of the record cannot be simulated in steps of {dt:g} s; "
+                "take a smaller dt"
+            )
         steps, own, share, mine = self._within(at.theta, dt, chosen)
         p = self.p(at.theta)
         begin = self.holding(at.theta, chosen).moves(
             at.q_D[chosen], at.v_D[chosen], at.held[chosen], list(lay.parameters), list(lay.offsets)
         )
         found = sense(
-            model, driven, rolled, p, lay.parameters, lay.offsets, begin, (steps, own, share),
-            pull=bool(channels.rows), threads=self.threads,
-        )  # fmt: skip
+            model,
+            driven,
+            rolled,
+            p,
+            lay.parameters,
+            lay.offsets,
+            begin,
+            (steps, own, share),
+            pull=bool(channels.rows),
+            threads=self.threads,
+        )
         m, n_places = 2 * model.coordinates.n_vD, channels.n_places
         first, n_rolled = m + len(lay.parameters), m + lay.n_rolled
         q_D, q_K, move_D, move_K = self._between(driven, rolled, steps, own, share)

@@ -84,10 +84,20 @@ def columns(found: Identified) -> tuple[ColumnFit, ...]:
             rms = float(np.sqrt(np.mean(r[there] ** 2)))
             spread = float(_MAD * np.median(z) * noise)
             given = name in found.record.noise or group in found.record.noise
-            out.append(ColumnFit(
-                name, units[j], int(np.sum(there)), rms, spread, noise, given,
-                float(np.mean(z <= 2.0)), _neighbours(found.t, r / noise), int(np.sum(z > LISTED)),
-            ))  # fmt: skip
+            out.append(
+                ColumnFit(
+                    name,
+                    units[j],
+                    int(np.sum(there)),
+                    rms,
+                    spread,
+                    noise,
+                    given,
+                    float(np.mean(z <= 2.0)),
+                    _neighbours(found.t, r / noise),
+                    int(np.sum(z > LISTED)),
+                )
+            )
     return tuple(out)
 
 

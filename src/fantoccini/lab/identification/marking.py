@@ -64,11 +64,15 @@ def find(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
     if not starts:
         known = [name for name, _ in _names(data)]
         if (twin := _original(data, label, known)) is not None:
-            raise StateError(f"{label.split('.', 1)[0]} is the mirror image of {twin}, whose "
-                             f"numbers it shares; look for those of {twin}")  # fmt: skip
+            raise StateError(
+                f"{label.split('.', 1)[0]} is the mirror image of {twin}, whose "
+                f"numbers it shares; look for those of {twin}"
+            )
         hint = nearest(label.split(".", 1)[0], known)
-        raise StateError(f"found {label}: no parameter of this name, and nothing that is called so "
-                         f"before its first dot{hint}")  # fmt: skip
+        raise StateError(
+            f"found {label}: no parameter of this name, and nothing that is called so "
+            f"before its first dot{hint}"
+        )
     refused = ""
     for path, keys in starts:
         try:
@@ -104,8 +108,14 @@ def _original(data: Any, label: str, known: list[str]) -> str | None:
     token, to = word(rule, "from"), word(rule, "to")
     if not token or not to:
         return None
-    return next((one for one in known if token in one
-                 and label.startswith(f"{twin_name(one, token, to)}.")), None)  # fmt: skip
+    return next(
+        (
+            one
+            for one in known
+            if token in one and label.startswith(f"{twin_name(one, token, to)}.")
+        ),
+        None,
+    )
 
 
 def _positive(places: tuple[Path, ...]) -> bool:

@@ -58,9 +58,11 @@ class Point:
         """This point with the states of some segments (S,) from another."""
         own = some[:, None]
         return Point(
-            np.where(own, other.q_D, self.q_D), np.where(own, other.v_D, self.v_D), self.theta,
+            np.where(own, other.q_D, self.q_D),
+            np.where(own, other.v_D, self.v_D),
+            self.theta,
             np.where(own, other.held, self.held),
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +84,11 @@ class Predicted:
         """This with what another says of some segments (S,); samples lie in ``segments`` (N,)."""
         own = some[:, None]
         return Predicted(
-            np.where(own[segments], other.y, self.y), np.where(own, other.q_D, self.q_D),
-            np.where(own, other.v_D, self.v_D), self.arrived and other.arrived,
-        )  # fmt: skip
+            np.where(own[segments], other.y, self.y),
+            np.where(own, other.q_D, self.q_D),
+            np.where(own, other.v_D, self.v_D),
+            self.arrived and other.arrived,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -210,9 +210,10 @@ class Record:
         places = [f"{one.name}.at.{axis}" for one in self.markers if one.find for axis in "xyz"]
         return (
             *(one.label or one.name for one in self.unknowns),
-            *(f"{name} offset" for name in self.offsets), *places,
+            *(f"{name} offset" for name in self.offsets),
+            *places,
             *(("delay",) if self.find_delay else ()),
-        )  # fmt: skip
+        )
 
     @cached_property
     def begin(self) -> Array:

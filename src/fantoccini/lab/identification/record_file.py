@@ -93,10 +93,23 @@ def load_record(
         if len(seen):
             check(played, lambda: check_span(seen - delay, inputs, 0.0))
             check.refuse()
-    record = check.need((), lambda: Record(
-        made, inputs, t, values, markers, unknown, file.offsets, find_delay, delay, noise,
-        file.start, file.record,
-    ))  # fmt: skip
+    record = check.need(
+        (),
+        lambda: Record(
+            made,
+            inputs,
+            t,
+            values,
+            markers,
+            unknown,
+            file.offsets,
+            find_delay,
+            delay,
+            noise,
+            file.start,
+            file.record,
+        ),
+    )
     source = Path(puppet.folder) / Path(puppet.file).name
     return replace(record, marks=tuple(marks), puppet_file=source)
 
@@ -259,9 +272,7 @@ def _driven(marionette: Marionette) -> list[str]:
     return [*table.q_K, *table.commands]
 
 
-def _noise(
-    file: RecordFile, values: Mapping[str, Array], check: Refusals
-) -> dict[str, float]:
+def _noise(file: RecordFile, values: Mapping[str, Array], check: Refusals) -> dict[str, float]:
     """Noise levels under the names of what the columns are."""
     out = {}
     known = [*file.markers, *values, *file.columns]
@@ -275,9 +286,13 @@ def _noise(
 
 
 def _inputs(
-    file: RecordFile, located: Located, marionette: Marionette, clock: Array, t: Array,
+    file: RecordFile,
+    located: Located,
+    marionette: Marionette,
+    clock: Array,
+    t: Array,
     columns: dict[str, Array],
-) -> Input:  # fmt: skip
+) -> Input:
     """The inputs that were played; their columns are taken out.
 
     Args:
@@ -289,8 +304,11 @@ def _inputs(
         columns: of the samples.
     """
     table = marionette.coordinates
-    whole = {f"{name[: -len('rotation')]}{part}" for name in table.rotations
-             for part in ("qw", "qx", "qy", "qz")}  # fmt: skip
+    whole = {
+        f"{name[: -len('rotation')]}{part}"
+        for name in table.rotations
+        for part in ("qw", "qx", "qy", "qz")
+    }
     known = {*_driven(marionette), *whole}
     given = {name: columns.pop(name) for name in sorted(known & set(columns))}
     if file.inputs is not None:
@@ -314,9 +332,12 @@ def _measured(
     strings = {f"{one.name}.tension" for one in marionette.tree.strings}
     for name in file.markers:
         if not any(f"{name}.{axis}" in columns for axis in "xyz"):
-            check(("markers", name), lambda name=name: _refuse(
-                f"the samples have none of the columns {name}.x, {name}.y and {name}.z"
-            ))  # fmt: skip
+            check(
+                ("markers", name),
+                lambda name=name: _refuse(
+                    f"the samples have none of the columns {name}.x, {name}.y and {name}.z"
+                ),
+            )
     for name, values in columns.items():
         if name in axes or name in scalars or name in strings:
             out[name] = values

@@ -141,12 +141,10 @@ class Identified:
     @classmethod
     def of(
         cls, record: Record, cost: Cost, found: Found, normal: Normal, seconds: float
-    ) -> Identified:  # fmt: skip
+    ) -> Identified:
         """From the end of a search."""
         fit, weights, F = cost.fit, cost.weights, normal.information()
-        deviations, correlation, combinations = told(
-            F, record.sizes(found.at.theta), record.labels
-        )
+        deviations, correlation, combinations = told(F, record.sizes(found.at.theta), record.labels)
         residuals = fit.y - found.predicted.y
         trusted = np.ones(len(fit.starts), dtype=bool) if cost.trusted is None else cost.trusted
         counts = trusted[fit.segments(found.at.theta)]
@@ -159,13 +157,28 @@ class Identified:
         gaps = cost.gaps(found.at, found.predicted)
         counted = gaps[trusted[:-1]]
         return cls(
-            record, record.labels, found.at.theta.copy(), deviations, correlation, F, combinations,
+            record,
+            record.labels,
+            found.at.theta.copy(),
+            deviations,
+            correlation,
+            F,
+            combinations,
             dict(zip(record.channels.names, weights.noise.tolist(), strict=True)),
             float(np.nanmean(np.minimum(np.abs(r), LISTED) ** 2)),
             float(np.sqrt(np.median(counted**2))) if len(counted) else 0.0,
-            tuple(listed), lost, fit.t, counts, residuals, found.predicted.y, fit.starts, gaps,
-            weights.drift, _left(normal, deviations), seconds,
-        )  # fmt: skip
+            tuple(listed),
+            lost,
+            fit.t,
+            counts,
+            residuals,
+            found.predicted.y,
+            fit.starts,
+            gaps,
+            weights.drift,
+            _left(normal, deviations),
+            seconds,
+        )
 
     def __repr__(self) -> str:
         return f"<Identified {self.record.name or self.record.marionette.name}: {self.summary()}>"
@@ -194,10 +207,12 @@ class Identified:
         """The puppet with the numbers found; those that are not told keep their first values."""
         unknowns = self.record.unknowns
         begin = self.record.begin
-        return self.record.marionette.with_parameters({
-            one.name: float(x if np.isfinite(d) else b)
-            for one, x, b, d in zip(unknowns, self.values, begin, self.deviations, strict=False)
-        })  # fmt: skip
+        return self.record.marionette.with_parameters(
+            {
+                one.name: float(x if np.isfinite(d) else b)
+                for one, x, b, d in zip(unknowns, self.values, begin, self.deviations, strict=False)
+            }
+        )
 
     def save_puppet(self, path: str | Path) -> None:
         """Writes the puppet's file with the numbers found; the rest of its text stays.
@@ -212,8 +227,10 @@ class Identified:
         """
         source = self.record.puppet_file
         if source is None:
-            raise StateError("the puppet was not read from a file beside a record file; "
-                             "`marionette` is the puppet with the numbers found")  # fmt: skip
+            raise StateError(
+                "the puppet was not read from a file beside a record file; "
+                "`marionette` is the puppet with the numbers found"
+            )
         numbers = {
             mark: float(x)
             for mark, x, d in zip(self.record.marks, self.values, self.deviations, strict=False)

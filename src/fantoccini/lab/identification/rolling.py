@@ -60,9 +60,7 @@ class Driven:
         """
         t, table = starts + dt * np.arange(n + 1)[:, None], model.coordinates
         q_K, v_K, _ = inputs.evaluate(t)
-        move = tangent.between(
-            table.scalars_K, table.quaternions_K, q_K[:-1], q_K[1:], table.n_vK
-        )  # fmt: skip
+        move = tangent.between(table.scalars_K, table.quaternions_K, q_K[:-1], q_K[1:], table.n_vK)
         force = None if inputs.force is None else inputs.evaluate_force(t[:-1] + 0.5 * dt)
         return cls(q_K, v_K, 2.0 * (move / dt - v_K[:-1]) / dt, force, dt)
 
@@ -112,9 +110,9 @@ def roll(
     """
     parts = _parts(len(q_D), threads)
     with ThreadPoolExecutor(len(parts)) as pool:
-        found = list(pool.map(
-            lambda own: _roll(model, driven.some(own), q_D[own], v_D[own], p), parts
-        ))  # fmt: skip
+        found = list(
+            pool.map(lambda own: _roll(model, driven.some(own), q_D[own], v_D[own], p), parts)
+        )
     if len(found) == 1:
         return found[0]
     q, v, tension = (
@@ -135,23 +133,32 @@ def _roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rol
     n, S = driven.acc_K.shape[:2]
     tree, lanes = model.tree, model.compiled.lanes
     made: dict[str, AnyArray] = {
-        "q_D": np.array(q_D, order="C"), "v_D": np.array(v_D, order="C"),
-        "q_K": np.array(driven.q_K[0], order="C"), "v_K": np.array(driven.v_K[0], order="C"),
-        "fresh": np.ones(S, dtype=np.uint8), "p": np.tile(p, (S, 1)),
-        "slip": np.zeros((S, len(tree.strings))), "tension": np.zeros((S, tree.n_rows)),
-        "taut": np.zeros((S, tree.n_rows), dtype=np.bool_), "books": np.zeros((S, 5)),
-        "violation": np.zeros(S), "advanced": np.zeros(S),
-        "status": np.zeros(S, dtype=np.int32), "blame": np.zeros((S, len(tree.blamable))),
-    }  # fmt: skip
+        "q_D": np.array(q_D, order="C"),
+        "v_D": np.array(v_D, order="C"),
+        "q_K": np.array(driven.q_K[0], order="C"),
+        "v_K": np.array(driven.v_K[0], order="C"),
+        "fresh": np.ones(S, dtype=np.uint8),
+        "p": np.tile(p, (S, 1)),
+        "slip": np.zeros((S, len(tree.strings))),
+        "tension": np.zeros((S, tree.n_rows)),
+        "taut": np.zeros((S, tree.n_rows), dtype=np.bool_),
+        "books": np.zeros((S, 5)),
+        "violation": np.zeros(S),
+        "advanced": np.zeros(S),
+        "status": np.zeros(S, dtype=np.int32),
+        "blame": np.zeros((S, len(tree.blamable))),
+    }
     options = model.run_options(dt=driven.dt, extrapolate=False)
     acc = np.zeros((S, model.coordinates.n_vK))
     force = None if driven.u_D is None else np.zeros((S, model.coordinates.n_vD))
     steppers = LaneSteppers(lanes, S, 1, options, model.winches)
     advance = steppers.bound(made, driven.dt, acc, force)
     out = Rolled(
-        np.empty((n + 1, *q_D.shape)), np.empty((n + 1, *v_D.shape)),
-        np.empty((n, S, tree.n_rows)), True,
-    )  # fmt: skip
+        np.empty((n + 1, *q_D.shape)),
+        np.empty((n + 1, *v_D.shape)),
+        np.empty((n, S, tree.n_rows)),
+        True,
+    )
     out.q_D[0], out.v_D[0] = q_D, v_D
     status = np.empty((n, S), dtype=np.int32)
     for k in range(n):
@@ -247,9 +254,19 @@ def sense(
             )
             force = None if driven.u_D is None else driven.u_D[some].reshape(block * S, -1)
             lin = linearise_steps(
-                model, q_D, v_D, q_K, v_K, acc_K, force, p=p, dt=driven.dt, pull=pull,
-                threads=threads, room=room,
-            )  # fmt: skip
+                model,
+                q_D,
+                v_D,
+                q_K,
+                v_K,
+                acc_K,
+                force,
+                p=p,
+                dt=driven.dt,
+                pull=pull,
+                threads=threads,
+                room=room,
+            )
             room = lin.motion
             for done in [pool.submit(carry, own, k, lin) for own in of_step]:
                 done.result()

@@ -168,9 +168,14 @@ def _bad(parts: Array, new: Array) -> MaskRows:
 
 
 def _stayed(
-    cost: Cost, at: Point, trial: Point, seen: Predicted, new: Array, bad: MaskRows,
+    cost: Cost,
+    at: Point,
+    trial: Point,
+    seen: Predicted,
+    new: Array,
+    bad: MaskRows,
     extrapolated: bool,
-) -> tuple[Point, Predicted, Array]:  # fmt: skip
+) -> tuple[Point, Predicted, Array]:
     """The trial with the first states of bad segments where they were, if that costs less."""
     fit = cost.fit
     stay = trial.mixed(at, bad)

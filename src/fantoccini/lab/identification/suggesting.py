@@ -74,8 +74,10 @@ class Candidate:
         table = self.inputs.coordinates
         for _, v in table.quaternions_K:
             if np.any(v_K[:, v : v + 3]):
-                raise StateError("an orientation moves; an inputs file of samples is written for "
-                                 "scalar coordinates only")  # fmt: skip
+                raise StateError(
+                    "an orientation moves; an inputs file of samples is written for "
+                    "scalar coordinates only"
+                )
         scalars = {table.q_K[q]: q_K[:, q] for q, _ in table.scalars_K}
         write_table({"t": t} | scalars, path)
 
@@ -131,9 +133,14 @@ def suggest_motion(
 
 
 def _candidate(
-    name: str, inputs: Input, record: Record, rate: float, segment: float, dt: float,
+    name: str,
+    inputs: Input,
+    record: Record,
+    rate: float,
+    segment: float,
+    dt: float,
     threads: int | None,
-) -> Candidate:  # fmt: skip
+) -> Candidate:
     t = np.arange(inputs.start, inputs.end, 1.0 / rate)
     columns = {column: np.zeros(len(t)) for column in record.channels.names}
     try:
@@ -151,16 +158,24 @@ def _candidate(
     eigenvalues = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 0.0)
     deviations, _, combinations = told(F, record.scales, record.labels)
     return Candidate(
-        name, inputs, float(0.5 * np.sum(np.log2(1.0 + eigenvalues))),
-        dict(zip(record.labels, deviations.tolist(), strict=True)), combinations,
+        name,
+        inputs,
+        float(0.5 * np.sum(np.log2(1.0 + eigenvalues))),
+        dict(zip(record.labels, deviations.tolist(), strict=True)),
+        combinations,
         float(np.max(deviations / record.scales)),
-    )  # fmt: skip
+    )
 
 
 def _random(
-    marionette: Marionette, record: Record, duration: float, reach: float,
-    ranges: Mapping[str, tuple[float, float]], draws: int, seed: int,
-) -> dict[str, Input]:  # fmt: skip
+    marionette: Marionette,
+    record: Record,
+    duration: float,
+    reach: float,
+    ranges: Mapping[str, tuple[float, float]],
+    draws: int,
+    seed: int,
+) -> dict[str, Input]:
     """Smooth random motions about the start, of several tempos and sizes."""
     table = marionette.coordinates
     x0 = marionette.rest({**record.inputs.first_values(), **record.start})

@@ -9,17 +9,33 @@ from fantoccini.lab.identification.record import Record
 from fantoccini.model.puppet import parameters, plain
 
 _UNITS = {
-    "mass": "kg", "density": "kg/m³", "gravity": "m/s²", "linear": "N s/m", "quadratic": "N s²/m²",
-    "angular": "N m s", "max_tension": "N", "rewind_speed": "m/s", "inertia": "kg m²",
-    "current": "A", "resistance": "ohm", "voltage": "V", "bandwidth": "rad/s",
-} | dict.fromkeys(("at", "com", "world", "drum", "length"), "m")  # fmt: skip
+    "mass": "kg",
+    "density": "kg/m³",
+    "gravity": "m/s²",
+    "linear": "N s/m",
+    "quadratic": "N s²/m²",
+    "angular": "N m s",
+    "max_tension": "N",
+    "rewind_speed": "m/s",
+    "inertia": "kg m²",
+    "current": "A",
+    "resistance": "ohm",
+    "voltage": "V",
+    "bandwidth": "rad/s",
+} | dict.fromkeys(("at", "com", "world", "drum", "length"), "m")
 """Of keys that have one unit everywhere."""
 _KINDS = {
-    "damping": ("N s/m", "N m s/rad"), "viscous": ("N s/m", "N m s/rad"),
-    "stiffness": ("N/m", "N m/rad"), "coulomb": ("N", "N m"), "torque": ("N", "N m"),
-    "speed": ("m/s", "rad/s"), "corner_speed": ("m/s", "rad/s"), "rest": ("m", "rad"),
-    "armature": ("kg", "kg m²"), "constant": ("N/A", "N m/A"),
-}  # fmt: skip
+    "damping": ("N s/m", "N m s/rad"),
+    "viscous": ("N s/m", "N m s/rad"),
+    "stiffness": ("N/m", "N m/rad"),
+    "coulomb": ("N", "N m"),
+    "torque": ("N", "N m"),
+    "speed": ("m/s", "rad/s"),
+    "corner_speed": ("m/s", "rad/s"),
+    "rest": ("m", "rad"),
+    "armature": ("kg", "kg m²"),
+    "constant": ("N/A", "N m/A"),
+}
 """Of keys that mean one thing where something slides, and another where it turns."""
 _OF_CHAIN = {"stiffness": "N", "damping": "N s"}
 _SLIDING = {"prismatic", "translation"}

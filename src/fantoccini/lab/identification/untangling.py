@@ -89,8 +89,9 @@ def _chained(fit: Fit, at: Point, predicted: Predicted, far: MaskRows) -> Point:
     driven, p = fit.driven(at.theta, 0.5 * fit.dt), fit.p(at.theta)
     for s in np.flatnonzero(far):
         if far[s - 1]:
-            before = roll(fit.model, driven.some(slice(s - 1, s)), q_D[s - 1, None],
-                          v_D[s - 1, None], p)  # fmt: skip
+            before = roll(
+                fit.model, driven.some(slice(s - 1, s)), q_D[s - 1, None], v_D[s - 1, None], p
+            )
             if not before.arrived:
                 continue
             q_D[s], v_D[s] = before.q_D[-1, 0], before.v_D[-1, 0]

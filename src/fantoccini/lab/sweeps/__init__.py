@@ -3,19 +3,8 @@
 from fantoccini.lab.sweeps import trial
 from fantoccini.lab.sweeps.case import Case
 from fantoccini.lab.sweeps.outcome import Failure
-from fantoccini.lab.sweeps.result import (
-    FailedCase,
-    SweepResult,
-)
+from fantoccini.lab.sweeps.result import FailedCase, SweepResult
 from fantoccini.lab.sweeps.run import sweep
 from fantoccini.lab.sweeps.trial import Trial
 
-__all__ = [
-    "Case",
-    "FailedCase",
-    "Failure",
-    "SweepResult",
-    "Trial",
-    "sweep",
-    "trial",
-]
+__all__ = ["Case", "FailedCase", "Failure", "SweepResult", "Trial", "sweep", "trial"]

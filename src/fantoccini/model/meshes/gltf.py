@@ -21,8 +21,14 @@ from fantoccini.model.meshes.colours import Texture, image, srgb
 from fantoccini.model.meshes.limits import LIMITS
 from fantoccini.model.meshes.part import Y_UP, Count, Part, lost
 
-_KNOWN = ("KHR_materials_", "KHR_lights_", "KHR_texture_transform", "KHR_mesh_quantization",
-          "EXT_texture_webp", "KHR_xmp")  # fmt: skip
+_KNOWN = (
+    "KHR_materials_",
+    "KHR_lights_",
+    "KHR_texture_transform",
+    "KHR_mesh_quantization",
+    "EXT_texture_webp",
+    "KHR_xmp",
+)
 """Extensions, or how their names begin, that a file may need: read here, or not about shapes."""
 
 _CLAMPED = 33071
@@ -121,9 +127,10 @@ class _Reader:
     def _mesh(self, index: int) -> list[_Primitive]:
         """Each primitive that has triangles, which are counted."""
         primitives = [
-            p for p in self.header["meshes"][index]["primitives"]
+            p
+            for p in self.header["meshes"][index]["primitives"]
             if p.get("mode", _TRIANGLES) >= _TRIANGLES
-        ]  # fmt: skip
+        ]
         for primitive in primitives:
             given = primitive.get("indices", primitive["attributes"]["POSITION"])
             corners = self.accessors.count(given)
@@ -248,11 +255,13 @@ def _pose(node: dict[str, Any]) -> Array:
     n = x * x + y * y + z * z + w * w
     if not n > 0.0:
         raise ValueError("a node has a rotation of zero")
-    out[:3, :3] = np.eye(3) + 2.0 / n * np.array([
-        [-y * y - z * z, x * y - w * z, x * z + w * y],
-        [x * y + w * z, -x * x - z * z, y * z - w * x],
-        [x * z - w * y, y * z + w * x, -x * x - y * y],
-    ])  # fmt: skip
+    out[:3, :3] = np.eye(3) + 2.0 / n * np.array(
+        [
+            [-y * y - z * z, x * y - w * z, x * z + w * y],
+            [x * y + w * z, -x * x - z * z, y * z - w * x],
+            [x * z - w * y, y * z + w * x, -x * x - y * y],
+        ]
+    )
     out[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), dtype=float)
     out[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
     return out

@@ -179,9 +179,7 @@ class _Reader:
     def _face(self, corners: list[str]) -> None:
         """Adds a face; indices count from 1, and negative ones back from this line."""
         try:
-            given = [
-                [int(n) if n else None for n in corner.split("/")[:2]] for corner in corners
-            ]
+            given = [[int(n) if n else None for n in corner.split("/")[:2]] for corner in corners]
         except ValueError:
             given = [[None]]
         if any(place is None for place, *_ in given):

@@ -40,9 +40,13 @@ class Part:
 
     @classmethod
     def placed(
-        cls, matrix: Array, vertices: Array, faces: Indices, colours: Array | None,
+        cls,
+        matrix: Array,
+        vertices: Array,
+        faces: Indices,
+        colours: Array | None,
         lost: frozenset[str],
-    ) -> Part:  # fmt: skip
+    ) -> Part:
         """A part moved by a matrix (4, 4), which may mirror it."""
         moved = vertices @ matrix[:3, :3].T + matrix[:3, 3]
         mirrored = np.linalg.det(matrix[:3, :3]) < 0.0

@@ -163,9 +163,7 @@ def _labels(mesh: Any) -> Indices:
     return np.asarray(connected_components(links, directed=False)[1])
 
 
-def _pairs(
-    mesh: Any, key: int, faces: Indices, way: NDArray[np.float64]
-) -> list[tuple[int, int]]:
+def _pairs(mesh: Any, key: int, faces: Indices, way: NDArray[np.float64]) -> list[tuple[int, int]]:
     """Faces around one edge, in pairs with the inside between them.
 
     A face that runs up the edge has its inside on the side of smaller angles, seen with the edge

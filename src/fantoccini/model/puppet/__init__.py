@@ -11,13 +11,7 @@ from fantoccini.model.puppet.bundled_files import (
     scenes,
 )
 from fantoccini.model.puppet.chain import Chain
-from fantoccini.model.puppet.contact import (
-    FLOOR,
-    Contact,
-    ContactPair,
-    ContactRule,
-    Group,
-)
+from fantoccini.model.puppet.contact import FLOOR, Contact, ContactPair, ContactRule, Group
 from fantoccini.model.puppet.drive import (
     PD,
     ComputedTorque,
@@ -31,27 +25,10 @@ from fantoccini.model.puppet.drive import (
     StepperMotor,
 )
 from fantoccini.model.puppet.dump import plain
-from fantoccini.model.puppet.files import (
-    json_schema,
-    load,
-    loads,
-)
-from fantoccini.model.puppet.joint import (
-    Cone,
-    Joint,
-    JointSpring,
-    Limits,
-    Twist,
-)
+from fantoccini.model.puppet.files import json_schema, load, loads
+from fantoccini.model.puppet.joint import Cone, Joint, JointSpring, Limits, Twist
 from fantoccini.model.puppet.mirror import twin_name
-from fantoccini.model.puppet.quantities import (
-    QUANTITIES,
-    Gravity,
-    Mass,
-    Place,
-    Point,
-    Vector,
-)
+from fantoccini.model.puppet.quantities import QUANTITIES, Gravity, Mass, Place, Point, Vector
 from fantoccini.model.puppet.schema import (
     Attachment,
     Body,
@@ -81,13 +58,7 @@ from fantoccini.model.puppet.shapes import (
     unclosed,
 )
 from fantoccini.model.puppet.words import WORDS
-from fantoccini.model.puppet.written import (
-    is_number,
-    items,
-    named,
-    parameters,
-    word,
-)
+from fantoccini.model.puppet.written import is_number, items, named, parameters, word
 
 __all__ = [
     "FLOOR",

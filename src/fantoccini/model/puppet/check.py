@@ -91,7 +91,8 @@ def massless_joints(bodies: tuple[Any, ...], mirror: Any) -> list[Finding]:
     moving = [
         i
         for i, body in enumerate(bodies)
-        if body.joint.type != "fixed" and not body.joint.driven
+        if body.joint.type != "fixed"
+        and not body.joint.driven
         and not value_of(body.joint.armature)
     ]
     text = (

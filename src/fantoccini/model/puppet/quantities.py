@@ -103,11 +103,7 @@ class Bounded:
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         quantity = QUANTITIES[self.kind]
-        signs = {
-            "any": -quantity.max_size,
-            "not negative": 0.0,
-            "positive": quantity.min_size,
-        }
+        signs = {"any": -quantity.max_size, "not negative": 0.0, "positive": quantity.min_size}
         return _with_range(handler(schema), signs[self.sign], quantity.max_size)
 
 

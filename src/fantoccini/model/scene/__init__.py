@@ -1,25 +1,7 @@
 """Scenes: several puppets, props, obstacles and a floor, assembled into one puppet."""
 
 from fantoccini.model.scene.assembly import assembled
-from fantoccini.model.scene.files import (
-    json_schema,
-    load,
-    loads,
-)
-from fantoccini.model.scene.schema import (
-    Member,
-    Prop,
-    Scene,
-    is_scene,
-)
+from fantoccini.model.scene.files import json_schema, load, loads
+from fantoccini.model.scene.schema import Member, Prop, Scene, is_scene
 
-__all__ = [
-    "Member",
-    "Prop",
-    "Scene",
-    "assembled",
-    "is_scene",
-    "json_schema",
-    "load",
-    "loads",
-]
+__all__ = ["Member", "Prop", "Scene", "assembled", "is_scene", "json_schema", "load", "loads"]

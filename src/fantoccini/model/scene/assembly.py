@@ -67,9 +67,7 @@ def assembled(scene: Scene) -> Puppet:
     if mistakes:
         raise PuppetError(mistakes)
     found = _name_clashes(scene, placed)
-    shared = {
-        key: _shared(key, getattr(scene, key), placed, found) for key in ("gravity", "floor")
-    }
+    shared = {key: _shared(key, getattr(scene, key), placed, found) for key in ("gravity", "floor")}
     shared["contact"] = _contact(scene, placed, found)
     if found:
         raise located.error(found, PuppetError)
@@ -214,9 +212,10 @@ def _pairs(
                 found.append((path, text + nearest(name[:64], known)))
         first, second = (alone.get(name, [name]) for name in pair.between)
         pairs += [
-            plain(pair) | {"between": [a, b]} for a, b in product(first, second)
+            plain(pair) | {"between": [a, b]}
+            for a, b in product(first, second)
             if a < b or first is not second
-        ]  # fmt: skip
+        ]
     return pairs
 
 

@@ -2,27 +2,11 @@
 
 from fantoccini.model.tree.chains import placed
 from fantoccini.model.tree.construction import grow
-from fantoccini.model.tree.coordinates import (
-    COMMAND,
-    Coordinate,
-    CoordinateTable,
-    Role,
-)
-from fantoccini.model.tree.inertia import (
-    joint_inertias,
-    link_inertia,
-)
+from fantoccini.model.tree.coordinates import COMMAND, Coordinate, CoordinateTable, Role
+from fantoccini.model.tree.inertia import joint_inertias, link_inertia
 from fantoccini.model.tree.joints import TURNS_WITH_LINK
-from fantoccini.model.tree.placement import (
-    joint_transform,
-    link_poses,
-    place,
-)
-from fantoccini.model.tree.size import (
-    Size,
-    measure,
-    path_lengths,
-)
+from fantoccini.model.tree.placement import joint_transform, link_poses, place
+from fantoccini.model.tree.size import Size, measure, path_lengths
 from fantoccini.model.tree.structure import (
     WORLD,
     ChainRow,

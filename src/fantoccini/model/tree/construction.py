@@ -133,9 +133,14 @@ class _Grower:
         )
 
     def chain(
-        self, string: String, chain: Chain, ends: tuple[Point, ...], length: Number | None,
-        length_index: tuple[int, int] | None, role: Role,
-    ) -> None:  # fmt: skip
+        self,
+        string: String,
+        chain: Chain,
+        ends: tuple[Point, ...],
+        length: Number | None,
+        length_index: tuple[int, int] | None,
+        role: Role,
+    ) -> None:
         """Adds a string as springs and point masses, hand.1 to hand.7."""
         masses = []
         for k in range(1, chain.pieces):

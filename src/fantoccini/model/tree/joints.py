@@ -141,9 +141,14 @@ class Joints:
         for n, (kind, axes, role) in enumerate(parts, 1):
             link = last if n == len(parts) else carriage(f"{last.name}.carriage{n}", last.joint)
             link = replace(
-                link, parent=parent, kind=kind, role=role, rotation=rotation, offset=offset,
+                link,
+                parent=parent,
+                kind=kind,
+                role=role,
+                rotation=rotation,
+                offset=offset,
                 axes=columns(axes, joint.axis),
-            )  # fmt: skip
+            )
             parent = self.add(link, kind, axes, start)
             rotation, offset = np.eye(3), (0.0, 0.0, 0.0)
         return parent
@@ -158,9 +163,13 @@ class Joints:
         for n, (kind, own, role) in enumerate(parts, 1):
             name = f"{string}.end" if n == len(parts) else f"{string}.carriage{n}"
             link = replace(
-                carriage(name, string), parent=parent, kind=kind, role=role, offset=(x, y, z),
+                carriage(name, string),
+                parent=parent,
+                kind=kind,
+                role=role,
+                offset=(x, y, z),
                 axes=columns(own, None),
-            )  # fmt: skip
+            )
             parent = self.add(link, kind, own, start)
             x = y = z = 0.0
         return parent
@@ -243,9 +252,17 @@ def carriage(name: str, joint: str) -> Link:
     """A massless link on the world, which a driven joint moves."""
     none = slice(0, 0)
     return Link(
-        name=name, parent=WORLD, joint=joint, kind="translation", axes=np.eye(3)[:, :0],
-        rotation=np.eye(3), offset=(0.0, 0.0, 0.0), role=Role.DRIVEN, q=none, v=none,
-    )  # fmt: skip
+        name=name,
+        parent=WORLD,
+        joint=joint,
+        kind="translation",
+        axes=np.eye(3)[:, :0],
+        rotation=np.eye(3),
+        offset=(0.0, 0.0, 0.0),
+        role=Role.DRIVEN,
+        q=none,
+        v=none,
+    )
 
 
 def columns(axes: tuple[str, ...], axis: tuple[float, float, float] | None) -> np.ndarray:

@@ -320,15 +320,24 @@ class Tree:
         """Sizes by their names in :mod:`fantoccini.kernel.contract`."""
         t = self.coordinates
         return {
-            "n_qD": t.n_qD, "n_vD": t.n_vD, "n_qK": t.n_qK, "n_vK": t.n_vK, "n_v": t.n_vD + t.n_vK,
-            "n_strings": len(self.strings), "n_limits": len(self.limits), "n_rows": self.n_rows,
-            "n_p": len(self.parameters), "n_links": len(self.links),
+            "n_qD": t.n_qD,
+            "n_vD": t.n_vD,
+            "n_qK": t.n_qK,
+            "n_vK": t.n_vK,
+            "n_v": t.n_vD + t.n_vK,
+            "n_strings": len(self.strings),
+            "n_limits": len(self.limits),
+            "n_rows": self.n_rows,
+            "n_p": len(self.parameters),
+            "n_links": len(self.links),
             "n_points": sum(len(s.points) for s in self.strings),
-            "n_motors": len(self.motor_places), "n_watched": len(self.watched),
+            "n_motors": len(self.motor_places),
+            "n_watched": len(self.watched),
             "n_contacts": self.n_contacts,
             "n_solids": self.n_pieces + sum(len(i.shapes) for i in self.links)
-            if self.n_contacts else 0,
-        }  # fmt: skip
+            if self.n_contacts
+            else 0,
+        }
 
     @cached_property
     def row_names(self) -> tuple[str, ...]:

@@ -103,11 +103,15 @@ def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
         index[k] = len(joints)
         joints.append(
             Joint(
-                tree.links[k].name, index[scene.parents[k]],
-                np.zeros(3) if moves else places[0], places if moves else None,
-                order, angles, _UPRIGHT @ turned[k] @ tips[k],
+                tree.links[k].name,
+                index[scene.parents[k]],
+                np.zeros(3) if moves else places[0],
+                places if moves else None,
+                order,
+                angles,
+                _UPRIGHT @ turned[k] @ tips[k],
             )
-        )  # fmt: skip
+        )
     return joints
 
 
@@ -127,8 +131,10 @@ def _moves(scene: AnimatedScene, link: int) -> bool:
     between = path[1 : path.index(scene.parents[link])]
     kinds = {scene.tree.links[k].kind for k in between}
     return bool(kinds - {"fixed"}) or scene.tree.links[link].kind in (
-        "prismatic", "translation", "free",
-    )  # fmt: skip
+        "prismatic",
+        "translation",
+        "free",
+    )
 
 
 def _tips(scene: AnimatedScene) -> dict[int, Vec3]:
@@ -171,8 +177,7 @@ def _hierarchy(joints: Sequence[Joint]) -> Iterator[tuple[str, int | None]]:
         if not below[k]:
             tip = " ".join(map(_text, joint.tip))
             yield from (
-                (f"{tab}\t{line}", None)
-                for line in ("End Site", "{", f"\tOFFSET {tip}", "}")
+                (f"{tab}\t{line}", None) for line in ("End Site", "{", f"\tOFFSET {tip}", "}")
             )
         waiting.append((depth, None))
         waiting += [(depth + 1, i) for i in reversed(below[k])]

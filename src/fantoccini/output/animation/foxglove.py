@@ -93,18 +93,21 @@ def _transforms(scene: AnimatedScene, run: Trajectory) -> Messages:
     for k in scene.links:
         motion, parent = scene.motion(k, run), scene.parents[k]
         above = ROOT if parent == WORLD else scene.tree.links[parent].name
-        frames.append(
-            (scene.tree.links[k].name, above, motion.r, rotation.continuous(motion.q))
-        )
+        frames.append((scene.tree.links[k].name, above, motion.r, rotation.continuous(motion.q)))
 
     def message(i: int, stamp: Timestamp) -> Any:
-        return FrameTransforms(transforms=[
-            FrameTransform(
-                timestamp=stamp, parent_frame_id=above, child_frame_id=name,
-                translation=_vector(r[i]), rotation=_turn(q[i]),
-            )
-            for name, above, r, q in frames
-        ])  # fmt: skip
+        return FrameTransforms(
+            transforms=[
+                FrameTransform(
+                    timestamp=stamp,
+                    parent_frame_id=above,
+                    child_frame_id=name,
+                    translation=_vector(r[i]),
+                    rotation=_turn(q[i]),
+                )
+                for name, above, r, q in frames
+            ]
+        )
 
     return message
 
@@ -119,9 +122,11 @@ def _bodies(scene: AnimatedScene, stamp: Timestamp) -> Any:
     entities = []
     for link, triangles in shapes.items():
         name = ROOT if link == WORLD else scene.tree.links[link].name
-        entities.append(SceneEntity(
-            timestamp=stamp, frame_id=name, id=name, frame_locked=True, triangles=triangles
-        ))  # fmt: skip
+        entities.append(
+            SceneEntity(
+                timestamp=stamp, frame_id=name, id=name, frame_locked=True, triangles=triangles
+            )
+        )
     return SceneUpdate(entities=entities)
 
 
@@ -129,8 +134,9 @@ def _triangles(piece: Piece, colour: Array) -> Any:
     return TriangleListPrimitive(
         pose=Pose(position=_vector(piece.r), orientation=_turn(piece.q)),
         points=_points(piece.surface.vertices * piece.scale),
-        indices=piece.surface.faces.ravel().tolist(), color=_colour(colour),
-    )  # fmt: skip
+        indices=piece.surface.faces.ravel().tolist(),
+        color=_colour(colour),
+    )
 
 
 def _strings(scene: AnimatedScene, run: Trajectory) -> Messages:
@@ -141,16 +147,20 @@ def _strings(scene: AnimatedScene, run: Trajectory) -> Messages:
 
     def strip(line: Line, points: Array) -> Any:
         return LinePrimitive(
-            type=LinePrimitive.LINE_STRIP, thickness=width, points=_points(points),
+            type=LinePrimitive.LINE_STRIP,
+            thickness=width,
+            points=_points(points),
             color=_colour(COLOUR if line.colour is None else line.colour),
             pose=Pose(position=_vector(np.zeros(3)), orientation=_turn(np.eye(4)[0])),
-        )  # fmt: skip
+        )
 
     def message(i: int, stamp: Timestamp) -> Any:
-        return SceneUpdate(entities=[
-            SceneEntity(timestamp=stamp, frame_id=ROOT, id=line.name, lines=[strip(line, x[i])])
-            for line, x in curves
-        ])  # fmt: skip
+        return SceneUpdate(
+            entities=[
+                SceneEntity(timestamp=stamp, frame_id=ROOT, id=line.name, lines=[strip(line, x[i])])
+                for line, x in curves
+            ]
+        )
 
     return message
 
@@ -167,22 +177,32 @@ def _joints(run: Trajectory) -> Messages | None:
     table = run.coordinates
     efforts = {} if run.effort is None else dict(run.effort.items())
     columns = [
-        *((table.q_D[q], run.q_D[:, q], run.v_D[:, v], run.acc_D[:, v], None)
-          for q, v in table.scalars_D),
-        *((table.q_K[q], run.q_K[:, q], run.v_K[:, v], run.acc_K[:, v],
-           efforts.get(table.v_K[v])) for q, v in table.scalars_K),
-    ]  # fmt: skip
+        *(
+            (table.q_D[q], run.q_D[:, q], run.v_D[:, v], run.acc_D[:, v], None)
+            for q, v in table.scalars_D
+        ),
+        *(
+            (table.q_K[q], run.q_K[:, q], run.v_K[:, v], run.acc_K[:, v], efforts.get(table.v_K[v]))
+            for q, v in table.scalars_K
+        ),
+    ]
     if not columns:
         return None
 
     def message(i: int, stamp: Timestamp) -> Any:
-        return JointStates(timestamp=stamp, joints=[
-            JointState(
-                name=name, position=p[i], velocity=v[i], acceleration=a[i],
-                effort=None if effort is None else effort[i],
-            )
-            for name, p, v, a, effort in columns
-        ])  # fmt: skip
+        return JointStates(
+            timestamp=stamp,
+            joints=[
+                JointState(
+                    name=name,
+                    position=p[i],
+                    velocity=v[i],
+                    acceleration=a[i],
+                    effort=None if effort is None else effort[i],
+                )
+                for name, p, v, a, effort in columns
+            ],
+        )
 
     return message
 
@@ -190,20 +210,23 @@ def _joints(run: Trajectory) -> Messages | None:
 def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
     """A message with a field for each column, and the time."""
     proto = descriptor_pb2.FileDescriptorProto(
-        name=f"puppet/{kind}.proto", package="puppet", syntax="proto3",
+        name=f"puppet/{kind}.proto",
+        package="puppet",
+        syntax="proto3",
         dependency=["google/protobuf/timestamp.proto"],
-    )  # fmt: skip
+    )
     field = descriptor_pb2.FieldDescriptorProto
     made = proto.message_type.add(name=kind)
     made.field.add(
-        name="timestamp", number=1, type=field.TYPE_MESSAGE, label=field.LABEL_OPTIONAL,
+        name="timestamp",
+        number=1,
+        type=field.TYPE_MESSAGE,
+        label=field.LABEL_OPTIONAL,
         type_name=".google.protobuf.Timestamp",
-    )  # fmt: skip
+    )
     fields = dict(zip(identifiers(columns), columns.values(), strict=True))
     for number, name in enumerate(fields, 2):
-        made.field.add(
-            name=name, number=number, type=field.TYPE_DOUBLE, label=field.LABEL_OPTIONAL
-        )
+        made.field.add(name=name, number=number, type=field.TYPE_DOUBLE, label=field.LABEL_OPTIONAL)
     pool = descriptor_pool.DescriptorPool()
     pool.AddSerializedFile(Timestamp.DESCRIPTOR.file.serialized_pb)
     pool.Add(proto)

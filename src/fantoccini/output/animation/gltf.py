@@ -125,11 +125,13 @@ class Channels:
         self.channels.append(
             {"sampler": len(self.samplers), "target": {"node": node, "path": path}}
         )
-        self.samplers.append({
-            "input": self.document.numbers("keys", t.astype(np.float32), bounds=True),
-            "output": self.document.numbers("keys", values.astype(np.float32)),
-            "interpolation": interpolation,
-        })  # fmt: skip
+        self.samplers.append(
+            {
+                "input": self.document.numbers("keys", t.astype(np.float32), bounds=True),
+                "output": self.document.numbers("keys", values.astype(np.float32)),
+                "interpolation": interpolation,
+            }
+        )
 
     def finish(self, name: str) -> None:
         """Puts the animation into the document, if anything moves."""

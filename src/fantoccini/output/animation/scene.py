@@ -81,9 +81,7 @@ class AnimatedScene:
         """
         still = Still(shown.puppet, shown.tree, shown.model.number)
         tree = still.tree
-        own, found = (
-            (table.q_D, table.q_K) for table in (tree.coordinates, run.coordinates)
-        )
+        own, found = ((table.q_D, table.q_K) for table in (tree.coordinates, run.coordinates))
         if own != found:
             raise ValueError(f"the run is of another puppet than {tree.name}")
         check_bodies(still, bodies)
@@ -94,9 +92,15 @@ class AnimatedScene:
         ends = {point.link for line in lines for point in line.points} - {WORLD}
         links = tuple(sorted({*named, *ends}))
         return cls(
-            still, run, links, _parents(tree, links), lines, whole=names is None,
-            named=bodies is not None, fps=fps,
-        )  # fmt: skip
+            still,
+            run,
+            links,
+            _parents(tree, links),
+            lines,
+            whole=names is None,
+            named=bodies is not None,
+            fps=fps,
+        )
 
     def without_lines(self) -> AnimatedScene:
         """With bodies alone: no strings, and nothing that only holds one."""

@@ -99,9 +99,7 @@ class Spans:
             slack = np.logical_not(looks.taut[:, line.string])
             if slack.any():
                 sag = np.where(slack, looks.lengths[:, line.string], 0.0)
-        return cls(
-            looks.t, points, directions, _carried(directions), looks.turns, sag, looks.floor
-        )
+        return cls(looks.t, points, directions, _carried(directions), looks.turns, sag, looks.floor)
 
     def sags(self, rings: int) -> Array:
         """(T, S, rings, 3) by how much the string is off the straight spans, in their frames [m].

@@ -146,9 +146,7 @@ class Draft:
         lines = (*head, *_summary(rest))
         comment = "".join(f"# {printable(line)}".rstrip() + "\n" for line in lines)
         sources = self.file.path, *self.file.others, *self.sources
-        return Imported(
-            comment + text, tuple(self.notes), self.meshes, tuple(self.joints), sources
-        )
+        return Imported(comment + text, tuple(self.notes), self.meshes, tuple(self.joints), sources)
 
     @contextmanager
     def shapes(self) -> Iterator[Callable[[dict[str, Any]], Shape | None]]:
@@ -306,9 +304,7 @@ def _summary(notes: Sequence[ImportNote]) -> list[str]:
     return lines
 
 
-def _with_comments(
-    text: str, notes: Sequence[ImportNote]
-) -> tuple[str, list[ImportNote]]:
+def _with_comments(text: str, notes: Sequence[ImportNote]) -> tuple[str, list[ImportNote]]:
     """Writes each note above the part that it concerns; those of no part are left."""
     about: dict[str, list[ImportNote]] = {}
     for note in notes:

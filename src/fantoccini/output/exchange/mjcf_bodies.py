@@ -179,9 +179,11 @@ class Bodies:
         place = m.jnt_pos[j] if kind in (types.mjJNT_HINGE, types.mjJNT_BALL) else anchor
         at = at + turn.apply(place - anchor)
         word = {
-            types.mjJNT_FREE: "free", types.mjJNT_BALL: "ball",
-            types.mjJNT_HINGE: "revolute", types.mjJNT_SLIDE: "prismatic",
-        }[kind]  # fmt: skip
+            types.mjJNT_FREE: "free",
+            types.mjJNT_BALL: "ball",
+            types.mjJNT_HINGE: "revolute",
+            types.mjJNT_SLIDE: "prismatic",
+        }[kind]
         line, own = line_of(self.joints.get(j)), m.joint(j).name
         joint: dict[str, Any] = {"type": word} | self.draft.joint_name(body, own, line)
         name = joint.get("name", body)

@@ -54,9 +54,10 @@ class _Size(NamedTuple):
     def plus(self, times: int, copies: int, copying: int, elements: int) -> _Size:
         """With something else so many times."""
         return _Size(
-            self.copies + times * copies, self.copying + times * copying,
+            self.copies + times * copies,
+            self.copying + times * copying,
             self.elements + times * elements,
-        )  # fmt: skip
+        )
 
 
 def attached_models(file: ModelFile) -> tuple[ModelFile, ...]:

@@ -23,10 +23,31 @@ from fantoccini.output.exchange.model_file import (
 )
 
 _LISTS = (
-    "bodies", "joints", "geoms", "sites", "cameras", "lights", "frames", "flexes", "meshes",
-    "hfields", "textures", "materials", "skins", "pairs", "excludes", "equalities", "tendons",
-    "actuators", "sensors", "numerics", "texts", "tuples", "keys", "plugins",
-)  # fmt: skip
+    "bodies",
+    "joints",
+    "geoms",
+    "sites",
+    "cameras",
+    "lights",
+    "frames",
+    "flexes",
+    "meshes",
+    "hfields",
+    "textures",
+    "materials",
+    "skins",
+    "pairs",
+    "excludes",
+    "equalities",
+    "tendons",
+    "actuators",
+    "sensors",
+    "numerics",
+    "texts",
+    "tuples",
+    "keys",
+    "plugins",
+)
 """Elements of MuJoCo's that know their lines."""
 
 _ABOVE = 1_000_000
@@ -51,9 +72,11 @@ def with_includes(file: ModelFile) -> ModelFile:
     reader = _Reader(file)
     reader.add(file.elements, file.name, 0)
     whole = replace(
-        file, elements=tuple(reader.elements), origins=tuple(reader.origins),
+        file,
+        elements=tuple(reader.elements),
+        origins=tuple(reader.origins),
         others=tuple(reader.others),
-    )  # fmt: skip
+    )
     return replace(whole, text="".join(_lines(whole)).encode())
 
 
@@ -63,9 +86,11 @@ def asset_folders(file: ModelFile) -> list[str]:
     below = ["", *(os.path.relpath(folder or ".", first or ".") for folder in others)]
     named = [
         element.attributes[key]
-        for element in file.elements if element.tag == "compiler"
-        for key in ("meshdir", "assetdir") if key in element.attributes
-    ]  # fmt: skip
+        for element in file.elements
+        if element.tag == "compiler"
+        for key in ("meshdir", "assetdir")
+        if key in element.attributes
+    ]
     places = (os.path.join(name, folder) for name in (*named, "") for folder in below)
     return list(dict.fromkeys(os.path.join(first, place) for place in places))
 

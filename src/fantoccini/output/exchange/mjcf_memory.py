@@ -121,8 +121,9 @@ def _pixels(file: ModelFile, given: dict[str, str]) -> float:
     first = os.path.dirname(os.fspath(file.path))
     folders += [
         os.path.join(first, element.attributes["texturedir"])
-        for element in file.elements if "texturedir" in element.attributes
-    ]  # fmt: skip
+        for element in file.elements
+        if "texturedir" in element.attributes
+    ]
     count = 0.0
     for name in names:
         place = found_beside(name, *folders) or found_beside(os.path.basename(name), *folders)

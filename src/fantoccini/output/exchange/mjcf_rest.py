@@ -77,9 +77,7 @@ def add_notes(bodies: Bodies, keyframe: str | None) -> None:
             if np.any(values):
                 draft.note("key", key.name, f"has {what}, left out", line)
     option = m.opt
-    for what, there in (
-        ("density", option.density), ("viscosity", option.viscosity),
-    ):  # fmt: skip
+    for what, there in (("density", option.density), ("viscosity", option.viscosity)):
         if there:
             text = f"{there:g}, left out: bodies have `drag` instead"
             draft.note("option", what, text)

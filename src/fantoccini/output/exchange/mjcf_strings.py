@@ -146,11 +146,7 @@ def _add_spring(
         return
     both = draft.strings and draft.strings[-1]["path"] is path
     spring = draft.take("tendon", name, "spring", line, "_spring" if both else "")
-    made = {
-        "name": spring, "between": path,
-        "stiffness": stiffness,
-        "rest": number(max(low, 0.0)),
-    }  # fmt: skip
+    made = {"name": spring, "between": path, "stiffness": stiffness, "rest": number(max(low, 0.0))}
     if damping:
         made["damping"] = damping
     draft.springs.append(made)

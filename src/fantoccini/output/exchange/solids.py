@@ -49,9 +49,14 @@ def cylinder(
 
 
 def mesh(
-    draft: Draft, key: Hashable, content: Callable[[], bytes], at: Array, turn: Quaternion,
-    stem: str, ending: str = "stl",
-) -> dict[str, Any]:  # fmt: skip
+    draft: Draft,
+    key: Hashable,
+    content: Callable[[], bytes],
+    at: Array,
+    turn: Quaternion,
+    stem: str,
+    ending: str = "stl",
+) -> dict[str, Any]:
     """A mesh; its file is written once for each key.
 
     Args:
@@ -87,9 +92,11 @@ def ply(vertices: Array, faces: Array | Indices, colours: Array) -> bytes:
         grey = others[np.argmin(np.linalg.norm(others - grey, axis=1))]
     known = np.where(finite, colours, grey)
     made = trimesh.Trimesh(
-        np.asarray(vertices, float), np.asarray(faces), process=False,
+        np.asarray(vertices, float),
+        np.asarray(faces),
+        process=False,
         face_colors=np.round(255.0 * known).astype(np.uint8),
-    )  # fmt: skip
+    )
     return bytes(made.export(file_type="ply"))
 
 

@@ -95,5 +95,8 @@ def _has_massless_joint(bodies: list[dict[str, Any]]) -> bool:
         while ("mass" in body or "inertia" in body) and name not in heavy:
             heavy.add(name)
             name = parents[name]
-    return any(body["name"] not in heavy for body in bodies if "joint" in body
-               and body["joint"]["type"] != "fixed")  # fmt: skip
+    return any(
+        body["name"] not in heavy
+        for body in bodies
+        if "joint" in body and body["joint"]["type"] != "fixed"
+    )

@@ -29,28 +29,52 @@ from fantoccini.output.exchange.urdf_shapes import add_shapes
 from fantoccini.output.exchange.urdf_text import SOLIDS, plain_urdf
 
 _WORDS = {
-    "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic",
-    "floating": "free", "planar": "revolute", "fixed": "fixed",
-}  # fmt: skip
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "floating": "free",
+    "planar": "revolute",
+    "fixed": "fixed",
+}
 """URDF's types of joints -> a puppet's."""
 
 _SIZES = {
-    ("origin", "xyz"): (3,), ("origin", "rpy"): (3,), ("axis", "xyz"): (3,), ("box", "size"): (3,),
-    ("mesh", "scale"): (1, 3), ("color", "rgba"): (4,), ("mass", "value"): (1,),
-    ("cylinder", "radius"): (1,), ("cylinder", "length"): (1,), ("sphere", "radius"): (1,),
-    ("capsule", "radius"): (1,), ("capsule", "length"): (1,),
-    ("limit", "lower"): (1,), ("limit", "upper"): (1,), ("limit", "effort"): (1,),
-    ("limit", "velocity"): (1,), ("dynamics", "damping"): (1,), ("dynamics", "friction"): (1,),
-    ("mimic", "multiplier"): (1,), ("mimic", "offset"): (1,),
+    ("origin", "xyz"): (3,),
+    ("origin", "rpy"): (3,),
+    ("axis", "xyz"): (3,),
+    ("box", "size"): (3,),
+    ("mesh", "scale"): (1, 3),
+    ("color", "rgba"): (4,),
+    ("mass", "value"): (1,),
+    ("cylinder", "radius"): (1,),
+    ("cylinder", "length"): (1,),
+    ("sphere", "radius"): (1,),
+    ("capsule", "radius"): (1,),
+    ("capsule", "length"): (1,),
+    ("limit", "lower"): (1,),
+    ("limit", "upper"): (1,),
+    ("limit", "effort"): (1,),
+    ("limit", "velocity"): (1,),
+    ("dynamics", "damping"): (1,),
+    ("dynamics", "friction"): (1,),
+    ("mimic", "multiplier"): (1,),
+    ("mimic", "offset"): (1,),
     **{("inertia", f"i{ab}"): (1,) for ab in ("xx", "yy", "zz", "xy", "xz", "yz")},
-}  # fmt: skip
+}
 """(tag, attribute) -> how many numbers it may have."""
 
 _NEEDED = {
-    "robot": ("name",), "link": ("name",), "joint": ("name", "type"), "parent": ("link",),
-    "child": ("link",), "mesh": ("filename",), "box": ("size",), "sphere": ("radius",),
-    "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
-}  # fmt: skip
+    "robot": ("name",),
+    "link": ("name",),
+    "joint": ("name", "type"),
+    "parent": ("link",),
+    "child": ("link",),
+    "mesh": ("filename",),
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+}
 """Attributes that an element cannot do without; only of links and joints at the top."""
 
 _ROUNDING = 1e-9

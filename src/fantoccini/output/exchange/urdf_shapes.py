@@ -19,9 +19,12 @@ _PLAIN = "each triangle has one opaque colour here"
 
 
 def add_shapes(
-    draft: Draft, link: Any, made: dict[str, Any], materials: dict[str, Any],
+    draft: Draft,
+    link: Any,
+    made: dict[str, Any],
+    materials: dict[str, Any],
     capsules: Container[tuple[str, str, int]],
-) -> None:  # fmt: skip
+) -> None:
     """Adds a link's visuals to its body, or its collisions where it has none.
 
     A colour of URDF hides those of a mesh's file.

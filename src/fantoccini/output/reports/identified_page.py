@@ -62,31 +62,40 @@ def _page(found: Identified) -> str:
     record, reasons = found.record, doubts(found)
     title = record.name or record.marionette.name
     verdict = (
-        f"{len(reasons)} reason{'s' * (len(reasons) > 1)} for doubt" if reasons
+        f"{len(reasons)} reason{'s' * (len(reasons) > 1)} for doubt"
+        if reasons
         else "Nothing speaks against it: what is left looks like noise"
-    )  # fmt: skip
+    )
     parts = [
-        f"<h1>{escape(title)}</h1>", paragraph(_facts(found)),
+        f"<h1>{escape(title)}</h1>",
+        paragraph(_facts(found)),
         paragraph(f"{verdict}.", f"verdict {'fails' if reasons else 'holds'}"),
         listing(reasons) if reasons else "",
-        "<h2>Numbers</h2>", number_table(found).html(), paragraph(_before(found), "note"),
+        "<h2>Numbers</h2>",
+        number_table(found).html(),
+        paragraph(_before(found), "note"),
         paragraph(_held(found), "note"),
         paragraph(
             "The intervals are of noise alone, for a puppet that is as its file says in all that "
             "was not looked for. A wrong number there that those found can make up for leaves no "
-            "trace on this page.", "note",
+            "trace on this page.",
+            "note",
         ),
-        *_apart(found), *_correlated(found), *_explained(found), *_jumps(found),
+        *_apart(found),
+        *_correlated(found),
+        *_explained(found),
+        *_jumps(found),
         "<h2>Samples and predictions</h2>",
         paragraph(
             "Dots: samples. Line: the puppet with the numbers found. Red circles: outliers. Grey: "
-            "where the channel was not seen. Red bands: segments that do not count.", "note",
+            "where the channel was not seen. Red bands: segments that do not count.",
+            "note",
         ),
         *(
             png(figure, f"Samples and predictions of {', '.join(names)}")
             for figure, names in identified_plots.channels(found)
         ),
-    ]  # fmt: skip
+    ]
     return page(f"{title}: identification", parts)
 
 
@@ -129,24 +138,41 @@ def number_table(found: Identified) -> Table:
     known = [one.known for one in found.record.unknowns]
     known += [None] * (len(found.names) - len(known))
     for i, (name, x, d, begin, given) in enumerate(
-        zip(found.names, found.values.tolist(), found.deviations.tolist(),
-            found.record.begin.tolist(), known, strict=True)
-    ):  # fmt: skip
+        zip(
+            found.names,
+            found.values.tolist(),
+            found.deviations.tolist(),
+            found.record.begin.tolist(),
+            known,
+            strict=True,
+        )
+    ):
         told = math.isfinite(d)
         low, high = found.interval(name)
         if not told or before.get(name, 0.0) > _TOLD_BEFORE:
             wrong.add(i)
-        rows.append((
-            name, rounded(x, d) if told else "not told", unit[name],
-            f"{rounded(low, d)} to {rounded(high, d)}" if told else "",
-            f"{d:.2g}" if told else "", f"{begin:.6g}",
-            "" if given is None else f"± {given:.3g}",
-            "" if given is None else f"{100.0 * before[name]:.0f} %",
-        ))  # fmt: skip
+        rows.append(
+            (
+                name,
+                rounded(x, d) if told else "not told",
+                unit[name],
+                f"{rounded(low, d)} to {rounded(high, d)}" if told else "",
+                f"{d:.2g}" if told else "",
+                f"{begin:.6g}",
+                "" if given is None else f"± {given:.3g}",
+                "" if given is None else f"{100.0 * before[name]:.0f} %",
+            )
+        )
     header: tuple[str, ...] = (
-        "", "found>", "unit", "95 % interval>", "standard deviation>", "began at>",
-        "known before>", "from before>",
-    )  # fmt: skip
+        "",
+        "found>",
+        "unit",
+        "95 % interval>",
+        "standard deviation>",
+        "began at>",
+        "known before>",
+        "from before>",
+    )
     if not before:
         header, rows = header[:-2], [row[:-2] for row in rows]
     return Table(header, tuple(rows), frozenset(wrong))
@@ -170,9 +196,10 @@ def _apart(found: Identified) -> list[str]:
         "record a tension; --suggest looks for a motion that tells more."
     )
     return [
-        "<h2>What could not be told apart</h2>", paragraph(text, "note"),
+        "<h2>What could not be told apart</h2>",
+        paragraph(text, "note"),
         listing(str(one) for one in found.combinations),
-    ]  # fmt: skip
+    ]
 
 
 def _correlated(found: Identified) -> list[str]:
@@ -189,11 +216,12 @@ def _correlated(found: Identified) -> list[str]:
         "<h2>Correlations of the numbers' errors</h2>",
         paragraph(
             "Two numbers near +1 or -1 are told well in one combination only; measuring one of "
-            "them tells the other.", "note",
+            "them tells the other.",
+            "note",
         ),
         listing(lines[:MAX_NAMED]) if lines else "",
         svg(identified_plots.correlations(found), "Correlations of the unknowns", shown),
-    ]  # fmt: skip
+    ]
 
 
 def _explained(found: Identified) -> list[str]:
@@ -208,38 +236,53 @@ def _explained(found: Identified) -> list[str]:
         "<h2>Residuals</h2>",
         paragraph(
             "Sample less prediction, outliers included. Noise leaves 95 % within two standard "
-            "deviations, and neighbours that do not resemble one another.", "note",
+            "deviations, and neighbours that do not resemble one another.",
+            "note",
         ),
         residual_table(found).html(),
         paragraph(
             "Over the noise, by the record's clock. The band is two standard deviations; lines are "
             f"means over {identified_plots.MEAN:g} s, which stay near 0 where the model is right. "
             "Red circles: outliers, those beyond 5 at the edge. Red bands: segments that do not "
-            "count. Right: histogram, and the curve of normal noise.", "note",
+            "count. Right: histogram, and the curve of normal noise.",
+            "note",
         ),
         *(
             png(figure, f"Residuals of {', '.join(names)}")
             for figure, names in identified_plots.residuals(found)
         ),
         paragraph(f"Outliers, in standard deviations: {', '.join(far)}." if far else ""),
-    ]  # fmt: skip
+    ]
 
 
 def residual_table(found: Identified) -> Table:
     """What is left of every column."""
     rows = tuple(
         (
-            one.name, str(one.samples), f"{one.rms:.3g}", f"{one.noise:.3g}",
-            "given" if one.given else "estimated", one.unit, f"{100.0 * one.within:.1f} %",
-            "" if math.isnan(one.neighbours) else f"{one.neighbours:+.2f}", str(one.outliers),
+            one.name,
+            str(one.samples),
+            f"{one.rms:.3g}",
+            f"{one.noise:.3g}",
+            "given" if one.given else "estimated",
+            one.unit,
+            f"{100.0 * one.within:.1f} %",
+            "" if math.isnan(one.neighbours) else f"{one.neighbours:+.2f}",
+            str(one.outliers),
         )
         for one in columns(found)
-    )  # fmt: skip
+    )
     wrong = frozenset(k for k, one in enumerate(columns(found)) if one.doubtful)
     header = (
-        "column", "samples>", "root mean square>", "noise>", "", "unit", "within 2>",
-        "correlation of neighbours>", "outliers>",
-    )  # fmt: skip
+        "column",
+        "samples>",
+        "root mean square>",
+        "noise>",
+        "",
+        "unit",
+        "within 2>",
+        "correlation of neighbours>",
+        "outliers>",
+    )
     return Table(header, rows, wrong)
 
 
@@ -270,13 +313,16 @@ def _jumps(found: Identified) -> list[str]:
             f"allowed, {1e3 * found.allowed[0]:g} mm or mrad and {1e3 * found.allowed[1]:g} a "
             "second, jumps are well below 1 where the model leaves nothing out. They say when and "
             "where it does: a single high one is a catch in another order, a coordinate of one "
-            "colour a force or a place that is wrong.", "note",
+            "colour a force or a place that is wrong.",
+            "note",
         ),
         listing(lean) if lean else "",
         _highest(found),
         paragraph(
             f"Segments that do not count, from: {', '.join(lost)}"
             + (f" and {more} more." if more else ".")
-        ) if lost else "",
+        )
+        if lost
+        else "",
         png(identified_plots.jumps(found), "Jumps between segments, by coordinate"),
-    ]  # fmt: skip
+    ]

@@ -87,9 +87,13 @@ def residuals(found: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure,
         figure = blank_figure((_WIDTH, 50 + 122 * len(part)), facecolor=theme.top)
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.04)
         panels = figure.subplots(
-            len(part), 2, squeeze=False, sharex="col", sharey=True,
+            len(part),
+            2,
+            squeeze=False,
+            sharex="col",
+            sharey=True,
             gridspec_kw={"width_ratios": (6.2, 1)},
-        )  # fmt: skip
+        )
         for (left, right), (name, own) in zip(panels, part, strict=True):
             _residuals(left, found, own, theme)
             _histogram(right, found, own, theme)
@@ -129,10 +133,16 @@ def _residuals(axes: Axes, found: Identified, own: list[int], theme: Theme) -> N
     _dressed(axes, t, theme)
     if len(own) > 1:
         axes.legend(
-            loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(own), frameon=False,
-            fontsize=8, labelcolor=theme.ink, handlelength=1.2, borderaxespad=0.0,
+            loc="lower right",
+            bbox_to_anchor=(1.0, 0.98),
+            ncols=len(own),
+            frameon=False,
+            fontsize=8,
+            labelcolor=theme.ink,
+            handlelength=1.2,
+            borderaxespad=0.0,
             columnspacing=1.0,
-        )  # fmt: skip
+        )
 
 
 def _histogram(axes: Axes, found: Identified, own: list[int], theme: Theme) -> None:
@@ -171,12 +181,18 @@ def jumps(found: Identified, theme: Theme = LIGHT) -> Figure:
     figure = blank_figure((_WIDTH, high), facecolor=theme.top)
     left = (24 + 6 * max(map(len, names))) / _WIDTH
     top, *rest = figure.subplots(
-        3, 1, sharex=True,
+        3,
+        1,
+        sharex=True,
         gridspec_kw={
-            "height_ratios": (100, size, size), "left": left, "right": 0.92, "bottom": 44 / high,
-            "top": 1.0 - 24 / high, "hspace": 31 / ((100 + 2 * size) / 3),
+            "height_ratios": (100, size, size),
+            "left": left,
+            "right": 0.92,
+            "bottom": 44 / high,
+            "top": 1.0 - 24 / high,
+            "hspace": 31 / ((100 + 2 * size) / 3),
         },
-    )  # fmt: skip
+    )
     _lost(top, found)
     largest = np.max(np.abs(found.jumps), axis=1)
     top.axhline(1.0, color=theme.faint, linewidth=0.9, linestyle=(0, (4, 2)))
@@ -190,13 +206,20 @@ def jumps(found: Identified, theme: Theme = LIGHT) -> Figure:
     span = found.starts[1] - found.starts[0]
     edges = np.append(at - 0.5 * span, at[-1] + 0.5 * span)
     for axes, values, title in zip(
-        rest, (found.jumps[:, :n], found.jumps[:, n:]),
-        ("of configurations", "of velocities"), strict=True,
-    ):  # fmt: skip
+        rest,
+        (found.jumps[:, :n], found.jumps[:, n:]),
+        ("of configurations", "of velocities"),
+        strict=True,
+    ):
         image = axes.pcolormesh(
-            edges, np.arange(n + 1) - 0.5, values.T, cmap="RdBu_r", vmin=-_DEEP, vmax=_DEEP,
+            edges,
+            np.arange(n + 1) - 0.5,
+            values.T,
+            cmap="RdBu_r",
+            vmin=-_DEEP,
+            vmax=_DEEP,
             rasterized=True,
-        )  # fmt: skip
+        )
         axes.set_yticks(range(n), names, parse_math=False)
         axes.set_ylim(n - 0.5, -0.5)
         _dressed(axes, found.t, theme)
@@ -233,9 +256,14 @@ def correlations(found: Identified, theme: Theme = LIGHT) -> Figure:
     if n <= _NUMBERS:
         for i, k in np.argwhere(np.isfinite(values)):
             axes.text(
-                k, i, f"{values[i, k]:.2f}", ha="center", va="center", fontsize=7.5,
+                k,
+                i,
+                f"{values[i, k]:.2f}",
+                ha="center",
+                va="center",
+                fontsize=7.5,
                 color="white" if abs(values[i, k]) > 0.6 else theme.ink,
-            )  # fmt: skip
+            )
     bar = figure.colorbar(image, shrink=0.6, aspect=25)
     bar.ax.tick_params(labelsize=8, colors=theme.faint, labelcolor=theme.ink)
     bar.outline.set_visible(False)

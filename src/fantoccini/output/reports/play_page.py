@@ -31,9 +31,7 @@ Progress = Callable[[float], None]
 
 
 def play_report(
-    verification: Verification,
-    path: str | os.PathLike[str],
-    progress: Progress | None = None,
+    verification: Verification, path: str | os.PathLike[str], progress: Progress | None = None
 ) -> Path:
     """Writes the report of a play's verification: one HTML file, pictures included.
 
@@ -61,9 +59,12 @@ def _page(verification: Verification, progress: Progress) -> str:
     play = verification.play
     name = escape(play.name)
     parts = [
-        f"<h1>{name}</h1>", paragraph(play.cast.file.about), paragraph(_facts(verification)),
+        f"<h1>{name}</h1>",
+        paragraph(play.cast.file.about),
+        paragraph(_facts(verification)),
         *_verdict(verification),
-        "<h2>Cast and stage</h2>", play_tables.cast_table(verification).html(),
+        "<h2>Cast and stage</h2>",
+        play_tables.cast_table(verification).html(),
         svg(plan(play, verification.space), f"Plan of the stage of {play.name}", 0.66),
         play_tables.space_table(verification).html(),
         "<h2>Timeline</h2>",
@@ -71,7 +72,7 @@ def _page(verification: Verification, progress: Progress) -> str:
         '<p class="note">Bars are the hands\' motions, with the numbers of the cues below; '
         "a cross is a cue that cannot be done, where it was to begin. A cue is seen where the limb "
         "turns at its mark, if there is such a turn, otherwise where the hands begin.</p>",
-    ]  # fmt: skip
+    ]
     progress(0.1)
     stills = Stills(play, verification.run)
     ends = [*play.acts.values(), play.duration]
@@ -109,8 +110,9 @@ def _verdict(verification: Verification) -> list[str]:
         first = f"{refused} of {len(play.cues)} cues cannot be done as written"
     second = (
         f"the run breaks {len(faults)} of its promises"
-        if faults else f"the run keeps its promises, no cue more than {late:.0f} ms off"
-    )  # fmt: skip
+        if faults
+        else f"the run keeps its promises, no cue more than {late:.0f} ms off"
+    )
     kind = "fails" if play.lacking or faults else "holds"
     parts = [paragraph(f"{first}; {second}.", f"verdict {kind}")]
     if play.changes:

@@ -23,14 +23,24 @@ def cast_table(verification: Verification) -> Table:
         start, given = player.start, play.cast.file.cast[name]
         at = given.at if isinstance(given.at, str) else ""
         walked = sum(way.length for way in play.ways.get(name, ()))
-        lines.append((
-            name, given.puppet, f"{at} ({start.x:.2f}, {start.y:.2f})".strip(),
-            f"{np.degrees(start.heading):.0f}", f"{_weight(verification, name):.2f}",
-            f"{walked:.2f}",
-        ))  # fmt: skip
+        lines.append(
+            (
+                name,
+                given.puppet,
+                f"{at} ({start.x:.2f}, {start.y:.2f})".strip(),
+                f"{np.degrees(start.heading):.0f}",
+                f"{_weight(verification, name):.2f}",
+                f"{walked:.2f}",
+            )
+        )
     header = (
-        "player", "puppet", "starts at (x, y) [m]", "facing [deg]>", "weight [N]>", "walks [m]>",
-    )  # fmt: skip
+        "player",
+        "puppet",
+        "starts at (x, y) [m]",
+        "facing [deg]>",
+        "weight [N]>",
+        "walks [m]>",
+    )
     return Table(header, tuple(lines))
 
 
@@ -39,10 +49,15 @@ def cue_table(verification: Verification, act: str) -> Table:
     play = verification.play
     seen: dict[int, list[tuple[str, ...]]] = {}
     for one in verification.cues:
-        seen.setdefault(one.cue.number, []).append((
-            one.who, f"{one.wanted:.2f}", f"{one.seen:.2f}", f"{1e3 * one.late:+.0f}",
-            "limb" if one.limb else "hands",
-        ))  # fmt: skip
+        seen.setdefault(one.cue.number, []).append(
+            (
+                one.who,
+                f"{one.wanted:.2f}",
+                f"{one.seen:.2f}",
+                f"{1e3 * one.late:+.0f}",
+                "limb" if one.limb else "hands",
+            )
+        )
     lines, wrong = list[tuple[str, ...]](), set[int]()
     for cue in play.cues:
         if cue.act != act:
@@ -54,9 +69,7 @@ def cue_table(verification: Verification, act: str) -> Table:
         for k, times in enumerate(seen.get(cue.number, [])):
             note = _pause(verification, cue) if k == 0 else ""
             lines.append((*(first if k == 0 else ("", "", "")), *times, note))
-    header = (
-        "cue>", "line>", "what", "who", "wanted [s]>", "seen [s]>", "late [ms]>", "by", "",
-    )  # fmt: skip
+    header = ("cue>", "line>", "what", "who", "wanted [s]>", "seen [s]>", "late [ms]>", "by", "")
     return Table(header, tuple(lines), frozenset(wrong))
 
 
@@ -84,10 +97,16 @@ def clearance_table(verification: Verification) -> Table:
         least = 0.0 if "floor" in one.owners else clear
         if one.distance < least:
             wrong.add(len(lines))
-        lines.append((
-            " - ".join(one.owners), one.what, one.other, f"{1e3 * one.distance:.1f}",
-            f"{1e3 * least:.0f}", play.when(one.t),
-        ))  # fmt: skip
+        lines.append(
+            (
+                " - ".join(one.owners),
+                one.what,
+                one.other,
+                f"{1e3 * one.distance:.1f}",
+                f"{1e3 * least:.0f}",
+                play.when(one.t),
+            )
+        )
     header = ("between", "nearest", "", "least [mm]>", "allowed [mm]>", "when")
     return Table(header, tuple(lines), frozenset(wrong))
 
@@ -107,9 +126,12 @@ def string_table(verification: Verification) -> Table:
         hit = f"{1e3 * hardest[name]:.1f}" if name in hardest else ""
         lines.append((name, f"{tension:.2f}", share, f"{verification.catches[name]}", hit))
     header = (
-        "string", "largest tension [N]>", "of the player's weight [%]>", "catches>",
+        "string",
+        "largest tension [N]>",
+        "of the player's weight [%]>",
+        "catches>",
         "hardest catch [mN s]>",
-    )  # fmt: skip
+    )
     return Table(header, tuple(lines))
 
 
@@ -125,14 +147,26 @@ def hand_table(verification: Verification) -> Table:
         shares = 100.0 * speed[0] / speed[1], 100.0 * change[2] / change[3]
         if max(shares) > 100.5:
             wrong.add(len(lines))
-        lines.append((
-            hand, f"{speed[0]:.2f}", f"{speed[1]:.2f}", f"{shares[0]:.0f}", f"{change[2]:.2f}",
-            f"{change[3]:.2f}", f"{shares[1]:.0f}",
-        ))  # fmt: skip
+        lines.append(
+            (
+                hand,
+                f"{speed[0]:.2f}",
+                f"{speed[1]:.2f}",
+                f"{shares[0]:.0f}",
+                f"{change[2]:.2f}",
+                f"{change[3]:.2f}",
+                f"{shares[1]:.0f}",
+            )
+        )
     header = (
-        "hand", "largest speed [m/s]>", "bound>", "used [%]>", "largest acceleration [m/s^2]>",
-        "bound>", "used [%]>",
-    )  # fmt: skip
+        "hand",
+        "largest speed [m/s]>",
+        "bound>",
+        "used [%]>",
+        "largest acceleration [m/s^2]>",
+        "bound>",
+        "used [%]>",
+    )
     return Table(header, tuple(lines), frozenset(wrong))
 
 

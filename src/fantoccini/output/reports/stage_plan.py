@@ -56,9 +56,13 @@ def plan(play: Play, reached: Box) -> Figure:
     for k, name in enumerate(seen.starts):
         _player(axes, play, seen, name, LIGHT.colour(k))
     axes.legend(
-        loc="upper center", bbox_to_anchor=(0.5, 1.07), ncols=4, frameon=False, fontsize=8,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 1.07),
+        ncols=4,
+        frameon=False,
+        fontsize=8,
         labelcolor=LIGHT.ink,
-    )  # fmt: skip
+    )
     return figure
 
 
@@ -73,9 +77,15 @@ def _player(axes: Axes, play: Play, seen: Overhead, name: str, colour: str) -> N
     _arrow(axes, (start.x, start.y), start.heading, radius, colour)
     axes.plot(start.y, start.x, "o", color=colour, markersize=5.0, zorder=3.0)
     _write(
-        axes, (start.x, start.y), name, (0.0, 8.0), ha="center", va="bottom", color=colour,
+        axes,
+        (start.x, start.y),
+        name,
+        (0.0, 8.0),
+        ha="center",
+        va="bottom",
+        color=colour,
         weight="bold",
-    )  # fmt: skip
+    )
     for way in seen.ways[name]:
         if np.ptp(way.places, axis=0).max() < 1e-3:
             continue
@@ -93,9 +103,12 @@ def _arrow(axes: Axes, at: Any, heading: float, length: float, colour: str) -> N
     """Where one looks."""
     x, y = at[0] + length * np.cos(heading), at[1] + length * np.sin(heading)
     axes.annotate(
-        "", (y, x), (at[1], at[0]), zorder=2.6,
+        "",
+        (y, x),
+        (at[1], at[0]),
+        zorder=2.6,
         arrowprops={"arrowstyle": "-|>", "color": colour, "linewidth": 1.0},
-    )  # fmt: skip
+    )
 
 
 def _box(axes: Axes, box: Box, label: str, **look: Any) -> None:
@@ -109,9 +122,12 @@ def _write(
     from matplotlib import patheffects
 
     made = axes.annotate(
-        plain(text, 30), (at[1], at[0]), off, textcoords="offset points",
+        plain(text, 30),
+        (at[1], at[0]),
+        off,
+        textcoords="offset points",
         **{"color": LIGHT.ink, "fontsize": 8, "zorder": 4.0, **how},
-    )  # fmt: skip
+    )
     made.set_parse_math(False)
     made.set_path_effects([patheffects.withStroke(linewidth=2.5, foreground=LIGHT.top)])
 

@@ -29,9 +29,7 @@ MAX_NAMED = 12
 
 
 def stand_report(
-    check: StandCheck,
-    path: str | os.PathLike[str],
-    slower: tuple[Slowed | None, str] | None = None,
+    check: StandCheck, path: str | os.PathLike[str], slower: tuple[Slowed | None, str] | None = None
 ) -> Path:
     """Writes the report of a stand's check: one HTML file, pictures included.
 
@@ -58,10 +56,12 @@ def stand_report(
 def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> str:
     stand = check.map.stand
     parts = [
-        f"<h1>{escape(stand.name)}</h1>", paragraph(stand.file.about), paragraph(_facts(check)),
+        f"<h1>{escape(stand.name)}</h1>",
+        paragraph(stand.file.about),
+        paragraph(_facts(check)),
         paragraph(check.summary(), f"verdict {'holds' if check.ok else 'fails'}"),
         *(paragraph(note, "note") for note in check.notes),
-    ]  # fmt: skip
+    ]
     if check.broken:
         parts += ["<h2>What is not enough</h2>", _broken(check).html()]
         if check.lost:
@@ -76,14 +76,16 @@ def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> str:
         paragraph(
             "What is left of every bound at the worst moment, in per cent of the bound; of travel, "
             "the distance from its nearer end in per cent of the whole. A catch is a string that "
-            "snaps taut; its bound is the impulse that throws a stepper out of step.", "note",
+            "snaps taut; its bound is the impulse that throws a stepper out of step.",
+            "note",
         ),
         svg(stand_plots.margins(check), f"Margins of the axes of {stand.name}", 0.8),
         margin_table(check).html(),
         "<h2>Torque against speed</h2>",
         paragraph(
             "At the motor. Grey: what it gives. A point beyond it is a step lost, or a motor that "
-            "lags.", "note",
+            "lags.",
+            "note",
         ),
         *(
             png(figure, f"Torque and speed of {', '.join(names)}")
@@ -92,7 +94,8 @@ def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> str:
         "<h2>Over time</h2>",
         paragraph(
             "Dashed: the bounds. Red: where they are passed. Torques that the motion does not "
-            "determine are left out.", "note",
+            "determine are left out.",
+            "note",
         ),
         *(
             png(figure, f"Motion and torque of {', '.join(names)}")
@@ -100,9 +103,10 @@ def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> str:
         ),
         paragraph(
             "All of this is computed, for winches that hold exactly; nothing was measured on a "
-            "machine.", "note",
+            "machine.",
+            "note",
         ),
-    ]  # fmt: skip
+    ]
     return page(f"{stand.name}: can it do it?", parts)
 
 
@@ -118,14 +122,27 @@ def _facts(check: StandCheck) -> str:
 def _broken(check: StandCheck) -> Table:
     lines = tuple(
         (
-            f"{limit.broken:.3f}", limit.axis, limit.quantity, f"{limit.value:.4g}",
-            f"{limit.bound:.4g}", limit.unit, f"{limit.t:.3f}", limit.over,
+            f"{limit.broken:.3f}",
+            limit.axis,
+            limit.quantity,
+            f"{limit.value:.4g}",
+            f"{limit.bound:.4g}",
+            limit.unit,
+            f"{limit.t:.3f}",
+            limit.over,
         )
         for limit in check.broken[:MAX_NAMED]
-    )  # fmt: skip
+    )
     header = (
-        "first at [s]>", "axis", "what", "needed>", "there>", "unit", "worst at [s]>", "over>",
-    )  # fmt: skip
+        "first at [s]>",
+        "axis",
+        "what",
+        "needed>",
+        "there>",
+        "unit",
+        "worst at [s]>",
+        "over>",
+    )
     return Table(header, lines, frozenset(range(len(lines))))
 
 

@@ -43,11 +43,18 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
         x = [max(limit.margin, _LEAST_MARGIN) for limit in own]
         y = [names.index(limit.axis) for limit in own]
         axes.plot(
-            x, y, linestyle="", marker=_MARKS[quantity], markersize=9 if n == 0 else 6,
-            markeredgewidth=2.0 if n == 0 else 0.8, color=theme.colour(n),
-            markeredgecolor=theme.colour(n) if n == 0 else theme.top, label=quantity,
-            clip_on=False, zorder=3 + n,
-        )  # fmt: skip
+            x,
+            y,
+            linestyle="",
+            marker=_MARKS[quantity],
+            markersize=9 if n == 0 else 6,
+            markeredgewidth=2.0 if n == 0 else 0.8,
+            color=theme.colour(n),
+            markeredgecolor=theme.colour(n) if n == 0 else theme.top,
+            label=quantity,
+            clip_on=False,
+            zorder=3 + n,
+        )
     axes.set_yticks(range(len(names)), [plain(name, 24) for name in names])
     axes.set_ylim(len(names) - 0.5, -0.5)
     least = min(limit.margin for limit in check.limits)
@@ -55,9 +62,12 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
     axes.set_xlabel("margin [%]", color=theme.ink)
     axes.grid(axis="both", color=theme.grid, linewidth=0.4, alpha=0.6)
     axes.legend(
-        loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9,
+        loc="upper left",
+        bbox_to_anchor=(1.02, 1.0),
+        frameon=False,
+        fontsize=9,
         labelcolor=theme.ink,
-    )  # fmt: skip
+    )
     return figure
 
 
@@ -88,13 +98,9 @@ def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
     axes.fill_between(curve / _TURN, most, color=theme.faint, alpha=0.18, linewidth=0.0)
     axes.plot(curve / _TURN, most, color=theme.faint, linewidth=1.2)
     known = ~check.unknown[:, k]
-    axes.plot(
-        w / _TURN, np.where(known, torque, np.nan), color=theme.colour(0), linewidth=0.7
-    )
+    axes.plot(w / _TURN, np.where(known, torque, np.nan), color=theme.colour(0), linewidth=0.7)
     over = known & (torque > there)
-    axes.plot(
-        w[over] / _TURN, torque[over], linestyle="", marker=".", color=RED, markersize=4.0,
-    )  # fmt: skip
+    axes.plot(w[over] / _TURN, torque[over], linestyle="", marker=".", color=RED, markersize=4.0)
     axes.set_xlim(0.0, fast / _TURN)
     largest = float(np.max(torque[known], initial=0.0))
     axes.set_ylim(0.0, 1.12 * max(largest, float(np.max(most))))
@@ -131,8 +137,10 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
         (motion.velocity[:, k], -speed, speed, True),
         (motion.acceleration[:, k], -acceleration, acceleration, True),
         (
-            np.where(check.unknown[:, k], np.nan, check.torque[:, k]), -check.available[:, k],
-            check.available[:, k], True,
+            np.where(check.unknown[:, k], np.nan, check.torque[:, k]),
+            -check.available[:, k],
+            check.available[:, k],
+            True,
         ),
     ]
     for panel, (values, below, above, symmetric) in zip(row, curves, strict=True):

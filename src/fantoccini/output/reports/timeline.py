@@ -58,8 +58,10 @@ def timeline(play: Play) -> Figure:
         _players(axes, play, lanes, scale)
         _captions(axes, captions, n - len(captions), scale)
         ticks, labels, y = list[float](), list[str](), 0
-        for name, count in (*((k, len(own)) for k, own in lanes.items()),
-                            *([("captions", len(captions))] if captions else [])):  # fmt: skip
+        for name, count in (
+            *((k, len(own)) for k, own in lanes.items()),
+            *([("captions", len(captions))] if captions else []),
+        ):
             ticks.append(y + 0.5 * count)
             labels.append(plain(name, 18))
             y += count
@@ -123,9 +125,17 @@ def _acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> Non
         shown = max(start, begin)
         text = fitted(name, (min(stop, end) - shown) * scale - 6.0)
         made = axes.annotate(
-            text, (shown, 0.0), (3.0, 4.0), textcoords="offset points", fontsize=9,
-            color=LIGHT.ink, weight="bold", ha="left", va="bottom", annotation_clip=False,
-        )  # fmt: skip
+            text,
+            (shown, 0.0),
+            (3.0, 4.0),
+            textcoords="offset points",
+            fontsize=9,
+            color=LIGHT.ink,
+            weight="bold",
+            ha="left",
+            va="bottom",
+            annotation_clip=False,
+        )
         made.set_parse_math(False)
 
 
@@ -163,9 +173,16 @@ def _bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
     shown = max(begin, low)
     text = fitted(words, (min(end, high) - shown) * scale - 5.0)
     made = axes.annotate(
-        text, (shown, y + 0.5), (2.5, 0.0), textcoords="offset points", fontsize=7.5,
-        color=LIGHT.ink, ha="left", va="center", clip_on=True,
-    )  # fmt: skip
+        text,
+        (shown, y + 0.5),
+        (2.5, 0.0),
+        textcoords="offset points",
+        fontsize=7.5,
+        color=LIGHT.ink,
+        ha="left",
+        va="center",
+        clip_on=True,
+    )
     made.set_parse_math(False)
 
 
@@ -175,9 +192,16 @@ def _refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
         return
     axes.plot(cue.wanted, y + 0.5, "x", color=REFUSED, markersize=6.0, clip_on=False, zorder=4.0)
     axes.annotate(
-        f"{cue.number}", (cue.wanted, y + 0.5), (-5.0, 0.0), textcoords="offset points",
-        fontsize=7.5, color=REFUSED, ha="right", va="center", zorder=4.0,
-    )  # fmt: skip
+        f"{cue.number}",
+        (cue.wanted, y + 0.5),
+        (-5.0, 0.0),
+        textcoords="offset points",
+        fontsize=7.5,
+        color=REFUSED,
+        ha="right",
+        va="center",
+        zorder=4.0,
+    )
 
 
 def fitted(words: str, width: float) -> str:

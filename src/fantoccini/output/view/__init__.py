@@ -8,22 +8,9 @@ where ``renderer="pyvista"`` asks for it.
 """
 
 from fantoccini.output.view import rope
-from fantoccini.output.view.camera import (
-    Camera,
-    fit,
-    point_of_view,
-)
-from fantoccini.output.view.drawing import (
-    DPI,
-    blank_figure,
-    dress,
-    plain,
-)
-from fantoccini.output.view.films import (
-    MAX_GIF_FPS,
-    FilmError,
-    film,
-)
+from fantoccini.output.view.camera import Camera, fit, point_of_view
+from fantoccini.output.view.drawing import DPI, blank_figure, dress, plain
+from fantoccini.output.view.films import MAX_GIF_FPS, FilmError, film
 from fantoccini.output.view.geometry import (
     Geometry,
     Guides,
@@ -35,42 +22,16 @@ from fantoccini.output.view.geometry import (
     spread,
     spring_ends,
 )
-from fantoccini.output.view.meshes import (
-    TriangleMesh,
-    coloured,
-    frame_along,
-    triangles,
-)
-from fantoccini.output.view.notebook import (
-    puppet_html,
-    run_html,
-)
+from fantoccini.output.view.meshes import TriangleMesh, coloured, frame_along, triangles
+from fantoccini.output.view.notebook import puppet_html, run_html
 from fantoccini.output.view.optima import optimum_picture
-from fantoccini.output.view.pictures import (
-    draw,
-    pose_times,
-    strip,
-)
-from fantoccini.output.view.plans import (
-    MAX_DOTS,
-    PATH_COLOUR,
-    plan_picture,
-)
+from fantoccini.output.view.pictures import draw, pose_times, strip
+from fantoccini.output.view.plans import MAX_DOTS, PATH_COLOUR, plan_picture
 from fantoccini.output.view.plots import plot
 from fantoccini.output.view.shapes import handles
-from fantoccini.output.view.silhouettes import (
-    Solid,
-    box,
-    capsule,
-)
-from fantoccini.output.view.still import (
-    Drawable,
-    Still,
-)
-from fantoccini.output.view.stills import (
-    AUDIENCE,
-    Stills,
-)
+from fantoccini.output.view.silhouettes import Solid, box, capsule
+from fantoccini.output.view.still import Drawable, Still
+from fantoccini.output.view.stills import AUDIENCE, Stills
 from fantoccini.output.view.studio import RENDERERS
 from fantoccini.output.view.theme import (
     DARK,

@@ -79,10 +79,7 @@ def blank_figure(size: tuple[int, int], **options: Any) -> Figure:
 
 
 def dress(
-    axes: Axes,
-    theme: Theme,
-    grid: Literal["x", "both"],
-    which: Literal["major", "both"] = "major",
+    axes: Axes, theme: Theme, grid: Literal["x", "both"], which: Literal["major", "both"] = "major"
 ) -> None:
     """Frame, ticks (``which``) and grid lines (along ``grid``) of axes with numbers."""
     axes.set_facecolor("none")
@@ -116,9 +113,12 @@ def layout_of(
     # Shadows belong to the picture, unless the floor is far below.
     feet = geometry.feet(centres)
     camera = fit(
-        np.concatenate([centres, feet]), np.concatenate([radii, np.zeros(len(feet))]),
-        azimuth, elevation, viewport.width / viewport.height,
-    )  # fmt: skip
+        np.concatenate([centres, feet]),
+        np.concatenate([radii, np.zeros(len(feet))]),
+        azimuth,
+        elevation,
+        viewport.width / viewport.height,
+    )
     pen = max(0.6, 1.9 * (min(viewport.height, 1.6 * viewport.width) / 720.0) ** 0.7)
     top, theme = geometry.tension_top() if top is None else top, look.theme
     held = tuple(handles(geometry.tree, theme, geometry.size))
@@ -152,9 +152,14 @@ class Sheet:
     ) -> AxesImage:
         """Adds rows of pixels, from below, stretched to left, right, bottom, top [px]."""
         shown = self.axes.imshow(
-            pixels, extent=extent, origin="lower", aspect="auto", interpolation="bilinear",
-            zorder=zorder, animated=animated,
-        )  # fmt: skip
+            pixels,
+            extent=extent,
+            origin="lower",
+            aspect="auto",
+            interpolation="bilinear",
+            zorder=zorder,
+            animated=animated,
+        )
         self.axes.set_xlim(0.0, self.figure.bbox.width)
         self.axes.set_ylim(0.0, self.figure.bbox.height)
         return shown
@@ -203,8 +208,11 @@ class Sheet:
             pixels[..., :3], pixels[..., 3] = theme.floor[:3], theme.floor[3] * lit
             across, up = width / light.shape[1], height / light.shape[0]
             extent = (
-                columns.start * across, columns.stop * across, rows.start * up, rows.stop * up
-            )  # fmt: skip
+                columns.start * across,
+                columns.stop * across,
+                rows.start * up,
+                rows.stop * up,
+            )
             made.append(self.image(pixels, extent, 1.0, animated))
         if grid:
             lines = _grid(geometry, layout, centre, reach)
@@ -239,16 +247,30 @@ class Sheet:
             how: passed on to matplotlib (ha, va, weight, animated).
         """
         return self.axes.text(
-            x, y, plain(text), fontsize=size * _POINTS, color=colour, parse_math=False,
-            usetex=False, zorder=5.0, **how,
-        )  # fmt: skip
+            x,
+            y,
+            plain(text),
+            fontsize=size * _POINTS,
+            color=colour,
+            parse_math=False,
+            usetex=False,
+            zorder=5.0,
+            **how,
+        )
 
     def title(self, text: str, unit: float, y: float, animated: bool = False) -> Text:
         """Adds the title at the left, its top at height y; ``unit`` is the size of letters [px]."""
         return self.write(
-            1.6 * unit, y, text, 1.35 * unit, self.theme.ink,
-            ha="left", va="top", weight="bold", animated=animated,
-        )  # fmt: skip
+            1.6 * unit,
+            y,
+            text,
+            1.35 * unit,
+            self.theme.ink,
+            ha="left",
+            va="top",
+            weight="bold",
+            animated=animated,
+        )
 
     def tension_bar(
         self, geometry: Geometry, layout: Layout, y: float, unit: float, right: float | None = None
@@ -273,14 +295,19 @@ class Sheet:
         )
         sign = "\N{GREATER-THAN OR EQUAL TO} " if largest > 1.001 * layout.top else ""
         for x, text, side in (
-            (left, "0", "left"), (right, f"{sign}{layout.top:g} N", "right"),
-            (0.5 * (left + right), "tension", "center"), (left - 3.2 * unit, "slack", "center"),
-        ):  # fmt: skip
+            (left, "0", "left"),
+            (right, f"{sign}{layout.top:g} N", "right"),
+            (0.5 * (left + right), "tension", "center"),
+            (left - 3.2 * unit, "slack", "center"),
+        ):
             self.write(x, y - 0.35 * unit, text, 0.85 * unit, theme.faint, ha=side, va="top")
         self.axes.plot(
-            [left - 4.4 * unit, left - 2.0 * unit], [y + 0.5 * thick] * 2, color=theme.slack,
-            linewidth=0.95 * layout.pen * _POINTS, zorder=4.0,
-        )  # fmt: skip
+            [left - 4.4 * unit, left - 2.0 * unit],
+            [y + 0.5 * thick] * 2,
+            color=theme.slack,
+            linewidth=0.95 * layout.pen * _POINTS,
+            zorder=4.0,
+        )
 
 
 def set_polygons(artist: PolyCollection, polygons: list[Polygon]) -> None:
@@ -315,6 +342,9 @@ def _grid(geometry: Geometry, layout: Layout, middle: np.ndarray, reach: float) 
     good = (fade > 0.0) & np.all(lines[..., 2] > 0.05 * geometry.size, axis=1)
     colours = np.column_stack([np.tile(theme.grid, (good.sum(), 1)), fade[good]])
     return LineCollection(
-        lines[good][..., :2], colors=colours, linewidths=0.55 * layout.pen * _POINTS, zorder=1.5,
+        lines[good][..., :2],
+        colors=colours,
+        linewidths=0.55 * layout.pen * _POINTS,
+        zorder=1.5,
         capstyle="butt",
-    )  # fmt: skip
+    )

@@ -33,14 +33,28 @@ if TYPE_CHECKING:
 
 CODECS = {
     ".mp4": (
-        "-c:v", "libx264", "-preset", "veryfast", "-crf", "18", "-pix_fmt", "yuv420p",
-        "-movflags", "+faststart", "-f", "mp4",
+        "-c:v",
+        "libx264",
+        "-preset",
+        "veryfast",
+        "-crf",
+        "18",
+        "-pix_fmt",
+        "yuv420p",
+        "-movflags",
+        "+faststart",
+        "-f",
+        "mp4",
     ),
     ".gif": (
-        "-vf", "split[a][b];[a]palettegen=max_colors=128[p];[b][p]paletteuse=dither=bayer",
-        "-loop", "0", "-f", "gif",
+        "-vf",
+        "split[a][b];[a]palettegen=max_colors=128[p];[b][p]paletteuse=dither=bayer",
+        "-loop",
+        "0",
+        "-f",
+        "gif",
     ),
-}  # fmt: skip
+}
 """ffmpeg's arguments, by file ending."""
 _CAPTIONS = 0.4
 """Largest share of the picture's height that captions take."""
@@ -174,9 +188,15 @@ class Frames:
         # Strings may run up behind the title.
         self._title = self.sheet.title(geometry.title, unit, height - 1.6 * unit, animated=True)
         self._clock = self.sheet.write(
-            width - 1.6 * unit, height - 1.6 * unit, "", 1.15 * unit, look.theme.faint,
-            ha="right", va="top", animated=True,
-        )  # fmt: skip
+            width - 1.6 * unit,
+            height - 1.6 * unit,
+            "",
+            1.15 * unit,
+            look.theme.faint,
+            ha="right",
+            va="top",
+            animated=True,
+        )
         self._subtitles.place(self.sheet, 3.2 * unit)
         self._middle = np.append(geometry.balls(pan=self.pan)[0][:, :2].mean(axis=0), 0.0)
         self._polygons = self.sheet.polygons([], animated=True)
@@ -261,10 +281,26 @@ def _encode(
     sounds, mix, codec = arguments
     width, height = frames.size
     command = [
-        program, "-hide_banner", "-loglevel", "error", "-y",
-        "-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{width}x{height}", "-r", f"{fps:.6f}",
-        "-i", "pipe:0", *sounds, *mix, *codec, str(part.absolute()),
-    ]  # fmt: skip
+        program,
+        "-hide_banner",
+        "-loglevel",
+        "error",
+        "-y",
+        "-f",
+        "rawvideo",
+        "-pix_fmt",
+        "rgba",
+        "-s",
+        f"{width}x{height}",
+        "-r",
+        f"{fps:.6f}",
+        "-i",
+        "pipe:0",
+        *sounds,
+        *mix,
+        *codec,
+        str(part.absolute()),
+    ]
     with tempfile.TemporaryFile() as log:
         encoder = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log

@@ -207,9 +207,14 @@ def round_down(length: float) -> float:
 def geometry_of(marionette: Drawable, run: Trajectory, forces: bool = False) -> Geometry:
     """The geometry of a run, with or without the forces of its contacts."""
     made = _geometry(
-        marionette, np.asarray(run.t), run.q_D, run.q_K, run.taut.values, run.tension.values,
+        marionette,
+        np.asarray(run.t),
+        run.q_D,
+        run.q_K,
+        run.taut.values,
+        run.tension.values,
         0.0 if run.slip is None else run.slip.values,
-    )  # fmt: skip
+    )
     return replace(made, arrows=_arrows(run, made.size)) if forces else made
 
 
@@ -251,10 +256,14 @@ def geometry_at(marionette: Drawable, state: State, tension: np.ndarray | None =
     """
     n = len(marionette.tree.strings)
     return _geometry(
-        marionette, np.array([state.t]), state.q_D[None], state.q_K[None], state.taut[None, :n],
+        marionette,
+        np.array([state.t]),
+        state.q_D[None],
+        state.q_K[None],
+        state.taut[None, :n],
         None if tension is None else np.asarray(tension, dtype=float)[None],
         state.slip[None] if len(state.slip) else 0.0,
-    )  # fmt: skip
+    )
 
 
 def _geometry(
@@ -341,16 +350,20 @@ def _with_values(tree: Tree, number: Callable[[Number], float]) -> Tree:
     chains = (replace(c, points=tuple(map(point, c.points))) for c in tree.chains)
     links = (
         replace(
-            link, offset=numbers(link.offset),
+            link,
+            offset=numbers(link.offset),
             mass=None if link.mass is None else number(link.mass),
             com=None if link.com is None else numbers(link.com),
         )
         for link in tree.links
-    )  # fmt: skip
+    )
     return replace(
-        tree, links=tuple(links), strings=tuple(strings), springs=tuple(springs),
+        tree,
+        links=tuple(links),
+        strings=tuple(strings),
+        springs=tuple(springs),
         chains=tuple(chains),
-    )  # fmt: skip
+    )
 
 
 def _on(poses: np.ndarray, link: int) -> np.ndarray:

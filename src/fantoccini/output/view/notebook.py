@@ -173,17 +173,18 @@ def _run_tables(run: Trajectory) -> list[str]:
         facts.insert(3, ("because of", ", ".join(run.blamed)))
     strings = [
         (
-            name, f"{of['min']:.4g}", f"{of['max']:.4g}", f"{of['slack']:.3f}",
+            name,
+            f"{of['min']:.4g}",
+            f"{of['max']:.4g}",
+            f"{of['slack']:.3f}",
             "" if of["catches"] is None else of["catches"],
             f"{of['impulse']:.3g}" if of["catches"] else "",
         )
         for name, of in about["tension"].items()
-    ]  # fmt: skip
+    ]
     heads = ("string", "least [N]", "most [N]", "slack [s]", "catches", "hardest [N s]")
     ledger = [(name, f"{value:.4g}") for name, value in about["ledger"].items()]
-    return [
-        _table((), facts), _table(heads, strings), _table(("energy at the end", "J"), ledger),
-    ]  # fmt: skip
+    return [_table((), facts), _table(heads, strings), _table(("energy at the end", "J"), ledger)]
 
 
 def _page(title: str, picture: str, tables: list[str], wide: bool = False) -> str:

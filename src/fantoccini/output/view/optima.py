@@ -94,19 +94,30 @@ def _draw_poses(sheet: Sheet, found: Optimum, look: Look, poses: int, unit: floa
     fading_poses(sheet, geometry, layout)
     for target, actual in found.paths().values():
         for points, colour, dashes, thick in (
-            (actual, PATH_COLOUR, "-", 0.16), (target, TARGET_COLOUR, (0, (3, 2)), 0.1),
-        ):  # fmt: skip
+            (actual, PATH_COLOUR, "-", 0.16),
+            (target, TARGET_COLOUR, (0, (3, 2)), 0.1),
+        ):
             line = layout.camera.project(points, layout.viewport)
             sheet.axes.plot(
-                line[:, 0], line[:, 1], color=colour, linestyle=dashes, linewidth=thick * unit,
+                line[:, 0],
+                line[:, 1],
+                color=colour,
+                linestyle=dashes,
+                linewidth=thick * unit,
                 zorder=4.0,
-            )  # fmt: skip
+            )
     for one in found.touched:
         spot = layout.camera.project(np.array([one.touch.place], dtype=float), layout.viewport)
         sheet.axes.plot(
-            spot[:, 0], spot[:, 1], color=TARGET_COLOUR, marker="o", markersize=0.45 * unit,
-            markerfacecolor="none", markeredgewidth=0.1 * unit, zorder=4.0,
-        )  # fmt: skip
+            spot[:, 0],
+            spot[:, 1],
+            color=TARGET_COLOUR,
+            marker="o",
+            markersize=0.45 * unit,
+            markerfacecolor="none",
+            markeredgewidth=0.1 * unit,
+            zorder=4.0,
+        )
     sheet.title(found.task.name or geometry.title, unit, sheet.height - 1.5 * unit)
     sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit, width - 1.6 * unit)
     times = ", ".join(f"{t - run.t[0]:.2f}" for t in chosen)
@@ -122,11 +133,12 @@ def _panels(found: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
     errors = {
         name: error
         for track, (name, error) in zip(
-            (t for t in found.task.tracks if t.kind != "tension"), found.errors().items(),
+            (t for t in found.task.tracks if t.kind != "tension"),
+            found.errors().items(),
             strict=True,
         )
         if track.kind != "velocity"
-    }  # fmt: skip
+    }
     if errors:
         out.append(lambda axes: _errors(axes, found.t, errors, theme))
     if found.run.tension.names:
@@ -173,9 +185,13 @@ def _inputs(
     for n, k in enumerate(moving):
         look, style = line_look(theme, n), "steps-post" if what == "acceleration" else "default"
         axes.plot(
-            found.t, values[:, k], **look, linewidth=1.2, drawstyle=style,
+            found.t,
+            values[:, k],
+            **look,
+            linewidth=1.2,
+            drawstyle=style,
             label=plain(table.v_K[k], 24),
-        )  # fmt: skip
+        )
     alike = len(np.unique(most[moving])) == 1
     reach = _FAR * np.max(np.abs(values[:, moving]), initial=0.0)
     for n, k in enumerate(moving[:1] if alike else moving):

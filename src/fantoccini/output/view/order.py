@@ -24,9 +24,9 @@ class _Comparison(NamedTuple):
 
     axis_points: np.ndarray = np.linspace(0.0, 1.0, 5)
     """Places along a solid's axis, as shares of it."""
-    sights: np.ndarray = np.stack(
-        np.meshgrid(*[np.linspace(0.08, 0.92, 5)] * 2), axis=-1
-    ).reshape(-1, 2)
+    sights: np.ndarray = np.stack(np.meshgrid(*[np.linspace(0.08, 0.92, 5)] * 2), axis=-1).reshape(
+        -1, 2
+    )
     """Lines of sight, as shares of the overlap of two solids, clear of its edges."""
     face_thickness: float = 1e-6
     """A point so far behind a face is still before it: it may lie on the face [m]."""

@@ -70,9 +70,14 @@ def strip(
 
 
 def strip_figure(
-    marionette: Drawable, run: Trajectory, n: int, times: str | Sequence[float], look: Look,
-    forces: bool = False, guides: Guides | None = None,
-) -> Figure:  # fmt: skip
+    marionette: Drawable,
+    run: Trajectory,
+    n: int,
+    times: str | Sequence[float],
+    look: Look,
+    forces: bool = False,
+    guides: Guides | None = None,
+) -> Figure:
     """The strip as a matplotlib figure; arguments as for :func:`strip`."""
     chosen = pose_times(marionette, run, n, times)
     geometry = geometry_of(marionette, run.resample(chosen), forces).with_guides(guides)
@@ -96,9 +101,14 @@ def strip_figure(
         sheet.floor(geometry, layout, grid=False)
         sheet.polygons(compose(geometry, k, layout))
         sheet.write(
-            viewport.x + 0.5 * each, 3.2 * unit, f"{chosen[k]:.2f} s", 1.1 * unit, look.theme.ink,
-            ha="center", va="center",
-        )  # fmt: skip
+            viewport.x + 0.5 * each,
+            3.2 * unit,
+            f"{chosen[k]:.2f} s",
+            1.1 * unit,
+            look.theme.ink,
+            ha="center",
+            va="center",
+        )
     add_captions(sheet, whole, layout, unit)
     return sheet.figure
 

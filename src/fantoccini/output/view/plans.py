@@ -64,9 +64,16 @@ def plan_picture(
     sheet, layout, unit = framed_sheet(geometry, look)
     dots = layout.camera.project(nodes[spread(len(nodes), MAX_DOTS)], layout.viewport)
     sheet.axes.plot(
-        dots[:, 0], dots[:, 1], ".", color=look.theme.ink, alpha=0.35, markersize=0.22 * unit,
-        markeredgewidth=0.0, zorder=1.5, rasterized=True,
-    )  # fmt: skip
+        dots[:, 0],
+        dots[:, 1],
+        ".",
+        color=look.theme.ink,
+        alpha=0.35,
+        markersize=0.22 * unit,
+        markeredgewidth=0.0,
+        zorder=1.5,
+        rasterized=True,
+    )
     fading_poses(sheet, geometry, layout)
     line = layout.camera.project(way, layout.viewport)
     sheet.axes.plot(line[:, 0], line[:, 1], color=PATH_COLOUR, linewidth=0.12 * unit, zorder=4.0)

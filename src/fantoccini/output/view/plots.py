@@ -67,12 +67,19 @@ def plot(
         panels.append((2.0, lambda axes: _rotations(axes, run, theme)))
     ratios = [share for share, _ in panels]
     stacked = figure.subplots(
-        len(panels), 1, sharex=True, squeeze=False,
+        len(panels),
+        1,
+        sharex=True,
+        squeeze=False,
         gridspec_kw={
-            "height_ratios": ratios, "left": left, "right": 0.83, "top": 0.935, "bottom": 0.06,
+            "height_ratios": ratios,
+            "left": left,
+            "right": 0.83,
+            "top": 0.935,
+            "bottom": 0.06,
             "hspace": 0.16,
         },
-    )[:, 0]  # fmt: skip
+    )[:, 0]
     for axes, (_, paint) in zip(stacked, panels, strict=True):
         paint(axes)
         dress(axes, theme, "x")
@@ -83,9 +90,15 @@ def plot(
     stacked[-1].set_xlim(start, stop if stop > start else start + 1.0)
     title = plain(run.puppet.name if run.puppet else "")
     figure.text(
-        left, 0.962, title, color=theme.ink, fontsize=12, weight="bold",
-        parse_math=False, usetex=False,
-    )  # fmt: skip
+        left,
+        0.962,
+        title,
+        color=theme.ink,
+        fontsize=12,
+        weight="bold",
+        parse_math=False,
+        usetex=False,
+    )
     if target is not None:
         save(figure, target, scale)
     return figure
@@ -107,9 +120,13 @@ def _tension(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
     if np.any(some):
         spans = _spans(run.t, some)
         axes.broken_barh(
-            spans, (0.0, 1.0), transform=axes.get_xaxis_transform(), facecolor=theme.faint,
-            alpha=0.18, linewidth=0.0,
-        )  # fmt: skip
+            spans,
+            (0.0, 1.0),
+            transform=axes.get_xaxis_transform(),
+            facecolor=theme.faint,
+            alpha=0.18,
+            linewidth=0.0,
+        )
         what += "\ngrey: not all determined"
     axes.set_ylabel(what, color=theme.ink)
     short_numbers(axes, theme)
@@ -126,21 +143,36 @@ def _active_set(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None
     names = run.taut.names
     for k, name in enumerate(names):
         axes.broken_barh(
-            _spans(run.t, run.taut.values[:, k]), (k - 0.32, 0.64),
+            _spans(run.t, run.taut.values[:, k]),
+            (k - 0.32, 0.64),
             facecolor=looks[name]["color"],
-            linewidth=0.0, alpha=0.85,
-        )  # fmt: skip
+            linewidth=0.0,
+            alpha=0.85,
+        )
         caught = [e.t for e in run.events if e.kind in ("catch", "accumulation") and e.name == name]
         axes.plot(
-            caught, np.full(len(caught), k + 0.0), linestyle="", marker="v", markersize=4.5,
-            color=theme.ink, markeredgecolor=theme.top, markeredgewidth=0.5, clip_on=False,
-        )  # fmt: skip
+            caught,
+            np.full(len(caught), k + 0.0),
+            linestyle="",
+            marker="v",
+            markersize=4.5,
+            color=theme.ink,
+            markeredgecolor=theme.top,
+            markeredgewidth=0.5,
+            clip_on=False,
+        )
     axes.set_yticks(range(len(names)), [plain(n, 24) for n in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.text(
-        1.012, 0.98, "bar: taut\ngap: slack\n\N{BLACK DOWN-POINTING TRIANGLE} caught",
-        transform=axes.transAxes, va="top", color=theme.faint, fontsize=8, parse_math=False,
-    )  # fmt: skip
+        1.012,
+        0.98,
+        "bar: taut\ngap: slack\n\N{BLACK DOWN-POINTING TRIANGLE} caught",
+        transform=axes.transAxes,
+        va="top",
+        color=theme.faint,
+        fontsize=8,
+        parse_math=False,
+    )
 
 
 def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
@@ -151,10 +183,7 @@ def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
         if name == "potential":
             values, label = values - values[0], "potential - start"
         if np.any(np.abs(values) > 0.0):
-            axes.plot(
-                run.t, values, linewidth=1.2, label=label,
-                **line_look(theme, shown),
-            )  # fmt: skip
+            axes.plot(run.t, values, linewidth=1.2, label=label, **line_look(theme, shown))
             shown += 1
     axes.axhline(0.0, color=theme.faint, linewidth=0.6)
     axes.set_ylabel("energy [J]", color=theme.ink)
@@ -182,9 +211,13 @@ def _driven(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
         actual = run.q_D[:, run.coordinates.q_D.index(name)]
         axes.plot(run.t, actual, **look, linewidth=1.2, label=owner)
         axes.plot(
-            run.t, run.q_K[:, k], color=look["color"], linewidth=1.0, linestyle=(0, (3, 2)),
+            run.t,
+            run.q_K[:, k],
+            color=look["color"],
+            linewidth=1.0,
+            linestyle=(0, (3, 2)),
             label=f"{owner}, command",
-        )  # fmt: skip
+        )
     axes.set_ylabel(label, color=theme.ink)
     short_numbers(axes, theme)
     legend(axes, theme)
@@ -225,10 +258,18 @@ def legend(axes: Axes, theme: Theme) -> None:
     if not handles:
         return
     made = axes.legend(
-        handles, [plain(x, 24) for x in labels], loc="upper left", bbox_to_anchor=(1.005, 1.03),
-        frameon=False, fontsize=8, labelcolor=theme.ink, handlelength=1.3, borderaxespad=0.0,
-        labelspacing=0.3, ncols=1 + (len(handles) > 12),
-    )  # fmt: skip
+        handles,
+        [plain(x, 24) for x in labels],
+        loc="upper left",
+        bbox_to_anchor=(1.005, 1.03),
+        frameon=False,
+        fontsize=8,
+        labelcolor=theme.ink,
+        handlelength=1.3,
+        borderaxespad=0.0,
+        labelspacing=0.3,
+        ncols=1 + (len(handles) > 12),
+    )
     for text in made.get_texts():
         text.set_parse_math(False)
         text.set_usetex(False)

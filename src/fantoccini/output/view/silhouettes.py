@@ -94,9 +94,7 @@ def ellipsoid(link: int, colour: np.ndarray, centre: np.ndarray, half: np.ndarra
 def box(link: int, colour: np.ndarray, centre: np.ndarray, half: np.ndarray) -> Solid:
     """A box from its centre (3,) and its half edges, the columns of (3, 3) [m]."""
     signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=float)
-    sides = (
-        (0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5),
-    )  # fmt: skip
+    sides = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
     faces = [np.array(c) for c in sides]
     if np.linalg.det(half) < 0.0:
         faces = [f[::-1] for f in faces]
@@ -126,9 +124,17 @@ def mesh(
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         colour = np.average(colours, axis=0, weights=area + 1e-12)
     return Solid(
-        link, "faces", colour, vertices, axis, girth, half=half, faces=faces, smooth=True,
+        link,
+        "faces",
+        colour,
+        vertices,
+        axis,
+        girth,
+        half=half,
+        faces=faces,
+        smooth=True,
         colours=colours,
-    )  # fmt: skip
+    )
 
 
 def _long_axis(centre: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, float]:
@@ -247,16 +253,16 @@ def _capsule_stack(centres: np.ndarray, radii: np.ndarray, tones: int) -> np.nda
     else:
         ahead = np.arctan2(apart[1], apart[0])
         open_ = np.arccos((radii[0] - radii[1]) / distance)
-        angles = np.concatenate([
-            np.linspace(ahead + open_, ahead + 2.0 * np.pi - open_, count),
-            np.linspace(ahead - open_, ahead + open_, count),
-        ])
+        angles = np.concatenate(
+            [
+                np.linspace(ahead + open_, ahead + 2.0 * np.pi - open_, count),
+                np.linspace(ahead - open_, ahead + open_, count),
+            ]
+        )
         middle, radius = np.repeat(centres, count, axis=0), np.repeat(radii, count)
     around = np.column_stack([np.cos(angles), np.sin(angles)])
     shrink = np.linspace(1.0, 0.12, tones)[:, None, None]
-    return middle + radius[:, None] * (
-        shrink * around + 0.52 * (1.0 - shrink) * _LIGHT_ON_PICTURE
-    )
+    return middle + radius[:, None] * (shrink * around + 0.52 * (1.0 - shrink) * _LIGHT_ON_PICTURE)
 
 
 def _rim(centre: np.ndarray, half: np.ndarray, pose: np.ndarray, eye: np.ndarray) -> np.ndarray:

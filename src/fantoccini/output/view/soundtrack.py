@@ -56,10 +56,13 @@ def soundtrack(
             inputs += ["-ss", f"{start - sound.start:.6f}"]
         inputs += sound_input(sound.path)
         steps = [
-            f"aresample={_RATE}", "aformat=channel_layouts=stereo", *_tempo(speed),
-            f"volume={sound.gain:.6f}", f"adelay={1e3 * max(after, 0.0):.3f}:all=1",
+            f"aresample={_RATE}",
+            "aformat=channel_layouts=stereo",
+            *_tempo(speed),
+            f"volume={sound.gain:.6f}",
+            f"adelay={1e3 * max(after, 0.0):.3f}:all=1",
             "asetpts=N/SR/TB",  # atempo leaves times before 0
-        ]  # fmt: skip
+        ]
         chains.append(f"[{i}:a:0]{','.join(steps)}[sound{i}]")
     every = "".join(f"[sound{i}]" for i in range(1, len(heard) + 1))
     chains.append(

@@ -73,12 +73,18 @@ class Stills:
             sheet.polygons(compose(geometry, k, layout))
             self._names(sheet, geometry, k, layout)
             sheet.write(
-                left + 0.5 * width, low + 0.6 * letters, f"{t:.2f} s", letters, LIGHT.ink,
-                ha="center", va="bottom",
-            )  # fmt: skip
+                left + 0.5 * width,
+                low + 0.6 * letters,
+                f"{t:.2f} s",
+                letters,
+                LIGHT.ink,
+                ha="center",
+                va="bottom",
+            )
         for line, step, most in (
-            (sheet.axes.axvline, width, across), (sheet.axes.axhline, height, rows)
-        ):  # fmt: skip
+            (sheet.axes.axvline, width, across),
+            (sheet.axes.axhline, height, rows),
+        ):
             for k in range(1, most):
                 line(k * step, color=LIGHT.grid, linewidth=0.8, zorder=4.0)
         return sheet.figure
@@ -88,13 +94,12 @@ class Stills:
         cast, letters = self._play.cast, self._letters
         for name in cast.players if len(cast.players) > 1 else ():
             own = [
-                places[k, 0] for string, places in zip(geometry.names, geometry.points, strict=True)
+                places[k, 0]
+                for string, places in zip(geometry.names, geometry.points, strict=True)
                 if cast.owner(string) == name
-            ]  # fmt: skip
+            ]
             if not own:
                 continue
             below = np.append(np.mean(own, axis=0)[:2], geometry.floor)
             x, y, _ = layout.camera.project(below, layout.viewport)
-            sheet.write(
-                x, y - 0.4 * letters, name, 0.9 * letters, LIGHT.ink, ha="center", va="top"
-            )
+            sheet.write(x, y - 0.4 * letters, name, 0.9 * letters, LIGHT.ink, ha="center", va="top")

@@ -102,9 +102,15 @@ class Studio:
             surface.cell_data["colour"] = np.round(255.0 * colours).astype(np.uint8)
             look = {"scalars": "colour", "rgb": True}
         return self._plotter.add_mesh(
-            surface, **look, smooth_shading=made.normals is not None,
-            ambient=0.24, diffuse=0.90, specular=0.45, specular_power=28.0, render=False,
-        )  # fmt: skip
+            surface,
+            **look,
+            smooth_shading=made.normals is not None,
+            ambient=0.24,
+            diffuse=0.90,
+            specular=0.45,
+            specular_power=28.0,
+            render=False,
+        )
 
     def _surface(self, made: TriangleMesh) -> pyvista.PolyData:
         surface = self._pv.PolyData.from_regular_faces(made.vertices, made.faces)
@@ -125,10 +131,16 @@ class Studio:
             tubes.append(tube)
         if len(tubes):
             self._plotter.add_mesh(
-                tubes.combine().extract_surface(algorithm=None), name="strings", scalars="colour",
-                rgb=True, ambient=0.75, diffuse=0.3, smooth_shading=False, render=False,
+                tubes.combine().extract_surface(algorithm=None),
+                name="strings",
+                scalars="colour",
+                rgb=True,
+                ambient=0.75,
+                diffuse=0.3,
+                smooth_shading=False,
+                render=False,
                 reset_camera=False,
-            )  # fmt: skip
+            )
 
     def aim(self, layout: Layout, size: tuple[int, int]) -> None:
         """Takes over a layout's camera, widened from its viewport to the whole sheet."""

@@ -59,9 +59,15 @@ class Subtitles:
         """Makes the text, with its lower edge at a height [px]."""
         if self._captions:
             self._text = sheet.write(
-                self._middle, low, "", self._size, sheet.theme.ink, ha="center", va="bottom",
+                self._middle,
+                low,
+                "",
+                self._size,
+                sheet.theme.ink,
+                ha="center",
+                va="bottom",
                 animated=True,
-            )  # fmt: skip
+            )
 
     def at(self, t: float) -> list[Text]:
         """The text at a time: all current captions, in order of their beginning."""

@@ -22,8 +22,9 @@ from fantoccini.theatre.capture.skeleton import Capture, Skeleton
 
 _CLIPS = Path(__file__).parent / "clips"
 _AXES = {"x": 0, "y": 1, "z": 2}
-_CHANNELS = {f"{axis}{kind}": (kind, k) for axis, k in _AXES.items()
-             for kind in ("position", "rotation")}  # fmt: skip
+_CHANNELS = {
+    f"{axis}{kind}": (kind, k) for axis, k in _AXES.items() for kind in ("position", "rotation")
+}
 _BRACES = re.compile(r"(?<![^\x00-\x7f])([{}])")
 """Braces; behind a byte of another encoding they are the second half of a character."""
 _BLANKS = re.compile(r"[ \t\f\v]+")
@@ -296,9 +297,10 @@ def _placed(
         positions[:, i] = positions[:, joint.parent] + np.einsum("tij,tj->ti", above, local)
         rotations[:, i] = above @ turned
     skeleton = Skeleton(
-        tuple(joint.name for joint in joints), tuple(joint.parent for joint in joints),
+        tuple(joint.name for joint in joints),
+        tuple(joint.parent for joint in joints),
         np.array([joint.offset for joint in joints], dtype=float),
-    )  # fmt: skip
+    )
     times = interval * np.arange(frames, dtype=float)
     return Capture(skeleton, times, positions, rotations, path.stem, notes)
 

@@ -170,8 +170,7 @@ class Capture:
     @property
     def unit(self) -> tuple[str, float]:
         """The unit that makes a person of the skeleton, and its size [m]."""
-        sizes = {name: abs(np.log(self.height * size / _PERSON))
-                 for name, size in _UNITS.items()}  # fmt: skip
+        sizes = {name: abs(np.log(self.height * size / _PERSON)) for name, size in _UNITS.items()}
         name = min(sizes, key=lambda unit: sizes[unit])
         return name, _UNITS[name]
 
@@ -212,6 +211,8 @@ class Capture:
             self.skeleton.names, self.skeleton.parents, size * self.skeleton.offsets @ turn.T
         )
         return replace(
-            self, skeleton=skeleton, positions=size * self.positions @ turn.T,
+            self,
+            skeleton=skeleton,
+            positions=size * self.positions @ turn.T,
             rotations=turn @ self.rotations @ turn.T,
-        )  # fmt: skip
+        )

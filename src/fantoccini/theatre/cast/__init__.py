@@ -1,22 +1,9 @@
 """The cast of a play: its file, its players and companies, props and cues."""
 
 from fantoccini.theatre.cast import props
-from fantoccini.theatre.cast.actors import (
-    STILL,
-    Actor,
-    CannotBe,
-    Wishes,
-)
-from fantoccini.theatre.cast.casting import (
-    Cast,
-    Player,
-    read_cast,
-)
-from fantoccini.theatre.cast.clips import (
-    Clip,
-    is_clip,
-    read_clip,
-)
+from fantoccini.theatre.cast.actors import STILL, Actor, CannotBe, Wishes
+from fantoccini.theatre.cast.casting import Cast, Player, read_cast
+from fantoccini.theatre.cast.clips import Clip, is_clip, read_clip
 from fantoccini.theatre.cast.companies import (
     Company,
     Meeting,
@@ -36,39 +23,12 @@ from fantoccini.theatre.cast.contacts import (
     sitting,
     standing,
 )
-from fantoccini.theatre.cast.cue_file import (
-    HOW,
-    WITH_PROPS,
-    CueFile,
-    said,
-)
-from fantoccini.theatre.cast.cues import (
-    ARRIVES,
-    WALKS,
-    Cue,
-    Part,
-    Timeline,
-    lane_name,
-    said_in_act,
-)
+from fantoccini.theatre.cast.cue_file import HOW, WITH_PROPS, CueFile, said
+from fantoccini.theatre.cast.cues import ARRIVES, WALKS, Cue, Part, Timeline, lane_name, said_in_act
 from fantoccini.theatre.cast.extents import extent
-from fantoccini.theatre.cast.footing import (
-    Footing,
-    Hindrance,
-    NoWay,
-    Way,
-)
-from fantoccini.theatre.cast.kept import (
-    Kept,
-    OutOfTime,
-    digest,
-)
-from fantoccini.theatre.cast.play_file import (
-    PlayFile,
-    StageFile,
-    is_play,
-    play_schema,
-)
+from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
+from fantoccini.theatre.cast.kept import Kept, OutOfTime, digest
+from fantoccini.theatre.cast.play_file import PlayFile, StageFile, is_play, play_schema
 from fantoccini.theatre.cast.props import (
     BODY,
     CARRIED,
@@ -82,16 +42,8 @@ from fantoccini.theatre.cast.props import (
     summed,
 )
 from fantoccini.theatre.cast.starts import Places
-from fantoccini.theatre.cast.stops import (
-    ERRORS,
-    CannotBegin,
-    Stop,
-)
-from fantoccini.theatre.cast.things import (
-    PropState,
-    Thing,
-    top_of,
-)
+from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
+from fantoccini.theatre.cast.things import PropState, Thing, top_of
 
 __all__ = [
     "ARRIVES",

@@ -61,9 +61,10 @@ class Actor:
         strings then, it begins after them, in the lane of the last.
         """
         busy = [
-            (until, lane) for lane, _, until, named in self.played
+            (until, lane)
+            for lane, _, until, named in self.played
             if until > begin + STILL and np.any(named & gesture.named)
-        ]  # fmt: skip
+        ]
         if busy:
             until, lane = max(busy)
             return lane, max(until, begin)

@@ -67,8 +67,9 @@ class Player:
         owners = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
         places = [
             complex(hangs[f"{one}.x"], hangs[f"{one}.y"])
-            for one in owners if {f"{one}.x", f"{one}.y"} <= {*table.q_K}
-        ]  # fmt: skip
+            for one in owners
+            if {f"{one}.x", f"{one}.y"} <= {*table.q_K}
+        ]
         poses = self.alone.poses(hangs.q_D[None], hangs.q_K[None])[0]
         places += [complex(x, y) for x, y in poses[:, :2, 3]]
         return max((abs(place - self.middle) for place in places), default=0.0)
@@ -178,10 +179,13 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
     rules = rules_of(asked_pairs(file), lambda part: part.removeprefix(only))
     try:
         scene = Scene(
-            scene=file.play, floor=stage.floor, puppets=tuple(members), obstacles=stage.obstacles,
+            scene=file.play,
+            floor=stage.floor,
+            puppets=tuple(members),
+            obstacles=stage.obstacles,
             props=tuple(one.prop for one in things.values()),
             contact=rules if rules.pairs else None,
-        )  # fmt: skip
+        )
         whole = Marionette(scene)
     except (PuppetError, FileError) as error:
         for one_mistake in error.mistakes:
@@ -194,9 +198,10 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
 def _check_names(file: PlayFile, notes: Notes) -> None:
     """Every name means one thing."""
     taken: dict[str, str] = {
-        **dict.fromkeys(DIRECTIONS, "a direction"), "all": "all players",
+        **dict.fromkeys(DIRECTIONS, "a direction"),
+        "all": "all players",
         FLOOR: "the floor",
-    }  # fmt: skip
+    }
     stage = file.stage
     named: list[tuple[Spot, str, str]] = [
         *((("cast", name), name, "a player") for name in file.cast),
@@ -232,16 +237,12 @@ def _puppet(one: PlayerFile, spot: Spot, notes: Notes) -> Puppet | None:
     return puppet
 
 
-def _alone(
-    file: PlayFile, puppet: Puppet, one: PlayerFile
-) -> tuple[Marionette, State, Pose]:
+def _alone(file: PlayFile, puppet: Puppet, one: PlayerFile) -> tuple[Marionette, State, Pose]:
     """The player's puppet at its own origin, where it hangs, lifted, and the pose of that."""
     as_written = Marionette(_scene_of_one(file, puppet, dict(one.pose)))
     hangs = as_written.rest()
     table = as_written.coordinates
-    lifted = {
-        name: float(hangs[name] - one.lift) for name in table.q_K if name.endswith(".length")
-    }
+    lifted = {name: float(hangs[name] - one.lift) for name in table.q_K if name.endswith(".length")}
     roots = {name: float(hangs[name] + one.lift) for name in table.q_D if name.endswith(".z")}
     pose = {**one.pose, **lifted, **roots}
     alone = Marionette(_scene_of_one(file, puppet, pose))
@@ -296,9 +297,10 @@ def placed(alone: Marionette, hangs: State, there: Footing) -> State:
             turned = (c * w - s * d, c * a - s * b, c * b + s * a, c * d + s * w)
             q.update(zip(parts, map(float, turned), strict=True))
     return dataclasses.replace(
-        hangs, q_D=np.array([q[name] for name in table.q_D]),
+        hangs,
+        q_D=np.array([q[name] for name in table.q_D]),
         q_K=np.array([q[name] for name in table.q_K]),
-    )  # fmt: skip
+    )
 
 
 def all_together(

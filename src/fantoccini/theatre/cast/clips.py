@@ -54,9 +54,14 @@ class Clip:
         return dict.fromkeys((BEGINS, OVER), 0.0)
 
     def gesture(
-        self, larger: float, faster: float, lasts: float | None, stage: StageFile, beat: float,
+        self,
+        larger: float,
+        faster: float,
+        lasts: float | None,
+        stage: StageFile,
+        beat: float,
         kept: Kept,
-    ) -> Gesture:  # fmt: skip
+    ) -> Gesture:
         """What the hands do for it, before it is scaled.
 
         Args:

@@ -157,9 +157,7 @@ class Staged:
             whole += other
         return whole
 
-    def state(
-        self, players: Mapping[str, State], props: Mapping[str, PropState]
-    ) -> State:
+    def state(self, players: Mapping[str, State], props: Mapping[str, PropState]) -> State:
         """The state of all from those of its members."""
         tree, x = self.marionette.tree, self.marionette.state()
         table = self.marionette.coordinates
@@ -228,25 +226,28 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
     names = {one.name: f"obstacle_{i}" for i, one in enumerate(stand, 1)}
     obstacles = tuple(one.model_copy(update={"name": names[one.name]}) for one in stand)
     local = Staged(company, players[0].alone, prefixes, props, names, "").local
-    content = repr((
-        [one.content for one in players], [one.content for one in things],
-        sorted(sorted(map(local, pair)) for pair in company.pairs),
-        [repr(one) for one in obstacles], cast.file.stage.floor,
-    ))  # fmt: skip
+    content = repr(
+        (
+            [one.content for one in players],
+            [one.content for one in things],
+            sorted(sorted(map(local, pair)) for pair in company.pairs),
+            [repr(one) for one in obstacles],
+            cast.file.stage.floor,
+        )
+    )
 
     def made() -> Marionette:
         scene = Scene(
-            scene="company", floor=cast.file.stage.floor,
+            scene="company",
+            floor=cast.file.stage.floor,
             contact=rules_of(company.pairs, local),
             puppets=tuple(
                 Member(name=f"player_{i}", puppet=one.alone.puppet)
                 for i, one in enumerate(players, 1)
             ),
-            props=tuple(
-                one.prop.model_copy(update={"name": props[one.name]}) for one in things
-            ),
+            props=tuple(one.prop.model_copy(update={"name": props[one.name]}) for one in things),
             obstacles=obstacles,
-        )  # fmt: skip
+        )
         return Marionette(scene)
 
     marionette = kept.get(f"company {content}", made)

@@ -62,9 +62,10 @@ def rules_of(pairs: Iterable[Pair], named: Callable[[str], str] = str) -> Contac
         named: the name of a part in the scene.
     """
     return Contact(
-        friction=FRICTION, meets=(),
+        friction=FRICTION,
+        meets=(),
         pairs=tuple(
             ContactPair(between=(named(a), named(b)), friction=FRICTION)
             for a, b in sorted(map(sorted, pairs))
         ),
-    )  # fmt: skip
+    )

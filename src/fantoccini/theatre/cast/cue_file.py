@@ -39,8 +39,15 @@ WITH_PROPS = ("gives", "sits_on", "stands_up_from", "puts_down", "picks_up")
 """What a cue may be that is done with a prop."""
 
 VERBS = (
-    "does", "walks_to", "enters_to", "exits_to", "turns_to", "looks_at", "points_at", *WITH_PROPS,
-)  # fmt: skip
+    "does",
+    "walks_to",
+    "enters_to",
+    "exits_to",
+    "turns_to",
+    "looks_at",
+    "points_at",
+    *WITH_PROPS,
+)
 """What a cue may be."""
 
 OF_GESTURES = ("how", "larger", "faster", "mirrored", "repeat", "lasts")
@@ -75,9 +82,7 @@ def _word(value: str) -> str:
     return value
 
 
-Where = Annotated[
-    str | tuple[Real, Real] | tuple[Real, Real, Real], BeforeValidator(_where), SIZED
-]
+Where = Annotated[str | tuple[Real, Real] | tuple[Real, Real, Real], BeforeValidator(_where), SIZED]
 """A mark, a player or an obstacle, or a place: x towards the audience, y to its right [m]."""
 Facing = Annotated[
     float | str,
@@ -87,12 +92,11 @@ Facing = Annotated[
 ]
 """An angle from the audience to the left, or `audience`, `left`, `right`, `back`, or a name."""
 Names = Annotated[
-    tuple[Name, ...], BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...]),
+    tuple[Name, ...],
+    BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...]),
     Field(min_length=1),
-]  # fmt: skip
-Word = Annotated[
-    str, AfterValidator(_word), WithJsonSchema({"type": "string", "enum": list(HOW)})
 ]
+Word = Annotated[str, AfterValidator(_word), WithJsonSchema({"type": "string", "enum": list(HOW)})]
 How = Annotated[
     tuple[Word, ...], BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...])
 ]

@@ -29,14 +29,20 @@ ARRIVES = "arrives"
 WALKS = ("walks_to", "enters_to", "exits_to", "turns_to")
 """Verbs that carry a player."""
 _NAMED = {
-    "walks_to": "walk", "enters_to": "enter", "exits_to": "exit", "turns_to": "turn",
-    "looks_at": "look", "points_at": "point", "gives": "give", "sits_on": "sit",
-    "stands_up_from": "stand_up", "puts_down": "put_down", "picks_up": "pick_up",
-}  # fmt: skip
+    "walks_to": "walk",
+    "enters_to": "enter",
+    "exits_to": "exit",
+    "turns_to": "turn",
+    "looks_at": "look",
+    "points_at": "point",
+    "gives": "give",
+    "sits_on": "sit",
+    "stands_up_from": "stand_up",
+    "puts_down": "put_down",
+    "picks_up": "pick_up",
+}
 """Verb -> by which name times refer to it, where it has none of its own."""
-_OF_PLAYER = re.compile(
-    rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII
-)
+_OF_PLAYER = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
 
 
 @dataclass

@@ -47,7 +47,6 @@ CARRY_TIME = 1.5
 """Duration of what takes up that pose [s]."""
 
 
-
 @dataclass(frozen=True)
 class Handing:
     """A prop goes from one puppet's forearm to another's.
@@ -92,9 +91,16 @@ def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, fl
 
 
 def give(
-    stage: Marionette, giver: str, receiver: str, prop: str, *, side: str = "right",
-    along: float | None = None, carried: bool = False, higher: float = 0.0,
-) -> Handing:  # fmt: skip
+    stage: Marionette,
+    giver: str,
+    receiver: str,
+    prop: str,
+    *,
+    side: str = "right",
+    along: float | None = None,
+    carried: bool = False,
+    higher: float = 0.0,
+) -> Handing:
     """The gestures by which a prop changes from one puppet's forearm to another's.
 
     They stand side by side and face the same way. The giver holds it out; the receiver steps aside
@@ -119,20 +125,32 @@ def give(
     begins = CARRIED if carried else {"up": 0.0, "out": 0.0}
     gives: dict[str, Waypoints] = {
         f"hand_{side}.up": [
-            (0, begins["up"]), (2.0, held["up"]), (7.4, held["up"]), (8.8, _SUNK), (11.8, _SUNK),
+            (0, begins["up"]),
+            (2.0, held["up"]),
+            (7.4, held["up"]),
+            (8.8, _SUNK),
+            (11.8, _SUNK),
             (13.8, 0),
         ],
         f"hand_{side}.forward": [
-            (0, 0), (2.0, held["forward"]), (7.4, held["forward"]), (8.8, 0.3), (11.8, 0.3),
+            (0, 0),
+            (2.0, held["forward"]),
+            (7.4, held["forward"]),
+            (8.8, 0.3),
+            (11.8, 0.3),
             (13.8, 0),
         ],
         f"hand_{side}.in": [(0, -begins["out"]), (2.0, held["in"]), (11.8, held["in"]), (13.8, 0)],
-    }  # fmt: skip
+    }
     gets = aside_by(other, _STEP, [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)])
     gets[f"hand_{other}.up"] = [
-        (0, 0), (2.0, _LOW + higher), (5.6, _LOW + higher), (7.2, _LIFTED + higher),
-        (12.0, _LIFTED + higher), (13.8, 0),
-    ]  # fmt: skip
+        (0, 0),
+        (2.0, _LOW + higher),
+        (5.6, _LOW + higher),
+        (7.2, _LIFTED + higher),
+        (12.0, _LIFTED + higher),
+        (13.8, 0),
+    ]
     forward, inward = _HELD["forward"], _TAKES
     gets[f"hand_{other}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
     gets[f"hand_{other}.{other}"] = summed(
@@ -145,8 +163,11 @@ def give(
     return Handing(
         gesture_of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.8}),
         gesture_of(stage, receiver, gets, "take", {"under": 5.2, "taken": 7.2}),
-        forward, left, tuple((arm, prop) for arm in arms), 0.0,
-    )  # fmt: skip
+        forward,
+        left,
+        tuple((arm, prop) for arm in arms),
+        0.0,
+    )
 
 
 def _beside(side: str, along: float) -> tuple[float, float]:
@@ -227,9 +248,9 @@ def steps_carrying(
     return replace(walk, travel=steps(Ends(table, start, of), given, step_time).travel)
 
 
-def backwards(moves: Mapping[str, Sequence[tuple[float, float]]], end: float) -> dict[
-    str, Waypoints
-]:
+def backwards(
+    moves: Mapping[str, Sequence[tuple[float, float]]], end: float
+) -> dict[str, Waypoints]:
     """Waypoints backwards in time, on a clock that ends at a time [s]."""
     return {
         name: [(end - t, offset) for t, offset in reversed(points)]
@@ -238,16 +259,23 @@ def backwards(moves: Mapping[str, Sequence[tuple[float, float]]], end: float) ->
 
 
 def _of_string(
-    stage: Marionette, who: str, string: str, moves: Mapping[str, Waypoints], name: str,
+    stage: Marionette,
+    who: str,
+    string: str,
+    moves: Mapping[str, Waypoints],
+    name: str,
     marks: Mapping[str, float],
-) -> Gesture:  # fmt: skip
+) -> Gesture:
     return gesture_of(stage, who, {f"{string}.{way}": x for way, x in moves.items()}, name, marks)
 
 
 def gesture_of(
-    stage: Marionette, who: str, moves: Mapping[str, Waypoints], name: str,
+    stage: Marionette,
+    who: str,
+    moves: Mapping[str, Waypoints],
+    name: str,
     marks: Mapping[str, float],
-) -> Gesture:  # fmt: skip
+) -> Gesture:
     points = {of_member(who, channel): offsets for channel, offsets in moves.items()}
     return Gesture.of(stage, points, name=name, marks=marks)
 

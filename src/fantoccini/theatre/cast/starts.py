@@ -68,9 +68,7 @@ class Places:
         return given
 
 
-def start_of(
-    file: PlayFile, one: PlayerFile, spot: Spot, places: Places, notes: Notes
-) -> Footing:
+def start_of(file: PlayFile, one: PlayerFile, spot: Spot, places: Places, notes: Notes) -> Footing:
     """Where a player stands at the start."""
     heading: float | str = 0.0
     if isinstance(one.at, str):

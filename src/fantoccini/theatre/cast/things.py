@@ -79,9 +79,12 @@ def top_of(file: PlayFile, name: str) -> float | None:
 
 
 def read_things(
-    file: PlayFile, starts: Mapping[str, Footing], lifts: Mapping[str, float], places: Places,
+    file: PlayFile,
+    starts: Mapping[str, Footing],
+    lifts: Mapping[str, float],
+    places: Places,
     notes: Notes,
-) -> dict[str, Thing]:  # fmt: skip
+) -> dict[str, Thing]:
     """The props of a play; notes mistakes.
 
     Args:
@@ -106,9 +109,14 @@ def read_things(
 
 
 def _thing(
-    file: PlayFile, name: str, given: PropFile, starts: Mapping[str, Footing],
-    lifts: Mapping[str, float], places: Places, notes: Notes,
-) -> Thing | None:  # fmt: skip
+    file: PlayFile,
+    name: str,
+    given: PropFile,
+    starts: Mapping[str, Footing],
+    lifts: Mapping[str, float],
+    places: Places,
+    notes: Notes,
+) -> Thing | None:
     spot: Spot = ("props", name)
     data = _described(name, given, spot, notes)
     if data is None:
@@ -147,9 +155,7 @@ def _thing(
     turn = {"axis": [0.0, 0.0, 1.0], "angle": stands.heading}
     at = [place.real, place.imag, height]
     prop = Prop.model_validate({"name": name, "at": at, "orientation": turn, **data})
-    return Thing(
-        prop, handle, seat, given.held_by or "", given.side, stands, height, repr(data)
-    )
+    return Thing(prop, handle, seat, given.held_by or "", given.side, stands, height, repr(data))
 
 
 def prop_shapes(name: str, data: dict[str, Any]) -> tuple[Any, ...]:

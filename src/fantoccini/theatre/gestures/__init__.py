@@ -4,10 +4,7 @@ from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
-from fantoccini.theatre.gestures.ends import (
-    Complex,
-    Ends,
-)
+from fantoccini.theatre.gestures.ends import Complex, Ends
 from fantoccini.theatre.gestures.gait import Gait
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.gesture_file import (
@@ -18,29 +15,13 @@ from fantoccini.theatre.gestures.gesture_file import (
     is_gesture,
     load_gesture,
 )
-from fantoccini.theatre.gestures.joining import (
-    Line,
-    Motion,
-)
+from fantoccini.theatre.gestures.joining import Line, Motion
 from fantoccini.theatre.gestures.moves import planes
-from fantoccini.theatre.gestures.notes import (
-    LATE,
-    Notes,
-)
+from fantoccini.theatre.gestures.notes import LATE, Notes
 from fantoccini.theatre.gestures.parameters import MADE
 from fantoccini.theatre.gestures.piecewise import at
-from fantoccini.theatre.gestures.rehearsing import (
-    Rehearsal,
-    rehearse,
-)
-from fantoccini.theatre.gestures.score import (
-    Caption,
-    Played,
-    Score,
-    Sound,
-    Wait,
-    is_score,
-)
+from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
+from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait, is_score
 from fantoccini.theatre.gestures.score_file import (
     Factor,
     Length,
@@ -50,34 +31,11 @@ from fantoccini.theatre.gestures.score_file import (
     score_schema,
 )
 from fantoccini.theatre.gestures.sounding import read_sounds
-from fantoccini.theatre.gestures.stepping import (
-    STEP_TIME,
-    Step,
-    Track,
-)
-from fantoccini.theatre.gestures.timekeeping import (
-    Late,
-    lateness,
-)
-from fantoccini.theatre.gestures.timing import (
-    END,
-    START,
-    Reference,
-    Spot,
-    Times,
-    in_order,
-)
-from fantoccini.theatre.gestures.transitions import (
-    ACCELERATION,
-    SAME,
-    SPEED,
-    limits,
-    transition,
-)
-from fantoccini.theatre.gestures.walking import (
-    SWAY,
-    steps,
-)
+from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
+from fantoccini.theatre.gestures.timekeeping import Late, lateness
+from fantoccini.theatre.gestures.timing import END, START, Reference, Spot, Times, in_order
+from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, limits, transition
+from fantoccini.theatre.gestures.walking import SWAY, steps
 
 __all__ = [
     "ACCELERATION",

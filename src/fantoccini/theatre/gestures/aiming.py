@@ -42,7 +42,7 @@ _FACE = 0.1
 _PARTS = {
     "look": ("skull",),
     "point": ("upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right"),
-}  # fmt: skip
+}
 """Bodies that the poses of looking and pointing move."""
 _LEAST = 0.02
 """Least distance of a place from the shoulder or the neck [m]."""
@@ -67,9 +67,7 @@ class Aim:
         InputError: the place is none.
     """
 
-    def __init__(
-        self, marionette: Marionette, start: State, of: str, to: To, findings: Findings
-    ):
+    def __init__(self, marionette: Marionette, start: State, of: str, to: To, findings: Findings):
         bodies = [link.name for link in marionette.tree.links]
         if isinstance(to, str):
             name = of + to if of + to in bodies else to
@@ -177,12 +175,13 @@ def look(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
     tilt = float(np.clip(up, *_TILTS))
     face = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
     found = reach(
-        puppet, {("skull", (_FACE, 0.0, 0.0)): neck + _FACE * face}, turned,
-        bounds=aim.held("head"),
-    )[0].state  # fmt: skip
+        puppet, {("skull", (_FACE, 0.0, 0.0)): neck + _FACE * face}, turned, bounds=aim.held("head")
+    )[0].state
     # What is not reached is near enough: the head's string has no more to give.
-    own = {f"head.{part}": float(found[f"head.{part}"] - turned[f"head.{part}"])
-           for part in ("x", "y", "length")}  # fmt: skip
+    own = {
+        f"head.{part}": float(found[f"head.{part}"] - turned[f"head.{part}"])
+        for part in ("x", "y", "length")
+    }
     farthest = max(abs(x) for x in own.values())
     way = max(_BRIEFEST, _TURN_TIME * abs(turn), 1.875 * farthest / _SPEED)
     t, curve = there_and_back(way, _HOLD)
@@ -204,4 +203,3 @@ def _attached(puppet: Marionette, string: str) -> tuple[float, float, float]:
             x, y, z = (value_of(number) for number in one.points[0].at)
             return x, y, z
     raise UnknownNameError("string", string, [one.name for one in puppet.tree.strings])
-

@@ -32,10 +32,11 @@ def note_passed(whole: Gesture, most: Array, cues: Cues, notes: Notes) -> None:
     for (i, row, v), piece in worst.items():
         what, unit = (("moves at", "m/s"), ("changes by", "m/s^2"))[row]
         notes.change(
-            cues[i][0].spot, f"{whole.coordinates.v_K[v]} {what} {sizes[piece, row, v]:.4g} {unit} "
+            cues[i][0].spot,
+            f"{whole.coordinates.v_K[v]} {what} {sizes[piece, row, v]:.4g} {unit} "
             f"{notes.said(whole.breaks[piece])}; the bound is {most[row, v]:.4g}: play it "
             "smaller or slower",
-        )  # fmt: skip
+        )
 
 
 def moving(cues: Cues, t: float, v: int) -> list[int]:

@@ -63,9 +63,7 @@ class _Compiler:
         file, notes = self._file, self._notes
         most = self._bounds()
         gestures = Repertoire(self._marionette, file, self._start, most, notes)
-        lanes: dict[str, Any] = {
-            lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()
-        }
+        lanes: dict[str, Any] = {lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()}
         placed = Placing(lanes, file.marks, gestures.of, most, notes)
         gestures.read_all()
         notes.refuse()
@@ -74,9 +72,11 @@ class _Compiler:
         sounds = read_sounds(file.sound, placed.time, notes)
         notes.refuse()
         end = max(
-            *(line.end for line in placed.lines), *(wait.t for wait in waits),
-            (file.duration or 0.0) * notes.beat, notes.beat,
-        )  # fmt: skip
+            *(line.end for line in placed.lines),
+            *(wait.t for wait in waits),
+            (file.duration or 0.0) * notes.beat,
+            notes.beat,
+        )
         for line in placed.lines:
             line.hold(end)
         own = {
@@ -96,10 +96,21 @@ class _Compiler:
             if t > end + LATE:
                 notes.change(spot, f"comes {notes.said(t)}; the score ends {notes.said(end)}")
         made = Score(
-            self._marionette, whole.called(file.score), tuple(one for _, one, _ in placed.played),
-            placed.marks, captions, notes.beat, tuple(notes.changes), file.score, file.speed,
-            file.acceleration, waits, sounds, own, file.tempo,
-        )  # fmt: skip
+            self._marionette,
+            whole.called(file.score),
+            tuple(one for _, one, _ in placed.played),
+            placed.marks,
+            captions,
+            notes.beat,
+            tuple(notes.changes),
+            file.score,
+            file.speed,
+            file.acceleration,
+            waits,
+            sounds,
+            own,
+            file.tempo,
+        )
         try:
             made.inputs(self._start)
         except InputError as error:

@@ -1,6 +1,6 @@
 """Scores in live performances: their time runs, waits or goes round until GO.
 
-    t <- t + dt,   t <= t_wait,   or   t <- loop_start + (t - loop_start) mod (t_wait - loop_start)
+t <- t + dt,   t <= t_wait,   or   t <- loop_start + (t - loop_start) mod (t_wait - loop_start)
 """
 
 from __future__ import annotations

@@ -244,9 +244,11 @@ class Gesture:
         """In 1/factor of the time; below 1 slower."""
         check_positive(factor=factor)
         return dataclasses.replace(
-            self, breaks=self.breaks / factor, coef=piecewise.faster(self.coef, factor),
+            self,
+            breaks=self.breaks / factor,
+            coef=piecewise.faster(self.coef, factor),
             marks={name: t / factor for name, t in self.marks.items()},
-        )  # fmt: skip
+        )
 
     def lasting(self, duration: float) -> Gesture:
         """Within another time [s]."""
@@ -258,9 +260,11 @@ class Gesture:
         check_positive(by=by)
         clock = np.append(0.0, self.breaks + by)
         return dataclasses.replace(
-            self, breaks=clock, coef=piecewise.on(self.breaks + by, self.coef, clock),
+            self,
+            breaks=clock,
+            coef=piecewise.on(self.breaks + by, self.coef, clock),
             marks={name: t + by for name, t in self.marks.items()},
-        )  # fmt: skip
+        )
 
     def moved(self, by: Mapping[str, float]) -> Gesture:
         """The same from another place: what moves, by how much [m or rad].
@@ -386,16 +390,18 @@ class Gesture:
             marks[numbered(name, marks)] = t
         breaks, coef = piecewise.added((self.breaks, self.coef), (other.breaks, other.coef))
         return Gesture(
-            self.coordinates, breaks, coef, self.named | other.named, self.travel + other.travel,
+            self.coordinates,
+            breaks,
+            coef,
+            self.named | other.named,
+            self.travel + other.travel,
             " + ".join(one.name for one in (self, other) if one.name),
             marks,
-        )  # fmt: skip
+        )
 
     # -- using one ---------------------------------------------------------------------------
 
-    def inputs(
-        self, x0: State, *, speed: Most = SPEED, acceleration: Most = ACCELERATION
-    ) -> Input:
+    def inputs(self, x0: State, *, speed: Most = SPEED, acceleration: Most = ACCELERATION) -> Input:
         """The motion from a state on, at rest at both ends.
 
         Where the gesture begins elsewhere or in motion, a transition leads there first, so that

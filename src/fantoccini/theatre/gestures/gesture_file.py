@@ -39,10 +39,13 @@ _VALUE = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^.+ *(mm|
 _POINTS = {
     "type": "array",
     "items": {
-        "type": "array", "prefixItems": [{"type": "number"}, _VALUE], "minItems": 2, "maxItems": 2,
+        "type": "array",
+        "prefixItems": [{"type": "number"}, _VALUE],
+        "minItems": 2,
+        "maxItems": 2,
     },
     "minItems": 1,
-}  # fmt: skip
+}
 
 
 def _mapping(value: Any) -> Any:
@@ -51,9 +54,7 @@ def _mapping(value: Any) -> Any:
     return value
 
 
-Moves = Annotated[
-    dict[str, Annotated[Any, WithJsonSchema(_POINTS)]], BeforeValidator(_mapping)
-]
+Moves = Annotated[dict[str, Annotated[Any, WithJsonSchema(_POINTS)]], BeforeValidator(_mapping)]
 
 
 class KeyPoses(Model):
@@ -153,9 +154,7 @@ def load_gesture(
     return _read(puppet, path, start, prefix)
 
 
-def _read(
-    puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str
-) -> Gesture:
+def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str) -> Gesture:
     """The gesture of a file."""
     located = read_file(path)
     file = validate(GestureFile, located)
@@ -203,9 +202,7 @@ def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
     moves_at_all = made.named & np.any(np.abs(made.peaks) > _STILL, axis=0)
     if not moves_at_all.any():
         raise FileError([Mistake(file or name, None, "", "nothing moves in this take")])
-    return dataclasses.replace(
-        made, named=moves_at_all, coef=made.coef * moves_at_all[:, None]
-    )
+    return dataclasses.replace(made, named=moves_at_all, coef=made.coef * moves_at_all[:, None])
 
 
 def is_gesture(path: str | os.PathLike[str]) -> bool:
@@ -214,9 +211,13 @@ def is_gesture(path: str | os.PathLike[str]) -> bool:
 
 
 def _of_poses(
-    puppet: Table, poses: KeyPoses, start: State | None, moved: dict[str, Points],
-    located: Located, prefix: str,
-) -> dict[str, Points]:  # fmt: skip
+    puppet: Table,
+    poses: KeyPoses,
+    start: State | None,
+    moved: dict[str, Points],
+    located: Located,
+    prefix: str,
+) -> dict[str, Points]:
     """Offsets of strings with which the puppet hangs at key poses, moved as it is then."""
     found = Findings()
     if not isinstance(puppet, Marionette):

@@ -15,9 +15,15 @@ if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
 DIRECTIONS = {
-    "up": ("length", -1.0), "down": ("length", 1.0), "forward": ("x", 1.0), "back": ("x", -1.0),
-    "left": ("y", 1.0), "right": ("y", -1.0), "out": ("y", 0.0), "in": ("y", 0.0),
-}  # fmt: skip
+    "up": ("length", -1.0),
+    "down": ("length", 1.0),
+    "forward": ("x", 1.0),
+    "back": ("x", -1.0),
+    "left": ("y", 1.0),
+    "right": ("y", -1.0),
+    "out": ("y", 0.0),
+    "in": ("y", 0.0),
+}
 """Direction -> coordinate of a string, and its sign; 0 where the string's side gives it."""
 
 _SUFFIXES = ("length", "x", "y", "z", "rotation")

@@ -52,9 +52,14 @@ class Placing:
     """
 
     def __init__(
-        self, lanes: Mapping[str, tuple[Spot, tuple[CueFile, ...]]], marks: Mapping[str, Time],
-        gestures: Gestures, most: Array, notes: Notes, phrase: bool = False,
-    ):  # fmt: skip
+        self,
+        lanes: Mapping[str, tuple[Spot, tuple[CueFile, ...]]],
+        marks: Mapping[str, Time],
+        gestures: Gestures,
+        most: Array,
+        notes: Notes,
+        phrase: bool = False,
+    ):
         self._notes, self._phrase = notes, phrase
         self.cues = [
             self._cue((*spot, i), lane, given, gestures)
@@ -183,17 +188,19 @@ class Placing:
         more = whole.duration - cue.given.repeat * cue.once.duration
         if more > LATE:
             self._notes.change(
-                cue.spot, f"{whole.name} takes {whole.duration:.2f} s instead of "
+                cue.spot,
+                f"{whole.name} takes {whole.duration:.2f} s instead of "
                 f"{whole.duration - more:.2f} s: it ends elsewhere than it begins, and goes back "
                 "each time",
-            )  # fmt: skip
+            )
         if whole.turns and abs((cue.given.heading or 0.0) - lane.heading) > _HEADING:
             self._notes.change(
-                cue.spot, f"{whole.name} turns as if the puppet looked "
+                cue.spot,
+                f"{whole.name} turns as if the puppet looked "
                 f"{np.degrees(cue.given.heading or 0.0):.0f} deg to the left, and tears its "
                 f"strings apart: it looks {np.degrees(lane.heading):.0f} deg; give "
                 f"`heading: {np.degrees(lane.heading):.0f} deg`",
-            )  # fmt: skip
+            )
         lane.heading += cue.given.turn or 0.0
         lane.before, lane.free = whole.name, 0.0
         marks = {name: begun + t for name, t in whole.marks.items()}

@@ -305,9 +305,10 @@ def _whole(score: Score, t: Times, learnt: Array) -> Gesture:
     rate[[0, -1]] = change[[0, -1]] = 0.0
     parts = [(x[:-1], x[1:]) for x in (learnt, rate, change)]
     coef = polynomial.hermite(
-        np.diff(t)[:, None], (parts[0][0], parts[1][0], parts[2][0]),
+        np.diff(t)[:, None],
+        (parts[0][0], parts[1][0], parts[2][0]),
         (parts[0][1], parts[1][1], parts[2][1]),
-    )  # fmt: skip
+    )
     table, named = score.gesture.coordinates, np.any(learnt != 0.0, axis=0)
     return score.gesture + Gesture(table, t, coef, named, np.zeros(table.n_vK))
 

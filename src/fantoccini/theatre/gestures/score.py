@@ -1,6 +1,6 @@
 """Scores: gestures of a puppet in lanes, on beats; compiled to one motion of its hands.
 
-    q_K(t) = q_K0 + sum over lanes of d_lane(t)
+q_K(t) = q_K0 + sum over lanes of d_lane(t)
 """
 
 from __future__ import annotations

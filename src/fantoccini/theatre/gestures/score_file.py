@@ -105,9 +105,7 @@ Time = Annotated[
 class CueFile(Model):
     """A gesture, a phrase or a rest in a lane. Without `at` and `on` it follows the one before."""
 
-    model_config = ConfigDict(
-        json_schema_extra={"oneOf": [{"required": [kind]} for kind in KINDS]}
-    )
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in KINDS]})
 
     gesture: str | None = None
     """A gesture file or a take (.npz) in this file's folder, or the name of a bundled gesture."""

@@ -30,9 +30,7 @@ def spot_of_sound(i: int, located: Located) -> Spot:
     return ("sound", i) if isinstance(located.data["sound"], list) else ("sound",)
 
 
-def _sound(
-    given: SoundFile, i: int, time: Callable[[Time, Spot], float], notes: Notes
-) -> Sound:
+def _sound(given: SoundFile, i: int, time: Callable[[Time, Spot], float], notes: Notes) -> Sound:
     located = notes.located
     spot = spot_of_sound(i, located)
     start = time(given.at, (*spot, "at"))

@@ -175,7 +175,5 @@ def _turning(
                 ways[string] = way, AXES[part], -sign if part == "length" else sign
     most = max((way for way, *_ in ways.values()), default=0.0)
     return [
-        (string, axis, sign)
-        for string, (way, axis, sign) in ways.items()
-        if way > _ALIKE * most
+        (string, axis, sign) for string, (way, axis, sign) in ways.items() if way > _ALIKE * most
     ]

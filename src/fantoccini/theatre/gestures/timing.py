@@ -1,6 +1,6 @@
 """Times of a score file: numbers, or marks and moments of cues with an offset.
 
-    t = (mark or moment) + offset * beat
+t = (mark or moment) + offset * beat
 """
 
 from __future__ import annotations
@@ -143,8 +143,14 @@ class Times:
         # `wave.end-1` is a beat before the end, unless a mark is called `end-1`.
         cues = [self._own[match[1]]] if match[1] in self._own else self._cues.get(match[1], [])
         if match[2] and not any(match[2] in cue.known for cue in cues):
-            match = next((one for one in matches if one[1] == match[1] and any(
-                one[2] in cue.known for cue in cues)), match)  # fmt: skip
+            match = next(
+                (
+                    one
+                    for one in matches
+                    if one[1] == match[1] and any(one[2] in cue.known for cue in cues)
+                ),
+                match,
+            )
         name, moment = match[1], match[2]
         offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
         if moment is None and name in self._marks:

@@ -1,6 +1,6 @@
 """Turns of driven bodies as rotation vectors from one orientation.
 
-    phi(t) = log(R(0)^T R(t)),   w = J_r(phi) phidot
+phi(t) = log(R(0)^T R(t)),   w = J_r(phi) phidot
 """
 
 from __future__ import annotations

@@ -27,9 +27,10 @@ def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, notes: Notes)
                 text = f"{whole.coordinates.v_K[v]} moves at {abs(rate[v]):.3g} m/s"
                 when = notes.said(wait.t)
                 notes.mistake(
-                    ("waits", wait.name), f"{text} {when}, in {_cue(cues, wait.t, v, notes)}; "
+                    ("waits", wait.name),
+                    f"{text} {when}, in {_cue(cues, wait.t, v, notes)}; "
                     "needed: a time at which all lanes rest, or a loop",
-                )  # fmt: skip
+                )
             continue
         first, first_rate = piecewise.at(whole.breaks, whole.coef, wait.loop_start)
         for what, unit, gap in (
@@ -41,10 +42,11 @@ def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, notes: Notes)
                 text = what.format(f"{gap[v]:.3g} {unit}")
                 spot: Spot = ("waits", wait.name, "loop")
                 notes.mistake(
-                    spot, f"{whole.coordinates.v_K[v]} {text} {notes.said(wait.loop_start)} "
+                    spot,
+                    f"{whole.coordinates.v_K[v]} {text} {notes.said(wait.loop_start)} "
                     f"{notes.said(wait.t)}, in {_cue(cues, wait.t, v, notes)}; needed: a loop "
                     "that ends as it begins",
-                )  # fmt: skip
+                )
                 break
 
 

@@ -98,9 +98,7 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
 def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Curve]:
     """From 0 to 1 in ``way`` seconds, there for ``hold``, and back: times and the curve."""
     s = np.linspace(0.0, 1.0, parts + 1)
-    up = tuple(
-        (_MINIMUM_JERK.deriv(k) if k else _MINIMUM_JERK)(s) / way**k for k in range(3)
-    )
+    up = tuple((_MINIMUM_JERK.deriv(k) if k else _MINIMUM_JERK)(s) / way**k for k in range(3))
     t = np.concatenate([way * s, way + hold + way * s])
     signs = (1.0, -1.0, 1.0)
     one, two, three = (

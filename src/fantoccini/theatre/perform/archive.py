@@ -132,9 +132,7 @@ def _samples(marionette: Marionette, arrays: Mapping[str, Array], name: str) -> 
     return samples
 
 
-def _checks(
-    marionette: Marionette, arrays: Mapping[str, Array], n: int, status: Status
-) -> Checks:
+def _checks(marionette: Marionette, arrays: Mapping[str, Array], n: int, status: Status) -> Checks:
     samples = _samples(marionette, arrays, "checks")
     ticks: Indices = npz.checked(arrays, "ticks", (len(samples),), "i").astype(np.intp)
     if ticks[0] != 0 or np.any(np.diff(ticks) <= 0) or ticks[-1] > n:

@@ -183,8 +183,10 @@ def _task(performance: Performance, x: State, horizon: float) -> Task:
         tracks.append(Track.coordinate(table.q_K[q], float(x.q_K[q]), weight=WEIGHTS.hands))
     bounds = performance.bounds
     return Task(
-        marionette, x, horizon, tracks, WEIGHTS.smooth,
-        Bounds(
-            position=bounds.position, speed=bounds.speed, acceleration=bounds.acceleration
-        ),
-    )  # fmt: skip
+        marionette,
+        x,
+        horizon,
+        tracks,
+        WEIGHTS.smooth,
+        Bounds(position=bounds.position, speed=bounds.speed, acceleration=bounds.acceleration),
+    )

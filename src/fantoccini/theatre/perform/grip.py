@@ -162,9 +162,15 @@ class Holding:
         unit = np.zeros((np.max(turn, initial=-1) + 1, n_K))
         unit[turn, np.arange(n_K)] = 1.0
         on = self.marionette.model.library.evaluate(
-            "dynamics", q_D=x.q_D, v_D=still, q_K=x.q_K, v_K=unit, acc_K=np.zeros(n_K), u_D=still,
+            "dynamics",
+            q_D=x.q_D,
+            v_D=still,
+            q_K=x.q_K,
+            v_K=unit,
+            acc_K=np.zeros(n_K),
+            u_D=still,
             p=self.marionette.p,
-        )  # fmt: skip
+        )
         return np.where(self._moves, on.hdot_K[turn].T, 0.0)
 
     def _slow_down(self, row: Array, wanted: VecK, excess: float) -> bool:

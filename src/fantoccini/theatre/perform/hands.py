@@ -115,9 +115,7 @@ class Hands:
         )
 
     @staticmethod
-    def ranges_of(
-        marionette: Marionette, x: State, dt: float
-    ) -> dict[str, tuple[float, float]]:
+    def ranges_of(marionette: Marionette, x: State, dt: float) -> dict[str, tuple[float, float]]:
         """String with a driven length -> the range about its length at a state [m].
 
         A chain stays long enough for steps of ``dt`` [s].
@@ -139,9 +137,10 @@ class Hands:
             table.q_K[q]: self.lengths[name] for name, (q, _) in self.winch.items() if q in scalars
         }
         return HandBounds(
-            position, dict(zip(table.v_K, map(float, speed), strict=True)),
+            position,
+            dict(zip(table.v_K, map(float, speed), strict=True)),
             dict(zip(table.v_K, map(float, acceleration), strict=True)),
-        )  # fmt: skip
+        )
 
     def handle(self, name: str) -> Handle:
         """The handle of that name."""
@@ -201,12 +200,7 @@ class Hands:
         return r, wxyz
 
     def brought(
-        self,
-        q_K: ConfigK,
-        name: str,
-        position: Vec3 | None,
-        wxyz: Quaternion | None,
-        x: State,
+        self, q_K: ConfigK, name: str, position: Vec3 | None, wxyz: Quaternion | None, x: State
     ) -> ConfigK:
         """(n_qK,) driven coordinates that bring a handle as near to a place as its joint allows.
 
@@ -262,9 +256,7 @@ class Hands:
         else:
             away = self.away(x.q_K, self.moved(wanted, steps.d))
             own = x.v_K - self._rates(wanted, steps.d, steps.rate, away)
-        velocity = reach.wanted_velocity(
-            away, own, tick, self.group, self.speed, self.acceleration
-        )
+        velocity = reach.wanted_velocity(away, own, tick, self.group, self.speed, self.acceleration)
         if steps is None:
             return velocity
         return self.bounded(velocity + self._rates(wanted, steps.d_next, steps.rate_next, away))
@@ -310,9 +302,7 @@ def _winches(marionette: Marionette) -> dict[str, tuple[int, int]]:
     return {name: place for name, place in places.items() if place is not None}
 
 
-def _shortest(
-    marionette: Marionette, chain: ChainRow, x: State, low: float, dt: float
-) -> float:
+def _shortest(marionette: Marionette, chain: ChainRow, x: State, low: float, dt: float) -> float:
     """The shortest of a few lengths from ``low`` [m] on that permits steps of dt [s]."""
     assert chain.length_index is not None  # its length is driven, or wound by a drive
     q, own = (x.q_K, x.q_D)[chain.driven_length is None].copy(), chain.length_index[0]

@@ -37,9 +37,7 @@ def way_back(
     """
     n = table.n_vK
     target, rate = _seen_from(table, end[0], start)
-    lead, _ = transition(
-        np.zeros(n), end[1], target, rate, limits(table, SPEED, ACCELERATION)
-    )
+    lead, _ = transition(np.zeros(n), end[1], target, rate, limits(table, SPEED, ACCELERATION))
     if lead is None:
         return np.zeros((0, n))
     k = max(_LEAST, int(np.ceil(lead[0] / tick)))

@@ -81,11 +81,13 @@ class Counts:
         faults = [
             f"{n} {what}"
             for n, what in (
-                (self.wrong, "not understood"), (self.refused, "refused"),
-                (self.echoes, "echoes"), (self.lost, "not sent"),
+                (self.wrong, "not understood"),
+                (self.refused, "refused"),
+                (self.echoes, "echoes"),
+                (self.lost, "not sent"),
             )
             if n
-        ]  # fmt: skip
+        ]
         said = f"{self.heard} heard, {self.sent} sent"
         said += "".join(f", {fault}" for fault in faults)
         return f"{said}; {self.last}" if self.last else said
@@ -178,8 +180,10 @@ class Osc:
     def _obey(self, address: str, values: list[Any]) -> None:
         do = self._command(address)
         if do is None:
-            self._wrong(f"{address}; allowed: /go, /hold, /resume, /cue/N/start, /cue/next, "
-                        "/cue/repeat, /player/NAME/take, /player/NAME/give, /panic")  # fmt: skip
+            self._wrong(
+                f"{address}; allowed: /go, /hold, /resume, /cue/N/start, /cue/next, "
+                "/cue/repeat, /player/NAME/take, /player/NAME/give, /panic"
+            )
             return
         if len(values) > 1:
             self.counts.echoes += 1
@@ -208,9 +212,13 @@ class Osc:
         """What an address asks for; None where it asks for nothing."""
         show = self._show
         plain: dict[str, Callable[[], None]] = {
-            "/go": show.go, "/hold": show.hold, "/resume": show.resume, "/cue/next": show.skip,
-            "/cue/repeat": show.repeat, "/panic": show.panic,
-        }  # fmt: skip
+            "/go": show.go,
+            "/hold": show.hold,
+            "/resume": show.resume,
+            "/cue/next": show.skip,
+            "/cue/repeat": show.repeat,
+            "/panic": show.panic,
+        }
         if address in plain:
             return plain[address]
         if number := _number(address):

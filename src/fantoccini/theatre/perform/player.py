@@ -1,6 +1,6 @@
 """Player: gestures, a take and a score, played on top of what the hands hold.
 
-    q_K(t) = q_K,held(t) + d(t),   d(t): the sum of what is played
+q_K(t) = q_K,held(t) + d(t),   d(t): the sum of what is played
 """
 
 from __future__ import annotations
@@ -214,9 +214,7 @@ class Player:
     def _all(self) -> list[Voice]:
         return self._voices + ([] if self.take is None else [self.take])
 
-    def _sum(
-        self, t: float, voices: list[Voice], score: ScoreVoice | None = None
-    ) -> Offsets:
+    def _sum(self, t: float, voices: list[Voice], score: ScoreVoice | None = None) -> Offsets:
         total = Offsets.none(self._most.shape[1]) if score is None else score.now
         for voice in voices:
             total = Offsets(*(a + b for a, b in zip(total, voice.at(t), strict=True)))

@@ -249,9 +249,13 @@ class Recording:
 
     def _of(self, written: Written) -> Trajectory:
         return trajectory_of_samples(
-            self.marionette, written.output, written.status, METHOD, with_effort=True,
+            self.marionette,
+            written.output,
+            written.status,
+            METHOD,
+            with_effort=True,
             blame=np.zeros(len(self.marionette.tree.blamable)),
-        )  # fmt: skip
+        )
 
 
 class Recorder:

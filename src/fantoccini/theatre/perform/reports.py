@@ -44,9 +44,7 @@ class Reports:
             if 0 <= index < len(tree.watched):
                 self._weak[tree.watched[index].name.rsplit(".", 1)[0]] = t
 
-    def added(
-        self, found: dict[str, list[str]], t: float, names: Iterable[str]
-    ) -> dict[str, str]:
+    def added(self, found: dict[str, list[str]], t: float, names: Iterable[str]) -> dict[str, str]:
         """Messages by handle or string, those of this moment among them.
 
         Args:

@@ -1,6 +1,6 @@
 """A score as it is played: it may wait for GO, be paused and be set to another time.
 
-    d(t) = d_score(t) + e(t),   e: a quintic to 0 that leads back what has left the score
+d(t) = d_score(t) + e(t),   e: a quintic to 0 that leads back what has left the score
 """
 
 from __future__ import annotations
@@ -110,17 +110,18 @@ class ScoreVoice:
         own = ~self._instead
         there, _ = at(self._motion.breaks, self._motion.coef, t)
         self._lead, _ = transition(
-            (self.now.d - self.shift[0]) * own, (self.now.rate - self.shift[1]) * own,
-            there * own, np.zeros(len(there)), self._most * self.share,
-        )  # fmt: skip
+            (self.now.d - self.shift[0]) * own,
+            (self.now.rate - self.shift[1]) * own,
+            there * own,
+            np.zeros(len(there)),
+            self._most * self.share,
+        )
 
     def leave(self, moves: MaskRows) -> None:
         """Leaves coordinates to the hands: they stop within bounds, and the others go on."""
         nothing = np.zeros(len(moves))
         stops = np.where(moves, np.nan, 0.0)
-        way, end = transition(
-            self.now.d * moves, self.now.rate * moves, stops, nothing, self._most
-        )
+        way, end = transition(self.now.d * moves, self.now.rate * moves, stops, nothing, self._most)
         coef = np.zeros((len(moves), polynomial.N_COEF))
         coef[:, 0] = end
         self._add(_Way(moves, True, self._clock, *(way or (0.0, coef))))

@@ -70,9 +70,11 @@ class Show:
         stage = play.cast.file.stage
         speed, acceleration = _most(play)
         self.performance = Performance(
-            play.marionette, play.x0, speed=max(stage.speed, speed),
+            play.marionette,
+            play.x0,
+            speed=max(stage.speed, speed),
             acceleration=max(stage.acceleration, acceleration),
-        )  # fmt: skip
+        )
         self.taken: frozenset[str] = frozenset()
         self.message = ""
         self.steady: Steady | None = Steady(play, self.performance)
@@ -355,9 +357,10 @@ class Show:
         wait, t = voice.conductor.waiting, voice.t
         still = None if wait is None else self._cue_of(wait)
         return tuple(
-            cue.number for cue in self._played
+            cue.number
+            for cue in self._played
             if cue.start < t < max(cue.end, cue.start + _AT_ONCE) and cue is not still
-        )  # fmt: skip
+        )
 
     def _happens(self, kind: str, name: str, number: int = 0) -> None:
         for tell in self._tell:

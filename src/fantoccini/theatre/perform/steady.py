@@ -70,9 +70,9 @@ class Steady:
         tick = performance.tick
         model = play.marionette.model
         gravity = -model.number(model.tree.gravity[2])
-        self.frequencies = np.array([
-            natural_frequency(height, gravity) for height in self._heights(performance)
-        ])
+        self.frequencies = np.array(
+            [natural_frequency(height, gravity) for height in self._heights(performance)]
+        )
         self._gains = np.array([_gains(w, tick) for w in self.frequencies])
         self._most = _WEIGHTS.share * play.cast.file.stage.acceleration
         n = len(self.frequencies)
@@ -94,10 +94,12 @@ class Steady:
             taken: players that are in somebody's hands.
         """
         tick, t = self._performance.tick, voice.t
-        usual = np.array([
-            [np.interp(t, self._clock, path) for path in of_player.T]
-            for of_player in self._usual.swapaxes(0, 1)
-        ])  # fmt: skip
+        usual = np.array(
+            [
+                [np.interp(t, self._clock, path) for path in of_player.T]
+                for of_player in self._usual.swapaxes(0, 1)
+            ]
+        )
         e = self._members.middles(x.q_D, x.q_K)[..., :2] - usual
         jumped = self._before is None or abs(t - self._t) > 1.5 * tick
         rate = np.zeros_like(e) if jumped else (e - self._before) / tick
@@ -122,8 +124,9 @@ class Steady:
             own = self._play.cast.member(name)
             hands = [
                 performance.place(handle.name)[0][2]
-                for handle in performance.handles if handle.name.startswith(own)
-            ]  # fmt: skip
+                for handle in performance.handles
+                if handle.name.startswith(own)
+            ]
             found.append(float(np.mean(hands) - middle[2]) if hands else 0.0)
         return found
 
@@ -138,17 +141,24 @@ class Members:
         inertia = [link_inertia(link, model.number)[:2] for link in model.tree.links]
         self._at = np.array([np.asarray(com, dtype=float) for _, com in inertia])
         owns = [
-            [m * (cast.owner(link.name) == who) for link, (m, _) in zip(
-                model.tree.links, inertia, strict=True)]
+            [
+                m * (cast.owner(link.name) == who)
+                for link, (m, _) in zip(model.tree.links, inertia, strict=True)
+            ]
             for who in self.names
-        ]  # fmt: skip
+        ]
         share = np.array(owns, dtype=float)
         self._share = share / np.maximum(share.sum(axis=1, keepdims=True), 1e-12)
-        self._channels = np.array([
-            [[name.startswith(cast.member(who)) and name.endswith(part) for name in names]
-             for part in (".x", ".y")]
-            for who in self.names
-        ], dtype=float)  # fmt: skip
+        self._channels = np.array(
+            [
+                [
+                    [name.startswith(cast.member(who)) and name.endswith(part) for name in names]
+                    for part in (".x", ".y")
+                ]
+                for who in self.names
+            ],
+            dtype=float,
+        )
 
     def middles(self, q_D: Array, q_K: Array) -> Array:
         """(..., n_players, 3) centres of mass [m]."""

@@ -1,6 +1,6 @@
 """Targets of hands: where they are to be, what is played on top of that, or a law instead.
 
-    q_K(t) = q_K,held(t) + d(t),   d(t): the sum of what is played
+q_K(t) = q_K,held(t) + d(t),   d(t): the sum of what is played
 """
 
 from __future__ import annotations
@@ -135,9 +135,7 @@ class Targets:
 
     # -- what is played on top ---------------------------------------------------------------
 
-    def play(
-        self, gesture: Gesture, *, after: float | None = None, again: bool = False
-    ) -> float:
+    def play(self, gesture: Gesture, *, after: float | None = None, again: bool = False) -> float:
         """Plays a gesture on top of what the hands hold; returns after how long it begins [s].
 
         Offsets of several gestures add up. One that moves all that another moves takes over from

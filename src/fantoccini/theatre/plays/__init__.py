@@ -1,29 +1,13 @@
 """Plays: who does what, where and when on a stage, compiled and verified."""
 
 from fantoccini.theatre.plays.compiling import load_play
-from fantoccini.theatre.plays.from_above import (
-    Overhead,
-    overhead,
-)
-from fantoccini.theatre.plays.least import (
-    Least,
-    clearances,
-)
-from fantoccini.theatre.plays.play import (
-    CueOfPlay,
-    Play,
-)
-from fantoccini.theatre.plays.reading import (
-    check_play,
-    play_names,
-)
+from fantoccini.theatre.plays.from_above import Overhead, overhead
+from fantoccini.theatre.plays.least import Least, clearances
+from fantoccini.theatre.plays.play import CueOfPlay, Play
+from fantoccini.theatre.plays.reading import check_play, play_names
 from fantoccini.theatre.plays.stage_run import together
 from fantoccini.theatre.plays.touching import Touch
-from fantoccini.theatre.plays.verifying import (
-    CueTime,
-    Verification,
-    verify_play,
-)
+from fantoccini.theatre.plays.verifying import CueTime, Verification, verify_play
 
 __all__ = [
     "CueOfPlay",

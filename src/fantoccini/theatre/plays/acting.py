@@ -45,10 +45,14 @@ _PARTS = (1.0, 0.5, 2.0, 1.5, 1.0 / 3.0, 3.0)
 """Beats of a step, those that are liked best first."""
 
 MARKS = {
-    "looks_at": ("there",), "points_at": ("points",),
-    "gives": ("offered", "under", "taken", "released"), "sits_on": ("down",),
-    "stands_up_from": ("up",), "puts_down": ("down", "free"), "picks_up": ("under", "up"),
-}  # fmt: skip
+    "looks_at": ("there",),
+    "points_at": ("points",),
+    "gives": ("offered", "under", "taken", "released"),
+    "sits_on": ("down",),
+    "stands_up_from": ("up",),
+    "puts_down": ("down", "free"),
+    "picks_up": ("under", "up"),
+}
 """Verb -> marks of the gesture that is made for it."""
 AIMED = {"looks_at": "look", "points_at": "point"}
 """Verb -> bundled gesture with a target."""

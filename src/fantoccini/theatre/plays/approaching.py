@@ -43,17 +43,29 @@ class Approaching:
     """
 
     def __init__(
-        self, walks: Walks, repertory: Repertory, actors: Mapping[str, Actor], wishes: Wishes,
+        self,
+        walks: Walks,
+        repertory: Repertory,
+        actors: Mapping[str, Actor],
+        wishes: Wishes,
         carries: Callable[[str], str],
-    ):  # fmt: skip
+    ):
         self._walks, self._repertory, self._actors = walks, repertory, actors
         self._wishes, self._carries = wishes, carries
         self.calmed: dict[tuple[Spot, str], float] = {}
 
     def come(
-        self, cue: Cue, actor: Actor, before: Footing, there: Footing, begin: float, wait: float,
-        *, beside: Actor | None = None, step: float = STEP,
-    ) -> None:  # fmt: skip
+        self,
+        cue: Cue,
+        actor: Actor,
+        before: Footing,
+        there: Footing,
+        begin: float,
+        wait: float,
+        *,
+        beside: Actor | None = None,
+        step: float = STEP,
+    ) -> None:
         """A walk to a place before something, and the last straight steps."""
         actor.rests()
         carries = self._carries(actor.player.name)
@@ -63,9 +75,17 @@ class Approaching:
                 (one.player, one.track()) for one in self._actors.values() if one is not actor
             ]
             way, why = self._walks.way(
-                actor.player, actor.last, [before], free, wait, others, near=0.0, arrives=None,
-                free_from=free, carries=bool(carries),
-            )  # fmt: skip
+                actor.player,
+                actor.last,
+                [before],
+                free,
+                wait,
+                others,
+                near=0.0,
+                arrives=None,
+                free_from=free,
+                carries=bool(carries),
+            )
             if way is None:
                 raise CannotBe(why)
             self._walk(cue, actor, way)
@@ -73,18 +93,24 @@ class Approaching:
         self.straight(cue, actor, there, free, beside=beside, step=step)
 
     def straight(
-        self, cue: Cue, actor: Actor, there: Footing, begin: float,
-        beside: Actor | None = None, step: float = STEP,
-    ) -> None:  # fmt: skip
+        self,
+        cue: Cue,
+        actor: Actor,
+        there: Footing,
+        begin: float,
+        beside: Actor | None = None,
+        step: float = STEP,
+    ) -> None:
         """Straight steps, forward or backward, past nobody."""
         here = actor.last
         way_there = here.seen(there.place).real
         n = max(1, int(np.ceil(abs(way_there) / step)))
         way = Way(here, begin, (Step(way_there / n),) * n, _STEP_TIME)
         others = [
-            (one.player, one.track()) for one in self._actors.values()
+            (one.player, one.track())
+            for one in self._actors.values()
             if one is not actor and one is not beside
-        ]  # fmt: skip
+        ]
         who = self._walks.in_the_way(actor.player, way, others)
         if who is not None:
             raise CannotBe(f"{actor.player.name} has no room: {who} is in the way")
@@ -116,9 +142,7 @@ class Approaching:
             self.calmed[key] = start
         return max(actor.rests() for actor in actors) + CALM
 
-    def clear_of(
-        self, there: Footing, side: float, actor: Actor, least: float = 0.02
-    ) -> Footing:
+    def clear_of(self, there: Footing, side: float, actor: Actor, least: float = 0.02) -> Footing:
         """The nearest place ahead (1) or behind (-1) that is clear of what stands there."""
         for way in np.arange(least, _FARTHEST, 0.02):
             one = Footing(*along(there, side * float(way)), there.heading)

@@ -33,9 +33,12 @@ Progress = Callable[[str, float], None]
 
 
 def load_play(
-    path: str | os.PathLike[str], *, progress: Progress | None = None,
-    before: Play | None = None, within: float | None = None,
-) -> Play:  # fmt: skip
+    path: str | os.PathLike[str],
+    *,
+    progress: Progress | None = None,
+    before: Play | None = None,
+    within: float | None = None,
+) -> Play:
     """Reads and compiles a play.
 
     What cannot be done is left out, and :attr:`Play.changes` says why, with the line and the
@@ -134,9 +137,10 @@ class _Compiler:
         self._rounds.back(wishes)
         self._round = self._rounds.made()
         self._notes.change(
-            ("acts",), f"compiling was stopped after {_rounds(self._count)}: cues may be late, too "
+            ("acts",),
+            f"compiling was stopped after {_rounds(self._count)}: cues may be late, too "
             "fast or swing; with more time (`within`) they are mended or refused",
-        )  # fmt: skip
+        )
         return self._made(self._touches(self._round))
 
     # -- touches -----------------------------------------------------------------------------
@@ -239,17 +243,30 @@ class _Compiler:
         score = whole_score(self._cast, made.motions, made.lanes, self._rounds.timeline, notes)
         parts = tuple(
             (number, part.who)
-            for number, cue in enumerate(self._rounds.timeline.cues, 1) for part in cue.parts
-        )  # fmt: skip
+            for number, cue in enumerate(self._rounds.timeline.cues, 1)
+            for part in cue.parts
+        )
         acts = {
             act.act: start for act, start in zip(file.acts, made.placing.act_starts, strict=True)
         }
         ways = {name: tuple(actor.ways) for name, actor in made.placing.actors.items()}
         return Play(
-            file.play, notes.located, self._cast, score, parts, cues, tuple(notes.changes), acts,
-            made.motions, made.starts, made.meetings, ways, self._rounds.settled,
-            self._count, self._kept,
-        )  # fmt: skip
+            file.play,
+            notes.located,
+            self._cast,
+            score,
+            parts,
+            cues,
+            tuple(notes.changes),
+            acts,
+            made.motions,
+            made.starts,
+            made.meetings,
+            ways,
+            self._rounds.settled,
+            self._count,
+            self._kept,
+        )
 
     def _cue(self, i: int, cue: Cue) -> CueOfPlay:
         given = cue.given
@@ -257,12 +274,24 @@ class _Compiler:
         start = min((part.start for part in parts), default=cue.wanted)
         end = max((part.end for part in parts), default=cue.wanted)
         return CueOfPlay(
-            i + 1, self._cast.file.acts[cue.act].act, cue.who, described(cue), cue.name,
-            self._notes.located.line(cue.spot) or 0, cue.wanted, cue.give(self._notes.beat), start,
-            end, next(iter(given.on)) if given.on is not None else "", given.go, given.says or "",
-            cue.refused, given.optional, given.verb in WITH_PROPS,
+            i + 1,
+            self._cast.file.acts[cue.act].act,
+            cue.who,
+            described(cue),
+            cue.name,
+            self._notes.located.line(cue.spot) or 0,
+            cue.wanted,
+            cue.give(self._notes.beat),
+            start,
+            end,
+            next(iter(given.on)) if given.on is not None else "",
+            given.go,
+            given.says or "",
+            cue.refused,
+            given.optional,
+            given.verb in WITH_PROPS,
             {who: _marks_of(parts, who) for who in dict.fromkeys(part.who for part in parts)},
-        )  # fmt: skip
+        )
 
 
 def _marks_of(parts: Sequence[Part], who: str) -> dict[str, float]:

@@ -69,9 +69,14 @@ def walk_along(
 
 
 def note(
-    cue: Cue, actor: Actor, lane: int, gesture: Gesture, start: float,
-    marks: Mapping[str, float] | None = None, end: float | None = None,
-) -> None:  # fmt: skip
+    cue: Cue,
+    actor: Actor,
+    lane: int,
+    gesture: Gesture,
+    start: float,
+    marks: Mapping[str, float] | None = None,
+    end: float | None = None,
+) -> None:
     """Notes what a player does in a cue; marks from the start on [s]."""
     end = start + gesture.duration if end is None else end
     own = gesture.marks if marks is None else marks

@@ -72,5 +72,6 @@ def overhead(play: Play) -> Overhead:
         {name: mark.at for name, mark in stage.marks.items()},
         {name: tuple(polygons) for name, polygons in standing.items()},
         None if stage.space is None else (stage.space.x, stage.space.y),
-        {name: player.start for name, player in play.cast.players.items()}, ways,
-    )  # fmt: skip
+        {name: player.start for name, player in play.cast.players.items()},
+        ways,
+    )

@@ -59,9 +59,7 @@ def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failur
     return sorted(found, key=lambda one: one.t)
 
 
-def handle_seen(
-    cast: Cast, runs: Runs, meeting: Meeting, t: float
-) -> tuple[float, float] | None:
+def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[float, float] | None:
     """How far from the elbow a handle hangs at a time, and its height [m]; None if unknown."""
     (prop,), who = meeting.props, meeting.players[0]
     run, handle = runs.with_prop(prop, t), cast.things[prop].handle
@@ -79,9 +77,7 @@ def stands_seen(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
         return None
     run = before[-1]
     pose = _poses(run, prop, run.whole.t[-1:])[0]
-    return Footing(
-        float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0]))
-    )
+    return Footing(float(pose[0, 3]), float(pose[1, 3]), float(np.arctan2(pose[1, 0], pose[0, 0])))
 
 
 def _runs(meeting: Meeting, runs: Runs) -> Iterator[tuple[Run, float, float]]:

@@ -70,9 +70,13 @@ class Handling:
     """
 
     def __init__(
-        self, cast: Cast, walks: Walks, repertory: Repertory, actors: Mapping[str, Actor],
+        self,
+        cast: Cast,
+        walks: Walks,
+        repertory: Repertory,
+        actors: Mapping[str, Actor],
         wishes: Wishes,
-    ):  # fmt: skip
+    ):
         self._cast, self._walks, self._repertory = cast, walks, repertory
         self._actors, self._wishes = actors, wishes
         self._met: list[Meeting] = []
@@ -95,8 +99,7 @@ class Handling:
         """Who may touch what until a time [s]."""
         found = list(self._met)
         found += [
-            one.meeting(prop, until)
-            for prop, one in self.where.items() if isinstance(one, Hangs)
+            one.meeting(prop, until) for prop, one in self.where.items() if isinstance(one, Hangs)
         ]
         found += [one.meeting(who, until, until) for who, one in self.seated.items()]
         return tuple(found)
@@ -121,12 +124,17 @@ class Handling:
             CannotBe: it cannot be done.
         """
         does: dict[str, Callable[[Cue, float, float], None]] = {
-            "gives": self._gives, "sits_on": self._sits, "stands_up_from": self._stands_up,
-            "puts_down": self._puts_down, "picks_up": self._picks_up,
-        }  # fmt: skip
+            "gives": self._gives,
+            "sits_on": self._sits,
+            "stands_up_from": self._stands_up,
+            "puts_down": self._puts_down,
+            "picks_up": self._picks_up,
+        }
         does[cue.given.verb](cue, begin, wait)
-        cue.moments = {START: min(part.start for part in cue.parts),
-                       END: max(part.end for part in cue.parts)}  # fmt: skip
+        cue.moments = {
+            START: min(part.start for part in cue.parts),
+            END: max(part.end for part in cue.parts),
+        }
         for part in cue.parts:
             cue.moments.update({m: t for m, t in part.marks.items() if m in cue.known})
         return cue.moments[START]
@@ -145,8 +153,14 @@ class Handling:
         lift, lifts = (self._cast.file.cast[name].lift for name in cue.who)
         handing = self._made(
             lambda: props.give(
-                giver.player.alone, "", "", prop, side=held.side, along=self._along(cue),
-                carried=True, higher=lift - lifts,
+                giver.player.alone,
+                "",
+                "",
+                prop,
+                side=held.side,
+                along=self._along(cue),
+                carried=True,
+                higher=lift - lifts,
             ),
             giver,
         )
@@ -165,12 +179,12 @@ class Handling:
         ]
         end = max(ends)
         self._close(prop, held, start)
-        pairs = {hanging(str(who), side, prop)
-                 for who, side in ((cue.who[0], held.side), (given.to, other))}  # fmt: skip
+        pairs = {
+            hanging(str(who), side, prop)
+            for who, side in ((cue.who[0], held.side), (given.to, other))
+        }
         pairs |= standing(prop, FLOOR)
-        self._met.append(
-            Meeting(start, end, cue.who, (prop,), frozenset(pairs), "given", cue.spot)
-        )
+        self._met.append(Meeting(start, end, cue.who, (prop,), frozenset(pairs), "given", cue.spot))
         self.where[prop] = Hangs(str(given.to), other, end, cue.spot)
         retreat = self._steps.apart(here, giver, receiver.last, receiver)
         self._steps.straight(cue, giver, retreat, end, beside=receiver)
@@ -289,9 +303,17 @@ class Handling:
             raise CannotBe(f"{actor.player.name} cannot do it: {error}") from None
 
     def _putting(
-        self, actor: Actor, prop: str, side: str, hangs: float, top: float, on: str, *,
-        along: float | None = None, back: bool = False,
-    ) -> putting.Putting:  # fmt: skip
+        self,
+        actor: Actor,
+        prop: str,
+        side: str,
+        hangs: float,
+        top: float,
+        on: str,
+        *,
+        along: float | None = None,
+        back: bool = False,
+    ) -> putting.Putting:
         """How a player puts a prop down on something, or picks it up from there."""
         least, most = (hangs - drop for drop in reversed(putting.DROPS))
         if not least <= top <= most:
@@ -317,8 +339,9 @@ class Handling:
 
     def carries(self, who: str) -> str:
         """The forearm on which something hangs that a player carries; "" where nothing does."""
-        sides = [one.side for one in self.where.values()
-                 if isinstance(one, Hangs) and one.player == who]  # fmt: skip
+        sides = [
+            one.side for one in self.where.values() if isinstance(one, Hangs) and one.player == who
+        ]
         return sides[0] if sides else ""
 
     def _along(self, cue: Cue) -> float | None:

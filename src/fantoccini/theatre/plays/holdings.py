@@ -73,6 +73,4 @@ class Seated:
         if self.on_prop:
             pairs |= standing(self.seat, FLOOR)
         props = (self.seat,) if self.on_prop else ()
-        return Meeting(
-            self.since, until, (who,), props, pairs, "sits", self.cue, (self.down, up)
-        )
+        return Meeting(self.since, until, (who,), props, pairs, "sits", self.cue, (self.down, up))

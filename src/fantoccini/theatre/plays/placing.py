@@ -62,9 +62,15 @@ class Placing:
     """
 
     def __init__(
-        self, cast: Cast, timeline: Timeline, repertory: Repertory, places: Places, walks: Walks,
-        wishes: Wishes, notes: Notes,
-    ):  # fmt: skip
+        self,
+        cast: Cast,
+        timeline: Timeline,
+        repertory: Repertory,
+        places: Places,
+        walks: Walks,
+        wishes: Wishes,
+        notes: Notes,
+    ):
         self._cast, self.timeline, self._repertory = cast, timeline, repertory
         self._places, self._walks, self._wishes, self._notes = places, walks, wishes, notes
         bounds = cast.file.stage
@@ -249,10 +255,17 @@ class Placing:
         others = [one for one in self.actors.values() if one is not actor]
         wait = max((given.may_wait or 0.0) * self._notes.beat - (begin - asked), 0.0)
         way, why = self._walks.way(
-            player, actor.last, self._aims.goals(cue, actor), begin, wait,
+            player,
+            actor.last,
+            self._aims.goals(cue, actor),
+            begin,
+            wait,
             [(one.player, one.track()) for one in others],
-            near=given.near, arrives=by, free_from=free, carries=bool(carries),
-        )  # fmt: skip
+            near=given.near,
+            arrives=by,
+            free_from=free,
+            carries=bool(carries),
+        )
         if way is None:
             raise CannotBe(why)
         stands = len(list(takewhile(lambda step: step.stands, way.steps)))

@@ -144,9 +144,7 @@ class Play:
         Args:
             exact: whether what touches is simulated event-driven, not in time steps.
         """
-        return runs_of(
-            self.cast, self.motions, self.starts, self.meetings, self.kept, exact=exact
-        )
+        return runs_of(self.cast, self.motions, self.starts, self.meetings, self.kept, exact=exact)
 
     @property
     def duration(self) -> float:

@@ -92,9 +92,7 @@ def put_down(
     return putting(stage, who, prop, drop, side=side)
 
 
-def pick_up(
-    stage: Marionette, who: str, prop: str, drop: float, *, side: str = "right"
-) -> Putting:
+def pick_up(stage: Marionette, who: str, prop: str, drop: float, *, side: str = "right") -> Putting:
     """:func:`put_down` backwards: the forearm goes under the handle and lifts the prop.
 
     Args:
@@ -112,9 +110,15 @@ def pick_up(
 
 
 def putting(
-    stage: Marionette, who: str, prop: str, drop: float, *, side: str = "right",
-    along: float = ALONG, back: bool = False,
-) -> Putting:  # fmt: skip
+    stage: Marionette,
+    who: str,
+    prop: str,
+    drop: float,
+    *,
+    side: str = "right",
+    along: float = ALONG,
+    back: bool = False,
+) -> Putting:
     """:func:`put_down` or :func:`pick_up` of something by how far it goes down.
 
     Args:
@@ -138,28 +142,40 @@ def putting(
     hand, out = f"hand_{side}", _OUT
     touches = -(drop + _RAISED) / _GAIN
     sunk = touches - _SINKS
-    moves = aside_by(other, 1.0, [
-        (0, 0), (7.1, 0), (9.0, _UPRIGHT), (9.5, _UPRIGHT), (11.5, _LEAVES), (14.2, _LEAVES),
-        (_DURATION, 0),
-    ])  # fmt: skip
+    moves = aside_by(
+        other,
+        1.0,
+        [
+            (0, 0),
+            (7.1, 0),
+            (9.0, _UPRIGHT),
+            (9.5, _UPRIGHT),
+            (11.5, _LEAVES),
+            (14.2, _LEAVES),
+            (_DURATION, 0),
+        ],
+    )
     moves |= aside_by("forward", _GLIDES, _reach(0.0, 1.0))
     moves[f"{hand}.up"] = [
-        (0, CARRIED["up"]), (1.0, _RISES), (6.0, out["up"]), (6.5, out["up"]), (8.0, touches),
-        (9.0, sunk), (11.7, sunk), (14.5, 0), (_DURATION, 0),
-    ]  # fmt: skip
+        (0, CARRIED["up"]),
+        (1.0, _RISES),
+        (6.0, out["up"]),
+        (6.5, out["up"]),
+        (8.0, touches),
+        (9.0, sunk),
+        (11.7, sunk),
+        (14.5, 0),
+        (_DURATION, 0),
+    ]
     moves[f"{hand}.forward"] = _reach(0.0, _GLIDES + out["forward"])
-    moves[f"{hand}.{other}"] = summed(
-        moves[f"{hand}.{other}"], _reach(-CARRIED["out"], out["in"])
-    )
+    moves[f"{hand}.{other}"] = summed(moves[f"{hand}.{other}"], _reach(-CARRIED["out"], out["in"]))
     name, marks = "put down", {"down": 8.0, "free": 11.5}
     if back:
         moves, name = backwards(moves, _DURATION), "pick up"
         marks = {"under": _DURATION - 9.5, "up": _DURATION - 6.5}
     forward = _GLIDES + _STANDS - _NEARER * drop + along - ALONG
     touching = ((of_member(who, f"forearm_{side}"), prop),)
-    return Putting(
-        gesture_of(stage, who, moves, name, marks), forward, sign * _ASIDE, touching
-    )
+    return Putting(gesture_of(stage, who, moves, name, marks), forward, sign * _ASIDE, touching)
 
 
 def _reach(before: float, out: float) -> Waypoints:

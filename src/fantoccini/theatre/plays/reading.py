@@ -118,11 +118,14 @@ def _check_props(file: PlayFile, cue: CueFile, spot: Spot, notes: Notes) -> None
     obstacles = [one.name for one in file.stage.obstacles]
     seats = [*file.props, *obstacles]
     kinds: dict[str, tuple[Sequence[str], str]] = {
-        "gives": (list(file.props), "prop"), "puts_down": (list(file.props), "prop"),
-        "picks_up": (list(file.props), "prop"), "sits_on": (seats, "prop or obstacle"),
-        "stands_up_from": (seats, "prop or obstacle"), "onto": (obstacles, "obstacle"),
+        "gives": (list(file.props), "prop"),
+        "puts_down": (list(file.props), "prop"),
+        "picks_up": (list(file.props), "prop"),
+        "sits_on": (seats, "prop or obstacle"),
+        "stands_up_from": (seats, "prop or obstacle"),
+        "onto": (obstacles, "obstacle"),
         "to": (list(file.cast), "player"),
-    }  # fmt: skip
+    }
     for key, (known, what) in kinds.items():
         name = getattr(cue, key)
         if name is not None and name not in known:

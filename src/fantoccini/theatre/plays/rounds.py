@@ -99,9 +99,14 @@ class Rounds:
     """
 
     def __init__(
-        self, cast: Cast, timeline: Timeline, repertory: Repertory, places: Places, notes: Notes,
+        self,
+        cast: Cast,
+        timeline: Timeline,
+        repertory: Repertory,
+        places: Places,
+        notes: Notes,
         kept: Kept,
-    ):  # fmt: skip
+    ):
         self.timeline, self.wishes = timeline, Wishes()
         self.settled: dict[int, tuple[float, float, float]] = {}
         self._cast, self._repertory, self._places = cast, repertory, places
@@ -117,19 +122,25 @@ class Rounds:
     def made(self) -> Round:
         """The next round."""
         placing = Placing(
-            self._cast, self.timeline, self._repertory, self._places, self._walks,
-            self.wishes, self._notes,
-        )  # fmt: skip
+            self._cast,
+            self.timeline,
+            self._repertory,
+            self._places,
+            self._walks,
+            self.wishes,
+            self._notes,
+        )
         self.act_starts = tuple(placing.act_starts)
         end = max(placing.end, *(a.done for a in placing.actors.values())) + _RINGS
         both = {name: placing.motion(name, end) for name in self._cast.players}
         motions = {name: whole for name, (whole, _) in both.items()}
         lanes = {name: own for name, (_, own) in both.items()}
         starts = {
-            name: tuple(part.start for cue in self.timeline.cues for part in cue.parts
-                        if part.who == name)
+            name: tuple(
+                part.start for cue in self.timeline.cues for part in cue.parts if part.who == name
+            )
             for name in motions
-        }  # fmt: skip
+        }
         meetings = placing.meetings(end)
         try:
             runs = runs_of(self._cast, motions, starts, meetings, self._kept)
@@ -153,10 +164,12 @@ class Rounds:
 
     def refuse_stopped(self, made: Round) -> bool:
         """Refuses cues in which a run stops early; returns whether there are any."""
-        return any([
-            self.refuse(self.blamed(stop.t, {*stop.players}), stop.told(self.said(stop.t)))
-            for stop in made.runs.stops
-        ])  # fmt: skip
+        return any(
+            [
+                self.refuse(self.blamed(stop.t, {*stop.players}), stop.told(self.said(stop.t)))
+                for stop in made.runs.stops
+            ]
+        )
 
     def refuse_failures(self, made: Round) -> bool:
         """Refuses the cues by which props do not come where they should; whether there are any."""
@@ -248,8 +261,9 @@ class Rounds:
         for name, motion in made.motions.items():
             sizes = motion.peaks_of_pieces
             for row, bound, what, unit in (
-                (0, stage.speed, "moves at", "m/s"), (1, stage.acceleration, "changes by", "m/s^2"),
-            ):  # fmt: skip
+                (0, stage.speed, "moves at", "m/s"),
+                (1, stage.acceleration, "changes by", "m/s^2"),
+            ):
                 piece, v = np.unravel_index(int(np.argmax(sizes[:, row])), sizes[:, row].shape)
                 most = float(sizes[piece, row, v])
                 if most <= bound * (1.0 + PEAKS):
@@ -297,9 +311,11 @@ class Rounds:
     def _alone(self, made: Round, part: Part) -> tuple[float, Motion] | None:
         """When a part may begin, and its motion from then on; None where others go on meanwhile."""
         mine = [
-            one for cue in self.timeline.cues for one in cue.parts
+            one
+            for cue in self.timeline.cues
+            for one in cue.parts
             if one.who == part.who and one is not part
-        ]  # fmt: skip
+        ]
         if any(one.end > part.start and one.start < part.end for one in mine):
             return None
         begun = max([0.0, *(one.end for one in mine if one.end <= part.start)])
@@ -351,9 +367,14 @@ class Rounds:
             return []
         alone = self._cast.players[name].alone
         score = Score(
-            alone, made.motions[name], tuple(played), {}, (), self._notes.beat,
+            alone,
+            made.motions[name],
+            tuple(played),
+            {},
+            (),
+            self._notes.beat,
             lanes=made.lanes[name],
-        )  # fmt: skip
+        )
         found: dict[int, list[float]] = {}
         for late in lateness(score, run):
             one_cue = timed[id(late.cue)]

@@ -101,12 +101,18 @@ class Run:
                 changes[part] = _of(columns, prefix)
         events = tuple(
             dataclasses.replace(event, name=event.name.removeprefix(prefix))
-            for event in run.events if event.name.startswith(prefix) and "|" not in event.name
-        )  # fmt: skip
+            for event in run.events
+            if event.name.startswith(prefix) and "|" not in event.name
+        )
         return dataclasses.replace(
-            run, **changes, events=events, coordinates=own, contact=None, contact_residual=None,
+            run,
+            **changes,
+            events=events,
+            coordinates=own,
+            contact=None,
+            contact_residual=None,
             effort=None,
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,9 +138,14 @@ class Runs:
 
 
 def runs_of(
-    cast: Cast, motions: Mapping[str, Gesture], starts: Mapping[str, Sequence[float]],
-    meetings: Sequence[Meeting], kept: Kept, *, exact: bool = False,
-) -> Runs:  # fmt: skip
+    cast: Cast,
+    motions: Mapping[str, Gesture],
+    starts: Mapping[str, Sequence[float]],
+    meetings: Sequence[Meeting],
+    kept: Kept,
+    *,
+    exact: bool = False,
+) -> Runs:
     """The runs of a play, as many side by side as there are threads.
 
     They are event-driven where nothing may touch, else in time steps of 1 ms, or ``exact``: then
@@ -169,8 +180,9 @@ def runs_of(
     for name, player in cast.players.items():
         own = [
             (run.begin, run.of_player(name, player.x0))
-            for run in companies if name in run.staged.prefixes
-        ]  # fmt: skip
+            for run in companies
+            if name in run.staged.prefixes
+        ]
         if not own:
             raise CannotBegin(next(one for one in stops if name in one.players))
         players[name] = _joined(own)
@@ -209,11 +221,15 @@ class _Work:
                 props[name] = prop_states(run, name, still=earlier < span.begin)
         stage = staged(cast, company, self.kept)
         x = stage.state(players, props)
-        motion = stage.motion({
-            name: Gesture(self.motions[name].coordinates,
-                          *excerpt(self.motions[name], span.begin, span.end))
-            for name in company.players
-        })  # fmt: skip
+        motion = stage.motion(
+            {
+                name: Gesture(
+                    self.motions[name].coordinates,
+                    *excerpt(self.motions[name], span.begin, span.end),
+                )
+                for name in company.players
+            }
+        )
         starts = sorted(t - span.begin for name in company.players for t in self.starts[name])
         parts, stepped, stopped = self._in_parts(stage, x, motion, starts)
         if not parts:
@@ -299,7 +315,11 @@ def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
 
 
 def _part(
-    stage: Staged, x: State, motion: Gesture, bounds: StageFile, method: str,
+    stage: Staged,
+    x: State,
+    motion: Gesture,
+    bounds: StageFile,
+    method: str,
     check: Callable[[float], None],
 ) -> Trajectory:
     inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
@@ -311,9 +331,15 @@ def _part(
         )
     dt = _STEPS[method]
     return simulate(
-        alone, x, inputs, method=TimeStepping(dt=dt), save_every=round(_EVERY / dt),
-        effort=False, throw=False, progress=check,
-    )  # fmt: skip
+        alone,
+        x,
+        inputs,
+        method=TimeStepping(dt=dt),
+        save_every=round(_EVERY / dt),
+        effort=False,
+        throw=False,
+        progress=check,
+    )
 
 
 def _cuts(motion: Gesture, starts: Sequence[float]) -> list[float]:
@@ -354,18 +380,26 @@ def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
             changes[name] = own.like(np.concatenate([getattr(run, name).values for run in runs]))
     if first.contact is not None:
         changes["contact"] = _contacts(runs)
-        changes["contact_residual"] = np.concatenate([
-            np.zeros(len(run)) if run.contact_residual is None else run.contact_residual
-            for run in runs
-        ])  # fmt: skip
+        changes["contact_residual"] = np.concatenate(
+            [
+                np.zeros(len(run)) if run.contact_residual is None else run.contact_residual
+                for run in runs
+            ]
+        )
     events = tuple(
         dataclasses.replace(event, t=begun + event.t)
-        for begun, run in parts for event in run.events
-    )  # fmt: skip
+        for begun, run in parts
+        for event in run.events
+    )
     return dataclasses.replace(
-        first, **changes, ledger=first.ledger.like(_ledger(runs)), events=events,
-        status=last.status, blamed=last.blamed, seconds=None,
-    )  # fmt: skip
+        first,
+        **changes,
+        ledger=first.ledger.like(_ledger(runs)),
+        events=events,
+        status=last.status,
+        blamed=last.blamed,
+        seconds=None,
+    )
 
 
 def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
@@ -374,7 +408,8 @@ def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
     before = np.cumsum([0, *(len(run) for run in runs[:-1])])
     own: dict[str, Any] = {
         field.name: np.concatenate([getattr(one, field.name) for one in points])
-        for field in dataclasses.fields(ContactPoints) if field.name not in ("names", "sample")
+        for field in dataclasses.fields(ContactPoints)
+        if field.name not in ("names", "sample")
     }
     sample = np.concatenate([one.sample + n for one, n in zip(points, before, strict=True)])
     return ContactPoints(sample=sample, names=points[0].names, **own)

@@ -55,9 +55,13 @@ def pause(
         return 0.0, float(before), float(before)
     best = tried[int(np.argmin(values))]
     found = minimize(
-        lambda p: swing.cost(float(p[0]), gradient=True), [best], jac=True, method="L-BFGS-B",
-        bounds=[(0.0, most)], options={"maxiter": 12, "ftol": 1e-3},
-    )  # fmt: skip
+        lambda p: swing.cost(float(p[0]), gradient=True),
+        [best],
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(0.0, most)],
+        options={"maxiter": 12, "ftol": 1e-3},
+    )
     p = float(found.x[0]) if found.fun < values[0] else 0.0
     after = np.sqrt(max(swing.cost(p)[0] - _PATIENCE * p, 0.0))
     return p, float(before), float(after)
@@ -108,4 +112,3 @@ class Swing:
         _, rates, changes = polynomial.evaluate(coef[i], (inside - breaks[i])[:, None])
         still = ((t < 0.0) | (t > self._length))[:, None]
         return np.where(still, 0.0, rates), np.where(still, 0.0, changes)
-

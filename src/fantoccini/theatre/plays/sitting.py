@@ -62,9 +62,14 @@ class Sitting:
 
 
 def sit(
-    stage: Marionette, who: str, on: str, height: float, *, distance: float = 0.135,
+    stage: Marionette,
+    who: str,
+    on: str,
+    height: float,
+    *,
+    distance: float = 0.135,
     start: State | None = None,
-) -> Sitting:  # fmt: skip
+) -> Sitting:
     """The gestures by which a puppet sits down on a seat behind it, and stands up again.
 
     It goes back and down, sets itself up, and lets its hands sink onto its thighs in 4 s; it bends
@@ -96,8 +101,12 @@ def sit(
     for string in BODY:
         sagged, rests = drop + _SAG, drop + _SLACK
         down[f"{string}.down"] = [
-            (0, 0), (0.4, 0), (_TOUCHES, sagged), (_SITS, sagged), (_DOWN, rests),
-        ]  # fmt: skip
+            (0, 0),
+            (0.4, 0),
+            (_TOUCHES, sagged),
+            (_SITS, sagged),
+            (_DOWN, rests),
+        ]
         down[f"{string}.back"] = [(0, 0), (there, far), (_SITS, far), (_DOWN, near)]
         up[f"{string}.down"] = [(0, rests), (_BENDS, rests), (_UP, 0)]
         up[f"{string}.back"] = [(0, near), (_BENDS, bent), (_OFF, bent), (_STANDS, 0)]
@@ -105,9 +114,7 @@ def sit(
     lap = {"back": _LAP["back"], "out": _LAP["out"], "down": _LAP["down"] * drop}
     for side in ("left", "right"):
         knee, hand = f"knee_{side}", f"hand_{side}"
-        down[f"{knee}.down"] = [
-            (0, 0), (1.0, -_KNEES_UP), (there, -_KNEES_UP), (_SITS, gives),
-        ]  # fmt: skip
+        down[f"{knee}.down"] = [(0, 0), (1.0, -_KNEES_UP), (there, -_KNEES_UP), (_SITS, gives)]
         down[f"{knee}.back"] = [(0, 0), (there, back)]
         up[f"{knee}.down"] = [(0, gives), (_OFF, gives), (_STANDS, 0)]
         up[f"{knee}.back"] = [(0, back), (_OFF, back), (_STANDS, 0)]

@@ -48,12 +48,26 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
     put = {name: one.like(whole.found[name]) for name, one in whole.columns.items()}
     parts = whole.parts
     return Trajectory(
-        t, parts["q_D"], parts["v_D"], parts["acc_D"], parts["q_K"], parts["v_K"], parts["acc_K"],
-        put["tension"], put["limit_force"], put["taut"], first.ledger.like(whole.ledger),
-        tuple(sorted(whole.events, key=lambda e: e.t)), status, first.method,
-        cast.whole.coordinates, cast.whole.model.described, violation=put["violation"],
-        slip=put["slip"], contact=_joined(whole.points),
-    )  # fmt: skip
+        t,
+        parts["q_D"],
+        parts["v_D"],
+        parts["acc_D"],
+        parts["q_K"],
+        parts["v_K"],
+        parts["acc_K"],
+        put["tension"],
+        put["limit_force"],
+        put["taut"],
+        first.ledger.like(whole.ledger),
+        tuple(sorted(whole.events, key=lambda e: e.t)),
+        status,
+        first.method,
+        cast.whole.coordinates,
+        cast.whole.model.described,
+        violation=put["violation"],
+        slip=put["slip"],
+        contact=_joined(whole.points),
+    )
 
 
 class _Whole:
@@ -116,9 +130,7 @@ class _Whole:
         first = (self._t[inside] == run.begin) & (run.begin > 0.0)
         self.ledger[inside] += np.where(first[:, None], 0.0, own.ledger.values)
         if own.contact is not None:
-            names = tuple(
-                (self._named(run, a), self._named(run, b)) for a, b in own.contact.names
-            )
+            names = tuple((self._named(run, a), self._named(run, b)) for a, b in own.contact.names)
             sample = inside[own.contact.sample]
             self.points.append(dataclasses.replace(own.contact, sample=sample, names=names))
 
@@ -132,9 +144,9 @@ def _joined(points: list[ContactPoints]) -> ContactPoints | None:
     if not points:
         return None
     names = tuple(dict.fromkeys(name for one in points for name in one.names))
-    pair = np.concatenate([
-        np.array([names.index(name) for name in one.names], dtype=int)[one.pair] for one in points
-    ])  # fmt: skip
+    pair = np.concatenate(
+        [np.array([names.index(name) for name in one.names], dtype=int)[one.pair] for one in points]
+    )
     sample = np.concatenate([one.sample for one in points])
     order = np.argsort(sample, kind="stable")
     rest = {

@@ -129,9 +129,7 @@ class _Rules:
         self._bodies = [(Clearance(whole, free=floor | asked | at_hand), clear)]
         for pairs, distance in ((at_hand, AT_HAND), (kept, 0.0)):
             if pairs:
-                self._bodies.append(
-                    (Clearance(whole, strings=False, free=every - pairs), distance)
-                )
+                self._bodies.append((Clearance(whole, strings=False, free=every - pairs), distance))
 
     def bodies(self, path: Path) -> Iterator[_Near]:
         """Where bodies come too near to others and to obstacles, and strings to obstacles."""

@@ -131,8 +131,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         play.kept.until = math.inf
     run = together(play.cast, runs)
     faults += [
-        f"{one.text}, in {play.when(one.t)}"
-        for one in failures(play.cast, play.meetings, runs)
+        f"{one.text}, in {play.when(one.t)}" for one in failures(play.cast, play.meetings, runs)
     ]
     faults += [_stops(play, stop) for stop in runs.stops]
     found = tuple(touches(play.cast, run, play.meetings))
@@ -158,8 +157,9 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     )
     faults += [
         f"strings {one.what} and {one.other} are wound around each other by "
-        f"{np.max(np.abs(one.turns - one.turns[0])):.1f} turns" for one in wound
-    ]  # fmt: skip
+        f"{np.max(np.abs(one.turns - one.turns[0])):.1f} turns"
+        for one in wound
+    ]
     faults += [*over, *outside]
     catches = {
         name: sum(e.kind is EventKind.CATCH and e.name == name for e in run.events)
@@ -167,17 +167,28 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     }
     tension = {name: float(np.max(run.tension[name])) for name in run.tension}
     return Verification(
-        play, run, tuple(faults), cues, found, peaks, tension, catches, space, wound,
+        play,
+        run,
+        tuple(faults),
+        cues,
+        found,
+        peaks,
+        tension,
+        catches,
+        space,
+        wound,
         tuple(why for one in runs.companies for why in one.stepped),
-    )  # fmt: skip
+    )
 
 
 def _stops(play: Play, stop: Stop) -> str:
     """A sentence on the stop of a run, with its last cue begun, else the first, and the line."""
     starts = [
-        (marks[START], cue) for cue in play.cues for who, marks in cue.marks.items()
+        (marks[START], cue)
+        for cue in play.cues
+        for who, marks in cue.marks.items()
         if who in stop.players
-    ]  # fmt: skip
+    ]
     told = stop.told(f"in {play.when(stop.t)}")
     if not starts:
         return told
@@ -221,9 +232,7 @@ def _peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], li
     found, over = {}, []
     for v in np.flatnonzero(score.gesture.named):
         name = table.v_K[v]
-        found[name] = (
-            float(peaks[0, v]), float(most[0, v]), float(peaks[1, v]), float(most[1, v]),
-        )  # fmt: skip
+        found[name] = (float(peaks[0, v]), float(most[0, v]), float(peaks[1, v]), float(most[1, v]))
         for row, what, unit in ((0, "moves at", "m/s"), (1, "changes by", "m/s^2")):
             if peaks[row, v] > most[row, v] * (1.0 + PEAKS):
                 piece = int(np.argmax(score.gesture.peaks_of_pieces[:, row, v]))

@@ -61,10 +61,19 @@ class Walks:
         self._kept: dict[tuple[Any, ...], Way | NoWay] = {}
 
     def way(
-        self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
-        others: Sequence[Track], *, near: float, arrives: float | None, free_from: float,
+        self,
+        player: Player,
+        start: Footing,
+        goals: Sequence[Footing],
+        begin: float,
+        wait: float,
+        others: Sequence[Track],
+        *,
+        near: float,
+        arrives: float | None,
+        free_from: float,
         carries: bool = False,
-    ) -> tuple[Way | None, str]:  # fmt: skip
+    ) -> tuple[Way | None, str]:
         """A way by several footings past all others.
 
         Args:
@@ -163,9 +172,16 @@ class Walks:
         return found
 
     def _by_goals(
-        self, player: Player, start: Footing, goals: Sequence[Footing], begin: float, wait: float,
-        others: Sequence[Track], near: float, carries: bool,
-    ) -> Way | NoWay:  # fmt: skip
+        self,
+        player: Player,
+        start: Footing,
+        goals: Sequence[Footing],
+        begin: float,
+        wait: float,
+        others: Sequence[Track],
+        near: float,
+        carries: bool,
+    ) -> Way | NoWay:
         """Ways from goal to goal as one."""
         whole: Way | None = None
         for i, goal in enumerate(goals):
@@ -185,20 +201,30 @@ class Walks:
         return whole
 
     def _found(
-        self, player: Player, start: Footing, goal: Footing, begin: float, wait: float,
-        others: Sequence[Track], carries: bool,
-    ) -> Way | NoWay:  # fmt: skip
-        around = tuple((other.name, t.tobytes(), xy.tobytes())
-                       for other, (t, xy) in others)  # fmt: skip
+        self,
+        player: Player,
+        start: Footing,
+        goal: Footing,
+        begin: float,
+        wait: float,
+        others: Sequence[Track],
+        carries: bool,
+    ) -> Way | NoWay:
+        around = tuple((other.name, t.tobytes(), xy.tobytes()) for other, (t, xy) in others)
         key = (player.name, start, goal, round(begin, 9), wait, carries, around)
         if key not in self._kept:
             self._kept[key] = find_way(
-                start, goal, begin=begin, longest_step=_LONGEST_STEP,
+                start,
+                goal,
+                begin=begin,
+                longest_step=_LONGEST_STEP,
                 step_time=self.step_time * (_CARRYING if carries else 1.0),
-                radius=self.clear(player), blocked=self.blocked, space=self._room(player),
+                radius=self.clear(player),
+                blocked=self.blocked,
+                space=self._room(player),
                 latest_begin=begin + wait,
                 others=[Other(other.name, t, xy, self.clear(other)) for other, (t, xy) in others],
-            )  # fmt: skip
+            )
         return self._kept[key]
 
     def _room(self, player: Player) -> Rectangle | None:

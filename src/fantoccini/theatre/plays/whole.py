@@ -21,16 +21,20 @@ from fantoccini.theatre.gestures import (
 
 
 def whole_score(
-    cast: Cast, motions: Mapping[str, Gesture], lanes: Mapping[str, Mapping[str, Gesture]],
-    timeline: Timeline, notes: Notes,
-) -> Score:  # fmt: skip
+    cast: Cast,
+    motions: Mapping[str, Gesture],
+    lanes: Mapping[str, Mapping[str, Gesture]],
+    timeline: Timeline,
+    notes: Notes,
+) -> Score:
     """All players' motions as one score of the stage."""
     file = cast.file
     table = cast.whole.coordinates
     own = {
         label: of_stage(table, cast.member(name), gesture)
-        for name, of_player in lanes.items() for label, gesture in of_player.items()
-    }  # fmt: skip
+        for name, of_player in lanes.items()
+        for label, gesture in of_player.items()
+    }
     whole, *others = (
         of_stage(table, cast.member(name), motion) for name, motion in motions.items()
     )
@@ -56,11 +60,21 @@ def whole_score(
     sounds = sounds_of(file, notes)
     marks = {name: beat * notes.beat for name, beat in file.times.items()}
     return Score(
-        cast.whole, whole.called(file.play), tuple(played), marks,
-        tuple(sorted(captions, key=lambda one: one.start)), notes.beat, (), file.play,
-        file.stage.speed, file.stage.acceleration, tuple(sorted(waits, key=lambda one: one.t)),
-        sounds, own, file.tempo,
-    )  # fmt: skip
+        cast.whole,
+        whole.called(file.play),
+        tuple(played),
+        marks,
+        tuple(sorted(captions, key=lambda one: one.start)),
+        notes.beat,
+        (),
+        file.play,
+        file.stage.speed,
+        file.stage.acceleration,
+        tuple(sorted(waits, key=lambda one: one.t)),
+        sounds,
+        own,
+        file.tempo,
+    )
 
 
 def sounds_of(file: PlayFile, notes: Notes) -> tuple[Sound, ...]:

@@ -1,9 +1,6 @@
 """Retargeting: hanging poses and motions of a puppet nearest to a captured clip."""
 
-from fantoccini.theatre.retarget.figure import (
-    Figure,
-    figure_of,
-)
+from fantoccini.theatre.retarget.figure import Figure, figure_of
 from fantoccini.theatre.retarget.following import (
     ACCELERATION,
     MAX_ERROR,
@@ -28,12 +25,7 @@ from fantoccini.theatre.retarget.mapping import (
     mapping_schema,
 )
 from fantoccini.theatre.retarget.placing import Placing
-from fantoccini.theatre.retarget.retargeting import (
-    Placed,
-    Retargeted,
-    place_clip,
-    retarget_clip,
-)
+from fantoccini.theatre.retarget.retargeting import Placed, Retargeted, place_clip, retarget_clip
 
 __all__ = [
     "ACCELERATION",

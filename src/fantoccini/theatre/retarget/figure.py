@@ -18,14 +18,17 @@ _USUAL = {
     "trunk": BodyFile(body="torso"),
     "head": BodyFile(body="skull", end=(0.0, 0.0, 0.137)),
     **{f"upper_arm_{side}": BodyFile(body=f"upper_arm_{side}") for side in SIDES},
-    **{f"forearm_{side}": BodyFile(body=f"forearm_{side}", end=(0.0, 0.0, -0.09))
-       for side in SIDES},
+    **{
+        f"forearm_{side}": BodyFile(body=f"forearm_{side}", end=(0.0, 0.0, -0.09)) for side in SIDES
+    },
     **{f"thigh_{side}": BodyFile(body=f"thigh_{side}") for side in SIDES},
     **{f"shin_{side}": BodyFile(body=f"shin_{side}", end=(0.0, 0.0, -0.126)) for side in SIDES},
-}  # fmt: skip
+}
 """Those of the bundled marionette."""
-LIMBS = (("shoulder", "elbow", "hand", "upper_arm", "forearm"),
-         ("hip", "knee", "foot", "thigh", "shin"))  # fmt: skip
+LIMBS = (
+    ("shoulder", "elbow", "hand", "upper_arm", "forearm"),
+    ("hip", "knee", "foot", "thigh", "shin"),
+)
 """Begin, middle and end of a limb, and the bodies between."""
 
 Point = tuple[str, tuple[float, float, float]]
@@ -75,9 +78,8 @@ class Figure:
 
 
 def figure_of(
-    marionette: Marionette, start: State, bodies: Mapping[str, BodyFile] | None = None,
-    of: str = "",
-) -> Figure:  # fmt: skip
+    marionette: Marionette, start: State, bodies: Mapping[str, BodyFile] | None = None, of: str = ""
+) -> Figure:
     """The figure of a puppet, or of the member of a scene that is a person.
 
     Args:
@@ -123,8 +125,9 @@ def figure_of(
             points[f"{begin}_{side}"] = within("trunk", upper)
             points[f"{middle}_{side}"] = within(upper, lower)
             points[f"{last}_{side}"] = end(lower)
-    a, b, c, d = (np.array(points[p][1]) for p in
-                  ("shoulder_left", "shoulder_right", "hip_left", "hip_right"))  # fmt: skip
+    a, b, c, d = (
+        np.array(points[p][1]) for p in ("shoulder_left", "shoulder_right", "hip_left", "hip_right")
+    )
     x, y, z = (0.5 * (c + d)).tolist()
     points["trunk"] = given["trunk"].body, (x, y, z)
     axes = axes_of(a[None], b[None], c[None], d[None])[0]

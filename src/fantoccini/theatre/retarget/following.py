@@ -62,9 +62,11 @@ _EVERY = 4
 _WIDTH = 0.035
 """Standard deviation of what smooths the hanging poses [s]."""
 GROUPS = {
-    "hands": ("hand_left", "hand_right"), "head": ("head",), "feet": ("foot_left", "foot_right"),
+    "hands": ("hand_left", "hand_right"),
+    "head": ("head",),
+    "feet": ("foot_left", "foot_right"),
     "trunk": ("trunk", "shoulder_left", "shoulder_right"),
-}  # fmt: skip
+}
 """Parts whose errors are reported together."""
 
 
@@ -248,9 +250,11 @@ def follow_clip(
 
 
 def _follow_within(
-    clip: Retargeted, speed: float | Mapping[str, float], acceleration: float | Mapping[str, float],
+    clip: Retargeted,
+    speed: float | Mapping[str, float],
+    acceleration: float | Mapping[str, float],
     progress: Callable[[float], None] | None,
-) -> Followed:  # fmt: skip
+) -> Followed:
     """The clip followed within the full bounds, or within reduced bounds if the run goes astray."""
     names, best = clip.marionette.coordinates.v_K, None
     for share in (1.0, *_SLOWER):
@@ -260,8 +264,10 @@ def _follow_within(
         ]
         made = replace(_followed(clip, bounds[0], bounds[1], progress), share=share)
         if best is None or (bool(made), made.arrived, -made.far) > (
-            bool(best), best.arrived, -best.far
-        ):  # fmt: skip
+            bool(best),
+            best.arrived,
+            -best.far,
+        ):
             best = made
         if best or best.hanging_far > MAX_ERROR:
             break
@@ -270,9 +276,11 @@ def _follow_within(
 
 
 def _followed(
-    clip: Retargeted, speed: Mapping[str, float], acceleration: Mapping[str, float],
+    clip: Retargeted,
+    speed: Mapping[str, float],
+    acceleration: Mapping[str, float],
     progress: Callable[[float], None] | None,
-) -> Followed:  # fmt: skip
+) -> Followed:
     """A clip followed within bounds of the driven coordinates, by name."""
     marionette, x0 = clip.marionette, clip.start
     t = x0.t + eased(clip.t)
@@ -394,9 +402,7 @@ def smoothed(clip: Retargeted) -> tuple[dict[str, Array], Array]:
     return {part: smooth(clip.hung[part]) for part in WEIGHTS}, smooth(clip.reach.q_K)
 
 
-def tracks_along(
-    figure: Figure, t: Times, places: Mapping[str, Array], q_K: Array
-) -> list[Track]:
+def tracks_along(figure: Figure, t: Times, places: Mapping[str, Array], q_K: Array) -> list[Track]:
     """What a puppet follows: places of its parts by time, and its hands."""
     tracks = []
     for part, weight in WEIGHTS.items():
@@ -404,8 +410,7 @@ def tracks_along(
         tracks.append(Track.point(body, (t, places[part]), at=at, weight=_WEIGHT * weight))
     table = figure.marionette.coordinates
     tracks += [
-        Track.coordinate(table.q_K[q], (t, q_K[:, q]), weight=_WEIGHT_K)
-        for q, _ in table.scalars_K
+        Track.coordinate(table.q_K[q], (t, q_K[:, q]), weight=_WEIGHT_K) for q, _ in table.scalars_K
     ]
     return tracks
 

@@ -113,16 +113,22 @@ def place_on_spot(
         clip = clip.without_calibration()
         every = max(1, int((len(clip.t) - 1) / (clip.duration * _RATE) + 1e-3))
         clip = dataclasses.replace(
-            clip, t=clip.t[::every], positions=clip.positions[::every],
+            clip,
+            t=clip.t[::every],
+            positions=clip.positions[::every],
             rotations=clip.rotations[::every],
-        )  # fmt: skip
+        )
     return place_clip(marionette, clip, mapping, start, travel=0.0, turning=0.0)
 
 
 def clip_gesture(
-    placed: Placed, faster: float = 1.0, lasts: float | None = None, *,
-    speed: float, acceleration: float,
-) -> ClipGesture:  # fmt: skip
+    placed: Placed,
+    faster: float = 1.0,
+    lasts: float | None = None,
+    *,
+    speed: float,
+    acceleration: float,
+) -> ClipGesture:
     """A clip as a gesture.
 
     Strings lean outwards and forwards, as where the puppet hangs and more, so that they do not
@@ -168,9 +174,11 @@ def _made(
     own = eased(found.t / faster, _EASE)
     t, frames = _clock(own, ways)
     tracks = tracks_along(
-        found.figure, t, {part: _joined(home[part][0], parts[part], t, frames) for part in WEIGHTS},
+        found.figure,
+        t,
+        {part: _joined(home[part][0], parts[part], t, frames) for part in WEIGHTS},
         _joined(start.q_K, q_K, t, frames),
-    )  # fmt: skip
+    )
     bounds = _every_way(marionette, speed, acceleration)
     acc_K, _ = lead_along(marionette, start, float(t[-1]), tracks, *bounds)
     made = Gesture.of_input(driven(marionette, start, acc_K), name=placed.clip.name)
@@ -195,10 +203,14 @@ def _raised(placed: Placed, by: float) -> Placed:
     shift = np.zeros((3, 4))
     shift[:, 3] = up
     places = placed.places
-    return dataclasses.replace(placed, places=Placing(
-        {part: path + up for part, path in places.parts.items()},
-        {part: frame + shift for part, frame in places.frames.items()}, places.scale,
-    ))  # fmt: skip
+    return dataclasses.replace(
+        placed,
+        places=Placing(
+            {part: path + up for part, path in places.parts.items()},
+            {part: frame + shift for part, frame in places.frames.items()},
+            places.scale,
+        ),
+    )
 
 
 def _faster(found: Retargeted, lasts: float, others: float) -> float:
@@ -234,10 +246,13 @@ def _lead_times(
     times = []
     for pose in (q_K[0], q_K[-1]):
         way = float(np.max(np.abs((pose - start.q_K)[scalars]), initial=0.0))
-        times.append(max(
-            _LEAD, _MINIMUM_JERK[0] * way / (_SHARES[0] * speed),
-            float(np.sqrt(_MINIMUM_JERK[1] * way / (_SHARES[1] * acceleration))),
-        ))  # fmt: skip
+        times.append(
+            max(
+                _LEAD,
+                _MINIMUM_JERK[0] * way / (_SHARES[0] * speed),
+                float(np.sqrt(_MINIMUM_JERK[1] * way / (_SHARES[1] * acceleration))),
+            )
+        )
     return times[0], times[1]
 
 

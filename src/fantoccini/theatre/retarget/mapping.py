@@ -22,8 +22,11 @@ SIDES = ("left", "right")
 _OF_SIDE = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
 PARTS = ("head", *(f"{part}_{side}" for side in SIDES for part in _OF_SIDE))
 """Parts of a person that a mapping names."""
-BODIES = ("trunk", "head", *(f"{limb}_{side}" for side in SIDES
-                             for limb in ("upper_arm", "forearm", "thigh", "shin")))  # fmt: skip
+BODIES = (
+    "trunk",
+    "head",
+    *(f"{limb}_{side}" for side in SIDES for limb in ("upper_arm", "forearm", "thigh", "shin")),
+)
 """Parts of a puppet that a mapping may name."""
 
 
@@ -145,10 +148,15 @@ def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> d
     """
     found = mapping.find(skeleton)
     mistakes = [
-        Mistake(name, None, f"joints.{part}", f"the skeleton has no joint {joint!r}, or several"
-                f"{nearest(joint, skeleton.names)}")
-        for part, joint in mapping.joints.items() if part not in found
-    ]  # fmt: skip
+        Mistake(
+            name,
+            None,
+            f"joints.{part}",
+            f"the skeleton has no joint {joint!r}, or several{nearest(joint, skeleton.names)}",
+        )
+        for part, joint in mapping.joints.items()
+        if part not in found
+    ]
     if mistakes:
         raise FileError(mistakes)
     return found

@@ -48,9 +48,12 @@ class Placing:
 
 
 def place(
-    figure: Figure, clip: Capture, joints: Mapping[str, int], travel: float = 1.0,
+    figure: Figure,
+    clip: Capture,
+    joints: Mapping[str, int],
+    travel: float = 1.0,
     turning: float = 1.0,
-) -> Placing:  # fmt: skip
+) -> Placing:
     """Places of a puppet's parts that moves as a clip.
 
     The clip begins where the puppet is, and looks as it does; the floor is below the puppet's feet.
@@ -115,11 +118,21 @@ def _check(clip: Capture, x: Mapping[str, Array]) -> None:
         if not np.all(np.isfinite(path)):
             frame = int(np.argmin(np.all(np.isfinite(path), axis=1)))
             raise StateError(f"{name}: {part} is nowhere in frame {frame}; needed: finite numbers")
-    spans = {f"from {a}_{side} to {b}_{side}": x[f"{a}_{side}"] - x[f"{b}_{side}"]
-             for a, b in (("shoulder", "elbow"), ("elbow", "hand"), ("hip", "knee"),
-                          ("knee", "foot"), ("shoulder", "hip")) for side in SIDES}
-    spans |= {f"from {part}_left to {part}_right": x[f"{part}_left"] - x[f"{part}_right"]
-              for part in ("shoulder", "hip")}  # fmt: skip
+    spans = {
+        f"from {a}_{side} to {b}_{side}": x[f"{a}_{side}"] - x[f"{b}_{side}"]
+        for a, b in (
+            ("shoulder", "elbow"),
+            ("elbow", "hand"),
+            ("hip", "knee"),
+            ("knee", "foot"),
+            ("shoulder", "hip"),
+        )
+        for side in SIDES
+    }
+    spans |= {
+        f"from {part}_left to {part}_right": x[f"{part}_left"] - x[f"{part}_right"]
+        for part in ("shoulder", "hip")
+    }
     for what, span in spans.items():
         if not np.median(np.linalg.norm(span, axis=1)) > _LEAST:
             raise StateError(f"{name}: the skeleton has no length {what}")

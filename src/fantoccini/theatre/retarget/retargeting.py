@@ -26,9 +26,17 @@ from fantoccini.theatre.retarget.mapping import MappingFile, find_mapping, joint
 from fantoccini.theatre.retarget.placing import Placing, place
 
 WEIGHTS = {
-    "head": 1.0, "hand_left": 1.0, "hand_right": 1.0, "shoulder_left": 1.0, "shoulder_right": 1.0,
-    "trunk": 0.3, "knee_left": 0.3, "knee_right": 0.3, "foot_left": 0.3, "foot_right": 0.3,
-}  # fmt: skip
+    "head": 1.0,
+    "hand_left": 1.0,
+    "hand_right": 1.0,
+    "shoulder_left": 1.0,
+    "shoulder_right": 1.0,
+    "trunk": 0.3,
+    "knee_left": 0.3,
+    "knee_right": 0.3,
+    "foot_left": 0.3,
+    "foot_right": 0.3,
+}
 """w_i of the parts that are followed."""
 _ABOVE = 0.03
 """w_K, of strings that run straight up."""
@@ -196,9 +204,7 @@ def retarget_clip(
     if not isinstance(clip, Placed):
         clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
     figure, start, placing = clip.figure, clip.start, clip.places
-    targets: dict[What, Any] = {
-        figure.points[part]: placing.parts[part] for part in WEIGHTS
-    }
+    targets: dict[What, Any] = {figure.points[part]: placing.parts[part] for part in WEIGHTS}
     weights: dict[What, float] = {figure.points[part]: w for part, w in WEIGHTS.items()}
     above = straight_up(figure, placing.frames, start, clip.lean)
     for coordinate, values in above.items():

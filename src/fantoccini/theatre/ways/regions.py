@@ -83,8 +83,9 @@ class Box:
         out = np.array([1.0 + 1j * _CHAMFER, _CHAMFER + 1j]) * clearance
         own = [
             complex(sign.real * (self.half[0] + x.real), sign.imag * (self.half[1] + x.imag))
-            for sign in _CORNERS for x in out
-        ]  # fmt: skip
+            for sign in _CORNERS
+            for x in out
+        ]
         return np.array(own) * np.exp(1j * self.yaw) + complex(*self.centre)
 
     def _own(self, points: Complex) -> Complex:
@@ -131,9 +132,11 @@ class Rectangle:
         """(...) whether points (...) are within it."""
         p = np.asarray(points)
         return (
-            (p.real >= self.low[0] - _ROUNDING) & (p.real <= self.high[0] + _ROUNDING)
-            & (p.imag >= self.low[1] - _ROUNDING) & (p.imag <= self.high[1] + _ROUNDING)
-        )  # fmt: skip
+            (p.real >= self.low[0] - _ROUNDING)
+            & (p.real <= self.high[0] + _ROUNDING)
+            & (p.imag >= self.low[1] - _ROUNDING)
+            & (p.imag <= self.high[1] + _ROUNDING)
+        )
 
     def nearest(self, point: complex) -> complex:
         """The place in it that is nearest to a point."""
@@ -161,8 +164,9 @@ def _crosses(a: Complex, b: Complex, half: complex) -> Mask:
     begin, end = np.zeros(np.shape(a)), np.ones(np.shape(a))
     inside = np.ones(np.shape(a), dtype=bool)
     for start, way, h in (
-        (a.real, b.real - a.real, half.real), (a.imag, b.imag - a.imag, half.imag)
-    ):  # fmt: skip
+        (a.real, b.real - a.real, half.real),
+        (a.imag, b.imag - a.imag, half.imag),
+    ):
         moves = way != 0.0
         safe = np.where(moves, way, 1.0)
         one, two = (-h - start) / safe, (h - start) / safe

@@ -79,9 +79,15 @@ class Roadmap:
 
     @classmethod
     def over(
-        cls, ends: Complex, heading: complex, places: Complex,
-        standing: Sequence[Region], space: Rectangle, radius: float, longest_step: float,
-    ) -> Roadmap:  # fmt: skip
+        cls,
+        ends: Complex,
+        heading: complex,
+        places: Complex,
+        standing: Sequence[Region],
+        space: Rectangle,
+        radius: float,
+        longest_step: float,
+    ) -> Roadmap:
         """From places that may be anywhere: those that are free stay."""
         corners = [one.corners(radius + BESIDE) for one in standing]
         all_places = np.concatenate([places, *corners])

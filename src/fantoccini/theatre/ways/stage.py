@@ -38,9 +38,16 @@ class Stage:
     """
 
     def __init__(
-        self, start: Footing, begin: float, step_time: float, longest_step: float, radius: float,
-        blocked: Sequence[Region], others: Sequence[Other], space: Rectangle | None,
-    ):  # fmt: skip
+        self,
+        start: Footing,
+        begin: float,
+        step_time: float,
+        longest_step: float,
+        radius: float,
+        blocked: Sequence[Region],
+        others: Sequence[Other],
+        space: Rectangle | None,
+    ):
         self.start, self.begin, self.step_time = start, begin, step_time
         self.longest_step, self.radius, self.blocked = longest_step, radius, blocked
         still = [one.at_rest() for one in others if one.last_motion() <= begin]
@@ -102,9 +109,14 @@ class Stage:
         heading = complex(np.exp(1j * goal.heading))
         ends = np.array([self.start.place, goal.place])
         return Roadmap.over(
-            ends, heading, self._places(ends), self.standing, self.space, self.radius,
+            ends,
+            heading,
+            self._places(ends),
+            self.standing,
+            self.space,
+            self.radius,
             self.longest_step,
-        )  # fmt: skip
+        )
 
     def way(self, goal: Footing, latest_begin: float) -> Way | None:
         """The way that arrives first, however long it waits."""

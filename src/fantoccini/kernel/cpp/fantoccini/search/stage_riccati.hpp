@@ -22,7 +22,7 @@ struct StageRiccati {
   int N = 0, n_z = 0, k = 0, m = 0;
   bool coupled = false;
   int n_x = 0, n_s = 0, n_dense = 0;  // variables, states; full rows of (A B)
-  int ld = 0, ld_k = 0;  // lengths of rows
+  int ld = 0, ld_k = 0;               // lengths of rows
   std::vector<Band> bands;
   std::vector<double> M, band_values, H, D, C, C_u;  // see the accessors
   std::vector<double> diagonal, weight;  // (N, ld) added to H, (N, m) W: set before factorise
@@ -247,8 +247,7 @@ struct StageRiccati {
     }
   }
 
-  // The gradient of what is to come from stage i on by its state and its inputs, after
-  // hand_back(i + 1).
+  // The gradient of the cost to come by stage i's state and inputs, after hand_back(i + 1).
   void hand_on(int i, const double* gradient) {
     double *p = p_.data(), *h = h_.data(), *y = y_of(i);
     const double* own = gradient + size_t(i) * ld;
