@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import re
-from pathlib import Path
 
 import numpy as np
 
@@ -38,7 +37,7 @@ pose: {body.z: -1.0, line.length: 0.95}
 @functools.cache
 def undamped() -> fan.Marionette:
     """The bundled marionette without damping and drag."""
-    text = (Path(puppets.__file__).parent / "marionette.yaml").read_text(encoding="utf-8")
+    text = puppets.path("marionette").read_text(encoding="utf-8")
     return fan.loads(re.sub(r"\n\s+(damping|drag):.*", "", text))
 
 

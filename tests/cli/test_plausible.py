@@ -247,7 +247,6 @@ def test_what_comes_with_fantoccini_gives_no_warning(name):
 @pytest.mark.parametrize("name", PERFORMANCES)
 def test_the_bundled_performances_give_no_warning(name):
     """17.11"""
-    folder = Path(fan.puppets.__file__).parent / "performances"
-    assert sorted(PERFORMANCES) == sorted(file.stem for file in folder.glob("*.yaml"))
+    assert sorted(PERFORMANCES) == sorted(fan.puppets.performances())
     made = fan.load(fan.puppets.path(PERFORMANCES[name]))
-    assert input_warnings(made.model, fan.Input.load(made, folder / f"{name}.yaml")) == []
+    assert input_warnings(made.model, fan.Input.load(made, fan.puppets.performance(name))) == []

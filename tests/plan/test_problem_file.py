@@ -12,7 +12,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError
-from fantoccini.control import planning
+from fantoccini.control import problems
 from fantoccini.control.problems import problem_names, problem_schema
 
 GOOD = """\
@@ -118,7 +118,7 @@ def test_a_puppet_may_lie_beside_its_problem(tmp_path):
 def test_the_schema_takes_bundled_problems_and_refuses_others(tmp_path):
     schema = problem_schema()
     for name in problem_names():
-        path = Path(planning.__file__).parent / "problems" / f"{name}.yaml"
+        path = Path(problems.__file__).parent / "bundled" / f"{name}.yaml"
         jsonschema.validate(json.loads(json.dumps(read_file(path).data)), schema)
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate({"problem": "x", "puppet": "arm3d"}, schema)

@@ -13,7 +13,7 @@ import fantoccini as fan
 from fantoccini.dynamics.clearance import Clearance, StringsApart
 from fantoccini.dynamics.compiled import link_index
 from fantoccini.model.puppet.contact import FLOOR
-from fantoccini.theatre import plays
+from fantoccini.theatre import cast
 from fantoccini.theatre.cast import props
 from fantoccini.theatre.gestures.stepping import Step
 from fantoccini.theatre.plays import putting
@@ -49,7 +49,7 @@ def seen(x: float, y: float, heading: float, forward: float, left: float) -> tup
 
 
 THINGS = {
-    name: YAML(typ="safe").load(files(plays).joinpath("things", f"{name}.yaml").read_text())
+    name: YAML(typ="safe").load(files(cast).joinpath("things", f"{name}.yaml").read_text())
     for name in ("ball", "basket", "chair")
 }
 

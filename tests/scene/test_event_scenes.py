@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import fantoccini as fan
 
 pytestmark = pytest.mark.slow
-
-PERFORMANCES = Path(fan.puppets.__file__).parent / "performances"
 
 
 @pytest.mark.parametrize(
@@ -20,7 +16,7 @@ PERFORMANCES = Path(fan.puppets.__file__).parent / "performances"
 )
 def test_a_bundled_scene_runs_event_driven(name, performance, duration):
     stage = getattr(fan.puppets, name)()
-    inputs = fan.Input.load(stage, PERFORMANCES / f"{performance}.yaml")
+    inputs = fan.Input.load(stage, fan.puppets.performance(performance))
     run = fan.simulate(stage, stage.rest(), inputs, t_end=duration)
     assert run.status is fan.Status.DONE
     assert len(run.contact) > 0

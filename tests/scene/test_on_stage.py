@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,6 @@ from fantoccini.theatre.perform.demo import walk
 
 pytestmark = pytest.mark.slow
 
-PERFORMANCES = Path(fan.puppets.__file__).parent / "performances"
 SOLE = np.array([[x, y, -0.141] for x in (-0.02, 0.034) for y in (-0.016, 0.016)])
 """Corners of a sole in the frame of its shin [m]."""
 STEPS = [(0.9 + 0.575 * k, ("left", "right")[k % 2]) for k in range(6)]
@@ -100,7 +97,7 @@ def test_the_trunk_stays_upright_and_it_stands_at_the_end(walked):
 @pytest.fixture(scope="module")
 def visit():
     stage = fan.puppets.visit()
-    inputs = fan.Input.load(stage, PERFORMANCES / "visit.yaml")
+    inputs = fan.Input.load(stage, fan.puppets.performance("visit"))
     method = fan.TimeStepping(dt=1e-3)
     run = fan.simulate(stage, stage.rest(), inputs, method=method, save_every=4)
     assert run.status is fan.Status.DONE
