@@ -62,7 +62,7 @@ class Live(PageLoop):
         panel: buttons, sliders, numbers.
         stage: gestures, takes, a score, and their sound.
         pads: gamepads.
-        jobs: what is to be done between two frames.
+        jobs: calls to make between two frames.
         holder: who holds the strings.
         paused: whether time stands still.
         factor: speed of time; below 1 is slow motion.

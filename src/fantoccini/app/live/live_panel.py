@@ -42,7 +42,7 @@ _RED = to_hex(WARNING)
 
 
 class LiveActions(Protocol):
-    """What the panel shows and changes: a :class:`fantoccini.app.live.live.Live`."""
+    """The interface of :class:`fantoccini.app.live.live.Live` that the panel shows and changes."""
 
     stage: Stage
     performance: Performance
@@ -73,7 +73,7 @@ class LivePanel:
 
     Attributes:
         lengths: folder of the sliders of strings.
-        views: what is shown of the world.
+        views: parts of the world that are shown.
         takes: the tab of takes.
         handle_choice: list of the handles; None where there are none.
 

@@ -23,7 +23,7 @@ _NONE = "none yet"
 
 
 class StageActions(Protocol):
-    """What the tabs act on: a :class:`fantoccini.app.live.live.Live`."""
+    """The interface of :class:`fantoccini.app.live.live.Live` that the tabs act on."""
 
     stage: Stage
 

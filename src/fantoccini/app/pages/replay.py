@@ -112,7 +112,7 @@ class Replay(PageLoop):
         t: the time that is shown [s].
         playing: whether it plays.
         shown: index of the frame that is shown; -1 before the first.
-        views: what is shown of the world.
+        views: parts of the world that are shown.
 
     Args:
         server: of the page.

@@ -37,7 +37,7 @@ class Words(NamedTuple):
 
     Attributes:
         own: another program's name -> the name in our files.
-        advice: advice for an unknown key, given the allowed ones; None where there is none.
+        advice: given an unknown key and the allowed ones, a sentence that helps, or None.
     """
 
     own: Mapping[str, str] = {}
