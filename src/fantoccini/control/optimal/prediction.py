@@ -14,7 +14,7 @@ from fantoccini.base import Array, Mask, Status
 from fantoccini.control.optimal.dynamics import Ends
 from fantoccini.control.tasks import Nodes
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.kernel.runtime import AnyArray, LaneSteppers
+from fantoccini.kernel.runtime import LaneRecord, LaneSteppers
 from fantoccini.motion import State
 
 _MOTION = ("q_D", "v_D", "q_K", "v_K")
@@ -35,7 +35,9 @@ class Predictions:
     def __init__(self, marionette: Marionette, dt: float, lanes: int):
         self._marionette, self._n, model = marionette, lanes, marionette.model
         options = model.run_options(dt=dt, extrapolate=False)
-        self._steppers = LaneSteppers(model.compiled.lanes, lanes, 1, options, model.winches)
+        library = model.compiled.lanes
+        self._record = LaneRecord(lanes, library.sizes)
+        self._steppers = LaneSteppers(library, self._record, 1, options, model.winches)
 
     def make(
         self, x0: State, start: float, interval: float, acc_K: Array
@@ -49,21 +51,21 @@ class Predictions:
             acc_K: (n, N, n_vK) accelerations of the driven coordinates.
         """
         n, N, table = len(acc_K), acc_K.shape[1], self._marionette.coordinates
-        arrays = self._begun(x0)
-        every = {name: np.empty((N + 1, n, arrays[name].shape[1])) for name in _MOTION}
+        record = self._begin(x0)
+        now = {name: getattr(record, name)[:n] for name in _MOTION}
+        every = {name: np.empty((N + 1, *a.shape)) for name, a in now.items()}
         for name in _MOTION:
-            every[name][0] = arrays[name][:n]
-        n_rows = arrays["tension"].shape[1]
-        tension, ok = np.empty((N, n, n_rows)), np.ones(n, dtype=bool)
+            every[name][0] = now[name]
+        tension = np.empty((N, n, record.tension.shape[1]))
         acc = np.zeros((self._n, table.n_vK))
-        advance = self._steppers.bound(arrays, interval, acc, None)
+        advance = self._steppers.bound(interval, acc, None)
         for i in range(N):
             acc[:n] = acc_K[:, i]
             advance()
             for name in _MOTION:
-                every[name][i + 1] = arrays[name][:n]
-            tension[i] = arrays["tension"][:n]
-        ok = _arrived(arrays)[:n]
+                every[name][i + 1] = now[name]
+            tension[i] = record.tension[:n]
+        ok = _arrived(record)[:n]
         made: list[tuple[Nodes, Ends] | None] = []
         for j in range(n):
             states: dict[str, Any] = {
@@ -80,33 +82,19 @@ class Predictions:
 
     def after(self, x0: State, acc_K: Array, duration: float) -> State | None:
         """The state a while later under constant accelerations; None where there is none."""
-        arrays = self._begun(x0)
+        record = self._begin(x0)
         acc = np.repeat(np.asarray(acc_K)[None], self._n, axis=0)
-        self._steppers.advance(arrays, duration, acc, None)
-        if not _arrived(arrays)[0]:
+        self._steppers.advance(duration, acc, None)
+        if not _arrived(record)[0]:
             return None
-        parts = {name: arrays[name][0] for name in _MOTION}
-        return replace(x0, t=x0.t + duration, **parts, taut=arrays["taut"][0])
+        parts = {name: getattr(record, name)[0].copy() for name in _MOTION}
+        return replace(x0, t=x0.t + duration, **parts, taut=record.taut[0].copy())
 
-    def _begun(self, x0: State) -> dict[str, AnyArray]:
-        n, tree, model = self._n, self._marionette.tree, self._marionette.model
-        arrays: dict[str, AnyArray] = {
-            name: np.repeat(np.asarray(getattr(x0, name), dtype=float)[None], n, axis=0)
-            for name in _MOTION
-        }
-        return arrays | {
-            "p": np.repeat(model.p[None], n, axis=0),
-            "fresh": np.ones(n, dtype=np.uint8),
-            "slip": np.zeros((n, len(tree.strings))),
-            "tension": np.zeros((n, tree.n_rows)),
-            "taut": np.zeros((n, tree.n_rows), dtype=np.bool_),
-            "books": np.zeros((n, 5)),
-            "violation": np.zeros(n),
-            "advanced": np.zeros(n),
-            "status": np.zeros(n, dtype=np.int32),
-            "blame": np.zeros((n, len(tree.blamable))),
-        }
+    def _begin(self, x0: State) -> LaneRecord:
+        motion = {name: getattr(x0, name) for name in _MOTION}
+        self._record.begin(**motion, p=self._marionette.model.p, slip=np.zeros(1))
+        return self._record
 
 
-def _arrived(arrays: dict[str, AnyArray]) -> Mask:
-    return np.asarray(arrays["status"] == Status.DONE)
+def _arrived(record: LaneRecord) -> Mask:
+    return np.asarray(record.status == Status.DONE)

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from fantoccini.dynamics.derivatives.variational_partials import (
 )
 from fantoccini.kernel.contract import StepEdge
 from fantoccini.kernel.runtime import (
-    AnyArray,
+    LaneRecord,
     LaneSteppers,
     RunOptions,
     StepTouches,
@@ -151,10 +150,9 @@ def linearise_steps(
         refuse_contact(model, "the method variational")
         discrete = variational_partials(model, x, acc, force, values, dt, threads)
         return _variational(model, discrete, driven, forces, pull, dt)
-    made: _Lanes | StepTouches
+    made: LaneRecord | StepTouches
     if options.contacts is None:
-        own = _rows(values, n)
-        touches, made = None, _Lanes.of(model, options, x, acc, force, own, threads)
+        touches, made = None, _made(model, options, x, acc, force, values, threads)
     else:
         touches = made = step_touches(
             model.library,
@@ -207,45 +205,22 @@ def linearise_steps(
     )
 
 
-class _Lanes(NamedTuple):
-    """n steps of a puppet without contact, made in lanes."""
-
-    q_D: Array
-    v_D: Array
-    q_K: Array
-    v_K: Array
-    tension: Array
-    status: AnyArray
-
-    @classmethod
-    def of(
-        cls,
-        model: Model,
-        options: RunOptions,
-        x: Mapping[str, Array],
-        acc_K: Array,
-        u_D: Array | None,
-        p: Array,
-        threads: int,
-    ) -> _Lanes:
-        n, tree = len(p), model.tree
-        made: dict[str, AnyArray] = {name: np.array(a, order="C") for name, a in x.items()} | {
-            "fresh": np.ones(n, dtype=np.uint8),
-            "p": np.ascontiguousarray(p),
-            "slip": np.zeros((n, len(tree.strings))),
-            "tension": np.zeros((n, tree.n_rows)),
-            "taut": np.zeros((n, tree.n_rows), dtype=np.bool_),
-            "books": np.zeros((n, 5)),
-            "violation": np.zeros(n),
-            "advanced": np.zeros(n),
-            "status": np.zeros(n, dtype=np.int32),
-            "blame": np.zeros((n, len(tree.blamable))),
-        }
-        lanes = model.compiled.lanes
-        workers = max(1, min(threads, -(-n // lanes.width)))
-        steppers = LaneSteppers(lanes, n, workers, options, model.winches)
-        steppers.advance(made, options.dt, acc_K, u_D)
-        return cls(*(made[name] for name in cls._fields))
+def _made(
+    model: Model,
+    options: RunOptions,
+    x: Mapping[str, Array],
+    acc_K: Array,
+    u_D: Array | None,
+    p: Array,
+    threads: int,
+) -> LaneRecord:
+    """One step of each state of a puppet without contact."""
+    library = model.compiled.lanes
+    record = LaneRecord(len(x["q_D"]), library.sizes)
+    record.begin(**x, p=p)
+    steppers = LaneSteppers(library, record, threads, options, model.winches)
+    steppers.advance(options.dt, acc_K, u_D)
+    return record
 
 
 def _variational(

@@ -29,18 +29,17 @@ from fantoccini.dynamics.compiled import (
     vectors,
 )
 from fantoccini.dynamics.steppers.stepper import Stepper
-from fantoccini.kernel.contract import BOOKS
-from fantoccini.kernel.runtime import AnyArray, LaneSteppers, RunOptions, default_threads, whole
+from fantoccini.kernel.contract import SUMS
+from fantoccini.kernel.runtime import LaneRecord, LaneSteppers, RunOptions, default_threads, whole
 from fantoccini.motion import State, States
 
 T = TypeVar("T", bound=np.generic)
 
-_SUMS = tuple(name for name in BOOKS if name not in ("kinetic", "potential"))
 _STATE = ("q_D", "v_D", "q_K", "v_K", "slip")
 
 
 class _Engine(Protocol):
-    """What advances the runs of a batch, reading and writing its arrays."""
+    """Advances the runs of a lane record."""
 
     def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None: ...
 
@@ -94,20 +93,12 @@ class StepperBatch:
         self.model, self.method, self._n = model, chosen.name, n
         options = model.run_options(**chosen.options)
         threads = default_threads() if threads is None else whole("threads", threads, least=1)
-        tree = model.tree
-        rows, blamable = tree.n_rows, len(tree.blamable)
-        self.t, self.p = np.zeros(n), np.zeros((n, len(model.p)))
-        self.q_D, self.v_D, self.q_K, self.v_K, self.slip = (
-            np.zeros((n, getattr(states, name).shape[1])) for name in _STATE
-        )
-        self.tension, self.taut = np.zeros((n, rows)), np.zeros((n, rows), dtype=np.bool_)
-        self.books, self.violation = np.zeros((n, len(_SUMS))), np.zeros(n)
-        self.status, self._blame = np.zeros(n, dtype=np.int32), np.zeros((n, blamable))
-        self._fresh, self._advanced = np.zeros(n, dtype=np.uint8), np.zeros(n)
-        self._arrays: dict[str, AnyArray] = {
-            name: getattr(self, name)
-            for name in (*_STATE, "p", "tension", "taut", "books", "violation", "status")
-        } | {"fresh": self._fresh, "advanced": self._advanced, "blame": self._blame}
+        self.t = np.zeros(n)
+        self._record = record = LaneRecord(n, model.tree.sizes)
+        self.p, self.tension, self.taut = record.p, record.tension, record.taut
+        self.q_D, self.v_D, self.q_K, self.v_K = record.q_D, record.v_D, record.q_K, record.v_K
+        self.slip, self.books, self.violation = record.slip, record.books, record.violation
+        self.status = record.status
         self._starts, self._parameters = states, p
         self._options = options
         self._engine = self._engine_of(options, threads)
@@ -115,12 +106,9 @@ class StepperBatch:
 
     def _engine_of(self, options: RunOptions, threads: int) -> _Engine:
         if self.method != "timestepping":
-            return _Runs(self.model, self.method, options, self._arrays, self.t, threads)
+            return _Runs(self.model, self.method, options, self._record, self.t, threads)
         library = self.model.compiled.lanes
-        threads = min(threads, -(-self._n // library.width))
-        return _Lanes(
-            LaneSteppers(library, self._n, threads, options, self.model.winches), self._arrays
-        )
+        return LaneSteppers(library, self._record, threads, options, self.model.winches)
 
     def __len__(self) -> int:
         return self._n
@@ -135,7 +123,7 @@ class StepperBatch:
 
     def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
         """Names whose share of the blame for the status of run i exceeds ``least``."""
-        share = self._blame[i]
+        share = self._record.blame[i]
         return tuple(n for n, x in zip(self.model.tree.blamable, share, strict=True) if x > least)
 
     def state(self, i: int) -> State:
@@ -144,7 +132,7 @@ class StepperBatch:
             float(self.t[i]),
             taut=self.taut[i],
             coordinates=self.model.coordinates,
-            **{name: self._arrays[name][i] for name in _STATE},
+            **{name: getattr(self, name)[i] for name in _STATE},
         )
 
     def reset(
@@ -192,9 +180,9 @@ class StepperBatch:
         check_starts(model, starts, self.method, p)
         check_steps(model, self.method, starts, p, self._options.dt)
         for name, x in parts.items():
-            self._arrays[name][runs] = x
+            getattr(self._record, name)[runs] = x
         self.p[runs], self.t[runs] = p, times
-        self._fresh[runs] = 1
+        self._record.fresh[runs] = True
         self._engine.advance(0.0, np.zeros((1, model.coordinates.n_vK)), None)
 
     def advance(
@@ -223,7 +211,7 @@ class StepperBatch:
             force = _rows("u_D", vectors("u_D", u_D, table.n_vD).reshape(-1, table.n_vD), self._n)
         going = self.arrived
         self._engine.advance(duration, acc, force)
-        self.t[going] += self._advanced[going]
+        self.t[going] += self._record.advanced[going]
         return self.arrived
 
     def _accelerations(self, given: Array | Mapping[str, Array | float] | None) -> Array:
@@ -242,16 +230,6 @@ class StepperBatch:
         return vectors("acc_K", acc, table.n_vK)
 
 
-class _Lanes:
-    """Time-stepping, by compiled code."""
-
-    def __init__(self, steppers: LaneSteppers, arrays: dict[str, AnyArray]):
-        self._steppers, self._arrays = steppers, arrays
-
-    def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None:
-        self._steppers.advance(self._arrays, duration, acc_K, u_D)
-
-
 class _Runs:
     """Any other method: a stepper for each run, on threads."""
 
@@ -260,12 +238,12 @@ class _Runs:
         model: Model,
         method: MethodName,
         options: RunOptions,
-        arrays: dict[str, AnyArray],
+        record: LaneRecord,
         t: Array,
         threads: int,
     ):
         self._model, self._method, self._options = model, method, options
-        self._arrays, self._t = arrays, t
+        self._record, self._t = record, t
         self._steppers: list[Stepper | None] = [None] * len(t)
         self._pool = ThreadPoolExecutor(threads)
 
@@ -283,32 +261,32 @@ class _Runs:
         list(self._pool.map(one, range(len(self._t))))
 
     def _begin(self, i: int) -> None:
-        arrays = self._arrays
-        if not arrays["fresh"][i]:
+        record = self._record
+        if not record.fresh[i]:
             return
-        arrays["fresh"][i] = 0
-        model = self._model.with_p(arrays["p"][i])
+        record.fresh[i] = False
+        model = self._model.with_p(record.p[i])
         x0 = State(
             float(self._t[i]),
             taut=np.zeros(model.tree.n_rows, dtype=bool),
             coordinates=model.coordinates,
-            **{name: arrays[name][i] for name in _STATE},
+            **{name: getattr(record, name)[i] for name in _STATE},
         )
         self._steppers[i] = Stepper(model, x0, self._method, self._options)
 
     def _take(self, i: int, stepper: Stepper, advanced: float) -> None:
-        arrays, x = self._arrays, stepper.state
+        record, x = self._record, stepper.state
         for name in _STATE:
-            arrays[name][i] = getattr(x, name)
-        arrays["taut"][i], arrays["tension"][i] = x.taut, stepper.tension
-        arrays["advanced"][i] = advanced
+            getattr(record, name)[i] = getattr(x, name)
+        record.taut[i], record.tension[i] = x.taut, stepper.tension
+        record.advanced[i] = advanced
         status = stepper.status
-        arrays["status"][i] = Status.DONE if status is Status.RUNNING else status
-        arrays["blame"][i] = stepper.blame
+        record.status[i] = Status.DONE if status is Status.RUNNING else status
+        record.blame[i] = stepper.blame
         if len(stepper.samples):
             split = self._model.sample_layout.split(stepper.samples[-1:])
-            arrays["books"][i] = [split[name][0] for name in _SUMS]
-        arrays["violation"][i] = stepper.violation
+            record.books[i] = [split[name][0] for name in SUMS]
+        record.violation[i] = stepper.violation
 
 
 def _numbers(which: Indices | MaskRows | None, n: int) -> NDArray[np.intp]:

@@ -28,6 +28,7 @@ from fantoccini.kernel.contract.constants import (
 from fantoccini.kernel.contract.function import DERIVATIVES, LIBRARIES, MODEL, Function
 from fantoccini.kernel.contract.functions import COLUMN, FUNCTIONS, compiled, needed
 from fantoccini.kernel.contract.identity import digest
+from fantoccini.kernel.contract.lanes import LANE, LanePart
 from fantoccini.kernel.contract.quantity import SIZES, Quantity
 from fantoccini.kernel.contract.samples import (
     BOOKS,
@@ -36,6 +37,7 @@ from fantoccini.kernel.contract.samples import (
     EVENT_AT,
     PARTS,
     SAMPLE,
+    SUMS,
     WINCH_AT,
     width,
 )
@@ -54,6 +56,7 @@ __all__ = [
     "EVENT_AT",
     "FUNCTIONS",
     "HULL_VERTICES",
+    "LANE",
     "LEAST_LENGTH",
     "LIBRARIES",
     "MODEL",
@@ -63,6 +66,7 @@ __all__ = [
     "SIZES",
     "START_GAP",
     "STRUCTURES",
+    "SUMS",
     "TENSION_CAP",
     "WINCH_AT",
     "WINCH_DECELERATION",
@@ -70,6 +74,7 @@ __all__ = [
     "Function",
     "GoalKind",
     "Hold",
+    "LanePart",
     "Quantity",
     "ReachEnd",
     "SolidKind",

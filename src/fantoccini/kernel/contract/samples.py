@@ -18,6 +18,8 @@ _BOOKS = (
 )
 BOOKS = tuple(q.name for q in _BOOKS)
 """Energies, work and losses of a sample, which a batch saves as one part, ``books``."""
+SUMS = BOOKS[2:]
+"""Those that add up over a run: work and losses, without the energies."""
 
 SAMPLE: tuple[Quantity, ...] = (
     Quantity("t", (), "s", "time"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fantoccini.kernel.contract.derivative_structures import DERIVATIVES
+from fantoccini.kernel.contract.lanes import LANE
 from fantoccini.kernel.contract.samples import PARTS
 from fantoccini.kernel.contract.search_structures import SEARCHES
 from fantoccini.kernel.contract.structure import IN, INT, MANY, OUT, Field, Structure
@@ -194,24 +195,7 @@ RUNS: tuple[Structure, ...] = (
             Field("winches", IN, "of all"),
             Field("acc_K", "Shared", "(n_vK,) held over the piece"),
             Field("u_D", "Shared", "(n_vD,) held over the piece, or null"),
-            Field(
-                "fresh",
-                "unsigned char*",
-                "(n,) those that begin anew where the arrays say; cleared",
-            ),
-            Field("p", IN, "(n, n_p)"),
-            Field("q_D", OUT, "(n, n_qD) the present state, and then that reached; so the others"),
-            Field("v_D", OUT, "(n, n_vD)"),
-            Field("q_K", OUT, "(n, n_qK)"),
-            Field("v_K", OUT, "(n, n_vK)"),
-            Field("slip", OUT, "(n, n_strings)"),
-            Field("tension", OUT, "(n, n_rows) written"),
-            Field("taut", "unsigned char*", "(n, n_rows) written"),
-            Field("books", OUT, "(n, 5) work, damping, impact, slip loss, friction; written [J]"),
-            Field("violation", OUT, "(n,) largest since it began; written"),
-            Field("advanced", OUT, "(n,) time by which it was advanced in the piece; written [s]"),
-            Field("status", "int*", "(n,) Status; written"),
-            Field("blame", OUT, "(n, n_rows + n_watched) shares of the blame for it; written"),
+            *(part.field for part in LANE),
         ),
     ),
 )

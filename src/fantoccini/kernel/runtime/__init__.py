@@ -21,7 +21,7 @@ from fantoccini.kernel.runtime.frozen_flow import FrozenFlow
 from fantoccini.kernel.runtime.functions import AnyArray, Functions, Loaded, whole
 from fantoccini.kernel.runtime.gradients import GradientLibrary, GradientRun
 from fantoccini.kernel.runtime.hulls import Hull, mesh_hulls
-from fantoccini.kernel.runtime.lane_steppers import LaneSteppers
+from fantoccini.kernel.runtime.lanes import LaneRecord, LaneSteppers
 from fantoccini.kernel.runtime.options import RunOptions
 from fantoccini.kernel.runtime.reach import MAX_TARGETS, Reached, ReachLibrary
 from fantoccini.kernel.runtime.rollouts import (
@@ -70,6 +70,7 @@ __all__ = [
     "GradientRun",
     "HeldInput",
     "Hull",
+    "LaneRecord",
     "LaneSteppers",
     "Library",
     "Loaded",

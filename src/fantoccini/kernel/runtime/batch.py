@@ -25,13 +25,14 @@ class BatchLibrary:
 
     Attributes:
         width: trajectories that are advanced together, in lanes.
+        sizes: of the puppet.
 
     Args:
         loaded: a library of lanes, or the puppet's own, which advances one at a time.
     """
 
     def __init__(self, loaded: Loaded):
-        self.dll, self.width = loaded.dll, loaded.width
+        self.dll, self.width, self.sizes = loaded.dll, loaded.width, loaded.sizes
         self.dll.fan_batch_new.restype = ctypes.c_void_p
         self.dll.fan_batch_done.restype = ctypes.c_double
         for name in ("free", "stop", "done", "work"):

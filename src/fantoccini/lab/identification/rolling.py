@@ -21,7 +21,7 @@ import numpy as np
 from fantoccini.base import ARRIVED, Array, Indices, tangent
 from fantoccini.dynamics.compiled import Model
 from fantoccini.dynamics.derivatives import StepLinearisations, linearise_steps
-from fantoccini.kernel.runtime import AnyArray, LaneSteppers
+from fantoccini.kernel.runtime import LaneRecord, LaneSteppers
 from fantoccini.motion import Input
 
 _STEPS_AT_ONCE = 1500
@@ -131,44 +131,29 @@ def _parts(S: int, threads: int) -> list[slice]:
 
 def _roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rolled:
     n, S = driven.acc_K.shape[:2]
-    tree, lanes = model.tree, model.compiled.lanes
-    made: dict[str, AnyArray] = {
-        "q_D": np.array(q_D, order="C"),
-        "v_D": np.array(v_D, order="C"),
-        "q_K": np.array(driven.q_K[0], order="C"),
-        "v_K": np.array(driven.v_K[0], order="C"),
-        "fresh": np.ones(S, dtype=np.uint8),
-        "p": np.tile(p, (S, 1)),
-        "slip": np.zeros((S, len(tree.strings))),
-        "tension": np.zeros((S, tree.n_rows)),
-        "taut": np.zeros((S, tree.n_rows), dtype=np.bool_),
-        "books": np.zeros((S, 5)),
-        "violation": np.zeros(S),
-        "advanced": np.zeros(S),
-        "status": np.zeros(S, dtype=np.int32),
-        "blame": np.zeros((S, len(tree.blamable))),
-    }
+    record = LaneRecord(S, model.compiled.lanes.sizes)
+    record.begin(q_D=q_D, v_D=v_D, p=p)
     options = model.run_options(dt=driven.dt, extrapolate=False)
     acc = np.zeros((S, model.coordinates.n_vK))
     force = None if driven.u_D is None else np.zeros((S, model.coordinates.n_vD))
-    steppers = LaneSteppers(lanes, S, 1, options, model.winches)
-    advance = steppers.bound(made, driven.dt, acc, force)
+    steppers = LaneSteppers(model.compiled.lanes, record, 1, options, model.winches)
+    advance = steppers.bound(driven.dt, acc, force)
     out = Rolled(
         np.empty((n + 1, *q_D.shape)),
         np.empty((n + 1, *v_D.shape)),
-        np.empty((n, S, tree.n_rows)),
+        np.empty((n, *record.tension.shape)),
         True,
     )
     out.q_D[0], out.v_D[0] = q_D, v_D
     status = np.empty((n, S), dtype=np.int32)
     for k in range(n):
-        made["q_K"][:], made["v_K"][:], acc[:] = driven.q_K[k], driven.v_K[k], driven.acc_K[k]
+        record.begin(q_K=driven.q_K[k], v_K=driven.v_K[k])
+        acc[:] = driven.acc_K[k]
         if force is not None and driven.u_D is not None:
             force[:] = driven.u_D[k]
-        made["fresh"][:] = 1
         advance()
-        out.q_D[k + 1], out.v_D[k + 1], out.tension[k] = made["q_D"], made["v_D"], made["tension"]
-        status[k] = made["status"]
+        out.q_D[k + 1], out.v_D[k + 1], out.tension[k] = record.q_D, record.v_D, record.tension
+        status[k] = record.status
     whole = bool(np.all(np.isin(status, ARRIVED)) and np.all(np.isfinite(out.q_D[-1])))
     return Rolled(out.q_D, out.v_D, out.tension, whole)
 

@@ -9,20 +9,77 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fantoccini.base import Array
+from fantoccini.base import Array, MaskRows
+from fantoccini.kernel.contract import LANE
 from fantoccini.kernel.runtime.batch import BatchLibrary
-from fantoccini.kernel.runtime.functions import AnyArray, pointer
+from fantoccini.kernel.runtime.functions import pointer
 from fantoccini.kernel.runtime.options import RunOptions
 from fantoccini.kernel.runtime.structures import UNLIMITED, structures
 
+_KINDS: dict[str, type[np.generic]] = {"unsigned char*": np.bool_, "int*": np.int32}
+"""Numbers of the lane record's arrays, by their type in C++; floating-point where not named."""
+
+
+class LaneRecord:
+    """The arrays of n trajectories that are advanced together: those of the contract's ``LANE``.
+
+    They stay where they are while the record lives, and are replaced in place.
+
+    Attributes:
+        fresh: (n,) those that begin anew where the arrays say; cleared once they have.
+        p: (n, n_p) parameters.
+        q_D, v_D, q_K, v_K, slip: (n, ...) states.
+        tension: (n, n_rows) forces of strings and limits [N or N m].
+        taut: (n, n_rows).
+        books: (n, 5) of the contract's ``SUMS``, since each began [J].
+        violation: (n,) largest since each began [m, rad or 1].
+        advanced: (n,) time by which each was advanced in the last piece [s].
+        status: (n,) :class:`Status` numbers.
+        blame: (n, n_rows + n_watched) shares of the blame for it, 0 to 1.
+
+    Args:
+        n: trajectories.
+        sizes: of the puppet.
+    """
+
+    fresh: MaskRows
+    p: Array
+    q_D: Array
+    v_D: Array
+    q_K: Array
+    v_K: Array
+    slip: Array
+    tension: Array
+    taut: MaskRows
+    books: Array
+    violation: Array
+    advanced: Array
+    status: NDArray[np.int32]
+    blame: Array
+
+    def __init__(self, n: int, sizes: Mapping[str, int]):
+        for part in LANE:
+            kind = _KINDS.get(part.type, np.float64)
+            setattr(self, part.name, np.zeros(part.shape(n, sizes), dtype=kind))
+
+    def __len__(self) -> int:
+        return len(self.fresh)
+
+    def begin(self, **parts: Array) -> None:
+        """All trajectories begin anew: parts of their states by name, (n, width) or (width,)."""
+        for name, values in parts.items():
+            getattr(self, name)[:] = values
+        self.fresh[:] = True
+
 
 class LaneSteppers:
-    """What n trajectories remember between pieces.
+    """Advances the trajectories of a record by time-stepping.
 
     Args:
         library: the puppet's lanes.
-        n: trajectories.
+        record: of the trajectories.
         threads: that share the work.
         options: of the runs.
         winches: (n_strings, 3) as for :class:`fantoccini.kernel.runtime.Run`, of all.
@@ -32,9 +89,15 @@ class LaneSteppers:
     """
 
     def __init__(
-        self, library: BatchLibrary, n: int, threads: int, options: RunOptions, winches: Array
+        self,
+        library: BatchLibrary,
+        record: LaneRecord,
+        threads: int,
+        options: RunOptions,
+        winches: Array,
     ):
-        self._dll, self._n = library.dll, n
+        self._dll, self._record, n = library.dll, record, len(record)
+        self._threads = threads = max(1, min(threads, -(-n // library.width)))
         self._dll.fan_steppers_new.restype = ctypes.c_void_p
         made = self._dll.fan_steppers_new(ctypes.c_longlong(n), ctypes.c_int(threads))
         if not made:
@@ -42,7 +105,6 @@ class LaneSteppers:
         self._handle = ctypes.c_void_p(made)
         self._options = options
         self._winches = np.ascontiguousarray(np.minimum(winches, UNLIMITED), dtype=float)
-        self._threads = threads
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def __del__(self) -> None:
@@ -52,39 +114,34 @@ class LaneSteppers:
             self._dll.fan_steppers_free(self._handle)
             self._handle = ctypes.c_void_p()
 
-    def advance(
-        self, arrays: Mapping[str, AnyArray], duration: float, acc_K: Array, u_D: Array | None
-    ) -> None:
+    def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None:
         """Advances all trajectories that still run; those marked ``fresh`` begin anew first.
 
         Args:
-            arrays: by the names of the contract's ``StepperArrays``; they are replaced in place.
             duration: of the piece; 0 only begins what is fresh [s].
             acc_K: (n or 1, n_vK) accelerations held over the piece.
             u_D: (n or 1, n_vD) forces held over the piece; None for none.
         """
-        self.bound(arrays, duration, acc_K, u_D)()
+        self.bound(duration, acc_K, u_D)()
 
-    def bound(
-        self, arrays: Mapping[str, AnyArray], duration: float, acc_K: Array, u_D: Array | None
-    ) -> Callable[[], None]:
+    def bound(self, duration: float, acc_K: Array, u_D: Array | None) -> Callable[[], None]:
         """:meth:`advance` with these arrays, for many calls; contiguous ones may change between."""
         given = {"acc_K": acc_K, "u_D": u_D}
         held = {k: np.ascontiguousarray(x, dtype=float) for k, x in given.items() if x is not None}
         shared = {k: self._shared(x) for k, x in held.items()}
         shared.setdefault("u_D", structures["Shared"](None, 0))
         structure = structures["StepperArrays"](
-            n=self._n,
+            n=len(self._record),
             duration=duration,
             options=self._options.structure(),
             winches=pointer(self._winches),
             **shared,
-            **{name: pointer(x) for name, x in arrays.items()},
+            **{part.name: pointer(getattr(self._record, part.name)) for part in LANE},
         )
-        return partial(self._advance, structure, [arrays, held])
+        return partial(self._advance, structure, held)
 
-    def _advance(self, structure: ctypes.Structure, kept: list[Any]) -> None:
-        """``kept`` are the arrays that the structure points into."""
+    def _advance(self, structure: ctypes.Structure, kept: Mapping[str, Array]) -> None:
+        """``kept`` are the arrays, besides the record's, that the structure points into."""
         self._dll.fan_steppers_begin(self._handle, ctypes.byref(structure))
         work = self._dll.fan_steppers_work
         if self._pool is None:

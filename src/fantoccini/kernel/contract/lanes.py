@@ -1,0 +1,64 @@
+"""The lane record: arrays of n trajectories that are advanced together, piece by piece."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fantoccini.kernel.contract.samples import SUMS
+from fantoccini.kernel.contract.structure import IN, OUT, Field
+
+Width = str | int | None
+"""Numbers of a trajectory: sizes of a puppet, added with +, or a number; None for one number."""
+
+
+@dataclass(frozen=True)
+class LanePart:
+    """An array of the lane record, (n, width) or (n,).
+
+    Attributes:
+        name: the same in Python and C++.
+        width: see :data:`Width`.
+        type: of the pointer in C++.
+        meaning: with its unit.
+    """
+
+    name: str
+    width: Width
+    type: str
+    meaning: str = ""
+
+    def shape(self, n: int, sizes: Mapping[str, int]) -> tuple[int, ...]:
+        """The shape of the array of n trajectories."""
+        if self.width is None:
+            return (n,)
+        if isinstance(self.width, int):
+            return (n, self.width)
+        return (n, sum(sizes[name] for name in self.width.split(" + ")))
+
+    @property
+    def field(self) -> Field:
+        """It as a field of a structure."""
+        shape = "(n,)" if self.width is None else f"(n, {self.width})"
+        return Field(self.name, self.type, f"{shape} {self.meaning}".rstrip())
+
+
+LANE: tuple[LanePart, ...] = (
+    LanePart(
+        "fresh", None, "unsigned char*", "those that begin anew where the arrays say; cleared"
+    ),
+    LanePart("p", "n_p", IN),
+    LanePart("q_D", "n_qD", OUT, "the present state, and then that reached; so the others"),
+    LanePart("v_D", "n_vD", OUT),
+    LanePart("q_K", "n_qK", OUT),
+    LanePart("v_K", "n_vK", OUT),
+    LanePart("slip", "n_strings", OUT),
+    LanePart("tension", "n_rows", OUT, "written"),
+    LanePart("taut", "n_rows", "unsigned char*", "written"),
+    LanePart("books", len(SUMS), OUT, "work, damping, impact, slip loss, friction; written [J]"),
+    LanePart("violation", None, OUT, "largest since it began; written"),
+    LanePart("advanced", None, OUT, "time by which it was advanced in the piece; written [s]"),
+    LanePart("status", None, "int*", "Status; written"),
+    LanePart("blame", "n_rows + n_watched", OUT, "shares of the blame for it; written"),
+)
+"""The lane record, declared once: compiled code and Python take its arrays from here."""
