@@ -33,3 +33,32 @@ def test_the_lane_record_is_declared_once():
         if isinstance(node, ast.Constant) and node.value in own
     }
     assert naming == {"kernel/contract/lanes.py"}
+
+
+def test_one_place_decides_the_status_of_a_run():
+    """Others report what stopped a run, and check it; only ``decide`` sets what follows."""
+    deciding = {
+        path
+        for path, tree in SOURCES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and node.attr == "REDUNDANT_STRINGS"
+    }
+    assert deciding == {"dynamics/steppers/verdict.py"}
+    calling = {
+        path
+        for path, tree in SOURCES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "decide"
+    }
+    assert calling == {
+        "dynamics/simulation/batch_verdicts.py",
+        "dynamics/simulation/run.py",
+        "dynamics/steppers/stepper.py",
+    }
+    checking = {
+        path
+        for path, tree in SOURCES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and node.attr in ("GAINED_ENERGY", "UNBALANCED")
+    }
+    assert checking == {"dynamics/simulation/batch_verdicts.py", "dynamics/simulation/soundness.py"}

@@ -175,6 +175,7 @@ def _made(
         coef[:, 0, v, 0] = x["q_K"][:, q]
     coef[:, 0, :, 1], coef[:, 0, :, 2], force[:, 0, :, 0] = x["v_K"], 0.5 * acc_K, u_D
     made = Batch(
+        library=model.compiled.variational_lanes,
         n=n,
         t=0.0,
         t_end=dt,
@@ -190,16 +191,8 @@ def _made(
         options=model.run_options(dt=dt),
         times=np.zeros(2),
         parts={},
-        status=np.full(n, Status.STOPPED, dtype=np.int32),
-        reached=np.zeros(n),
-        violation=np.zeros(n),
-        catches=np.zeros(n, dtype=np.int64),
-        releases=np.zeros(n, dtype=np.int64),
-        blame=np.zeros((n, len(table.blamable))),
-        end_q_D=np.full((n, t.n_qD), np.nan),
-        end_v_D=np.full((n, t.n_vD), np.nan),
     )
-    made.run(model.compiled.variational_lanes, threads)
+    made.run(threads)
     return made
 
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
 
-from fantoccini.base import ARRIVED, Array, Status, Times
+from fantoccini.base import Array
 from fantoccini.dynamics.compiled import (
     Method,
     MethodName,
@@ -27,27 +26,11 @@ from fantoccini.dynamics.compiled import (
 )
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.batch_progress import batch_progress
+from fantoccini.dynamics.simulation.batch_verdicts import BatchVerdicts
 from fantoccini.dynamics.simulation.checks import check_marionette, save_times
-from fantoccini.dynamics.simulation.run import ledger_of
-from fantoccini.dynamics.simulation.soundness import (
-    ends_fast,
-    gains,
-    left_by_last_step,
-    swings,
-    unbooked,
-    verdict,
-)
-from fantoccini.dynamics.steppers import (
-    CONTRADICTION_STATUSES,
-    contradiction,
-    deepest,
-    first_excess_tension,
-    looks,
-    may_be_redundant,
-    parted_starts,
-    prescribed_overlaps,
-)
-from fantoccini.kernel.contract import BOOKS, PARTS
+from fantoccini.dynamics.simulation.ledgers import ledger_of_books
+from fantoccini.dynamics.steppers import parted_starts
+from fantoccini.kernel.contract import PARTS
 from fantoccini.kernel.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.motion import LEDGER, RESIDUAL, SAVED, Columns, Input, Inputs, State, Trajectories
 
@@ -148,7 +131,9 @@ def simulate_batch(
     saved = _saved(model, save)
     _check_memory(model, name, options, saved, n, t, t_end, save_at, out or {})
     times = _times(name, options, t, t_end, save_at)
+    library = model.compiled.batch_library_of(name)
     batch = Batch(
+        library=library,
         n=n,
         t=t,
         t_end=t_end,
@@ -164,115 +149,14 @@ def simulate_batch(
         options=options,
         times=times,
         parts=_parts(model, saved, n, len(times), out or {}),
-        status=np.full(n, Status.STOPPED, dtype=np.int32),
-        reached=np.full(n, np.nan),
-        violation=np.zeros(n),
-        catches=np.zeros(n, dtype=np.int64),
-        releases=np.zeros(n, dtype=np.int64),
-        blame=np.zeros((n, len(model.tree.blamable))),
-        end_q_D=np.full((n, states.q_D.shape[1]), np.nan),
-        end_v_D=np.full((n, states.v_D.shape[1]), np.nan),
     )
-    library = model.compiled.batch_library_of(name)
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; the other runs have the status they began with.
     bar = batch_progress(f"{n} runs", progress, t, t_end)
     with bar as show, contextlib.suppress(KeyboardInterrupt):
-        batch.run(library, threads, show)
-    if may_be_redundant(model):
-        _find_contradictions(model, batch, bound, name)
-    if name != "event":
-        _judge(marionette, batch, bound, name)
-    _judge_prescribed(model, batch, bound)
+        batch.run(threads, show)
+    BatchVerdicts(marionette, batch, bound, name).decide()
     return _trajectories(marionette, batch, name, saved)
-
-
-def _find_contradictions(model: Model, batch: Batch, inputs: Inputs, method: str) -> None:
-    """Names the runs that redundant strings stopped.
-
-    Those that fixed steps completed are examined where tensions are saved with the motion.
-    """
-    tree, table, parts = model.tree, model.coordinates, batch.parts
-    n_s, strings = len(tree.strings), [s.name for s in tree.strings]
-    none = np.zeros(tree.n_rows, dtype=bool)
-    examined = method != "event" and {"q_D", "v_D", "force"} <= set(parts)
-    for i in map(int, np.flatnonzero(np.isfinite(batch.reached))):
-        given = inputs[i if len(inputs) > 1 else 0]
-
-        def motion(t: float, q_D: Array, v_D: Array, given: Input = given) -> tuple[State, Array]:
-            q_K, v_K, acc_K = given.evaluate(t)
-            # Winches that slip are no rigid strings, so their slip does not matter here.
-            return State(float(t), q_D, v_D, q_K, v_K, none, coordinates=table), acc_K
-
-        def saved(
-            k: int, i: int = i, motion: Callable[..., tuple[State, Array]] = motion
-        ) -> tuple[State, Array]:
-            return motion(batch.times[k], parts["q_D"][i, k], parts["v_D"][i, k])
-
-        found = None
-        own = model.with_p(batch.p[i if len(batch.p) > 1 else 0])
-        if batch.status[i] in CONTRADICTION_STATUSES:
-            end = motion(batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
-            found = contradiction(own, *end)
-        elif examined and batch.status[i] in ARRIVED:
-            first = first_excess_tension(own, parts["force"][i, :, :n_s], saved)
-            found = None if first is None else contradiction(own, *saved(first))
-        if found:
-            batch.status[i], batch.blame[i] = Status.REDUNDANT_STRINGS, 0.0
-            batch.blame[i, [strings.index(name) for name in found.names]] = 1.0
-
-
-def _judge(marionette: Marionette, batch: Batch, inputs: Inputs, method: str) -> None:
-    """Names the runs that reached their end and are not sound; energy only with a saved ledger."""
-    done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
-    gain, share = np.zeros(batch.n), np.zeros(batch.n)
-    if "books" in batch.parts and np.any(done):
-        columns = np.moveaxis(_ledger(batch.parts["books"][done]), -1, 0)
-        ledger = dict(zip(LEDGER, columns, strict=True))
-        gain[done] = gains(marionette, ledger)
-        if method == "timestepping":
-            share[done] = unbooked(marionette, ledger, batch.times, batch.options.dt)
-    most = batch.violation.copy()
-    for i in map(int, np.flatnonzero(done & ends_fast(batch.end_v_D, batch.options.dt))):
-        q_K = inputs[i if len(inputs) > 1 else 0].evaluate(batch.t_end)[0]
-        left = left_by_last_step(marionette, batch.end_q_D[i], q_K)
-        most[i] = max([most[i], *left.values()])
-    for i in map(int, np.flatnonzero(done)):
-        found = verdict(float(most[i]), float(gain[i]), float(share[i]))
-        if found is Status.UNBALANCED and _swings(marionette, batch, inputs, i):
-            continue
-        if found is not Status.DONE:
-            batch.status[i], batch.blame[i] = found, 0.0
-
-
-def _places(inputs: Input, t: Times) -> Array:
-    """(T, n_qK) driven configurations at times."""
-    return inputs.evaluate(t)[0]
-
-
-def _judge_prescribed(model: Model, batch: Batch, inputs: Inputs) -> None:
-    """Sets the status of finished runs whose inputs moved solids through one another."""
-    if model.prescribed is None:
-        return
-    done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
-    known: dict[tuple[int, int], float] = {}
-    for i in map(int, np.flatnonzero(done)):
-        own, parameters = (i if n > 1 else 0 for n in (len(inputs), len(batch.p)))
-        if (own, parameters) not in known:
-            given = inputs[own]
-            times = looks(given.breaks, batch.t, batch.t_end)
-            held = model.with_p(batch.p[parameters])
-            found = prescribed_overlaps(held, partial(_places, given), times)
-            known[own, parameters] = deepest(found)
-        if known[own, parameters]:
-            batch.status[i], batch.blame[i] = Status.OVERSTEPPED, 0.0
-
-
-def _swings(marionette: Marionette, batch: Batch, inputs: Inputs, i: int) -> bool:
-    """As :func:`swings`, at the start of the i-th run."""
-    q_K = inputs[i if len(inputs) > 1 else 0].evaluate(batch.t)[0]
-    q_D = batch.q_D[i if len(batch.q_D) > 1 else 0]
-    return swings(marionette, q_D, q_K, batch.options.dt)
 
 
 def _listed(given: object, kind: type[T], name: str, maker: str) -> list[T]:
@@ -388,7 +272,7 @@ def _trajectories(
         elif name == "limit_force":
             made[name] = Columns(limits, view[..., n_s:], "limit")
         elif name == "ledger":
-            made[name] = Columns(LEDGER, _read_only(_ledger(view)), "entry")
+            made[name] = Columns(LEDGER, _read_only(ledger_of_books(view)), "entry")
         elif name == RESIDUAL:
             made[name] = view[..., 0]
         else:
@@ -406,11 +290,6 @@ def _trajectories(
         parameters=Columns(names, _read_only(values), "parameter"),
         **made,
     )
-
-
-def _ledger(books: Array) -> Array:
-    """(n, T, 7) the ledger from (n, T, 6) books."""
-    return ledger_of(dict(zip(BOOKS, np.moveaxis(books, -1, 0), strict=True)))
 
 
 def _read_only(array: Array) -> Array:

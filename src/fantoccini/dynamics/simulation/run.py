@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
@@ -23,13 +23,16 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.checks import check_marionette, check_one_run, save_times
 from fantoccini.dynamics.simulation.determinacy import undetermined
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
+from fantoccini.dynamics.simulation.ledgers import ledger_of
 from fantoccini.dynamics.simulation.pace import Pace, chatter
 from fantoccini.dynamics.simulation.soundness import judged, prescribed_verdict
 from fantoccini.dynamics.simulation.weak_motors import weak_motors
 from fantoccini.dynamics.steppers import (
     CONTRADICTION_STATUSES,
+    Check,
     Contradiction,
     contradiction,
+    decide,
     first_excess_tension,
     looks,
     overlap_events,
@@ -164,26 +167,16 @@ def simulate(
         )
 
     made = trajectory(samples, events)
-    contradicted = None
+    motion, last = _motion_of(made), None
     if name != "event" and status in ARRIVED:
         # Fixed steps bound the tensions of contradicting strings, or average them.
-        motion = _motion_of(made)
         last = first_excess_tension(model, made.tension.values, motion)
-        contradicted = None if last is None else contradiction(model, *motion(last))
-        if last is not None and contradicted:
-            before = events[:, contract.EVENT_AT["t"]] <= made.t[last]
-            made = trajectory(samples[: last + 1], events[before])
-    elif status in CONTRADICTION_STATUSES:
-        contradicted = contradiction(model, *_motion_of(made)(len(made) - 1))
-    if contradicted:
-        status = Status.REDUNDANT_STRINGS
-        made = dataclasses.replace(made, status=status, blamed=contradicted.names)
-    unsound = ""
-    if name != "event" and status in ARRIVED and made.t[-1] >= t_end:
-        verdict, unsound = judged(marionette, made, options.dt, run.progress.violation)
-        if verdict is not Status.DONE:
-            status = verdict
-            made = dataclasses.replace(made, status=status, blamed=())
+    contradicted = None
+    if last is not None or status in CONTRADICTION_STATUSES:
+        contradicted = contradiction(model, *motion(len(made) - 1 if last is None else last))
+    if last is not None and contradicted:
+        before = events[:, contract.EVENT_AT["t"]] <= made.t[last]
+        made = trajectory(samples[: last + 1], events[before])
     overlaps = prescribed_overlaps(
         model, lambda t: bound.evaluate(t)[0], looks(bound.breaks, x0.t, float(made.t[-1]))
     )
@@ -193,12 +186,17 @@ def simulate(
         kept = kept[kept[:, contract.EVENT_AT["t"]] <= made.t[-1]]
         events_of = tuple(_event(model, event) for event in _in_order(kept))
         made = dataclasses.replace(made, events=events_of)
-        verdict, through = prescribed_verdict(overlaps)
-        if verdict is not Status.DONE and status in (*ARRIVED, verdict):
-            status, unsound = verdict, "; ".join(text for text in (unsound, through) if text)
-            made = dataclasses.replace(made, status=status, blamed=())
-    if status is not Status.DONE and throw:
-        raise SimulationError(status, unsound or _where(marionette, made, contradicted), made)
+    checks: list[Check] = [lambda: prescribed_verdict(overlaps)]
+    if name != "event":
+        worst = float(run.progress.violation)
+        checks.insert(0, lambda: judged(marionette, made, options.dt, worst))
+    verdict = decide(status, contradicted, checks, bool(made.t[-1] >= t_end))
+    if verdict.status is not status:
+        blamed = contradicted.names if contradicted else ()
+        made = dataclasses.replace(made, status=verdict.status, blamed=blamed)
+    if made.status is not Status.DONE and throw:
+        where = verdict.text or _where(marionette, made, contradicted)
+        raise SimulationError(made.status, where, made)
     return made
 
 
@@ -345,19 +343,6 @@ def trajectory_of_samples(
     if not with_effort:
         return made
     return dataclasses.replace(made, undetermined=undetermined(marionette.model, made))
-
-
-def ledger_of(part: Mapping[str, Array]) -> Array:
-    """(..., T, 8) ledger of energies, work and losses (..., T).
-
-    residual = (T + V) - (T + V)_0 - work + damping + impact + slip + friction
-    """
-    slip = part["slip_loss"]
-    energy = part["kinetic"] + part["potential"]
-    residual = energy - energy[..., :1] - part["work"] + part["damping"] + part["impact"] + slip
-    residual = residual + part["friction"]
-    entries = {**part, "slip": slip, "residual": residual}
-    return np.stack([entries[name] for name in LEDGER], axis=-1)
 
 
 def _contact_points(model: Model, rows: Array, n: int) -> ContactPoints | None:

@@ -17,14 +17,18 @@ from fantoccini.dynamics.steppers.redundant import (
 )
 from fantoccini.dynamics.steppers.stepper import Stepper, held_input
 from fantoccini.dynamics.steppers.stepper_batch import StepperBatch
+from fantoccini.dynamics.steppers.verdict import Check, Verdict, decide
 
 __all__ = [
     "CONTRADICTION_STATUSES",
+    "Check",
     "Contradiction",
     "Overlap",
     "Stepper",
     "StepperBatch",
+    "Verdict",
     "contradiction",
+    "decide",
     "deepest",
     "first_excess_tension",
     "held_input",

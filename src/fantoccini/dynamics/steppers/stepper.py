@@ -34,6 +34,7 @@ from fantoccini.dynamics.steppers.redundant import (
     Contradiction,
     contradiction,
 )
+from fantoccini.dynamics.steppers.verdict import decide
 from fantoccini.kernel.contract import EVENT_AT
 from fantoccini.kernel.runtime import HeldInput, Piece, Run, RunOptions
 from fantoccini.motion import Input, State
@@ -268,13 +269,12 @@ class Stepper:
             self.events = both[np.argsort(both[:, EVENT_AT["t"]], kind="stable")]
 
     def _diagnose(self) -> None:
-        """Sets status and contradiction where redundant strings stopped the run."""
+        """Sets status and contradiction where redundant strings may have stopped the run."""
         if self.status not in CONTRADICTION_STATUSES or not len(self.samples):
             return
         acc_K = self.model.sample_layout.split(self.samples[-1:])["acc_K"][0]
         self.contradiction = contradiction(self.model, self.state, acc_K)
-        if self.contradiction:
-            self._run.status = Status.REDUNDANT_STRINGS
+        self._run.status = decide(self.status, self.contradiction).status
 
     def _hold(self, duration: float, acc_K: Accelerations | None, u_D: Array | None) -> None:
         """Makes the held input that of constant accelerations and forces from the present state."""

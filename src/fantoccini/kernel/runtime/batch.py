@@ -6,11 +6,12 @@ import ctypes
 import os
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fantoccini.base import Array
+from fantoccini.base import Array, Status
 from fantoccini.kernel.contract import PARTS
 from fantoccini.kernel.runtime.functions import Loaded, pointer
 from fantoccini.kernel.runtime.options import RunOptions
@@ -46,6 +47,7 @@ class Batch:
     Starts and inputs are (n, ...), or (1, ...) where all trajectories share them.
 
     Attributes:
+        library: advances the trajectories.
         n: trajectories.
         t, t_end: start and end of all [s].
         q_D, v_D, slip: the start states.
@@ -62,6 +64,7 @@ class Batch:
         end_q_D, end_v_D: (n, ...) the configuration and velocities reached.
     """
 
+    library: BatchLibrary
     n: int
     t: float
     t_end: float
@@ -77,22 +80,34 @@ class Batch:
     options: RunOptions
     times: Array
     parts: dict[str, Array]
-    status: Array
-    reached: Array
-    violation: Array
-    catches: Array
-    releases: Array
-    blame: Array
-    end_q_D: Array
-    end_v_D: Array
+    status: NDArray[np.int32] = field(init=False)
+    reached: Array = field(init=False)
+    violation: Array = field(init=False)
+    catches: NDArray[np.int64] = field(init=False)
+    releases: NDArray[np.int64] = field(init=False)
+    blame: Array = field(init=False)
+    end_q_D: Array = field(init=False)
+    end_v_D: Array = field(init=False)
 
-    def run(
-        self, library: BatchLibrary, threads: int, progress: Callable[[float], None] | None = None
-    ) -> None:
+    def __post_init__(self) -> None:
+        n, sizes = self.n, self.library.sizes
+        made = {
+            "status": np.full(n, Status.STOPPED, dtype=np.int32),
+            "reached": np.full(n, np.nan),
+            "violation": np.zeros(n),
+            "catches": np.zeros(n, dtype=np.int64),
+            "releases": np.zeros(n, dtype=np.int64),
+            "blame": np.zeros((n, sizes["n_rows"] + sizes["n_watched"])),
+            "end_q_D": np.full((n, sizes["n_qD"]), np.nan),
+            "end_v_D": np.full((n, sizes["n_vD"]), np.nan),
+        }
+        for name, array in made.items():
+            object.__setattr__(self, name, array)
+
+    def run(self, threads: int, progress: Callable[[float], None] | None = None) -> None:
         """Simulates all trajectories. Ctrl-C stops the threads and is raised again.
 
         Args:
-            library: advances the trajectories.
             threads: that share the work.
             progress: called now and then with the share that is done, 0 to 1.
 
@@ -100,6 +115,7 @@ class Batch:
             MemoryError: no memory for the batch.
         """
         arrays, kept = self._arrays()
+        library = self.library
         pool = library.dll.fan_batch_new(ctypes.byref(arrays))
         if not pool:
             raise MemoryError("no memory for a batch")

@@ -1,0 +1,151 @@
+"""The verdicts on the runs of a batch."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from fantoccini.base import ARRIVED, Array, Status, Times
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation.ledgers import ledger_of_books
+from fantoccini.dynamics.simulation.soundness import (
+    ends_fast,
+    gains,
+    left_by_last_step,
+    swings,
+    unbooked,
+    verdict,
+)
+from fantoccini.dynamics.steppers import (
+    CONTRADICTION_STATUSES,
+    Contradiction,
+    contradiction,
+    decide,
+    deepest,
+    first_excess_tension,
+    looks,
+    may_be_redundant,
+    prescribed_overlaps,
+)
+from fantoccini.kernel.runtime import Batch
+from fantoccini.motion import LEDGER, Inputs, State
+
+
+class BatchVerdicts:
+    """Decides how the runs of a batch ended.
+
+    Runs that fixed steps completed are examined for contradicting strings where tensions are saved
+    with the motion, and for their energy where the ledger is saved.
+
+    Args:
+        marionette: the puppet.
+        batch: its runs, which have ended.
+        inputs: theirs, one for all or one for each.
+        method: theirs.
+    """
+
+    def __init__(self, marionette: Marionette, batch: Batch, inputs: Inputs, method: str):
+        self._marionette, self._model = marionette, marionette.model
+        self._batch, self._inputs = batch, inputs
+        self._fixed, self._stepping = method != "event", method == "timestepping"
+        self._redundant = may_be_redundant(self._model)
+        self._at_end = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
+        self._depths: dict[tuple[int, int], float] = {}
+        if self._fixed:
+            self._gain, self._share = self._energies()
+            self._fast = ends_fast(batch.end_v_D, batch.options.dt)
+
+    def decide(self) -> None:
+        """Replaces statuses and blames of the batch by the verdicts."""
+        batch, names = self._batch, [s.name for s in self._model.tree.strings]
+        if not (self._redundant or self._fixed or self._model.prescribed):
+            return
+        for i in map(int, np.flatnonzero(np.isfinite(batch.reached))):
+            reported = Status(int(batch.status[i]))
+            checks = [partial(self._prescribed, i)]
+            if self._fixed:
+                checks.insert(0, partial(self._sound, i))
+            found = decide(reported, self._contradiction(i), checks, bool(self._at_end[i]))
+            if found.status is reported:
+                continue
+            batch.status[i], batch.blame[i] = found.status, 0.0
+            if found.contradiction:
+                batch.blame[i, [names.index(name) for name in found.contradiction.names]] = 1.0
+
+    def _contradiction(self, i: int) -> Contradiction | None:
+        """Of redundant strings that stopped a run, or whose tensions are in excess."""
+        batch, parts = self._batch, self._batch.parts
+        if not self._redundant:
+            return None
+        model = self._model.with_p(batch.p[i if len(batch.p) > 1 else 0])
+        if batch.status[i] in CONTRADICTION_STATUSES:
+            return contradiction(
+                model, *self._motion(i, batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
+            )
+        examined = self._fixed and {"q_D", "v_D", "force"} <= set(parts)
+        if not examined or batch.status[i] not in ARRIVED:
+            return None
+
+        def saved(k: int) -> tuple[State, Array]:
+            return self._motion(i, batch.times[k], parts["q_D"][i, k], parts["v_D"][i, k])
+
+        tension = parts["force"][i, :, : len(model.tree.strings)]
+        first = first_excess_tension(model, tension, saved)
+        return None if first is None else contradiction(model, *saved(first))
+
+    def _motion(self, i: int, t: float, q_D: Array, v_D: Array) -> tuple[State, Array]:
+        """The state of a run and the accelerations of its inputs at a time [s]."""
+        q_K, v_K, acc_K = self._inputs[self._own(i)].evaluate(t)
+        # Winches that slip are no rigid strings, so their slip does not matter here.
+        none = np.zeros(self._model.tree.n_rows, dtype=bool)
+        table = self._model.coordinates
+        return State(float(t), q_D, v_D, q_K, v_K, none, coordinates=table), acc_K
+
+    def _own(self, i: int) -> int:
+        return i if len(self._inputs) > 1 else 0
+
+    def _energies(self) -> tuple[Array, Array]:
+        """(n,) energies without a source and unbooked, as :mod:`soundness` has them."""
+        batch, done = self._batch, self._at_end
+        gain, share = np.zeros(batch.n), np.zeros(batch.n)
+        if "books" in batch.parts and np.any(done):
+            columns = np.moveaxis(ledger_of_books(batch.parts["books"][done]), -1, 0)
+            ledger = dict(zip(LEDGER, columns, strict=True))
+            gain[done] = gains(self._marionette, ledger)
+            if self._stepping:
+                dt = batch.options.dt
+                share[done] = unbooked(self._marionette, ledger, batch.times, dt)
+        return gain, share
+
+    def _sound(self, i: int) -> tuple[Status, str]:
+        """Whether the rows of a run of fixed steps held, and its energy has a source."""
+        batch, marionette = self._batch, self._marionette
+        most = float(batch.violation[i])
+        if self._fast[i]:
+            q_K = self._inputs[self._own(i)].evaluate(batch.t_end)[0]
+            most = max([most, *left_by_last_step(marionette, batch.end_q_D[i], q_K).values()])
+        found = verdict(most, float(self._gain[i]), float(self._share[i]))
+        if found is Status.UNBALANCED:
+            q_K = self._inputs[self._own(i)].evaluate(batch.t)[0]
+            q_D = batch.q_D[i if len(batch.q_D) > 1 else 0]
+            if swings(marionette, q_D, q_K, batch.options.dt):
+                found = Status.DONE
+        return found, ""
+
+    def _prescribed(self, i: int) -> tuple[Status, str]:
+        """Whether the inputs of a run moved solids through one another."""
+        batch, model = self._batch, self._model
+        if model.prescribed is None:
+            return Status.DONE, ""
+        own = self._own(i), i if len(batch.p) > 1 else 0
+        if own not in self._depths:
+            given = self._inputs[own[0]]
+
+            def motion(t: Times) -> Array:
+                return given.evaluate(t)[0]
+
+            times = looks(given.breaks, batch.t, batch.t_end)
+            overlaps = prescribed_overlaps(model.with_p(batch.p[own[1]]), motion, times)
+            self._depths[own] = deepest(overlaps)
+        return Status.OVERSTEPPED if self._depths[own] else Status.DONE, ""
