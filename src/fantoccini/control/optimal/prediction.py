@@ -33,11 +33,11 @@ class Predictions:
     """
 
     def __init__(self, marionette: Marionette, dt: float, lanes: int):
-        self._marionette, self._n, model = marionette, lanes, marionette.model
-        options = model.run_options(dt=dt, extrapolate=False)
-        library = model.compiled.lanes
+        self._marionette, self._n, marionette = marionette, lanes, marionette
+        options = marionette.run_options(dt=dt, extrapolate=False)
+        library = marionette.libraries.lanes
         self._record = LaneRecord(lanes, library.sizes)
-        self._steppers = LaneSteppers(library, self._record, 1, options, model.winches)
+        self._steppers = LaneSteppers(library, self._record, 1, options, marionette.winches)
 
     def make(
         self, x0: State, start: float, interval: float, acc_K: Array
@@ -92,7 +92,7 @@ class Predictions:
 
     def _begin(self, x0: State) -> LaneRecord:
         motion = {name: getattr(x0, name) for name in _MOTION}
-        self._record.begin(**motion, p=self._marionette.model.p, slip=np.zeros(1))
+        self._record.begin(**motion, p=self._marionette.p, slip=np.zeros(1))
         return self._record
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.dynamics.compiled import (
+    CompiledPuppet,
     Method,
     MethodName,
-    Model,
     as_inputs,
     as_method,
     bind_inputs,
@@ -98,22 +98,21 @@ def simulate_batch(
     chosen = as_method(method)
     name = chosen.name
     check_marionette(marionette)
-    model = marionette.model
-    options = model.run_options(
+    options = marionette.run_options(
         **chosen.options,
         save_steps=False,
         max_memory=max_memory,
         save_every=1 if save_every is None else save_every,
     )
     save_at = save_times(save_at, save_every, name, -np.inf, np.inf)
-    states = model.states(_listed(x0, State, "x0", "marionette.rest()"))
+    states = marionette.states(_listed(x0, State, "x0", "marionette.rest()"))
     t = states.t
     if inputs is None:
         inputs = Input.hold(marionette).shifted(t)
     elif not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
     given = as_inputs(inputs)
-    p = parameter_rows(model, parameters)
+    p = parameter_rows(marionette, parameters)
     n = max(len(states), len(given), len(p))
     if not {len(states), len(given), len(p)} <= {1, n}:
         several = f" and {len(p)} values of parameters" if len(p) > 1 else ""
@@ -122,16 +121,16 @@ def simulate_batch(
             "numbers of both, or a single one"
         )
     t_end = checked_end(given.end if t_end is None else t_end, t)
-    bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
-    states = parted_starts(model, states, p)
-    check_starts(model, states, name, p)
-    check_steps(model, name, states, p, options.dt)
+    bound = bind_inputs(marionette, given, states.q_K, states.v_K, t, t_end)
+    states = parted_starts(marionette, states, p)
+    check_starts(marionette, states, name, p)
+    check_steps(marionette, name, states, p, options.dt)
     if threads is not None:
         threads = whole("threads", threads, least=1)
-    saved = _saved(model, save)
-    _check_memory(model, name, options, saved, n, t, t_end, save_at, out or {})
+    saved = _saved(marionette, save)
+    _check_memory(marionette, name, options, saved, n, t, t_end, save_at, out or {})
     times = _times(name, options, t, t_end, save_at)
-    library = model.compiled.batch_library_of(name)
+    library = marionette.libraries.batch_library_of(name)
     batch = Batch(
         library=library,
         n=n,
@@ -145,10 +144,10 @@ def simulate_batch(
         base=bound.base,
         force=bound.force,
         p=p,
-        winches=model.winches,
+        winches=marionette.winches,
         options=options,
         times=times,
-        parts=_parts(model, saved, n, len(times), out or {}),
+        parts=_parts(marionette, saved, n, len(times), out or {}),
     )
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; the other runs have the status they began with.
@@ -182,12 +181,12 @@ def _times(
     return np.append(t + steps[:-1] * dt, t_end)
 
 
-def _saved(model: Model, save: Sequence[str] | str | None) -> tuple[str, ...]:
+def _saved(marionette: CompiledPuppet, save: Sequence[str] | str | None) -> tuple[str, ...]:
     """The names asked for; all but the residual of contacts where nothing may touch anything."""
     if save is None:
         return SAVE
     if save == "all":
-        return tuple(name for name in SAVED if name != RESIDUAL or model.contacts is not None)
+        return tuple(name for name in SAVED if name != RESIDUAL or marionette.contacts is not None)
     names = (save,) if isinstance(save, str) else tuple(save)
     for name in names:
         if name not in SAVED:
@@ -196,7 +195,7 @@ def _saved(model: Model, save: Sequence[str] | str | None) -> tuple[str, ...]:
 
 
 def _check_memory(
-    model: Model,
+    marionette: CompiledPuppet,
     method: str,
     options: RunOptions,
     saved: tuple[str, ...],
@@ -211,23 +210,27 @@ def _check_memory(
         n_samples = 2.0 + (0 if save_at is None else len(save_at))
     else:
         n_samples = count_samples(options, t, t_end)
-    widths, made = _widths(model), {_PART.get(name, name) for name in saved} - set(out)
+    widths, made = _widths(marionette), {_PART.get(name, name) for name in saved} - set(out)
     sample = sum(widths[name] * (1 if name == "taut" else _BYTES) for name in made)
     sample += _LEDGER_NUMBERS * _BYTES if "ledger" in saved else 0
     need = n_samples * (n * sample + _TIME_NUMBERS * _BYTES)
     check_memory(method, options, t, t_end, n_samples, need)
 
 
-def _widths(model: Model) -> dict[str, int]:
+def _widths(marionette: CompiledPuppet) -> dict[str, int]:
     """Numbers in a sample, by the runtime's part."""
-    return {part.name: part.numel(model.tree.sizes) for part in PARTS}
+    return {part.name: part.numel(marionette.tree.sizes) for part in PARTS}
 
 
 def _parts(
-    model: Model, saved: tuple[str, ...], n: int, n_times: int, out: Mapping[str, Array]
+    marionette: CompiledPuppet,
+    saved: tuple[str, ...],
+    n: int,
+    n_times: int,
+    out: Mapping[str, Array],
 ) -> dict[str, Array]:
     """The runtime's arrays: those of ``out`` where given, and new ones. All begin as NaN."""
-    widths = _widths(model)
+    widths = _widths(marionette)
     wanted = {_PART.get(name, name) for name in saved}
     for name in out:
         if name not in wanted:
@@ -286,7 +289,7 @@ def _trajectories(
         blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.model.described,
+        puppet=marionette.described,
         parameters=Columns(names, _read_only(values), "parameter"),
         **made,
     )

@@ -46,10 +46,10 @@ class BatchVerdicts:
     """
 
     def __init__(self, marionette: Marionette, batch: Batch, inputs: Inputs, method: str):
-        self._marionette, self._model = marionette, marionette.model
+        self._marionette = marionette
         self._batch, self._inputs = batch, inputs
         self._fixed, self._stepping = method != "event", method == "timestepping"
-        self._redundant = may_be_redundant(self._model)
+        self._redundant = may_be_redundant(self._marionette)
         self._at_end = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
         self._depths: dict[tuple[int, int], float] = {}
         if self._fixed:
@@ -58,8 +58,8 @@ class BatchVerdicts:
 
     def decide(self) -> None:
         """Replaces statuses and blames of the batch by the verdicts."""
-        batch, names = self._batch, [s.name for s in self._model.tree.strings]
-        if not (self._redundant or self._fixed or self._model.prescribed):
+        batch, names = self._batch, [s.name for s in self._marionette.tree.strings]
+        if not (self._redundant or self._fixed or self._marionette.prescribed):
             return
         for i in map(int, np.flatnonzero(np.isfinite(batch.reached))):
             reported = Status(int(batch.status[i]))
@@ -78,10 +78,10 @@ class BatchVerdicts:
         batch, parts = self._batch, self._batch.parts
         if not self._redundant:
             return None
-        model = self._model.with_p(batch.p[i if len(batch.p) > 1 else 0])
+        marionette = self._marionette.with_p(batch.p[i if len(batch.p) > 1 else 0])
         if batch.status[i] in CONTRADICTION_STATUSES:
             return contradiction(
-                model, *self._motion(i, batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
+                marionette, *self._motion(i, batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
             )
         examined = self._fixed and {"q_D", "v_D", "force"} <= set(parts)
         if not examined or batch.status[i] not in ARRIVED:
@@ -90,16 +90,16 @@ class BatchVerdicts:
         def saved(k: int) -> tuple[State, Array]:
             return self._motion(i, batch.times[k], parts["q_D"][i, k], parts["v_D"][i, k])
 
-        tension = parts["force"][i, :, : len(model.tree.strings)]
-        first = first_excess_tension(model, tension, saved)
-        return None if first is None else contradiction(model, *saved(first))
+        tension = parts["force"][i, :, : len(marionette.tree.strings)]
+        first = first_excess_tension(marionette, tension, saved)
+        return None if first is None else contradiction(marionette, *saved(first))
 
     def _motion(self, i: int, t: float, q_D: Array, v_D: Array) -> tuple[State, Array]:
         """The state of a run and the accelerations of its inputs at a time [s]."""
         q_K, v_K, acc_K = self._inputs[self._own(i)].evaluate(t)
         # Winches that slip are no rigid strings, so their slip does not matter here.
-        none = np.zeros(self._model.tree.n_rows, dtype=bool)
-        table = self._model.coordinates
+        none = np.zeros(self._marionette.tree.n_rows, dtype=bool)
+        table = self._marionette.coordinates
         return State(float(t), q_D, v_D, q_K, v_K, none, coordinates=table), acc_K
 
     def _own(self, i: int) -> int:
@@ -135,8 +135,8 @@ class BatchVerdicts:
 
     def _prescribed(self, i: int) -> tuple[Status, str]:
         """Whether the inputs of a run moved solids through one another."""
-        batch, model = self._batch, self._model
-        if model.prescribed is None:
+        batch, marionette = self._batch, self._marionette
+        if marionette.prescribed is None:
             return Status.DONE, ""
         own = self._own(i), i if len(batch.p) > 1 else 0
         if own not in self._depths:
@@ -146,6 +146,6 @@ class BatchVerdicts:
                 return given.evaluate(t)[0]
 
             times = looks(given.breaks, batch.t, batch.t_end)
-            overlaps = prescribed_overlaps(model.with_p(batch.p[own[1]]), motion, times)
+            overlaps = prescribed_overlaps(marionette.with_p(batch.p[own[1]]), motion, times)
             self._depths[own] = deepest(overlaps)
         return Status.OVERSTEPPED if self._depths[own] else Status.DONE, ""
