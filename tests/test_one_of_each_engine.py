@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import numpy as np
+
 import fantoccini as fan
 from fantoccini.kernel.contract import LANE
 
@@ -62,3 +64,37 @@ def test_one_place_decides_the_status_of_a_run():
         if isinstance(node, ast.Attribute) and node.attr in ("GAINED_ENERGY", "UNBALANCED")
     }
     assert checking == {"dynamics/simulation/batch_verdicts.py", "dynamics/simulation/soundness.py"}
+
+
+def test_one_discrete_linearisation():
+    """``linearise_step`` is ``linearise_steps`` of one state, to the last bit."""
+    calling = {
+        path
+        for path, tree in SOURCES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and node.attr == "step_derivatives"
+    }
+    assert calling == {"dynamics/derivatives/step_partials.py"}
+    arm = fan.puppets.arm2d()
+    x = arm.rest({"hand.length": 0.8}).replace(v_D=[0.3, -0.2])
+    one = arm.linearise_step(x, [0.4, -0.7], [0.01, -0.02])
+    many = arm.linearise_steps(
+        *([a, a] for a in (x.q_D, x.v_D, x.q_K, x.v_K)), [0.4, -0.7], [0.01, -0.02], forces=True
+    )
+    assert np.array_equal(one.A, many.A[0]) and np.array_equal(one.B, many.B[1])
+    assert np.array_equal(one.tension, many.tension[0])
+
+
+def test_the_classes_that_step_by_held_accelerations():
+    """A run and many of them; below, the lanes and what makes a batch of single runs."""
+    stepping = {
+        node.name
+        for tree in SOURCES.values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+        for method in node.body
+        if isinstance(method, ast.FunctionDef)
+        and method.name == "advance"
+        and {"duration", "acc_K"} <= {argument.arg for argument in method.args.args}
+    }
+    assert stepping == {"Stepper", "StepperBatch", "LaneSteppers", "_Engine", "_Runs"}

@@ -20,7 +20,7 @@ from fantoccini.dynamics.compiled.checks import (
 )
 from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.dynamics.compiled.configurations import difference, integrate, retract
-from fantoccini.dynamics.compiled.contact_geometry import GEOMETRY_TOLERANCES, PairGeometry, Touch
+from fantoccini.dynamics.compiled.contact_geometry import PairGeometry, Touch
 from fantoccini.dynamics.compiled.critical_step import critical_step_of_tensions
 from fantoccini.dynamics.compiled.evaluation import Evaluation
 from fantoccini.dynamics.compiled.flow import Flow
@@ -48,7 +48,6 @@ from fantoccini.dynamics.compiled.touching import TOUCHING
 from fantoccini.dynamics.compiled.vector_checks import vector, vectors
 
 __all__ = [
-    "GEOMETRY_TOLERANCES",
     "LIMITS",
     "OFFSETS",
     "PARAMETER_STEP",

@@ -217,6 +217,15 @@ class CompiledPuppet:
         """Name of a parameter -> its place in ``p``."""
         return {name: i for i, name in enumerate(self.tree.parameters)}
 
+    @cached_property
+    def cap_parameters(self) -> Indices:
+        """(n_rows,) place in ``p`` of the parameter that is a row's largest tension; -1: none."""
+        out = np.full(self.tree.n_rows, -1)
+        for i, string in enumerate(self.tree.strings):
+            if isinstance(string.max_tension, Parameter):
+                out[i] = self.parameter_index[string.max_tension.parameter]
+        return out
+
     # -- sizes -------------------------------------------------------------------------------
 
     @cached_property

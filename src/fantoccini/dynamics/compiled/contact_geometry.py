@@ -35,7 +35,6 @@ class GeometryTolerances:
     """The same of second derivatives."""
     margin: float = 1e-3  # Gap within which points are looked at [m], as compiled code does
     least_size: float = 1e-4  # Of a pair [m]
-    spare: float = 1.5  # Margin at which a gap is looked for that closes within a step, in gaps
     reach: float = 20.0  # Steps by which a pair may part while it is differenced
     flat_size: float = 0.1  # Of planes and meshes, which have none [m]
 
@@ -78,20 +77,12 @@ class PairGeometry:
         marionette: the puppet.
         poses: (n_links, 12) of all links.
         pair: index of the pair.
-        margin: gap below which points are looked for [m].
     """
 
-    def __init__(
-        self,
-        marionette: CompiledPuppet,
-        poses: Array,
-        pair: int,
-        margin: float = GEOMETRY_TOLERANCES.margin,
-    ):
+    def __init__(self, marionette: CompiledPuppet, poses: Array, pair: int):
         contacts = marionette.contacts
         assert contacts is not None
         self._library, self._contacts, self.pair = marionette.library, contacts, pair
-        self._margin = margin
         solids = contacts.solids[contacts.pairs[pair]]
         self.links = int(solids["link"][0]), int(solids["link"][1])
         a, b = self.links
@@ -99,7 +90,7 @@ class PairGeometry:
         self._second = poses[b] if b != WORLD else np.zeros(12)
         # Points bend with the distance of the solids' cores, or not at all.
         self._size = max(GEOMETRY_TOLERANCES.least_size, sum(_size(solid) for solid in solids))
-        rows = self._touches(self._first[None], margin)[0]
+        rows = self._touches(self._first[None], GEOMETRY_TOLERANCES.margin)[0]
         self.points = {int(row[0]): row[1:] for row in rows if row[0] >= 0.0}
         places = [at[1:4] for at in self.points.values()]
         self._about = np.mean(places, axis=0) if places else np.zeros(3)
@@ -188,7 +179,7 @@ class PairGeometry:
         else:  # of the rates along it, after a twist of each direction
             then = np.tile(h * OFFSETS[:, None] * along, (36, 1))
             moves = np.stack([np.repeat(single, 6, axis=0), then], axis=1)
-        margin = self._margin + GEOMETRY_TOLERANCES.reach * h * self._size
+        margin = GEOMETRY_TOLERANCES.margin + GEOMETRY_TOLERANCES.reach * h * self._size
         rows = self._touches(self._moved(self._about, moves), margin)
         out = {}
         for feature, here in self.points.items():

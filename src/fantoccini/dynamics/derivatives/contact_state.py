@@ -18,6 +18,14 @@ from fantoccini.dynamics.compiled import (
     forward_dynamics,
     taut_mask,
 )
+from fantoccini.dynamics.derivatives.contact_modes import (
+    TOLERANCES,
+    Contacts,
+    closed_without_force,
+    geometries,
+    mode_of,
+    still_speed,
+)
 from fantoccini.dynamics.derivatives.contact_rows import (
     ContactMode,
     ContactRows,
@@ -26,14 +34,6 @@ from fantoccini.dynamics.derivatives.contact_rows import (
 )
 from fantoccini.dynamics.derivatives.kkt import KKTSystem
 from fantoccini.dynamics.derivatives.mode_system import ModeSystem, solve_in_modes
-from fantoccini.dynamics.derivatives.step_contacts import (
-    TOLERANCES,
-    Contacts,
-    closed_without_force,
-    geometries,
-    mode_of,
-    still_speed,
-)
 from fantoccini.dynamics.steppers import held_input
 from fantoccini.kernel.runtime import Piece, Run, contact_points
 from fantoccini.motion import ContactPoints, State, pair_name

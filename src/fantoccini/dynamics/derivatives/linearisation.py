@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Indices, UnknownNameError
-from fantoccini.base.documents import Parameter
 from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, forward_dynamics, vector
 from fantoccini.dynamics.derivatives.contact_rows import HeldPoint, PointMode
 from fantoccini.dynamics.derivatives.contact_state import FrozenModes, resting, touches
@@ -209,12 +208,7 @@ def named_rows(marionette: CompiledPuppet, names: Iterable[str]) -> Indices:
 
 
 def derivatives_at(
-    marionette: CompiledPuppet,
-    x: State,
-    acc_D: Array,
-    acc_K: Array,
-    tension: Array,
-    dt: float = 0.0,
+    marionette: CompiledPuppet, x: State, acc_D: Array, acc_K: Array, tension: Array
 ) -> dict[str, Array]:
     """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
     values: dict[str, Array | float] = {
@@ -222,7 +216,7 @@ def derivatives_at(
         "acc_D": acc_D,
         "acc_K": acc_K,
         "tension": tension,
-        "dt": dt,
+        "dt": 0.0,
     }
     found: dict[str, Array] = {}
     for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
@@ -274,9 +268,9 @@ def tension_derivatives(
 def _slipping_by_p(marionette: CompiledPuppet, tension: Array) -> Array:
     """(n_rows, n_p) derivatives of the tensions of strings that slip, by the parameters."""
     out = np.zeros((len(tension), len(marionette.p)))
-    for i, string in enumerate(marionette.tree.strings):
-        if isinstance(string.max_tension, Parameter) and tension[i] >= marionette.upper[i]:
-            out[i, marionette.parameter_index[string.max_tension.parameter]] = 1.0
+    by = marionette.cap_parameters
+    slips = np.flatnonzero((by >= 0) & (tension >= marionette.upper))
+    out[slips, by[slips]] = 1.0
     return out
 
 

@@ -8,7 +8,7 @@ all that follows it:
 No derivative df is formed: every step takes one product with the transposed matrix of its own
 equations (``derivatives/rollout_gradient.hpp``). Points of contact that push are held in their
 modes beside the strings and limits, as in
-:mod:`fantoccini.dynamics.derivatives.step_linearisation`.
+:mod:`fantoccini.dynamics.derivatives.step_partials`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ from fantoccini.base import (
     rotation,
 )
 from fantoccini.dynamics.compiled import CompiledPuppet, vector, vectors
-from fantoccini.dynamics.derivatives.step_linearisation import AT_CAP, DrivenStep
+from fantoccini.dynamics.derivatives.driven_step import DrivenStep
+from fantoccini.dynamics.derivatives.step_partials import AT_CAP
 from fantoccini.kernel.contract import StepEdge
 from fantoccini.kernel.runtime import GradientRun
 from fantoccini.model.tree import CoordinateTable

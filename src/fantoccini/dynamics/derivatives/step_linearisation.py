@@ -1,46 +1,26 @@
-"""Linearisation of one step of the time-stepper, with the active set that the step finds.
+"""One time step and its derivatives: the call of :func:`linearise_steps` with one state.
 
-With rate = dq_K/dt and mean = dv_K/dt over the step, damping and drag F implicit, and the rows in
-Lambda > 0 (``cpp/fantoccini/timestepping/step.hpp``):
-
-    (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
-    A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt v+
-
-with contacts in their modes beside the rows (``contact_rows``), are differentiated with M, A and c
-at the step's start. It is the first step of a stepper: later in
-a run c takes its velocity products half a step ahead, extrapolated from earlier steps, which are no
-part of a state. That changes dv+ by dt^2/2 times the products' derivatives.
+Beside it stand the contacts by name: the points that push, in their modes, how their forces change,
+and what lies between two modes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, StateError, check_positive, rotation
-from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws, vector
-from fantoccini.dynamics.derivatives.contact_rows import ContactRows, HeldPoint
-from fantoccini.dynamics.derivatives.kkt import KKTSystem
-from fantoccini.dynamics.derivatives.linearisation import (
-    Partials,
-    derivatives_at,
-    force_derivatives,
-    row_derivatives_at,
-    tension_derivatives,
-)
-from fantoccini.dynamics.derivatives.mode_system import solve_in_modes
-from fantoccini.dynamics.derivatives.step_contacts import Contacts, step_contacts
-from fantoccini.dynamics.steppers import Stepper
-from fantoccini.kernel.runtime import contact_points
+from fantoccini.base import ARRIVED, Array, SimulationError, StateError, Status, check_positive
+from fantoccini.dynamics.compiled import CompiledPuppet, Screws, Touch, vector
+from fantoccini.dynamics.derivatives.contact_rows import ContactMode, ContactRows, HeldPoint
+from fantoccini.dynamics.derivatives.driven_step import DrivenStep
+from fantoccini.dynamics.derivatives.linearisation import Partials
+from fantoccini.dynamics.derivatives.step_partials import StepInputs, linearised
+from fantoccini.kernel.contract import StepEdge
+from fantoccini.kernel.runtime import LaneRecord, StepTouches
 from fantoccini.model.tree import CoordinateTable
-from fantoccini.motion import State
-
-SHORTENED = 1e-9
-"""Relative difference between the step's velocity and its equations' at which it was cut short."""
-AT_CAP = 1.0 - 1e-9
-"""Part of its largest tension from which a string counts as pulling with it."""
+from fantoccini.motion import State, pair_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,195 +85,146 @@ def linearise_step(
     t = marionette.coordinates
     n, k, n_p = t.n_vD, t.n_vK, len(marionette.p)
     acc_K, u_D = vector("acc_K", acc_K, k), vector("u_D", u_D, n)
-    check_positive(dt=dt)
     marionette.check_state(x)
-    stepper = Stepper(marionette, x, "timestepping", marionette.run_options(dt=dt))
-    x_next = stepper.advance(dt, acc_K, u_D=u_D)
-    tension, upper = stepper.tension, np.minimum(marionette.upper, marionette.tension_cap)
-    held = np.flatnonzero(marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper)))
+    check_positive(dt=dt)
+    motion = x.q_D, x.v_D, x.q_K, x.v_K
+    given = StepInputs.of(marionette, motion, acc_K, u_D, None, dt, x.slip)
+    found = linearised(marionette, given, forces=True, pull=True, shares=True)
+    steps, made = found.steps, found.made
+    status = Status(int(made.status[0]))
+    if status not in ARRIVED:
+        raise SimulationError(status, f"at t = {x.t:.6g} s")
+    touches = made if isinstance(made, StepTouches) else None
+    points = () if touches is None else held_points(marionette, touches)
+    _refuse(marionette, touches, points, int(steps.edges[0]), bool(found.shortened[0]))
     path = DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
-    # The model as the step sees it: the mean velocity and acceleration of the inputs, M + dt F.
-    start = x.replace(v_K=path.rate)
-    at = Evaluation.of(marionette, start, path.mean, u_D, dt)
-    touching = _Touching.of(marionette, stepper, at, start, x_next, dt)
-    acc_D = at.back(at.w0 - at.W @ tension + touching.push(at))
-    if np.max(np.abs(x.v_D + dt * acc_D - x_next.v_D), initial=0.0) > SHORTENED * (
-        1.0 + np.max(np.abs(x_next.v_D), initial=0.0)
-    ):
-        raise StateError(
-            "the step was cut short: strings are violated so far, or so fast, that the "
-            "time-stepper scaled the velocities down"
-        )
-    found = derivatives_at(marionette, start, acc_D, path.mean, tension, dt)
-    by = force_derivatives(marionette, found, tension)
-    rate = _row_rates(marionette, start.replace(v_D=x.v_D + dt * acc_D), at, dt)
-    dacc, dtension, dpush = touching.solve(at, held, by, rate[held])
-    dpull = tension_derivatives(marionette, tension, held, dtension)
-    # From (q_D, v_D, q_K, rate, mean, u_D, p) to (q_D, v_D, q_K, v_K, acc_K, u_D, p).
-    chain = path.chain(n, n_p)
-    dv = dt * dacc @ chain
-    dv[:, n : 2 * n] += np.eye(n)
-    dq = _carried(t.quaternions_D, dt * x_next.v_D, dt * dv, n)
     widths = [n, n, k, k, k, n, n_p]
-    columns = Partials.of(np.concatenate([dq, dv, path.state(n, n_p)]), widths)
+    columns = Partials.of(np.concatenate([steps.motion[0], path.state(n, n_p)]), widths)
+    x_next = _after(marionette, x, made, dt)
+    assert steps.pull is not None
+    push = np.zeros((0, sum(widths)))
+    if points:
+        assert found.shares is not None
+        start = x.replace(v_K=path.rate, v_D=x_next.v_D)
+        rows = ContactRows(Screws(marionette, start), points, dt)
+        shares = found.shares[0, : len(rows.multipliers)]
+        acc_by = steps.motion[0, n:].copy()
+        acc_by[:, n : 2 * n] -= np.eye(n)
+        push = _push_by(rows, shares, acc_by / dt, path.chain(n, n_p))
     return StepLinearisation(
         x=x,
         x_next=x_next,
         dt=dt,
-        rows=tuple(marionette.tree.row_names[i] for i in held),
-        tension=tension,
+        rows=tuple(marionette.tree.row_names[i] for i in np.flatnonzero(steps.held[0])),
+        tension=steps.tension[0],
         A=np.concatenate([columns.q_D, columns.v_D, columns.q_K, columns.v_K], axis=1),
         B=columns.acc_K,
         B_u=columns.u_D,
         B_p=columns.p,
-        pull=Partials.of(dpull @ chain, widths),
-        contacts=touching.contacts.points,
-        push=Partials.of(dpush @ chain, widths),
-        edges=touching.contacts.edges,
+        pull=Partials.of(steps.pull[0], widths),
+        contacts=points,
+        push=Partials.of(push, widths),
+        edges=() if touches is None else named_edges(marionette, touches),
         coordinates=t,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Touching:
-    """What touches in a step, and the links before it and with the velocities after it."""
-
-    contacts: Contacts
-    before: Screws | None
-    after: Screws | None
-    dt: float
-
-    @classmethod
-    def of(
-        cls,
-        marionette: CompiledPuppet,
-        stepper: Stepper,
-        at: Evaluation,
-        start: State,
-        end: State,
-        dt: float,
-    ) -> _Touching:
-        if marionette.contacts is None:
-            return cls(Contacts((), ()), None, None, dt)
-        found = contact_points(stepper.contacts, marionette.contacts.names)
-        found = found.at(len(stepper.samples) - 1)
-        before, after = Screws(marionette, start), Screws(marionette, start.replace(v_D=end.v_D))
-        kick = dt * at.back(at.w0)
-        return cls(
-            step_contacts(marionette, before, after, kick, start, found, dt), before, after, dt
-        )
-
-    def push(self, at: Evaluation) -> Array:
-        """(n_vD,) F^-T of the forces of all points."""
-        if self.after is None or not self.contacts.points:
-            return np.zeros_like(at.w0)
-        rows = ContactRows(self.after, self.contacts.points, self.dt)
-        return -at.forth(rows.multipliers @ rows.forces)
-
-    def solve(
-        self, at: Evaluation, held: Indices, force: Array, rate: Array
-    ) -> tuple[Array, Array, Array]:
-        """Changes of acc_D, of the held rows' tensions and of the points' forces."""
-        if self.before is None or self.after is None or not self.contacts.points:
-            return *KKTSystem(at, held).solve(force, rate), np.zeros((0, force.shape[1]))
-        points = self.contacts.points
-        return solve_in_modes(at, held, force, rate, self._rows, points)
-
-    def _rows(self, points: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
-        """The points' rows, and their changes at fixed acc_D, over dt."""
-        assert self.before is not None and self.after is not None
-        rows = ContactRows(self.after, points, self.dt)
-        struck = ContactRows(self.before, points, 0.0)
-        return rows, (rows.velocity_by() + struck.bounce_by()) / self.dt
+def _after(
+    marionette: CompiledPuppet, x: State, made: LaneRecord | StepTouches, dt: float
+) -> State:
+    names = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
+    parts = {name: getattr(made, name)[0] for name in names}
+    return State(x.t + dt, **parts, coordinates=marionette.coordinates)
 
 
-def _row_rates(marionette: CompiledPuppet, x: State, at: Evaluation, dt: float) -> Array:
-    """Derivatives of (A_D v+ + A_K rate + min(h/dt, recovery speed)) / dt at fixed acc_D.
-
-    By q_D, v_D, q_K, rate, mean, u_D and p, in one array; ``x`` has v+ and the rate.
-    """
-    found = row_derivatives_at(marionette, x)
-    rate = np.where(marionette.two_sided, np.abs(at.h), at.h) / dt
-    recovers = rate < marionette.run_options().recovery_speed
-    gap = np.where(recovers, 1.0 / dt, 0.0)[:, None]
-    none = np.zeros_like(found["A_K"]), np.zeros_like(found["A_D"])
-    columns = (
-        found["hdot_q"] + gap * found["A_D"],
-        found["A_D"],
-        found["hdot_qK"] + gap * found["A_K"],
-        found["A_K"],
-        *none,
-        found["hdot_p"] + gap * found["h_p"],
-    )
-    return np.concatenate(columns, axis=1) / dt
-
-
-def _carried(quaternions: Iterable[tuple[int, int]], move: Array, dmove: Array, n_dq: int) -> Array:
-    """Change of the tangent vector at q moved by ``move``: Exp(-move) dq + J_r(move) dmove.
+def _push_by(rows: ContactRows, shares: Array, acc_by: Array, chain: Array) -> Array:
+    """(3 points, m) changes of the forces.
 
     Args:
-        quaternions: (q, v) places of rotations; scalars add.
-        move: (n,) tangent vector.
-        dmove: (n, m) its change.
-        n_dq: number of columns of dq, which are the first ones.
+        rows: of the points, at the velocities after the step.
+        shares: (k, m) changes of their multipliers.
+        acc_by: (n_vD, m) changes of acc_D.
+        chain: (m, m) from rates and means of the driven coordinates to v_K and acc_K, which
+            ``shares`` and ``acc_by`` are by already.
     """
-    out = dmove.copy()
-    carry = np.eye(len(move), n_dq)
-    for _, v in quaternions:
-        here = slice(v, v + 3)
-        out[here] = rotation.right_jacobian(move[here]) @ dmove[here]
-        carry[here, here] = rotation.matrix(rotation.exp(-move[here]))
-    out[:, :n_dq] += carry
-    return out
+    fixed = rows.push_by(np.zeros_like(shares), np.zeros_like(acc_by))
+    return rows.push_by(shares, acc_by) - fixed + fixed @ chain
 
 
-class DrivenStep:
-    """The driven coordinates over a step at constant acceleration.
-
-    Args:
-        quaternions: (q, v) places of their rotations.
-        v_K, acc_K: (n_vK,) at the start; the rotation vector's for rotations.
-        dt: the step [s].
-    """
-
-    def __init__(self, quaternions: Iterable[tuple[int, int]], v_K: Array, acc_K: Array, dt: float):
-        self._quaternions, self.dt, k = tuple(quaternions), dt, len(v_K)
-        self._move = dt * v_K + 0.5 * dt * dt * acc_K
-        end, by_v, by_a = v_K + dt * acc_K, np.eye(k), dt * np.eye(k)
-        for _, v in self._quaternions:
-            here = slice(v, v + 3)
-            phi, speed = self._move[here], end[here].copy()
-            J = rotation.right_jacobian(phi)
-            bend = np.stack(
-                [rotation.right_jacobian_rate(phi, e) @ speed for e in np.eye(3)], axis=1
+def held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[HeldPoint, ...]:
+    """The points that push in the first of some steps, in their modes."""
+    assert marionette.contacts is not None
+    made = []
+    for point in touches.points[0, : touches.n_points[0]]:
+        pair, feature = int(point["pair"]), int(point["feature"])
+        at, normal = point["at"].copy(), point["normal"].copy()
+        by, none = point["by"].reshape(7, 6).copy(), np.zeros((7, 6))
+        links = (int(point["links"][0]), int(point["links"][1]))
+        smooth = not touches.pair_edges[0, pair] & StepEdge.NOT_SMOOTH
+        gap = float(point["gap"])
+        touch = Touch(pair, feature, links, gap, at, normal, by, none[:, 0], none, smooth)
+        made.append(
+            HeldPoint(
+                name=pair_name(marionette.contacts.names[pair]),
+                pair=pair,
+                feature=feature,
+                mode=ContactMode.STICK if point["sticks"] else ContactMode.SLIDE,
+                friction=float(point["friction"]),
+                along=point["along"].copy(),
+                turns=bool(point["turns"]),
+                touch=touch,
+                force=point["force"].copy(),
+                velocity=point["velocity"].copy(),
+                closes=float(point["closes"]),
+                bounces=float(point["bounces"]),
             )
-            end[here] = J @ speed
-            by_v[here, here] = dt * bend + J
-            by_a[here, here] = 0.5 * dt * dt * bend + dt * J
-        self.rate = self._move / dt
-        self.mean = (end - v_K) / dt
-        self._end_by_v, self._end_by_a = by_v, by_a
+        )
+    return tuple(made)
 
-    def mean_by(self, here: slice) -> tuple[Array, Array]:
-        """Derivatives of some of ``mean`` by the same v_K and acc_K."""
-        by_v, by_a = self._end_by_v[here, here], self._end_by_a[here, here]
-        return (by_v - np.eye(len(by_v))) / self.dt, by_a / self.dt
 
-    def chain(self, n: int, n_p: int) -> Array:
-        """d(q_D, v_D, q_K, rate, mean, u_D, p) by (q_D, v_D, q_K, v_K, acc_K, u_D, p)."""
-        k, dt = len(self.rate), self.dt
-        out = np.eye(3 * n + 3 * k + n_p)
-        v, a = slice(2 * n + k, 2 * n + 2 * k), slice(2 * n + 2 * k, 2 * n + 3 * k)
-        out[v, a] = 0.5 * dt * np.eye(k)
-        out[a, v], out[a, a] = self.mean_by(slice(0, k))
-        return out
+def named_edges(marionette: CompiledPuppet, touches: StepTouches) -> tuple[str, ...]:
+    """What the first of some steps is on the edge of, with the pairs that are."""
+    assert marionette.contacts is not None
+    of_pair = touches.pair_edges[0]
+    return tuple(
+        dict.fromkeys(
+            f"{pair_name(marionette.contacts.names[pair])}: {edge.meaning.removeprefix('a point ')}"
+            for pair in np.flatnonzero(of_pair)
+            for edge in StepEdge
+            if of_pair[pair] & edge
+        )
+    )
 
-    def state(self, n: int, n_p: int) -> Array:
-        """d(q_K, v_K) after the step by (q_D, v_D, q_K, v_K, acc_K, u_D, p)."""
-        k, dt = len(self.rate), self.dt
-        move, speed = np.zeros((k, 3 * n + 3 * k + n_p)), np.zeros((k, 3 * n + 3 * k + n_p))
-        v, a = slice(2 * n + k, 2 * n + 2 * k), slice(2 * n + 2 * k, 2 * n + 3 * k)
-        move[:, v], move[:, a] = dt * np.eye(k), 0.5 * dt * dt * np.eye(k)
-        speed[:, v], speed[:, a] = self._end_by_v, self._end_by_a
-        moved = _carried(self._quaternions, self._move, move[:, 2 * n :], k)
-        return np.concatenate([np.concatenate([np.zeros((k, 2 * n)), moved], axis=1), speed])
+
+def _refuse(
+    marionette: CompiledPuppet,
+    touches: StepTouches | None,
+    points: Sequence[HeldPoint],
+    edges: int,
+    shortened: bool,
+) -> None:
+    """Raises StateError for a step that has no derivative."""
+    names = ", ".join(dict.fromkeys(point.name for point in points))
+    if touches is not None and marionette.contacts is not None and edges & StepEdge.LEAVES_LAW:
+        pairs = np.flatnonzero(touches.pair_edges[0] & StepEdge.LEAVES_LAW)
+        wedged = dict.fromkeys(pair_name(marionette.contacts.names[pair]) for pair in pairs)
+        raise StateError(
+            f"{', '.join(wedged)} moves after this step as the law of contact alone does not say: "
+            "bodies are wedged in, or restitution is scaled down so that no energy is added; such "
+            "a step has no derivative"
+        )
+    if shortened:
+        raise StateError(
+            "the step was cut short: strings are violated so far, or so fast, that the "
+            "time-stepper scaled the velocities down"
+        )
+    if edges & StepEdge.JAMS:
+        raise StateError(
+            f"friction jams at {names}: no forces keep these modes, so that derivatives do not "
+            "exist"
+        )
+    if edges & StepEdge.OPEN_SHARES:
+        raise StateError(
+            f"{names} slide on more points than the law can share force among, and how a motion "
+            "near by turns depends on the shares: it has no derivative"
+        )

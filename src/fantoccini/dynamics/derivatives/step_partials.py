@@ -1,19 +1,28 @@
-"""Derivatives of many time steps at once, compiled: what optimal control asks for at every node.
+"""The linearisation of time steps, compiled, with the active sets that the steps find.
 
-The equations are those of :mod:`fantoccini.dynamics.derivatives.step_linearisation`.
+With rate = dq_K/dt and mean = dv_K/dt over the step, damping and drag F implicit, and the rows in
+Lambda > 0 (``cpp/fantoccini/timestepping/step.hpp``):
+
+    (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
+    A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt v+
+
+with contacts in their modes beside the rows (``contact_rows``), are differentiated with M, A and c
+at the step's start. It is the first step of a stepper: later in
+a run c takes its velocity products half a step ahead, extrapolated from earlier steps, which are no
+part of a state. That changes dv+ by dt^2/2 times the products' derivatives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from fantoccini.base import Array, Indices, MaskRows, StateError, Status, check_positive
 from fantoccini.dynamics.compiled import CompiledPuppet, refuse_contact, vectors
-from fantoccini.dynamics.derivatives.step_linearisation import AT_CAP, SHORTENED, DrivenStep
+from fantoccini.dynamics.derivatives.driven_step import DrivenStep
 from fantoccini.dynamics.derivatives.variational_partials import (
     VariationalPartials,
     variational_partials,
@@ -28,6 +37,11 @@ from fantoccini.kernel.runtime import (
     step_touches,
 )
 from fantoccini.model.tree import CoordinateTable
+
+SHORTENED = 1e-9
+"""Relative difference between the step's velocity and its equations' at which it was cut short."""
+AT_CAP = 1.0 - 1e-9
+"""Part of its largest tension from which a string counts as pulling with it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,29 +144,106 @@ def linearise_steps(
     check_positive(dt=dt)
     if method not in ("timestepping", "variational"):
         raise StateError(f"method is {method!r}; it must be 'timestepping' or 'variational'")
-    table = marionette.coordinates
-    widths = {"q_D": table.n_qD, "v_D": table.n_vD, "q_K": table.n_qK, "v_K": table.n_vK}
-    given = zip(widths.items(), (q_D, v_D, q_K, v_K), strict=True)
-    starts = {name: np.atleast_2d(vectors(name, a, n)) for (name, n), a in given}
-    acc = np.zeros((1, table.n_vK)) if acc_K is None else vectors("acc_K", acc_K, table.n_vK)
-    acc = np.atleast_2d(acc)
-    force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, table.n_vD))
-    values = marionette.p[None] if p is None else np.atleast_2d(vectors("p", p, len(marionette.p)))
-    n = max(*map(len, starts.values()), len(acc), len(values), 1 if force is None else len(force))
-    x = {name: _rows(a, n) for name, a in starts.items()}
+    given = StepInputs.of(marionette, (q_D, v_D, q_K, v_K), acc_K, u_D, p, dt)
     threads = default_threads() if threads is None else threads
-    options = marionette.run_options(dt=dt, extrapolate=False)
-    driven = _driven_steps(marionette, x["v_K"], acc, dt)
-    along = {"rate": x["v_K"] + 0.5 * dt * acc, "mean": _rows(acc, n)}
-    if table.quaternions_K:
-        along = {k: np.array([getattr(one, k) for one in driven]) for k in along}
     if method == "variational":
         refuse_contact(marionette, "the method variational")
-        discrete = variational_partials(marionette, x, acc, force, values, dt, threads)
-        return _variational(marionette, discrete, driven, forces, pull, dt)
+        made = variational_partials(
+            marionette, given.x, given.acc_K, given.u_D, given.p, dt, threads
+        )
+        return _variational(marionette, made, given.driven, forces, pull, dt)
+    return linearised(marionette, given, forces=forces, pull=pull, threads=threads, room=room).steps
+
+
+class StepInputs(NamedTuple):
+    """n time steps to be made.
+
+    Attributes:
+        x: q_D, v_D, q_K, v_K and slip, (n, ...) each, before the steps.
+        acc_K: (1 or n, n_vK) driven accelerations.
+        u_D: (1 or n, n_vD) user forces; None for none.
+        p: (1 or n, n_p) parameters.
+        dt: length of the steps [s].
+        driven: the driven coordinates over every step; none where nothing turns.
+    """
+
+    x: dict[str, Array]
+    acc_K: Array
+    u_D: Array | None
+    p: Array
+    dt: float
+    driven: tuple[DrivenStep, ...]
+
+    @classmethod
+    def of(
+        cls,
+        marionette: CompiledPuppet,
+        motion: tuple[Array, Array, Array, Array],
+        acc_K: Array | None,
+        u_D: Array | None,
+        p: Array | None,
+        dt: float,
+        slip: Array | None = None,
+    ) -> StepInputs:
+        """From the states (n, ...) or (...,), of which q_D, v_D, q_K and v_K are ``motion``."""
+        t = marionette.coordinates
+        widths = {"q_D": t.n_qD, "v_D": t.n_vD, "q_K": t.n_qK, "v_K": t.n_vK}
+        given = zip(widths.items(), motion, strict=True)
+        starts = {name: np.atleast_2d(vectors(name, a, width)) for (name, width), a in given}
+        starts["slip"] = np.zeros((1, len(marionette.tree.strings)))
+        if slip is not None and len(slip):
+            starts["slip"] = slip[None]
+        acc = np.zeros((1, t.n_vK)) if acc_K is None else vectors("acc_K", acc_K, t.n_vK)
+        acc = np.atleast_2d(acc)
+        force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, t.n_vD))
+        values = (
+            marionette.p[None] if p is None else np.atleast_2d(vectors("p", p, len(marionette.p)))
+        )
+        n = max(map(len, (*starts.values(), acc, values, () if force is None else force)))
+        x = {name: _rows(a, n) for name, a in starts.items()}
+        return cls(x, acc, force, values, dt, _driven_steps(marionette, x["v_K"], acc, dt))
+
+    @property
+    def along(self) -> dict[str, Array]:
+        """(n, n_vK) ``rate``, dq_K/dt over the steps, and ``mean``, dv_K/dt."""
+        if self.driven:
+            return {k: np.array([getattr(one, k) for one in self.driven]) for k in ("rate", "mean")}
+        v_K, acc = self.x["v_K"], self.acc_K
+        return {"rate": v_K + 0.5 * self.dt * acc, "mean": _rows(acc, len(v_K))}
+
+
+class Linearised(NamedTuple):
+    """Time steps with all that was found beside their linearisations.
+
+    Attributes:
+        steps: the linearisations.
+        made: the steps: of puppets without contact, and with it.
+        shortened: (n,) bool, steps that were cut short.
+        shares: (n, 3 room, m) derivatives of the multipliers of what touches, if asked for.
+    """
+
+    steps: StepLinearisations
+    made: LaneRecord | StepTouches
+    shortened: MaskRows
+    shares: Array | None
+
+
+def linearised(
+    marionette: CompiledPuppet,
+    given: StepInputs,
+    *,
+    forces: bool,
+    pull: bool,
+    shares: bool = False,
+    threads: int = 1,
+    room: Array | None = None,
+) -> Linearised:
+    """Time steps and their derivatives; see :func:`linearise_steps`."""
+    x, along, dt = given.x, given.along, given.dt
+    options = marionette.run_options(dt=dt, extrapolate=False)
     made: LaneRecord | StepTouches
     if options.contacts is None:
-        touches, made = None, _made(marionette, options, x, acc, force, values, threads)
+        touches, made = None, _made(marionette, options, given, threads)
     else:
         touches = made = step_touches(
             marionette.library,
@@ -160,38 +251,43 @@ def linearise_steps(
             marionette.winches,
             marionette.reference_force,
             x | along,
-            acc,
-            force,
-            values,
+            given.acc_K,
+            given.u_D,
+            given.p,
             threads,
         )
     tension = made.tension
     upper = np.minimum(marionette.upper, marionette.tension_cap)
     held = marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
     found = marionette.libraries.step_derivatives.find(
-        {name: x[name] for name in ("q_D", "v_D", "q_K")} | {"tension": tension} | along,
+        {name: x[name] for name in ("q_D", "v_D", "q_K", "slip")} | {"tension": tension} | along,
         held,
-        values,
-        force,
+        marionette.cap_parameters,
+        given.p,
+        given.u_D,
         dt=dt,
         recovery_speed=options.recovery_speed,
         forces=forces,
         pull=pull,
+        shares=shares,
         threads=threads,
         touches=touches,
         room=room,
     )
-    _chain_rotations(marionette, driven, found.motion)
-    if found.pull is not None:
-        _chain_rotations(marionette, driven, found.pull)
+    for columns in (found.motion, found.pull, found.shares):
+        if columns is not None:
+            _chain_rotations(marionette, given.driven, columns)
     meant = x["v_D"] + dt * found.acc_D
     size = 1.0 + np.abs(made.v_D).max(axis=1, initial=0.0)
-    apart = np.abs(meant - made.v_D).max(axis=1, initial=0.0)
-    none = np.zeros(n, dtype=np.int32)
+    shortened = ~(np.abs(meant - made.v_D).max(axis=1, initial=0.0) <= SHORTENED * size)
+    none = np.zeros(len(held), dtype=np.int32)
     edges, n_points = (none, none) if touches is None else (touches.edges, touches.n_points)
-    ended = (made.status == Status.DONE.value) & (apart <= SHORTENED * size)
-    return StepLinearisations(
-        **{name: getattr(made, name) for name in widths},
+    ended = (made.status == Status.DONE.value) & ~shortened
+    steps = StepLinearisations(
+        q_D=made.q_D,
+        v_D=made.v_D,
+        q_K=made.q_K,
+        v_K=made.v_K,
         tension=tension,
         held=held,
         motion=found.motion,
@@ -200,26 +296,21 @@ def linearise_steps(
         edges=edges,
         n_contacts=n_points,
         dt=dt,
-        coordinates=table,
-        _driven=driven,
+        coordinates=marionette.coordinates,
+        _driven=given.driven,
     )
+    return Linearised(steps, made, shortened, found.shares)
 
 
 def _made(
-    marionette: CompiledPuppet,
-    options: RunOptions,
-    x: Mapping[str, Array],
-    acc_K: Array,
-    u_D: Array | None,
-    p: Array,
-    threads: int,
+    marionette: CompiledPuppet, options: RunOptions, given: StepInputs, threads: int
 ) -> LaneRecord:
-    """One step of each state of a puppet without contact."""
+    """The steps of a puppet without contact."""
     library = marionette.libraries.lanes
-    record = LaneRecord(len(x["q_D"]), library.sizes)
-    record.begin(**x, p=p)
+    record = LaneRecord(len(given.x["q_D"]), library.sizes)
+    record.begin(**given.x, p=given.p)
     steppers = LaneSteppers(library, record, threads, options, marionette.winches)
-    steppers.advance(options.dt, acc_K, u_D)
+    steppers.advance(given.dt, given.acc_K, given.u_D)
     return record
 
 

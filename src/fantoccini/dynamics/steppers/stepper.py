@@ -56,7 +56,7 @@ class Stepper:
     Attributes:
         state: the present state.
         tension: (n_rows,) forces of strings and limits at ``state`` [N or N m].
-        samples: (n, width) written by the last advance, laid out as ``marionette.sample_layout`` says;
+        samples: (n, width) written by the last advance, laid out as ``marionette.sample_layout``;
             before the first one, the start.
         events: (n, 5) of the last advance: time, kind, row, impulse, speed.
         contacts: (n, width) contact points of the last advance, as the contract's ``CONTACT``.

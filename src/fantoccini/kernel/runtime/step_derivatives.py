@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fantoccini.base import Array, MaskRows
+from fantoccini.base import Array, Indices, MaskRows
 from fantoccini.kernel.runtime.functions import AnyArray, Loaded, pointer
 from fantoccini.kernel.runtime.structures import structures
 from fantoccini.kernel.runtime.touching_steps import StepTouches, in_parts, shared
@@ -22,11 +22,13 @@ class StepPartials(NamedTuple):
         motion: (n, 2 n_vD, m) of (dq_D, v_D) after the step. Columns of v_K and acc_K of driven
             rotations are by dq_K/dt and dv_K/dt over the step instead.
         pull: (n, n_rows, m) of the tensions, if asked for.
+        shares: (n, 3 room, m) of the multipliers of the points that push, if asked for.
     """
 
     acc_D: Array
     motion: Array
     pull: Array | None
+    shares: Array | None
 
 
 class StepDerivatives(Loaded):
@@ -36,6 +38,7 @@ class StepDerivatives(Loaded):
         self,
         starts: Mapping[str, Array],
         held: MaskRows,
+        cap_by: Indices,
         p: Array,
         u_D: Array | None,
         *,
@@ -43,6 +46,7 @@ class StepDerivatives(Loaded):
         recovery_speed: float,
         forces: bool,
         pull: bool,
+        shares: bool,
         threads: int,
         touches: StepTouches | None = None,
         room: Array | None = None,
@@ -50,15 +54,17 @@ class StepDerivatives(Loaded):
         """The derivatives of n steps.
 
         Args:
-            starts: q_D, v_D, q_K, rate (dq_K/dt over the step), mean (dv_K/dt) and tension,
+            starts: q_D, v_D, q_K, rate (dq_K/dt over the step), mean (dv_K/dt), slip and tension,
                 (n, ...) each.
             held: (n, n_rows) rows that the steps hold.
+            cap_by: (n_rows,) which parameter a row's largest tension is; -1 for none.
             p: (1 or n, n_p) parameters.
             u_D: (1 or n, n_vD) user forces; None for none.
             dt: length of the steps [s].
             recovery_speed: cap on how fast a violation is taken back [m/s].
             forces: differentiate by u_D, too.
             pull: also of the tensions.
+            shares: also of the multipliers of what touches.
             threads: that share the work.
             touches: what touches in the steps; its ``edges`` are added to. None: nothing.
             room: for ``motion``, where it is kept from call to call: new pages cost more than the
@@ -70,9 +76,15 @@ class StepDerivatives(Loaded):
         if room is None or room.shape != (n, 2 * n_v, m):
             room = np.empty((n, 2 * n_v, m))
         out = StepPartials(
-            np.empty((n, n_v)), room, np.empty((n, sizes["n_rows"], m)) if pull else None
+            np.empty((n, n_v)),
+            room,
+            np.empty((n, sizes["n_rows"], m)) if pull else None,
+            np.zeros((n, 3 * touches.points.shape[1], m)) if shares and touches else None,
         )
-        kept: list[AnyArray] = [np.ascontiguousarray(held, dtype=np.uint8)]
+        kept: list[AnyArray] = [
+            np.ascontiguousarray(held, dtype=np.uint8),
+            np.ascontiguousarray(cap_by, dtype=np.int32),
+        ]
 
         def address(a: Array) -> ctypes.c_void_p:
             kept.append(np.ascontiguousarray(a, dtype=float))
@@ -97,9 +109,11 @@ class StepDerivatives(Loaded):
             p=shared(p, address),
             u_D=shared(u_D, address),
             held=pointer(kept[0]),
+            cap_by=pointer(kept[1]),
             acc_D=pointer(out.acc_D),
             motion=pointer(out.motion),
             pull=None if out.pull is None else pointer(out.pull),
+            shares=None if out.shares is None else pointer(out.shares),
             **{name: address(a) for name, a in starts.items()},
             **held_points,
         )

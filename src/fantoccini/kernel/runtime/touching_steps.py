@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fantoccini.base import Array
+from fantoccini.base import Array, MaskRows
 from fantoccini.kernel.contract import STRUCTURES, StepEdge
 from fantoccini.kernel.runtime.compiled import Library
 from fantoccini.kernel.runtime.functions import AnyArray, pointer
@@ -28,10 +28,12 @@ class StepTouches(NamedTuple):
     """n steps and what touches in them.
 
     Attributes:
-        q_D, v_D, q_K, v_K: (n, ...) after the steps.
+        q_D, v_D, q_K, v_K, slip: (n, ...) after the steps.
         tension: (n, n_rows) impulses over dt [N or N m].
+        taut: (n, n_rows).
         status: (n,) of the steps.
         edges: (n,) bits of ``StepEdge``.
+        pair_edges: (n, pairs) those of every pair; of points that push and of open ones.
         n_points: (n,) points that push.
         points: (n, room) ``STEP_CONTACT``.
         screws: (n, n_vD + n_vK, 6) at the start.
@@ -42,9 +44,12 @@ class StepTouches(NamedTuple):
     v_D: Array
     q_K: Array
     v_K: Array
+    slip: Array
     tension: Array
+    taut: MaskRows
     status: NDArray[np.int32]
     edges: NDArray[np.int32]
+    pair_edges: NDArray[np.int32]
     n_points: NDArray[np.int32]
     points: NDArray[np.void]
     screws: Array
@@ -69,13 +74,15 @@ def step_touches(
         options: of the steps; ``contacts`` are what may touch.
         winches: (n_strings, 3).
         reference_force: a weight [N].
-        starts: q_D, v_D, q_K, v_K, rate (dq_K/dt over the step) and mean (dv_K/dt), (n, ...) each.
+        starts: q_D, v_D, q_K, v_K, slip, rate (dq_K/dt over the step) and mean (dv_K/dt), (n, ...)
+            each.
         acc_K: (1 or n, n_vK).
         u_D: (1 or n, n_vD) user forces; None for none.
         p: (1 or n, n_p).
         threads: that share the work.
     """
     n, sizes = len(starts["q_D"]), library.sizes
+    n_pairs = 0 if options.contacts is None else len(options.contacts.pairs)
     n_screws = sizes["n_vD"] + sizes["n_vK"]
     room = min(_ROOM, sizes["n_contacts"])
     kept: list[AnyArray] = []
@@ -84,19 +91,34 @@ def step_touches(
         kept.append(np.ascontiguousarray(a, dtype=float))
         return pointer(kept[-1])
 
-    given: dict[str, Any] = {name: address(a) for name, a in starts.items()}
+    given: dict[str, Any] = {name: address(a) for name, a in starts.items() if name != "slip"}
     given |= {"acc_K": shared(acc_K, address), "u_D": shared(u_D, address)}
     given |= {"p": shared(p, address), "winches": address(np.minimum(winches, UNLIMITED))}
     while True:
         q_D, v_D, q_K, v_K, tension = (
             np.empty((n, sizes[size])) for size in ("n_qD", "n_vD", "n_qK", "n_vK", "n_rows")
         )
+        slip, taut = starts["slip"].copy(), np.empty((n, sizes["n_rows"]), dtype=np.bool_)
         status, edges, n_points = (np.empty(n, dtype=np.int32) for _ in range(3))
+        pair_edges = np.zeros((n, n_pairs), dtype=np.int32)
         points = np.zeros((n, room), dtype=STEP_CONTACT)
         screws = np.empty((n, n_screws, 6))
         by_p = np.empty((n, sizes["n_links"] + n_screws, 6, sizes["n_p"]))
         out = StepTouches(
-            q_D, v_D, q_K, v_K, tension, status, edges, n_points, points, screws, by_p
+            q_D,
+            v_D,
+            q_K,
+            v_K,
+            slip,
+            tension,
+            taut,
+            status,
+            edges,
+            pair_edges,
+            n_points,
+            points,
+            screws,
+            by_p,
         )
         results = {
             f"{name}_next" if name in ("q_D", "v_D", "q_K", "v_K") else name: pointer(a)
@@ -106,6 +128,7 @@ def step_touches(
             options=options.structure(),
             reference_force=reference_force,
             room=room,
+            n_pairs=n_pairs,
             **given,
             **results,
         )

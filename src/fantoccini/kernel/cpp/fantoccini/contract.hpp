@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x7df9a31bd03cd3eb;
+constexpr long long contract_digest = 0x09ab47b8403aab0b;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -339,6 +339,7 @@ struct TouchingStepArrays {
   const double* v_D;  // (n, n_vD)
   const double* q_K;  // (n, n_qK)
   const double* v_K;  // (n, n_vK)
+  double* slip;  // (n, n_strings) at the start, and then after the step
   const double* rate;  // (n, n_vK) dq_K/dt over the step
   const double* mean;  // (n, n_vK) dv_K/dt over the step
   double* q_D_next;  // (n, n_qD) after the step; so the others
@@ -346,8 +347,11 @@ struct TouchingStepArrays {
   double* q_K_next;  // (n, n_qK)
   double* v_K_next;  // (n, n_vK)
   double* tension;  // (n, n_rows)
+  unsigned char* taut;  // (n, n_rows)
   int* status;  // (n,) Status
   int* edges;  // (n,) StepEdge
+  int n_pairs;  // of ContactArrays
+  int* pair_edges;  // (n, n_pairs) StepEdge of every pair; set to 0 before
   int* n_points;  // (n,) that push
   StepContact* points;  // (n, room)
   double* screws;  // (n, n_vD + n_vK, 6) at the start, as the function of this name
@@ -368,13 +372,18 @@ struct StepDerivativeArrays {
   const double* q_K;  // (n, n_qK)
   const double* rate;  // (n, n_vK) dq_K/dt over the step
   const double* mean;  // (n, n_vK) dv_K/dt over the step
+  const double* slip;  // (n, n_strings)
   const double* tension;  // (n, n_rows) of the step
   const unsigned char* held;  // (n, n_rows) rows that the step holds
+  const int* cap_by;  // (n_rows,) which parameter a largest tension is; -1 for none
   double* acc_D;  // (n, n_vD) mean acceleration over the step
   // (n, 2 n_vD, m) of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K, acc_K, u_D if asked
   // for, and p; of driven rotations by rate and mean
   double* motion;
   double* pull;  // (n, n_rows, m) of the tensions; null: not asked for
+  // (n, 3 room, m) of the points' multipliers: along the normal, and along two tangents where
+  // it sticks; point after point; null: not asked for
+  double* shares;
   const int* n_points;  // (n,) points that push; null without contact
   int room;  // for points of a node
   const StepContact* points;  // (n, room)

@@ -51,12 +51,12 @@ class ModesOfStep {
     partials_.begin(screws_, v_D, v_next, rate, by_p_, dt_);
   }
 
-  // Finds dt dacc and, unless null, writes the changes `pull` of the tensions, with the held rows
-  // and their changes `rate_by` and the changes `force` of the residual, all in bundles. Returns
-  // why these are no derivatives.
+  // Finds dt dacc and, unless null, writes the changes `pull` of the tensions and `shares` of the
+  // points' multipliers, with the held rows and their changes `rate_by` and the changes `force` of
+  // the residual, all in bundles. Returns why these are no derivatives.
   int solve(
       const Eval& eval, const RowSystem<Model, double>& rows, const Columns& columns, Wide* force,
-      const Wide* rate_by, Wide* pull) {
+      const Wide* rate_by, Wide* pull, Wide* shares) {
     columns_ = &columns;
     n_held_ = rows.n;
     for (int a = 0; a < rows.n; ++a) {
@@ -65,18 +65,21 @@ class ModesOfStep {
     }
     assemble(eval, force);
     const bool jams = !system_.factorise();
-    solve(eval, force, found_, pull);
+    solve(eval, force, found_, pull, shares);
     if (jams) return JAMS;
     bool slides = false;
     for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
     double idle[room(R)];
-    const bool shares = slides && system_.idle(idle);
-    if (shares && depends(eval, force, idle)) return OPEN_SHARES;
+    const bool is_open = slides && system_.idle(idle);
+    if (is_open && depends(eval, force, idle)) return OPEN_SHARES;
     return 0;
   }
 
   // dt dacc, in bundles.
   Wide* found() { return found_; }
+
+  // Multipliers of all points.
+  int n_shares() const { return system_.n_rows - n_held_; }
 
  private:
   using Tolerance = ModesOfStepTolerances;
@@ -115,8 +118,8 @@ class ModesOfStep {
     return columns_->n - P + (c - 2 * E);
   }
 
-  // dt dacc and, unless null, the changes `pull` of the tensions.
-  void solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull) {
+  // dt dacc and, unless null, the changes `pull` of the tensions and `shares` of the multipliers.
+  void solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull, Wide* shares) {
     for (int b = 0; b < columns_->n_bundles; ++b) {
       if (!Columns::acts(b)) continue;
       const Wide* rate = rate_ + b * R;
@@ -127,6 +130,7 @@ class ModesOfStep {
       Model::back_of(eval.L, w, x);
       for (int k = 0; k < N; ++k) found[b * N + k] = dt_ * x[k];
       for (int a = 0; pull && a < n_held_; ++a) pull[b * M + a] = y[a];
+      for (int a = 0; shares && a < n_shares(); ++a) shares[b * 3 * C + a] = y[n_held_ + a];
     }
   }
 
@@ -138,7 +142,7 @@ class ModesOfStep {
     share_otherwise(point_, n_, n_held_, idle, Tolerance::shift);
     assemble(eval, force);
     if (!system_.factorise()) return true;
-    solve(eval, force, other_, nullptr);
+    solve(eval, force, other_, nullptr, nullptr);
     Wide all = Wide(0.0), size[room(Columns::most)];
     for (int b = 0; b < columns_->n_bundles; ++b) {
       size[b] = Wide(0.0);

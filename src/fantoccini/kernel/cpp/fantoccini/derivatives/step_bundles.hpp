@@ -17,7 +17,7 @@ class StepBundles {
     forces_.find(states_, in.dt);
     take_forces(n);
     bool hold = false;
-    for (int r = 0; r < M; ++r) hold = hold || holds(r, n);
+    for (int r = 0; r < M; ++r) hold = hold || holds(r, n) || slips(in, r, n);
     if (hold) {
       for (int l = 0; l < n; ++l) states_.place(l, nodes_[l].v_next(), states_.v_D, N);
       Call<Model, Wide>::row_rates_by(
@@ -25,6 +25,8 @@ class StepBundles {
       fresh_ = false;
       for (int r = 0; r < M; ++r)
         if (holds(r, n)) take_rates(in, r, n);
+      for (int r = 0; r < M; ++r)
+        if (slips(in, r, n)) take_caps(in, r, n);
     }
     for (int l = 0; l < n; ++l) nodes_[l].end(in, first + l);
   }
@@ -38,6 +40,23 @@ class StepBundles {
     for (int l = 0; l < n; ++l)
       if (nodes_[l].place(row) >= 0) return true;
     return false;
+  }
+
+  // Whether a row slips in one of n nodes, at a tension that is a parameter.
+  bool slips(const StepDerivativeArrays& in, int row, int n) const {
+    for (int l = 0; l < n; ++l)
+      if (nodes_[l].slips_by(in, row) >= 0) return true;
+    return false;
+  }
+
+  // That tension's derivatives of r, A_D^T, to those of n nodes where the row slips.
+  void take_caps(const StepDerivativeArrays& in, int row, int n) {
+    const Columns& columns = nodes_[0].columns;
+    for (int l = 0; l < n; ++l) {
+      const int j = nodes_[l].slips_by(in, row);
+      for (int k = 0; j >= 0 && k < N; ++k)
+        Columns::at(nodes_[l].force(), N, columns.n - P + j, k) += lane_of(by_.A_D[M * k + row], l);
+    }
   }
 
   // The derivatives of r to n nodes, bundle by bundle.

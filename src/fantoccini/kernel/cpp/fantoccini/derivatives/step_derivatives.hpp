@@ -58,8 +58,14 @@ class StepDerivatives {
   int place(int row) const { return place_[row]; }
   // The derivative of min(h/dt, recovery speed) by h, of a row that is held.
   double gap(int row, double per_step, double recovery_speed) const {
-    const double h = eval_.height(row), size = rows_.two_sided[place_[row]] ? fabs(h) : h;
+    const double h = eval_.height(row) - (row < S ? slip_[row] : 0.0),
+                 size = rows_.two_sided[place_[row]] ? fabs(h) : h;
     return size * per_step < recovery_speed ? per_step : 0.0;
+  }
+
+  // The parameter that the tension of a slipping row is; -1 where there is none.
+  int slips_by(const StepDerivativeArrays& in, int row) const {
+    return place_[row] < 0 && tension_[row] != 0.0 ? in.cap_by[row] : -1;
   }
 
   // Ends with it, given these derivatives.
@@ -78,11 +84,14 @@ class StepDerivatives {
     for (int k = 0; k < N; ++k)
       columns.write(motion + (N + k) * columns.n, [&](int b) FAN_INLINE { return dv[b * N + k]; });
     move(in.dt, dv, motion);
-    if (pull) write_pull(in.dt, pull);
+    if (pull) write_pull(in, pull);
+    if constexpr (touches)
+      if (in.shares) write_shares(in, i);
   }
 
  private:
-  static constexpr bool touches = Model::n_contacts > 0;
+  static constexpr int C = Model::n_contacts;
+  static constexpr bool touches = C > 0;
 
   void evaluate(const StepDerivativeArrays& in, long long i) {
     q_D_ = in.q_D + i * NQ;
@@ -90,6 +99,7 @@ class StepDerivatives {
     q_K_ = in.q_K + i * Model::n_qK;
     rate_ = in.rate + i * K;
     mean_ = in.mean + i * K;
+    slip_ = in.slip + i * S;
     tension_ = in.tension + i * M;
     p_ = in.p.first + i * in.p.stride;
     const double* force = in.u_D.first ? in.u_D.first + i * in.u_D.stride : nullptr;
@@ -135,7 +145,9 @@ class StepDerivatives {
   Wide* solve_in_modes(const StepDerivativeArrays& in, long long i, double* pull) {
     if constexpr (touches) {
       if (!in.n_points || in.n_points[i] == 0) return nullptr;
-      in.edges[i] |= modes_.solve(eval_, rows_, columns, change_, rate_by_, pull ? pull_ : nullptr);
+      in.edges[i] |= modes_.solve(
+          eval_, rows_, columns, change_, rate_by_, pull ? pull_ : nullptr,
+          in.shares ? shares_ : nullptr);
       return modes_.found();
     }
     return nullptr;
@@ -172,15 +184,27 @@ class StepDerivatives {
     }
   }
 
-  // The rows of the tensions; 0 for those that are not held.
-  void write_pull(double dt, double* pull) {
-    chain(dt, pull_, M, rows_.n);
+  // The rows of the tensions; 0 for those that are not held, but by a parameter that they are.
+  void write_pull(const StepDerivativeArrays& in, double* pull) {
+    chain(in.dt, pull_, M, rows_.n);
     for (int r = 0; r < M; ++r) {
       double* out = pull + r * columns.n;
-      if (place_[r] < 0)
+      if (place_[r] < 0) {
         for (int c = 0; c < columns.n; ++c) out[c] = 0.0;
-      else columns.write(out, [&](int b) FAN_INLINE { return pull_[b * M + place_[r]]; });
+        if (const int j = slips_by(in, r); j >= 0) out[columns.n - P + j] = 1.0;
+      } else {
+        columns.write(out, [&](int b) FAN_INLINE { return pull_[b * M + place_[r]]; });
+      }
     }
+  }
+
+  // The rows of the points' multipliers.
+  void write_shares(const StepDerivativeArrays& in, long long i) {
+    if (in.n_points[i] == 0) return;
+    chain(in.dt, shares_, 3 * C, modes_.n_shares());
+    double* out = in.shares + i * 3 * in.room * columns.n;
+    for (int a = 0; a < modes_.n_shares(); ++a)
+      columns.write(out + a * columns.n, [&](int b) FAN_INLINE { return shares_[b * 3 * C + a]; });
   }
 
   // dq (N, m).
@@ -208,7 +232,7 @@ class StepDerivatives {
     }
   }
 
-  const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *tension_, *p_;
+  const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *slip_, *tension_, *p_;
   double* acc_;
   double v_next_[room(N)];
   int place_[room(M)];
@@ -219,6 +243,7 @@ class StepDerivatives {
   // tensions.
   Wide change_[room(Columns::most * N)], rate_by_[room(Columns::most * M)];
   Wide pull_[room(Columns::most * M)];
+  Wide shares_[room(Columns::most * 3 * C)];  // of the points' multipliers, in bundles
   std::conditional_t<touches, ModesOfStep<Model>, NoContacts> modes_;
 };
 

@@ -31,8 +31,9 @@ class StepModes {
   static constexpr int C = Model::n_contacts, L = Model::n_links, E = N + K;
   using Trajectory = TimeSteppingTrajectory<Model, double>;
 
-  int edges = 0;  // what the latest step is on the edge of
-  int pair = -1;  // of the point for which `edges` is largest; -1 for none
+  int edges = 0;              // what the latest step is on the edge of
+  int pair = -1;              // of the point for which `edges` is largest; -1 for none
+  int* pair_edges = nullptr;  // of every pair: added to, unless null
 
   // Where a step begins, its rate dq_K/dt and the parameters; all must live on.
   void begin(
@@ -84,6 +85,7 @@ class StepModes {
   void note(int more, int of_pair) {
     if (more > edges) pair = of_pair;
     edges |= more;
+    if (pair_edges) pair_edges[of_pair] |= more;
   }
 
   void pose(const double* p, double* poses, double* screws) const {

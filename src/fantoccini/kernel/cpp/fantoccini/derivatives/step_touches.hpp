@@ -18,6 +18,7 @@ class StepTouches {
   void find(const TouchingStepArrays& in, long long i) {
     step(in, i);
     int edges = 0, n = 0;
+    modes_.pair_edges = in.pair_edges + i * in.n_pairs;
     if (Status(int(trajectory_.status)) == RUNNING) {
       n = modes_.find(trajectory_, in.reference_force, found_);
       edges = modes_.edges;
@@ -41,7 +42,7 @@ class StepTouches {
     for (int k = 0; k < P; ++k) run.p[k] = p[k];
     for (int k = 0; k < NQ; ++k) run.state().q_D[k] = q_D[k];
     for (int k = 0; k < N; ++k) run.state().v_D[k] = v_D[k];
-    for (int k = 0; k < S; ++k) run.at.slip[k] = 0.0;
+    for (int k = 0; k < S; ++k) run.at.slip[k] = in.slip[i * S + k];
     auto &now = run.inputs(), &then = run.coming();
     const double *v_K = in.v_K + i * K, *acc_K = of(in.acc_K, i), *mean = in.mean + i * K;
     const double* force = of(in.u_D, i);
@@ -67,7 +68,11 @@ class StepTouches {
     for (int k = 0; k < N; ++k) in.v_D_next[i * N + k] = run.state().v_D[k];
     for (int k = 0; k < NQK; ++k) in.q_K_next[i * NQK + k] = run.inputs().q_K[k];
     for (int k = 0; k < K; ++k) in.v_K_next[i * K + k] = run.inputs().v_K[k];
-    for (int r = 0; r < M; ++r) in.tension[i * M + r] = run.at.tension[r];
+    for (int k = 0; k < S; ++k) in.slip[i * S + k] = run.at.slip[k];
+    for (int r = 0; r < M; ++r) {
+      in.tension[i * M + r] = run.at.tension[r];
+      in.taut[i * M + r] = run.at.taut[r];
+    }
     const Status status = Status(int(run.status));
     in.status[i] = status == RUNNING ? run.motors.verdict(0) : status;
     modes_.screws(in.screws + i * 6 * E, P > 0 ? in.by_p + i * (L + E) * 6 * P : nullptr);

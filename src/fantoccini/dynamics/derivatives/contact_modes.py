@@ -1,0 +1,152 @@
+"""The modes of the contacts at a state, and what lies on the edge between two.
+
+A mode's derivative is that of the motion where the law holds strictly: points that push do so with
+force, those that stick stay inside their cone, open ones open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.dynamics.compiled import CompiledPuppet, PairGeometry, Screws
+from fantoccini.dynamics.derivatives.contact_rows import ContactMode, HeldPoint
+from fantoccini.motion import State
+
+
+@dataclass(frozen=True)
+class ModeTolerances:
+    """What counts as nothing where modes are told apart."""
+
+    speed: float = 1e-8
+    """Speed that is none, relative to 1 m/s or the largest: the law's residual lies below."""
+    force: float = 1e-8  # Force that is none, relative to the weight
+    cone: float = 1e-6  # Part of its cone by which a force that sticks must stay inside
+    acceleration: float = 1e-6  # Of a point that stays where it is [m/s^2]
+    dependent: float = 1e-7  # Part of a row that others do not give: below, it follows from them
+    askew: float = 1e-6  # Angle between directions of sliding that are one [rad]
+
+
+TOLERANCES = ModeTolerances()
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Contacts at a state.
+
+    Attributes:
+        points: the points that push, with their modes.
+        edges: points between two modes, where only one-sided derivatives exist.
+    """
+
+    points: tuple[HeldPoint, ...]
+    edges: tuple[str, ...]
+
+
+def still_speed(screws: Screws) -> float:
+    """Speed that is none where links move as they do [m/s]."""
+    speeds = [float(np.max(np.abs(screws.twist(i)))) for i in range(len(screws.poses))]
+    return TOLERANCES.speed * max(1.0, *speeds)
+
+
+def geometries(
+    marionette: CompiledPuppet, screws: Screws, x: State, more: Sequence[int] = ()
+) -> list[PairGeometry]:
+    """Of all pairs near enough to touch at a state, and of some more.
+
+    Args:
+        marionette: the puppet.
+        screws: of the links at the state.
+        x: the state.
+        more: indices of pairs.
+    """
+    contacts = marionette.contacts
+    if contacts is None:
+        return []
+    gaps = marionette.library.gaps(contacts, x.q_D, x.q_K, marionette.p)
+    near = np.union1d(np.flatnonzero(np.isfinite(gaps)), np.asarray(more, dtype=int))
+    return [PairGeometry(marionette, screws.poses, int(pair)) for pair in near]
+
+
+def mode_of(
+    mu: float, n: Array, force: Array, u: Array, still: float
+) -> tuple[ContactMode, Array, bool, str]:
+    """Mode, direction of sliding, whether that turns with u, and what edge the point is on.
+
+    Args:
+        mu: coefficient of friction.
+        n: (3,) normal.
+        force, u: (3,) on the first solid, and its velocity against the second.
+        still: speed that is none [m/s].
+    """
+    none = np.zeros(3)
+    if mu == 0.0:
+        return ContactMode.SLIDE, none, False, ""
+    u_T, f_T = u - n * (n @ u), force - n * (n @ force)
+    speed, size = float(np.linalg.norm(u_T)), float(np.linalg.norm(f_T))
+    if speed > still:
+        return ContactMode.SLIDE, u_T / speed, True, ""
+    strained = size > (1.0 - TOLERANCES.cone) * mu * (n @ force)
+    return ContactMode.STICK, none, False, "sticks at the edge of its cone" if strained else ""
+
+
+def closed_without_force(
+    screws: Screws,
+    held: Sequence[HeldPoint],
+    open_points: Sequence[tuple[str, PairGeometry, int, float]],
+    still: float,
+) -> list[str]:
+    """Edges of points that close without force, but where those that push close them anyway.
+
+    Args:
+        screws: of the links.
+        held: the points that push.
+        open_points: name, pair and feature of others, and the speed at which they open [m/s].
+        still: speed that is none [m/s].
+    """
+    rows = [p.directions @ _subspace(screws, p.touch.links, p.touch.point) for p in held]
+    basis = np.concatenate([*rows, np.zeros((0, screws.n_D))])
+    _, s, vt = np.linalg.svd(basis, full_matrices=False)
+    span = vt[s > TOLERANCES.dependent * np.max(s, initial=0.0)]
+    edges = []
+    for name, pair, feature, opens in open_points:
+        if opens > still:
+            continue
+        values = pair.points[feature]
+        row = values[4:] @ _subspace(screws, pair.links, values[1:4])
+        rest = row - span.T @ (span @ row)
+        if np.linalg.norm(rest) > TOLERANCES.dependent * np.linalg.norm(row):
+            edges.append(f"{name}: touches without force")
+        elif _slides_askew(pair.velocity(screws, values[1:4]), values[4:], pair.pair, held, still):
+            edges.append(f"{name}: touches without force, and slides askew of those that push")
+    return edges
+
+
+def _slides_askew(
+    u: Array, normal: Array, pair: int, held: Sequence[HeldPoint], still: float
+) -> bool:
+    """Whether a point with velocity u would have friction in another direction than those held.
+
+    A motion near by may then put force on it instead of on them, which turns it otherwise.
+    """
+    across = u - normal * (normal @ u)
+    speed = float(np.linalg.norm(across))
+    return any(
+        point.pair == pair
+        and point.mode is ContactMode.SLIDE
+        and point.friction > 0.0
+        and (
+            speed <= still
+            or np.linalg.norm(np.cross(point.along, across)) > TOLERANCES.askew * speed
+        )
+        for point in held
+    )
+
+
+def _subspace(screws: Screws, links: tuple[int, int], point: Array) -> Array:
+    """(3, n_vD) u by v_D."""
+    twist = screws.subspace(links[0]) - screws.subspace(links[1])
+    return np.asarray(twist[:3] + np.cross(twist[3:].T, point).T)
