@@ -62,8 +62,8 @@ ROOMS = {
     ),
     "output": (
         "pictures, films, reports; formats of other programs",
-        "`view`: pictures, plots, films; `reports`; `animation`: glTF, USD, BVH export; "
-        "`exchange`: MJCF and URDF import",
+        "`view`: pictures, plots, films; `html`: pages; `reports`; `animation`: glTF, USD, BVH "
+        "export; `exchange`: MJCF and URDF import",
     ),
     "app": (
         "command line and browser pages",

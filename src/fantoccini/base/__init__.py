@@ -45,12 +45,14 @@ from fantoccini.base.errors import (
     nearest,
 )
 from fantoccini.base.files import decoded, lines_of, replacing, write_table
+from fantoccini.base.hanging import catenary
 from fantoccini.base.interpolate import Places
 from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_input
 from fantoccini.base.polynomial import N_COEF, shifted
 from fantoccini.base.progress import OnAmount, OnCases, OnStep, progress_bar
 from fantoccini.base.rotation import exp, multiply
 from fantoccini.base.tangent import moved
+from fantoccini.base.vectors import cross, perpendicular, unit
 
 __all__ = [
     "ARRIVED",
@@ -92,8 +94,10 @@ __all__ = [
     "Vec3",
     "VecD",
     "VecK",
+    "catenary",
     "check_not_negative",
     "check_positive",
+    "cross",
     "decoded",
     "exp",
     "ffmpeg",
@@ -107,6 +111,7 @@ __all__ = [
     "nearest",
     "npz",
     "output",
+    "perpendicular",
     "polynomial",
     "progress_bar",
     "replacing",
@@ -117,5 +122,6 @@ __all__ = [
     "sound_duration",
     "sound_input",
     "tangent",
+    "unit",
     "write_table",
 ]

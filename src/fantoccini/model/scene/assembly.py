@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Mistake, PuppetError, nearest
+from fantoccini.base import Mistake, PuppetError, nearest, rotation
 from fantoccini.base.documents import Finding, Located, Origin, read_file, shown, validate
 from fantoccini.model.puppet import FLOOR, WORDS, Contact, Puppet, bundled, named, parameters, plain
 from fantoccini.model.scene.schema import Member, Prop, Scene, is_scene
@@ -310,7 +310,7 @@ def _obstacle(one: _Placed, obstacle: dict[str, Any]) -> dict[str, Any]:
     if obstacle["type"] in ("box", "ellipsoid", "mesh") and turn is not None:
         own = obstacle.get("orientation")
         inner = np.eye(3) if own is None else type(turn).model_validate(own).matrix
-        out["orientation"] = {"quaternion": _quaternion(R @ inner)}
+        out["orientation"] = {"quaternion": rotation.quaternion(R @ inner).tolist()}
     return out
 
 
@@ -320,15 +320,8 @@ def _add_prop(data: dict[str, Any], prop: Prop) -> None:
     data["bodies"].append(body | {"joint": {"type": "free"}})
     data["pose"] |= {f"{prop.name}.{axis}": x for axis, x in zip("xyz", prop.at, strict=True)}
     if prop.orientation is not None:
-        data["pose"][f"{prop.name}.rotation"] = _quaternion(prop.orientation.matrix)
-
-
-def _quaternion(R: np.ndarray) -> list[float]:
-    """w, x, y, z of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(R).as_quat()
-    return [float(w), float(x), float(y), float(z)]
+        turn = rotation.quaternion(prop.orientation.matrix)
+        data["pose"][f"{prop.name}.rotation"] = turn.tolist()
 
 
 def _origin(scene: Scene, placed: list[_Placed], located: Located, folder: Path) -> Origin:
