@@ -57,7 +57,7 @@ def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> str:
     stand = check.map.stand
     parts = [
         f"<h1>{escape(stand.name)}</h1>",
-        paragraph(stand.file.about),
+        paragraph(stand.about),
         paragraph(_facts(check)),
         paragraph(check.summary(), f"verdict {'holds' if check.ok else 'fails'}"),
         *(paragraph(note, "note") for note in check.notes),
