@@ -9,13 +9,21 @@ from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import Field, WithJsonSchema
 
 from fantoccini.base import Array, ConfigK, InputError, Mistake, StateError, Times, VecK, npz
-from fantoccini.base.documents import Located, Model, Positive, mistake, read_file, shown, validate
+from fantoccini.base.documents import (
+    Document,
+    Kind,
+    Located,
+    Positive,
+    document_schema,
+    read_document,
+    shown,
+)
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import pieces, reading
 from fantoccini.motion.archive import RECORDING, RECORDINGS
@@ -38,30 +46,26 @@ def _points_schema(*values: dict[str, Any]) -> dict[str, Any]:
     return {"type": "array", "items": pair, "minItems": 1}
 
 
-def _mapping(value: Any) -> Any:
-    if not isinstance(value, Mapping):
-        raise mistake(f"found {shown(value)}; needed: names and their waypoints")
-    return value
-
-
 # `reading` checks the lists, with the puppet's coordinates.
 _Waypoints = Annotated[Any, WithJsonSchema(_points_schema(_ANGLE, _ROTATION))]
 _Forces = Annotated[Any, WithJsonSchema(_points_schema())]
 
 
-class InputsFile(Model):
+class InputsFile(Document):
     """Waypoints of driven coordinates; coordinates that are not named hold still."""
+
+    kind: ClassVar = Kind(
+        "inputs", "an inputs file has the keys `coordinates` and `forces`", error=InputError
+    )
 
     name: str = ""
     """Of the performance."""
     duration: Positive | None = None
     """Until when everything is held after the last waypoint [s]."""
-    coordinates: Annotated[dict[str, _Waypoints], BeforeValidator(_mapping)] = Field(
-        default_factory=dict
-    )
+    coordinates: dict[str, _Waypoints] = Field(default_factory=dict)
     """Driven coordinate -> list of [time s, value]; a rotation (`bar.rotation`) as a quaternion
     [w, x, y, z] or a rotation vector [x, y, z] in rad."""
-    forces: Annotated[dict[str, _Forces], BeforeValidator(_mapping)] = Field(default_factory=dict)
+    forces: dict[str, _Forces] = Field(default_factory=dict)
     """Dynamic velocity -> list of [time s, force N or N m], linear between them."""
 
 
@@ -100,8 +104,7 @@ class Segments:
 
 def inputs_schema() -> dict[str, Any]:
     """JSON Schema of a YAML inputs file, for editors."""
-    schema = InputsFile.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return document_schema(InputsFile)
 
 
 def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
@@ -121,8 +124,7 @@ def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
 
 
 def _yaml(table: CoordinateTable, path: Path) -> Waypoints:
-    located = read_file(path, InputError)
-    file = validate(InputsFile, located, InputError)
+    file = read_document(path, InputsFile)
     findings = Findings()
     points = reading.waypoints(table, file.coordinates, findings, ("coordinates",))
     forces = reading.forces(table, file.forces, findings, ("forces",))
@@ -133,7 +135,8 @@ def _yaml(table: CoordinateTable, path: Path) -> Waypoints:
         )
     channels = pieces.through_waypoints(table, points)
     place = ("coordinates",)
-    return Waypoints(channels, findings, located, place, forces, file.duration or 0.0, file.name)
+    duration = file.duration or 0.0
+    return Waypoints(channels, findings, file.located, place, forces, duration, file.name)
 
 
 def _samples(table: CoordinateTable, columns: dict[str, Array], located: Located) -> Waypoints:

@@ -222,7 +222,7 @@ def controller_of(stand: Stand, kind: str | None = None) -> Any:
     Raises:
         FileError: the stand names none, or there is no such kind.
     """
-    own = stand.file.controller
+    own = stand.controller
     if kind is None or (own is not None and own.type == kind):
         if own is None:
             text = "this key is missing: it says what takes the set points; or give --controller"

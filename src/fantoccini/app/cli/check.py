@@ -104,7 +104,7 @@ def _stand(file: str, inputs: list[Path], quiet: bool) -> bool:
     if not quiet:
         of = "no puppet named" if made is None else f"moves {made.name}"
         held = "" if bound is None or not bound.held else f", {len(bound.held)} coordinates held"
-        write(f"{file}: no mistakes; {len(stand.file.axes)} axes, {of}{held}")
+        write(f"{file}: no mistakes; {len(stand.axes)} axes, {of}{held}")
     clean = True
     for given in inputs:
         if made is None or bound is None:

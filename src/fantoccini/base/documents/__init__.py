@@ -1,5 +1,13 @@
 """YAML documents: text to validated models, and the line of every mistake."""
 
+from fantoccini.base.documents.document import (
+    KEYS,
+    Document,
+    Kind,
+    document_schema,
+    parse_document,
+    read_document,
+)
 from fantoccini.base.documents.json_schema import described_schema
 from fantoccini.base.documents.limits import LIMITS
 from fantoccini.base.documents.located import (
@@ -16,6 +24,7 @@ from fantoccini.base.documents.located import (
     shown,
     validate,
 )
+from fantoccini.base.documents.references import unknown_names
 from fantoccini.base.documents.refusals import Refusals
 from fantoccini.base.documents.sized_values import SIZED, Place, Size, Sized, Value
 from fantoccini.base.documents.values import (
@@ -42,6 +51,7 @@ from fantoccini.base.documents.values import (
     owner_of,
     read_angle,
     read_real,
+    refuse,
     rotation_vector_quaternion,
     sized,
     unit,
@@ -50,13 +60,16 @@ from fantoccini.base.documents.values import (
 from fantoccini.base.documents.yaml_text import Path
 
 __all__ = [
+    "KEYS",
     "LIMITS",
     "NAME",
     "SIZED",
     "Angle",
     "Axes",
     "Direction",
+    "Document",
     "Finding",
+    "Kind",
     "Located",
     "Model",
     "Name",
@@ -79,6 +92,7 @@ __all__ = [
     "Vector",
     "Words",
     "described_schema",
+    "document_schema",
     "entries",
     "findings",
     "has_key",
@@ -88,14 +102,18 @@ __all__ = [
     "name_mistake",
     "number_kind",
     "owner_of",
+    "parse_document",
     "read_angle",
+    "read_document",
     "read_file",
     "read_located",
     "read_real",
+    "refuse",
     "rotation_vector_quaternion",
     "shown",
     "sized",
     "unit",
+    "unknown_names",
     "validate",
     "value_of",
 ]

@@ -49,7 +49,7 @@ NO_WORDS = Words()
 
 @dataclass(frozen=True)
 class Located:
-    """Plain data that remembers where it was written.
+    """Plain data that remembers where it was written. All are equal, so that equal documents are.
 
     Attributes:
         data: dicts, lists and scalars.
@@ -59,11 +59,11 @@ class Located:
         mistakes: mistakes found while reading that left the rest readable.
     """
 
-    data: Any = None
-    file: str = "<python>"
-    folder: FilePath = field(default_factory=FilePath.cwd)
-    lines: dict[Path, int] = field(default_factory=dict)
-    mistakes: tuple[Mistake, ...] = ()
+    data: Any = field(default=None, compare=False)
+    file: str = field(default="<python>", compare=False)
+    folder: FilePath = field(default_factory=FilePath.cwd, compare=False)
+    lines: dict[Path, int] = field(default_factory=dict, compare=False)
+    mistakes: tuple[Mistake, ...] = field(default=(), compare=False)
 
     def line(self, path: Path) -> int | None:
         """Line of a path, or of the innermost parent that has one."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from numbers import Real as AnyReal
 from typing import Annotated, Any, Literal
 
@@ -20,13 +20,14 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Tag,
+    ValidationError,
     WithJsonSchema,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from fantoccini.base import rotation
-from fantoccini.base.documents.located import shown
+from fantoccini.base.documents.located import Finding, shown
 
 NAME = r"[A-Za-z_][A-Za-z0-9_-]{0,63}"
 _ANGLE = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(deg|rad)", re.ASCII)
@@ -52,6 +53,19 @@ def mistake(message: str, instead: float | None = None) -> PydanticCustomError:
         instead: an allowed number to use in its place, so that the rest can be checked.
     """
     return PydanticCustomError("fantoccini", "{text}", {"text": message, "instead": instead})
+
+
+def refuse(findings: Iterable[Finding]) -> None:
+    """Raises a validation error that lists mistakes; does nothing if there are none.
+
+    Args:
+        findings: paths, from the keys of the validated part on, and messages.
+    """
+    details = [
+        InitErrorDetails(type=mistake(text), loc=path, input=None) for path, text in findings
+    ]
+    if details:
+        raise ValidationError.from_exception_data("", details)
 
 
 def name_mistake(text: str) -> str:

@@ -44,7 +44,7 @@ def stand_report(
 def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> Page:
     stand = check.map.stand
     page = Page(f"{stand.name}: can it do it?", stand.name)
-    page.text(stand.file.about)
+    page.text(stand.about)
     page.text(_facts(check))
     page.verdict(check.summary(), check.ok)
     for note in check.notes:
