@@ -7,9 +7,8 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.control.planning import PlanResult, PlanStatus, solve
-from fantoccini.control.planning.active_sets import extended
+from fantoccini.control.planning.active_sets import event_derivatives, extended
 from fantoccini.control.planning.planners import PlannerRound
-from fantoccini.control.planning.saltation import event_derivatives
 from fantoccini.control.problems import Problem, StateArrays
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.motion import State

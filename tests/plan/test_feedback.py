@@ -10,13 +10,12 @@ import pytest
 from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.base import tangent
+from fantoccini.base import riccati, tangent
 from fantoccini.base.errors import StateError
 from fantoccini.control.planning import PlanResult, solve
 from fantoccini.control.planning.feedback import Feedback
 from fantoccini.control.problems import Problem, StateArrays
 from fantoccini.control.problems.derivatives import segment_derivatives, taut_projection
-from fantoccini.control.problems.funnels import regulators
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.motion import State
@@ -61,7 +60,7 @@ def test_gains_are_those_of_least_squares():
     right = np.concatenate([right, np.zeros((m * k, n))])
     best = -np.linalg.lstsq(rows, right, rcond=None)[0]
 
-    z, (gains, P) = np.eye(n), regulators(A, B, Q, R, Q_m)
+    z, (gains, P) = np.eye(n), riccati.gains(A, B, Q, R, Q_m)
     left = rows @ best + right
     np.testing.assert_allclose(P[0], left.T @ left, rtol=1e-9, atol=1e-9 * np.abs(P[0]).max())
     for j in range(m):

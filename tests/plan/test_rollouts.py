@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 import fantoccini as fan
+from fantoccini.base import riccati
 from fantoccini.control.problems import Goal, Problem, StateArrays
 from fantoccini.control.problems.derivatives import segment_derivatives
-from fantoccini.control.problems.funnels import regulator
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
@@ -108,7 +108,7 @@ def test_a_regulator_for_many_steps_is_that_for_endlessly_many():
     B, Q, R = rng.normal(size=(6, 2)), np.eye(6), 0.1 * np.eye(2)
     P = solve_discrete_are(A, B, Q, R)
     wanted = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    assert np.allclose(regulator(A, B, Q, R), wanted, atol=1e-9)
+    assert np.allclose(riccati.stationary_gain(A, B, Q, R, 7), wanted, atol=1e-9)
 
 
 def test_derivatives_of_segments_are_those_of_the_simulators_steps():

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, Outcome, Times, output
-from fantoccini.control.optimal.gains import riccati_gains
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
@@ -134,7 +133,7 @@ class Optimum:
         nodes = replace(at.nodes, parameters=np.zeros(0))
         objective.take_unit(nodes, linear)
         program = objective.program(nodes, linear, _DAMPING * objective.unit, at.force)
-        return objective.widened_gains(riccati_gains(program))
+        return objective.widened_gains(program.gains)
 
     def errors(self) -> dict[str, Array]:
         """Name of every track -> (N + 1,) |r| at the nodes: how far from its path.

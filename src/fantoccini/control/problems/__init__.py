@@ -1,7 +1,7 @@
 """Planning problems: goals among obstacles, and the rollouts that approach them."""
 
 from fantoccini.control.problems.derivatives import central_differences, taut_projection
-from fantoccini.control.problems.funnels import SPEED_WEIGHT, regulators, riccati_step
+from fantoccini.control.problems.funnels import SPEED_WEIGHT
 from fantoccini.control.problems.goals import Goal, GoalLike
 from fantoccini.control.problems.objective import OBJECTIVES, TIME, Objective
 from fantoccini.control.problems.problem import Problem
@@ -28,7 +28,5 @@ __all__ = [
     "load_problem",
     "problem_names",
     "problem_schema",
-    "regulators",
-    "riccati_step",
     "taut_projection",
 ]

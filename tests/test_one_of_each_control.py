@@ -1,0 +1,68 @@
+"""What control needs stands once: a second one of a kind fails here."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
+SOLVERS = {"solve", "cho_factor", "cholesky"}
+
+
+def functions(folder: Path = PACKAGE) -> dict[str, ast.FunctionDef]:
+    """``file: name`` of every function and method."""
+    return {
+        f"{file.relative_to(folder)}: {node.name}": node
+        for file in sorted(folder.rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+    }
+
+
+def factors_a_stage(function: ast.FunctionDef) -> bool:
+    """Whether it solves with a sum R + B'P B, also by a name for it, or asks SciPy to."""
+    named = {
+        target.id: node.value
+        for node in ast.walk(function)
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    for call in (node for node in ast.walk(function) if isinstance(node, ast.Call)):
+        name = ast.unparse(call.func).rsplit(".", 1)[-1]
+        if name.startswith("solve_discrete"):
+            return True
+        if name not in SOLVERS or not call.args:
+            continue
+        matrix = call.args[0]
+        matrix = named.get(matrix.id, matrix) if isinstance(matrix, ast.Name) else matrix
+        if not (isinstance(matrix, ast.BinOp) and isinstance(matrix.op, ast.Add)):
+            continue
+        later = [named.get(x.id, x) if isinstance(x, ast.Name) else x for x in operands(matrix)]
+        if any(isinstance(x, ast.BinOp) and isinstance(x.op, ast.MatMult) for x in later):
+            return True
+    return False
+
+
+def operands(matrix: ast.BinOp) -> tuple[ast.expr, ast.expr]:
+    return matrix.left, matrix.right
+
+
+def test_one_function_factors_a_stage_of_riccatis_recursion():
+    """Doubling has a sum of its own, which is of no stage."""
+    found = {name for name, function in functions().items() if factors_a_stage(function)}
+    assert found == {"base/riccati.py: step", "base/riccati.py: stationary_gain"}
+    second = "def gain(A, B, Q, R, P):\n    M = R + B.T @ P @ B\n    return np.linalg.solve(M, A)"
+    (function,) = ast.parse(second).body
+    assert isinstance(function, ast.FunctionDef) and factors_a_stage(function)
+
+
+def test_compiled_stages_are_factored_in_one_file():
+    """Programs and clamped motions have their stages eliminated by ``StageRiccati``."""
+    folder = PACKAGE / "kernel" / "cpp" / "fantoccini"
+    headers = {p.name: p.read_text(encoding="utf-8") for p in folder.rglob("*.hpp")}
+    assert [name for name, text in headers.items() if "bool eliminate(int" in text] == [
+        "stage_riccati.hpp"
+    ]
+    for name in ("stage_program.hpp", "stage_clamped.hpp"):
+        assert "StageRiccati riccati_;" in headers[name]
