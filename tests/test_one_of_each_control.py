@@ -5,6 +5,14 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import pytest
+
+from fantoccini.base import FileError
+from fantoccini.control.problems import load_problem
+from fantoccini.control.problems.problem_file import ProblemFile
+from fantoccini.control.tasks import ControlFile, load_task
+from fantoccini.control.tasks.schema import TaskFile
+
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
 SOLVERS = {"solve", "cho_factor", "cholesky"}
 
@@ -66,3 +74,28 @@ def test_compiled_stages_are_factored_in_one_file():
     ]
     for name in ("stage_program.hpp", "stage_clamped.hpp"):
         assert "StageRiccati riccati_;" in headers[name]
+
+
+def test_one_reader_opens_the_files_of_control():
+    """Tasks and problems share the keys of their start, their reader and their messages."""
+    folder = PACKAGE / "control"
+    opens = [
+        str(file.relative_to(folder))
+        for file in sorted(folder.rglob("*.py"))
+        if "read_file(" in file.read_text(encoding="utf-8")
+    ]
+    assert opens == ["tasks/control_file.py"]
+    assert issubclass(TaskFile, ControlFile) and issubclass(ProblemFile, ControlFile)
+
+
+@pytest.mark.parametrize(
+    ("load", "text", "message"),
+    [
+        (load_task, "problem: p\npuppet: arm2d", "problem file; a task file .* `task`"),
+        (load_problem, "task: t\npuppet: arm2d", "task file; a problem file .* `problem`"),
+    ],
+)
+def test_a_file_of_the_other_kind_is_named(load, text: str, message: str, tmp_path: Path):
+    (tmp_path / "other.yaml").write_text(text)
+    with pytest.raises(FileError, match=f"other.yaml:.*this is a {message}"):
+        load(tmp_path / "other.yaml")
