@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
+import inspect
 from pathlib import Path
 
 import pytest
 
+import fantoccini as fan
 from fantoccini.base import FileError
 from fantoccini.control.problems import load_problem
 from fantoccini.control.problems.problem_file import ProblemFile
@@ -99,3 +101,22 @@ def test_a_file_of_the_other_kind_is_named(load, text: str, message: str, tmp_pa
     (tmp_path / "other.yaml").write_text(text)
     with pytest.raises(FileError, match=f"other.yaml:.*this is a {message}"):
         load(tmp_path / "other.yaml")
+
+
+def test_options_are_a_few_objects():
+    """No function takes them one by one: at most 13 arguments, ``self`` included."""
+    folder = PACKAGE / "control"
+    longest = {
+        name: len([*(a := function.args).posonlyargs, *a.args, *a.kwonlyargs])
+        for name, function in functions(folder).items()
+    }
+    assert {name: n for name, n in longest.items() if n > 13} == {}
+
+
+def test_plans_and_optimisations_have_the_same_bounds():
+    for function in (fan.follow, fan.Task.__init__, fan.Problem.__init__):
+        (bounds,) = (
+            x for x in inspect.signature(function).parameters.values() if x.name == "bounds"
+        )
+        assert bounds.annotation.removesuffix(" | None") == "Bounds"
+    assert sum("class Bounds:" in p.read_text("utf-8") for p in PACKAGE.rglob("*.py")) == 1

@@ -53,15 +53,14 @@ class Own(RolloutPool):
 
     def __init__(self, problem: Problem, layout: Layout):
         m, marionette, bounds = problem.rollouts, problem.marionette, problem.rollouts.bounds
-        options = m.options
         settings = RolloutSettings(
             m.run_options,
             1,
             marionette.p,
             marionette.winches,
             vars(bounds),
-            options.margin,
-            options.slack,
+            m.margin,
+            m.slack,
             m.clearance.solids,
             problem.goal.numbers,
             -1.0,
@@ -131,7 +130,7 @@ class MuJoCo:
         puppet.drive(q_K, v_K - 0.5 * rollouts.options.dt * acc_K, acc_K)
         self._warm[:] = 0.0
         self._step(puppet.model, puppet.data, rollouts.options.look)
-        if not rollouts.options.slack and (self._lengths[puppet.strings] < self._slack).any():
+        if not rollouts.slack and (self._lengths[puppet.strings] < self._slack).any():
             return np.full(len(row), np.nan)
         there = self._qpos[puppet.q_D], self._qvel[puppet.v_D]
         return np.concatenate([*there, q_K + t * (v_K + 0.5 * t * acc_K), v_K + t * acc_K])
@@ -143,7 +142,7 @@ class MuJoCo:
             np.isfinite(row).all()
             and (np.abs(v_K) <= bounds.speed * (1.0 + 1e-12)).all()
             and ((q_K >= bounds.low) & (q_K <= bounds.high)).all()
-            and self._clearance(q_D, q_K) >= self.rollouts.options.margin
+            and self._clearance(q_D, q_K) >= self.rollouts.margin
         )
 
 

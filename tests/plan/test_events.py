@@ -27,7 +27,9 @@ def dropped(lift: float, segments: int) -> PlanResult:
     )
     end = made.q_D[-1]
     goal = fan.Goal.pose(arm, dict(zip(arm.coordinates.q_D, end, strict=True)), speed_weight=0.0)
-    problem = Problem(arm, start, goal, tolerance=1e-3, speed=5.0, acceleration=10.0)
+    problem = Problem(
+        arm, start, goal, tolerance=0.001, bounds=fan.Bounds(speed=5.0, acceleration=10.0)
+    )
 
     def still(tree, rollouts, rng):
         first = np.zeros(1, dtype=int)

@@ -29,7 +29,13 @@ def plan() -> PlanResult:
     pose = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
     goal = fan.Goal.pose(arm, pose, driven_weight=0.5)
     problem = Problem(
-        arm, read.start, goal, obstacles, tolerance=0.25, margin=0.005, slack=False, speed=0.5
+        arm,
+        read.start,
+        goal,
+        obstacles,
+        tolerance=0.25,
+        bounds=fan.Bounds(clearance=0.005, speed=0.5),
+        slack=False,
     )
     return first_plan(problem, near, polished)
 
@@ -196,7 +202,12 @@ def test_ranges_are_kept_whatever_is_asked(plan, law):
         assert np.all(np.abs(run.states.v_K) <= plan.rollouts.bounds.speed + 1e-9)
     spans = {"hand.x": (0.2, 0.6), "hand.length": (0.4, 1.4)}
     narrow = Problem(
-        problem.marionette, plan.start, plan.goal, tolerance=0.25, slack=False, ranges=spans
+        problem.marionette,
+        plan.start,
+        plan.goal,
+        tolerance=0.25,
+        slack=False,
+        bounds=fan.Bounds(position=spans),
     )
     found = solve(narrow, seed=0)
     law = dataclasses.replace(found.feedback(), gains=-30.0 * found.feedback().gains)
@@ -266,9 +277,8 @@ def test_plans_begin_at_time_stepped_states(plan):
         problem.goal,
         problem.rollouts.clearance.obstacles,
         tolerance=0.25,
-        margin=0.005,
+        bounds=fan.Bounds(clearance=0.005, speed=0.5),
         slack=False,
-        speed=0.5,
     )
     found = solve(again, seed=3)
     assert found and found.verify(method="event").arrives

@@ -6,7 +6,7 @@ from fantoccini.control.problems.goals import Goal, GoalLike
 from fantoccini.control.problems.objective import OBJECTIVES, TIME, Objective
 from fantoccini.control.problems.problem import Problem
 from fantoccini.control.problems.problem_file import load_problem, problem_names, problem_schema
-from fantoccini.control.problems.rollouts import Rollouts
+from fantoccini.control.problems.rollouts import RolloutOptions, Rollouts
 from fantoccini.control.problems.state_arrays import StateArrays, flattened
 from fantoccini.control.problems.touches import Meeting, Touches, carried
 
@@ -19,6 +19,7 @@ __all__ = [
     "Meeting",
     "Objective",
     "Problem",
+    "RolloutOptions",
     "Rollouts",
     "StateArrays",
     "Touches",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -26,9 +27,9 @@ from fantoccini.base.documents import (
 )
 from fantoccini.control.problems.goals import Goal
 from fantoccini.control.problems.problem import Problem
-from fantoccini.control.problems.rollouts import Bounds, RolloutOptions, whole_looks
+from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, whole_looks
 from fantoccini.control.problems.touches import touching
-from fantoccini.control.tasks import ControlFile, Kind, Reading, check_one_of
+from fantoccini.control.tasks import Bounds, ControlFile, Kind, Reading, check_one_of
 from fantoccini.dynamics.clearance import HalfSpace, Standing
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
@@ -151,12 +152,17 @@ def problem_names() -> tuple[str, ...]:
 
 
 def load_problem(
-    path: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None, **options: Any
+    path: str | os.PathLike[str],
+    *,
+    threads: int | None = None,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
 ) -> Problem:
     """Reads a problem file.
 
     Args:
         path: of the file, or the name of a bundled problem (``arm3d_boxes``).
+        threads: that share the work; all processors by default.
         progress: called with a description of each slow step.
         options: of :class:`Problem`, in place of the file's: ``tolerance=0.1``.
 
@@ -167,42 +173,42 @@ def load_problem(
     file, marionette, check = reading.file, reading.marionette, reading.check
     goal = _goal(reading, marionette.state())
     _check_touches(reading)
-    check(("speed",), lambda: Bounds.of(marionette, file.speed, 1.0, {}))
-    check(("acceleration",), lambda: Bounds.of(marionette, 1.0, file.acceleration, {}))
-    check(("reserve",), lambda: Bounds.of(marionette, 1.0, 1.0, {}).without(file.reserve))
-    if file.segment is not None:
-        segment, interval = file.segment, RolloutOptions.dt * RolloutOptions.look
-        check(("segment",), lambda: whole_looks(segment, interval))
-    for key, span in file.ranges.items():
-        check(
-            ("ranges", key), lambda key=key, span=span: Bounds.of(marionette, 1.0, 1.0, {key: span})
-        )
+    bounds = Bounds(
+        file.ranges,
+        file.speed,
+        file.acceleration,
+        clearance=file.margin,
+        own_body=file.self_collision,
+    )
+    parts: list[tuple[tuple[str, ...], Bounds]] = [(("speed",), Bounds(speed=file.speed))]
+    parts += [(("acceleration",), Bounds(acceleration=file.acceleration))]
+    parts += [(("ranges", key), Bounds({key: span})) for key, span in file.ranges.items()]
+    for place, part in parts:
+        check(place, lambda part=part: DrivenBounds.of(marionette, part))
+    check(("reserve",), lambda: RolloutOptions(reserve=file.reserve))
+    looks = check(("segment",), lambda: _looks(file.segment))
     check.refuse()
     start = reading.start
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(reading, start)
-    names = (
-        "hold",
-        "tolerance",
-        "speed",
-        "acceleration",
-        "reserve",
-        "segment",
-        "objective",
-        "ranges",
-        "margin",
-        "slack",
-        "strings",
-        "self_collision",
-    )
+    names = ("hold", "tolerance", "objective", "slack")
+    assert goal is not None and looks is not None  # or they were refused
+    rollouts = RolloutOptions(looks=looks, reserve=file.reserve, strings=file.strings)
+    if threads is not None:
+        rollouts = check.need((), lambda: replace(rollouts, threads=threads))
     contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
     given = (
-        {"name": file.problem, "contact": contact}
+        {"name": file.problem, "contact": contact, "bounds": bounds, "rollouts": rollouts}
         | {key: getattr(file, key) for key in names}
         | options
     )
-    assert goal is not None  # or it was refused
     return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **given))
+
+
+def _looks(segment: float | None) -> int:
+    """Checks of a segment of so many seconds; of the usual one where none are given."""
+    usual = RolloutOptions()
+    return usual.looks if segment is None else whole_looks(segment, usual.interval)
 
 
 def _check_touches(reading: Reading[ProblemFile]) -> None:

@@ -1,6 +1,6 @@
 """Tasks of optimal control: costs, bounds, paths and touches, and their files."""
 
-from fantoccini.control.tasks.bounds import Bounds, Interval
+from fantoccini.control.tasks.bounds import Bounds, Interval, Most
 from fantoccini.control.tasks.chosen import Chosen
 from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.control_file import ControlFile, Kind, Reading, check_one_of
@@ -29,6 +29,7 @@ __all__ = [
     "Interval",
     "Kind",
     "Looks",
+    "Most",
     "Nodes",
     "NumberResidual",
     "Reading",
