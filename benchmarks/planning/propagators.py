@@ -65,7 +65,7 @@ class Own(RolloutPool):
             problem.goal.numbers,
             -1.0,
         )
-        super().__init__(marionette.model.compiled.rollouts, settings, 1)
+        super().__init__(marionette.libraries.rollouts, settings, 1)
         self._before, self._there = np.empty(layout.n), np.empty(layout.n)
         self._acc_K, self._distance = np.empty(len(bounds.speed)), np.empty(1)
         self._zero, self._one = np.zeros(1, np.int64), np.ones(1, np.int32)
@@ -157,7 +157,7 @@ class _OneClearance:
         solids = clearance_arrays(measured, self._exact, self._solids)
         self._given = q.q_D.copy(), q.q_K.copy(), np.array(marionette.p, dtype=float)
         self._found, self._pair = np.empty(1), np.empty(1, np.int64)
-        self._call = marionette.model.compiled.clearances.dll.fan_clearance
+        self._call = marionette.libraries.clearances.dll.fan_clearance
         self._arguments = (
             ctypes.c_longlong(1),
             *map(pointer, self._given),
