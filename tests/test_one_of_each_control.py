@@ -12,7 +12,7 @@ import fantoccini as fan
 from fantoccini.base import FileError
 from fantoccini.control.problems import load_problem
 from fantoccini.control.problems.problem_file import ProblemFile
-from fantoccini.control.tasks import ControlFile, load_task
+from fantoccini.control.tasks import Answer, ControlFile, load_task
 from fantoccini.control.tasks.schema import TaskFile
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
@@ -121,3 +121,18 @@ def test_plans_and_optimisations_have_the_same_bounds():
         assert bounds.annotation.removesuffix(" | None") == "Bounds"
     folder = PACKAGE / "control"
     assert sum("class Bounds:" in p.read_text("utf-8") for p in folder.rglob("*.py")) == 1
+
+
+def test_answers_have_one_truth():
+    """Classes of control leave theirs to ``Answer``; that of many poses is the truth of all."""
+    folder = PACKAGE / "control"
+    own = [
+        f"{file.relative_to(folder)}: {node.name}"
+        for file in sorted(folder.rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+        and any(isinstance(x, ast.FunctionDef) and x.name == "__bool__" for x in node.body)
+    ]
+    assert own == ["optimal/reached.py: Reach", "tasks/answer.py: Answer"]
+    for kind in (fan.PlanResult, fan.Optimum, fan.ReachedPose, fan.Tuned):
+        assert issubclass(kind, Answer)

@@ -319,7 +319,7 @@ def stop(number, frame):
 signal.signal(signal.SIGINT, stop)
 arm = fan.puppets.arm3d()
 x = arm.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
-problem = fan.Problem(arm, x, {"elbow": 1.0}, tolerance=1e-7, threads=2)
+problem = fan.Problem(arm, x, {"elbow": 1.0}, tolerance=1e-7)
 for k in range(25):
     found = None
     try:

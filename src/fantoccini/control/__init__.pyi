@@ -47,6 +47,7 @@ from .problems import (
     problem_schema as problem_schema,
 )
 from .tasks import (
+    Answer as Answer,
     Bounds as Bounds,
     Clip as Clip,
     Smooth as Smooth,

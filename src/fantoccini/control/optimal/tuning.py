@@ -25,6 +25,7 @@ from fantoccini.base import (
     Times,
     check_positive,
 )
+from fantoccini.control.tasks import Answer
 from fantoccini.dynamics.compiled import Event, Method, MethodName, as_method
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate_batch
@@ -56,8 +57,8 @@ class TunedStatus(Outcome):
 
 
 @dataclass(frozen=True, eq=False)
-class Tuned:
-    """The best motion of a family.
+class Tuned(Answer):
+    """The best motion of a family, of a run that is ``DONE``. True where the search settled.
 
     Attributes:
         values: its numbers.
@@ -81,6 +82,16 @@ class Tuned:
     status: TunedStatus
     curve: Array
     seconds: float
+
+    @property
+    def holds(self) -> bool:
+        """True: only runs that are done count."""
+        return True
+
+    @property
+    def is_minimum(self) -> bool:
+        """Whether all spreads are narrow."""
+        return self.status is TunedStatus.SETTLED
 
     def __repr__(self) -> str:
         numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
