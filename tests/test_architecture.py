@@ -63,6 +63,8 @@ KINDS = {
     "base.errors.Outcome": "a status with its message",
     "base.errors.StateError": "an error",
     "control.optimal.shooting.EventRuns": "runs, by the method of their derivatives",
+    "control.tasks.answer.Answer": "an answer to a problem of control, and its truth",
+    "control.tasks.control_file.ControlFile": "a file with a puppet and its start",
     "dynamics.compiled.compiled_puppet.CompiledPuppet": "a marionette without its algorithms",
     "kernel.runtime.compiled.Run": "a run, held at its start",
     "kernel.runtime.functions.Functions": "a library that evaluates functions, by ctypes",

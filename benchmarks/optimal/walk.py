@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.control import Draws
 from fantoccini.dynamics.mujoco import mujoco_run
 from fantoccini.theatre.gestures import Gait
 
@@ -158,12 +159,9 @@ def searched(
         lambda run: cost(stage, run, first, steps),
         x0,
         first.duration * (steps + 1),
-        method=fan.TimeStepping(dt=2.5e-4),
+        method=fan.TimeStepping(dt=0.00025),
         save_every=20,
-        runs=60,
-        generations=1000,
-        time_limit=seconds,
-        seed=seed,
+        draws=Draws(runs=60, generations=1000, time_limit=seconds, seed=seed),
         progress=lambda best, median: print(f"cost {best:.3f}, median {median:.3f}", flush=True),
     )
 

@@ -1,6 +1,6 @@
 """Errors and statuses, arrays, rotations, polynomials, files, progress: for every package."""
 
-from fantoccini.base import interpolate, npz, polynomial, rotation, tangent
+from fantoccini.base import interpolate, npz, polynomial, riccati, rotation, tangent
 from fantoccini.base.arrays import (
     Array,
     ConfigD,
@@ -115,6 +115,7 @@ __all__ = [
     "polynomial",
     "progress_bar",
     "replacing",
+    "riccati",
     "rotation",
     "shifted",
     "socket_at",
