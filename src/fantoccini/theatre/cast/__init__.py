@@ -23,12 +23,10 @@ from fantoccini.theatre.cast.contacts import (
     sitting,
     standing,
 )
-from fantoccini.theatre.cast.cue_file import HOW, WITH_PROPS, CueFile, said
-from fantoccini.theatre.cast.cues import ARRIVES, WALKS, Cue, Part, Timeline, lane_name, said_in_act
+from fantoccini.theatre.cast.cues import Cue, Part, Timeline, lane_name, said_in_act
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
 from fantoccini.theatre.cast.kept import Kept, OutOfTime, digest
-from fantoccini.theatre.cast.play_file import PlayFile, StageFile, is_play, play_schema
 from fantoccini.theatre.cast.props import (
     BODY,
     CARRIED,
@@ -46,17 +44,13 @@ from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
 from fantoccini.theatre.cast.things import PropState, Thing, top_of
 
 __all__ = [
-    "ARRIVES",
     "BODY",
     "CARRIED",
     "ERRORS",
     "FEET",
-    "HOW",
     "SEATED",
     "SIDES",
     "STILL",
-    "WALKS",
-    "WITH_PROPS",
     "Actor",
     "CannotBe",
     "CannotBegin",
@@ -64,7 +58,6 @@ __all__ = [
     "Clip",
     "Company",
     "Cue",
-    "CueFile",
     "Footing",
     "Hindrance",
     "Kept",
@@ -74,11 +67,9 @@ __all__ = [
     "Pair",
     "Part",
     "Places",
-    "PlayFile",
     "Player",
     "PropState",
     "Span",
-    "StageFile",
     "Staged",
     "Stop",
     "Thing",
@@ -94,15 +85,12 @@ __all__ = [
     "gesture_of",
     "hanging",
     "is_clip",
-    "is_play",
     "lane_name",
     "of_member",
     "of_stage",
-    "play_schema",
     "props",
     "read_cast",
     "read_clip",
-    "said",
     "said_in_act",
     "settled",
     "sign_of",

@@ -9,7 +9,8 @@ import numpy as np
 from fantoccini.base import Array, MaskRows, Times
 from fantoccini.theatre.cast.casting import Player
 from fantoccini.theatre.cast.footing import Footing, Way
-from fantoccini.theatre.gestures import Gesture, Line, Spot
+from fantoccini.theatre.gestures import Gesture, Line
+from fantoccini.theatre.script import Spot
 
 STILL = 1e-9
 """Rate below which a lane is at rest [m/s or rad/s]."""

@@ -8,13 +8,17 @@ from dataclasses import dataclass, field
 
 from fantoccini.base import nearest
 from fantoccini.base.documents import NAME
-from fantoccini.theatre.cast.cue_file import CueFile
-from fantoccini.theatre.cast.play_file import PlayFile
-from fantoccini.theatre.gestures import (
+from fantoccini.theatre.gestures import Gesture
+from fantoccini.theatre.script import (
     END,
     START,
-    Gesture,
+    VERBS,
+    EntersToCue,
+    ExitsToCue,
+    GivesCue,
     Notes,
+    PlayCue,
+    PlayFile,
     Reference,
     Spot,
     Time,
@@ -24,24 +28,6 @@ from fantoccini.theatre.gestures import (
 
 _LONGEST = 1800.0
 """How long an act lasts at most [s]."""
-ARRIVES = "arrives"
-"""Mark of a walk: its end."""
-WALKS = ("walks_to", "enters_to", "exits_to", "turns_to")
-"""Verbs that carry a player."""
-_NAMED = {
-    "walks_to": "walk",
-    "enters_to": "enter",
-    "exits_to": "exit",
-    "turns_to": "turn",
-    "looks_at": "look",
-    "points_at": "point",
-    "gives": "give",
-    "sits_on": "sit",
-    "stands_up_from": "stand_up",
-    "puts_down": "put_down",
-    "picks_up": "pick_up",
-}
-"""Verb -> by which name times refer to it, where it has none of its own."""
 _OF_PLAYER = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
 
 
@@ -97,7 +83,7 @@ class Cue:
     spot: Spot
     index: int
     act: int
-    given: CueFile
+    given: PlayCue
     who: tuple[str, ...]
     name: str
     known: tuple[str, ...]
@@ -115,14 +101,14 @@ class Cue:
     def give(self, beat: float) -> float:
         """By how much later it may be [s]; as long as it likes, where the play has no time."""
         given = self.given
-        if given.may_wait is None and given.when is None and given.on is None and not given.go:
+        if given.may_wait is None and given.is_free:
             return float("inf")
         return (given.may_wait or 0.0) * beat
 
     @property
     def walks(self) -> bool:
         """Whether it carries the players."""
-        return self.given.verb in WALKS
+        return VERBS[self.given.verb].moves == "player"
 
 
 Ref = tuple[str, Cue | None, float]
@@ -143,7 +129,7 @@ class Timeline:
     """
 
     def __init__(
-        self, file: PlayFile, marks: Callable[[CueFile, Spot], Iterable[str]], notes: Notes
+        self, file: PlayFile, marks: Callable[[PlayCue, Spot], Iterable[str]], notes: Notes
     ):
         self._file, self._notes = file, notes
         self.cues: list[Cue] = []
@@ -153,9 +139,9 @@ class Timeline:
             for i, given in enumerate(act.cues):
                 spot: Spot = ("acts", a, "cues", i)
                 who = self._who(given, spot)
-                if given.to is not None and given.to in file.cast and given.to not in who:
+                if isinstance(given, GivesCue) and given.to in file.cast and given.to not in who:
                     who = (*who, given.to)
-                name = given.name or _NAMED.get(given.verb, given.does or "")
+                name = given.name or VERBS[given.verb].called or str(given.what)
                 name = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
                 known = (*marks(given, spot), START, END)
                 cue = Cue(spot, len(self.cues), a, given, who, name, known)
@@ -169,10 +155,10 @@ class Timeline:
         for cue in self.cues:
             for spot, given_time in self.times_of(cue):
                 self._refs[spot] = self._read(given_time, spot, cue)
-            for mark in cue.given.on or ():
-                if mark not in cue.known:
-                    text = f"{cue.name} has no mark {mark!r}{nearest(mark, cue.known)}"
-                    notes.mistake((*cue.spot, "on"), text)
+            mark = cue.given.mark
+            if mark and mark not in cue.known:
+                text = f"{cue.name} has no mark {mark!r}{nearest(mark, cue.known)}"
+                notes.mistake((*cue.spot, "on"), text)
         notes.found += self._times.mistakes
         self._times.mistakes.clear()
         self._check_order()
@@ -185,14 +171,7 @@ class Timeline:
     @staticmethod
     def times_of(cue: Cue) -> list[tuple[Spot, Time]]:
         """The times that a cue begins by, with their places."""
-        if cue.given.on is not None:
-            return [((*cue.spot, "on", mark), time) for mark, time in cue.given.on.items()]
-        when = cue.given.when or ()
-        many = len(when) > 1
-        return [
-            ((*cue.spot, "when", i) if many else (*cue.spot, "when"), time)
-            for i, time in enumerate(when)
-        ]
+        return [((*cue.spot, *keys), time) for keys, time in cue.given.begins]
 
     def last_go(self, cue: Cue) -> Cue | None:
         """The cue before it in its act that waits for GO."""
@@ -243,10 +222,10 @@ class Timeline:
         away: dict[str, bool] = dict.fromkeys(self._file.cast, True)
         for cue in self.cues:
             for who in cue.who:
-                if cue.given.verb == "enters_to" and not away[who]:
+                if isinstance(cue.given, EntersToCue) and not away[who]:
                     text = f"{who} is on the stage already; needed: `walks to`"
                     self._notes.mistake((*cue.spot, "enters to"), text)
-                away[who] = cue.given.verb == "exits_to"
+                away[who] = isinstance(cue.given, ExitsToCue)
             for spot, given in self.times_of(cue):
                 if isinstance(given, float) and given * self._notes.beat > _LONGEST:
                     text = f"found beat {given:g}; an act lasts {_LONGEST / 60:g} minutes at most"
@@ -259,7 +238,7 @@ class Timeline:
             return [ref.target]
         return [ref[1]] if isinstance(ref, tuple) and ref[1] is not None else []
 
-    def _who(self, given: CueFile, spot: Spot) -> tuple[str, ...]:
+    def _who(self, given: PlayCue, spot: Spot) -> tuple[str, ...]:
         cast = list(self._file.cast)
         found = []
         for name in given.who:

@@ -9,9 +9,9 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Motion
-from fantoccini.theatre.gestures.notes import Notes
+from fantoccini.theatre.gestures.placing import Cue
 from fantoccini.theatre.gestures.score import Played
-from fantoccini.theatre.gestures.timing import Cue
+from fantoccini.theatre.script import Notes
 
 _ROUNDING = 2e-3
 """Share of a bound by which a peak may pass it: peaks of speeds are bounds themselves."""

@@ -14,15 +14,13 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
 from fantoccini.theatre.gestures.bounding import note_passed
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.notes import LATE, Notes
 from fantoccini.theatre.gestures.placing import Placing
 from fantoccini.theatre.gestures.repertoire import Repertoire
 from fantoccini.theatre.gestures.score import Caption, Score, Wait
-from fantoccini.theatre.gestures.score_file import ScoreFile
 from fantoccini.theatre.gestures.sounding import read_sounds, spot_of_sound
-from fantoccini.theatre.gestures.timing import Spot
 from fantoccini.theatre.gestures.transitions import limits
 from fantoccini.theatre.gestures.waiting import note_moving
+from fantoccini.theatre.script import LATE, Notes, ScoreFile, Spot
 
 _NO_BOUNDS = {"speed": 1.0, "acceleration": 1.0}
 

@@ -3,24 +3,74 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Line, Motion
-from fantoccini.theatre.gestures.notes import LATE, Notes
 from fantoccini.theatre.gestures.score import Played
-from fantoccini.theatre.gestures.score_file import CueFile, Time
-from fantoccini.theatre.gestures.timing import END, START, Cue, Reference, Spot, Times, in_order
+from fantoccini.theatre.script import (
+    END,
+    LATE,
+    START,
+    GestureCue,
+    HoldCue,
+    Notes,
+    PlayedCue,
+    Reference,
+    ScoreCue,
+    Spot,
+    Time,
+    Times,
+    in_order,
+)
 
 _HEADING = 1e-2
 """Difference of headings that tears no strings apart [rad]."""
 _STILL = 1e-9
 """Rate below which a lane is at rest [m/s or rad/s]."""
 
-Gestures = Callable[[CueFile, Spot], tuple[Gesture, Gesture] | None]
+
+@dataclass
+class Cue:
+    """A cue before and after it is placed in time.
+
+    Attributes:
+        spot, lane, given: where it is written, and what.
+        once, whole: its gesture once and as often as it is repeated; None for a hold.
+        name: by which times refer to it; "" where nothing can.
+        moments: mark, ``start`` or ``end`` -> time [s], once it is placed.
+    """
+
+    spot: Spot
+    lane: str
+    given: ScoreCue
+    once: Gesture | None
+    whole: Gesture | None
+    name: str
+    played: Played | None = None
+    moments: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def is_named(self) -> bool:
+        """Whether the file gives it a name of its own."""
+        return self.given.name is not None
+
+    @property
+    def times(self) -> list[tuple[Spot, Time]]:
+        """The times that it begins by, with their places."""
+        return [((*self.spot, *keys), time) for keys, time in self.given.begins]
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Its moments, by name."""
+        marks = self.whole.marks if self.whole is not None else ()
+        return (*marks, START, END)
+
+
+Gestures = Callable[[PlayedCue, Spot], tuple[Gesture, Gesture] | None]
 """The gesture of a cue, once and as often as it is repeated; None after a mistake."""
 
 
@@ -53,7 +103,7 @@ class Placing:
 
     def __init__(
         self,
-        lanes: Mapping[str, tuple[Spot, tuple[CueFile, ...]]],
+        lanes: Mapping[str, tuple[Spot, tuple[ScoreCue, ...]]],
         marks: Mapping[str, Time],
         gestures: Gestures,
         most: Array,
@@ -109,10 +159,10 @@ class Placing:
         self.times.mistakes.clear()
         return self._time(spot)
 
-    def _cue(self, spot: Spot, lane: str, given: CueFile, gestures: Gestures) -> Cue:
-        made = None if given.hold is not None else gestures(given, spot)
+    def _cue(self, spot: Spot, lane: str, given: ScoreCue, gestures: Gestures) -> Cue:
+        made = gestures(given, spot) if isinstance(given, PlayedCue) else None
         once, whole = made or (None, None)
-        name = given.name or given.phrase or ("" if once is None else once.name)
+        name = given.name or ("" if once is None else once.name)
         return Cue(spot, lane, given, once, whole, name)
 
     def _order(self, marks: Mapping[str, Time]) -> list[Spot]:
@@ -158,7 +208,7 @@ class Placing:
         """When a cue is to begin [s]; None where it follows the one before."""
         for spot, _ in cue.times:
             t = self._time(spot)
-            if cue.given.on is None or cue.once is None:
+            if not cue.given.mark or cue.once is None:
                 return t
             begins = t - cue.once.marks[str(spot[-1])]
             if begins < 0.0:
@@ -168,10 +218,11 @@ class Placing:
         return None
 
     def _place(self, cue: Cue) -> None:
-        lane, wanted = self._lanes[cue.lane], self._begins(cue)
-        if cue.whole is None or cue.once is None:
-            self._rest(cue, lane, wanted)
+        lane, wanted, given = self._lanes[cue.lane], self._begins(cue), cue.given
+        if isinstance(given, HoldCue):
+            self._rest(cue, given, lane, wanted)
             return
+        assert isinstance(given, PlayedCue) and cue.whole is not None and cue.once is not None
         line, whole, free = lane.line, cue.whole, max(lane.free, lane.line.end)
         lead, earliest = line.lead_time(whole.motion), wanted
         if lane.free > line.end:  # after a hold
@@ -185,7 +236,7 @@ class Placing:
         due = wanted if wanted is not None else lane.free if lane.free > 0.0 else None
         if due is not None and begun > due + LATE:
             self._late(cue.spot, whole.name, begun, due, lane.before, lead, free)
-        more = whole.duration - cue.given.repeat * cue.once.duration
+        more = whole.duration - given.repeat * cue.once.duration
         if more > LATE:
             self._notes.change(
                 cue.spot,
@@ -193,21 +244,22 @@ class Placing:
                 f"{whole.duration - more:.2f} s: it ends elsewhere than it begins, and goes back "
                 "each time",
             )
-        if whole.turns and abs((cue.given.heading or 0.0) - lane.heading) > _HEADING:
+        if whole.turns and abs((given.heading or 0.0) - lane.heading) > _HEADING:
             self._notes.change(
                 cue.spot,
                 f"{whole.name} turns as if the puppet looked "
-                f"{np.degrees(cue.given.heading or 0.0):.0f} deg to the left, and tears its "
+                f"{np.degrees(given.heading or 0.0):.0f} deg to the left, and tears its "
                 f"strings apart: it looks {np.degrees(lane.heading):.0f} deg; give "
                 f"`heading: {np.degrees(lane.heading):.0f} deg`",
             )
-        lane.heading += cue.given.turn or 0.0
+        if isinstance(given, GestureCue):
+            lane.heading += given.turn or 0.0
         lane.before, lane.free = whole.name, 0.0
         marks = {name: begun + t for name, t in whole.marks.items()}
         cue.played = Played(cue.lane, whole.name, begun, line.end, marks, cue.name)
         cue.moments = {START: begun, END: line.end, **marks}
 
-    def _rest(self, cue: Cue, lane: _Lane, wanted: float | None) -> None:
+    def _rest(self, cue: Cue, given: HoldCue, lane: _Lane, wanted: float | None) -> None:
         """A hold: the next cue begins after it, and is led to within it."""
         if np.any(np.abs(lane.line.rate) > _STILL):
             lane.line.stop()
@@ -215,7 +267,7 @@ class Placing:
         begun = free if wanted is None else max(wanted, free)
         if wanted is not None and begun > wanted + LATE:
             self._late(cue.spot, "the hold", begun, wanted, lane.before, 0.0, free)
-        lane.free = begun + (cue.given.hold or 0.0) * self._notes.beat
+        lane.free = begun + given.hold * self._notes.beat
         lane.before = "the hold"
         cue.moments = {START: begun, END: lane.free}
 

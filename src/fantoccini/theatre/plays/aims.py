@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.theatre.cast import Actor, CannotBe, Cast, Cue, Footing, Places, said
-from fantoccini.theatre.gestures import Spot
+from fantoccini.theatre.cast import Actor, CannotBe, Cast, Cue, Footing, Places
+from fantoccini.theatre.script import Spot, TurnsToCue, WalkCue, said
 
 _EYES = 0.42
 """Height of a player's face [m]."""
@@ -30,9 +30,10 @@ class Aims:
     def goals(self, cue: Cue, actor: Actor) -> list[Footing]:
         """Where a walk leads: the last one is its own."""
         given, here = cue.given, actor.last
-        if given.turns_to is not None:
+        if isinstance(given, TurnsToCue):
             return [here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))]
-        last = getattr(given, given.verb)
+        assert isinstance(given, WalkCue)
+        last = given.what
         spots: list[Spot] = [(*cue.spot, "past", i) for i in range(len(given.past))]
         spots.append((*cue.spot, said(given.verb)))
         places = [

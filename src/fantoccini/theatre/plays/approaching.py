@@ -11,11 +11,12 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from fantoccini.theatre.cast import Actor, CannotBe, Cue, Footing, Way, Wishes
-from fantoccini.theatre.gestures import Gesture, Spot, Step
+from fantoccini.theatre.gestures import Gesture, Step
 from fantoccini.theatre.plays.acting import Repertory
 from fantoccini.theatre.plays.calming import NONE, calm_gesture
 from fantoccini.theatre.plays.doing import carry_pose, note, walk_along
 from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.script import Spot
 
 STEP, _STEP_TIME = 0.05, 1.0
 """Longest step of those that lead up to a thing or away from it [m], and its duration [s]."""

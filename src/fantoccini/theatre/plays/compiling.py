@@ -8,8 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from fantoccini.base import StateError
-from fantoccini.theatre.cast import WITH_PROPS, Cast, Cue, Kept, OutOfTime, Part, said, settled
-from fantoccini.theatre.gestures import END, START, Notes, Spot
+from fantoccini.theatre.cast import Cast, Cue, Kept, OutOfTime, Part, settled
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
 from fantoccini.theatre.plays.placing import IN_TIME
@@ -19,6 +18,17 @@ from fantoccini.theatre.plays.rounds import Round, Rounds
 from fantoccini.theatre.plays.stage_run import SAMPLE, together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
 from fantoccini.theatre.plays.whole import whole_score
+from fantoccini.theatre.script import (
+    END,
+    START,
+    VERBS,
+    DoesCue,
+    Notes,
+    PropCue,
+    SitsOnCue,
+    Spot,
+    said,
+)
 
 PATIENT = 10
 """Rounds in which free cues may still be let wait; later they are refused at once."""
@@ -168,7 +178,7 @@ class _Compiler:
                 continue
             waits = rounds.wishes.pauses.get(cue.spot, 0.0) + _WAIT
             tried = rounds.wishes.approaches.get(cue.spot, 0) + 1
-            if patient and cue.given.sits_on and tried < len(APPROACHES):
+            if patient and isinstance(cue.given, SitsOnCue) and tried < len(APPROACHES):
                 rounds.wishes.approaches[cue.spot] = tried
             elif patient and waits <= rounds.most_pause(cue):
                 rounds.wishes.pauses[cue.spot] = waits
@@ -188,7 +198,7 @@ class _Compiler:
         """
         rounds = self._rounds
         for cue in self._touching[:_MOST_TRIED]:
-            sizes = _SMALLER if cue.given.does is not None else ()
+            sizes = _SMALLER if isinstance(cue.given, DoesCue) else ()
             if cue is not self._touching[-1]:
                 sizes = (1.0, *sizes)
             before = rounds.wishes.copied()
@@ -201,7 +211,7 @@ class _Compiler:
                     del rounds.wishes.smaller[cue.spot]
                     break
                 rounds.back(before.copied())
-                if holds:
+                if holds and isinstance(cue.given, DoesCue):
                     larger = f"; it can be done with larger: {size * cue.given.larger:.2g}"
                     rounds.wishes.refused[cue.spot] += larger
                     break
@@ -284,12 +294,12 @@ class _Compiler:
             cue.give(self._notes.beat),
             start,
             end,
-            next(iter(given.on)) if given.on is not None else "",
+            given.mark,
             given.go,
             given.says or "",
             cue.refused,
             given.optional,
-            given.verb in WITH_PROPS,
+            isinstance(given, PropCue),
             {who: _marks_of(parts, who) for who in dict.fromkeys(part.who for part in parts)},
         )
 
@@ -308,14 +318,17 @@ def _rounds(n: int) -> str:
 
 def described(cue: Cue) -> str:
     """A cue in words: ``columbine and pierrot: walks to centre``."""
-    given, verb = cue.given, cue.given.verb
-    what = getattr(given, verb)
-    if verb == "does":
+    given, verb, what = cue.given, cue.given.verb, cue.given.what
+    if isinstance(given, DoesCue):
         return f"{' and '.join(cue.who)}: {what}"
-    if verb in WITH_PROPS:
-        (who,), to = given.who, given.to or given.onto
-        with_what = f" {'to' if given.to else 'onto'} {to}" if to else ""
-        return f"{who}: {said(verb)} {what}{with_what}"
+    if isinstance(given, PropCue):
+        others = [key for key in VERBS[verb].names if key != verb]
+        return " ".join(
+            [
+                f"{given.who[0]}: {said(verb)} {what}",
+                *(f"{key} {getattr(given, key)}" for key in others),
+            ]
+        )
     if not isinstance(what, (str, float)):
         what = [round(float(x), 3) for x in what]
     return f"{' and '.join(cue.who)}: {said(verb)} {what}"

@@ -26,7 +26,6 @@ from fantoccini.theatre.cast import (
     standing,
     top_of,
 )
-from fantoccini.theatre.gestures import END, START, Spot
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.acting import Repertory
 from fantoccini.theatre.plays.approaching import CALM, Approaching, along
@@ -34,6 +33,16 @@ from fantoccini.theatre.plays.doing import carry_pose
 from fantoccini.theatre.plays.holdings import Hangs, Seated, Stands
 from fantoccini.theatre.plays.sitting import sit
 from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.script import (
+    END,
+    START,
+    GivesCue,
+    PicksUpCue,
+    PutsDownCue,
+    SitsOnCue,
+    Spot,
+    StandsUpFromCue,
+)
 
 T = TypeVar("T")
 
@@ -123,14 +132,18 @@ class Handling:
         Raises:
             CannotBe: it cannot be done.
         """
-        does: dict[str, Callable[[Cue, float, float], None]] = {
-            "gives": self._gives,
-            "sits_on": self._sits,
-            "stands_up_from": self._stands_up,
-            "puts_down": self._puts_down,
-            "picks_up": self._picks_up,
-        }
-        does[cue.given.verb](cue, begin, wait)
+        given = cue.given
+        match given:
+            case GivesCue():
+                self._gives(cue, given, begin, wait)
+            case SitsOnCue():
+                self._sits(cue, given, begin, wait)
+            case StandsUpFromCue():
+                self._stands_up(cue, given, begin)
+            case PutsDownCue():
+                self._puts_down(cue, given, begin, wait)
+            case PicksUpCue():
+                self._picks_up(cue, given, begin, wait)
         cue.moments = {
             START: min(part.start for part in cue.parts),
             END: max(part.end for part in cue.parts),
@@ -141,8 +154,8 @@ class Handling:
 
     # -- one verb each -----------------------------------------------------------------------
 
-    def _gives(self, cue: Cue, begin: float, wait: float) -> None:
-        prop, given = str(cue.given.gives), cue.given
+    def _gives(self, cue: Cue, given: GivesCue, begin: float, wait: float) -> None:
+        prop = given.gives
         giver, receiver = (self._actors[name] for name in cue.who)
         held = self._held(prop, giver)
         other = _OTHER[held.side]
@@ -180,17 +193,16 @@ class Handling:
         end = max(ends)
         self._close(prop, held, start)
         pairs = {
-            hanging(str(who), side, prop)
-            for who, side in ((cue.who[0], held.side), (given.to, other))
+            hanging(who, side, prop) for who, side in ((cue.who[0], held.side), (given.to, other))
         }
         pairs |= standing(prop, FLOOR)
         self._met.append(Meeting(start, end, cue.who, (prop,), frozenset(pairs), "given", cue.spot))
-        self.where[prop] = Hangs(str(given.to), other, end, cue.spot)
+        self.where[prop] = Hangs(given.to, other, end, cue.spot)
         retreat = self._steps.apart(here, giver, receiver.last, receiver)
         self._steps.straight(cue, giver, retreat, end, beside=receiver)
 
-    def _sits(self, cue: Cue, begin: float, wait: float) -> None:
-        seat, (actor,) = str(cue.given.sits_on), (self._actors[name] for name in cue.who)
+    def _sits(self, cue: Cue, given: SitsOnCue, begin: float, wait: float) -> None:
+        seat, (actor,) = given.sits_on, (self._actors[name] for name in cue.who)
         self.check_stands(actor)
         who = cue.who[0]
         for name, one in self.seated.items():
@@ -212,12 +224,12 @@ class Handling:
             seat, seat in self._cast.things, since, end, cue.spot, sits.up, before
         )
 
-    def _stands_up(self, cue: Cue, begin: float, wait: float) -> None:
+    def _stands_up(self, cue: Cue, given: StandsUpFromCue, begin: float) -> None:
         (who,) = cue.who
         actor, one = self._actors[who], self.seated.get(who)
-        if one is None or one.seat != cue.given.stands_up_from:
+        if one is None or one.seat != given.stands_up_from:
             sits = f"sits on {one.seat}" if one else "stands"
-            raise CannotBe(f"{who} does not sit on {cue.given.stands_up_from}, but {sits}")
+            raise CannotBe(f"{who} does not sit on {given.stands_up_from}, but {sits}")
         start = max(begin, actor.rests())
         up = self._steps.do(cue, actor, one.up, start)
         self._steps.straight(cue, actor, one.ahead, up + CALM)
@@ -225,8 +237,8 @@ class Handling:
         self._met.append(one.meeting(who, start, actor.ways[-1].end))
         del self.seated[who]
 
-    def _puts_down(self, cue: Cue, begin: float, wait: float) -> None:
-        prop, onto, (who,) = str(cue.given.puts_down), str(cue.given.onto), cue.who
+    def _puts_down(self, cue: Cue, given: PutsDownCue, begin: float, wait: float) -> None:
+        prop, onto, (who,) = given.puts_down, given.onto, cue.who
         actor = self._actors[who]
         held = self._held(prop, actor)
         self.check_stands(actor)
@@ -246,8 +258,8 @@ class Handling:
         self.where[prop] = Stands(Footing(z.real, z.imag, there.heading), top, onto)
         self._steps.straight(cue, actor, before, end, step=_AT_TABLE)
 
-    def _picks_up(self, cue: Cue, begin: float, wait: float) -> None:
-        prop, (who,) = str(cue.given.picks_up), cue.who
+    def _picks_up(self, cue: Cue, given: PicksUpCue, begin: float, wait: float) -> None:
+        prop, (who,) = given.picks_up, cue.who
         actor, one, side = self._actors[who], self.where[prop], "right"
         if isinstance(one, Hangs):
             raise CannotBe(f"{one.player} holds {prop}")

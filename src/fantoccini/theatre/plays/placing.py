@@ -13,10 +13,8 @@ import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError
 from fantoccini.theatre.cast import (
-    ARRIVES,
     ERRORS,
     STILL,
-    WITH_PROPS,
     Actor,
     CannotBe,
     Cast,
@@ -29,15 +27,29 @@ from fantoccini.theatre.cast import (
     Way,
     Wishes,
     lane_name,
-    said,
     said_in_act,
 )
-from fantoccini.theatre.gestures import END, LATE, START, Gesture, Line, Notes, Spot, limits
+from fantoccini.theatre.gestures import Gesture, Line, limits
 from fantoccini.theatre.plays.acting import Repertory, Style
 from fantoccini.theatre.plays.aims import Aims
 from fantoccini.theatre.plays.doing import carry_pose, note, walk_along
 from fantoccini.theatre.plays.handling import Handling
 from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.script import (
+    ARRIVES,
+    END,
+    LATE,
+    START,
+    VERBS,
+    DoesCue,
+    EntersToCue,
+    ExitsToCue,
+    Notes,
+    PropCue,
+    Spot,
+    WalkCue,
+    said,
+)
 
 _REFUSED: tuple[type[Exception], ...] = (CannotBe, UnknownNameError, *ERRORS)
 """Errors that refuse a cue as it is placed."""
@@ -158,7 +170,7 @@ class Placing:
             things = self._handling.kept()
             try:
                 self._check_begin(cue, t)
-                if cue.given.verb in WITH_PROPS:
+                if isinstance(cue.given, PropCue):
                     self._handle(cue, t)
                     return
                 for name in cue.who:
@@ -181,16 +193,15 @@ class Placing:
 
     def _place_one(self, cue: Cue, actor: Actor, t: float) -> None:
         given, name = cue.given, actor.player.name
-        if actor.away and given.verb != "enters_to":
+        if actor.away and not isinstance(given, EntersToCue):
             raise CannotBe(f"{name} is off the stage")
         if cue.walks:
             self._handling.check_stands(actor)
         early = self._wishes.earlier.get((cue.spot, name), 0.0)
         pause = self._wishes.pauses.get(cue.spot, 0.0)
         ahead = 0.0
-        if given.on is not None and not cue.walks:
-            (mark,) = given.on
-            ahead = self._gesture(cue, actor, t).marks[mark]
+        if given.mark and not cue.walks:
+            ahead = self._gesture(cue, actor, t).marks[given.mark]
         asked = t - ahead - early
         if cue.walks:
             self._walk(cue, actor, asked, asked + pause)
@@ -247,7 +258,7 @@ class Placing:
         given, player, line = cue.given, actor.player, actor.lanes[0]
         if np.any(np.abs(line.rate) > STILL):
             line.stop()
-        by = begin if given.on is not None else None
+        by = begin if given.mark else None
         carries = self._handling.carries(player.name)
         earliest = self.act_starts[cue.act] if by is not None else begin
         free = max(carry_pose(actor, carries, earliest, self._repertory), self.act_starts[cue.act])
@@ -261,7 +272,7 @@ class Placing:
             begin,
             wait,
             [(one.player, one.track()) for one in others],
-            near=given.near,
+            near=given.near if isinstance(given, WalkCue) else 0.0,
             arrives=by,
             free_from=free,
             carries=bool(carries),
@@ -282,7 +293,7 @@ class Placing:
             self._walk(cue, actor, asked, until)
             return
         gesture, _ = walk_along(actor, way, self._repertory, carries)
-        actor.away = given.verb == "exits_to"
+        actor.away = isinstance(given, ExitsToCue)
         marks = {mark: t - (starts - way.begin) for mark, t in gesture.marks.items()}
         marks[ARRIVES] = way.end - starts
         note(cue, actor, 0, gesture, starts, marks, way.end)
@@ -302,7 +313,7 @@ class Placing:
         """Refuses what cannot be in time."""
         if late <= cue.give(self._notes.beat) + IN_TIME:
             return
-        what = "arrive" if cue.walks and cue.given.on is not None else "begin"
+        what = "arrive" if cue.walks and cue.given.mark else "begin"
         beats = np.ceil(10.0 * late / self._notes.beat) / 10.0
         raise CannotBe(
             f"{actor.player.name} cannot {what} before {self._said(then, cue)[3:]}; later by up "
@@ -319,19 +330,18 @@ class Placing:
         """What a player does that begins at a time [s]."""
         given, player, stands = cue.given, actor.player, actor.stands(t)
         try:
-            if given.does is not None:
+            if isinstance(given, DoesCue):
                 style = Style.of(given)
                 smaller = self._wishes.smaller.get(cue.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
                 return self._repertory.gesture(player, given, style, stands.heading)
-            where = given.looks_at if given.looks_at is not None else given.points_at
-            spot = (*cue.spot, said(given.verb))
+            where, spot, name = given.what, (*cue.spot, said(given.verb)), VERBS[given.verb].called
             place = self._aims.place_of(where, spot, t)
-            made = self._repertory.aimed(player, given.verb, place, stands)
+            made = self._repertory.aimed(player, name, place, stands)
             # Both may have gone on until then.
             then = t + min(made.marks.values())
             place, stands = self._aims.place_of(where, spot, then), actor.stands(then)
-            return self._repertory.aimed(player, given.verb, place, stands)
+            return self._repertory.aimed(player, name, place, stands)
         except StateError as error:
             raise CannotBe(str(error)) from None
 

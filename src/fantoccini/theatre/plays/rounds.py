@@ -27,7 +27,7 @@ from fantoccini.theatre.cast import (
     lane_name,
     said_in_act,
 )
-from fantoccini.theatre.gestures import LATE, Gesture, Motion, Notes, Played, Score, Spot, lateness
+from fantoccini.theatre.gestures import Gesture, Motion, Played, Score, lateness
 from fantoccini.theatre.plays.acting import Repertory
 from fantoccini.theatre.plays.calming import NONE, calm_gesture, calming
 from fantoccini.theatre.plays.handled import failures, handle_seen, stands_seen
@@ -35,6 +35,7 @@ from fantoccini.theatre.plays.placing import IN_TIME, Placing
 from fantoccini.theatre.plays.runs import Runs, excerpt, runs_of
 from fantoccini.theatre.plays.settling import PAUSE, pause
 from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.script import LATE, Notes, Spot
 
 T = TypeVar("T")
 
@@ -357,7 +358,7 @@ class Rounds:
         timed: dict[int, Cue] = {}
         played = []
         for cue in self.timeline.cues:
-            for part in cue.parts if cue.given.on is not None and not cue.walks else ():
+            for part in cue.parts if cue.given.mark and not cue.walks else ():
                 if part.who == name:
                     lane = lane_name(part.who, part.lane)
                     one = Played(lane, cue.name, part.start, part.end, part.marks, cue.name)
@@ -378,7 +379,7 @@ class Rounds:
         found: dict[int, list[float]] = {}
         for late in lateness(score, run):
             one_cue = timed[id(late.cue)]
-            if late.mark in (one_cue.given.on or ()):
+            if late.mark == one_cue.given.mark:
                 found.setdefault(id(one_cue), []).append(late.seconds)
         lates = []
         for cue in timed.values():
@@ -415,9 +416,8 @@ def _or(otherwise: T, job: Callable[[], T]) -> T:
 
 def _of_hands(cue: Cue, name: str) -> float:
     """How late a player's hands are on the mark of `on` [s]."""
-    (mark,) = cue.given.on or ("",)
     part = next(part for part in cue.parts if part.who == name)
-    return part.marks[mark] - cue.wanted
+    return part.marks[cue.given.mark] - cue.wanted
 
 
 def _is_free(cue: Cue) -> bool:
@@ -425,4 +425,4 @@ def _is_free(cue: Cue) -> bool:
     given = cue.given
     if given.may_wait is not None:
         return given.may_wait > 0.0
-    return given.when is None and given.on is None and not given.go
+    return given.is_free

@@ -13,13 +13,14 @@ from fantoccini.base import FileError
 from fantoccini.dynamics.clearance import StringsApart, Winding
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.theatre.cast import CannotBegin, OutOfTime, Stop
-from fantoccini.theatre.gestures import LATE, START, lateness, limits
+from fantoccini.theatre.gestures import lateness, limits
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.rounds import PEAKS
 from fantoccini.theatre.plays.stage_run import together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
+from fantoccini.theatre.script import LATE, START
 
 _AT_REST = 1e-6
 """Rate of hands that are at rest [m/s or rad/s]."""

@@ -5,19 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fantoccini.base import nearest
-from fantoccini.theatre.cast import WITH_PROPS, Cast, PlayFile, Timeline, lane_name, of_stage
-from fantoccini.theatre.gestures import (
-    Caption,
-    Gesture,
-    Notes,
-    Played,
-    Score,
-    Sound,
-    Spot,
-    Time,
-    Wait,
-    read_sounds,
-)
+from fantoccini.theatre.cast import Cast, Timeline, lane_name, of_stage
+from fantoccini.theatre.gestures import Caption, Gesture, Played, Score, Sound, Wait, read_sounds
+from fantoccini.theatre.script import Notes, PlayFile, PropCue, Spot, Time
 
 
 def whole_score(
@@ -52,7 +42,7 @@ def whole_score(
         if cue.given.says is not None:
             end = max(part.end for part in cue.parts)
             # Who takes part in what another does with a prop says nothing.
-            who = cue.given.who if cue.given.verb in WITH_PROPS else cue.who
+            who = cue.given.who if isinstance(cue.given, PropCue) else cue.who
             words = Caption(start, max(end, start + 1.0), cue.given.says, " and ".join(who))
             captions.append(words)
         if cue.given.go:

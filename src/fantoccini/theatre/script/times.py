@@ -1,4 +1,4 @@
-"""Times of a score file: numbers, or marks and moments of cues with an offset.
+"""Times of scores and plays: numbers, or marks and moments of cues with an offset.
 
 t = (mark or moment) + offset * beat
 """
@@ -7,18 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from typing import Protocol
 
 from fantoccini.base import nearest
 from fantoccini.base.documents import NAME, Located, shown
-from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.score import Played
-from fantoccini.theatre.gestures.score_file import CueFile, Time
-
-Spot = tuple[str | int, ...]
-"""Keys and indices that lead to a place of the file."""
+from fantoccini.theatre.script.values import Spot, Time
 
 _OFFSET = r"(?: *([-+]) *(\d+\.?\d*|\.\d+))?"
 _SHORT = NAME.replace("{0,63}", "{0,63}?")
@@ -26,8 +21,6 @@ _SHORT = NAME.replace("{0,63}", "{0,63}?")
 _FORMS = [
     re.compile(rf"({name})(?:\.({name}(?: \d+)?))?{_OFFSET}", re.ASCII) for name in (NAME, _SHORT)
 ]
-START, END = "start", "end"
-"""Moments that every cue has, beside the marks of its gesture."""
 
 
 class Timed(Protocol):
@@ -50,46 +43,6 @@ class Timed(Protocol):
     @property
     def known(self) -> tuple[str, ...]:
         """Its moments, by name."""
-
-
-@dataclass
-class Cue:
-    """A cue before and after it is placed in time.
-
-    Attributes:
-        spot, lane, given: where it is written, and what.
-        once, whole: its gesture once and as often as it is repeated; None for a hold.
-        name: by which times refer to it; "" where nothing can.
-        moments: mark, ``start`` or ``end`` -> time [s], once it is placed.
-    """
-
-    spot: Spot
-    lane: str
-    given: CueFile
-    once: Gesture | None
-    whole: Gesture | None
-    name: str
-    played: Played | None = None
-    moments: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def is_named(self) -> bool:
-        """Whether the file gives it a name of its own."""
-        return self.given.name is not None
-
-    @property
-    def times(self) -> list[tuple[Spot, Time]]:
-        """The times that it begins by, with their places."""
-        if self.given.at is not None:
-            return [((*self.spot, "at"), self.given.at)]
-        on = self.given.on or {}
-        return [((*self.spot, "on", mark), time) for mark, time in on.items()]
-
-    @property
-    def known(self) -> tuple[str, ...]:
-        """Its moments, by name."""
-        marks = self.whole.marks if self.whole is not None else ()
-        return (*marks, START, END)
 
 
 @dataclass(frozen=True)

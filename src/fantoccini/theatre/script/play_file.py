@@ -19,8 +19,9 @@ from fantoccini.base.documents import (
     mistake,
 )
 from fantoccini.model.puppet import AnyObstacle, AnyShape, Mass, PoseValue
-from fantoccini.theatre.cast.cue_file import CueFile, Facing, Where
-from fantoccini.theatre.gestures import Factor, Length, SoundsFile
+from fantoccini.theatre.script.score_file import SoundsFile
+from fantoccini.theatre.script.unions import AnyPlayCue
+from fantoccini.theatre.script.values import Facing, Factor, Length, Where
 
 
 class MarkFile(Model):
@@ -127,7 +128,7 @@ class ActFile(Model):
     """Its name."""
     after: NotNegative = 0.0
     """Beats of pause before it."""
-    cues: Annotated[tuple[CueFile, ...], entries(1)]
+    cues: Annotated[tuple[AnyPlayCue, ...], entries(1)]
     """In the order in which they are told; each player does its own one after the other."""
 
 
