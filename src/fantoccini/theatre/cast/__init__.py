@@ -1,7 +1,7 @@
 """The cast of a play: its file, its players and companies, props and cues."""
 
 from fantoccini.theatre.cast import props
-from fantoccini.theatre.cast.actors import STILL, Actor, CannotBe, Wishes
+from fantoccini.theatre.cast.actors import Actor, CannotBe, Wishes
 from fantoccini.theatre.cast.casting import Cast, Player, read_cast
 from fantoccini.theatre.cast.clips import Clip, is_clip, read_clip
 from fantoccini.theatre.cast.companies import (
@@ -23,7 +23,7 @@ from fantoccini.theatre.cast.contacts import (
     sitting,
     standing,
 )
-from fantoccini.theatre.cast.cues import Cue, Part, Timeline, lane_name, said_in_act
+from fantoccini.theatre.cast.cues import Part, Placed, Turn, lane_name, play_timeline, said_in_act
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
 from fantoccini.theatre.cast.kept import Kept, OutOfTime, digest
@@ -50,14 +50,12 @@ __all__ = [
     "FEET",
     "SEATED",
     "SIDES",
-    "STILL",
     "Actor",
     "CannotBe",
     "CannotBegin",
     "Cast",
     "Clip",
     "Company",
-    "Cue",
     "Footing",
     "Hindrance",
     "Kept",
@@ -66,6 +64,7 @@ __all__ = [
     "OutOfTime",
     "Pair",
     "Part",
+    "Placed",
     "Places",
     "Player",
     "PropState",
@@ -73,7 +72,7 @@ __all__ = [
     "Staged",
     "Stop",
     "Thing",
-    "Timeline",
+    "Turn",
     "Way",
     "Waypoints",
     "Wishes",
@@ -88,6 +87,7 @@ __all__ = [
     "lane_name",
     "of_member",
     "of_stage",
+    "play_timeline",
     "props",
     "read_cast",
     "read_clip",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -14,7 +15,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
 from fantoccini.theatre.gestures.bounding import note_passed
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.placing import Placing
+from fantoccini.theatre.gestures.placing import PlacedLanes, place_lanes
 from fantoccini.theatre.gestures.repertoire import Repertoire
 from fantoccini.theatre.gestures.score import Caption, Score, Wait
 from fantoccini.theatre.gestures.sounding import read_sounds, spot_of_sound
@@ -62,24 +63,24 @@ class _Compiler:
         most = self._bounds()
         gestures = Repertoire(self._marionette, file, self._start, most, notes)
         lanes: dict[str, Any] = {lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()}
-        placed = Placing(lanes, file.marks, gestures.of, most, notes)
+        placed = place_lanes(lanes, file.marks, gestures.of, most, notes)
         gestures.read_all()
         notes.refuse()
+        assert placed is not None  # or there are mistakes
         captions = tuple(self._caption(placed, i) for i in range(len(file.captions)))
         waits = self._waits(placed)
-        sounds = read_sounds(file.sound, placed.time, notes)
+        sounds = read_sounds(file.sound, partial(placed.time, notes=notes), notes)
         notes.refuse()
         end = max(
-            *(line.end for line in placed.lines),
+            *(line.end for line in placed.lines.values()),
             *(wait.t for wait in waits),
             (file.duration or 0.0) * notes.beat,
             notes.beat,
         )
-        for line in placed.lines:
+        for line in placed.lines.values():
             line.hold(end)
         own = {
-            lane: Gesture(self._table, *line.motion, lane)
-            for lane, line in zip(file.lanes, placed.lines, strict=True)
+            lane: Gesture(self._table, *line.motion, lane) for lane, line in placed.lines.items()
         }
         whole, *others = own.values()
         for other in others:
@@ -134,7 +135,7 @@ class _Compiler:
         self._notes.refuse()
         return limits(self._table, **given)
 
-    def _mover(self, placed: Placing, channel: str) -> Spot:
+    def _mover(self, placed: PlacedLanes, channel: str) -> Spot:
         """The cue that moves a coordinate farthest."""
         places = pieces.channel_names(self._table)
         if channel not in places or not placed.played:
@@ -143,25 +144,25 @@ class _Compiler:
         sizes = [np.max(np.abs(motion.coef[:, v, 0])) for _, _, motion in placed.played]
         return placed.played[int(np.argmax(sizes))][0].spot
 
-    def _caption(self, placed: Placing, i: int) -> Caption:
+    def _caption(self, placed: PlacedLanes, i: int) -> Caption:
         given, notes = self._file.captions[i], self._notes
-        start = placed.time(given.at, ("captions", i, "at"))
-        end = placed.time(given.until, ("captions", i, "until"))
+        start = placed.time(given.at, ("captions", i, "at"), notes)
+        end = placed.time(given.until, ("captions", i, "until"), notes)
         if not end > start and not notes.found:
             text = f"ends {notes.said(end)} and begins {notes.said(start)}"
             notes.mistake(("captions", i), text)
         return Caption(start, end, given.text)
 
-    def _waits(self, placed: Placing) -> tuple[Wait, ...]:
+    def _waits(self, placed: PlacedLanes) -> tuple[Wait, ...]:
         """The waits, in order of time."""
         notes, found = self._notes, list[Wait]()
         for name, given in self._file.waits.items():
             spot: Spot = ("waits", name)
             if name in self._file.marks:
                 notes.mistake(spot, "a mark has this name; needed: a name of its own")
-            t, loop = placed.time(given.at, spot), None
+            t, loop = placed.time(given.at, spot, notes), None
             if given.loop is not None:
-                loop = placed.time(given.loop, (*spot, "loop"))
+                loop = placed.time(given.loop, (*spot, "loop"), notes)
                 if not loop < t - LATE and not notes.found:
                     text = f"begins {notes.said(loop)} and ends {notes.said(t)}"
                     notes.mistake((*spot, "loop"), text)

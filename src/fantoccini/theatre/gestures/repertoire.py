@@ -8,7 +8,7 @@ from fantoccini.motion import State
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.gesture_file import bundled, gesture_names, load_gesture
 from fantoccini.theatre.gestures.parameters import Parameters, made_gesture, member_prefix
-from fantoccini.theatre.gestures.placing import Placing
+from fantoccini.theatre.gestures.placing import place_lanes
 from fantoccini.theatre.script import GestureCue, Notes, PhraseCue, PlayedCue, ScoreFile, Spot
 
 _DEEPEST = 30
@@ -51,10 +51,6 @@ class Repertoire:
             assert isinstance(cue, GestureCue)
             made = self._gesture(cue, spot)
         if made is None:
-            return None
-        if cue.mark and cue.mark not in made.marks:
-            text = f"{made.name} has no mark {cue.mark!r}{nearest(cue.mark, made.marks)}"
-            self._notes.mistake((*spot, "on"), text)
             return None
         try:
             made = made.mirrored() if cue.mirrored else made
@@ -149,13 +145,12 @@ class Repertoire:
 
     def _made(self, name: str) -> Gesture | None:
         lanes = {name: (("phrases", name), self._file.phrases[name])}
-        placed = Placing(lanes, {}, self.of, self._most, self._notes, phrase=True)
-        if self._notes.found:
+        placed = place_lanes(lanes, {}, self.of, self._most, self._notes, phrase=True)
+        if placed is None or self._notes.found:
             return None
         marks: dict[str, float] = {}
         for _, one, _ in placed.played:
             for mark, t in one.marks.items():
                 marks[numbered(mark, marks)] = t
-        (line,) = placed.lines
-        turns = any(cue.whole is not None and cue.whole.turns for cue in placed.cues)
-        return Gesture(self._marionette.coordinates, *line.motion, name, marks, turns)
+        (line,) = placed.lines.values()
+        return Gesture(self._marionette.coordinates, *line.motion, name, marks, placed.turns)

@@ -75,11 +75,11 @@ class Repertory:
     Args:
         cast: of the play.
         notes: take mistakes.
+        kept: takes clips that were made into gestures, for the next time.
     """
 
-    def __init__(self, cast: Cast, notes: Notes):
-        self.cast, self._notes = cast, notes
-        self.kept = Kept()
+    def __init__(self, cast: Cast, notes: Notes, kept: Kept):
+        self.cast, self.kept, self._notes = cast, kept, notes
         self._files: dict[tuple[Marionette, str], Gesture | Clip | str] = {}
         self._kept: dict[tuple[Any, ...], Gesture | str] = {}
         self._wrong: set[tuple[str, str]] = set()

@@ -9,11 +9,21 @@ from pathlib import Path
 from fantoccini.base import FileError, Mistake, nearest
 from fantoccini.base.documents import read_file, validate
 from fantoccini.model.puppet import WORDS
-from fantoccini.theatre.cast import Cast, Places, Timeline, read_cast
+from fantoccini.theatre.cast import Cast, Kept, Places, play_timeline, read_cast
 from fantoccini.theatre.plays.acting import Repertory
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.plays.whole import sounds_of
-from fantoccini.theatre.script import VERBS, GivesCue, Notes, PlayCue, PlayFile, Spot, WalkCue, said
+from fantoccini.theatre.script import (
+    VERBS,
+    GivesCue,
+    Notes,
+    PlayCue,
+    PlayFile,
+    Spot,
+    Timeline,
+    WalkCue,
+    said,
+)
 
 _OTHERS = ("puppet", "scene", "score", "gesture")
 """Keys of files of other kinds."""
@@ -40,17 +50,18 @@ class Script:
     """
 
     cast: Cast
-    timeline: Timeline
+    timeline: Timeline[PlayCue]
     repertory: Repertory
     places: Places
     notes: Notes
 
 
-def read_script(path: str | os.PathLike[str]) -> Script:
+def read_script(path: str | os.PathLike[str], kept: Kept) -> Script:
     """A play as it is written.
 
     Args:
         path: of the file, or the name of a bundled play.
+        kept: results of earlier versions of the play.
 
     Raises:
         FileError: with every mistake found and its location.
@@ -72,8 +83,8 @@ def read_script(path: str | os.PathLike[str]) -> Script:
     places = Places(file, notes)
     _check_names(file, places, notes)
     cast = read_cast(file, places, notes)
-    repertory = Repertory(cast, notes)
-    timeline = Timeline(file, repertory.marks, notes)
+    repertory = Repertory(cast, notes, kept)
+    timeline = play_timeline(file, repertory.marks, notes)
     sounds_of(file, notes)
     notes.refuse()
     return Script(cast, timeline, repertory, places, notes)
@@ -128,7 +139,7 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
     Raises:
         FileError: with every mistake found and its location.
     """
-    script = read_script(path)
+    script = read_script(path, Kept())
     _check_abilities(script)
     script.notes.refuse()
     return script.cast.file

@@ -114,11 +114,10 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         FileError: a player's run cannot begin.
     """
     faults = []
-    play.kept.until = math.inf if within is None else time.monotonic() + within
     try:
-        runs = play.runs(exact=True)
+        with play.kept.limited(math.inf if within is None else time.monotonic() + within):
+            runs = play.runs(exact=True)
     except OutOfTime:
-        play.kept.until = math.inf
         faults.append(
             "not simulated event-driven: the time was over "
             + (f"after {within:.3g} s" if within else "before it began")
@@ -128,8 +127,6 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     except CannotBegin as error:
         text = _stops(play, error.stop)
         raise play.located.error([(("cast", error.stop.players[0]), text)], FileError) from None
-    finally:
-        play.kept.until = math.inf
     run = together(play.cast, runs)
     faults += [
         f"{one.text}, in {play.when(one.t)}" for one in failures(play.cast, play.meetings, runs)

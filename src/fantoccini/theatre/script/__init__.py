@@ -33,9 +33,10 @@ from fantoccini.theatre.script.play_file import (
     play_schema,
 )
 from fantoccini.theatre.script.score_file import ScoreFile, SoundFile, score_schema
-from fantoccini.theatre.script.times import Reference, Times, in_order
+from fantoccini.theatre.script.timeline import Cue, Moments, Timeline, make_timeline
+from fantoccini.theatre.script.times import Ref, Reference
 from fantoccini.theatre.script.values import DIRECTIONS, END, HOW, START, Spot, Time, metres
-from fantoccini.theatre.script.verbs import ARRIVES, VERBS, Verb
+from fantoccini.theatre.script.verbs import ARRIVES, VERBS, Verb, walks
 
 __all__ = [
     "ARRIVES",
@@ -45,6 +46,7 @@ __all__ = [
     "LATE",
     "START",
     "VERBS",
+    "Cue",
     "CueFile",
     "DoesCue",
     "EntersToCue",
@@ -53,6 +55,7 @@ __all__ = [
     "GivesCue",
     "HoldCue",
     "LooksAtCue",
+    "Moments",
     "Notes",
     "PhraseCue",
     "PicksUpCue",
@@ -64,6 +67,7 @@ __all__ = [
     "PropCue",
     "PropFile",
     "PutsDownCue",
+    "Ref",
     "Reference",
     "ScoreCue",
     "ScoreFile",
@@ -73,14 +77,15 @@ __all__ = [
     "StageFile",
     "StandsUpFromCue",
     "Time",
-    "Times",
+    "Timeline",
     "TurnsToCue",
     "Verb",
     "WalkCue",
-    "in_order",
     "is_play",
+    "make_timeline",
     "metres",
     "play_schema",
     "said",
     "score_schema",
+    "walks",
 ]

@@ -5,6 +5,7 @@ A cue has exactly one verb as a key: ``gesture: bow`` in a score, ``walks to: ce
 
 from __future__ import annotations
 
+from math import inf
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
@@ -50,6 +51,16 @@ class CueFile(Model):
     def what(self) -> Any:
         """Value of the verb's key."""
         return getattr(self, self.verb)
+
+    @property
+    def delay(self) -> float:
+        """Time to wait from the time on by which it begins [beats]."""
+        return 0.0
+
+    @property
+    def waits_for_go(self) -> bool:
+        """Whether a live show waits for GO before it."""
+        return False
 
     @property
     def mark(self) -> str:
@@ -210,9 +221,24 @@ class PlayCue(CueFile):
         return [(("when", i) if len(when) > 1 else ("when",), time) for i, time in enumerate(when)]
 
     @property
+    def delay(self) -> float:
+        """Time to wait from the time on by which it begins [beats]."""
+        return self.after
+
+    @property
+    def waits_for_go(self) -> bool:
+        """Whether a live show waits for GO before it."""
+        return self.go
+
+    @property
     def is_free(self) -> bool:
         """Whether the play gives it no time."""
         return self.when is None and not self.mark and not self.go
+
+    @property
+    def patience(self) -> float:
+        """Longest delay of its beginning [beats]; infinite where the play has no time."""
+        return inf if self.may_wait is None and self.is_free else self.may_wait or 0.0
 
 
 class TimedCue(PlayCue, MarkedCue):

@@ -13,6 +13,7 @@ from typing import Protocol
 
 from fantoccini.base import nearest
 from fantoccini.base.documents import NAME, Located, shown
+from fantoccini.theatre.script.notes import Notes
 from fantoccini.theatre.script.values import Spot, Time
 
 _OFFSET = r"(?: *([-+]) *(\d+\.?\d*|\.\d+))?"
@@ -24,17 +25,15 @@ _FORMS = [
 
 
 class Timed(Protocol):
-    """What times may refer to.
+    """A cue that times may refer to."""
 
-    Attributes:
-        spot: where it is written.
-        name: by which times refer to it; "" where nothing can.
-        moments: of it -> time [s], once it is placed.
-    """
+    @property
+    def spot(self) -> Spot:
+        """Where it is written."""
 
-    spot: Spot
-    name: str
-    moments: dict[str, float]
+    @property
+    def name(self) -> str:
+        """Name by which times refer to it; "" where nothing can."""
 
     @property
     def is_named(self) -> bool:
@@ -47,50 +46,56 @@ class Timed(Protocol):
 
 @dataclass(frozen=True)
 class Reference:
-    """A named time: a mark or a cue, the cue's moment, and the offset [beats]."""
+    """A time by name.
 
-    target: Timed | str
+    Attributes:
+        spot: where the mark or the cue is written.
+        moment: of the cue; "" of a mark.
+        offset: [beats].
+        in_act: whether what has happened in an act before counts as at the start of this one.
+    """
+
+    spot: Spot
     moment: str
     offset: float
+    in_act: bool = False
 
-    @property
-    def spot(self) -> Spot:
-        """Where the target is written."""
-        return ("marks", self.target) if isinstance(self.target, str) else self.target.spot
+
+Ref = float | Reference
+"""A number of beats, or a time by name."""
 
 
 class Times:
-    """What names mean in the times of a score, or of one of its phrases.
+    """What names mean in the times of a script, or of a phrase of it.
 
     Args:
-        marks: of the score; none in a phrase.
-        cues: all of its cues.
-        located: the file.
+        marks: mark of the file -> where it is written.
+        cues: all cues.
+        notes: take mistakes.
     """
 
-    def __init__(self, marks: Mapping[str, Time], cues: Iterable[Timed], located: Located):
-        self._marks, self._located = marks, located
+    def __init__(self, marks: Mapping[str, Spot], cues: Iterable[Timed], notes: Notes):
+        self._marks, self._notes = marks, notes
         self._cues: dict[str, list[Timed]] = {}
         self._own: dict[str, Timed] = {}
-        self.mistakes: list[tuple[Spot, str]] = []
         for cue in cues:
             if not cue.is_named:
                 if cue.name:
                     self._cues.setdefault(cue.name, []).append(cue)
             elif cue.name in self._own or cue.name in marks:
                 text = f"another cue or mark is called {cue.name!r}; needed: a name of its own"
-                self.mistakes.append(((*cue.spot, "name"), text))
+                notes.mistake((*cue.spot, "name"), text)
             else:
                 self._own[cue.name] = cue
 
-    def read(self, given: Time, spot: Spot) -> float | Reference | None:
-        """A time of the file: a number [beats] or what it refers to; None after a mistake."""
+    def read(self, given: Time, spot: Spot) -> Ref:
+        """A time of the file: a number [beats] or what it refers to; 0 after a mistake."""
         if not isinstance(given, str):
             return given
         matches = [match for form in _FORMS if (match := form.fullmatch(given.strip()))]
         if not matches:
             self._miss(spot, given, "")
-            return None
+            return 0.0
         names = {*self._marks, *self._own, *self._cues}
         match = next((one for one in matches if one[1] in names), matches[-1])
         # `wave.end-1` is a beat before the end, unless a mark is called `end-1`.
@@ -107,22 +112,22 @@ class Times:
         name, moment = match[1], match[2]
         offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
         if moment is None and name in self._marks:
-            return Reference(name, "", offset)
+            return Reference(self._marks[name], "", offset)
         if name not in self._own and name not in self._cues:
             self._miss(spot, given, name if moment is None else f"{name}.{moment}")
-            return None
+            return 0.0
         cue = self._the(name, spot)
         if cue is None:
-            return None
+            return 0.0
         if moment is None:
             text = f"found {shown(given)}; needed: which moment of {name}, as in {name}."
-            self.mistakes.append((spot, f"{text}{cue.known[0]}"))
+            self._notes.mistake(spot, f"{text}{cue.known[0]}")
         elif moment not in cue.known:
             text = f"{name} has no mark {moment!r}{nearest(moment, cue.known)}"
-            self.mistakes.append((spot, text))
+            self._notes.mistake(spot, text)
         else:
-            return Reference(cue, moment, offset)
-        return None
+            return Reference(cue.spot, moment, offset)
+        return 0.0
 
     def _the(self, name: str, spot: Spot) -> Timed | None:
         """The one cue of a name."""
@@ -131,9 +136,9 @@ class Times:
         first, *others = self._cues[name]
         if not others:
             return first
-        lines = [str(self._located.line(cue.spot)) for cue in (first, *others)]
+        lines = [str(self._notes.located.line(cue.spot)) for cue in (first, *others)]
         text = f"{len(lines)} cues play {name!r}, on lines {', '.join(lines)}; give one of them a "
-        self.mistakes.append((spot, text + "name: and use that"))
+        self._notes.mistake(spot, text + "name: and use that")
         return None
 
     def _miss(self, spot: Spot, given: str, found: str) -> None:
@@ -143,28 +148,25 @@ class Times:
             for moment in cue.known
         ]
         text = f"found {shown(given)}; needed: a time, a mark, or a moment of a cue, with an offset"
-        self.mistakes.append((spot, text + nearest(found or given, [*self._marks, *moments])))
+        self._notes.mistake(spot, text + nearest(found or given, [*self._marks, *moments]))
 
 
-def in_order(
-    needs: Mapping[Spot, list[Spot]], located: Located
-) -> tuple[list[Spot], tuple[Spot, str] | None]:
-    """Places of cues and marks such that each comes after those that it needs.
+def circle(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, str] | None:
+    """A mistake where cues and marks wait for themselves; None where there is an order.
 
     Args:
         needs: place -> those that come first.
         located: the file.
-
-    Returns:
-        The order, and a mistake where there is none.
     """
     try:
-        return list(TopologicalSorter(needs).static_order()), None
+        TopologicalSorter(needs).prepare()
     except CycleError as error:
-        circle = error.args[1][:-1]
-    first = min(circle, key=lambda spot: located.line(spot) or 0)
-    others = [one for one in circle if one != first]
+        found = error.args[1][:-1]
+    else:
+        return None
+    first = min(found, key=lambda spot: located.line(spot) or 0)
+    others = [one for one in found if one != first]
     if not others:
-        return [], (first, "waits for itself")
+        return first, "waits for itself"
     said = ", ".join(f"{located.problem(one, '').key} (line {located.line(one)})" for one in others)
-    return [], (first, f"waits for itself, by way of {said}")
+    return first, f"waits for itself, by way of {said}"

@@ -68,3 +68,8 @@ VERBS: dict[str, Verb] = {
     )
 }
 """Key of a verb -> the verb."""
+
+
+def walks(given: CueFile) -> bool:
+    """Whether a cue carries the players."""
+    return VERBS[given.verb].moves == "player"
