@@ -20,7 +20,7 @@ from fantoccini.theatre.gestures.moves import planes
 from fantoccini.theatre.gestures.parameters import MADE
 from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
-from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait, is_score
+from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
 from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
 from fantoccini.theatre.gestures.timekeeping import Late, lateness
@@ -57,7 +57,6 @@ __all__ = [
     "gesture_of_take",
     "gesture_schema",
     "is_gesture",
-    "is_score",
     "lateness",
     "limits",
     "load_gesture",

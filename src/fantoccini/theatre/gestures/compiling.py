@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, FileError, InputError, UnknownNameError
-from fantoccini.base.documents import Located, read_file, validate
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import pieces
 from fantoccini.theatre.gestures.bounding import note_passed
@@ -21,7 +20,7 @@ from fantoccini.theatre.gestures.score import Caption, Score, Wait
 from fantoccini.theatre.gestures.sounding import read_sounds, spot_of_sound
 from fantoccini.theatre.gestures.transitions import limits
 from fantoccini.theatre.gestures.waiting import note_moving
-from fantoccini.theatre.script import LATE, Notes, ScoreFile, Spot
+from fantoccini.theatre.script import LATE, Notes, ScoreFile, Spot, read_script
 
 _NO_BOUNDS = {"speed": 1.0, "acceleration": 1.0}
 
@@ -40,18 +39,16 @@ def load_score(marionette: Marionette, path: str | os.PathLike[str]) -> Score:
     Raises:
         FileError: with every mistake found and its location.
     """
-    located = read_file(path)
-    file = validate(ScoreFile, located)
-    return _Compiler(marionette, file, located).score()
+    file, notes = read_script(ScoreFile, path)
+    return _Compiler(marionette, file, notes).score()
 
 
 class _Compiler:
     """Compiles one score file."""
 
-    def __init__(self, marionette: Marionette, file: ScoreFile, located: Located):
-        self._marionette, self._file, self._located = marionette, file, located
-        self._table, self._start = marionette.coordinates, marionette.rest()
-        self._notes = Notes(located, file.tempo)
+    def __init__(self, marionette: Marionette, file: ScoreFile, notes: Notes):
+        self._marionette, self._file, self._notes = marionette, file, notes
+        self._table = marionette.coordinates
 
     def score(self) -> Score:
         """The score.
@@ -59,9 +56,9 @@ class _Compiler:
         Raises:
             FileError: it has mistakes.
         """
-        file, notes = self._file, self._notes
+        file, notes, start = self._file, self._notes, self._marionette.rest()
         most = self._bounds()
-        gestures = Repertoire(self._marionette, file, self._start, most, notes)
+        gestures = Repertoire(self._marionette, file, start, most, notes)
         lanes: dict[str, Any] = {lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()}
         placed = place_lanes(lanes, file.marks, gestures.of, most, notes)
         gestures.read_all()
@@ -90,7 +87,7 @@ class _Compiler:
         notes.refuse()
         last: list[tuple[Spot, float]] = [(("marks", name), t) for name, t in placed.marks.items()]
         last += [(("captions", i), one.end) for i, one in enumerate(captions)]
-        last += [(spot_of_sound(i, self._located), one.start) for i, one in enumerate(sounds)]
+        last += [(spot_of_sound(i, self._notes.located), one.start) for i, one in enumerate(sounds)]
         for spot, t in last:
             if t > end + LATE:
                 notes.change(spot, f"comes {notes.said(t)}; the score ends {notes.said(end)}")
@@ -111,13 +108,13 @@ class _Compiler:
             file.tempo,
         )
         try:
-            made.inputs(self._start)
+            made.inputs(start)
         except InputError as error:
             found = [
                 (self._mover(placed, one.key), f"{one.key}: {one.message}")
                 for one in error.mistakes
             ]
-            raise self._located.error(found, FileError) from None
+            raise self._notes.located.error(found, FileError) from None
         return made
 
     def _bounds(self) -> Array:

@@ -14,7 +14,7 @@ from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
-from fantoccini.theatre.plays.reading import read_script
+from fantoccini.theatre.plays.reading import read_play
 from fantoccini.theatre.plays.rounds import (
     Known,
     Round,
@@ -87,7 +87,7 @@ def load_play(
     tell = progress or (lambda what, share: None)
     tell("casting", 0.0)
     kept = before.kept if before is not None else Kept()
-    script = read_script(path, kept)
+    script = read_play(path, kept)
     try:
         script = replace(script, cast=settled(script.cast, kept))
     except StateError as error:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fantoccini.base import FileError, Mistake, nearest
-from fantoccini.base.documents import read_file, validate
-from fantoccini.model.puppet import WORDS
 from fantoccini.theatre.cast import Cast, Kept, Places, play_timeline, read_cast
 from fantoccini.theatre.plays.acting import Repertory
 from fantoccini.theatre.plays.walks import Walks
@@ -22,12 +20,9 @@ from fantoccini.theatre.script import (
     Spot,
     Timeline,
     WalkCue,
+    read_script,
     said,
 )
-
-_OTHERS = ("puppet", "scene", "score", "gesture")
-"""Keys of files of other kinds."""
-
 
 _REPERTORY = Path(__file__).parent / "repertory"
 
@@ -56,7 +51,7 @@ class Script:
     notes: Notes
 
 
-def read_script(path: str | os.PathLike[str], kept: Kept) -> Script:
+def read_play(path: str | os.PathLike[str], kept: Kept) -> Script:
     """A play as it is written.
 
     Args:
@@ -72,14 +67,7 @@ def read_script(path: str | os.PathLike[str], kept: Kept) -> Script:
             text = "found nothing here, and no bundled play of this name"
             raise FileError([Mistake(name, None, "", text + nearest(name, play_names()))])
         path = _REPERTORY / f"{name}.yaml"
-    located = read_file(path)
-    data = located.data if isinstance(located.data, dict) else {}
-    other = next((kind for kind in _OTHERS if kind in data and "play" not in data), None)
-    if other is not None:
-        text = f"this is a {other} file; a play has the keys `play`, `cast` and `acts`"
-        raise located.error([((), text)], FileError)
-    file = validate(PlayFile, located, words=WORDS)
-    notes = Notes(located, file.tempo)
+    file, notes = read_script(PlayFile, path)
     places = Places(file, notes)
     _check_names(file, places, notes)
     cast = read_cast(file, places, notes)
@@ -139,7 +127,7 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
     Raises:
         FileError: with every mistake found and its location.
     """
-    script = read_script(path, Kept())
+    script = read_play(path, Kept())
     _check_abilities(script)
     script.notes.refuse()
     return script.cast.file

@@ -24,15 +24,15 @@ from fantoccini.theatre.script.cues import (
     said,
 )
 from fantoccini.theatre.script.notes import LATE, Notes
-from fantoccini.theatre.script.play_file import (
-    PlayerFile,
-    PlayFile,
-    PropFile,
-    StageFile,
+from fantoccini.theatre.script.play_file import PlayerFile, PlayFile, PropFile, StageFile
+from fantoccini.theatre.script.reading import (
     is_play,
+    is_score,
     play_schema,
+    read_script,
+    score_schema,
 )
-from fantoccini.theatre.script.score_file import ScoreFile, SoundFile, score_schema
+from fantoccini.theatre.script.score_file import ScoreFile, SoundFile
 from fantoccini.theatre.script.timeline import Cue, Moments, Timeline, make_timeline
 from fantoccini.theatre.script.times import Ref, Reference
 from fantoccini.theatre.script.values import DIRECTIONS, END, HOW, START, Spot, Time, metres
@@ -82,9 +82,11 @@ __all__ = [
     "Verb",
     "WalkCue",
     "is_play",
+    "is_score",
     "make_timeline",
     "metres",
     "play_schema",
+    "read_script",
     "said",
     "score_schema",
     "walks",

@@ -85,9 +85,3 @@ class ScoreFile(Model):
     """A sound file, or several with the times at which they begin."""
     duration: Size | None = None
     """When it ends at the earliest; with the last gesture by default."""
-
-
-def score_schema() -> dict[str, Any]:
-    """JSON Schema of a score file, for editors."""
-    schema = ScoreFile.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
