@@ -26,8 +26,8 @@ from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import measure
 from fantoccini.stand import AxisMap, is_stand, load_stand, stand_names
-from fantoccini.theatre.cast import is_play
 from fantoccini.theatre.plays import play_names
+from fantoccini.theatre.script import is_play
 
 _RATE = 200.0
 """Times per second at which inputs are looked at."""

@@ -18,12 +18,11 @@ from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
 from fantoccini.theatre.cast.contacts import asked_pairs, rules_of
-from fantoccini.theatre.cast.cue_file import DIRECTIONS
 from fantoccini.theatre.cast.footing import Footing
-from fantoccini.theatre.cast.play_file import PlayerFile, PlayFile
 from fantoccini.theatre.cast.starts import Places, start_of
 from fantoccini.theatre.cast.things import PropState, Thing, read_things
-from fantoccini.theatre.gestures import Ends, Notes, Spot
+from fantoccini.theatre.gestures import Ends
+from fantoccini.theatre.script import DIRECTIONS, Notes, PlayerFile, PlayFile, Spot
 
 Pose = dict[str, Any]
 """Start values by coordinate."""

@@ -24,7 +24,8 @@ from fantoccini.theatre.cast.casting import Cast, all_together, placed
 from fantoccini.theatre.cast.contacts import Pair, hanging, rules_of
 from fantoccini.theatre.cast.kept import Kept
 from fantoccini.theatre.cast.things import PropState
-from fantoccini.theatre.gestures import Gesture, Spot
+from fantoccini.theatre.gestures import Gesture
+from fantoccini.theatre.script import Spot
 
 
 @dataclass(frozen=True)

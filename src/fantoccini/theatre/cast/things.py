@@ -15,9 +15,8 @@ from fantoccini.model.scene import Prop
 from fantoccini.theatre.cast import props
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing
-from fantoccini.theatre.cast.play_file import PlayFile, PropFile
 from fantoccini.theatre.cast.starts import Places
-from fantoccini.theatre.gestures import Notes, Spot
+from fantoccini.theatre.script import Notes, PlayFile, PropFile, Spot
 
 PropState = tuple[Array, Array]
 """(7,) place and quaternion of a prop, and (6,) its velocities."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from fantoccini.base import Array, Times
 from fantoccini.theatre.cast import SEATED, Cast, Footing, Meeting, top_of
-from fantoccini.theatre.gestures import Spot
 from fantoccini.theatre.plays.runs import Run, Runs
+from fantoccini.theatre.script import Spot
 
 _EVERY = 0.05
 """Between looks [s]."""

@@ -12,8 +12,9 @@ from fantoccini.base import Array, Times
 from fantoccini.base.documents import value_of
 from fantoccini.model.puppet import Box as BoxShape, Shape
 from fantoccini.theatre.cast import Cast, Footing, Player, Thing, Way, extent
-from fantoccini.theatre.gestures import SWAY, Notes
+from fantoccini.theatre.gestures import SWAY
 from fantoccini.theatre.plays.acting import step_time
+from fantoccini.theatre.script import Notes
 from fantoccini.theatre.ways import Box, Disk, NoWay, Other, Rectangle, Region, find_way
 
 _LONGEST_STEP = 0.1

@@ -1,0 +1,156 @@
+"""Unions of the cues of scores and plays, discriminated by the verb.
+
+A cue has exactly one verb, and only the keys of that verb.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Discriminator, Tag
+from pydantic.json_schema import SkipJsonSchema
+
+from fantoccini.base.documents import mistake
+from fantoccini.theatre.script.cues import (
+    CueFile,
+    DoesCue,
+    EntersToCue,
+    ExitsToCue,
+    GestureCue,
+    GivesCue,
+    HoldCue,
+    LooksAtCue,
+    PhraseCue,
+    PicksUpCue,
+    PointsAtCue,
+    PutsDownCue,
+    SitsOnCue,
+    StandsUpFromCue,
+    TurnsToCue,
+    VerblessPlayCue,
+    VerblessScoreCue,
+    WalksToCue,
+    said,
+)
+
+_VERBLESS = "<none>"
+"""Names no class: hints for unknown keys are then those of the whole union."""
+
+
+def _keys(cue: type[CueFile]) -> dict[str, str]:
+    """Keys of a cue as they are written -> the sentence on which cues have them."""
+    return {
+        said(key): next(
+            base.owns
+            for base in cue.__mro__
+            if issubclass(base, CueFile) and key in base.__annotations__
+        )
+        for key in cue.model_fields
+    }
+
+
+class _ByVerb:
+    """Chooses a cue's class by its verb, and refuses keys of other verbs.
+
+    Args:
+        needed: the verbs, in words; all of them by default.
+        none: what a cue without a verb has, in words.
+        cues: the classes.
+    """
+
+    def __init__(self, needed: str, none: str, *cues: type[CueFile]):
+        self._cues = {said(cue.verb): cue for cue in cues}
+        self._keys = {cue: _keys(cue) for cue in cues}
+        self._needed = needed or ", ".join(f"`{verb}`" for verb in self._cues)
+        self._none = none
+
+    def tag(self, data: Any) -> str:
+        """The tag of the cue's class."""
+        if isinstance(data, CueFile):
+            return tag_of(type(data))
+        verbs = self._verbs(data) if isinstance(data, dict) else []
+        return tag_of(self._cues[verbs[0]]) if verbs else _VERBLESS
+
+    def check(self, data: Any) -> Any:
+        """Refuses several verbs, keys of other verbs, and what a verb needs and does not have."""
+        if not isinstance(data, dict):
+            return data
+        given, verbs = {said(str(key)) for key in data}, self._verbs(data)
+        known = {key for keys in self._keys.values() for key in keys}
+        if len(verbs) > 1:
+            both = " and ".join(f"`{verb}`" for verb in verbs)
+            raise mistake(f"found both {both}; needed: one of {self._needed}")
+        if not verbs:
+            if given <= known:
+                raise mistake(f"found {self._none}; needed: one of {self._needed}")
+            return {key: value for key, value in data.items() if said(str(key)) not in known}
+        cue = self._cues[verbs[0]]
+        own = self._keys[cue]
+        strange = {key: value for key, value in data.items() if said(str(key)) in known - {*own}}
+        for key in sorted(said(key) for key, value in strange.items() if value is not None):
+            owns = next(keys[key] for keys in self._keys.values() if key in keys)
+            sentence = cue.lacks or owns.format(key=key)
+            raise mistake(f"found `{verbs[0]}` with `{key}`; {sentence}")
+        for key, sentence in own.items():
+            needed = cue.model_fields[key.replace(" ", "_")].is_required()
+            if needed and sentence and key not in given | {*verbs}:
+                raise mistake(f"found no `{key}`; {sentence}")
+        return {key: value for key, value in data.items() if key not in strange}
+
+    def _verbs(self, data: dict[Any, Any]) -> list[str]:
+        given = {said(str(key)) for key, value in data.items() if value is not None}
+        return [verb for verb in self._cues if verb in given]
+
+
+def tag_of(cue: type[CueFile]) -> str:
+    """The tag by which mistakes of a cue are assigned to its class."""
+    return f"<{cue.__name__.lower()}>"
+
+
+_IN_SCORE = _ByVerb(
+    "`gesture`, `phrase` and `hold`", "none of them", GestureCue, PhraseCue, HoldCue
+)
+_IN_PLAY = _ByVerb(
+    "",
+    "no verb",
+    DoesCue,
+    WalksToCue,
+    EntersToCue,
+    ExitsToCue,
+    TurnsToCue,
+    LooksAtCue,
+    PointsAtCue,
+    GivesCue,
+    SitsOnCue,
+    StandsUpFromCue,
+    PutsDownCue,
+    PicksUpCue,
+)
+
+AnyScoreCue = Annotated[
+    Annotated[GestureCue, Tag("<gesturecue>")]
+    | Annotated[PhraseCue, Tag("<phrasecue>")]
+    | Annotated[HoldCue, Tag("<holdcue>")]
+    | Annotated[SkipJsonSchema[VerblessScoreCue], Tag(_VERBLESS)],
+    Discriminator(_IN_SCORE.tag),
+    BeforeValidator(_IN_SCORE.check),
+]
+"""A cue of a score."""
+AnyPlayCue = Annotated[
+    Annotated[DoesCue, Tag("<doescue>")]
+    | Annotated[WalksToCue, Tag("<walkstocue>")]
+    | Annotated[EntersToCue, Tag("<enterstocue>")]
+    | Annotated[ExitsToCue, Tag("<exitstocue>")]
+    | Annotated[TurnsToCue, Tag("<turnstocue>")]
+    | Annotated[LooksAtCue, Tag("<looksatcue>")]
+    | Annotated[PointsAtCue, Tag("<pointsatcue>")]
+    | Annotated[GivesCue, Tag("<givescue>")]
+    | Annotated[SitsOnCue, Tag("<sitsoncue>")]
+    | Annotated[StandsUpFromCue, Tag("<standsupfromcue>")]
+    | Annotated[PutsDownCue, Tag("<putsdowncue>")]
+    | Annotated[PicksUpCue, Tag("<picksupcue>")]
+    | Annotated[SkipJsonSchema[VerblessPlayCue], Tag(_VERBLESS)],
+    Discriminator(_IN_PLAY.tag),
+    BeforeValidator(_IN_PLAY.check),
+]
+"""A cue of a play."""
