@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, FileError, Mistake, StateError, nearest
-from fantoccini.base.documents import Located, Refusals, read_file, shown, validate
+from fantoccini.base.documents import Located, Refusals, read_document, read_file, shown
 from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
 from fantoccini.lab.identification.marking import Mark, find, marked
 from fantoccini.lab.identification.record import Record, Unknown, check_span, driven_scalars
 from fantoccini.lab.identification.schema import ColumnFile, DelayFile, RecordFile
-from fantoccini.model.puppet import bundled_files
+from fantoccini.model.puppet import named_file
 from fantoccini.motion import Input, csv_reader, wrong_count
 
 _MAX_BYTES = 256_000_000
@@ -39,10 +39,10 @@ def load_record(
     Raises:
         FileError: with every mistake found and its location.
     """
-    located = read_file(path)
-    file = validate(RecordFile, located)
+    file = read_document(path, RecordFile)
+    located = file.located
     check = Refusals(located)
-    puppet = _puppet_file(file.puppet, located)
+    puppet = read_file(named_file(file.puppet, located))
     marks: dict[Mark, float] = {}
     unknown = []
     for label, given in file.unknown.items():
@@ -73,8 +73,6 @@ def load_record(
         if name not in scalars:
             text = f"{shown(name)} is no scalar driven coordinate{nearest(name, scalars)}"
             check(("offsets", i), lambda text=text: _refuse(text))
-        elif name in file.offsets[:i]:
-            check(("offsets", i), lambda name=name: _refuse(f"{name} is looked for twice"))
     for name, pose in file.start.items():
         check(("start", name), lambda name=name, pose=pose: made.state({name: pose}))
     t, cells = check.need(("samples",), lambda: _samples(file.samples, located))
@@ -120,27 +118,14 @@ def record_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     Raises:
         FileError: the file cannot be read.
     """
-    located = read_file(path)
-    file = validate(RecordFile, located)
+    file = read_document(path, RecordFile)
     names = [file.puppet, file.samples, *([] if file.inputs is None else [file.inputs])]
-    beside = [located.beside(name) for name in names]
+    beside = [file.located.beside(name) for name in names]
     return (Path(path), *(one for one in beside if one is not None))
 
 
 def _refuse(text: str) -> None:
     raise StateError(text)
-
-
-def _puppet_file(name: str, located: Located) -> Located:
-    """The puppet file that a record names."""
-    beside = located.beside(name)
-    if beside is not None:
-        return read_file(beside)
-    if name in bundled_files.names():
-        return read_file(bundled_files.path(name))
-    hint = nearest(name, bundled_files.names())
-    message = f"found {shown(name)}: no file in this one's folder and no bundled puppet{hint}"
-    raise located.error([(("puppet",), message)], FileError)
 
 
 def _rows_of(reader: Any, name: str) -> Iterator[list[str]]:
@@ -153,9 +138,7 @@ def _rows_of(reader: Any, name: str) -> Iterator[list[str]]:
 
 def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
     """The times and the other columns of a CSV file; empty cells are NaN."""
-    path = located.beside(name)
-    if path is None:
-        raise StateError(f"found {shown(name)}: no file in this one's folder")
+    path = located.required(name)
     if path.stat().st_size > _MAX_BYTES:
         raise StateError(f"{name} is larger than {_MAX_BYTES / 1e6:g} MB, the most that is read")
     try:
@@ -312,10 +295,7 @@ def _inputs(
     known = {*_driven(marionette), *whole}
     given = {name: columns.pop(name) for name in sorted(known & set(columns))}
     if file.inputs is not None:
-        path = located.beside(file.inputs)
-        if path is None:
-            raise StateError(f"found {shown(file.inputs)}: no file in this one's folder")
-        return Input.load(marionette, path)
+        return Input.load(marionette, located.required(file.inputs))
     if not given:
         return Input.hold(marionette, float(clock[-1] - clock[0])).shifted(float(clock[0]))
     there = np.all([np.isfinite(x) for x in given.values()], axis=0)
