@@ -77,7 +77,11 @@ WALKS = {
     "From a puppet file to its compiled library": (
         ("model/puppet/files.py", "load", "text to a validated `Puppet`"),
         ("model/tree/construction.py", "grow", "links, rows, coordinates"),
-        ("dynamics/compiled/libraries.py", "Compiled", "one library for each purpose, when needed"),
+        (
+            "dynamics/compiled/libraries.py",
+            "Libraries",
+            "one library for each purpose, when needed",
+        ),
         (
             "kernel/equations/system.py",
             "System",
@@ -162,7 +166,7 @@ TASKS = (
             ("declare its arguments and results", ("kernel/contract/functions.py",)),
             ("return its expression from `_NAME`", ("kernel/equations/functions.py",)),
             ("derive it, if the system does not have it yet", ("kernel/equations/system.py",)),
-            ("evaluate it", ("dynamics/compiled/quantities.py",)),
+            ("evaluate it", ("dynamics/marionette/marionette.py",)),
         ),
     ),
     Task(
@@ -227,7 +231,10 @@ TASKS = (
                     "kernel/cpp/fantoccini/solvers/active_set.hpp",
                 ),
             ),
-            ("bounds on its tension for the functions of a state", ("dynamics/compiled/model.py",)),
+            (
+                "bounds on its tension for the functions of a state",
+                ("dynamics/compiled/compiled_puppet.py",),
+            ),
             (
                 "print it in `info`; export it to MuJoCo or raise an error",
                 ("app/cli/info.py", "dynamics/mujoco/mjcf_model.py"),

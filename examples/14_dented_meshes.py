@@ -47,7 +47,7 @@ def main() -> None:
     ring.export(OUT / "ring.obj")
     (OUT / "dented.yaml").write_text(SCENE)
     scene = fan.load(OUT / "dented.yaml")
-    print(f"the two meshes are {len(scene.model.contacts.hulls)} convex pieces")
+    print(f"the two meshes are {len(scene.contacts.hulls)} convex pieces")
     run = fan.simulate(scene, scene.state(), t_end=2.5, method="timestepping")
     strip(scene, run, OUT / "dented.png", n=5, times=[0.0, 0.2, 0.4, 0.8, 2.5], view=(-60.0, 38.0))
     print(f"the ball lies at {run.q_D[-1, :3].round(3)} m, after {len(run.events)} events")

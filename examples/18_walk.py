@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.output import view
 from fantoccini.theatre.gestures import Gait
 
@@ -26,7 +25,7 @@ def slip(run: fan.Trajectory) -> float:
     """The way of the heels along the floor while they are on it, a step [m]."""
     poses, way = stage.poses(run.q_D, run.q_K), 0.0
     for side in ("left", "right"):
-        shin = poses[:, link_index(stage.model, f"shin_{side}")]
+        shin = poses[:, stage.link_index(f"shin_{side}")]
         heel = shin[:, :, 3] + shin[:, :, :3] @ HEEL
         low = heel[:, 2] < 1e-4
         moved = np.linalg.norm(np.diff(heel[:, :2], axis=0), axis=1)

@@ -64,7 +64,7 @@ KINDS = {
     "base.errors.Outcome": "a status with its message",
     "base.errors.StateError": "an error",
     "control.optimal.shooting.EventRuns": "runs, by the method of their derivatives",
-    "dynamics.compiled.quantities.Quantities": "functions of one state, of a marionette",
+    "dynamics.compiled.compiled_puppet.CompiledPuppet": "a marionette without its algorithms",
     "kernel.runtime.compiled.Run": "a run, held at its start",
     "kernel.runtime.functions.Functions": "a library that evaluates functions, by ctypes",
     "kernel.runtime.functions.Loaded": "a library, by ctypes",

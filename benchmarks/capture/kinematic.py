@@ -30,7 +30,6 @@ from scipy.ndimage import gaussian_filter1d
 
 from fantoccini.base.arrays import Array, Times, check_positive
 from fantoccini.base.errors import StateError
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.theatre.retarget.following import ACCELERATION, SPEED, eased
@@ -133,9 +132,7 @@ def kinematic_inputs(
     errors = {
         part: np.linalg.norm(found[part] - wanted[:, i], axis=1) for i, part in enumerate(WEIGHTS)
     }
-    frames = {
-        part: poses[:, link_index(marionette.model, body)] for part, body in figure.bodies.items()
-    }
+    frames = {part: poses[:, marionette.link_index(body)] for part, body in figure.bodies.items()}
     times = _DT * np.arange(int(np.ceil(at[-1] / _DT - 1e-9)) + 1, dtype=float)
     above = straight_up(figure, frames, start)
     hands = [one.name for one in hand_strings(figure, start)]
@@ -215,7 +212,6 @@ def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
         wanted: (n, parts, 3) where the parts of WEIGHTS are to be [m].
     """
     marionette, figure = retargeted.marionette, retargeted.figure
-    model = marionette.model
     n, n_strings = marionette.coordinates.n_vD, len(marionette.tree.strings)
     q_K = np.broadcast_to(retargeted.start.q_K, (n + 1, len(retargeted.start.q_K)))
     still = {"v_D": np.zeros((n + 1, n)), "v_K": np.zeros((n + 1, marionette.coordinates.n_vK))}
@@ -227,9 +223,9 @@ def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
         near = marionette.integrate(q, nudges)
         places = places_in(figure, marionette.poses(near, q_K))
         off = np.stack([places[part] for part in WEIGHTS], axis=1) - target
-        at = {"q_D": near, "q_K": q_K, "p": model.p}
-        h = model.library.evaluate("rows", **at).h[:, n_strings:]
-        V = model.library.evaluate("energy", **at, **still).V.ravel() / model.weight
+        at = {"q_D": near, "q_K": q_K, "p": marionette.p}
+        h = marionette.library.evaluate("rows", **at).h[:, n_strings:]
+        V = marionette.library.evaluate("energy", **at, **still).V.ravel() / marionette.weight
         r = np.hstack([(scale * off).reshape(n + 1, -1), _LIMIT * np.maximum(h, 0.0)])
         J, slope = (r[1:] - r[0]).T / _NUDGE, (V[1:] - V[0]) / _NUDGE
         return -np.linalg.solve(

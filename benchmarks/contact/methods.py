@@ -107,7 +107,7 @@ def variational_run(free: fan.Marionette, dt: float) -> tuple[float, float]:
 
 def _energy(free: fan.Marionette, x: State) -> float:
     at = {"q_D": x.q_D[None], "v_D": x.v_D[None], "q_K": x.q_K[None], "v_K": x.v_K[None]}
-    found = free.model.library.evaluate("energy", **at, p=free.p)
+    found = free.library.evaluate("energy", **at, p=free.p)
     return float(np.sum(found.T + found.V))
 
 

@@ -171,7 +171,7 @@ def text_of(marionette: Marionette, still: Array | None) -> str:
     option.remove(option.find("flag"))
     bodies = {body.get("name"): body for body in root.iter("body")}
     world = root.find("worldbody")
-    contacts = marionette.model.contacts
+    contacts = marionette.contacts
     touching = np.zeros(len(contacts.solids), dtype=bool)
     touching[contacts.pairs.ravel()] = True
     friction = f"{float(contacts.friction.max())!r} 0 0"

@@ -68,7 +68,7 @@ class Program:
     def _words(self, x: State) -> list[Sequence[float]]:
         puppet = self.marionette
         bound = Input.hold(puppet).bound(x.q_K, 0.0)
-        options = puppet.model.run_options()
+        options = puppet.run_options()
         numbers = [self.dt, options.recovery_speed, options.tension_cap]
         words = [x.q_D, x.v_D, puppet.p, np.minimum(puppet.winches, 1e250), numbers]
         words += [[len(bound.coef)], bound.breaks, bound.coef, bound.base]
@@ -77,7 +77,7 @@ class Program:
 
 def _solids(puppet: Marionette) -> list[Sequence[float]]:
     """What touches what, as the program reads it."""
-    contacts = puppet.model.contacts
+    contacts = puppet.contacts
     if contacts is None:
         return [[0]] * 6
     words: list = [[len(contacts.solids)]]
@@ -99,7 +99,7 @@ def _folder() -> tempfile.TemporaryDirectory:
 def compiled(marionette: Marionette, dt: float, source: Path = HERE / "stage.cpp") -> Program:
     """A scene in a program, compiled as its library is."""
     folder = Path(tempfile.mkdtemp(dir=_folder().name))
-    for file, text in marionette.model.compiled.source_files().files.items():
+    for file, text in marionette.libraries.source_files().files.items():
         Path(folder, file).write_text(text, encoding="utf-8")
     include = [f"-I{folder}", f"-I{build.runtime_folder()}", f"-I{HERE}"]
     path = folder / "stage"

@@ -77,7 +77,7 @@ Push = Callable[[float], float]
 def ours(puppet: fan.Marionette, x: State, t_end: float, push: Push | None = None) -> Course:
     """Time-stepping."""
     stepper = puppet.stepper(x, method=fan.TimeStepping(dt=DT))
-    layout, n = puppet.model.sample_layout, puppet.coordinates.n_vD
+    layout, n = puppet.sample_layout, puppet.coordinates.n_vD
     rows, normal, tangent, depth = [], [], [], []
     for k in range(round(t_end / DT)):
         force = np.zeros(n)
@@ -98,7 +98,7 @@ def ours(puppet: fan.Marionette, x: State, t_end: float, push: Push | None = Non
 def _points(puppet: fan.Marionette, stepper: Stepper) -> ContactPoints:
     """Those of the last sample."""
     rows = stepper.contacts[stepper.contacts[:, 0] == len(stepper.samples) - 1]
-    return contact_points(rows, puppet.model.contacts.names)
+    return contact_points(rows, puppet.contacts.names)
 
 
 def theirs(
@@ -313,7 +313,7 @@ def _crept(run: Callable[..., Course]) -> float:
 def _energy(puppet: fan.Marionette, x: State, q: Array, v: Array) -> Array:
     """(n,) kinetic and potential energy by our equations."""
     still = {"q_K": np.tile(x.q_K, (len(q), 1)), "v_K": np.zeros((len(q), len(x.v_K)))}
-    found = puppet.model.library.evaluate("energy", q_D=q, v_D=v, **still, p=puppet.p)
+    found = puppet.library.evaluate("energy", q_D=q, v_D=v, **still, p=puppet.p)
     return np.asarray(found.T + found.V)
 
 

@@ -197,17 +197,11 @@ def cost() -> tuple[Table, float]:
 
 def step_time(puppet: fan.Marionette, x: State, method: str, dt: float, n: int = 1000) -> float:
     """Microseconds of processor time a step, the least of five runs."""
-    options = puppet.model.run_options(dt=dt, save_every=10**9, save_steps=False)
+    options = puppet.run_options(dt=dt, save_every=10**9, save_steps=False)
     hold, took = fan.Input.hold(puppet).bound(x.q_K), []
     for _ in range(5):
         run = Run(
-            puppet.model.compiled.library_of(method),
-            method,
-            options,
-            x,
-            puppet.p,
-            puppet.winches,
-            hold,
+            puppet.libraries.library_of(method), method, options, x, puppet.p, puppet.winches, hold
         )
         began = time.process_time()
         for _ in run.advance(n * dt):

@@ -52,7 +52,7 @@ def all_taut() -> State:
     """The marionette at rest with its knees lifted until all strings pull."""
     rest = damped().rest()
     lengths = dict(zip(damped().coordinates.q_K, rest.q_K, strict=True))
-    gap = dict(zip(damped().tree.row_names, Evaluation.of(damped().model, rest).h, strict=False))
+    gap = dict(zip(damped().tree.row_names, Evaluation.of(damped(), rest).h, strict=False))
     for side in ("left", "right"):
         lengths[f"knee_{side}.length"] += gap[f"knee_{side}"] - 0.004
     return damped().rest(lengths)
@@ -61,7 +61,7 @@ def all_taut() -> State:
 def swinging(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
     """A state at rest that moves by v_D, less what its taut strings hold."""
     x = rest.replace(v_D=v_D)
-    at = Evaluation.of(puppet.model, x)
+    at = Evaluation.of(puppet, x)
     taut = np.flatnonzero(np.abs(at.h) < 1e-9)
     W = at.W[:, taut]
     return x.replace(v_D=v_D - at.back(W @ np.linalg.solve(W.T @ W, at.hdot[taut])))

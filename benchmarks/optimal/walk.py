@@ -18,7 +18,6 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.mujoco import mujoco_run
 from fantoccini.theatre.gestures import Gait
 
@@ -101,7 +100,7 @@ def walked(
     at = np.minimum(np.searchsorted(run.t, times - 1e-9), len(run.t) - 1)
     q_D, q_K = run.q_D[at], run.q_K[at]
     poses = stage.poses(q_D, q_K)
-    shins = [poses[:, link_index(stage.model, f"shin_{side}")] for side in ("left", "right")]
+    shins = [poses[:, stage.link_index(f"shin_{side}")] for side in ("left", "right")]
     corners = np.stack(
         [T[:, None, :, 3] + np.einsum("tij,cj->tci", T[:, :, :3], SOLE) for T in shins], axis=1
     )
@@ -125,7 +124,7 @@ def walked(
         np.abs(np.diff(pairs, axis=0)).max(axis=1),
         way,
         float(1.0 - tension / stage.weight),
-        float(poses[:, link_index(stage.model, "torso"), 2, 2].min()),
+        float(poses[:, stage.link_index("torso"), 2, 2].min()),
         float(np.degrees(np.arccos(np.clip(flat, -1.0, 1.0))).mean()) if len(flat) else 90.0,
     )
 

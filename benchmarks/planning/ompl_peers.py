@@ -75,7 +75,7 @@ def _box(problem: Problem, layout: Layout) -> tuple[Array, Array]:
         low[q : q + 4], high[q : q + 4] = -1.0, 1.0
     for row in problem.marionette.tree.limits:
         side = high if row.side == "upper" else low
-        side[problem.marionette.tree.links[row.link].q] = problem.marionette.model.number(row.bound)
+        side[problem.marionette.tree.links[row.link].q] = problem.marionette.number(row.bound)
     low[q_K] = np.maximum(bounds.low, problem.start.q_K - ROOM)
     high[q_K] = np.minimum(bounds.high, problem.start.q_K + ROOM)
     low[v_K], high[v_K] = -bounds.speed, bounds.speed

@@ -66,7 +66,7 @@ class Own(RolloutPool):
             problem.goal.numbers,
             -1.0,
         )
-        super().__init__(marionette.model.compiled.rollouts, settings, 1)
+        super().__init__(marionette.libraries.rollouts, settings, 1)
         self._before, self._there = np.empty(layout.n), np.empty(layout.n)
         self._acc_K, self._distance = np.empty(len(bounds.speed)), np.empty(1)
         self._zero, self._one = np.zeros(1, np.int64), np.ones(1, np.int32)
@@ -111,12 +111,12 @@ class MuJoCo:
         self.puppet = puppet = MuJoCoPuppet(problem.marionette, self.rollouts.options.dt)
         if puppet.twists:
             raise ValueError("limits of twists must be led anew at every step; here is no time")
-        mujoco, option = puppet.mujoco, puppet.model.opt
+        mujoco, option = puppet.mujoco, puppet.opt
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         mujoco.set_mju_user_warning(lambda text: None)
         self._step = mujoco.mj_step
-        self._slack = puppet.model.tendon_range[puppet.strings, 1] - SLACK
+        self._slack = puppet.tendon_range[puppet.strings, 1] - SLACK
         self._warm, self._lengths = puppet.data.qacc_warmstart, puppet.data.ten_length
         self._qpos, self._qvel = puppet.data.qpos, puppet.data.qvel
         self._clearance = _OneClearance(problem)
@@ -130,7 +130,7 @@ class MuJoCo:
         # An Euler step takes its last velocity for the whole of it: that in its middle is exact.
         puppet.drive(q_K, v_K - 0.5 * rollouts.options.dt * acc_K, acc_K)
         self._warm[:] = 0.0
-        self._step(puppet.model, puppet.data, rollouts.options.look)
+        self._step(puppet, puppet.data, rollouts.options.look)
         if not rollouts.options.slack and (self._lengths[puppet.strings] < self._slack).any():
             return np.full(len(row), np.nan)
         there = self._qpos[puppet.q_D], self._qvel[puppet.v_D]
@@ -158,7 +158,7 @@ class _OneClearance:
         solids = clearance_arrays(measured, self._exact, self._solids)
         self._given = q.q_D.copy(), q.q_K.copy(), np.array(marionette.p, dtype=float)
         self._found, self._pair = np.empty(1), np.empty(1, np.int64)
-        self._call = marionette.model.compiled.clearances.dll.fan_clearance
+        self._call = marionette.libraries.clearances.dll.fan_clearance
         self._arguments = (
             ctypes.c_longlong(1),
             *map(pointer, self._given),

@@ -73,7 +73,7 @@ class Mechanism:
             bandwidth: of a computed-torque control [rad/s]; None for drives moved by forces.
         """
         made = Marionette(
-            self._on_drives(self.mixed.puppet, bandwidth), self.mixed.model.compiled.progress
+            self._on_drives(self.mixed.puppet, bandwidth), self.mixed.libraries.progress
         )
         return self.with_drives(made, ratio, bandwidth)
 
@@ -115,7 +115,7 @@ class Mechanism:
             s.model_copy(update={"chain": chain}) if s.name == name else s for s in puppet.strings
         )
         heavy = puppet.model_copy(update={"strings": strings})
-        return Mechanism(Marionette(heavy, self.mixed.model.compiled.progress))
+        return Mechanism(Marionette(heavy, self.mixed.libraries.progress))
 
     def translated(self, inputs: Input, target: Marionette) -> Input:
         """Inputs of one model as those of another: coordinates become commands, or the reverse."""

@@ -94,7 +94,7 @@ def toss(mechanism: Mechanism, x0: State, inputs: Input) -> Reference | None:
     None if nothing catches, for example without gravity or strings.
     """
     mixed = mechanism.mixed
-    at = Evaluation.of(mixed.model, x0)
+    at = Evaluation.of(mixed, x0)
     thrown = x0.replace(v_D=-_MOVES.rise_time * mechanism.time_scale * at.back(at.w0))
     try:
         found = simulate_reference(mechanism, mixed.project(thrown), inputs)

@@ -69,10 +69,10 @@ def strings(marionette: Marionette, x: State) -> list[Anchored]:
     """All strings of a puppet, each from one body to one place that does not move."""
     found = []
     places = marionette.string_points(x.q_D, x.q_K)
-    lengths = marionette.model.string_lengths(x.q_D, x.q_K)
+    lengths = marionette.string_lengths(x.q_D, x.q_K)
     for row, points, length in zip(marionette.tree.strings, places, lengths, strict=True):
         first, _ = row.points
-        link, at = marionette.tree.links[first.link], tuple(map(marionette.model.number, first.at))
+        link, at = marionette.tree.links[first.link], tuple(map(marionette.number, first.at))
         end = tuple(map(float, points[-1]))
         found.append(Anchored(row.name, link.name, at, end, float(length)))
     return found

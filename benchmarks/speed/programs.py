@@ -81,7 +81,7 @@ def words(states: Sequence[State]) -> list:
     """What a program reads: the starts, then what they have in common, inputs that hold still."""
     puppet = marionette()
     bound = Input.hold(puppet).bound(hanging().q_K, 0.0)
-    options = puppet.model.run_options()
+    options = puppet.run_options()
     parts: list = [part for x in states for part in (x.q_D, x.v_D)]
     parts += [puppet.p, puppet.winches, [DT, options.recovery_speed, options.tension_cap]]
     return [*parts, [len(bound.coef)], bound.breaks, bound.coef, bound.base]
@@ -97,4 +97,4 @@ def lane_source() -> build.Source:
 
 def source() -> build.Source:
     """The bundled marionette as text to be compiled, just as the library is made of it."""
-    return marionette().model.compiled.source_files()
+    return marionette().libraries.source_files()

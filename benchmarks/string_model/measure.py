@@ -160,7 +160,7 @@ def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
 
     In the coordinates where M_DD is one, and on taut strings across them; 0 is left out.
     """
-    at = Evaluation.of(puppet.model, x)
+    at = Evaluation.of(puppet, x)
     n = len(x.v_D)
     _, tension = puppet.forward_dynamics(x)
     rows = np.flatnonzero(tension > 0)
@@ -170,10 +170,10 @@ def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
     for k, move in enumerate(moves):
         for sign in (1, -1):
             size = sign * _MOVE / max(1.0, float(np.max(np.abs(move))))
-            q_D = retract(puppet.model, x.q_D, size * move)
-            there = Evaluation.of(puppet.model, x.replace(q_D=q_D))
+            q_D = retract(puppet, x.q_D, size * move)
+            there = Evaluation.of(puppet, x.replace(q_D=q_D))
             stiff[:, k] += 0.5 * (there.w0 - there.W[:, rows] @ tau) / size
-            moving = Evaluation.of(puppet.model, x.replace(v_D=size * move))
+            moving = Evaluation.of(puppet, x.replace(v_D=size * move))
             damped[:, k] += 0.5 * moving.w0 / size
     free = np.linalg.svd(W.T)[2][len(rows) :].T if len(rows) else np.eye(n)
     m = free.shape[1]

@@ -54,7 +54,7 @@ class Subject:
         rows = (*puppet.tree.strings, *puppet.tree.chains)
         point = next(r for r in rows if r.name == self.string).points[0]
         assert point.link != WORLD
-        return place(puppet.poses(run.q_D, run.q_K), point, puppet.model.number)
+        return place(puppet.poses(run.q_D, run.q_K), point, puppet.number)
 
 
 ARM = Subject(

@@ -66,7 +66,7 @@ def wandering(seed: int, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
 def expected(seed: int, slack: float) -> dict[tuple[str, str], np.ndarray]:
     """(T,) distances by names, with strings and boxes as clouds of points."""
     stage, (q_D, q_K, t) = scene(), wandering(seed, slack)
-    lengths, places = stage.model.string_lengths(q_D, q_K), stage.string_points(q_D, q_K)
+    lengths, places = stage.string_lengths(q_D, q_K), stage.string_points(q_D, q_K)
     clouds = {
         string.name: np.array([rope.path(place[k], lengths[k, n], N_POINTS) for k in range(len(t))])
         for n, (string, place) in enumerate(zip(stage.tree.strings, places, strict=True))

@@ -241,7 +241,7 @@ def test_what_comes_with_fantoccini_gives_no_warning(name):
     """17.11"""
     bundled = name != "bird"
     made = fan.load(fan.puppets.path(name) if bundled else ROOT / "examples" / "bird.yaml")
-    assert warnings(made.model) == []
+    assert warnings(made) == []
 
 
 @pytest.mark.parametrize("name", PERFORMANCES)
@@ -249,4 +249,4 @@ def test_the_bundled_performances_give_no_warning(name):
     """17.11"""
     assert sorted(PERFORMANCES) == sorted(fan.puppets.performances())
     made = fan.load(fan.puppets.path(PERFORMANCES[name]))
-    assert input_warnings(made.model, fan.Input.load(made, fan.puppets.performance(name))) == []
+    assert input_warnings(made, fan.Input.load(made, fan.puppets.performance(name))) == []

@@ -145,7 +145,7 @@ def test_small_models_are_one_file_and_large_ones_several():
 
 def test_pushes_are_forth_on_the_way_of_a_link():
     """y = F^-T x for forces from a link to the root alone, and 0 elsewhere."""
-    of = fan.loads(STAGE).model.compiled.equations
+    of = fan.loads(STAGE).libraries.equations
     rng, tree = np.random.default_rng(0), of.tree
     L = rng.normal(size=of.n_packed)
     assert len(of.pushes) == 10

@@ -47,7 +47,7 @@ def arm(contact: str) -> fan.Marionette:
 
 
 def names(marionette: fan.Marionette) -> set[tuple[str, str]]:
-    contacts = marionette.model.contacts
+    contacts = marionette.contacts
     assert contacts is not None
     return set(contacts.names)
 
@@ -81,7 +81,7 @@ def test_info_says_what_touches_what(tmp_path):
 
 
 def test_neighbours_do_not_touch_and_all_else_does():
-    assert arm("false").model.contacts is None
+    assert arm("false").contacts is None
     links = {("hand", "upper")}
     standing = {(body, o) for body in ("upper", "fore", "hand") for o in ("post", "floor")}
     assert names(arm("true")) == links | standing
@@ -92,7 +92,7 @@ def test_groups_and_pairs_choose_what_meets_and_how_it_rubs():
         "{friction: 0.2, meets: [floor], pairs: [{between: [floor, hand], friction: 0.9, "
         "restitution: 0.3}, {between: [upper, floor], meet: false}, {between: [post, fore], "
         "restitution: 1}]}"
-    ).model.contacts
+    ).contacts
     rules = zip(chosen.friction, chosen.restitution, strict=True)
     found = dict(zip(chosen.names, rules, strict=True))
     assert found == {
@@ -124,7 +124,7 @@ def scene(tmp_path, first: str, second: str, own: str = "") -> str:
 
 def test_a_scene_takes_the_rules_of_its_puppets_or_has_its_own(tmp_path):
     pairs = "{pairs: [{between: [body, floor], friction: 0.9}]}"
-    shared = fan.load(scene(tmp_path, pairs, "true")).model.contacts
+    shared = fan.load(scene(tmp_path, pairs, "true")).contacts
     assert set(shared.names) == {
         ("a.body", "floor"),
         ("b.body", "floor"),
@@ -139,7 +139,7 @@ def test_a_scene_takes_the_rules_of_its_puppets_or_has_its_own(tmp_path):
     with pytest.raises(PuppetError, match="a, b differ in contact; give the scene its own"):
         fan.load(scene(tmp_path, "{friction: 0.1}", "true"))
     own = "contact: {friction: 0.7, pairs: [{between: [a, crate], meet: false}]}\n"
-    made = fan.load(scene(tmp_path, "{friction: 0.1}", "true", own)).model.contacts
+    made = fan.load(scene(tmp_path, "{friction: 0.1}", "true", own)).contacts
     assert np.all(made.friction == 0.7)
     assert ("crate", "a.body") not in made.names
 
@@ -173,7 +173,7 @@ def test_a_puppets_name_means_the_same_whoever_else_is_there(between, rule, plac
     pair = {"between": between.split()} | rule
     found = []
     for others in {}, {"q": {"at": [50, 0, 0]}}:
-        contacts = staged({"p": place} | others, pair).model.contacts
+        contacts = staged({"p": place} | others, pair).contacts
         rubs = zip(contacts.names, contacts.friction, strict=True)
         found.append(
             {
@@ -183,7 +183,7 @@ def test_a_puppets_name_means_the_same_whoever_else_is_there(between, rule, plac
             }
         )
     assert found[0] == found[1]
-    unruled = staged({"p": place}, {"between": ["floor", "floor"], "meet": False}).model.contacts
+    unruled = staged({"p": place}, {"between": ["floor", "floor"], "meet": False}).contacts
     assert len(found[0]) < len(unruled.names) or 0.9 in found[0].values()
 
 
@@ -194,7 +194,7 @@ def test_a_puppet_named_as_one_of_its_bodies_is_in_no_pair_by_that_name():
     )
     with pytest.raises(PuppetError, match=r"<string>:7: puppets\[0\].name: the name 'torso' is"):
         fan.loads(text.replace("WHAT", "torso"))
-    left = fan.loads(text.replace("WHAT", "skull")).model.contacts.names
+    left = fan.loads(text.replace("WHAT", "skull")).contacts.names
     assert ("torso", "floor") in left and ("skull", "floor") not in left
 
 
@@ -220,7 +220,7 @@ pose: {left_foot.y: 0.2}
 
 
 def test_the_twin_of_a_pair_has_its_rules():
-    contacts = fan.loads(TWINS).model.contacts
+    contacts = fan.loads(TWINS).contacts
     friction = dict(zip(contacts.names, contacts.friction, strict=True))
     assert friction["right_foot", "floor"] == friction["left_foot", "floor"] == 0.9
     assert friction["right_foot", "left_foot"] == 0.5
@@ -264,7 +264,7 @@ pose: {b.x: 0.1999}
 def test_false_of_one_puppet_and_rules_of_another_differ(tmp_path):
     with pytest.raises(PuppetError, match="a, b differ in contact"):
         fan.load(scene(tmp_path, "false", "true"))
-    assert fan.load(scene(tmp_path, "false", "false")).model.contacts is None
+    assert fan.load(scene(tmp_path, "false", "false")).contacts is None
 
 
 def test_pairs_name_an_obstacle_that_two_copies_share(tmp_path):
@@ -274,7 +274,7 @@ def test_pairs_name_an_obstacle_that_two_copies_share(tmp_path):
     (tmp_path / "scene.yaml").write_text(
         "scene: two\npuppets:\n- {name: a, puppet: arm.yaml}\n- {name: b, puppet: arm.yaml}\n"
     )
-    contacts = fan.load(tmp_path / "scene.yaml").model.contacts
+    contacts = fan.load(tmp_path / "scene.yaml").contacts
     friction = dict(zip(contacts.names, contacts.friction, strict=True))
     assert friction["a.hand", "a.post"] == friction["b.hand", "a.post"] == 0.9
 

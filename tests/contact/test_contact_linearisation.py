@@ -20,7 +20,7 @@ def check(puppet: fan.Marionette, x: fan.State, modes: list[str], bound: float) 
     acc_K, u_D = np.zeros(t.n_vK), np.zeros(t.n_vD)
     lin = puppet.linearise(x)
     assert [point.mode for point in lin.contacts] == modes and lin.sharp
-    run = resting(puppet.model, x, acc_K, u_D)
+    run = resting(puppet, x, acc_K, u_D)
     forces = [point.force for point in run.contacts.points]
     assert worst(lin.acc_D, run.acc_D) < 1e-8
     assert worst(np.array([point.force for point in lin.contacts]), np.array(forces)) < 1e-8

@@ -137,7 +137,7 @@ def test_methods_that_know_no_contact_say_so(box):
 def test_the_advice_to_leave_contact_out_names_a_file_that_can_be_copied(tmp_path):
     scene = fan.load(puppets.path("promenade"))
     with pytest.raises(fan.StateError, match="in a copy of it") as caught:
-        refuse_contact(scene.model, "follow")
+        refuse_contact(scene, "follow")
     named = re.search(r"contact: false in (\S+), or in a copy", str(caught.value))[1]
     text = Path(named).read_text(encoding="utf-8")
     copy_of = tmp_path / "promenade.yaml"
@@ -301,7 +301,7 @@ bodies:
     struck = 0
     for _ in range(20):
         x = pendulum.state({"upper": rng.uniform(-0.6, 0.6), "lower": rng.uniform(-2.2, 2.2)})
-        if pendulum.model.overlaps(x.q_D, x.q_K):
+        if pendulum.overlaps(x.q_D, x.q_K):
             continue
         run = stepped(pendulum, x.replace(v_D=rng.normal(size=2) * 6), 1.0, 2e-4)
         energy = run.ledger["kinetic"] + run.ledger["potential"]

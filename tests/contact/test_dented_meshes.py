@@ -130,7 +130,7 @@ def test_a_dented_mesh_in_lanes_and_in_a_scene_of_two(tmp_path):
         WALL,
         more="- {name: other, joint: {type: free}, shapes: [" + MESH + "]}\n",
     )
-    assert len(thing.model.contacts.hulls) == 6
+    assert len(thing.contacts.hulls) == 6
     method = fan.TimeStepping(dt=1e-3)
     starts = [
         thing.state({"thing.z": 0.005 + 0.001 * i, "other.z": 0.33, "other.y": 0.05})
@@ -142,7 +142,7 @@ def test_a_dented_mesh_in_lanes_and_in_a_scene_of_two(tmp_path):
         assert np.allclose(batch.q_D[i][-1], run.q_D[-1], rtol=0, atol=1e-9)
     assert {"thing|wall", "other|thing"} <= {event.name for event in run.events}
     # Pieces of one body do not meet.
-    assert all(len(set(pair)) == 2 for pair in thing.model.contacts.names)
+    assert all(len(set(pair)) == 2 for pair in thing.contacts.names)
 
 
 def hulls_of(folder: Path, mesh: trimesh.Trimesh):
@@ -211,7 +211,7 @@ def test_mass_is_that_of_the_mesh(tmp_path):
 
 def refused(thing: fan.Marionette, text: str) -> None:
     with pytest.raises(PuppetError) as error:
-        _ = thing.model.contacts
+        _ = thing.contacts
     assert text in str(error.value)
     assert "scene.yaml:6: shapes of thing: thing.obj" in str(error.value)
 
@@ -244,10 +244,10 @@ def test_a_mesh_that_comes_to_touch_something_later_is_refused(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text(path.read_text().replace(WALL, ""))
     alone = fan.load(path)
-    assert len(alone.model.contacts.hulls) == 0
-    among = fan.Marionette(alone.model.with_obstacles(thing.puppet.obstacles))
+    assert len(alone.contacts.hulls) == 0
+    among = fan.Marionette(alone.with_obstacles(thing.puppet.obstacles))
     refused(among, "touched nothing when the puppet was compiled")
     # The other way round there is room enough.
-    bare = fan.Marionette(thing.model.with_obstacles(()))
-    assert len(bare.model.contacts.hulls) == 0
+    bare = fan.Marionette(thing.with_obstacles(()))
+    assert len(bare.contacts.hulls) == 0
     fan.simulate(bare, bare.state(), t_end=0.01, method="timestepping")

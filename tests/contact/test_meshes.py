@@ -182,13 +182,13 @@ def test_meshes_meet_one_another_and_other_shapes(tmp_path):
         assert z == pytest.approx(rests, abs=1e-5), name
         assert np.hypot(x - at[0], y - at[1]) < 1e-3, name
     for name in ("cube", "crate", "rod", "egg", "ball"):
-        assert {name, "slab"} in [set(pair) for pair in heap.model.contacts.names]
+        assert {name, "slab"} in [set(pair) for pair in heap.contacts.names]
         assert {name, "slab"} in [set(event.name.split("|")) for event in run.events]
 
 
 def test_hulls_travel_with_the_contacts(tmp_path):
     """They are pickled for other processes, and point to their own arrays there."""
-    contacts = body(tmp_path, BOX).model.contacts
+    contacts = body(tmp_path, BOX).contacts
     twin = pickle.loads(pickle.dumps(contacts))
     (hull,), (other,) = contacts.hulls, twin.hulls
     assert np.array_equal(hull.vertices, other.vertices)
@@ -218,7 +218,7 @@ def refused(folder: Path, mesh: trimesh.Trimesh, text: str, *, more: str = "") -
         more=more,
     )
     with pytest.raises(PuppetError) as error:
-        _ = thing.model.contacts
+        _ = thing.contacts
     assert text in str(error.value)
     assert "thing.yaml:7: shapes of body: thing.obj" in str(error.value)
 
@@ -237,7 +237,7 @@ def test_of_many_vertices_those_count_that_stand_out_most(tmp_path):
     """Of a ball, for which it is worst, the others stand out by 2 % of the diameter at most."""
     many = np.random.default_rng(0).normal(size=(2000, 3))
     many *= 0.1 / np.linalg.norm(many, axis=1)[:, None]
-    (hull,) = body(tmp_path, hulled(many)).model.contacts.hulls
+    (hull,) = body(tmp_path, hulled(many)).contacts.hulls
     assert len(hull.vertices) == 128
     out = (many - hull.centroid) @ hull.planes[:, :3].T - hull.planes[:, 3]
     assert np.max(out) < 0.02 * 0.2
@@ -250,8 +250,8 @@ def test_a_mesh_that_touches_nothing_may_have_any_shape(tmp_path):
     )
     path = tmp_path / "thing.yaml"
     path.write_text(path.read_text().replace("friction: 0.5", "meets: [self]"))
-    assert fan.load(path).model.contacts.hulls == ()
-    assert len(thing.model.contacts.hulls) > 8
+    assert fan.load(path).contacts.hulls == ()
+    assert len(thing.contacts.hulls) > 8
 
 
 def test_dents_of_a_tenth_of_the_volume_are_filled(tmp_path):
@@ -268,10 +268,10 @@ def test_dents_of_a_tenth_of_the_volume_are_filled(tmp_path):
         assert dented.is_watertight
         assert dented.volume == pytest.approx(1 - depth / 3)
         if fits:
-            (hull,) = body(tmp_path, dented).model.contacts.hulls
+            (hull,) = body(tmp_path, dented).contacts.hulls
             assert len(hull.vertices) == 8
         else:
-            assert len(body(tmp_path, dented).model.contacts.hulls) > 1
+            assert len(body(tmp_path, dented).contacts.hulls) > 1
 
 
 def test_lanes_move_meshes_as_single_runs_do(tmp_path):

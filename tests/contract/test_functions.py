@@ -51,10 +51,10 @@ def test_results_have_their_names_and_shapes():
     arm = fan.puppets.arm2d()
     x = arm.rest()
     state = {"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": arm.p}
-    many = arm.model.library.evaluate(
+    many = arm.library.evaluate(
         "dynamics", **state | {"q_D": np.tile(x.q_D, (5, 1))}, acc_K=0 * x.v_K, u_D=0 * x.v_D
     )
-    one = arm.model.library.evaluate("energy", **state)
+    one = arm.library.evaluate("energy", **state)
     assert list(vars(many)) == [q.name for q in contract.FUNCTIONS["dynamics"].results]
     assert many.W.shape == (5, 2, 1) and many.power0.shape == (5,)
     np.testing.assert_allclose(many.G[0], many.W[0].T @ many.W[0], rtol=1e-12)
@@ -71,7 +71,7 @@ def test_wrong_arguments_are_told_by_name(changed):
     x = arm.rest()
     given = {"q_D": x.q_D, "q_K": x.q_K, "p": arm.p} | changed
     with pytest.raises(ValueError, match=r"rows takes q_D \(2,\), q_K \(2,\), p \(2,\)"):
-        arm.model.library.evaluate("rows", **{n: a for n, a in given.items() if a is not None})
+        arm.library.evaluate("rows", **{n: a for n, a in given.items() if a is not None})
 
 
 def test_what_is_made_from_the_contract_is_fresh():
@@ -83,7 +83,7 @@ def test_what_is_made_from_the_contract_is_fresh():
 def test_a_library_of_another_contract_or_puppet_is_refused(monkeypatch):
     """18.1: the digest and the puppet's sizes guard against a stale library."""
     arm = fan.puppets.arm2d()
-    path = arm.model.library.path
+    path = arm.library.path
     with pytest.raises(BuildError, match=r"n_vD = 2, not \d+"):
         Library(path, fan.puppets.crane().tree)
     with pytest.raises(BuildError, match="cannot be loaded"):

@@ -58,7 +58,7 @@ def test_the_header_has_the_constants_of_python():
         CONSTANTS["start_gap"],
         CONSTANTS["rest_speed"],
     )
-    arm = arm2d().model
+    arm = arm2d()
     assert arm.tension_cap == CONSTANTS["tension_cap"] * arm.weight
 
 

@@ -33,7 +33,7 @@ def motions(name: str, seed: int, winches: str) -> str:
     marionette = getattr(puppets, name)()
     rest, tree = marionette.rest(), equations(name).tree
     rng, table = np.random.default_rng(seed), tree.coordinates
-    words = [STEPS, DT, 1.0, marionette.model.tension_cap]
+    words = [STEPS, DT, 1.0, marionette.tension_cap]
     lengths = np.array([n.endswith(".length") for n in table.v_K])
     for lane in range(WIDTH):
         swing = 0.3 * lane / WIDTH

@@ -36,7 +36,7 @@ def puppet(request, tmp_path_factory):
 def words(
     marionette, x0, inputs, *, event: bool, t_end: float, twice: bool, save_at=(), winches=None
 ) -> str:
-    options = marionette.model.run_options(save_steps=not len(save_at))
+    options = marionette.run_options(save_steps=not len(save_at))
     bound = inputs.bound(x0.q_K, x0.t)
     names = [name for name, _ in structures["Options"]._fields_ if name != "contacts"]
     chosen = [float(getattr(options, name)) for name in names]

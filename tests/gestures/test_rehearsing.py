@@ -7,7 +7,6 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.base.errors import StateError
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.theatre.gestures import lateness
 
 pytestmark = pytest.mark.slow
@@ -33,7 +32,7 @@ captions:
 
 def hand(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
     """(T, 3) where the right hand is in a run."""
-    pose = puppet.poses(run.q_D, run.q_K)[:, link_index(puppet.model, HAND[0])]
+    pose = puppet.poses(run.q_D, run.q_K)[:, puppet.link_index(HAND[0])]
     return pose[:, :, 3] + pose[:, :, :3] @ HAND[1]
 
 

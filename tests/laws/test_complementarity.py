@@ -117,12 +117,12 @@ def random_state(marionette: Marionette, rng: np.random.Generator, still: bool) 
     v_K[:] = rng.normal(size=table.n_vK)
     lengths = np.array([string.length_index for string in tree.strings])
     q_K[lengths[:, 0]] = 0.0
-    paths = marionette.model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h
+    paths = marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h
     loose = rng.random(len(lengths)) > rng.choice([0.3, 0.6, 1.0])
     q_K[lengths[:, 0]] = paths[: len(lengths)] + loose * rng.uniform(0.01, 0.3, len(lengths))
     x = x.replace(q_D=q_D, q_K=q_K, v_D=v_D, v_K=v_K)
     if still:
-        v_K[lengths[:, 1]] += Evaluation.of(marionette.model, x).hdot[: len(lengths)]
+        v_K[lengths[:, 1]] += Evaluation.of(marionette, x).hdot[: len(lengths)]
         x = x.replace(v_K=v_K)
     return x
 
@@ -135,7 +135,7 @@ def problems(name: str) -> Iterator[Problem]:
         still = made % 2 == 0
         x = random_state(marionette, rng, still)
         acc_K = rng.choice([0.0, 3.0]) * rng.normal(size=marionette.coordinates.n_vK)
-        instant = Evaluation.of(marionette.model, x, acc_K)
+        instant = Evaluation.of(marionette, x, acc_K)
         rows = np.flatnonzero(np.abs(instant.h) <= 1e-14)
         if len(rows) == 0:
             continue
@@ -151,7 +151,7 @@ def problems(name: str) -> Iterator[Problem]:
 @cache
 def found(name: str) -> list[tuple[Problem, Complementarity]]:
     """All problems and what the solver says of them."""
-    solve = puppet(name).model.library.complementarity
+    solve = puppet(name).library.complementarity
     return [(p, solve(p.W, p.b)) for p in problems(name)]
 
 
@@ -182,7 +182,7 @@ def test_every_condition_holds():
 
 @pytest.mark.parametrize("name", STATES)
 def test_the_guess_does_not_matter(name):
-    solve = puppet(name).model.library.complementarity
+    solve = puppet(name).library.complementarity
     for p, answer in answered(name)[:1500]:
         right = answer.x > 0
         for guess in (right, ~right, np.zeros(len(p.b), bool)):
@@ -237,13 +237,13 @@ def test_sixty_rows_that_all_pull():
     rig, rng = puppet("many_strings"), np.random.default_rng(2)
     all_pull = some_rest = 0
     for _ in range(50):
-        W = Evaluation.of(rig.model, random_state(rig, rng, still=True)).W
+        W = Evaluation.of(rig, random_state(rig, rng, still=True)).W
         some, shortest = rng.uniform(1.0, 1.5, W.shape[1]), all_positive(W)
         for y in (some, shortest):
             if y is None:
                 continue
             p = Problem(W, W.T @ (W @ y))
-            answer = rig.model.library.complementarity(p.W, p.b)
+            answer = rig.library.complementarity(p.W, p.b)
             assert answer.solved
             assert p.worst(answer.x) <= TOLERANCE
             assert p.apart(answer.x, y) <= 1e-14

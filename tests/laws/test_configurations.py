@@ -62,7 +62,7 @@ def test_tangent_vectors_are_those_of_linearise():
 
     def acc(s: float) -> np.ndarray:
         there = x.replace(q_D=arm.integrate(x.q_D, s * dq))
-        at = Evaluation.of(arm.model, there)
+        at = Evaluation.of(arm, there)
         return at.back(at.w0)
 
     np.testing.assert_allclose(

@@ -87,8 +87,8 @@ def somewhere(puppet: fan.Marionette, seed: int) -> tuple[fan.State, np.ndarray,
 
 def accelerations(puppet: fan.Marionette, rows, x, acc_K, u_D) -> np.ndarray:
     """acc_D and the tensions with rows held as equalities, from the compiled model."""
-    held = named_rows(puppet.model, rows)
-    instant = Evaluation.of(puppet.model, x, acc_K, u_D)
+    held = named_rows(puppet, rows)
+    instant = Evaluation.of(puppet, x, acc_K, u_D)
     W = instant.W[:, held]
     tension = np.linalg.solve(W.T @ W, W.T @ instant.w0 + instant.gamma[held])
     return np.concatenate([instant.back(instant.w0 - W @ tension), tension])
@@ -98,7 +98,7 @@ def check_partials(puppet: fan.Marionette, rows, seed: int, bound: float) -> Non
     t = puppet.coordinates
     x, acc_K, u_D = somewhere(puppet, seed)
     lin = puppet.linearise(x, acc_K, u_D, rows)
-    held = named_rows(puppet.model, rows)
+    held = named_rows(puppet, rows)
     here = accelerations(puppet, rows, x, acc_K, u_D)
     assert worst(np.concatenate([lin.acc_D, lin.tension[held]]), here) < 1e-11
 
@@ -164,13 +164,10 @@ def test_the_mode_is_that_of_the_accelerations(arm):
 def test_derivatives_are_made_when_they_are_asked_for():
     arm = fan.puppets.arm2d()
     fan.simulate(arm, arm.rest(), t_end=0.1)
-    assert "derivatives" not in vars(arm.model.compiled)
+    assert "derivatives" not in vars(arm.libraries)
     arm.linearise(arm.rest())
-    assert "derivatives" in vars(arm.model.compiled)
-    assert (
-        arm.with_parameters({"m2": 0.2}).model.compiled.derivatives
-        is arm.model.compiled.derivatives
-    )
+    assert "derivatives" in vars(arm.libraries)
+    assert arm.with_parameters({"m2": 0.2}).libraries.derivatives is arm.libraries.derivatives
 
 
 def test_derivatives_of_quadratic_drag_exist_at_rest(rig):
@@ -289,7 +286,7 @@ def check_step(puppet: fan.Marionette, x: fan.State, acc_K, u_D, dt: float, boun
             q_K=moved(x.q_K, parts[2], t.scalars_K, t.quaternions_K),
             v_K=x.v_K + parts[3],
         )
-        stepper = Stepper(one.model, start, "timestepping", one.model.run_options(dt=dt))
+        stepper = Stepper(one, start, "timestepping", one.run_options(dt=dt))
         y, to = stepper.advance(dt, acc_K + acc, u_D=u_D + u), lin.x_next
         return np.concatenate(
             [

@@ -42,7 +42,7 @@ def test_many_states_at_once():
     puppet = fan.puppets.crane()
     many = states(puppet, 5)
     given = {n: np.array([getattr(x, n) for x in many]) for n in ("q_D", "v_D", "q_K", "v_K")}
-    found = puppet.model.library.evaluate("momentum", **given, p=puppet.p).momentum
+    found = puppet.library.evaluate("momentum", **given, p=puppet.p).momentum
     np.testing.assert_array_equal(found, [puppet.momentum(x) for x in many])
 
 

@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.errors import PuppetError
 from fantoccini.dynamics.compiled import check_mass_matrix
-from fantoccini.dynamics.compiled.libraries import Compiled
+from fantoccini.dynamics.compiled.libraries import Libraries
 from fantoccini.dynamics.marionette import loads
 from fantoccini.model.tree import joint_inertias
 
@@ -49,7 +49,7 @@ def test_the_joints_inertias_are_the_blocks_and_the_pivots_of_M(name):
     times = made.equations["mass_times"]
     M = np.column_stack([np.array(times(q_D, q_K, e, made.p))[:, 0] for e in np.eye(table.n_vD)])
     log_det = 0.0
-    for i, held, free in joint_inertias(made.tree, q_D, q_K, made.model.number):
+    for i, held, free in joint_inertias(made.tree, q_D, q_K, made.number):
         v = made.tree.links[i].v
         np.testing.assert_allclose(held, M[v, v], atol=1e-12 * np.abs(held).max())
         log_det += np.linalg.slogdet(free)[1]
@@ -59,7 +59,7 @@ def test_the_joints_inertias_are_the_blocks_and_the_pivots_of_M(name):
 def test_a_puppet_is_checked_without_its_equations(monkeypatch):
     """17.30: deriving them took 41 s and 1.9 GB for ten chains of 200 pieces."""
     made = loads(WOUND)
-    monkeypatch.setattr(Compiled, "equations", property(lambda _: pytest.fail("derived")))
+    monkeypatch.setattr(Libraries, "equations", property(lambda _: pytest.fail("derived")))
     check_mass_matrix(made.puppet, made.tree)
 
 

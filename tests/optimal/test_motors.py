@@ -214,7 +214,7 @@ def test_what_is_asked_for_is_the_law_of_the_controller():
     near, far = (weak.state({"lift": 0.0, "lift.command": e, "v:lift": 0.3}) for e in (0.02, 0.5))
     for x, exerts in ((near, True), (far, False)):
         at = {name: getattr(x, name) for name in ("q_D", "v_D", "q_K", "v_K")}
-        (asked,) = weak.model.library.evaluate("motor_demands", **at, acc_K=[0.0], p=weak.p).f_D
+        (asked,) = weak.library.evaluate("motor_demands", **at, acc_K=[0.0], p=weak.p).f_D
         (effort,) = weak.effort(**at, acc_D=np.zeros(1), acc_K=np.zeros(1), tension=np.zeros(0))
         assert asked == pytest.approx(2000 * (x.q_K - x.q_D)[0] + 120 * (x.v_K - x.v_D)[0])
         assert bool(effort == pytest.approx(asked)) is exerts

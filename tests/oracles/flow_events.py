@@ -116,7 +116,7 @@ def _one_flow(marionette, run, inputs, t_end, slipping, how):
             slipping.discard(i)
         elif now[i] and not before:
             run.events.append(Happened(t, "catch", name))
-        elif i < n and now[i] and np.isfinite(marionette.model.upper[i]):
+        elif i < n and now[i] and np.isfinite(marionette.upper[i]):
             if i in caught or (i == row and i not in slipping):
                 speed = caught[i][1] if i in caught else 0.0
                 run.events.append(Happened(t, "slip", name, 0.0, speed))
@@ -134,7 +134,7 @@ def _followed(marionette, run, flow, end, how):
     n = len(flow.rows)
     armed = flow.guards(flow.t0, flow.y0)[:n] < -noise
     solver = make(flow.rate, flow.t0, flow.y0, end, rtol=rtol, atol=atol, max_step=max_step)
-    cap = marionette.model.tension_cap / marionette.weight
+    cap = marionette.tension_cap / marionette.weight
     while solver.status == "running":
         t0, y0 = solver.t, solver.y.copy()
         solver.step()
@@ -192,10 +192,10 @@ def _back_on_rows(marionette, x, held, slipping):
     """The state with h = 0 and hdot = 0 on the rows held, and no other row beyond its bound."""
     firm = held & ~np.isin(np.arange(len(held)), list(slipping))
     for _ in range(2):
-        at = Evaluation.of(marionette.model, x)
+        at = Evaluation.of(marionette, x)
         rows = firm | (~held & (at.h > 0.0))
         x = x.replace(q_D=marionette.integrate(x.q_D, _correction(at, rows, at.h)))
-    at = Evaluation.of(marionette.model, x)
+    at = Evaluation.of(marionette, x)
     return x.replace(v_D=x.v_D + _correction(at, firm, at.hdot))
 
 
@@ -207,10 +207,10 @@ def _correction(at, rows, off):
 
 def _struck(marionette, x, held, name):
     """The state after the impulse of a catch; row -> (impulse, speed) of those that are caught."""
-    model, at = marionette.model, Evaluation.of(marionette.model, x)
+    marionette, at = marionette, Evaluation.of(marionette, x)
     row = marionette.tree.row_names.index(name)
-    closed = held | (np.abs(at.h) <= CLOSED * model.row_scales(x.q_D, x.q_K))
-    firm = np.flatnonzero(closed & ~np.isfinite(model.upper))
+    closed = held | (np.abs(at.h) <= CLOSED * marionette.row_scales(x.q_D, x.q_K))
+    firm = np.flatnonzero(closed & ~np.isfinite(marionette.upper))
     restitution = np.zeros(len(held))
     n = len(marionette.tree.strings)
     restitution[:n] = marionette.winches[:, WINCH_AT["restitution"]]

@@ -7,7 +7,6 @@ import pytest
 from tests.perform.hands import hands_of
 
 import fantoccini as fan
-from fantoccini.dynamics.compiled import energies
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.theatre.perform import reach
 from fantoccini.theatre.perform.grip import HELD
@@ -28,7 +27,7 @@ def abused(live: fan.Performance, throws: int, ticks: int, seed: int) -> float:
     marionette, hands, rng = live.marionette, hands_of(live), np.random.default_rng(seed)
     homes = {h.name: live.place(h.name) for h in live.handles}
     lengths = {name: live.length(name) for name in live.lengths}
-    before, n = sum(energies(marionette.model, live.state)), len(hands.names)
+    before, n = sum(marionette.energies(live.state)), len(hands.names)
     gained, v_K = 0.0, live.state.v_K
     for throw in range(throws):
         for handle in live.handles:
@@ -46,7 +45,7 @@ def abused(live: fan.Performance, throws: int, ticks: int, seed: int) -> float:
             x = live.step()
             for part in (x.q_D, x.v_D, x.q_K, x.v_K, x.slip, live.tension):
                 assert np.all(np.isfinite(part))
-            gained = max(gained, sum(energies(marionette.model, x)) - before)
+            gained = max(gained, sum(marionette.energies(x)) - before)
             assert not any("stopped" in why for why in live.lagging.values())
             assert np.all(reach.lengths(x.v_K, hands.group, n) <= hands.speed * (1 + 1e-9))
             if not marionette.coordinates.quaternions_K:
@@ -78,9 +77,9 @@ def test_thrown_about_a_hundred_times_a_puppet_comes_home(name):
     assert np.max(np.abs(live.state.v_D)) < 1.0
     now, then = (marionette.poses(x.q_D, x.q_K)[:, :, 3] for x in (live.state, x0))
     assert np.max(np.abs(now - then)) < 0.08
-    kinetic, potential = energies(marionette.model, live.state)
+    kinetic, potential = marionette.energies(live.state)
     assert kinetic < 1e-3 * marionette.weight
-    assert potential - energies(marionette.model, x0)[1] < 2e-3 * marionette.weight
+    assert potential - marionette.energies(x0)[1] < 2e-3 * marionette.weight
 
 
 @pytest.mark.parametrize("name", OWN)

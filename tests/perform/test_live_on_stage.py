@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.dynamics.compiled import energies, link_index
 
 pytestmark = pytest.mark.slow
 
@@ -18,7 +17,7 @@ MOST_ENERGY = 12.0
 def place(live, body):
     """(3, 4) pose of a body."""
     x = live.state
-    return live.marionette.poses(x.q_D, x.q_K)[link_index(live.marionette.model, body)]
+    return live.marionette.poses(x.q_D, x.q_K)[live.marionette.link_index(body)]
 
 
 def feet(live):
@@ -93,7 +92,7 @@ def test_thrown_about_it_stays_finite_and_above_the_floor(name, throws, seed):
     marionette, rng = getattr(fan.puppets, name)(), np.random.default_rng(seed)
     live = fan.Performance(marionette)
     homes = {h.name: live.place(h.name)[0] for h in live.handles}
-    before, most = sum(energies(marionette.model, live.state)), 0.0
+    before, most = sum(marionette.energies(live.state)), 0.0
     for throw in range(throws):
         # At the floor, at the other puppet, and anywhere.
         aim = np.array([0.5, 0.0, -0.5]) if throw % 3 == 0 else rng.normal(size=3)
@@ -107,7 +106,7 @@ def test_thrown_about_it_stays_finite_and_above_the_floor(name, throws, seed):
             for part in (x.q_D, x.v_D, x.q_K, x.v_K, x.slip, live.tension, live.contact.force):
                 assert np.all(np.isfinite(part))
             assert not any("stopped" in why for why in live.lagging.values()), live.lagging
-            most = max(most, sum(energies(marionette.model, x)) - before)
+            most = max(most, sum(marionette.energies(x)) - before)
             assert live.contact.of("floor").gap.min(initial=0.0) > -0.02
     assert most < MOST_ENERGY * marionette.weight
     t = live.t

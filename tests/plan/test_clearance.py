@@ -89,7 +89,7 @@ BODY = {"name": "body", "joint": {"type": "free"}, "mass": 1.0, "inertia": [1, 1
 
 @cache
 def clearances() -> ClearanceLibrary:
-    return fan.loads(str({"puppet": "flying", "bodies": [BODY]})).model.compiled.clearances
+    return fan.loads(str({"puppet": "flying", "bodies": [BODY]})).libraries.clearances
 
 
 def placed(puppet: fan.Marionette, rng: np.random.Generator) -> tuple[fan.State, np.ndarray]:

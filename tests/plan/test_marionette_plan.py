@@ -7,7 +7,6 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.control.problems.balance import balanced
-from fantoccini.dynamics.compiled import link_index
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
@@ -19,7 +18,7 @@ def test_the_marionette_touches_the_bell_past_the_lamp():
     again = found.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
     assert again.arrives and again.clearance > 0.0
     run = found.trajectory
-    tip = link_index(problem.marionette.model, "forearm_right")
+    tip = problem.marionette.link_index("forearm_right")
     pose = problem.marionette.poses(run.q_D[-1:], run.q_K[-1:])[0, tip]
     hand = pose[:, 3] + pose[:, :3] @ [0.0, 0.0, -0.09]
     assert np.linalg.norm(hand - [0.14, -0.14, 0.55]) < 0.02

@@ -98,7 +98,7 @@ def free(n: int) -> list[dict]:
 
 @cache
 def clearances(n: int) -> ClearanceLibrary:
-    return fan.loads(str({"puppet": "flying", "bodies": free(n)})).model.compiled.clearances
+    return fan.loads(str({"puppet": "flying", "bodies": free(n)})).libraries.clearances
 
 
 def mesh(file: str, **more) -> dict:

@@ -9,7 +9,6 @@ from tests.plan.touching_bodies import BOB, DRAWN, HANGING_ARM, before_prop
 import fantoccini as fan
 from fantoccini.control.planning import solve
 from fantoccini.control.problems import Problem
-from fantoccini.dynamics.compiled import link_index
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +25,7 @@ def crates() -> tuple[fan.Marionette, fan.State]:
 
 def moved(scene: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
     """(T, 3) how far the prop went [m]."""
-    place = scene.poses(run.q_D, run.q_K)[:, link_index(scene.model, "crate"), :, 3]
+    place = scene.poses(run.q_D, run.q_K)[:, scene.link_index("crate"), :, 3]
     return place - place[0]
 
 

@@ -11,7 +11,6 @@ from ruamel.yaml import YAML
 
 import fantoccini as fan
 from fantoccini.dynamics.clearance import Clearance, StringsApart
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.model.puppet.contact import FLOOR
 from fantoccini.theatre import cast
 from fantoccini.theatre.cast import props
@@ -113,7 +112,7 @@ def met(run, name: str) -> dict[str, tuple[float, float]]:
 def handle_in(scene, run, kind: str, body: str) -> np.ndarray:
     """(T, 3) place of a handle's middle in the frame of a forearm [m]."""
     poses = scene.poses(run.q_D, run.q_K)
-    thing, arm = (poses[:, link_index(scene.model, name)] for name in (kind, body))
+    thing, arm = (poses[:, scene.link_index(name)] for name in (kind, body))
     place = thing[:, :, 3] + THINGS[kind]["handle"] * thing[:, :, 2]
     return np.einsum("tij,ti->tj", arm[:, :, :3], place - arm[:, :, 3])
 
@@ -239,7 +238,7 @@ def test_a_seat_bears_who_sits_and_lets_her_stand_up():
     # Her legs may still swing against the chair: she steps away from it in plays.
     assert np.abs(hers[stands]).mean() < 0.02
     assert set(met(run, "chair")) - {"floor"} <= {body for body, _ in sitting.touching}
-    torso = scene.poses(run.q_D, run.q_K)[:, link_index(scene.model, "torso"), :, 3]
+    torso = scene.poses(run.q_D, run.q_K)[:, scene.link_index("torso"), :, 3]
     assert np.linalg.norm(torso[-1] - torso[0]) < 0.04  # it swings
     assert np.ptp(run["chair.x"]) < 5e-3
 

@@ -9,7 +9,6 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.base.errors import FileError
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.model.puppet.bundled_files import bundled
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.stage_run import together
@@ -54,7 +53,7 @@ def stood(play: fan.Play, prop: str) -> np.ndarray:
     t = 0.5 * (play.cues[0].end + play.cues[1].start)
     k = int(np.searchsorted(run.t, t))
     poses = play.cast.whole.poses(run.q_D[k : k + 1], run.q_K[k : k + 1])
-    pose = poses[0, link_index(play.cast.whole.model, prop)]
+    pose = poses[0, play.cast.whole.link_index(prop)]
     return np.append(pose[:, 3], pose[2, 2])
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.theatre.plays.sitting import sit
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
@@ -60,7 +59,7 @@ def check_sits(play: fan.Play) -> None:
     k = int(np.searchsorted(run.t, cues["sit"].end))
     poses = stage.poses(run.q_D[k : k + 1], run.q_K[k : k + 1])[0]
     places = {
-        name: poses[link_index(stage.model, name)]
+        name: poses[stage.link_index(name)]
         for name in ("torso", "thigh_left", "thigh_right", "shin_left", "shin_right")
     }
     # The trunk leans back by less than 25 degrees; -z of a thigh or shin is along it.

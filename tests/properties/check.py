@@ -197,7 +197,7 @@ class _Rows:
 
     def __init__(self, given: Performance, run: fan.Trajectory):
         puppet = given.marionette
-        h = puppet.model.library.evaluate("rows", q_D=run.q_D, q_K=run.q_K, p=puppet.p).h
+        h = puppet.library.evaluate("rows", q_D=run.q_D, q_K=run.q_K, p=puppet.p).h
         slip = getattr(run, "slip", None)
         if slip is not None:
             # A string is longer by what its winch has let slip.
@@ -205,10 +205,10 @@ class _Rows:
         self.h, self.scale = h, np.ones_like(h)
         for r, string in enumerate(puppet.tree.strings):
             driven = string.length_index
-            length = puppet.model.number(string.length) if driven is None else run.q_K[:, driven[0]]
+            length = puppet.number(string.length) if driven is None else run.q_K[:, driven[0]]
             self.scale[:, r] = np.maximum(length, 1e-3)
         self.force = np.concatenate([run.tension.values, run.limit_force.values], axis=1)
-        self.pulls = (self.force != 0) & ~puppet.model.two_sided
+        self.pulls = (self.force != 0) & ~puppet.two_sided
         self.gap = np.where(self.pulls, np.maximum(-h, 0.0), 0.0)
 
 
@@ -223,7 +223,7 @@ class _Rates:
     def __init__(self, given: Performance, run: fan.Trajectory):
         puppet, tree = given.marionette, given.marionette.tree
         self._puppet, self._n, self._n_s = puppet, run.v_D.shape[1], len(tree.strings)
-        on = puppet.model.library.evaluate(
+        on = puppet.library.evaluate(
             "dynamics",
             q_D=run.q_D,
             v_D=run.v_D,
@@ -243,7 +243,7 @@ class _Rates:
         self._gamma = np.concatenate([on.gamma, on.gamma_limit], axis=1)
         self.W = on.W.swapaxes(-1, -2)
         if self._J.shape[1]:
-            W_l = puppet.model.library.evaluate("forth", L=self._L[:, None], x=self._J).y
+            W_l = puppet.library.evaluate("forth", L=self._L[:, None], x=self._J).y
             self.W = np.concatenate([self.W, W_l], axis=1)
 
     def hardly_differs(self, t: int, r: int, closed: np.ndarray) -> bool:
@@ -262,7 +262,7 @@ class _Rates:
         """
         W = self.W
         pull = (force[..., None] * W).sum(axis=1)
-        acc = self._puppet.model.library.evaluate("back", L=self._L, x=np.stack([self._w0, pull])).y
+        acc = self._puppet.library.evaluate("back", L=self._L, x=np.stack([self._w0, pull])).y
         terms = np.abs(acc).max(axis=2, initial=0.0).sum(axis=0) + 1.0
         lack = np.abs(acc[0] - acc[1] - run.acc_D).max(axis=1, initial=0.0) / terms
         hddot = self._gamma + (W * (self._w0 - pull)[:, None]).sum(axis=-1)
@@ -292,7 +292,7 @@ def _always(given: Performance, run: fan.Trajectory, method: str) -> list[str]:
     when = [run.t[0], *(e.t for e in run.events), *run.t[-1:][: run.status is Status.DONE]]
     if np.any(np.diff(when) < 0):
         broken.append("events are not in order")
-    one_sided = ~given.marionette.model.two_sided
+    one_sided = ~given.marionette.two_sided
     n_s = run.tension.values.shape[1]
     if np.min(run.tension.values[:, one_sided[:n_s]], initial=0.0) < 0:
         broken.append("a string pushes")
@@ -326,7 +326,7 @@ def _event_driven(given: Performance, run: fan.Trajectory, rows: _Rows):
     after = np.append(np.diff(run.t) > 0, run.status is Status.DONE)
     after[-1] &= all(e.t < run.t[-1] for e in run.events)
     # Strings on winches that slip give way, so that only Eq. 10 is asked of them.
-    firm = ~np.isfinite(given.marionette.model.upper)
+    firm = ~np.isfinite(given.marionette.upper)
     speed = SPEED * np.maximum(1.0, np.max(np.abs(run.v_D), axis=1, initial=0.0))[:, None]
     closed = (np.abs(rows.h) <= 1e-14 * rows.scale) & firm
     pulls = rows.pulls & firm

@@ -166,7 +166,7 @@ def _starts(rng: np.random.Generator, made: fan.Marionette, n: int) -> list[fan.
                 place = rng.uniform([-1, -1, low], [1, 1, high], (n, 3))
                 q[:, first : first + 3] = place * spread * (1.0 + 0.2 * k)
         q_K = np.tile(x.q_K, (n, 1))
-        rows = made.model.library.evaluate("rows", q_D=q, q_K=q_K, p=made.p).h
+        rows = made.library.evaluate("rows", q_D=q, q_K=q_K, p=made.p).h
         for row, place in enumerate(lengths):
             if place is not None:
                 q_K[:, place[0]] += rows[:, row] + rng.choice([0.001, 0.02])
@@ -174,7 +174,7 @@ def _starts(rng: np.random.Generator, made: fan.Marionette, n: int) -> list[fan.
         v = rng.normal(size=(n, len(x.v_D))) * rng.choice([0.0, 0.3, 2.0, 8.0], (n, 1))
         v *= rng.random(v.shape) < 0.7
         for i in np.flatnonzero(np.all(limits <= 0.0, axis=1)):
-            if not made.model.overlaps(q[i], q_K[i]):
+            if not made.overlaps(q[i], q_K[i]):
                 found.append(x.replace(q_D=q[i], q_K=q_K[i], v_D=v[i]))
             if len(found) == n:
                 return found
@@ -229,7 +229,7 @@ def broken(given: Crowd, runs: fan.Trajectories) -> tuple[dict[str, np.ndarray],
         q_K = np.array([bound[i].evaluate(given.t_end)[0] for i in range(len(bound))])
     depth = np.zeros(len(status))
     for i in np.flatnonzero(done):
-        at = given.marionette.model.overlaps(runs.q_D[i, -1], q_K[i])
+        at = given.marionette.overlaps(runs.q_D[i, -1], q_K[i])
         depth[i] = max(at.values(), default=0.0)
     books = {n: np.nan_to_num(runs.ledger[n]) for n in ("kinetic", "potential", "work", "residual")}
     size = np.max(np.abs(books["kinetic"]), axis=1) + np.max(np.abs(books["work"]), axis=1)
@@ -343,8 +343,8 @@ def soak(
     """Runs crowds in several processes until n runs are made; Ctrl-C gives the count so far."""
     for name in names:  # once, not by every worker
         for method in ("timestepping", "event"):
-            stages.load(name).model.compiled.batch_library_of(method)
-        stages.load(name).model.compiled.library_of("timestepping")
+            stages.load(name).libraries.batch_library_of(method)
+        stages.load(name).libraries.library_of("timestepping")
     count, context = Count(), multiprocessing.get_context("spawn")
     waiting: dict[Future, tuple[str, int, str]] = {}
     todo = cases(names, seed, shares)

@@ -102,7 +102,7 @@ def _moved(rng: np.random.Generator, puppet: fan.Marionette, x: fan.State) -> fa
     for q, _ in puppet.coordinates.scalars_K:
         if not puppet.coordinates.q_K[q].endswith(".length"):
             q_K[q] += 0.05 * rng.normal()
-    moved = x.replace(q_D=retract(puppet.model, x.q_D, move), q_K=q_K)
+    moved = x.replace(q_D=retract(puppet, x.q_D, move), q_K=q_K)
     h = puppet.constraint(moved)
     slack = rng.choice([0.0, 0.003, 0.03, 0.1])
     for row, string in enumerate(puppet.tree.strings):
@@ -126,10 +126,10 @@ def with_velocity(puppet: fan.Marionette, x: fan.State, v_K: np.ndarray) -> fan.
         return x
     for driven in (v_K, np.zeros_like(v_K)):
         at = x.replace(v_K=driven)
-        instant = Evaluation.of(puppet.model, at)
-        scale = puppet.model.row_scales(at.q_D, at.q_K)
-        rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.model.two_sided)
-        found = instant.complementarity(rows, instant.hdot[rows], puppet.model.two_sided)
+        instant = Evaluation.of(puppet, at)
+        scale = puppet.row_scales(at.q_D, at.q_K)
+        rows = np.flatnonzero((instant.h >= -1e-9 * scale) | puppet.two_sided)
+        found = instant.complementarity(rows, instant.hdot[rows], puppet.two_sided)
         if found.solved:
             return at.replace(v_D=at.v_D - instant.back(instant.W[:, rows] @ found.x))
     return x.replace(v_D=np.zeros_like(x.v_D), v_K=np.zeros_like(v_K))

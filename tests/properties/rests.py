@@ -22,7 +22,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini.base import tangent
-from fantoccini.dynamics.compiled import Evaluation, energies
+from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.dynamics.equilibrium.projection import onto_rows, retract
 
 STARTS = ("drawn", "file", "pulled", "at limits", "beyond limits")
@@ -164,8 +164,8 @@ def case(puppet: int, number: int) -> Case:
     how, x = STARTS[number % len(STARTS)], marionette.state()
     drawn = _moved(marionette, x, rng.normal(size=len(x.v_D)) * rng.choice([0.0, 0.1, 0.4]))
     drawn = _within(marionette, drawn)
-    lengths = marionette.model.string_lengths(drawn.q_D, drawn.q_K)
-    spans = lengths + Evaluation.of(marionette.model, drawn).h[: len(lengths)]
+    lengths = marionette.string_lengths(drawn.q_D, drawn.q_K)
+    spans = lengths + Evaluation.of(marionette, drawn).h[: len(lengths)]
     slack = np.where(rng.random(len(spans)) < 0.5, rng.uniform(0.0, 0.05, len(spans)), 0.0)
     values = {
         f"{s.name}.length": float(a + b)
@@ -185,7 +185,7 @@ def case(puppet: int, number: int) -> Case:
 
 
 def _moved(marionette: fan.Marionette, x: fan.State, move: np.ndarray) -> fan.State:
-    return x.replace(q_D=retract(marionette.model, x.q_D, move))
+    return x.replace(q_D=retract(marionette, x.q_D, move))
 
 
 def _within(marionette: fan.Marionette, x: fan.State) -> fan.State:
@@ -195,7 +195,7 @@ def _within(marionette: fan.Marionette, x: fan.State) -> fan.State:
     move, n = tangent.between(*places, start.q_D, x.q_D, table.n_vD), len(marionette.tree.strings)
     for part in 0.8 ** np.arange(60):
         here = _moved(marionette, start, part * move)
-        if np.all(Evaluation.of(marionette.model, here).h[n:] <= 0.0):
+        if np.all(Evaluation.of(marionette, here).h[n:] <= 0.0):
             return here
     return start
 
@@ -207,7 +207,7 @@ def _limited(marionette: fan.Marionette, x: fan.State, rng, beyond: float) -> fa
         link, which = tree.links[limit.link], name.rsplit(".", 1)[1]
         if link.v.stop - link.v.start > 1 or rng.random() < 0.5:
             continue
-        h = Evaluation.of(marionette.model, x.replace(q_D=q_D)).h[tree.row_names.index(name)]
+        h = Evaluation.of(marionette, x.replace(q_D=q_D)).h[tree.row_names.index(name)]
         q_D[link.q] += (1.0 if which == "upper" else -1.0) * (beyond * rng.random() - h)
     return x.replace(q_D=q_D)
 
@@ -229,13 +229,13 @@ def settles(found: Case) -> bool:
 
 def broken(found: Case) -> str:
     """What ``rest`` lacks in a case; nothing where it holds."""
-    marionette, energy = found.marionette, lambda x: energies(marionette.model, x)[1]
+    marionette, energy = found.marionette, lambda x: marionette.energies(x)[1]
     try:
         x = marionette.rest(found.start)
     except fan.StateError as error:
         return f"not found: {error}"
     acc, tension = marionette.forward_dynamics(x)
-    weight, h = marionette.weight, Evaluation.of(marionette.model, x).h
+    weight, h = marionette.weight, Evaluation.of(marionette, x).h
     if np.max(h, initial=-1.0) > 1e-9:
         return "a row is broken"
     if np.min(tension, initial=0.0) < 0.0:
@@ -247,7 +247,7 @@ def broken(found: Case) -> str:
     rng = np.random.default_rng(0)
     for _ in range(_MOVES):
         move = 1e-3 * rng.normal(size=len(x.v_D))
-        other, worst = onto_rows(marionette.model, _moved(marionette, x, move))
+        other, worst = onto_rows(marionette, _moved(marionette, x, move))
         if worst <= 1e-9 and energy(other) < energy(x) - 1e-9 * weight:
             return "a small move lowers the energy"
     return ""

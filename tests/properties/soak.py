@@ -192,7 +192,7 @@ def soak(
             continue
         puppets.load(name).compile()
         for method in methods:
-            puppets.load(name).model.compiled.library_of(method)
+            puppets.load(name).libraries.library_of(method)
     tally, todo = Tally(), pieces(names, -(-runs // len(methods)), seed)
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_deaf) as pool:

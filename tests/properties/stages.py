@@ -253,8 +253,8 @@ def _described(name: str, contact: object, obstacles: list[dict]) -> fan.Marione
 
 def stage(name: str, rng: np.random.Generator) -> fan.Marionette:
     """A stage with random rules, and random solids in the place of its obstacles."""
-    model = load(name).model
-    given = model.contacts
+    marionette = load(name)
+    given = marionette.contacts
     assert given is not None
     solids = given.solids.copy()
     standing = {n[1]: int(pair[1]) for n, pair in zip(given.names, given.pairs, strict=True)}
@@ -263,7 +263,7 @@ def stage(name: str, rng: np.random.Generator) -> fan.Marionette:
         solids[standing[f"o{k}"]] = solid(_obstacle(rng, away=k >= used), WORLD)
     friction, restitution = _rules(rng)
     rules = np.full(len(given.pairs), friction), np.full(len(given.pairs), restitution)
-    made = dataclasses.replace(model)
+    made = dataclasses.replace(marionette)
     # Rules and standing solids are arguments of compiled code.
     made.__dict__["contacts"] = Contacts(solids, given.pairs, *rules, given.names)
     return fan.Marionette(made)
@@ -342,7 +342,7 @@ def start(rng: np.random.Generator, made: fan.Marionette) -> fan.State | None:
                 q_K[string.length_index[0]] += h[row] + rng.choice([0.0, 0.05]) * rng.random()
         x = x.replace(q_K=q_K)
         limits = made.constraint(x)[len(made.tree.strings) :]
-        if np.all(limits <= 0.0) and not made.model.overlaps(x.q_D, x.q_K):
+        if np.all(limits <= 0.0) and not made.overlaps(x.q_D, x.q_K):
             return x
     return None
 
@@ -418,8 +418,8 @@ def _finite(run: fan.Trajectory) -> list[str]:
 def _kept(given: Show, run: fan.Trajectory) -> tuple[tuple[float, float, float], list[str]]:
     """Overlap, residual of the law and of the ledger; and what is broken."""
     broken: list[str] = []
-    model, contact = given.marionette.model, run.contact
-    assert contact is not None and model.contacts is not None
+    marionette, contact = given.marionette, run.contact
+    assert contact is not None and marionette.contacts is not None
     done = run.status is Status.DONE
     if run.status is Status.STOPPED:
         broken.append("takes too many steps")
@@ -428,7 +428,7 @@ def _kept(given: Show, run: fan.Trajectory) -> tuple[tuple[float, float, float],
     if done and run.t[-1] != given.t_end:
         broken.append("ends with DONE before the end")
     looks = np.unique(np.linspace(0, len(run) - 1, LOOKS).astype(int))
-    found = [model.overlaps(run.q_D[i], run.q_K[i]) for i in looks]
+    found = [marionette.overlaps(run.q_D[i], run.q_K[i]) for i in looks]
     depth = max((max(each.values(), default=0.0) for each in found), default=0.0)
     depth = max(depth, -float(np.min(contact.gap, initial=0.0)))
     if done and depth > OVERLAP:
@@ -436,7 +436,7 @@ def _kept(given: Show, run: fan.Trajectory) -> tuple[tuple[float, float, float],
     law = float(np.max(run.contact_residual, initial=0.0))
     if law > RESIDUAL:
         broken.append("breaks the law of contact silently")
-    broken += _forces(model, contact) + _events(run)
+    broken += _forces(marionette, contact) + _events(run)
     columns = {n: run.ledger[n] for n in ("kinetic", "potential", "work")}
     size = max(float(np.max(np.abs(columns["kinetic"]))), given.marionette.weight)
     size += float(np.max(np.abs(columns["work"]))) + float(np.ptp(columns["potential"]))
@@ -462,7 +462,7 @@ def _turn(given: Show, run: fan.Trajectory) -> float:
     return given.dt * max(float(np.max(np.abs(each), initial=0.0)) for each in (spins, hinges))
 
 
-def _forces(model: fan.dynamics.compiled.Model, contact: fan.motion.ContactPoints) -> list[str]:
+def _forces(model: fan.Marionette, contact: fan.motion.ContactPoints) -> list[str]:
     """Whether forces push and stay in their cones."""
     if not len(contact):
         return []

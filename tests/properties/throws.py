@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 import fantoccini as fan
-from fantoccini.dynamics.compiled import energies
 from properties import stages
 
 STAGES = ("figure", "duet")
@@ -56,7 +55,7 @@ def thrown(name: str, seed: int, i: int) -> Thrown | None:
         return None
     live = fan.Performance(made, x0)
     homes = {h.name: live.place(h.name)[0] for h in live.handles}
-    before, most, depth, touched, stopped = sum(energies(made.model, x0)), 0.0, 0.0, False, False
+    before, most, depth, touched, stopped = sum(made.energies(x0)), 0.0, 0.0, False, False
     for k in range(THROWS):
         _throw(rng, live, homes, back=k % 2 == 1)
         for _ in range(TICKS):
@@ -67,8 +66,8 @@ def thrown(name: str, seed: int, i: int) -> Thrown | None:
                 return Thrown("DONE", touched, depth, most, ("is not finite",))
             touched = touched or len(contact) > 0
             stopped = stopped or any("hand was stopped" in why for why in live.lagging.values())
-            most = max(most, (sum(energies(made.model, x)) - before) / made.weight)
-            depth = max([depth, *made.model.overlaps(x.q_D, x.q_K).values()])
+            most = max(most, (sum(made.energies(x)) - before) / made.weight)
+            depth = max([depth, *made.overlaps(x.q_D, x.q_K).values()])
     t = live.t
     live.advance(AFTER)
     broken = []

@@ -78,11 +78,11 @@ def test_a_parameter_changes_a_winch_without_compiling_again() -> None:
     told: list[str] = []
     puppet = fan.loads(WINCH, told.append)
     assert puppet.winches.tolist() == [[5.0, 0.25, 0.0], [5.0, 0.25, 0.0]]
-    library = puppet.model.library
+    library = puppet.library
     told.clear()
     for grip in (5.0, 8.0, 20.0):
         other = puppet.with_parameters({"grip": grip})
-        assert other.model.library is library
+        assert other.library is library
         assert told == []
         assert other.winches[:, 0].tolist() == [grip, grip]
         run = fan.simulate(other, other.state(), t_end=0.5)

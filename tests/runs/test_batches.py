@@ -247,7 +247,7 @@ def test_each_run_may_have_its_own_parameters(method):
             assert np.allclose(many.tension.values[i], alone.tension.values[0], rtol=1e-5)
         else:
             assert same(many, alone, slice(i, i + 1))
-        assert own.model.described == many.trajectory(i).puppet
+        assert own.described == many.trajectory(i).puppet
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from tests.harness import method_of
 
 import fantoccini as fan
 from fantoccini import Status
-from fantoccini.dynamics.compiled import Model
 from fantoccini.kernel.runtime import memory
 from fantoccini.kernel.runtime.functions import whole
 from fantoccini.kernel.runtime.structures import Numbers
@@ -51,7 +50,7 @@ def test_integers_that_cross_to_compiled_code_are_checked():
     assert whole("n", 7, least=1) == 7
     for steps in (0, -1, 2**63, 1e6):
         with pytest.raises(ValueError, match="max_steps is "):
-            ARM.model.run_options(max_steps=steps)
+            ARM.run_options(max_steps=steps)
 
 
 def test_every_structure_of_the_runtime_is_checked():
@@ -103,8 +102,10 @@ def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has():
 
 def test_steps_of_a_batch_are_bounded(monkeypatch):
     """17.26: max_steps stops fixed steps in lanes too."""
-    options = Model.run_options
-    monkeypatch.setattr(Model, "run_options", lambda *a, **how: options(*a, max_steps=10, **how))
+    options = fan.Marionette.run_options
+    monkeypatch.setattr(
+        fan.Marionette, "run_options", lambda *a, **how: options(*a, max_steps=10, **how)
+    )
     many = fan.simulate_batch(ARM, [X0] * 3, t_end=1.0, method="timestepping", threads=1)
     assert many.status.tolist() == [Status.TOO_MANY_STEPS] * 3
     assert many.reached == pytest.approx([0.02] * 3)
@@ -132,7 +133,7 @@ def test_a_run_needs_no_more_memory_than_was_reckoned():
     run = fan.simulate(ARM, X0, t_end=20.0, method="timestepping")
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert peak < memory.bytes_of(len(run), sum(ARM.model.sample_layout.widths.values()))
+    assert peak < memory.bytes_of(len(run), sum(ARM.sample_layout.widths.values()))
 
 
 @pytest.mark.parametrize("method", ["timestepping", "variational"])

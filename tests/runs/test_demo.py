@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.theatre.perform.demo import DURATION, performance
 
 
@@ -39,7 +38,7 @@ def test_a_string_is_slack_for_a_while_and_snaps_taut(run):
 
 
 def test_taut_strings_keep_their_lengths(marionette, run):
-    lengths = marionette.model.string_lengths(run.q_D, run.q_K)
+    lengths = marionette.string_lengths(run.q_D, run.q_K)
     points = marionette.string_points(run.q_D, run.q_K)
     paths = np.stack([np.sum(np.linalg.norm(np.diff(p, axis=1), axis=2), axis=1) for p in points])
     stretch = paths.T - lengths
@@ -60,9 +59,7 @@ def test_strings_only_pull(run):
 def test_the_hand_goes_up_and_the_puppet_walks_and_bows(marionette, run):
     then = run.resample(np.array([0.0, 1.4, 6.9, 8.0]))
     poses = marionette.poses(then.q_D, then.q_K)
-    hand, torso, head = (
-        link_index(marionette.model, n) for n in ("forearm_right", "torso", "skull")
-    )
+    hand, torso, head = (marionette.link_index(n) for n in ("forearm_right", "torso", "skull"))
     assert poses[1, hand, 2, 3] - poses[0, hand, 2, 3] > 0.05
     assert poses[2, torso, 0, 3] - poses[0, torso, 0, 3] > 0.1
     assert poses[3, head, 2, 2] < 0.8 < poses[0, head, 2, 2]

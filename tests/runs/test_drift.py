@@ -33,7 +33,7 @@ pose: {left.length: 0.9, right.length: 0.9}
 
 def relative(marionette, run) -> float:
     """The largest violation of a string, relative to its length."""
-    lengths = marionette.model.string_lengths(run.q_D, run.q_K)
+    lengths = marionette.string_lengths(run.q_D, run.q_K)
     return float(np.max(run.violation.values[:, : lengths.shape[1]] / lengths))
 
 

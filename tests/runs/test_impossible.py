@@ -139,7 +139,7 @@ def test_the_marionette_is_torn_apart(ask):
     and says so at its end."""
     puppet = fan.puppets.marionette()
     x0 = puppet.rest()
-    lengths = max(puppet.model.string_lengths(x0.q_D, x0.q_K))
+    lengths = max(puppet.string_lengths(x0.q_D, x0.q_K))
     moves = {"apart": {"x": (1.0, 1.0)}, "short": {}, "both": {"x": (1.0, 1.0)}}[ask]
     inputs = shaken(puppet, x0, **moves)
     if ask != "apart":

@@ -238,11 +238,7 @@ def test_the_derivatives_of_a_step_have_its_drag():
 
     def end(v):
         start = x.replace(v_D=v)
-        return (
-            Stepper(puppet.model, start, "timestepping", puppet.model.run_options(dt=dt))
-            .advance(dt)
-            .v_D
-        )
+        return Stepper(puppet, start, "timestepping", puppet.run_options(dt=dt)).advance(dt).v_D
 
     for k in range(n):
         d = 1e-6 * np.eye(n)[k]

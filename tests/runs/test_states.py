@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.dynamics.compiled import ActiveSet, Evaluation, check_start, energies
+from fantoccini.dynamics.compiled import ActiveSet, Evaluation, check_start
 from fantoccini.model.puppet import loads
 from fantoccini.motion import State
 
@@ -83,14 +83,14 @@ def test_project_keeps_what_is_taut(arm, lift):
     """17.1: a string slack by some nanometres that is taut in the mode is brought to its length."""
     x0 = arm.rest({"hand.length": 0.8})
     run = fan.simulate(arm, x0, lift, t_end=1.4, method="timestepping")
-    gaps = [(Evaluation.of(arm.model, run.state(i)).h[0], i) for i in range(len(run))]
+    gaps = [(Evaluation.of(arm, run.state(i)).h[0], i) for i in range(len(run))]
     for h, i in (min(gaps), max(gaps)):
         x = run.state(i)
         made = arm.project(x)
-        at = Evaluation.of(arm.model, made)
+        at = Evaluation.of(arm, made)
         assert abs(at.h[0]) < 1e-13 and abs(at.hdot[0]) < 1e-12 and made.taut[0]
         assert np.max(np.abs(made.q_D - x.q_D)) < 10.0 * abs(h)
-        check_start(arm.model, made)
+        check_start(arm, made)
     assert min(gaps)[0] < -1e-9
 
 
@@ -101,7 +101,7 @@ def test_projected_states_of_the_marionette_start_event_driven_runs(marionette, 
         for i in range(0, 480, 60):
             x = runs[method].state(i)
             made = marionette.project(x)
-            assert np.all(np.abs(Evaluation.of(marionette.model, made).h[x.taut]) < 1e-9)
+            assert np.all(np.abs(Evaluation.of(marionette, made).h[x.taut]) < 1e-9)
             run = fan.simulate(marionette, made, inputs, t_end=x.t + 0.002, effort=False)
             assert run.status.name == "DONE"
 
@@ -113,7 +113,7 @@ def test_an_active_set_that_is_wrong_is_refused(arm):
     with pytest.raises(fan.StateError, match=r"range: hand by"):
         arm.forward_dynamics(x)
     with pytest.raises(fan.StateError, match="hand is marked taut and slack by"):
-        check_start(arm.model, x)
+        check_start(arm, x)
     assert not arm.project(x).taut[0]
     free = x.replace(taut=[False])
     assert arm.forward_dynamics(free)[1].tolist() == [0.0]
@@ -132,7 +132,7 @@ def test_a_string_overstepped_at_rest_is_closed(arm):
     """17.1: no row is taken as slack because it is longer than its length."""
     x = arm.rest({"hand.length": 0.8})
     short = x.replace(q_K=[x.q_K[0], 0.8 - 1e-4])
-    assert ActiveSet.of(arm.model, short, Evaluation.of(arm.model, short)).held[0]
+    assert ActiveSet.of(arm, short, Evaluation.of(arm, short)).held[0]
     assert arm.forward_dynamics(short)[1][0] == pytest.approx(
         arm.forward_dynamics(x)[1][0], rel=0.01
     )
@@ -216,7 +216,7 @@ def test_a_run_that_ends_just_at_a_catch_goes_on_from_there(arm, before):
 def test_exact_lengths_are_asked_for_with_the_remedy(arm, lift):
     """17.7: where a method cannot begin at a state, the message says how to make it one."""
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method="timestepping")
-    gaps = [Evaluation.of(arm.model, run.state(i)).h[0] for i in range(len(run))]
+    gaps = [Evaluation.of(arm, run.state(i)).h[0] for i in range(len(run))]
     for i, says in ((int(np.argmin(gaps)), "slack by"), (int(np.argmax(gaps)), "violated by")):
         with pytest.raises(fan.StateError, match=rf"hand .*{says}.*marionette.project"):
             fan.simulate(arm, run.state(i), lift)
@@ -279,8 +279,8 @@ def test_a_state_of_another_puppet_is_named(arm, marionette):
             arm.flow,
             arm.kinetic_energy,
             arm.rest,
-            lambda x: energies(arm.model, x),
-            lambda x: Evaluation.of(arm.model, x),
+            lambda x: arm.energies(x),
+            lambda x: Evaluation.of(arm, x),
             lambda x: fan.simulate(arm, x, t_end=0.1),
             lambda x: fan.simulate_batch(arm, [x, x], t_end=0.1),
             lambda x: fan.sensitivity(arm, x, t_end=0.1),

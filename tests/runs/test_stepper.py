@@ -118,7 +118,7 @@ def test_little_gravity_leaves_room_for_inputs():
         inputs = fan.Input.waypoints(arm, {"hand.length": [(0, length), (1, length - 0.1)]})
         for method in ("event", "timestepping"):
             assert fan.simulate(arm, x0, inputs, method=method).status is fan.Status.DONE
-        assert arm.model.tension_cap == pytest.approx(1e5 * arm.mass * max(1.0, gravity))
+        assert arm.tension_cap == pytest.approx(1e5 * arm.mass * max(1.0, gravity))
 
 
 @pytest.mark.parametrize("method", ["event", "timestepping", "variational"])
@@ -165,5 +165,5 @@ def test_a_stepper_begins_with_the_velocities_of_its_state(arm, method):
     _, tension = arm.forward_dynamics(x)
     assert np.abs(x.v_K[1]) > 0.1
     assert np.allclose(stepper.tension, tension, atol=0.05 * arm.weight)
-    split = arm.model.sample_layout.split(stepper.samples)
+    split = arm.sample_layout.split(stepper.samples)
     assert np.array_equal(split["v_K"][0], x.v_K) and split["taut"][0, 0] == 1.0

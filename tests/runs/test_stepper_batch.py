@@ -47,7 +47,7 @@ def test_each_is_the_stepper_by_itself(method):
             assert np.allclose(getattr(x, name), getattr(one.state, name), rtol=0, atol=1e-9), name
         assert np.array_equal(x.taut, one.state.taut)
         assert np.allclose(batch.tension[i], one.tension, rtol=1e-6, atol=1e-6)
-        books = ARM.model.sample_layout.split(one.samples[-1:])
+        books = ARM.sample_layout.split(one.samples[-1:])
         for name, sum_ in zip(("work", "damping", "impact"), batch.books[i], strict=False):
             assert sum_ == pytest.approx(books[name][0], abs=1e-8)
 
@@ -76,7 +76,7 @@ def test_solids_slide_as_they_do_alone():
     assert one.state["v:body.x"] > 0.3
     for i in range(9):
         assert np.allclose(batch.q_D[i], one.state.q_D, rtol=0, atol=1e-8)
-    friction = BLOCK.model.sample_layout.split(one.samples[-1:])["friction"][0]
+    friction = BLOCK.sample_layout.split(one.samples[-1:])["friction"][0]
     assert np.allclose(batch.books[:, 4], friction, rtol=1e-6)
 
 

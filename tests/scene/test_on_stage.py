@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.theatre.perform.demo import walk
 
 pytestmark = pytest.mark.slow
@@ -22,7 +21,7 @@ LOADED = 0.03
 
 def corners(marionette, run, foot):
     """(T, 4, 3) corners of a sole in the world [m]."""
-    pose = marionette.poses(run.q_D, run.q_K)[:, link_index(marionette.model, f"shin_{foot}")]
+    pose = marionette.poses(run.q_D, run.q_K)[:, marionette.link_index(f"shin_{foot}")]
     return pose[:, None, :, 3] + np.einsum("tij,cj->tci", pose[:, :, :3], SOLE)
 
 
@@ -83,7 +82,7 @@ def test_the_feet_go_forward_one_after_the_other(walked):
 def test_the_trunk_stays_upright_and_it_stands_at_the_end(walked):
     stage, run = walked
     assert run.status is fan.Status.DONE
-    torso = stage.poses(run.q_D, run.q_K)[:, link_index(stage.model, "torso")]
+    torso = stage.poses(run.q_D, run.q_K)[:, stage.link_index("torso")]
     assert np.degrees(np.arccos(torso[:, 2, 2].min())) < 18.0
     assert np.degrees(np.abs(np.arctan2(torso[:, 1, 0], torso[:, 0, 0])).max()) < 22.0
     late = run.t > run.t[-1] - 1.0
@@ -116,7 +115,7 @@ def test_columbine_sits_on_the_chair(visit):
     assert (bears[late] - own).mean() > 0.4 * hers
     bodies = {name for pair in set(run.contact.of("chair").names) for name in pair}
     assert {"columbine.thigh_left", "columbine.thigh_right"} <= bodies
-    torso = stage.poses(run.q_D, run.q_K)[:, link_index(stage.model, "columbine.torso")]
+    torso = stage.poses(run.q_D, run.q_K)[:, stage.link_index("columbine.torso")]
     assert torso[late, 2, 3].max() < 0.26 < 0.33 < torso[0, 2, 3]
     assert np.ptp(run["chair.x"]) < 0.01
 
@@ -146,7 +145,7 @@ def test_pierrot_hands_her_the_ball(visit):
 
 def test_she_sits_with_it(visit):
     stage, run = visit
-    torso = stage.poses(run.q_D, run.q_K)[-1, link_index(stage.model, "columbine.torso"), :, 3]
+    torso = stage.poses(run.q_D, run.q_K)[-1, stage.link_index("columbine.torso"), :, 3]
     ball = np.array([run[f"ball.{axis}"][-1] for axis in "xyz"])
     assert np.linalg.norm(torso - ball) < 0.2
     assert ball[2] > 0.1

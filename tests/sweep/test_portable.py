@@ -33,10 +33,10 @@ def test_winches_travel_too():
 
 def test_what_is_compiled_stays_behind_and_a_copy_keeps_it():
     arm = fan.puppets.arm2d()
-    library = arm.model.library
+    library = arm.library
     assert "library" not in pickle.loads(pickle.dumps(arm)).__dict__
-    assert copy.copy(arm).model.library is library
-    assert arm.with_parameters({"m2": 0.1}).model.library is library
+    assert copy.copy(arm).library is library
+    assert arm.with_parameters({"m2": 0.1}).library is library
 
 
 def test_meshes_travel_with_their_puppet(tmp_path):

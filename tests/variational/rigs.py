@@ -62,7 +62,7 @@ def undamped() -> fan.Marionette:
     """The bundled marionette without damping and drag."""
     made = copy.copy(subject.undamped())
     # Rows, energies and rest are those of the damped one, whose library others have made already.
-    made.__dict__["library"] = marionette().model.library
+    made.__dict__["library"] = marionette().library
     return made
 
 

@@ -113,7 +113,7 @@ def test_names_cannot_inject_markup():
     )
     puppet = marionette.puppet.model_copy(update={"puppet": HOSTILE})
     marionette = fan.Marionette(
-        dataclasses.replace(marionette.model, tree=tree, puppet=puppet, p=np.ones(len(values)))
+        dataclasses.replace(marionette, tree=tree, puppet=puppet, p=np.ones(len(values)))
     )
     run = swinging(bundled("arm2d"))
     tension, taut = (dataclasses.replace(x, names=(HOSTILE,)) for x in (run.tension, run.taut))

@@ -24,7 +24,7 @@ strings:
 
 
 def still(marionette):
-    return Still(marionette.puppet, marionette.tree, marionette.model.number)
+    return Still(marionette.puppet, marionette.tree, marionette.number)
 
 
 def moved(marionette, seed):
@@ -45,7 +45,7 @@ def test_poses_points_and_lengths_are_those_of_the_compiled_model(name):
     assert np.allclose(plain.poses(*q), compiled.poses(*q), atol=1e-12)
     for ours, theirs in zip(plain.string_points(*q), compiled.string_points(*q), strict=True):
         assert np.allclose(ours, theirs, atol=1e-12)
-    assert np.allclose(plain.string_lengths(*q), compiled.model.string_lengths(*q), atol=1e-12)
+    assert np.allclose(plain.string_lengths(*q), compiled.string_lengths(*q), atol=1e-12)
 
 
 def test_strings_without_a_length_just_reach_in_the_start_pose():

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from fantoccini.base import Array, Mistake, PuppetError, moved
-from fantoccini.dynamics.compiled import A_rate, coriolis_full, refuse_contact
+from fantoccini.dynamics.compiled import refuse_contact
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 
@@ -222,8 +222,8 @@ def validate_reduction(marionette: Marionette) -> ReductionReport:
 
 def without_drives(marionette: Marionette) -> Marionette:
     """The puppet with inputs in place of its drives; raises as :func:`validate_reduction`."""
-    refuse_contact(marionette.model, "reduction")
-    puppet, progress = marionette.model.described, marionette.model.compiled.progress
+    refuse_contact(marionette, "reduction")
+    puppet, progress = marionette.described, marionette.libraries.progress
     mixed = Marionette(puppet.model_copy(update={"drives": ()}), progress)
     if mixed.coordinates.n_vK == 0:
         file, _ = puppet.locate(puppet.name)
@@ -251,7 +251,7 @@ def drive(mixed: Marionette, ratio: float = 1.0) -> tuple[float, float]:
 def mean_length(marionette: Marionette) -> float:
     """Mean string length in the file's pose [m]; 1 without strings."""
     x = marionette.state()
-    lengths = marionette.model.string_lengths(x.q_D, x.q_K)
+    lengths = marionette.string_lengths(x.q_D, x.q_K)
     return float(np.mean(lengths)) if len(lengths) else 1.0
 
 
@@ -298,7 +298,7 @@ def fit_strings(marionette: Marionette, x: State) -> State | None:
     fixed = [i for i, s in enumerate(strings) if s.length_index is None]
     for _ in range(_MAX_ITERATIONS):
         h = marionette.constraint(x)
-        scales = marionette.model.row_scales(x.q_D, x.q_K)[fixed]
+        scales = marionette.row_scales(x.q_D, x.q_K)[fixed]
         if np.all(np.abs(h[fixed]) <= _MAX_GAP * scales):
             break
         A = np.hstack([marionette.A_D(x), marionette.A_K(x)])[fixed]
@@ -385,9 +385,9 @@ def symmetric_products(
     C, Adot = np.zeros((k, n, n)), np.zeros((k, len(taut), n))
     for i in range(k):
         moving = x.replace(v_D=fields[:n_vD, i], v_K=fields[n_vD:, i])
-        C[i] = coriolis_full(marionette.model, moving)
-        if len(taut):
-            Adot[i] = np.hstack(A_rate(marionette.model, moving))[taut]
+        C[i] = marionette.interpreted("coriolis", moving).C
+        rate = marionette.interpreted("A_rate", moving)
+        Adot[i] = np.hstack([rate.Adot_D, rate.Adot_K])[taut]
     across, along = _basis(W), _basis(free + W @ mu)
     products, outside = np.zeros((n, k, k)), 0.0
     for i in range(k):

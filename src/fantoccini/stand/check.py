@@ -234,7 +234,7 @@ def _unknown(bound: AxisMap, marionette: Marionette, run: Trajectory, times: Arr
     """(len(times), n) whether the motion does not determine the forces of the axes there."""
     flags = run.undetermined
     if flags is None:
-        flags = undetermined(marionette.model, run)
+        flags = undetermined(marionette, run)
     own = flags.values[:, len(run.tension.names) :][:, bound.v]
     found = np.any(own[:, :, None] & (bound.J != 0.0), axis=1)
     near = np.array(found)
@@ -274,7 +274,7 @@ def with_effort(run: Trajectory, marionette: Marionette) -> Trajectory:
         run.q_D, run.v_D, run.q_K, run.v_K, run.acc_D, run.acc_K, run.tension.values
     )
     if run.contact is not None:
-        force = force + contact_effort(marionette.model, run.contact, run.q_D, run.q_K)
+        force = force + contact_effort(marionette, run.contact, run.q_D, run.q_K)
     columns = Columns(run.coordinates.v_K, force, "driven velocity")
     return dataclasses.replace(run, effort=columns)
 

@@ -155,7 +155,7 @@ def _count(found: list[Mistake]) -> str:
 
 def _size(made: Marionette) -> str:
     """Mass, extent and hanging height of a puppet in its start pose."""
-    size = measure(made.tree, made.model.number)
+    size = measure(made.tree, made.number)
     lengths = " x ".join(f"{x:.3g}" for x in size.lengths)
     hangs = "" if size.hangs is None else f", hangs {size.hangs:.3g} m high"
     return f"{size.mass:.4g} kg, {lengths} m (x, y, z){hangs}"

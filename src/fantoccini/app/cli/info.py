@@ -171,7 +171,7 @@ def _string_cells(made: Marionette, string: StringRow) -> tuple[object, ...]:
 def _drive_cells(made: Marionette, row: DriveRow) -> tuple[object, ...]:
     """Coordinate, command, ratio n, inertia m + n^2 J, motor and control."""
     drive, unit = row.drive, "kg m^2" if row.drive.drum is None and row.drive.mass is None else "kg"
-    n, inertia = row.ratio(made.model.number), row.inertia(made.model.number)
+    n, inertia = row.ratio(made.number), row.inertia(made.number)
     parts = [getattr(part, "type", "") for part in (drive.motor, drive.control)]
     return row.name, row.command_name, number(n), f"{number(inertia)} {unit}", *parts
 

@@ -24,10 +24,8 @@ def puppet_warnings(made: Marionette, file: str) -> list[Mistake]:
     """
     located = made.puppet.located
     if located.data is None:  # assembled from the files of a scene
-        return _of_members(made.puppet, warnings(made.model))
-    return _in_order(
-        [located.problem(*found) for found in warnings(made.model, located.data)], file
-    )
+        return _of_members(made.puppet, warnings(made))
+    return _in_order([located.problem(*found) for found in warnings(made, located.data)], file)
 
 
 def _of_members(puppet: Puppet, found: Iterable[Finding]) -> list[Mistake]:
@@ -53,7 +51,7 @@ def inputs_warnings(made: Marionette, inputs: Input, path: Path) -> list[Mistake
     written = path.suffix.lower() in (".yaml", ".yml")
     located = read_file(path) if written else Located(file=str(path), folder=path.parent)
     found = []
-    for warning in input_warnings(made.model, inputs):
+    for warning in input_warnings(made, inputs):
         place = _waypoint(made, located.data, warning.name, warning.t)
         found.append(located.problem(place, f"at t = {warning.t:g} s it {warning.message}"))
     return _in_order(found, str(path))
@@ -63,9 +61,9 @@ def warn(
     made: Marionette, file: str, inputs: Input | None = None, path: Path | None = None
 ) -> None:
     """Prints the number of warnings and the command that lists them; arguments as above."""
-    found, command = len(warnings(made.model)), f"fantoccini check {file}"
+    found, command = len(warnings(made)), f"fantoccini check {file}"
     if inputs is not None:
-        found += len(input_warnings(made.model, inputs))
+        found += len(input_warnings(made, inputs))
         command += f" --inputs {path}"
     if found:
         say(f"{found} warning{'s' * (found > 1)}: {command}")

@@ -369,7 +369,7 @@ class Live(PageLoop):
         tension = np.asarray(p.tension, dtype=float)
         if tension.any():
             return tension
-        forces = motion_at(p.marionette.model, p.state).tension
+        forces = motion_at(p.marionette, p.state).tension
         return np.asarray(forces)[: len(p.marionette.tree.strings)]
 
     # -- reports and views ---------------------------------------------------------------------

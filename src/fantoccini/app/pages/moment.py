@@ -72,7 +72,7 @@ def moment_at(
     """
     tree, n = marionette.tree, len(marionette.tree.strings)
     poses = np.asarray(marionette.poses(state.q_D, state.q_K))
-    lengths = np.asarray(marionette.model.string_lengths(state.q_D, state.q_K))
+    lengths = np.asarray(marionette.string_lengths(state.q_D, state.q_K))
     return Moment(
         t=state.t,
         poses=poses,

@@ -99,7 +99,7 @@ def optimise(
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension or task.bounds.force)
     pulls = pulls or any(one.kind == "tension" for one in task.tracks)
-    has_contact = marionette.model.contacts is not None
+    has_contact = marionette.contacts is not None
     if exact and has_contact:
         raise StateError("optimise: exact derivatives want a puppet without contact")
     longest = task.durations[1] / task.n_intervals
@@ -281,7 +281,7 @@ def tracks_of(
 
 def refuse_winches(marionette: Marionette, what: str) -> None:
     """Raises StateError where a winch may slip."""
-    upper = marionette.model.upper
+    upper = marionette.upper
     winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(upper[i])]
     if winches:
         raise StateError(

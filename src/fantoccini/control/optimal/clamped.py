@@ -76,7 +76,7 @@ class ClampedSteps:
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):
             one = linearise_steps(
-                self._marionette.model,
+                self._marionette,
                 *x,
                 nodes.acc_K,
                 dt=dt,

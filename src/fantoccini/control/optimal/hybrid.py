@@ -97,7 +97,7 @@ class ExactRuns(HybridRuns):
 def _pulls(marionette: Marionette, run: Trajectory, nodes: Nodes) -> tuple[Array, Array]:
     """(N, n_rows or n_vD, n_z + n_vK + n_p) of tensions and accelerations just after the nodes."""
     after = np.searchsorted(run.t, nodes.t[:-1] + _SAME_TIME, side="right") - 1
-    names, two_sided = marionette.tree.row_names, marionette.model.two_sided
+    names, two_sided = marionette.tree.row_names, marionette.two_sided
     pull: list[Array] = []
     acc: list[Array] = []
     for i, acc_K in zip(after, nodes.acc_K, strict=True):

@@ -101,7 +101,7 @@ class MotorRows:
     def _at(self, marionette: Marionette, nodes: Nodes, first: int, z: Array, u: Array) -> Array:
         """(n, N, m / 2) values where states and accelerations are changed by n rows z and u."""
         q_D, v_D, q_K, v_K = nodes.states(z, first)
-        force = marionette.model.library.evaluate(
+        force = marionette.library.evaluate(
             "motor_demands",
             q_D=q_D,
             v_D=v_D,
@@ -121,7 +121,7 @@ def _electric(
     marionette: Marionette, row: DriveRow, force: Array, v_D: Array, voltage: bool
 ) -> Array:
     """(...) R i + k n v, or the current i, of a drive's motor [V or A]."""
-    motor, number = row.drive.motor, marionette.model.number
+    motor, number = row.drive.motor, marionette.number
     assert isinstance(motor, DirectCurrent), "has no such bound"
     gain = row.ratio(number) * number(motor.constant)
     current = force[..., row.v.start] / gain

@@ -202,7 +202,7 @@ class MPC:
             StateError: the state is none of this puppet, or t lies before it.
         """
         began = time.perf_counter()
-        self.marionette.model.check_state(x)
+        self.marionette.check_state(x)
         t = x.t if t is None else float(t)
         if not x.t - 1e-9 <= t < math.inf:
             raise StateError(f"t is {t:g} s, before the state's time of {x.t:g} s")

@@ -33,9 +33,11 @@ class Predictions:
     """
 
     def __init__(self, marionette: Marionette, dt: float, lanes: int):
-        self._marionette, self._n, model = marionette, lanes, marionette.model
-        options = model.run_options(dt=dt, extrapolate=False)
-        self._steppers = LaneSteppers(model.compiled.lanes, lanes, 1, options, model.winches)
+        self._marionette, self._n = marionette, lanes
+        options = marionette.run_options(dt=dt, extrapolate=False)
+        self._steppers = LaneSteppers(
+            marionette.libraries.lanes, lanes, 1, options, marionette.winches
+        )
 
     def make(
         self, x0: State, start: float, interval: float, acc_K: Array
@@ -89,13 +91,13 @@ class Predictions:
         return replace(x0, t=x0.t + duration, **parts, taut=arrays["taut"][0])
 
     def _begun(self, x0: State) -> dict[str, AnyArray]:
-        n, tree, model = self._n, self._marionette.tree, self._marionette.model
+        n, tree, marionette = self._n, self._marionette.tree, self._marionette
         arrays: dict[str, AnyArray] = {
             name: np.repeat(np.asarray(getattr(x0, name), dtype=float)[None], n, axis=0)
             for name in _MOTION
         }
         return arrays | {
-            "p": np.repeat(model.p[None], n, axis=0),
+            "p": np.repeat(marionette.p[None], n, axis=0),
             "fresh": np.ones(n, dtype=np.uint8),
             "slip": np.zeros((n, len(tree.strings))),
             "tension": np.zeros((n, tree.n_rows)),

@@ -202,7 +202,7 @@ class Reach:
         shown = target_names(problem.names)
         chosen = {
             name: float(found.p[i, j])
-            for name, j in marionette.model.parameter_index.items()
+            for name, j in marionette.parameter_index.items()
             if problem.low[table.n_vK + j] < problem.high[table.n_vK + j]
         }
         left = np.linalg.norm(found.left[i], axis=1)
@@ -235,7 +235,7 @@ class Reach:
                 break
             high = price[c] > 0.0
             if c < n_u:
-                names = [*table.v_K, *marionette.model.parameter_index]
+                names = [*table.v_K, *marionette.parameter_index]
                 texts.append(
                     self._beyond(names[c], (problem.high if high else problem.low)[c], high)
                 )

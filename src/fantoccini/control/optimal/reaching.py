@@ -76,16 +76,17 @@ def reach(
             bounds, or a puppet with contact or winches that slip.
     """
     check_positive(tolerance=tolerance)
-    model = marionette.model
-    refuse_contact(model, "reach")
-    winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(model.upper[i])]
+    refuse_contact(marionette, "reach")
+    winches = [
+        s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(marionette.upper[i])
+    ]
     if winches:
         raise StateError(
             f"reach: the winch of {', '.join(winches)} may slip; leave max_tension out of the "
             "puppet and give bounds of the tension"
         )
     start = marionette.rest() if start is None else start
-    model.check_state(start)
+    marionette.check_state(start)
     still = start.replace(v_D=np.zeros_like(start.v_D), v_K=np.zeros_like(start.v_K))
     bounds = Bounds() if bounds is None else bounds
     bounds = replace(bounds, speed=np.inf, acceleration=np.inf, jerk=np.inf)
@@ -97,7 +98,7 @@ def reach(
     chosen = _chosen(marionette, still, bounds, parameters or {})
     problem = ReachProblem(marionette, still, tuple(targets), places, arrays["moves"], **chosen)
     rows = _rows(marionette, still, chosen["tension_low"])
-    found = model.compiled.reach.find(
+    found = marionette.libraries.reach.find(
         places,
         {
             **arrays,
@@ -105,10 +106,10 @@ def reach(
             **chosen,
             "q_D": still.q_D,
             "q_K": still.q_K,
-            "p": model.p,
+            "p": marionette.p,
             "moved": problem.low < problem.high,
         },
-        weight=model.weight or 1.0,
+        weight=marionette.weight or 1.0,
         tolerance=tolerance,
         max_iterations=iterations,
         once=once,
@@ -193,11 +194,11 @@ def _chosen(
     marionette: Marionette, x0: State, bounds: Bounds, parameters: Mapping[str, Interval]
 ) -> dict[str, Array]:
     """Bounds of what is chosen: (q_K, p), of tensions and of joints."""
-    table, model, tree = marionette.coordinates, marionette.model, marionette.tree
+    table, tree = marionette.coordinates, marionette.tree
     n, k = table.n_vD, table.n_vK
     low_z, high_z = bounds.intervals(marionette)
-    low = np.concatenate([low_z[2 * n : 2 * n + k], model.p])
-    high = np.concatenate([high_z[2 * n : 2 * n + k], model.p])
+    low = np.concatenate([low_z[2 * n : 2 * n + k], marionette.p])
+    high = np.concatenate([high_z[2 * n : 2 * n + k], marionette.p])
     now = {v: x0.q_K[q] for q, v in table.scalars_K}
     for v, value in now.items():
         low[v] = value - _FARTHEST if np.isneginf(low[v]) else low[v]
@@ -208,23 +209,23 @@ def _chosen(
     for name in bounds.held:
         v = table.v_K.index(name)
         low[v] = high[v] = now.get(v, 0.0)
-    index = model.parameter_index
+    index = marionette.parameter_index
     for name, (a, b) in parameters.items():
         if name not in index:
             raise UnknownNameError("parameter", name, list(index))
-        if not a <= model.p[index[name]] <= b or not np.isfinite(a + b):
+        if not a <= marionette.p[index[name]] <= b or not np.isfinite(a + b):
             raise StateError(
-                f"reach: the parameter {name} is {model.p[index[name]]:g} and is to lie from {a:g} "
-                f"to {b:g}; needed: finite bounds that it lies between"
+                f"reach: the parameter {name} is {marionette.p[index[name]]:g} and is to lie from "
+                f"{a:g} to {b:g}; needed: finite bounds that it lies between"
             )
         for end in (a, b):
             marionette.with_parameters({name: end})
         low[k + index[name]], high[k + index[name]] = a, b
     rows, least, most = bounds.tensions(marionette)
-    tension_low = np.where(model.two_sided, -np.inf, 0.0)
-    tension_high = np.full(len(tension_low), _MOST_TENSION * (model.weight or 1.0))
+    tension_low = np.where(marionette.two_sided, -np.inf, 0.0)
+    tension_high = np.full(len(tension_low), _MOST_TENSION * (marionette.weight or 1.0))
     tension_high[len(tree.strings) :] = np.inf
-    tension_low[rows] = np.where(model.two_sided[rows], least, np.maximum(least, 0.0))
+    tension_low[rows] = np.where(marionette.two_sided[rows], least, np.maximum(least, 0.0))
     tension_high[rows] = most
     return {
         "low": low,
@@ -238,7 +239,6 @@ def _chosen(
 
 def _rows(marionette: Marionette, x0: State, least: Array) -> dict[str, np.ndarray]:
     """Tensions at the start, which rows pull there, and which may begin or cease to."""
-    model = marionette.model
     found = marionette.forward_dynamics(x0)
     tension, lengths = found.tension, np.full(len(found.tension), -1)
     if np.max(np.abs(found.acc_D), initial=0.0) > _AT_REST:
@@ -248,6 +248,6 @@ def _rows(marionette: Marionette, x0: State, least: Array) -> dict[str, np.ndarr
     for j, string in enumerate(marionette.tree.strings):
         if string.driven_length:
             lengths[j] = string.driven_length[1]
-    held = (tension > 1e-9 * (model.weight or 1.0)) | model.two_sided
-    may_change = ~model.two_sided & ~(held & (least > 0.0))
+    held = (tension > 1e-9 * (marionette.weight or 1.0)) | marionette.two_sided
+    may_change = ~marionette.two_sided & ~(held & (least > 0.0))
     return {"tension": tension, "held": held, "may_change": may_change, "lengths": lengths}

@@ -55,7 +55,7 @@ class EventRuns:
 
     def derivatives(self, nodes: Nodes) -> LinearEnds:
         """Derivatives of the intervals by time steps; contact modes may differ between steps."""
-        if self.steps.marionette.model.contacts is not None:
+        if self.steps.marionette.contacts is not None:
             return self.steps.linearise(nodes)
         return self.steps.extrapolated(nodes)
 

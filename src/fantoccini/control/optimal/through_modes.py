@@ -49,7 +49,7 @@ class ThroughModes:
         self, first: Iterate, runs: HybridRuns, objective: Objective, limits: Limits, seed: int
     ):
         marionette = objective.task.marionette
-        refuse_contact(marionette.model, "exploring")
+        refuse_contact(marionette, "exploring")
         if rotations := list(marionette.coordinates.rotations):
             raise StateError(
                 f"exploring: {', '.join(rotations)} is a driven rotation, through whose catches "

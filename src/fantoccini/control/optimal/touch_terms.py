@@ -36,7 +36,6 @@ from fantoccini.base import Array, Indices, Times, rotation, tangent
 from fantoccini.control.optimal.dynamics import LinearEnds
 from fantoccini.control.optimal.moments import Off, Window, nearest
 from fantoccini.control.tasks import Chosen, Nodes, Task, Touched
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 
@@ -141,9 +140,9 @@ class Touches:
     """
 
     def __init__(self, task: Task, chosen: Chosen):
-        model = task.marionette.model
+        marionette = task.marionette
         self._touches, self._chosen = task.touches, chosen
-        self._links = [link_index(model, touch.body) for touch in task.touches]
+        self._links = [marionette.link_index(touch.body) for touch in task.touches]
         self._places = np.array([touch.place for touch in task.touches], float).reshape(-1, 3)
         self._points = np.array([touch.at for touch in task.touches], float).reshape(-1, 3)
         self._kept: tuple[Nodes, Moments] | None = None

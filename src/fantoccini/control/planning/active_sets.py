@@ -268,7 +268,7 @@ def extended(
 
 def _acceleration(marionette: Marionette, at: StateArrays, acc_K: Array, active: MaskRows) -> Array:
     """(n, n_vD) acc_D with active strings held: G tau = hddot without tension."""
-    found = marionette.model.library.evaluate(
+    found = marionette.library.evaluate(
         "dynamics",
         q_D=at.q_D,
         v_D=at.v_D,
@@ -284,4 +284,4 @@ def _acceleration(marionette: Marionette, at: StateArrays, acc_K: Array, active:
     G = G + _TOLERANCES.compliance * np.trace(G, axis1=1, axis2=2)[:, None, None] * unit
     tension = np.linalg.solve(G, (active * (found.gamma + found.a0))[..., None])
     w = found.w0 - (tension.swapaxes(1, 2) @ found.W.swapaxes(1, 2))[:, 0]
-    return marionette.model.library.evaluate("back", L=found.L, x=w).y
+    return marionette.library.evaluate("back", L=found.L, x=w).y

@@ -110,7 +110,7 @@ def jammed(marionette: Marionette, run: Trajectory) -> list[str]:
     """The strings that pull as if nothing could give way, against what the puppet touches."""
     if run.contact is None:
         return []
-    most = _TOLERANCES.jam * marionette.model.tension_cap
+    most = _TOLERANCES.jam * marionette.tension_cap
     return [
         f"string {name} is jammed: it pulls with {np.max(tension):.3g} N"
         for name, tension in run.tension.items()

@@ -225,7 +225,7 @@ class Feedback:
     def active_set(self, x: State) -> MaskRows:
         """(n_strings,) bool: strings marked taut in the state, or at their length and at rest."""
         marionette, strings = self.plan.problem.marionette, self.active.shape[1]
-        closed = ActiveSet.of(marionette.model, x, Evaluation.of(marionette.model, x))
+        closed = ActiveSet.of(marionette, x, Evaluation.of(marionette, x))
         return (closed.held | closed.slipping)[:strings]
 
     def _velocities_within(self, x: State, T: float) -> tuple[Array, Array]:
@@ -307,7 +307,7 @@ def _active_sets(plan: PlanPath) -> MaskRows:
     # Tensions of a time step are saved at its end.
     after = np.searchsorted(run.t, plan.times + 0.5 * plan.rollouts.options.dt)
     pulls = run.tension.values[np.minimum(after, len(run.t) - 1)] != 0.0
-    return pulls | plan.problem.marionette.model.two_sided[: pulls.shape[1]]
+    return pulls | plan.problem.marionette.two_sided[: pulls.shape[1]]
 
 
 def _goal_weights(plan: PlanPath, end: StateArrays) -> Array:

@@ -169,7 +169,7 @@ def _ratio(a: Array, b: Array) -> Array:
 def exact_start(problem: Problem, method: Method | MethodName) -> State:
     """The problem's start, projected for methods that need exact string lengths."""
     try:
-        check_start(problem.marionette.model, problem.start, as_method(method).name)
+        check_start(problem.marionette, problem.start, as_method(method).name)
     except StateError:
         return problem.marionette.project(problem.start)
     return problem.start

@@ -316,7 +316,7 @@ class Shooting:
         G tau = hddot without tension, over these strings, as if nothing else held.
         """
         marionette, n = self.problem.marionette, len(acc_K)
-        found = marionette.model.library.evaluate(
+        found = marionette.library.evaluate(
             "dynamics",
             q_D=states.q_D,
             v_D=states.v_D,

@@ -86,7 +86,7 @@ def balanced(
 
     def configurations(x: Array) -> tuple[Array, Array]:
         """(n, n_qD), (n, n_qK) of points (n, n_D + ends)."""
-        q_D = retract(marionette.model, origin, x[:, :n_D]) if n_D else np.tile(origin, (len(x), 1))
+        q_D = retract(marionette, origin, x[:, :n_D]) if n_D else np.tile(origin, (len(x), 1))
         q_K = np.tile(start.q_K, (len(x), 1))
         q_K[:, ends] = x[:, n_D:]
         return q_D, q_K
@@ -120,7 +120,7 @@ def balanced(
         """q_K with the lengths at which the strings just reach."""
         if lengths:
             q_K[:, [k for _, k in lengths]] = 0.0
-            h = marionette.model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=p).h
+            h = marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=p).h
             for i, k in lengths:
                 q_K[:, k] = h[:, i]
         return q_K
@@ -142,7 +142,7 @@ def balanced(
     q_D, q_K = configurations(x[None])
     left, tension, _ = best_support(marionette, q_D, q_K)
     q_K = reached(q_D, q_K)[0]
-    h = marionette.model.library.evaluate("rows", q_D=start.q_D, q_K=start.q_K, p=p).h
+    h = marionette.library.evaluate("rows", q_D=start.q_D, q_K=start.q_K, p=p).h
     for i, k in lengths:
         if not tension[0, i] > _TOLERANCES.min_tension * marionette.weight:
             q_K[k] += max(_TOLERANCES.min_slack, -h[i])
@@ -173,7 +173,7 @@ def best_support(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array,
     tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
     wires = [i for i, s in enumerate(tree.strings) if s.wire]
     none_D, none_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
-    found = marionette.model.library.evaluate(
+    found = marionette.library.evaluate(
         "dynamics",
         q_D=q_D,
         v_D=none_D,

@@ -68,7 +68,7 @@ def segment_derivatives(
         A (m, n_z, n_z) and B (m, n_z, n_vK).
     """
     pool = RolloutPool(
-        marionette.model.compiled.rollouts, _unbounded(marionette, options, looks), threads
+        marionette.libraries.rollouts, _unbounded(marionette, options, looks), threads
     )
 
     def ends(near: StateArrays, acc_K: Array) -> StateArrays:
@@ -168,8 +168,8 @@ def taut_projection(marionette: Marionette, at: StateArrays, held: MaskRows) -> 
     q_D = tangent.moved(*places_D, at.q_D[:, None], steps[:, :n]).reshape(m * (ways + 1), -1)
     q_K = tangent.moved(*places_K, at.q_K[:, None], steps[:, n:]).reshape(m * (ways + 1), -1)
     v_D, v_K = (np.repeat(v, ways + 1, axis=0) for v in (at.v_D, at.v_K))
-    h = marionette.model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h
-    hdot = marionette.model.library.evaluate(
+    h = marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h
+    hdot = marionette.library.evaluate(
         "dynamics",
         q_D=q_D,
         v_D=v_D,

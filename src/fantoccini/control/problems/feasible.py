@@ -103,7 +103,7 @@ def _chain(marionette: Marionette, link: int, reach: float) -> _Chain | None:
         one = links[link]
         if one.kind in _TRANSLATING:
             return None
-        offset = np.array([marionette.model.number(x) for x in one.offset])
+        offset = np.array([marionette.number(x) for x in one.offset])
         if one.parent == WORLD:
             return _Chain(one.joint, offset, reach)
         reach += float(np.linalg.norm(offset))

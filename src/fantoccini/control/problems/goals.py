@@ -11,7 +11,6 @@ import numpy as np
 from fantoccini.base import Array, ConfigD, ConfigK, StateError, UnknownNameError, rotation
 from fantoccini.control.problems.state_arrays import StateArrays
 from fantoccini.control.problems.touches import Pair, Touches, pair_of
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE, UNKNOWN, GoalNumbers
 from fantoccini.model.tree import CoordinateTable
@@ -124,7 +123,7 @@ class Goal:
         if self.function is not None:
             found = np.asarray(self.function(states), dtype=float)
             return np.where(np.isnan(found), np.inf, found)
-        x, library = states.flat, self.marionette.model.compiled.rollouts
+        x, library = states.flat, self.marionette.libraries.rollouts
         return library.distances(
             self.numbers, x.q_D, x.v_D, x.q_K, x.v_K, self.marionette.p
         ).reshape(states.shape)
@@ -309,7 +308,7 @@ class Goal:
             np.zeros(table.n_vD),
             np.zeros(table.n_vD),
             np.zeros(table.n_vK),
-            link_index(marionette.model, body),
+            marionette.link_index(body),
             offset,
             target,
             high,
@@ -388,7 +387,7 @@ class Goal:
             UnknownNameError: no body has this name.
             StateError: ``by`` is not three finite numbers.
         """
-        link = link_index(marionette.model, body)
+        link = marionette.link_index(body)
         place = marionette.poses(start.q_D, start.q_K)[link, :, 3] + _triple("way", by)
         return cls.point(
             marionette, body, place.tolist(), speed_weight=speed_weight, driven_weight=driven_weight

@@ -118,11 +118,11 @@ class Problem:
         options = RolloutOptions(tolerance, margin, slack, dt, look, threads=threads)
         options = options.with_segment(segment)
         self.objective = Objective.of(objective)
-        check_start(marionette.model, start, "timestepping")
-        if marionette.model.contacts is not None:
+        check_start(marionette, start, "timestepping")
+        if marionette.contacts is not None:
             every = standing(marionette.puppet, obstacles)
             solid = [o for o in every if not isinstance(o, HalfSpace)]
-            marionette = Marionette(marionette.model.with_obstacles(solid))
+            marionette = marionette.with_obstacles(solid)
             obstacles = [o for o in every if isinstance(o, HalfSpace) and o.name != FLOOR]
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
@@ -178,7 +178,7 @@ class Problem:
     def drawn_marionette(self) -> Marionette:
         """The puppet among all obstacles except half-spaces, for pictures."""
         solid = tuple(o for o in self.rollouts.clearance.obstacles if not isinstance(o, HalfSpace))
-        return Marionette(self.marionette.model.with_obstacles(solid))
+        return self.marionette.with_obstacles(solid)
 
     @property
     def fingerprint(self) -> str:

@@ -235,9 +235,7 @@ def _check_touches(file: ProblemFile, marionette: Marionette, check: Refusals) -
         places += [(("goal", "stand", "on", k), pair) for k, pair in enumerate(on)]
     solid = (o for o in file.obstacles if not isinstance(o, HalfSpace))
     among = (
-        Marionette(marionette.model.with_obstacles((*marionette.puppet.obstacles, *solid)))
-        if places
-        else marionette
+        marionette.with_obstacles((*marionette.puppet.obstacles, *solid)) if places else marionette
     )
     for place, pair in places:
         check(place, lambda pair=pair: touching(among, pair))

@@ -10,7 +10,6 @@ from fantoccini.base import Array
 from fantoccini.control.problems.goals import Goal
 from fantoccini.control.problems.state_arrays import StateArrays
 from fantoccini.control.problems.touches import Touches
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
@@ -130,7 +129,7 @@ def _knob(
     marionette: Marionette, body: str, start: State, place: Array
 ) -> tuple[float, str, list[float], float] | None:
     """The round end of a body that is nearest to a place: distance, body, point and radius."""
-    link = link_index(marionette.model, body)
+    link = marionette.link_index(body)
     pose = marionette.poses(start.q_D, start.q_K)[link]
     ends: list[tuple[tuple[float, ...], float]] = []
     for shape in marionette.tree.links[link].shapes:

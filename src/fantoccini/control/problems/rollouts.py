@@ -257,7 +257,7 @@ class Rollouts:
         self.stop_distance = _LIMITS.stop * options.tolerance
         self.funnels: list[Funnel] = []
         # Rollouts restart at every node, so a step must depend on its state alone.
-        self.run_options = marionette.model.run_options(
+        self.run_options = marionette.run_options(
             dt=options.dt, save_every=options.look, extrapolate=False
         )
         settings = RolloutSettings(
@@ -273,7 +273,7 @@ class Rollouts:
             self.stop_distance,
             kept_off,
         )
-        self._pool = RolloutPool(marionette.model.compiled.rollouts, settings, options.threads)
+        self._pool = RolloutPool(marionette.libraries.rollouts, settings, options.threads)
 
     def where(self, *, tolerance: float, free: bool = False) -> Rollouts:
         """The same rollouts with another tolerance.

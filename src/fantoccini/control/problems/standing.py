@@ -134,7 +134,7 @@ def _lower(marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows) 
     for row, (q, _) in enumerate(places):
         every[row + 1, q] += step
     at = np.tile(q_D, (len(every), 1))
-    h = marionette.model.library.evaluate("rows", q_D=at, q_K=every, p=marionette.p).h[:, pulls]
+    h = marionette.library.evaluate("rows", q_D=at, q_K=every, p=marionette.p).h[:, pulls]
     slopes = (h[1:] - h[0]).T / step
     way = np.zeros(len(q_K))
     way[[q for q, _ in places]] = np.linalg.pinv(slopes) @ -np.ones(len(pulls))

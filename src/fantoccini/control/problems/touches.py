@@ -105,7 +105,7 @@ class Touches:
     @property
     def contacts(self) -> Contacts | None:
         """The pairs of contact; None for a puppet that touches nothing."""
-        return self.marionette.model.contacts
+        return self.marionette.contacts
 
     @cached_property
     def free(self) -> frozenset[frozenset[str]]:
@@ -139,8 +139,8 @@ class Touches:
         """Two parts that touch at a configuration, though they are kept off; None without any."""
         if self.contacts is None or np.all(self.may):
             return None
-        kept, model = self.contacts.some(~self.may), self.marionette.model
-        gaps = model.library.gaps(kept, q_D, q_K, model.p)
+        kept, marionette = self.contacts.some(~self.may), self.marionette
+        gaps = marionette.library.gaps(kept, q_D, q_K, marionette.p)
         nearest = int(np.argmin(gaps))
         return kept.names[nearest] if gaps[nearest] <= _TOUCHING else None
 
@@ -156,8 +156,8 @@ class Touches:
             return found
         contacts, touch = self._of_touches
         q_K = np.broadcast_to(q_K, (*lead, q_K.shape[-1]))
-        model = self.marionette.model
-        gaps = model.library.gaps(contacts, q_D, q_K, model.p, _FAR)
+        marionette = self.marionette
+        gaps = marionette.library.gaps(contacts, q_D, q_K, marionette.p, _FAR)
         for k in range(len(self.asked)):
             found[..., k] = np.minimum(np.min(gaps[..., touch == k], axis=-1), _FAR)
         return found
@@ -197,8 +197,8 @@ class Touches:
         at = int(np.searchsorted(run.t, t))
         before = np.arange(max(0, at - _STEPS_BEFORE), at + 1)
         some = self.contacts.some(np.array([frozenset(n) == names for n in self.names]))
-        q_D, q_K, model = run.q_D[before], run.q_K[before], self.marionette.model
-        gaps = np.min(model.library.gaps(some, q_D, q_K, model.p, _FAR), axis=-1)
+        q_D, q_K, marionette = run.q_D[before], run.q_K[before], self.marionette
+        gaps = np.min(marionette.library.gaps(some, q_D, q_K, marionette.p, _FAR), axis=-1)
         return float(np.max(-np.diff(gaps) / np.diff(run.t[before]), initial=0.0))
 
     @cached_property
@@ -219,15 +219,15 @@ def carried(marionette: Marionette, run: Trajectory) -> float:
 
     Forces between bodies of one puppet cancel out; those between puppets count as none.
     """
-    model, puppet = marionette.model, marionette.puppet
-    gravity = np.array([model.number(g) for g in model.tree.gravity])
+    puppet = marionette.puppet
+    gravity = np.array([marionette.number(g) for g in marionette.tree.gravity])
     size = float(np.linalg.norm(gravity))
     bodies = {body.name for body in puppet.expanded().bodies} - set(puppet.props)
     mass = sum(
-        sum(model.number(lump.amount) * lump.volume for lump in link.lumps)
+        sum(marionette.number(lump.amount) * lump.volume for lump in link.lumps)
         if link.mass is None
-        else model.number(link.mass)
-        for link in model.tree.links
+        else marionette.number(link.mass)
+        for link in marionette.tree.links
         if link.name in bodies
     )
     if run.contact is None or not mass * size:
@@ -264,7 +264,7 @@ def touching(marionette: Marionette, pair: tuple[str, str]) -> MaskRows:
         StateError: they never touch.
         UnknownNameError: nothing of a name may touch anything.
     """
-    contacts, puppet = marionette.model.contacts, marionette.puppet
+    contacts, puppet = marionette.contacts, marionette.puppet
     if contacts is None:
         raise StateError(
             f"{' and '.join(pair)} are to touch, but {puppet.name} says nothing of contact; give "

@@ -91,7 +91,7 @@ class Bounds:
 
     def staying_taut(self, marionette: Marionette, x0: State) -> Bounds:
         """The same, where strings that pull at the start keep pulling."""
-        tensions = motion_at(marionette.model, x0).tension
+        tensions = motion_at(marionette, x0).tension
         names = [s.name for s in marionette.tree.strings]
         tension = dict(zip(names, tensions, strict=False))
         wires = {s.name for s in marionette.tree.strings if s.wire}
@@ -164,12 +164,12 @@ class Bounds:
                     f"{names[at]} is held, but the end is off its start by {gap[at]:.6g}; "
                     "let it move, or choose an end at its start"
                 )
-        h, model = Evaluation.of(marionette.model, end).h, marionette.model
-        passed = np.where(model.two_sided, np.abs(h), h)
+        h = Evaluation.of(marionette, end).h
+        passed = np.where(marionette.two_sided, np.abs(h), h)
         if np.max(passed, initial=0.0) > _HELD:
             row = int(np.argmax(passed))
             raise StateError(
-                f"the state at the end violates {model.tree.row_names[row]} by {h[row]:.3g}; "
+                f"the state at the end violates {marionette.tree.row_names[row]} by {h[row]:.3g}; "
                 "marionette.project(end) gives the nearest state that does not"
             )
 
@@ -180,7 +180,7 @@ class Bounds:
 
     def forces(self, marionette: Marionette) -> tuple[list[int], Array, Array]:
         """Places of driven velocities with bounds of force, the lowest and the highest forces."""
-        if self.force and marionette.model.contacts is not None:
+        if self.force and marionette.contacts is not None:
             raise StateError("bounds of forces want a puppet without contact")
         names = marionette.coordinates.v_K
         return _intervals("force", "driven velocity", self.force, names)
@@ -218,7 +218,7 @@ class Bounds:
                 raise StateError(
                     f"the bound of {kind} of {name} is {most!r}; it must be a number greater than 0"
                 )
-        if given and marionette.model.contacts is not None:
+        if given and marionette.contacts is not None:
             raise StateError(f"bounds of {kind}s want a puppet without contact")
         return [drives[name] for name in given], np.array(list(given.values()), dtype=float)
 

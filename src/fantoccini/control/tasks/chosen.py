@@ -41,7 +41,7 @@ class Chosen:
     def __init__(
         self, marionette: Marionette, x0: State, parameters: Mapping[str, tuple[float, float]]
     ):
-        index, p = marionette.model.parameter_index, marionette.model.p
+        index, p = marionette.parameter_index, marionette.p
         self.names = tuple(parameters)
         for name, (low, high) in parameters.items():
             if name not in index:
@@ -114,6 +114,6 @@ class Chosen:
         if np.any(x0.v_D) or np.any(x0.v_K):
             return False
         try:
-            return bool(np.max(np.abs(motion_at(self._marionette.model, x0).acc_D)) < _AT_REST)
+            return bool(np.max(np.abs(motion_at(self._marionette, x0).acc_D)) < _AT_REST)
         except StateError:  # an impact, after which it moves
             return False

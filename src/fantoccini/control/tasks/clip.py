@@ -10,7 +10,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fantoccini.base import Array, StateError, Times, UnknownNameError, check_positive
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 
@@ -66,7 +65,7 @@ class Clip:
             moves = self.speed * ((times >= first) & (times <= last))
             return moves[:, None] * self._column(run, "v", "velocity", names)
         puppet = self._performer or marionette
-        pose = puppet.poses(run.q_D, run.q_K)[:, link_index(puppet.model, name)]
+        pose = puppet.poses(run.q_D, run.q_K)[:, puppet.link_index(name)]
         if kind == "orientation":
             return Rotation.from_matrix(pose[:, :, :3]).as_quat(scalar_first=True)
         return np.asarray(pose[:, :, :3] @ np.array(at) + pose[:, :, 3] + np.asarray(self.by))

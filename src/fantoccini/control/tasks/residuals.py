@@ -13,7 +13,7 @@ from fantoccini.control.tasks.clip import Clip
 from fantoccini.control.tasks.costs import Track
 from fantoccini.control.tasks.nodes import Nodes
 from fantoccini.control.tasks.targets import values_at
-from fantoccini.dynamics.compiled import link_index, relations
+from fantoccini.dynamics.compiled import relations
 from fantoccini.dynamics.marionette import Marionette
 
 _ROUNDING = 1e-9
@@ -28,8 +28,8 @@ class Looks:
 
     @cached_property
     def _screws(self) -> tuple[Array, Array]:
-        model, nodes = self.marionette.model, self.nodes
-        found = model.library.evaluate("screws", q_D=nodes.q_D, q_K=nodes.q_K, p=model.p)
+        marionette, nodes = self.marionette, self.nodes
+        found = marionette.library.evaluate("screws", q_D=nodes.q_D, q_K=nodes.q_K, p=marionette.p)
         screws = np.concatenate([found.screw_D, found.screw_K], axis=-1).swapaxes(-1, -2)
         return found.poses.swapaxes(-1, -2), screws
 
@@ -139,11 +139,11 @@ def residual_of(marionette: Marionette, track: Track, nodes: Nodes) -> Residual:
     weights = track.weight * lasts * share(track, t)
     weights[-1] += track.end_weight
     if track.kind == "point":
-        link = link_index(marionette.model, track.name)
+        link = marionette.link_index(track.name)
         path = path_of(marionette, track, t)
         return PointResidual(weights, link, np.array(track.at), path)
     if track.kind == "orientation":
-        link = link_index(marionette.model, track.name)
+        link = marionette.link_index(track.name)
         path = path_of(marionette, track, t)
         if np.any(np.linalg.norm(path, axis=1) < 0.5):
             raise StateError(f"the path of {track.name}: needed: unit quaternions w, x, y, z")

@@ -12,7 +12,6 @@ from fantoccini.base import StateError, UnknownNameError, check_positive, floats
 from fantoccini.control.tasks.bounds import Bounds, Interval
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.touch import Touch, check_windows
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 
@@ -92,13 +91,13 @@ class Task:
                 "explore and parameters do not go together: explore first, then choose the "
                 "parameters with the motion found as a guess"
             )
-        self.marionette.model.check_state(self.x0)
+        self.marionette.check_state(self.x0)
         if self.end is not None and self.periodic is not None:
             raise StateError("a task has an end and is periodic; needed: one of them")
         for touch in self.touches:
-            link_index(self.marionette.model, touch.body)
+            self.marionette.link_index(touch.body)
         if self.goal is not None:
-            self.marionette.model.check_state(self.goal)
+            self.marionette.check_state(self.goal)
 
     @property
     def goal(self) -> State | None:

@@ -37,7 +37,6 @@ from fantoccini.control.tasks.shapes import Circle
 from fantoccini.control.tasks.targets import Target
 from fantoccini.control.tasks.task import Task, moved
 from fantoccini.control.tasks.touch import Touch, check_windows
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import WORDS, named_file
 from fantoccini.motion import Input, State, Trajectory, csv_columns
@@ -219,7 +218,7 @@ class _Reader:
 
     def _place(self, body: str, at: tuple[float, ...]) -> Array:
         """(3,) where a point of a body is at the start."""
-        link = link_index(self._marionette.model, body)
+        link = self._marionette.link_index(body)
         pose = self._marionette.poses(self._x0.q_D[None], self._x0.q_K[None])[0, link]
         return np.asarray(pose[:, :3] @ np.array(at) + pose[:, 3])
 

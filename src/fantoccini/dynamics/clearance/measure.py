@@ -286,7 +286,7 @@ class Clearance:
         q_D, q_K = (
             np.broadcast_to(a, (*lead, a.shape[-1])).reshape(n, a.shape[-1]) for a in (q_D, q_K)
         )
-        distance, lower, pair = self.marionette.model.compiled.clearances.measure(
+        distance, lower, pair = self.marionette.libraries.clearances.measure(
             self.solids, q_D, q_K, self.marionette.p, threads, moves
         )
         finite = np.isfinite(q_D).all(axis=1) & np.isfinite(q_K).all(axis=1)

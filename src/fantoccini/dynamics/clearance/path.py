@@ -144,7 +144,7 @@ class Path:
     def _loose(self) -> Array:
         """(T - 1, n_strings) 1.0 for strings that are slack at an end of a piece, else 0.0."""
         marionette = self.marionette
-        lengths = marionette.model.string_lengths(self.q_D, self.q_K)
+        lengths = marionette.string_lengths(self.q_D, self.q_K)
         slack = np.zeros(lengths.shape, dtype=bool)
         for i, points in enumerate(marionette.string_points(self.q_D, self.q_K)):
             span = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)

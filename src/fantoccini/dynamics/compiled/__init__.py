@@ -3,14 +3,6 @@
 from fantoccini.dynamics.compiled import configurations
 from fantoccini.dynamics.compiled.accelerations import ForwardDynamics, forward_dynamics
 from fantoccini.dynamics.compiled.active_set import ROW_TOLERANCES, ActiveSet, taut_mask
-from fantoccini.dynamics.compiled.analysis import (
-    A_rate,
-    coriolis_full,
-    effort,
-    energies,
-    interpreted,
-    link_index,
-)
 from fantoccini.dynamics.compiled.checks import (
     as_inputs,
     bind_input,
@@ -26,11 +18,13 @@ from fantoccini.dynamics.compiled.checks import (
     count_samples,
     refuse_contact,
 )
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.dynamics.compiled.configurations import difference, integrate, retract
 from fantoccini.dynamics.compiled.contact_geometry import GEOMETRY_TOLERANCES, PairGeometry, Touch
 from fantoccini.dynamics.compiled.critical_step import critical_step_of_tensions
 from fantoccini.dynamics.compiled.evaluation import Evaluation
 from fantoccini.dynamics.compiled.flow import Flow
+from fantoccini.dynamics.compiled.limits import LIMITS
 from fantoccini.dynamics.compiled.mass_check import check_mass_matrix
 from fantoccini.dynamics.compiled.methods import (
     Event,
@@ -40,10 +34,8 @@ from fantoccini.dynamics.compiled.methods import (
     Variational,
     as_method,
 )
-from fantoccini.dynamics.compiled.model import LIMITS, Model
 from fantoccini.dynamics.compiled.parameter_values import parameter_rows
 from fantoccini.dynamics.compiled.portable import PortablePuppet
-from fantoccini.dynamics.compiled.quantities import Quantities
 from fantoccini.dynamics.compiled.screws import (
     OFFSETS,
     PARAMETER_STEP,
@@ -63,18 +55,16 @@ __all__ = [
     "ROW_TOLERANCES",
     "TOUCHING",
     "WEIGHTS",
-    "A_rate",
     "ActiveSet",
+    "CompiledPuppet",
     "Evaluation",
     "Event",
     "Flow",
     "ForwardDynamics",
     "Method",
     "MethodName",
-    "Model",
     "PairGeometry",
     "PortablePuppet",
-    "Quantities",
     "Screws",
     "TimeStepping",
     "Touch",
@@ -94,16 +84,11 @@ __all__ = [
     "check_steps",
     "checked_end",
     "configurations",
-    "coriolis_full",
     "count_samples",
     "critical_step_of_tensions",
     "difference",
-    "effort",
-    "energies",
     "forward_dynamics",
     "integrate",
-    "interpreted",
-    "link_index",
     "parameter_rows",
     "refuse_contact",
     "relations",

@@ -8,8 +8,8 @@ import numpy as np
 
 from fantoccini.base import Array, StateError
 from fantoccini.dynamics.compiled.active_set import ActiveSet, check_active_set
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.dynamics.compiled.evaluation import Evaluation
-from fantoccini.dynamics.compiled.model import Model
 from fantoccini.motion import State
 
 ROUNDING = 1e-14
@@ -30,25 +30,25 @@ class ForwardDynamics(NamedTuple):
 
 
 def forward_dynamics(
-    model: Model, x: State, acc_K: Array | None = None, u_D: Array | None = None
+    marionette: CompiledPuppet, x: State, acc_K: Array | None = None, u_D: Array | None = None
 ) -> ForwardDynamics:
     """acc_D and tension of Eqs. 10 and 11; see :meth:`Marionette.forward_dynamics`."""
-    at = Evaluation.of(model, x, acc_K, u_D)
-    check_active_set(model, x, at)
-    active = ActiveSet.of(model, x, at)
-    tension = np.where(active.slipping, model.upper, 0.0)
+    at = Evaluation.of(marionette, x, acc_K, u_D)
+    check_active_set(marionette, x, at)
+    active = ActiveSet.of(marionette, x, at)
+    tension = np.where(active.slipping, marionette.upper, 0.0)
     w0 = at.w0 - at.W[:, active.slipping] @ tension[active.slipping]
     rows = np.flatnonzero(active.held)
     hddot = at.gamma[rows] + at.W[:, rows].T @ w0
     # Rounding alone must not set opposing rows at odds.
     terms = np.abs(at.gamma[rows]) + np.abs(at.W[:, rows]).T @ np.abs(w0)
-    top = max(float(np.max(terms, initial=0.0)), model.weight / (model.mass or 1.0))
+    top = max(float(np.max(terms, initial=0.0)), marionette.weight / (marionette.mass or 1.0))
     hddot[np.abs(hddot) <= ROUNDING * top] = 0.0
-    found = at.complementarity(rows, hddot, model.two_sided, model.upper)
+    found = at.complementarity(rows, hddot, marionette.two_sided, marionette.upper)
     if not found.solved:
         raise StateError(
             "no acceleration satisfies these strings and limits: "
-            + ", ".join(model.names_of(rows, found.ray))
+            + ", ".join(marionette.names_of(rows, found.ray))
         )
     tension[rows] = found.x
     return ForwardDynamics(at.back(w0 - at.W[:, rows] @ found.x), tension)

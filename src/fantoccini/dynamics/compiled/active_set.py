@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, MaskRows, StateError
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.dynamics.compiled.evaluation import Evaluation
-from fantoccini.dynamics.compiled.model import Model
 from fantoccini.kernel.contract import CLOSED_GAP, REST_SPEED, START_GAP
 from fantoccini.motion import State
 
@@ -49,33 +49,33 @@ class ActiveSet:
     slipping: MaskRows
 
     @classmethod
-    def of(cls, model: Model, x: State, at: Evaluation) -> ActiveSet:
+    def of(cls, marionette: CompiledPuppet, x: State, at: Evaluation) -> ActiveSet:
         """The active set of a state, with the model evaluated there."""
-        scale = model.row_scales(x.q_D, x.q_K)
-        taut = taut_mask(model, x) & ~_far(model, at.h, scale)
+        scale = marionette.row_scales(x.q_D, x.q_K)
+        taut = taut_mask(marionette, x) & ~_far(marionette, at.h, scale)
         top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
         reaches = at.h >= -ROW_TOLERANCES.closed_gap * scale
-        gives = np.isfinite(model.upper) & (taut | reaches)
+        gives = np.isfinite(marionette.upper) & (taut | reaches)
         at_bound = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
         stepped = taut & ~at_bound
         slip_speed = np.where(stepped, ROW_TOLERANCES.slip_speed, ROW_TOLERANCES.rest_speed)
         slipping = gives & (at.hdot > slip_speed * top)
         held = taut | (reaches & (np.abs(at.hdot) <= ROW_TOLERANCES.rest_speed * top))
-        return cls((held | model.two_sided) & ~slipping, slipping)
+        return cls((held | marionette.two_sided) & ~slipping, slipping)
 
 
-def taut_mask(model: Model, x: State) -> MaskRows:
+def taut_mask(marionette: CompiledPuppet, x: State) -> MaskRows:
     """(n_rows,) bool, ``x.taut``; all False where the state does not know it."""
-    return x.taut if len(x.taut) else np.zeros(model.tree.n_rows, dtype=bool)
+    return x.taut if len(x.taut) else np.zeros(marionette.tree.n_rows, dtype=bool)
 
 
-def check_active_set(model: Model, x: State, at: Evaluation) -> None:
+def check_active_set(marionette: CompiledPuppet, x: State, at: Evaluation) -> None:
     """Raises StateError where rows marked taut are slack, naming them and their gaps."""
-    scale = model.row_scales(x.q_D, x.q_K)
-    wrong = np.flatnonzero(taut_mask(model, x) & _far(model, at.h, scale))
+    scale = marionette.row_scales(x.q_D, x.q_K)
+    wrong = np.flatnonzero(taut_mask(marionette, x) & _far(marionette, at.h, scale))
     if not len(wrong):
         return
-    names = model.tree.row_names
+    names = marionette.tree.row_names
     gaps = "; ".join(f"{names[r]} by {-at.h[r]:.3g}" for r in wrong)
     raise StateError(
         f"the state marks these strings and limits as taut, but they are slack by more than "
@@ -84,5 +84,5 @@ def check_active_set(model: Model, x: State, at: Evaluation) -> None:
     )
 
 
-def _far(model: Model, h: Array, scale: Array) -> MaskRows:
-    return ~(h >= -ROW_TOLERANCES.taut_gap * scale) & ~model.two_sided
+def _far(marionette: CompiledPuppet, h: Array, scale: Array) -> MaskRows:
+    return ~(h >= -ROW_TOLERANCES.taut_gap * scale) & ~marionette.two_sided

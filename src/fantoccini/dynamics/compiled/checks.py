@@ -9,8 +9,8 @@ import numpy as np
 
 from fantoccini.base import Array, InputError, Mistake, StateError, floats, is_number
 from fantoccini.dynamics.compiled.active_set import ROW_TOLERANCES
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.dynamics.compiled.critical_step import critical_step
-from fantoccini.dynamics.compiled.model import Model
 from fantoccini.kernel.runtime import RunOptions, memory
 from fantoccini.motion import Input, Inputs, State, States, joints
 
@@ -33,7 +33,7 @@ def checked_end(t_end: object, t: float) -> float:
     return float(t_end)
 
 
-def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> None:
+def check_step(marionette: CompiledPuppet, method: str, q_D: Array, q_K: Array, dt: float) -> None:
     """Raises StateError where time-stepping would be unstable on a spring or a chain.
 
     dt <= 2 (sqrt(1 + zeta^2) - zeta) / omega,   omega = 2 sqrt(k / m) cos(pi / 2n)
@@ -45,27 +45,27 @@ def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> 
     :mod:`fantoccini.dynamics.compiled.critical_step`.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         method: of the run; only ``timestepping`` takes these forces from the step's start.
         q_D, q_K: (..., n_qD), (..., n_qK) configurations at the start.
         dt: the step [s].
     """
     if method != "timestepping":
         return
-    if found := critical_step(model, q_D, q_K, dt):
+    if found := critical_step(marionette, q_D, q_K, dt):
         longest, name = found
         raise StateError(
             f"dt = {dt:g} s is too long for the spring {name}: with method='timestepping' its "
             f"vibrations grow without bound in steps above {longest:.2g} s (2 / omega without "
             "damping). Take a shorter dt, method='event', or a softer or less damped spring"
         )
-    for chain in model.tree.chains:
-        n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, model.number))
-        lump = model.tree.links[chain.points[1].link].lumps[0]
-        k = model.number(chain.stiffness) * n / length
-        m = model.number(lump.amount) * lump.volume
+    for chain in marionette.tree.chains:
+        n, length = chain.pieces, np.min(chain.own_length(q_D, q_K, marionette.number))
+        lump = marionette.tree.links[chain.points[1].link].lumps[0]
+        k = marionette.number(chain.stiffness) * n / length
+        m = marionette.number(lump.amount) * lump.volume
         omega = 2.0 * np.sqrt(k / m) * np.cos(np.pi / (2 * n))
-        zeta = 0.5 * omega * model.number(chain.damping) / model.number(chain.stiffness)
+        zeta = 0.5 * omega * marionette.number(chain.damping) / marionette.number(chain.stiffness)
         longest = 2.0 / (omega * (np.hypot(1.0, zeta) + zeta))
         if not dt <= longest:
             raise StateError(
@@ -75,19 +75,21 @@ def check_step(model: Model, method: str, q_D: Array, q_K: Array, dt: float) -> 
             )
 
 
-def check_steps(model: Model, method: str, states: States, p: Array, dt: float) -> None:
+def check_steps(
+    marionette: CompiledPuppet, method: str, states: States, p: Array, dt: float
+) -> None:
     """:func:`check_step` of many states, or of one, at parameters (1 or n, n_p)."""
     rows, first = np.unique(p, axis=0, return_index=True)
-    if len(rows) == 1 or not (model.tree.chains or model.tree.springs):
-        check_step(model.with_p(p[0]), method, states.q_D, states.q_K, dt)
+    if len(rows) == 1 or not (marionette.tree.chains or marionette.tree.springs):
+        check_step(marionette.with_p(p[0]), method, states.q_D, states.q_K, dt)
         return
     for i in map(int, np.sort(first)):
         some = states.some(slice(i, i + 1) if len(states) > 1 else slice(None))
-        check_step(model.with_p(p[i]), method, some.q_D, some.q_K, dt)
+        check_step(marionette.with_p(p[i]), method, some.q_D, some.q_K, dt)
 
 
 def check_samples(
-    model: Model,
+    marionette: CompiledPuppet,
     method: str,
     options: RunOptions,
     t: float,
@@ -105,7 +107,7 @@ def check_samples(
         n = len(save_at)
     else:
         return
-    width = sum(model.sample_layout.widths.values())
+    width = sum(marionette.sample_layout.widths.values())
     check_memory(method, options, t, t_end, n, memory.bytes_of(n, width))
 
 
@@ -139,38 +141,38 @@ def check_memory(
     )
 
 
-def check_start(model: Model, x: State, method: str = "event") -> None:
+def check_start(marionette: CompiledPuppet, x: State, method: str = "event") -> None:
     """Raises StateError when a run of a method cannot begin at a state, naming rows and violations.
 
     ``event`` and ``variational`` require that no string is longer than its length, or at its length
     and about to be longer, and that strings marked taut are not shorter. ``timestepping`` may
     start from any state its steps produce: it corrects violations and catches imminent ones.
     """
-    check_starts(model, model.states([x]), method)
+    check_starts(marionette, marionette.states([x]), method)
 
 
 def check_starts(
-    model: Model, states: States, method: str = "event", p: Array | None = None
+    marionette: CompiledPuppet, states: States, method: str = "event", p: Array | None = None
 ) -> None:
     """:func:`check_start` of many states; the first wrong one is reported.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         states: one for all parameters, or one for each.
         method: of the runs.
         p: (1 or n, n_p) parameters of the runs; the model's own when not given.
     """
-    p = model.p[None] if p is None else p
+    p = marionette.p[None] if p is None else p
     stepped = method == "timestepping"
-    _check_contact(model, states, method)
+    _check_contact(marionette, states, method)
     if len(states) == 1 and len(p) > 1:
         states = states.repeated(len(p))
     for first in range(0, len(states), _STATES_AT_ONCE):
         some = states.some(slice(first, first + _STATES_AT_ONCE))
         own = p if len(p) == 1 else p[first : first + _STATES_AT_ONCE]
-        h, hdot = _rows_of(model, some, own)
-        scale = model.row_scales(some.q_D, some.q_K)
-        wires, firm = model.two_sided, ~np.isfinite(model.upper)
+        h, hdot = _rows_of(marionette, some, own)
+        scale = marionette.row_scales(some.q_D, some.q_K)
+        wires, firm = marionette.two_sided, ~np.isfinite(marionette.upper)
         near = (ROW_TOLERANCES.stepped_gap if stepped else ROW_TOLERANCES.start_gap) * scale
         # Time-stepping may continue where it went on under inputs that nothing can follow.
         known = some.taut if stepped else np.zeros_like(some.taut)
@@ -190,7 +192,7 @@ def check_starts(
         which = f"states[{first + i}]" if len(states) > 1 else "the start state"
         rows, findings = np.flatnonzero(wrong[i]), []
         for r in rows:
-            name = model.tree.row_names[r]
+            name = marionette.tree.row_names[r]
             if off[i, r]:
                 findings.append(f"{name} is violated by {h[i, r]:.3g}")
             elif slack[i, r]:
@@ -204,72 +206,78 @@ def check_starts(
         )
 
 
-def refuse_contact(model: Model, what: str) -> None:
+def refuse_contact(marionette: CompiledPuppet, what: str) -> None:
     """Raises StateError where a puppet has contact, which ``what`` does not know."""
-    if model.puppet.touching is not None:
-        text = f"{model.name} has contact, which {what} does not know; {_leave_out(model)}"
+    if marionette.puppet.touching is not None:
+        text = (
+            f"{marionette.name} has contact, which {what} does not know; {_leave_out(marionette)}"
+        )
         raise StateError(text)
 
 
-def _leave_out(model: Model) -> str:
+def _leave_out(marionette: CompiledPuppet) -> str:
     """Advice on removing the contact of a puppet, with the path of its file."""
-    file, _ = model.puppet.locate("")
+    file, _ = marionette.puppet.locate("")
     if not os.path.isfile(file):
         return "leave its contact out (contact: false)"
     return f"write contact: false in {file}, or in a copy of it"
 
 
-def _check_contact(model: Model, states: States, method: str) -> None:
+def _check_contact(marionette: CompiledPuppet, states: States, method: str) -> None:
     """Raises StateError where a method knows no contact, or solids overlap at the start."""
-    if model.puppet.touching is None:
+    if marionette.puppet.touching is None:
         return
     if method == "variational":
         raise StateError(
-            f"{model.name} has contact, which method={method!r} does not know; take "
-            f"method='event' or 'timestepping', or {_leave_out(model)}"
+            f"{marionette.name} has contact, which method={method!r} does not know; take "
+            f"method='event' or 'timestepping', or {_leave_out(marionette)}"
         )
     allowed = ROW_TOLERANCES
-    check_apart(model, states, allowed.touching if method == "event" else allowed.stepped_gap)
+    check_apart(marionette, states, allowed.touching if method == "event" else allowed.stepped_gap)
 
 
-def check_apart(model: Model, states: States, most: float = ROW_TOLERANCES.stepped_gap) -> None:
+def check_apart(
+    marionette: CompiledPuppet, states: States, most: float = ROW_TOLERANCES.stepped_gap
+) -> None:
     """Raises StateError where solids overlap by more than ``most`` [m]."""
-    if model.contacts is None:
+    if marionette.contacts is None:
         return
     for first in range(0, len(states), _STATES_AT_ONCE):
         some = slice(first, first + _STATES_AT_ONCE)
-        gaps = model.library.gaps(model.contacts, states.q_D[some], states.q_K[some], model.p)
+        gaps = marionette.library.gaps(
+            marionette.contacts, states.q_D[some], states.q_K[some], marionette.p
+        )
         deep = np.flatnonzero(np.any(gaps < -most, axis=1))
         if not len(deep):
             continue
         i = first + int(deep[0])
-        found = model.overlaps(states.q_D[i], states.q_K[i], most)
+        found = marionette.overlaps(states.q_D[i], states.q_K[i], most)
         which = f"states[{i}]" if len(states) > 1 else "the start state"
         listed = "; ".join(f"{name} by {depth:.3g} m" for name, depth in found.items())
         raise StateError(f"in {which} solids overlap: {listed}. Move them apart")
 
 
-def _rows_of(model: Model, x: States, p: Array) -> tuple[Array, Array]:
+def _rows_of(marionette: CompiledPuppet, x: States, p: Array) -> tuple[Array, Array]:
     """h and hdot (n, n_rows) of states at parameters (1 or n, n_p)."""
-    tree, table = model.tree, model.coordinates
+    tree, table = marionette.tree, marionette.coordinates
     still = {"acc_K": np.zeros(table.n_vK), "u_D": np.zeros(table.n_vD)}
-    on = model.library.evaluate("dynamics", **model.at(x, p), **still)
+    on = marionette.library.evaluate("dynamics", **marionette.at(x, p), **still)
     hdot_limit = np.zeros_like(on.h_limit)
     for i, limit in enumerate(tree.limits):
         place = tree.links[limit.link].v
         J = on.J_limit[:, : place.stop - place.start, i]
         hdot_limit[:, i] = (J * x.v_D[:, place]).sum(axis=1)
-    hdot = on.hdot - model.rewinding(x.slip)
+    hdot = on.hdot - marionette.rewinding(x.slip)
     return np.hstack([on.h - x.slip, on.h_limit]), np.hstack([hdot, hdot_limit])
 
 
 def bind_input(
-    model: Model, inputs: Input, q_K: Array, v_K: Array, t: float, t_end: float
+    marionette: CompiledPuppet, inputs: Input, q_K: Array, v_K: Array, t: float, t_end: float
 ) -> Input:
     """Inputs bound to the driven configuration and velocity of a start state, for a run.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         inputs: not bound yet.
         q_K, v_K: (n_qK,), (n_vK,) of the start state.
         t, t_end: the run [s].
@@ -278,35 +286,37 @@ def bind_input(
         InputError: they are another puppet's, begin elsewhere, or begin or end abruptly.
         StateError: a driven velocity would jump.
     """
-    check_inputs(model, inputs, t, t_end)
+    check_inputs(marionette, inputs, t, t_end)
     if t < inputs.start or inputs.end < t_end:
         inputs = inputs.at_rest()
     bound = inputs.bound(q_K, t, v_K)
-    check_speeds(model, t, v_K[None], as_inputs(bound))
+    check_speeds(marionette, t, v_K[None], as_inputs(bound))
     return bound
 
 
 def bind_inputs(
-    model: Model, inputs: Inputs, q_K: Array, v_K: Array, t: float, t_end: float
+    marionette: CompiledPuppet, inputs: Inputs, q_K: Array, v_K: Array, t: float, t_end: float
 ) -> Inputs:
     """:func:`bind_input` of many inputs, or for many states: (n or 1, ...)."""
-    check_inputs(model, inputs, t, t_end)
+    check_inputs(marionette, inputs, t, t_end)
     within = np.any(t < inputs.breaks[:, 0]) or np.any(inputs.breaks[:, -1] < t_end)
     if within and not inputs.relative:
         inputs = inputs.at_rest()
     bound = inputs.bound(q_K, t, v_K)
-    check_speeds(model, t, v_K, bound)
+    check_speeds(marionette, t, v_K, bound)
     return bound
 
 
-def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -> None:
+def check_inputs(
+    marionette: CompiledPuppet, inputs: Input | Inputs, t: float, t_end: float
+) -> None:
     """Raises InputError unless inputs are this puppet's and begin and end at rest in a run."""
     inputs = as_inputs(inputs)
-    own, theirs = model.coordinates, inputs.coordinates
+    own, theirs = marionette.coordinates, inputs.coordinates
     if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
         text = (
             "were made for a puppet with the driven coordinates "
-            f"{', '.join(theirs.q_K) or 'none'}; {model.name} has "
+            f"{', '.join(theirs.q_K) or 'none'}; {marionette.name} has "
             f"{', '.join(own.q_K) or 'none'}"
         )
         raise InputError([Mistake("inputs", None, "", text)])
@@ -333,7 +343,7 @@ def check_inputs(model: Model, inputs: Input | Inputs, t: float, t_end: float) -
         raise InputError(mistakes)
 
 
-def check_speeds(model: Model, t: float, v_K: Array, bound: Inputs) -> None:
+def check_speeds(marionette: CompiledPuppet, t: float, v_K: Array, bound: Inputs) -> None:
     """Raises StateError where driven velocities v_K (n or 1, n_vK) at t jump to bound inputs."""
     found = bound.evaluate(t)[1]
     wrong = ~(np.abs(found - v_K) <= joints.TOLERANCES.speed)
@@ -341,7 +351,7 @@ def check_speeds(model: Model, t: float, v_K: Array, bound: Inputs) -> None:
         return
     i = int(np.argmax(np.any(wrong, axis=1)))
     rows = np.flatnonzero(wrong[i])
-    names = [model.coordinates.v_K[r] for r in rows]
+    names = [marionette.coordinates.v_K[r] for r in rows]
     has, begins = np.broadcast_to(v_K, wrong.shape)[i], np.broadcast_to(found, wrong.shape)[i]
     which = f" of run {i}" if len(wrong) > 1 else ""
     raise StateError(

@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 from fantoccini.base import Array, tangent
-from fantoccini.dynamics.compiled.model import Model
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.dynamics.compiled.vector_checks import vectors
 
 
-def difference(model: Model, q0: Array, q1: Array, driven: bool = False) -> Array:
+def difference(marionette: CompiledPuppet, q0: Array, q1: Array, driven: bool = False) -> Array:
     """dq with ``integrate(model, q0, dq)`` = q1; see :meth:`Marionette.difference`."""
-    scalars, quaternions, n_q, n_v = _layout(model, driven)
+    scalars, quaternions, n_q, n_v = _layout(marionette, driven)
     q0, q1 = (vectors("q", q, n_q) for q in (q0, q1))
     return tangent.between(scalars, quaternions, q0, q1, n_v)
 
 
-def integrate(model: Model, q: Array, dq: Array, driven: bool = False) -> Array:
+def integrate(marionette: CompiledPuppet, q: Array, dq: Array, driven: bool = False) -> Array:
     """q moved by dq; see :meth:`Marionette.integrate`."""
-    scalars, quaternions, n_q, n_v = _layout(model, driven)
+    scalars, quaternions, n_q, n_v = _layout(marionette, driven)
     return tangent.moved(scalars, quaternions, vectors("q", q, n_q), vectors("dq", dq, n_v))
 
 
-def retract(model: Model, q_D: Array, move: Array) -> Array:
+def retract(marionette: CompiledPuppet, q_D: Array, move: Array) -> Array:
     """q_D (..., n_qD) moved by tangent vectors (..., n_vD), without checks of what is given."""
-    table = model.coordinates
+    table = marionette.coordinates
     return tangent.moved(table.scalars_D, table.quaternions_D, q_D, move)
 
 
-def _layout(model: Model, driven: bool) -> tuple[tangent.Places, tangent.Places, int, int]:
-    t = model.coordinates
+def _layout(
+    marionette: CompiledPuppet, driven: bool
+) -> tuple[tangent.Places, tangent.Places, int, int]:
+    t = marionette.coordinates
     if driven:
         return t.scalars_K, t.quaternions_K, t.n_qK, t.n_vK
     return t.scalars_D, t.quaternions_D, t.n_qD, t.n_vD

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, rotation
-from fantoccini.dynamics.compiled.model import Model
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.dynamics.compiled.screws import OFFSETS, WEIGHTS, Screws
 from fantoccini.kernel.contract import SolidKind
 from fantoccini.model.tree import WORLD
@@ -75,18 +75,22 @@ class PairGeometry:
     """The points of one pair at a configuration.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         poses: (n_links, 12) of all links.
         pair: index of the pair.
         margin: gap below which points are looked for [m].
     """
 
     def __init__(
-        self, model: Model, poses: Array, pair: int, margin: float = GEOMETRY_TOLERANCES.margin
+        self,
+        marionette: CompiledPuppet,
+        poses: Array,
+        pair: int,
+        margin: float = GEOMETRY_TOLERANCES.margin,
     ):
-        contacts = model.contacts
+        contacts = marionette.contacts
         assert contacts is not None
-        self._library, self._contacts, self.pair = model.library, contacts, pair
+        self._library, self._contacts, self.pair = marionette.library, contacts, pair
         self._margin = margin
         solids = contacts.solids[contacts.pairs[pair]]
         self.links = int(solids["link"][0]), int(solids["link"][1])

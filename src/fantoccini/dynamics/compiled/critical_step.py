@@ -21,8 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.dynamics.compiled import analysis
-from fantoccini.dynamics.compiled.model import Model
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.model.tree import WORLD, Link, Point, Role, link_inertia
 
 _HALVINGS = 60
@@ -33,9 +32,11 @@ _STATES_AT_ONCE = 1024
 """States evaluated together, which bounds the memory."""
 
 
-def critical_step(model: Model, q_D: Array, q_K: Array, dt: float) -> tuple[float, str] | None:
+def critical_step(
+    marionette: CompiledPuppet, q_D: Array, q_K: Array, dt: float
+) -> tuple[float, str] | None:
     """The critical step [s] and its spring; None where ``dt`` is below it at all configurations."""
-    names, k, c = _springs(model)
+    names, k, c = _springs(marionette)
     if not names:
         return None
     lead = np.broadcast_shapes(q_D.shape[:-1], q_K.shape[:-1])
@@ -46,7 +47,7 @@ def critical_step(model: Model, q_D: Array, q_K: Array, dt: float) -> tuple[floa
     found: tuple[float, str] | None = None
     for first in range(0, len(q_D), _STATES_AT_ONCE):
         some = slice(first, first + _STATES_AT_ONCE)
-        W = _columns(model, q_D[some], q_K[some])
+        W = _columns(marionette, q_D[some], q_K[some])
         inside = np.einsum("nik,njk->nij", W, W)
 
         def largest(step: float, inside: Array = inside) -> tuple[float, int]:
@@ -65,91 +66,95 @@ def critical_step(model: Model, q_D: Array, q_K: Array, dt: float) -> tuple[floa
     return found
 
 
-def _springs(model: Model) -> tuple[list[str], Array, Array]:
+def _springs(marionette: CompiledPuppet) -> tuple[list[str], Array, Array]:
     """Name, stiffness and damping of every column: of joints' springs, then of springs."""
     names: list[str] = []
     k: list[float] = []
     c: list[float] = []
-    for link in model.tree.links:
-        stiffness = model.number(link.stiffness)
+    for link in marionette.tree.links:
+        stiffness = marionette.number(link.stiffness)
         if link.role is Role.DYNAMIC and stiffness > 0.0:
             n = link.v.stop - link.v.start
             names += n * [link.joint]
             k += n * [stiffness]
             c += n * [0.0]
-    for spring in model.tree.springs:
+    for spring in marionette.tree.springs:
         names += 3 * [spring.name]
-        k += 3 * [model.number(spring.stiffness)]
-        c += 3 * [model.number(spring.damping)]
+        k += 3 * [marionette.number(spring.stiffness)]
+        c += 3 * [marionette.number(spring.damping)]
     return names, np.array(k), np.array(c)
 
 
-def _columns(model: Model, q_D: Array, q_K: Array) -> Array:
+def _columns(marionette: CompiledPuppet, q_D: Array, q_K: Array) -> Array:
     """(n, columns, n_vD) F^-T b^T of every column at n states, M = F^T F."""
-    tree, table, n = model.tree, model.coordinates, len(q_D)
+    tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
     forces: list[Array] = []
     for link in tree.links:
-        if link.role is Role.DYNAMIC and model.number(link.stiffness) > 0.0:
+        if link.role is Role.DYNAMIC and marionette.number(link.stiffness) > 0.0:
             forces += [np.tile(row, (n, 1)) for row in np.eye(table.n_vD)[link.v]]
     for spring in tree.springs:
-        forces += [_pull(model, q_D, q_K, spring.points, axis) for axis in np.eye(3)]
-    return _forth(model, q_D, q_K, forces)
+        forces += [_pull(marionette, q_D, q_K, spring.points, axis) for axis in np.eye(3)]
+    return _forth(marionette, q_D, q_K, forces)
 
 
-def critical_step_of_tensions(model: Model, q_D: Array, q_K: Array, tension: Array) -> float:
+def critical_step_of_tensions(
+    marionette: CompiledPuppet, q_D: Array, q_K: Array, tension: Array
+) -> float:
     """2 / omega of the fastest vibration from tensions (n_strings,) [s]; infinity without one."""
-    poses, (q_D, q_K) = analysis.poses(model, q_D, q_K), (q_D[None], q_K[None])
+    poses, (q_D, q_K) = marionette.poses(q_D, q_K), (q_D[None], q_K[None])
     forces, k = [], []
-    for string, pull in zip(model.tree.strings, tension, strict=True):
+    for string, pull in zip(marionette.tree.strings, tension, strict=True):
         for ends in pairwise(string.points) if pull > 0.0 else ():
-            d = _place(model, poses, ends[1]) - _place(model, poses, ends[0])
+            d = _place(marionette, poses, ends[1]) - _place(marionette, poses, ends[0])
             length = float(np.linalg.norm(d))
             if ends[0].link == ends[1].link or length < _MIN_SEGMENT:
                 continue
             for across in np.linalg.svd(d[None])[2][1:]:
-                forces.append(_pull(model, q_D, q_K, ends, across))
+                forces.append(_pull(marionette, q_D, q_K, ends, across))
                 k.append(pull / length)
     if not forces:
         return np.inf
-    root = np.sqrt(k)[:, None] * _forth(model, q_D, q_K, forces)[0]
+    root = np.sqrt(k)[:, None] * _forth(marionette, q_D, q_K, forces)[0]
     fastest = float(np.linalg.norm(root, 2))
     return 2.0 / fastest if fastest > 0.0 else np.inf
 
 
-def _forth(model: Model, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
+def _forth(marionette: CompiledPuppet, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
     """(n, len(forces), n_vD) F^-T of forces (n, n_vD)."""
-    table, n = model.coordinates, len(q_D)
+    table, n = marionette.coordinates, len(q_D)
     D, K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
-    still = {"v_D": D, "u_D": D, "v_K": K, "acc_K": K, "p": model.p}
-    L = model.library.evaluate("dynamics", q_D=q_D, q_K=q_K, **still).L
-    return model.library.evaluate("forth", L=L[:, None], x=np.stack(forces, axis=1)).y
+    still = {"v_D": D, "u_D": D, "v_K": K, "acc_K": K, "p": marionette.p}
+    L = marionette.library.evaluate("dynamics", q_D=q_D, q_K=q_K, **still).L
+    return marionette.library.evaluate("forth", L=L[:, None], x=np.stack(forces, axis=1)).y
 
 
-def _pull(model: Model, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array) -> Array:
+def _pull(
+    marionette: CompiledPuppet, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array
+) -> Array:
     """(n, n_vD) forces in the joints of a unit force on one point, its opposite on the other."""
-    n, n_links = len(q_D), len(model.tree.links)
-    poses = analysis.poses(model, q_D, q_K)
+    n, n_links = len(q_D), len(marionette.tree.links)
+    poses = marionette.poses(q_D, q_K)
     wrench = np.zeros((n, n_links, 6))
     for point, sign in zip(ends, (1.0, -1.0), strict=True):
         if point.link == WORLD:
             continue
-        at = np.array([model.number(x) for x in point.at])
-        at = at - _centre(model, model.tree.links[point.link])
+        at = np.array([marionette.number(x) for x in point.at])
+        at = at - _centre(marionette, marionette.tree.links[point.link])
         arm = poses[:, point.link, :, :3] @ at
         wrench[:, point.link, :3] += sign * axis
         wrench[:, point.link, 3:] += np.cross(arm, sign * axis)
-    return model.library.evaluate(
-        "wrench_forces", q_D=q_D, q_K=q_K, wrench=wrench.swapaxes(1, 2), p=model.p
+    return marionette.library.evaluate(
+        "wrench_forces", q_D=q_D, q_K=q_K, wrench=wrench.swapaxes(1, 2), p=marionette.p
     ).u_D
 
 
-def _place(model: Model, poses: Array, point: Point) -> Array:
+def _place(marionette: CompiledPuppet, poses: Array, point: Point) -> Array:
     """(3,) of a point in the world [m]."""
-    at = np.array([model.number(x) for x in point.at])
+    at = np.array([marionette.number(x) for x in point.at])
     return at if point.link == WORLD else poses[point.link, :, :3] @ at + poses[point.link, :, 3]
 
 
-def _centre(model: Model, link: Link) -> Array:
+def _centre(marionette: CompiledPuppet, link: Link) -> Array:
     """(3,) centre of mass in the link's frame, its origin when massless [m]."""
-    mass, centre, _ = link_inertia(link, model.number)
+    mass, centre, _ = link_inertia(link, marionette.number)
     return centre if mass > 0.0 else np.zeros(3)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Indices, MaskRows
-from fantoccini.dynamics.compiled.model import Model
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.dynamics.compiled.vector_checks import vector
 from fantoccini.kernel.contract import WINCH_AT, WINCH_DECELERATION
 from fantoccini.kernel.runtime import Complementarity, Library
@@ -40,7 +40,7 @@ class Evaluation:
     @classmethod
     def of(
         cls,
-        model: Model,
+        marionette: CompiledPuppet,
         x: State,
         acc_K: Array | None = None,
         u_D: Array | None = None,
@@ -49,7 +49,7 @@ class Evaluation:
         """Evaluates the model at a state.
 
         Args:
-            model: the puppet.
+            marionette: the puppet.
             x: the state.
             acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
             u_D: (n_vD,) user forces; 0 when not given.
@@ -58,10 +58,10 @@ class Evaluation:
         Raises:
             StateError: the state or a vector does not fit the puppet.
         """
-        library, tree, table = model.library, model.tree, model.coordinates
+        library, tree, table = marionette.library, marionette.tree, marionette.coordinates
         acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
-        slip = model.states([x]).slip[0]
-        at = model.at(x) | {"acc_K": acc_K, "u_D": u_D}
+        slip = marionette.states([x]).slip[0]
+        at = marionette.at(x) | {"acc_K": acc_K, "u_D": u_D}
         on = factor = library.evaluate("dynamics", **at)
         if dt:
             factor = library.evaluate("step_dynamics", **at, v_ahead=x.v_D, dt=dt)
@@ -71,7 +71,7 @@ class Evaluation:
         J[limit, velocity] = on.J_limit[axis, limit]
         W_l = library.evaluate("forth", L=factor.L, x=J).y if n_l else J
         # A winch that rewinds slip brakes before it stops.
-        speed = model.winches[:, WINCH_AT["rewind_speed"]]
+        speed = marionette.winches[:, WINCH_AT["rewind_speed"]]
         braked = np.sqrt(2.0 * WINCH_DECELERATION * slip)
         braking = np.where((braked > 0) & (braked < speed), WINCH_DECELERATION, 0.0)
         return cls(
@@ -80,7 +80,7 @@ class Evaluation:
             factor.w0,
             np.concatenate([factor.W.T, W_l]).T,
             np.concatenate([on.h - slip, on.h_limit]),
-            np.concatenate([on.hdot - model.rewinding(slip), J @ x.v_D]),
+            np.concatenate([on.hdot - marionette.rewinding(slip), J @ x.v_D]),
             np.concatenate([on.gamma - braking, on.gamma_limit]),
         )
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fantoccini.base import Array, SimulationError, Status
 from fantoccini.dynamics.compiled.checks import bind_input, check_start, refuse_contact
-from fantoccini.dynamics.compiled.model import Model
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.kernel.runtime import FrozenFlow
 from fantoccini.motion import Input, State
 
@@ -37,27 +37,32 @@ class Flow:
         taut: (n_rows,) bool, those that are held.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         x0: where it starts; no string may be longer than its length.
         inputs: motion of the driven coordinates; they hold still when not given.
     """
 
-    def __init__(self, model: Model, x0: State, inputs: Input | None = None):
-        refuse_contact(model, "the flow for external integrators")
-        check_start(model, x0)
-        given = Input.hold(model, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
-        self._inputs = bind_input(model, given, x0.q_K, x0.v_K, x0.t, x0.t)
+    def __init__(self, marionette: CompiledPuppet, x0: State, inputs: Input | None = None):
+        refuse_contact(marionette, "the flow for external integrators")
+        check_start(marionette, x0)
+        given = Input.hold(marionette, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
+        self._inputs = bind_input(marionette, given, x0.q_K, x0.v_K, x0.t, x0.t)
         self._run = FrozenFlow(
-            model.library, model.run_options(), x0, model.p, model.winches, self._inputs
+            marionette.library,
+            marionette.run_options(),
+            x0,
+            marionette.p,
+            marionette.winches,
+            self._inputs,
         )
         if self._run.status is not Status.RUNNING:
             raise SimulationError(self._run.status, f"at t = {x0.t:.6g} s")
-        table = model.coordinates
+        table = marionette.coordinates
         self._table, self._n_qD, self._n_vD = table, table.n_qD, table.n_vD
         end = self._run.smooth_until(np.inf)
         self.t_end = np.inf if inputs is None and end >= given.end else end
         self.t0, self.y0 = self._run.t, self._run.y
-        self.rows = model.tree.row_names
+        self.rows = marionette.tree.row_names
         self.taut = self._run.active_set != 0
 
     def rate(self, t: float, y: Array) -> Array:

@@ -38,7 +38,7 @@ SOURCE_MODULES = ("fantoccini.model.tree.construction", "fantoccini.kernel.codeg
 
 
 @dataclass(frozen=True, eq=False)
-class Compiled:
+class Libraries:
     """Equations and libraries of a puppet, shared by its models whatever their parameters.
 
     Attributes:

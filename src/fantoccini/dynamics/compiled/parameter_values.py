@@ -8,15 +8,15 @@ import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError, floats
 from fantoccini.base.documents import Parameter
-from fantoccini.dynamics.compiled.model import Model
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.kernel.contract import WINCH_AT
 
 
-def parameter_rows(model: Model, values: Mapping[str, Array | float] | None) -> Array:
+def parameter_rows(marionette: CompiledPuppet, values: Mapping[str, Array | float] | None) -> Array:
     """(1 or n, n_p) parameters of every run: the model's own, with those given in their place.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         values: by name, a number or (n,) numbers.
 
     Raises:
@@ -26,8 +26,8 @@ def parameter_rows(model: Model, values: Mapping[str, Array | float] | None) -> 
         ValueError: arrays that are not of one length, or not of numbers.
     """
     given = {name: floats(x) for name, x in (values or {}).items()}
-    index, sizes = model.parameter_index, {}
-    wound = _parameters_of_winches(model)
+    index, sizes = marionette.parameter_index, {}
+    wound = _parameters_of_winches(marionette)
     for name, x in given.items():
         if name not in index:
             raise UnknownNameError("parameter", name, tuple(index))
@@ -36,7 +36,7 @@ def parameter_rows(model: Model, values: Mapping[str, Array | float] | None) -> 
         if not np.all(np.isfinite(x)):
             bad = x[~np.isfinite(x)].flat[0]
             raise StateError(f"parameter {name}: found {bad}; it must be a finite number")
-        if name in wound and np.any(x != model.p[index[name]]):
+        if name in wound and np.any(x != marionette.p[index[name]]):
             raise StateError(
                 f"parameter {name} belongs to the winch of {wound[name]}, which all runs share: "
                 f"take marionette.with_parameters({{{name!r}: ...}})"
@@ -49,17 +49,17 @@ def parameter_rows(model: Model, values: Mapping[str, Array | float] | None) -> 
     # What a parameter may be is an interval, so its ends speak for all between.
     for end in (np.min, np.max):
         if given:
-            model.puppet.with_values({name: float(end(x)) for name, x in given.items()})
-    rows = np.tile(model.p, (next(iter(sizes.values()), 1), 1))
+            marionette.puppet.with_values({name: float(end(x)) for name, x in given.items()})
+    rows = np.tile(marionette.p, (next(iter(sizes.values()), 1), 1))
     for name, x in given.items():
         rows[:, index[name]] = x
     return rows
 
 
-def _parameters_of_winches(model: Model) -> dict[str, str]:
+def _parameters_of_winches(marionette: CompiledPuppet) -> dict[str, str]:
     """Name of a parameter that a winch has -> the string."""
     found = {}
-    for string in model.tree.strings:
+    for string in marionette.tree.strings:
         for key in WINCH_AT:
             value = getattr(string, key)
             if isinstance(value, Parameter):

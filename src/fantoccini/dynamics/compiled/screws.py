@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.dynamics.compiled.model import Model
+from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.model.tree import TURNS_WITH_LINK, WORLD, Role, Tree
 from fantoccini.motion import State
 
@@ -42,7 +42,7 @@ class Screws:
     Changes are columns, m in all, in this order, or those that are given; acc_D stays.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         x: the state.
         acc_D, acc_K: (n_vD,), (n_vK,) accelerations; 0 when not given.
         changes: (n_columns, m) of these quantities.
@@ -50,17 +50,17 @@ class Screws:
 
     def __init__(
         self,
-        model: Model,
+        marionette: CompiledPuppet,
         x: State,
         acc_D: Array | None = None,
         acc_K: Array | None = None,
         changes: Array | None = None,
     ):
-        t, p = model.coordinates, model.p
+        t, p = marionette.coordinates, marionette.p
         self.n_D, n_K = t.n_vD, t.n_vK
         n = self.n_D + n_K
-        self._moves, self._carries = relations(model.tree)
-        found = model.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=p)
+        self._moves, self._carries = relations(marionette.tree)
+        found = marionette.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=p)
         self.poses = found.poses.T
         self.s = np.concatenate([found.screw_D.T, found.screw_K.T])
         self._v = np.concatenate([x.v_D, x.v_K])
@@ -81,17 +81,17 @@ class Screws:
             self.n_columns = changes.shape[1]
             ours = (self._dq, self._dv, self._da, self._dp)
             self._dq, self._dv, self._da, self._dp = (one @ changes for one in ours)
-        self._by_parameters(model, x)
+        self._by_parameters(marionette, x)
 
-    def _by_parameters(self, model: Model, x: State) -> None:
+    def _by_parameters(self, marionette: CompiledPuppet, x: State) -> None:
         """Twists of the links (n_links, 6, n_p) and changes of the screws (n, 6, n_p) by p."""
-        p, n_links = model.p, len(self.poses)
+        p, n_links = marionette.p, len(self.poses)
         self._xi_p, self._s_p = np.zeros((n_links, 6, len(p))), np.zeros((len(self.s), 6, len(p)))
         if not len(p):
             return
         step = PARAMETER_STEP * np.maximum(1.0, np.abs(p))
         at = p + (OFFSETS[:, None, None] * np.diag(step)).reshape(-1, len(p))
-        found = model.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=at)
+        found = marionette.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=at)
         screws = np.concatenate([found.screw_D, found.screw_K], axis=-1).swapaxes(-1, -2)
         self._s_p, poses = (
             np.einsum("o,opij->ijp", WEIGHTS, x.reshape(len(OFFSETS), len(p), *x.shape[1:])) / step

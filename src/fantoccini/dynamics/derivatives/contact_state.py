@@ -10,8 +10,8 @@ import numpy as np
 from fantoccini.base import Array, Indices, StateError, Status
 from fantoccini.dynamics.compiled import (
     TOUCHING,
+    CompiledPuppet,
     Evaluation,
-    Model,
     PairGeometry,
     Screws,
     check_start,
@@ -59,63 +59,69 @@ class Resting:
     contacts: Contacts
 
 
-def resting(model: Model, x: State, acc_K: Array, u_D: Array) -> Resting:
+def resting(marionette: CompiledPuppet, x: State, acc_K: Array, u_D: Array) -> Resting:
     """Forces and modes at a state in which solids touch.
 
     Raises:
         StateError: solids strike one another there, or no event-driven run begins there.
     """
-    sample, piece = _begun(model, x, acc_K, u_D)
-    assert model.contacts is not None
-    found = contact_points(piece.contacts, model.contacts.names).at(len(piece.samples) - 1)
-    screws = Screws(model, x, sample["acc_D"], acc_K)
-    contacts = _contacts(model, screws, x, found)
+    sample, piece = _begun(marionette, x, acc_K, u_D)
+    assert marionette.contacts is not None
+    found = contact_points(piece.contacts, marionette.contacts.names).at(len(piece.samples) - 1)
+    screws = Screws(marionette, x, sample["acc_D"], acc_K)
+    contacts = _contacts(marionette, screws, x, found)
     return Resting(sample["acc_D"], sample["tension"], contacts)
 
 
-def motion_at(model: Model, x: State) -> Resting:
+def motion_at(marionette: CompiledPuppet, x: State) -> Resting:
     """Accelerations, tensions and contacts at a state with its inputs at rest.
 
     Raises:
         StateError: see :func:`resting` and :func:`forward_dynamics`.
     """
-    if touches(model, x):
-        table = model.coordinates
-        return resting(model, x, np.zeros(table.n_vK), np.zeros(table.n_vD))
-    return Resting(*forward_dynamics(model, x), Contacts((), ()))
+    if touches(marionette, x):
+        table = marionette.coordinates
+        return resting(marionette, x, np.zeros(table.n_vK), np.zeros(table.n_vD))
+    return Resting(*forward_dynamics(marionette, x), Contacts((), ()))
 
 
-def touches(model: Model, x: State) -> bool:
+def touches(marionette: CompiledPuppet, x: State) -> bool:
     """Whether solids touch at a state."""
-    return bool(model.overlaps(x.q_D, x.q_K, -TOUCHING))
+    return bool(marionette.overlaps(x.q_D, x.q_K, -TOUCHING))
 
 
-def with_active_set(model: Model, x: State) -> State:
+def with_active_set(marionette: CompiledPuppet, x: State) -> State:
     """The state with its taut rows determined, with contact forces taken into account.
 
     Where a motion begins with an impact, or cannot begin, the rows marked taut are kept.
     """
-    if not touches(model, x):
-        tension = forward_dynamics(model, x).tension
+    if not touches(marionette, x):
+        tension = forward_dynamics(marionette, x).tension
     else:
-        table = model.coordinates
+        table = marionette.coordinates
         try:
-            tension = _begun(model, x, np.zeros(table.n_vK), np.zeros(table.n_vD))[0]["tension"]
+            tension = _begun(marionette, x, np.zeros(table.n_vK), np.zeros(table.n_vD))[0][
+                "tension"
+            ]
         except StateError:
-            return x.replace(taut=taut_mask(model, x) | model.two_sided)
-    return x.replace(taut=(tension > 0.0) | model.two_sided)
+            return x.replace(taut=taut_mask(marionette, x) | marionette.two_sided)
+    return x.replace(taut=(tension > 0.0) | marionette.two_sided)
 
 
-def _begun(model: Model, x: State, acc_K: Array, u_D: Array) -> tuple[dict[str, Array], Piece]:
+def _begun(
+    marionette: CompiledPuppet, x: State, acc_K: Array, u_D: Array
+) -> tuple[dict[str, Array], Piece]:
     """The first sample of an event-driven run, and what else it writes there."""
-    check_start(model, x)
-    options = model.run_options()
-    inputs = held_input(model, x, options.dt, acc_K, u_D)
-    run = Run(model.library, "event", options, x, model.p, model.winches, inputs)
+    check_start(marionette, x)
+    options = marionette.run_options()
+    inputs = held_input(marionette, x, options.dt, acc_K, u_D)
+    run = Run(marionette.library, "event", options, x, marionette.p, marionette.winches, inputs)
     if run.status is not Status.RUNNING:
         raise StateError(f"no motion begins at this state: {run.status.message}")
     piece = run.present()
-    sample = {name: part[-1] for name, part in model.sample_layout.split(piece.samples).items()}
+    sample = {
+        name: part[-1] for name, part in marionette.sample_layout.split(piece.samples).items()
+    }
     size = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
     if np.max(np.abs(sample["v_D"] - x.v_D), initial=0.0) > JUMP * size:
         raise StateError(
@@ -125,16 +131,21 @@ def _begun(model: Model, x: State, acc_K: Array, u_D: Array) -> tuple[dict[str, 
     return sample, piece
 
 
-def _contacts(model: Model, screws: Screws, x: State, found: ContactPoints) -> Contacts:
+def _contacts(
+    marionette: CompiledPuppet, screws: Screws, x: State, found: ContactPoints
+) -> Contacts:
     """The points found, in their modes; ``screws`` must have the accelerations."""
-    assert model.contacts is not None
+    assert marionette.contacts is not None
     still = still_speed(screws)
     held: list[HeldPoint] = []
     edges: list[str] = []
     idle: list[tuple[str, PairGeometry, int, float]] = []
-    for pair in geometries(model, screws, x, sorted(set(found.pair.tolist()))):
-        name, own = pair_name(model.contacts.names[pair.pair]), found.some(found.pair == pair.pair)
-        mu, taken = float(model.contacts.friction[pair.pair]), set()
+    for pair in geometries(marionette, screws, x, sorted(set(found.pair.tolist()))):
+        name, own = (
+            pair_name(marionette.contacts.names[pair.pair]),
+            found.some(found.pair == pair.pair),
+        )
+        mu, taken = float(marionette.contacts.friction[pair.pair]), set()
         for k in range(len(own)):
             feature = pair.nearest(own.point[k], CLOSED)
             if feature is None:
@@ -148,7 +159,7 @@ def _contacts(model: Model, screws: Screws, x: State, found: ContactPoints) -> C
             if edge and (slides := _begins_to_slide(screws, pair, point)):
                 point, edge = slides, "begins to slide, in a direction that has no derivative"
             held.append(point)
-            if touch.normal @ force < TOLERANCES.force * model.reference_force:
+            if touch.normal @ force < TOLERANCES.force * marionette.reference_force:
                 edge = edge or "touches without force"
             edges += [f"{name}: {edge}"] if edge else []
         for feature, values in pair.points.items():
@@ -174,13 +185,13 @@ class FrozenModes:
     """Points that keep their modes, at any state near the one where these were found.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         points: in their modes; the directions of sliding are those of their velocities, or, of
             points almost at rest, those that they have.
     """
 
-    def __init__(self, model: Model, points: Sequence[PointMode]):
-        self._model, self._points = model, tuple(points)
+    def __init__(self, marionette: CompiledPuppet, points: Sequence[PointMode]):
+        self._marionette, self._points = marionette, tuple(points)
 
     def at(self, screws: Screws) -> list[HeldPoint]:
         """The points at a state, with second derivatives and without forces.
@@ -193,7 +204,7 @@ class FrozenModes:
         for point in self._points:
             feature = point.feature
             if point.pair not in pairs:
-                pairs[point.pair] = PairGeometry(self._model, screws.poses, point.pair)
+                pairs[point.pair] = PairGeometry(self._marionette, screws.poses, point.pair)
             pair = pairs[point.pair]
             if feature not in pair.points:
                 raise StateError(f"{point.name} touch no longer where they did")
@@ -225,7 +236,7 @@ class FrozenModes:
             hddot = at.gamma[held, None] + at.W[:, held].T @ at.w0[:, None]
             acc, y = KKTSystem(at, held).solve(np.zeros((len(free), 1)), hddot)
             return free + acc[:, 0], y[:, 0], []
-        screws = Screws(self._model, x, free, acc_K)
+        screws = Screws(self._marionette, x, free, acc_K)
         points = self.at(screws)
         rows = ContactRows(screws, points, 0.0)
         hddot = at.gamma[held] + at.W[:, held].T @ at.w0
@@ -262,7 +273,7 @@ class FrozenModes:
         """
         if not points:
             return *KKTSystem(at, held).solve(force, rate), np.zeros((0, force.shape[1]))
-        screws = Screws(self._model, x, *acc)
+        screws = Screws(self._marionette, x, *acc)
 
         def rows(those: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
             made = ContactRows(screws, those, 0.0)

@@ -22,7 +22,7 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, UnknownNameError
 from fantoccini.base.documents import Parameter
-from fantoccini.dynamics.compiled import Evaluation, Model, forward_dynamics, vector
+from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, forward_dynamics, vector
 from fantoccini.dynamics.derivatives.contact_rows import HeldPoint, PointMode
 from fantoccini.dynamics.derivatives.contact_state import FrozenModes, resting, touches
 from fantoccini.model.tree import CoordinateTable
@@ -148,7 +148,7 @@ class Linearisation:
 
 
 def linearise(
-    model: Model,
+    marionette: CompiledPuppet,
     x: State,
     acc_K: Array | None = None,
     u_D: Array | None = None,
@@ -156,41 +156,41 @@ def linearise(
     contacts: Iterable[PointMode] | None = None,
 ) -> Linearisation:
     """Derivatives of acc_D and of the tensions; see :meth:`Marionette.linearise`."""
-    table, n_p = model.coordinates, len(model.p)
+    table, n_p = marionette.coordinates, len(marionette.p)
     acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
-    at = Evaluation.of(model, x, acc_K, u_D)
+    at = Evaluation.of(marionette, x, acc_K, u_D)
     points, edges = tuple(contacts or ()), tuple[str, ...]()
-    tension = np.zeros(model.tree.n_rows)
-    near = contacts is None and touches(model, x)
+    tension = np.zeros(marionette.tree.n_rows)
+    near = contacts is None and touches(marionette, x)
     if near or (points and rows is None):
-        found = resting(model, x, acc_K, u_D)
+        found = resting(marionette, x, acc_K, u_D)
         acc_D, tension = found.acc_D, found.tension
         if contacts is None:
             points, edges = found.contacts.points, found.contacts.edges
     elif rows is None:
-        acc_D, tension = forward_dynamics(model, x, acc_K, u_D)
+        acc_D, tension = forward_dynamics(marionette, x, acc_K, u_D)
     if rows is None:
-        pulls = model.two_sided | ((tension > 0.0) & (tension < model.upper))
+        pulls = marionette.two_sided | ((tension > 0.0) & (tension < marionette.upper))
         held: Indices = np.flatnonzero(pulls)
     else:
-        held = named_rows(model, rows)
-    frozen, pushing = FrozenModes(model, points), list[HeldPoint]()
+        held = named_rows(marionette, rows)
+    frozen, pushing = FrozenModes(marionette, points), list[HeldPoint]()
     if rows is not None or points:
         acc_D, pulling, pushing = frozen.moving(at, x, acc_K, held)
-        tension = np.zeros(model.tree.n_rows)
+        tension = np.zeros(marionette.tree.n_rows)
         tension[held] = pulling
-    derivatives = derivatives_at(model, x, acc_D, acc_K, tension)
-    by = force_derivatives(model, derivatives, tension)
+    derivatives = derivatives_at(marionette, x, acc_D, acc_K, tension)
+    by = force_derivatives(marionette, derivatives, tension)
     rate = row_derivatives(derivatives)[held]
     dacc, dtension, dpush = frozen.solve(at, x, (acc_D, acc_K), held, pushing, by, rate)
     widths = [table.n_vD] * 2 + [table.n_vK] * 3 + [table.n_vD, n_p]
     return Linearisation(
         x=x,
-        rows=tuple(model.tree.row_names[i] for i in held),
+        rows=tuple(marionette.tree.row_names[i] for i in held),
         acc_D=acc_D,
         tension=tension,
         acc=Partials.of(dacc, widths),
-        pull=Partials.of(tension_derivatives(model, tension, held, dtension), widths),
+        pull=Partials.of(tension_derivatives(marionette, tension, held, dtension), widths),
         contacts=tuple(pushing),
         push=Partials.of(dpush, widths),
         edges=edges,
@@ -198,9 +198,9 @@ def linearise(
     )
 
 
-def named_rows(model: Model, names: Iterable[str]) -> Indices:
+def named_rows(marionette: CompiledPuppet, names: Iterable[str]) -> Indices:
     """Indices of strings and limits, in order."""
-    known = model.tree.row_names
+    known = marionette.tree.row_names
     names = (names,) if isinstance(names, str) else tuple(names)
     for name in names:
         if name not in known:
@@ -209,11 +209,16 @@ def named_rows(model: Model, names: Iterable[str]) -> Indices:
 
 
 def derivatives_at(
-    model: Model, x: State, acc_D: Array, acc_K: Array, tension: Array, dt: float = 0.0
+    marionette: CompiledPuppet,
+    x: State,
+    acc_D: Array,
+    acc_K: Array,
+    tension: Array,
+    dt: float = 0.0,
 ) -> dict[str, Array]:
     """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
     values: dict[str, Array | float] = {
-        **model.at(x),
+        **marionette.at(x),
         "acc_D": acc_D,
         "acc_K": acc_K,
         "tension": tension,
@@ -221,28 +226,30 @@ def derivatives_at(
     }
     found: dict[str, Array] = {}
     for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
-        found |= model.compiled.derivatives.at(name, values)
+        found |= marionette.libraries.derivatives.at(name, values)
     return found
 
 
-def row_derivatives_at(model: Model, x: State, v_D: Array | None = None) -> dict[str, Array]:
+def row_derivatives_at(
+    marionette: CompiledPuppet, x: State, v_D: Array | None = None
+) -> dict[str, Array]:
     """Compiled derivatives of h and hdot at a state, by their names.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         x: the state.
         v_D: (..., n_vD) other velocities there; results are (..., *shape) then.
     """
-    values = model.at(x) | {"acc_D": np.zeros_like(x.v_D), "acc_K": np.zeros_like(x.v_K)}
+    values = marionette.at(x) | {"acc_D": np.zeros_like(x.v_D), "acc_K": np.zeros_like(x.v_K)}
     if v_D is not None:
         values["v_D"] = v_D
-    return model.compiled.derivatives.at("rows_by", values)
+    return marionette.libraries.derivatives.at("rows_by", values)
 
 
-def force_derivatives(model: Model, found: dict[str, Array], tension: Array) -> Array:
+def force_derivatives(marionette: CompiledPuppet, found: dict[str, Array], tension: Array) -> Array:
     """Derivatives of r by q_D, v_D, q_K, v_K, acc_K, u_D and p, in one array."""
     n = len(found["r_q"])
-    by_p = found["r_p"] + found["A_D"].T @ _slipping_by_p(model, tension)
+    by_p = found["r_p"] + found["A_D"].T @ _slipping_by_p(marionette, tension)
     columns = (found["r_q"], found["r_v"], found["r_qK"], found["r_vK"], found["M_DK"])
     return np.concatenate([*columns, -np.eye(n), by_p], axis=1)
 
@@ -254,20 +261,22 @@ def row_derivatives(found: dict[str, Array]) -> Array:
     return np.concatenate([*(found[name] for name in names), none, found["hddot_p"]], axis=1)
 
 
-def tension_derivatives(model: Model, tension: Array, held: Indices, dtension: Array) -> Array:
+def tension_derivatives(
+    marionette: CompiledPuppet, tension: Array, held: Indices, dtension: Array
+) -> Array:
     """(n_rows, m) derivatives of all tensions, from those of the held rows."""
-    out = np.zeros((model.tree.n_rows, dtension.shape[1]))
-    out[:, out.shape[1] - len(model.p) :] = _slipping_by_p(model, tension)
+    out = np.zeros((marionette.tree.n_rows, dtension.shape[1]))
+    out[:, out.shape[1] - len(marionette.p) :] = _slipping_by_p(marionette, tension)
     out[held] = dtension
     return out
 
 
-def _slipping_by_p(model: Model, tension: Array) -> Array:
+def _slipping_by_p(marionette: CompiledPuppet, tension: Array) -> Array:
     """(n_rows, n_p) derivatives of the tensions of strings that slip, by the parameters."""
-    out = np.zeros((len(tension), len(model.p)))
-    for i, string in enumerate(model.tree.strings):
-        if isinstance(string.max_tension, Parameter) and tension[i] >= model.upper[i]:
-            out[i, model.parameter_index[string.max_tension.parameter]] = 1.0
+    out = np.zeros((len(tension), len(marionette.p)))
+    for i, string in enumerate(marionette.tree.strings):
+        if isinstance(string.max_tension, Parameter) and tension[i] >= marionette.upper[i]:
+            out[i, marionette.parameter_index[string.max_tension.parameter]] = 1.0
     return out
 
 

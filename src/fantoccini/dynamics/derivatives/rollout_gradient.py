@@ -27,7 +27,7 @@ from fantoccini.base import (
     check_positive,
     rotation,
 )
-from fantoccini.dynamics.compiled import Model, vector, vectors
+from fantoccini.dynamics.compiled import CompiledPuppet, vector, vectors
 from fantoccini.dynamics.derivatives.step_linearisation import AT_CAP, DrivenStep
 from fantoccini.kernel.contract import StepEdge
 from fantoccini.kernel.runtime import GradientRun
@@ -199,7 +199,7 @@ class Rollout:
 
 
 def rollout(
-    model: Model,
+    marionette: CompiledPuppet,
     x0: State,
     acc_K: Array,
     u_D: Array | None = None,
@@ -211,8 +211,8 @@ def rollout(
 ) -> Rollout:
     """Time steps with their gradients; see :meth:`Marionette.rollout`."""
     check_positive(dt=dt)
-    model.check_state(x0)
-    t = model.coordinates
+    marionette.check_state(x0)
+    t = marionette.coordinates
     acc = vectors("acc_K", acc_K, t.n_vK)
     if acc.ndim != 2:
         raise StateError(
@@ -223,17 +223,17 @@ def rollout(
     force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, t.n_vD))
     if force is not None and (force.ndim != 2 or len(force) not in (1, n)):
         raise StateError(f"u_D has {len(force)} rows; it must have 1 or {n}, as acc_K")
-    values = model.p if p is None else vector("p", p, len(model.p))
+    values = marionette.p if p is None else vector("p", p, len(marionette.p))
     if np.any(x0.slip):
         raise StateError("a rollout begins with winches that have not slipped")
     inputs, driven = _inputs(t, x0, acc, dt)
-    options = model.run_options(dt=dt, extrapolate=extrapolate)
-    pairs = () if model.contacts is None else model.contacts.names
+    options = marionette.run_options(dt=dt, extrapolate=extrapolate)
+    pairs = () if marionette.contacts is None else marionette.contacts.names
     run = GradientRun(
-        model.compiled.gradients,
+        marionette.libraries.gradients,
         options,
-        model.winches,
-        model.reference_force,
+        marionette.winches,
+        marionette.reference_force,
         inputs,
         force,
         x0.q_D,
@@ -248,8 +248,8 @@ def rollout(
             "steps before it",
         )
     tension = run.arrays["tension"][:made]
-    upper = np.minimum(model.upper, model.tension_cap)
-    held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
+    upper = np.minimum(marionette.upper, marionette.tension_cap)
+    held = marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
     return Rollout(
         **{name: run.arrays[name][: made + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
         tension=tension,

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Indices, StateError
-from fantoccini.dynamics.compiled import Evaluation, Model, Screws, interpreted, retract
+from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws, retract
 from fantoccini.dynamics.derivatives.contact_rows import ContactRows
 from fantoccini.dynamics.derivatives.contact_state import Resting, motion_at
 from fantoccini.dynamics.derivatives.kkt import DEPENDENT_ROWS
@@ -63,21 +63,21 @@ class SmallMotions:
     forcing: tuple[Array, Array, Array]
 
     @classmethod
-    def of(cls, model: Model, x: State, motion: Resting) -> SmallMotions:
+    def of(cls, marionette: CompiledPuppet, x: State, motion: Resting) -> SmallMotions:
         """The small motions about a state of rest.
 
         Args:
-            model: the puppet.
+            marionette: the puppet.
             x: the state.
             motion: accelerations, tensions and contacts there.
         """
         tension, points = motion.tension, motion.contacts.points
-        held = np.flatnonzero(model.two_sided | (tension > MIN_TENSION * model.weight))
-        at, n, k = Evaluation.of(model, x), len(x.v_D), len(x.v_K)
+        held = np.flatnonzero(marionette.two_sided | (tension > MIN_TENSION * marionette.weight))
+        at, n, k = Evaluation.of(marionette, x), len(x.v_D), len(x.v_K)
         none_D, none_K = np.zeros(n), np.zeros(k)
-        by = derivatives_at(model, x, none_D, none_K, tension)
+        by = derivatives_at(marionette, x, none_D, none_K, tension)
         r_q, r_v, r_qK, r_vK = (by[name] for name in ("r_q", "r_v", "r_qK", "r_vK"))
-        rows = ContactRows(Screws(model, x, none_D, none_K), points, 0.0)
+        rows = ContactRows(Screws(marionette, x, none_D, none_K), points, 0.0)
         widths = np.cumsum([n, n, k, k])
         more = np.split(rows.force_by(), widths, axis=1)
         r_q, r_v, r_qK, r_vK = r_q + more[0], r_v + more[1], r_qK + more[2], r_vK + more[3]
@@ -91,14 +91,14 @@ class SmallMotions:
         return cls(
             held,
             N,
-            interpreted(model, "mass_matrix", x).M,
+            marionette.interpreted("mass_matrix", x).M,
             N.T @ r_q @ N,
             N.T @ r_v @ N,
             (-N.T @ (r_q @ Y + r_qK), -N.T @ (r_v @ Y + r_vK), -N.T @ by["M_DK"]),
         )
 
 
-def balanced_state(model: Model, x: State) -> State:
+def balanced_state(marionette: CompiledPuppet, x: State) -> State:
     """A state near rest, moved until its forces balance, by Newton's method.
 
     Rows and contact points stay held, K deta = N^T M acc_D; ``x`` if this does not converge.
@@ -106,7 +106,7 @@ def balanced_state(model: Model, x: State) -> State:
     best, least = x, np.inf
     for _ in range(BALANCE.rounds):
         try:
-            motion = motion_at(model, x)
+            motion = motion_at(marionette, x)
         except StateError:
             break
         left = float(np.max(np.abs(motion.acc_D), initial=0.0))
@@ -115,10 +115,10 @@ def balanced_state(model: Model, x: State) -> State:
         best, least = x, left
         if left <= BALANCE.still:
             break
-        small = SmallMotions.of(model, x, motion)
+        small = SmallMotions.of(marionette, x, motion)
         eta = np.linalg.lstsq(small.K, small.N.T @ small.M @ motion.acc_D, BALANCE.neutral)[0]
         move = small.N @ eta
         if not 0.0 < np.max(np.abs(move), initial=0.0) < BALANCE.move:
             break
-        x = x.replace(q_D=retract(model, x.q_D, move))
+        x = x.replace(q_D=retract(marionette, x.q_D, move))
     return best

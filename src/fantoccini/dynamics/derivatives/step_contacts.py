@@ -14,7 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.base import Array, StateError
-from fantoccini.dynamics.compiled import GEOMETRY_TOLERANCES, LIMITS, Model, PairGeometry, Screws
+from fantoccini.dynamics.compiled import (
+    GEOMETRY_TOLERANCES,
+    LIMITS,
+    CompiledPuppet,
+    PairGeometry,
+    Screws,
+)
 from fantoccini.dynamics.derivatives.contact_rows import ContactMode, HeldPoint, PointMode
 from fantoccini.motion import ContactPoints, State, pair_name
 
@@ -56,28 +62,32 @@ def still_speed(screws: Screws) -> float:
 
 
 def geometries(
-    model: Model, screws: Screws, x: State, more: Sequence[int] = (), reach: float = 0.0
+    marionette: CompiledPuppet,
+    screws: Screws,
+    x: State,
+    more: Sequence[int] = (),
+    reach: float = 0.0,
 ) -> list[PairGeometry]:
     """Of all pairs near enough to touch at a state, and of some more.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         screws: of the links at the state.
         x: the state.
         more: indices of pairs.
         reach: gap up to which points of these count [m].
     """
-    contacts = model.contacts
+    contacts = marionette.contacts
     if contacts is None:
         return []
-    gaps = model.library.gaps(contacts, x.q_D, x.q_K, model.p)
+    gaps = marionette.library.gaps(contacts, x.q_D, x.q_K, marionette.p)
     near = np.union1d(np.flatnonzero(np.isfinite(gaps)), np.asarray(more, dtype=int))
     margin = max(GEOMETRY_TOLERANCES.margin, GEOMETRY_TOLERANCES.spare * reach)
-    return [PairGeometry(model, screws.poses, int(pair), margin) for pair in near]
+    return [PairGeometry(marionette, screws.poses, int(pair), margin) for pair in near]
 
 
 def step_contacts(
-    model: Model,
+    marionette: CompiledPuppet,
     before: Screws,
     after: Screws,
     kick: Array,
@@ -88,7 +98,7 @@ def step_contacts(
     """The modes of the points that push in a step.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         before, after: links at the start with the velocities before and after the step.
         kick: (n_vD,) what it adds to v_D without impulses.
         x: the state before it.
@@ -98,14 +108,14 @@ def step_contacts(
     Raises:
         StateError: the step did not hold a point as the law asks for.
     """
-    assert model.contacts is not None
+    assert marionette.contacts is not None
     still = max(still_speed(before), still_speed(after))
     held: list[HeldPoint] = []
     edges: list[str] = []
     open_points: list[tuple[str, PairGeometry, int, float]] = []
     reach = float(np.max(found.gap, initial=0.0))
-    for pair in geometries(model, before, x, sorted(set(found.pair.tolist())), reach):
-        name = pair_name(model.contacts.names[pair.pair])
+    for pair in geometries(marionette, before, x, sorted(set(found.pair.tolist())), reach):
+        name = pair_name(marionette.contacts.names[pair.pair])
         own = found.some(found.pair == pair.pair)
         taken = set()
         for k in range(len(own)):
@@ -113,10 +123,10 @@ def step_contacts(
             if feature is None:
                 raise StateError(f"{name} touch in this step where they did not at its start")
             taken.add(feature)
-            made, edge = _held(model, name, pair, feature, own.some(np.array([k])), still)
+            made, edge = _held(marionette, name, pair, feature, own.some(np.array([k])), still)
             speed = float(pair.velocity(before, made.touch.point) @ made.touch.normal)
             row = made.touch.normal @ _subspace(before, pair.links, made.touch.point)
-            made, verge = _aimed(model, made, speed, float(row @ kick), dt, still)
+            made, verge = _aimed(marionette, made, speed, float(row @ kick), dt, still)
             held.append(made)
             edges += [f"{name}: {one}" for one in (edge, verge) if one]
         for feature, values in pair.points.items():
@@ -130,17 +140,22 @@ def step_contacts(
 
 
 def _held(
-    model: Model, name: str, pair: PairGeometry, feature: int, own: ContactPoints, still: float
+    marionette: CompiledPuppet,
+    name: str,
+    pair: PairGeometry,
+    feature: int,
+    own: ContactPoints,
+    still: float,
 ) -> tuple[HeldPoint, str]:
     """A point that pushes, and what edge it is on."""
-    assert model.contacts is not None
+    assert marionette.contacts is not None
     touch = pair.touch(feature)
-    mu, n = float(model.contacts.friction[pair.pair]), touch.normal
+    mu, n = float(marionette.contacts.friction[pair.pair]), touch.normal
     force, u = own.force[0], own.velocity[0]
     mode, along, turns, edge = mode_of(mu, n, force, u, still)
     if not touch.smooth:
         edge = edge or "the place of its points has no derivative"
-    elif n @ force < TOLERANCES.force * model.reference_force:
+    elif n @ force < TOLERANCES.force * marionette.reference_force:
         edge = edge or "touches without force"
     point = PointMode(name, pair.pair, feature, mode, mu, along, turns)
     return HeldPoint.of(point, touch, force, u), edge
@@ -169,21 +184,21 @@ def mode_of(
 
 
 def _aimed(
-    model: Model, made: HeldPoint, speed: float, gain: float, dt: float, still: float
+    marionette: CompiledPuppet, made: HeldPoint, speed: float, gain: float, dt: float, still: float
 ) -> tuple[HeldPoint, str]:
     """The point with what its normal row asks for, and what edge that is on.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         made: the point.
         speed: u_n before the step [m/s].
         gain: what the step adds to it without impulses [m/s].
         dt: the step [s].
         still: speed that is none [m/s].
     """
-    assert model.contacts is not None
+    assert marionette.contacts is not None
     after = float(made.touch.normal @ made.velocity)
-    e = float(model.contacts.restitution[made.pair])
+    e = float(marionette.contacts.restitution[made.pair])
     parting = min(-made.touch.gap / dt, LIMITS.recovery_speed)
     # A gap is known to rounding only.
     rounding = still + TOLERANCES.same_place * 1e-3 / dt

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Indices, StateError, check_positive, rotation
-from fantoccini.dynamics.compiled import Evaluation, Model, Screws, vector
+from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, Screws, vector
 from fantoccini.dynamics.derivatives.contact_rows import ContactRows, HeldPoint
 from fantoccini.dynamics.derivatives.kkt import KKTSystem
 from fantoccini.dynamics.derivatives.linearisation import (
@@ -95,23 +95,27 @@ class StepLinearisation:
 
 
 def linearise_step(
-    model: Model, x: State, acc_K: Array | None = None, u_D: Array | None = None, dt: float = 0.002
+    marionette: CompiledPuppet,
+    x: State,
+    acc_K: Array | None = None,
+    u_D: Array | None = None,
+    dt: float = 0.002,
 ) -> StepLinearisation:
     """The first time step from a state; see :meth:`Marionette.linearise_step`."""
-    t = model.coordinates
-    n, k, n_p = t.n_vD, t.n_vK, len(model.p)
+    t = marionette.coordinates
+    n, k, n_p = t.n_vD, t.n_vK, len(marionette.p)
     acc_K, u_D = vector("acc_K", acc_K, k), vector("u_D", u_D, n)
     check_positive(dt=dt)
-    model.check_state(x)
-    stepper = Stepper(model, x, "timestepping", model.run_options(dt=dt))
+    marionette.check_state(x)
+    stepper = Stepper(marionette, x, "timestepping", marionette.run_options(dt=dt))
     x_next = stepper.advance(dt, acc_K, u_D=u_D)
-    tension, upper = stepper.tension, np.minimum(model.upper, model.tension_cap)
-    held = np.flatnonzero(model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper)))
+    tension, upper = stepper.tension, np.minimum(marionette.upper, marionette.tension_cap)
+    held = np.flatnonzero(marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper)))
     path = DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
     # The model as the step sees it: the mean velocity and acceleration of the inputs, M + dt F.
     start = x.replace(v_K=path.rate)
-    at = Evaluation.of(model, start, path.mean, u_D, dt)
-    touching = _Touching.of(model, stepper, at, start, x_next, dt)
+    at = Evaluation.of(marionette, start, path.mean, u_D, dt)
+    touching = _Touching.of(marionette, stepper, at, start, x_next, dt)
     acc_D = at.back(at.w0 - at.W @ tension + touching.push(at))
     if np.max(np.abs(x.v_D + dt * acc_D - x_next.v_D), initial=0.0) > SHORTENED * (
         1.0 + np.max(np.abs(x_next.v_D), initial=0.0)
@@ -120,11 +124,11 @@ def linearise_step(
             "the step was cut short: strings are violated so far, or so fast, that the "
             "time-stepper scaled the velocities down"
         )
-    found = derivatives_at(model, start, acc_D, path.mean, tension, dt)
-    by = force_derivatives(model, found, tension)
-    rate = _row_rates(model, start.replace(v_D=x.v_D + dt * acc_D), at, dt)
+    found = derivatives_at(marionette, start, acc_D, path.mean, tension, dt)
+    by = force_derivatives(marionette, found, tension)
+    rate = _row_rates(marionette, start.replace(v_D=x.v_D + dt * acc_D), at, dt)
     dacc, dtension, dpush = touching.solve(at, held, by, rate[held])
-    dpull = tension_derivatives(model, tension, held, dtension)
+    dpull = tension_derivatives(marionette, tension, held, dtension)
     # From (q_D, v_D, q_K, rate, mean, u_D, p) to (q_D, v_D, q_K, v_K, acc_K, u_D, p).
     chain = path.chain(n, n_p)
     dv = dt * dacc @ chain
@@ -136,7 +140,7 @@ def linearise_step(
         x=x,
         x_next=x_next,
         dt=dt,
-        rows=tuple(model.tree.row_names[i] for i in held),
+        rows=tuple(marionette.tree.row_names[i] for i in held),
         tension=tension,
         A=np.concatenate([columns.q_D, columns.v_D, columns.q_K, columns.v_K], axis=1),
         B=columns.acc_K,
@@ -161,15 +165,23 @@ class _Touching:
 
     @classmethod
     def of(
-        cls, model: Model, stepper: Stepper, at: Evaluation, start: State, end: State, dt: float
+        cls,
+        marionette: CompiledPuppet,
+        stepper: Stepper,
+        at: Evaluation,
+        start: State,
+        end: State,
+        dt: float,
     ) -> _Touching:
-        if model.contacts is None:
+        if marionette.contacts is None:
             return cls(Contacts((), ()), None, None, dt)
-        found = contact_points(stepper.contacts, model.contacts.names)
+        found = contact_points(stepper.contacts, marionette.contacts.names)
         found = found.at(len(stepper.samples) - 1)
-        before, after = Screws(model, start), Screws(model, start.replace(v_D=end.v_D))
+        before, after = Screws(marionette, start), Screws(marionette, start.replace(v_D=end.v_D))
         kick = dt * at.back(at.w0)
-        return cls(step_contacts(model, before, after, kick, start, found, dt), before, after, dt)
+        return cls(
+            step_contacts(marionette, before, after, kick, start, found, dt), before, after, dt
+        )
 
     def push(self, at: Evaluation) -> Array:
         """(n_vD,) F^-T of the forces of all points."""
@@ -195,14 +207,14 @@ class _Touching:
         return rows, (rows.velocity_by() + struck.bounce_by()) / self.dt
 
 
-def _row_rates(model: Model, x: State, at: Evaluation, dt: float) -> Array:
+def _row_rates(marionette: CompiledPuppet, x: State, at: Evaluation, dt: float) -> Array:
     """Derivatives of (A_D v+ + A_K rate + min(h/dt, recovery speed)) / dt at fixed acc_D.
 
     By q_D, v_D, q_K, rate, mean, u_D and p, in one array; ``x`` has v+ and the rate.
     """
-    found = row_derivatives_at(model, x)
-    rate = np.where(model.two_sided, np.abs(at.h), at.h) / dt
-    recovers = rate < model.run_options().recovery_speed
+    found = row_derivatives_at(marionette, x)
+    rate = np.where(marionette.two_sided, np.abs(at.h), at.h) / dt
+    recovers = rate < marionette.run_options().recovery_speed
     gap = np.where(recovers, 1.0 / dt, 0.0)[:, None]
     none = np.zeros_like(found["A_K"]), np.zeros_like(found["A_D"])
     columns = (

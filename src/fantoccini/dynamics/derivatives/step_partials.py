@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fantoccini.base import Array, Indices, MaskRows, StateError, Status, check_positive
-from fantoccini.dynamics.compiled import Model, refuse_contact, vectors
+from fantoccini.dynamics.compiled import CompiledPuppet, refuse_contact, vectors
 from fantoccini.dynamics.derivatives.step_linearisation import AT_CAP, SHORTENED, DrivenStep
 from fantoccini.dynamics.derivatives.variational_partials import (
     VariationalPartials,
@@ -108,7 +108,7 @@ class StepLinearisations:
 
 
 def linearise_steps(
-    model: Model,
+    marionette: CompiledPuppet,
     q_D: Array,
     v_D: Array,
     q_K: Array,
@@ -131,36 +131,36 @@ def linearise_steps(
     check_positive(dt=dt)
     if method not in ("timestepping", "variational"):
         raise StateError(f"method is {method!r}; it must be 'timestepping' or 'variational'")
-    table = model.coordinates
+    table = marionette.coordinates
     widths = {"q_D": table.n_qD, "v_D": table.n_vD, "q_K": table.n_qK, "v_K": table.n_vK}
     given = zip(widths.items(), (q_D, v_D, q_K, v_K), strict=True)
     starts = {name: np.atleast_2d(vectors(name, a, n)) for (name, n), a in given}
     acc = np.zeros((1, table.n_vK)) if acc_K is None else vectors("acc_K", acc_K, table.n_vK)
     acc = np.atleast_2d(acc)
     force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, table.n_vD))
-    values = model.p[None] if p is None else np.atleast_2d(vectors("p", p, len(model.p)))
+    values = marionette.p[None] if p is None else np.atleast_2d(vectors("p", p, len(marionette.p)))
     n = max(*map(len, starts.values()), len(acc), len(values), 1 if force is None else len(force))
     x = {name: _rows(a, n) for name, a in starts.items()}
     threads = default_threads() if threads is None else threads
-    options = model.run_options(dt=dt, extrapolate=False)
-    driven = _driven_steps(model, x["v_K"], acc, dt)
+    options = marionette.run_options(dt=dt, extrapolate=False)
+    driven = _driven_steps(marionette, x["v_K"], acc, dt)
     along = {"rate": x["v_K"] + 0.5 * dt * acc, "mean": _rows(acc, n)}
     if table.quaternions_K:
         along = {k: np.array([getattr(one, k) for one in driven]) for k in along}
     if method == "variational":
-        refuse_contact(model, "the method variational")
-        discrete = variational_partials(model, x, acc, force, values, dt, threads)
-        return _variational(model, discrete, driven, forces, pull, dt)
+        refuse_contact(marionette, "the method variational")
+        discrete = variational_partials(marionette, x, acc, force, values, dt, threads)
+        return _variational(marionette, discrete, driven, forces, pull, dt)
     made: _Lanes | StepTouches
     if options.contacts is None:
         own = _rows(values, n)
-        touches, made = None, _Lanes.of(model, options, x, acc, force, own, threads)
+        touches, made = None, _Lanes.of(marionette, options, x, acc, force, own, threads)
     else:
         touches = made = step_touches(
-            model.library,
+            marionette.library,
             options,
-            model.winches,
-            model.reference_force,
+            marionette.winches,
+            marionette.reference_force,
             x | along,
             acc,
             force,
@@ -168,9 +168,9 @@ def linearise_steps(
             threads,
         )
     tension = made.tension
-    upper = np.minimum(model.upper, model.tension_cap)
-    held = model.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
-    found = model.compiled.step_derivatives.find(
+    upper = np.minimum(marionette.upper, marionette.tension_cap)
+    held = marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
+    found = marionette.libraries.step_derivatives.find(
         {name: x[name] for name in ("q_D", "v_D", "q_K")} | {"tension": tension} | along,
         held,
         values,
@@ -183,9 +183,9 @@ def linearise_steps(
         touches=touches,
         room=room,
     )
-    _chain_rotations(model, driven, found.motion)
+    _chain_rotations(marionette, driven, found.motion)
     if found.pull is not None:
-        _chain_rotations(model, driven, found.pull)
+        _chain_rotations(marionette, driven, found.pull)
     meant = x["v_D"] + dt * found.acc_D
     size = 1.0 + np.abs(made.v_D).max(axis=1, initial=0.0)
     apart = np.abs(meant - made.v_D).max(axis=1, initial=0.0)
@@ -220,7 +220,7 @@ class _Lanes(NamedTuple):
     @classmethod
     def of(
         cls,
-        model: Model,
+        marionette: CompiledPuppet,
         options: RunOptions,
         x: Mapping[str, Array],
         acc_K: Array,
@@ -228,7 +228,7 @@ class _Lanes(NamedTuple):
         p: Array,
         threads: int,
     ) -> _Lanes:
-        n, tree = len(p), model.tree
+        n, tree = len(p), marionette.tree
         made: dict[str, AnyArray] = {name: np.array(a, order="C") for name, a in x.items()} | {
             "fresh": np.ones(n, dtype=np.uint8),
             "p": np.ascontiguousarray(p),
@@ -241,15 +241,15 @@ class _Lanes(NamedTuple):
             "status": np.zeros(n, dtype=np.int32),
             "blame": np.zeros((n, len(tree.blamable))),
         }
-        lanes = model.compiled.lanes
+        lanes = marionette.libraries.lanes
         workers = max(1, min(threads, -(-n // lanes.width)))
-        steppers = LaneSteppers(lanes, n, workers, options, model.winches)
+        steppers = LaneSteppers(lanes, n, workers, options, marionette.winches)
         steppers.advance(made, options.dt, acc_K, u_D)
         return cls(*(made[name] for name in cls._fields))
 
 
 def _variational(
-    model: Model,
+    marionette: CompiledPuppet,
     found: VariationalPartials,
     driven: tuple[DrivenStep, ...],
     forces: bool,
@@ -257,12 +257,12 @@ def _variational(
     dt: float,
 ) -> StepLinearisations:
     """The results of variational steps."""
-    t = model.coordinates
+    t = marionette.coordinates
     kept = np.ones(found.motion.shape[-1], dtype=bool)
     if not forces:
         first = 2 * t.n_vD + 3 * t.n_vK
         kept[first : first + t.n_vD] = False
-    slips = np.any(found.tension >= AT_CAP * model.upper, axis=1)
+    slips = np.any(found.tension >= AT_CAP * marionette.upper, axis=1)
     none = np.zeros(len(found.solved), dtype=np.int32)
     return StepLinearisations(
         **found.end,
@@ -284,18 +284,22 @@ def _rows(rows: Array, n: int) -> Array:
     return rows if len(rows) == n else np.broadcast_to(rows, (n, rows.shape[1]))
 
 
-def _driven_steps(model: Model, v_K: Array, acc_K: Array, dt: float) -> tuple[DrivenStep, ...]:
+def _driven_steps(
+    marionette: CompiledPuppet, v_K: Array, acc_K: Array, dt: float
+) -> tuple[DrivenStep, ...]:
     """The driven coordinates over every step; none where nothing turns."""
-    quaternions = model.coordinates.quaternions_K
+    quaternions = marionette.coordinates.quaternions_K
     if not quaternions:
         return ()
     rows = np.broadcast_to(acc_K, v_K.shape)
     return tuple(DrivenStep(quaternions, v, a, dt) for v, a in zip(v_K, rows, strict=True))
 
 
-def _chain_rotations(model: Model, driven: tuple[DrivenStep, ...], columns: Array) -> None:
+def _chain_rotations(
+    marionette: CompiledPuppet, driven: tuple[DrivenStep, ...], columns: Array
+) -> None:
     """From derivatives by rate and mean of driven rotations to those by v_K and acc_K, in place."""
-    t = model.coordinates
+    t = marionette.coordinates
     n, k = t.n_vD, t.n_vK
     for _, v in t.quaternions_K:
         by_v = slice(2 * n + k + v, 2 * n + k + v + 3)

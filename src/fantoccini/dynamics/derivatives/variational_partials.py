@@ -20,7 +20,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from fantoccini.base import N_COEF, Array, Indices, MaskRows, StateError, Status, rotation
-from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.kernel.runtime import Batch
 
 CLOSED = 1e-9
@@ -55,7 +55,7 @@ class VariationalPartials:
 
 
 def variational_partials(
-    model: Model,
+    marionette: CompiledPuppet,
     x: Mapping[str, Array],
     acc_K: Array,
     u_D: Array | None,
@@ -66,7 +66,7 @@ def variational_partials(
     """n steps and their derivatives.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         x: q_D, v_D, q_K and v_K, (n, ...) each, before the steps.
         acc_K: (1 or n, n_vK) over the steps.
         u_D: (1 or n, n_vD) user forces; None for none.
@@ -77,14 +77,14 @@ def variational_partials(
     Raises:
         StateError: a driven joint turns, which is not differentiated.
     """
-    t = model.coordinates
+    t = marionette.coordinates
     if t.quaternions_K:
         raise StateError("variational steps with driven rotations are not differentiated")
     n, n_v, n_k = len(x["q_D"]), t.n_vD, t.n_vK
     acc = np.broadcast_to(acc_K, (n, n_k))
     force = np.zeros((n, n_v)) if u_D is None else np.broadcast_to(u_D, (n, n_v))
     values = np.broadcast_to(p, (n, p.shape[1]))
-    batch = _made(model, x, acc, force, values, dt, threads)
+    batch = _made(marionette, x, acc, force, values, dt, threads)
     end = {
         "q_D": batch.end_q_D,
         "v_D": batch.end_v_D,
@@ -96,11 +96,11 @@ def variational_partials(
     for q, v in t.scalars_K:
         half[:, q] += 0.5 * dt * rate[:, v]
         end["q_K"][:, q] += dt * rate[:, v]
-    library, n_rows = model.compiled.variational_derivatives, model.tree.n_rows
+    library, n_rows = marionette.libraries.variational_derivatives, marionette.tree.n_rows
     mid = library.evaluate(
         "midpoint_by",
         q_D=x["q_D"],
-        xi=_steps(model, x["q_D"], end["q_D"]),
+        xi=_steps(marionette, x["q_D"], end["q_D"]),
         q_mid=half,
         v_mid=rate,
         acc_mid=acc,
@@ -110,12 +110,12 @@ def variational_partials(
     )
     start = library.evaluate("row_rates_by", p=values, **x)
     last = library.evaluate("row_rates_by", p=values, **end)
-    h = model.library.evaluate("rows", q_D=end["q_D"], q_K=end["q_K"], p=values).h
-    closed = model.two_sided | (h > -CLOSED)
+    h = marionette.library.evaluate("rows", q_D=end["q_D"], q_K=end["q_K"], p=values).h
+    closed = marionette.two_sided | (h > -CLOSED)
     near = np.flatnonzero(np.any(closed, axis=0))  # few of the rows, in any of the steps
     start, last = (_rows_of(found, near) for found in (start, last))
-    closed, wires = closed[:, near], model.two_sided[near]
-    none = NO_IMPULSE * dt * model.reference_force
+    closed, wires = closed[:, near], marionette.two_sided[near]
+    none = NO_IMPULSE * dt * marionette.reference_force
     begun, ended = (library.evaluate("momenta", p=values, **at).p_D for at in (x, end))
     size = np.max(np.abs(begun), axis=1, initial=0.0)
     Lambda, left = _impulses(start.A_D, closed, begun - mid.before)
@@ -160,7 +160,7 @@ def variational_partials(
 
 
 def _made(
-    model: Model,
+    marionette: CompiledPuppet,
     x: Mapping[str, Array],
     acc_K: Array,
     u_D: Array,
@@ -169,7 +169,7 @@ def _made(
     threads: int,
 ) -> Batch:
     """The steps."""
-    n, t, table = len(acc_K), model.coordinates, model.tree
+    n, t, table = len(acc_K), marionette.coordinates, marionette.tree
     coef, force = np.zeros((n, 1, t.n_vK, N_COEF)), np.zeros((n, 1, t.n_vD, N_COEF))
     for q, v in t.scalars_K:
         coef[:, 0, v, 0] = x["q_K"][:, q]
@@ -186,8 +186,8 @@ def _made(
         base=x["q_K"][:, None],
         force=force,
         p=p,
-        winches=model.winches,
-        options=model.run_options(dt=dt),
+        winches=marionette.winches,
+        options=marionette.run_options(dt=dt),
         times=np.zeros(2),
         parts={},
         status=np.full(n, Status.STOPPED, dtype=np.int32),
@@ -199,7 +199,7 @@ def _made(
         end_q_D=np.full((n, t.n_qD), np.nan),
         end_v_D=np.full((n, t.n_vD), np.nan),
     )
-    made.run(model.compiled.variational_lanes, threads)
+    made.run(marionette.libraries.variational_lanes, threads)
     return made
 
 
@@ -254,9 +254,9 @@ def _rows_of(found: SimpleNamespace, rows: Indices) -> SimpleNamespace:
     return SimpleNamespace(**{name: a[:, rows] for name, a in vars(found).items()})
 
 
-def _steps(model: Model, q: Array, end: Array) -> Array:
+def _steps(marionette: CompiledPuppet, q: Array, end: Array) -> Array:
     """(n, n_vD) xi between configurations (n, n_qD): quaternions turn by 4 atan |xi/4|."""
-    t = model.coordinates
+    t = marionette.coordinates
     out = np.zeros((len(q), t.n_vD))
     for i, v in t.scalars_D:
         out[:, v] = end[:, i] - q[:, i]

@@ -16,14 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Indices, StateError, tangent
-from fantoccini.dynamics.compiled import (
-    ROW_TOLERANCES,
-    Evaluation,
-    Model,
-    effort,
-    energies,
-    retract,
-)
+from fantoccini.dynamics.compiled import ROW_TOLERANCES, CompiledPuppet, Evaluation, retract
 from fantoccini.dynamics.equilibrium.projection import onto_rows, positioned
 from fantoccini.dynamics.equilibrium.relaxation import (
     Equilibrium,
@@ -68,48 +61,50 @@ class Descent:
 DESCENT = Descent()
 
 
-def descended(model: Model, x: State) -> Equilibrium:
+def descended(marionette: CompiledPuppet, x: State) -> Equilibrium:
     """A local minimum of V subject to the rows, from a state that satisfies them.
 
     Raises:
         StateError: V keeps falling, or the search stalled where forces do not balance.
     """
-    found = _minimum(model, x)
-    moved = in_step(model, found.x)
+    found = _minimum(marionette, x)
+    moved = in_step(marionette, found.x)
     if moved is not found.x:
-        found = _minimum(model, positioned(model, moved)[0])
-    finer = newton(model, found.x)
+        found = _minimum(marionette, positioned(marionette, moved)[0])
+    finer = newton(marionette, found.x)
     if finer is None or np.max(np.abs(finer.x.q_D - found.x.q_D)) > DESCENT.newton_move:
         return found
     return finer
 
 
-def _minimum(model: Model, x: State) -> Equilibrium:
-    wires, scale = model.two_sided, model.row_scales(x.q_D, x.q_K)
-    size_of_forces = model.weight / np.sqrt(model.mass)
-    mu, V, start = DESCENT.mu, energies(model, x)[1], x.q_D
+def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
+    wires, scale = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K)
+    size_of_forces = marionette.weight / np.sqrt(marionette.mass)
+    mu, V, start = DESCENT.mu, marionette.energies(x)[1], x.q_D
     longest = np.full(len(x.v_D), DESCENT.max_move)
-    for row, pole in poles(model):
+    for row, pole in poles(marionette):
         longest[row.v] = np.minimum(longest[row.v], DESCENT.pole_share * pole)
     rows: Indices = np.zeros(0, dtype=np.intp)
     tension, unbalanced, stalls = np.zeros(0), np.inf, 0
     for _ in range(DESCENT.rounds):
-        at = Evaluation.of(model, x)
+        at = Evaluation.of(marionette, x)
         near = np.flatnonzero((at.h > -DESCENT.near_gap * scale) | wires)
-        curvature, modes = _curvature(at, _force_derivative(model, Equilibrium(x, rows, tension)))
+        curvature, modes = _curvature(
+            at, _force_derivative(marionette, Equilibrium(x, rows, tension))
+        )
         while True:
             damped = np.maximum(np.abs(curvature) + mu, DESCENT.least_curvature)
             softened = modes / np.sqrt(damped)
             W = softened.T @ at.W[:, near]
             force = softened.T @ at.w0
-            found = model.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
+            found = marionette.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
             move = at.back(softened @ (force - W @ found.x))
             size = float(np.max(np.abs(move), initial=0.0))
             move = move / max(1.0, float(np.max(np.abs(move) / longest, initial=0.0)))
-            other, worst = onto_rows(model, x.replace(q_D=retract(model, x.q_D, move)))
-            V_other = energies(model, other)[1]
-            fell = V - V_other + _motors_work(model, x, other)
-            flat = abs(fell) <= DESCENT.flat_fall * model.weight + DESCENT.rounding * abs(V)
+            other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
+            V_other = marionette.energies(other)[1]
+            fell = V - V_other + _motors_work(marionette, x, other)
+            flat = abs(fell) <= DESCENT.flat_fall * marionette.weight + DESCENT.rounding * abs(V)
             lower = worst <= ROW_TOLERANCES.start_gap and (fell > 0.0 or flat)
             if lower or mu > DESCENT.max_mu:
                 break
@@ -123,7 +118,7 @@ def _minimum(model: Model, x: State) -> Equilibrium:
         stalls = stalls + 1 if flat and unbalanced > 0.5 * before else 0
         if size < DESCENT.min_move or stalls > DESCENT.max_stalls or mu > DESCENT.max_mu:
             push = _unstable(at, rows, curvature, modes)
-            below = None if push is None else pushed(model, x, push)
+            below = None if push is None else pushed(marionette, x, push)
             if below is None and unbalanced > DESCENT.balanced_force * size_of_forces:
                 raise StateError(
                     "the descent of the potential energy stalled with forces of "
@@ -133,7 +128,7 @@ def _minimum(model: Model, x: State) -> Equilibrium:
             if below is None:
                 return Equilibrium(other if size < DESCENT.min_move else x, rows, tension)
             other = below
-            V_other = energies(model, other)[1]
+            V_other = marionette.energies(other)[1]
         if np.max(np.abs(other.q_D - start), initial=0.0) > DESCENT.farthest:
             break
         shrunk = mu * DESCENT.shrinkage if mu > DESCENT.min_mu and not flat else 0.0
@@ -144,18 +139,18 @@ def _minimum(model: Model, x: State) -> Equilibrium:
     )
 
 
-def _motors_work(model: Model, x: State, other: State) -> float:
+def _motors_work(marionette: CompiledPuppet, x: State, other: State) -> float:
     """Work of the drives' motors between two states [J], by Simpson's rule: V does not have it."""
-    commanded = [(row, row.command[1]) for row in model.tree.drives if row.command is not None]
+    commanded = [(row, row.command[1]) for row in marionette.tree.drives if row.command is not None]
     if not commanded:
         return 0.0
-    table, n = model.coordinates, len(x.v_D)
+    table, n = marionette.coordinates, len(x.v_D)
     places = table.scalars_D, table.quaternions_D
     move = tangent.between(*places, x.q_D, other.q_D, n)
     q_D = tangent.moved(*places, x.q_D, np.array([[0.0], [0.5], [1.0]]) * move)
-    k, strings = len(x.v_K), len(model.tree.strings)
+    k, strings = len(x.v_K), len(marionette.tree.strings)
     still = np.zeros((3, n)), np.tile(x.q_K, (3, 1)), np.zeros((3, k))
-    force = effort(model, q_D, *still, still[0], still[2], np.zeros((3, strings)))
+    force = marionette.effort(q_D, *still, still[0], still[2], np.zeros((3, strings)))
     mean = (force[0] + 4.0 * force[1] + force[2]) / 6.0
     work = 0.0
     for row, first in commanded:
@@ -164,15 +159,15 @@ def _motors_work(model: Model, x: State, other: State) -> float:
     return work
 
 
-def _force_derivative(model: Model, found: Equilibrium) -> Array:
+def _force_derivative(marionette: CompiledPuppet, found: Equilibrium) -> Array:
     """Derivative (n_vD, n_vD) of w0 - W tau by a small move."""
     if len(found.rows):
-        return derivatives(model, found)[0]
+        return derivatives(marionette, found)[0]
     x, n = found.x, len(found.x.v_D)
     moves = np.concatenate([np.eye(n), -np.eye(n)]) * DESCENT.difference
-    moved = retract(model, x.q_D, moves)
-    at = model.at(x) | {"q_D": moved, "acc_K": np.zeros_like(x.v_K), "u_D": np.zeros(n)}
-    w0 = model.library.evaluate("dynamics", **at).w0
+    moved = retract(marionette, x.q_D, moves)
+    at = marionette.at(x) | {"q_D": moved, "acc_K": np.zeros_like(x.v_K), "u_D": np.zeros(n)}
+    w0 = marionette.library.evaluate("dynamics", **at).w0
     return (w0[:n] - w0[n:]).T / (2 * DESCENT.difference)
 
 

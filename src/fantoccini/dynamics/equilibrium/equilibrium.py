@@ -10,10 +10,9 @@ import numpy as np
 from fantoccini.base import StateError
 from fantoccini.dynamics.compiled import (
     ROW_TOLERANCES,
+    CompiledPuppet,
     Evaluation,
-    Model,
     check_apart,
-    energies,
     forward_dynamics,
 )
 from fantoccini.dynamics.derivatives import balanced_state, with_active_set
@@ -40,7 +39,7 @@ class Acceptance:
 ACCEPTANCE = Acceptance()
 
 
-def rest(model: Model, x: State) -> State:
+def rest(marionette: CompiledPuppet, x: State) -> State:
     """A local minimum of V subject to h <= 0, near a state; see :meth:`Marionette.rest`.
 
     The puppet is brought onto its strings and relaxed (:mod:`.relaxation`). Where that fails, or it
@@ -53,70 +52,70 @@ def rest(model: Model, x: State) -> State:
         StateError: there is no equilibrium below, or it was not found, or a winch would slip in it,
             with the reason for each search.
     """
-    if groups := falling(model):
+    if groups := falling(marionette):
         raise StateError(
-            "there is no equilibrium: " + "; ".join(falls(model, group) for group in groups)
+            "there is no equilibrium: " + "; ".join(falls(marionette, group) for group in groups)
         )
-    rewinds = model.winches[: len(x.slip), WINCH_AT["rewind_speed"]] > 0
+    rewinds = marionette.winches[: len(x.slip), WINCH_AT["rewind_speed"]] > 0
     still = x.replace(
         v_D=np.zeros_like(x.v_D),
         v_K=np.zeros_like(x.v_K),
         slip=np.where(rewinds, 0.0, x.slip),
         taut=np.zeros_like(x.taut),  # rows taut in a motion may be slack at rest
     )
-    start = _begun(model, still)
+    start = _begun(marionette, still)
     if not len(start.q_D):
-        return with_active_set(model, start)
-    touches = [] if model.contacts is None else [_settled]
-    searches: list[Callable[[Model, State, State], State]] = (
-        [_descended, *touches] if model.tree.chains else [_relaxed, *touches, _descended]
+        return with_active_set(marionette, start)
+    touches = [] if marionette.contacts is None else [_settled]
+    searches: list[Callable[[CompiledPuppet, State, State], State]] = (
+        [_descended, *touches] if marionette.tree.chains else [_relaxed, *touches, _descended]
     )
     failed = []
     for search in searches:
         try:
-            return with_active_set(model, search(model, start, still))
+            return with_active_set(marionette, search(marionette, start, still))
         except StateError as error:
             failed.append(str(error))
     raise StateError("no equilibrium was found: " + "; ".join(failed))
 
 
-def _relaxed(model: Model, start: State, asked: State) -> State:
-    found = relaxation.relaxed(model, start)
-    return _hung(model, start, relaxation.as_asked(model, asked, found))
+def _relaxed(marionette: CompiledPuppet, start: State, asked: State) -> State:
+    found = relaxation.relaxed(marionette, start)
+    return _hung(marionette, start, relaxation.as_asked(marionette, asked, found))
 
 
-def _descended(model: Model, start: State, asked: State) -> State:
-    found = descent.descended(model, start)
-    return _hung(model, start, relaxation.as_asked(model, asked, found))
+def _descended(marionette: CompiledPuppet, start: State, asked: State) -> State:
+    found = descent.descended(marionette, start)
+    return _hung(marionette, start, relaxation.as_asked(marionette, asked, found))
 
 
-def _settled(model: Model, start: State, asked: State) -> State:
+def _settled(marionette: CompiledPuppet, start: State, asked: State) -> State:
     try:
-        return balanced_state(model, settled(model, start))
+        return balanced_state(marionette, settled(marionette, start))
     except StateError:
-        check_apart(model, model.states([start]))  # the likelier reason
+        check_apart(marionette, marionette.states([start]))  # the likelier reason
         raise
 
 
-def _hung(model: Model, start: State, found: relaxation.Equilibrium) -> State:
+def _hung(marionette: CompiledPuppet, start: State, found: relaxation.Equilibrium) -> State:
     """The state of an equilibrium; StateError where it is not accepted."""
-    pulls = np.isin(np.arange(model.tree.n_rows), found.rows)
+    pulls = np.isin(np.arange(marionette.tree.n_rows), found.rows)
     found = replace(found, x=found.x.replace(taut=pulls))
-    relaxation.check_winches(model, found)
-    if wrong := _wrong(model, start, found):
+    relaxation.check_winches(marionette, found)
+    if wrong := _wrong(marionette, start, found):
         raise StateError(wrong)
-    if model.overlaps(found.x.q_D, found.x.q_K):
+    if marionette.overlaps(found.x.q_D, found.x.q_K):
         raise StateError("hung from its strings alone it overlaps what it touches")
     return found.x
 
 
-def _begun(model: Model, x: State) -> State:
+def _begun(marionette: CompiledPuppet, x: State) -> State:
     """The state brought onto its rows, by time-stepping where their slopes do not lead there."""
-    start, left = positioned(model, x)
+    start, left = positioned(marionette, x)
     for _ in range(ACCEPTANCE.hauls if left else 0):
-        x = relaxation.hauled_in(model, x)
-        if onto_rows(model, x)[1] <= ROW_TOLERANCES.start_gap:
-            start, left = positioned(model, x)
+        x = relaxation.hauled_in(marionette, x)
+        if onto_rows(marionette, x)[1] <= ROW_TOLERANCES.start_gap:
+            start, left = positioned(marionette, x)
             break
     if left:
         raise StateError(
@@ -127,19 +126,19 @@ def _begun(model: Model, x: State) -> State:
     return start
 
 
-def _wrong(model: Model, start: State, found: relaxation.Equilibrium) -> str:
+def _wrong(marionette: CompiledPuppet, start: State, found: relaxation.Equilibrium) -> str:
     """Why an equilibrium is not accepted, in words; "" where it is."""
-    mass, weight = relaxation.sizes(model)
-    left = overstepped(model, found.x)
+    mass, weight = relaxation.sizes(marionette)
+    left = overstepped(marionette, found.x)
     if left:
         return f"where forces balance, {left}"
-    at = Evaluation.of(model, found.x)
-    _, tension = forward_dynamics(model, found.x)
+    at = Evaluation.of(marionette, found.x)
+    _, tension = forward_dynamics(marionette, found.x)
     force = np.linalg.norm(at.w0 - at.W @ tension) * np.sqrt(mass) / weight
-    if force > (ACCEPTANCE.max_force_of_chains if model.tree.chains else ACCEPTANCE.max_force):
+    if force > (ACCEPTANCE.max_force_of_chains if marionette.tree.chains else ACCEPTANCE.max_force):
         return f"forces of {force:.2g} of the puppet's weight are unbalanced"
-    above = energies(model, found.x)[1] - energies(model, start)[1]
+    above = marionette.energies(found.x)[1] - marionette.energies(start)[1]
     # V does not include the work of drives.
-    if above > ACCEPTANCE.max_rise * weight and not model.tree.drives:
+    if above > ACCEPTANCE.max_rise * weight and not marionette.tree.drives:
         return f"the equilibrium found lies {above:.2g} J above the start"
     return ""

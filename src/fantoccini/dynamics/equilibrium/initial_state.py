@@ -7,7 +7,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError, exp, floats
-from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.model import tree
 from fantoccini.model.tree import CoordinateTable, DriveRow
 from fantoccini.motion import State, reading
@@ -17,26 +17,29 @@ Value = float | str | Iterable[float | str]
 Values = Mapping[str, Value]
 
 
-def state(model: Model, values: Values | None = None) -> State:
+def state(marionette: CompiledPuppet, values: Values | None = None) -> State:
     """A state at rest from values by name; see :meth:`Marionette.state`."""
     if values is not None and not isinstance(values, Mapping):
         raise StateError(
             f"found {values!r}; a state is given as names and values: {{'hand.length': 0.8}}"
         )
-    table = model.coordinates
+    table = marionette.coordinates
     q_D, q_K = table.start_D.copy(), table.start_K.copy()
     v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
     for name, value in (values or {}).items():
         _put(table, name, value, q_D, v_D, q_K, v_K)
     # The masses of chains lie between the ends of this state, not of the file's pose.
-    q_D, q_K = tree.placed(model.tree, q_D, q_K, model.number, frozenset(values or ()))
+    q_D, q_K = tree.placed(marionette.tree, q_D, q_K, marionette.number, frozenset(values or ()))
     if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
         at = {"q_D": np.nan_to_num(q_D), "q_K": np.nan_to_num(q_K)}
-        h = model.library.evaluate("rows", **at, p=model.p).h
-        for string, span in zip(model.tree.strings, h, strict=False):
+        h = marionette.library.evaluate("rows", **at, p=marionette.p).h
+        for string, span in zip(marionette.tree.strings, h, strict=False):
             string.just_reaches(span, q_D, q_K)
-    put_commands(model.tree.drives, values or {}, q_D, q_K)
-    taut, slip = np.zeros(model.tree.n_rows, dtype=bool), np.zeros(len(model.tree.strings))
+    put_commands(marionette.tree.drives, values or {}, q_D, q_K)
+    taut, slip = (
+        np.zeros(marionette.tree.n_rows, dtype=bool),
+        np.zeros(len(marionette.tree.strings)),
+    )
     return State(0.0, q_D, v_D, q_K, v_K, taut, slip, table)
 
 

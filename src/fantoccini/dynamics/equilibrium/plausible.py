@@ -15,7 +15,7 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.base.documents import Finding, Parameter
-from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.dynamics.equilibrium.initial_state import put_commands
 from fantoccini.dynamics.equilibrium.support import falling, falls
 from fantoccini.model.puppet import Body, Cone, String, has_mass, shape_inertia
@@ -54,15 +54,15 @@ _TIMES = 9
 """At which every piece of inputs is evaluated."""
 
 
-def warnings(model: Model, data: Any = None) -> list[Finding]:
+def warnings(marionette: CompiledPuppet, data: Any = None) -> list[Finding]:
     """Places in the puppet's file with messages: what was found, what is usual, what to do.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         data: the file's plain data, which distinguishes angles with a unit from those without.
     """
-    size = measure(model.tree, model.number)
-    checks = _Checks(model, size, data)
+    size = measure(marionette.tree, marionette.number)
+    checks = _Checks(marionette, size, data)
     return [
         *checks.whole(),
         *checks.support(),
@@ -75,10 +75,10 @@ def warnings(model: Model, data: Any = None) -> list[Finding]:
 class _Checks:
     """Checks of one puppet; mirrored originals stand for their twins."""
 
-    def __init__(self, model: Model, size: Size, data: Any):
-        self.model, self.size, self.data = model, size, data
-        self.puppet, self.number = model.puppet, model.number
-        self.index = {link.name: i for i, link in enumerate(model.tree.links)}
+    def __init__(self, marionette: CompiledPuppet, size: Size, data: Any):
+        self.marionette, self.size, self.data = marionette, size, data
+        self.puppet, self.number = marionette.puppet, marionette.number
+        self.index = {link.name: i for i, link in enumerate(marionette.tree.links)}
 
     def whole(self) -> Iterator[Finding]:
         g = [self.number(x) for x in self.puppet.gravity]
@@ -99,14 +99,14 @@ class _Checks:
 
     def support(self) -> Iterator[Finding]:
         places = {self.index[body.name]: i for i, body in enumerate(self.puppet.bodies)}
-        tree = self.model.tree
+        tree = self.marionette.tree
         strung = {p.link for row in (*tree.strings, *tree.chains) for p in row.points}
-        for group in falling(self.model):
+        for group in falling(self.marionette):
             if strung.isdisjoint(group):
                 continue  # a prop, which may fly
             first = next((places[i] for i in group if i in places), None)
             path = ("bodies",) if first is None else ("bodies", first, "joint")
-            yield path, falls(self.model, group)
+            yield path, falls(self.marionette, group)
 
     def bodies(self) -> Iterator[Finding]:
         for i, body in enumerate(self.puppet.bodies):
@@ -140,7 +140,7 @@ class _Checks:
         if volume > 0 and not USUAL.body_density[0] <= mass / volume <= USUAL.body_density[1]:
             yield ("bodies", i, "mass"), _dense(mass, volume)
         if body.inertia is not None:
-            _, _, inertia = link_inertia(self.model.tree.links[link], self.number)
+            _, _, inertia = link_inertia(self.marionette.tree.links[link], self.number)
             radius = math.sqrt(float(np.linalg.eigvalsh(inertia)[-1]) / mass)
             if radius > USUAL.body_length[1]:
                 text = f"found a radius of gyration of {radius:.3g} m; usual: "
@@ -193,7 +193,7 @@ class _Checks:
 
     def strings(self) -> Iterator[Finding]:
         largest = float(np.linalg.norm(self.size.lengths))
-        paths = path_lengths(self.model.tree, self.size.poses, self.number)
+        paths = path_lengths(self.marionette.tree, self.size.poses, self.number)
         for i, string in enumerate(self.puppet.strings):
             path = paths[string.name]
             place, length = self._length(i, string)
@@ -257,16 +257,16 @@ class InputWarning:
     message: str
 
 
-def input_warnings(model: Model, inputs: Input) -> list[InputWarning]:
+def input_warnings(marionette: CompiledPuppet, inputs: Input) -> list[InputWarning]:
     """Where inputs are out of proportion to the puppet: one warning a coordinate and kind."""
-    table = model.coordinates
+    table = marionette.coordinates
     found: list[InputWarning] = []
     ends = inputs.breaks[1:]
     share = np.linspace(0.0, 1.0, _TIMES)
     t = inputs.breaks[:-1, None] + share * np.diff(inputs.breaks)[:, None]
     # Within each piece: at a break the next one's acceleration would be given.
     q_K, v_K, _ = inputs.evaluate(np.nextafter(t, t.mean(axis=1, keepdims=True)))
-    scale, starts = _scale(model), _starts(model)
+    scale, starts = _scale(marionette), _starts(marionette)
     units = {row.name: row.unit for row in table.rows}
     for q, v in table.scalars_K:
         name = table.q_K[q]
@@ -303,20 +303,20 @@ def _speed(name: str, ends: Array, speed: Array, bound: float, unit: str) -> lis
     return [InputWarning(name, float(ends[k]), text + "give it more time, or look at its units")]
 
 
-def _scale(model: Model) -> float:
+def _scale(marionette: CompiledPuppet) -> float:
     """Size of the puppet and length of its longest string, together [m]."""
-    tree, number = model.tree, model.number
+    tree, number = marionette.tree, marionette.number
     size = measure(tree, number)
     lengths = [*path_lengths(tree, size.poses, number).values()]
     lengths += [number(s.length) for s in (*tree.strings, *tree.chains) if s.length is not None]
     return float(np.linalg.norm(size.lengths)) + max(lengths, default=0.0)
 
 
-def _starts(model: Model) -> Array:
+def _starts(marionette: CompiledPuppet) -> Array:
     """(n_qK,) the start pose; driven lengths that it does not give are those that just reach."""
-    tree, table = model.tree, model.coordinates
+    tree, table = marionette.tree, marionette.coordinates
     q_D, q_K = table.start_D.copy(), table.start_K.copy()
-    paths = path_lengths(tree, measure(tree, model.number).poses, model.number)
+    paths = path_lengths(tree, measure(tree, marionette.number).poses, marionette.number)
     for string in (*tree.strings, *tree.chains):
         string.just_reaches(paths[string.name], q_D, q_K)
     put_commands(tree.drives, (), q_D, q_K)

@@ -22,8 +22,8 @@ from fantoccini.base import Array, Indices, MaskRows, StateError, tangent
 from fantoccini.dynamics.compiled import (
     ROW_TOLERANCES,
     ActiveSet,
+    CompiledPuppet,
     Evaluation,
-    Model,
     integrate,
     retract,
     taut_mask,
@@ -67,106 +67,106 @@ SEARCH = Search()
 
 
 def difference_quotient(
-    model: Model, q_D: Array, function: Callable[[Array], Array], step: float
+    marionette: CompiledPuppet, q_D: Array, function: Callable[[Array], Array], step: float
 ) -> Array:
     """Derivative (m, n_vD) of a function (m,) of a configuration by a small move, centred."""
-    n = model.coordinates.n_vD
+    n = marionette.coordinates.n_vD
     moves = np.concatenate([np.eye(n), -np.eye(n)]) * step
-    around = np.array([function(q) for q in retract(model, q_D, moves)])
+    around = np.array([function(q) for q in retract(marionette, q_D, moves)])
     return (around[:n] - around[n:]).T / (2 * step)
 
 
-def project(model: Model, x: State) -> State:
+def project(marionette: CompiledPuppet, x: State) -> State:
     """The nearest admissible state; see :meth:`Marionette.project`.
 
     Positions first: M (q - q_0) + A_D^T y = 0 with h <= 0, y >= 0 and y . h = 0, or, where that
     does not converge, a state near by with h <= 0. Then velocities: hdot <= 0 on closed rows.
     """
-    taut = ActiveSet.of(model, x, Evaluation.of(model, x)).held & taut_mask(model, x)
-    found, left = positioned(model, x)
+    taut = ActiveSet.of(marionette, x, Evaluation.of(marionette, x)).held & taut_mask(marionette, x)
+    found, left = positioned(marionette, x)
     if left:
         raise StateError(
             f"no state of the puppet was found that fits these string ends and lengths: {left}. "
             f"Tried: moves onto the strings and limits, from there and {len(SEARCH.pushes)} places "
             "nearby"
         )
-    found = _onto_taut_rows(model, found, taut)
-    at = Evaluation.of(model, found)
-    scale = model.row_scales(found.q_D, found.q_K)
+    found = _onto_taut_rows(marionette, found, taut)
+    at = Evaluation.of(marionette, found)
+    scale = marionette.row_scales(found.q_D, found.q_K)
     # Winches that slip absorb the speed instead.
-    firm = (np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale) & ~np.isfinite(model.upper)
-    wires = model.two_sided
+    firm = (np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale) & ~np.isfinite(marionette.upper)
+    wires = marionette.two_sided
     rows = np.flatnonzero(firm | wires)
     impulse = at.complementarity(rows, at.hdot[rows], wires | found.taut)
     if not impulse.solved:
         impulse = at.complementarity(rows, at.hdot[rows], wires)
     if not impulse.solved:
-        names = ", ".join(model.names_of(rows, impulse.ray))
+        names = ", ".join(marionette.names_of(rows, impulse.ray))
         raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
     v_D = found.v_D - at.back(at.W[:, rows] @ impulse.x)
-    return with_active_set(model, found.replace(v_D=v_D, taut=found.taut))
+    return with_active_set(marionette, found.replace(v_D=v_D, taut=found.taut))
 
 
-def positioned(model: Model, x: State) -> tuple[State, str]:
+def positioned(marionette: CompiledPuppet, x: State) -> tuple[State, str]:
     """The state moved onto the rows, velocities unchanged, and the violations left, in words."""
-    found, worst = onto_rows(model, x)
+    found, worst = onto_rows(marionette, x)
     best, least = found, worst
     rng = np.random.default_rng(SEARCH.seed)
     for size in SEARCH.pushes:
         if worst <= ROW_TOLERANCES.start_gap:
             break
         push = rng.uniform(-size, size, len(x.v_D))
-        found, worst = onto_rows(model, x.replace(q_D=retract(model, x.q_D, push)))
+        found, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, push)))
         if worst < least:
             best, least = found, worst
     if worst > ROW_TOLERANCES.start_gap:
-        return best, overstepped(model, best)
+        return best, overstepped(marionette, best)
     if found is not x:
-        found = _nearest(model, found, x)
+        found = _nearest(marionette, found, x)
     return found, ""
 
 
-def overstepped(model: Model, x: State) -> str:
+def overstepped(marionette: CompiledPuppet, x: State) -> str:
     """The rows that a state violates and by how much, in words; "" where there are none."""
-    h, scale = Evaluation.of(model, x).h, model.row_scales(x.q_D, x.q_K)
-    strings, texts = len(model.tree.strings), []
-    for i in np.flatnonzero(_violation(model, h) > ROW_TOLERANCES.start_gap * scale):
+    h, scale = Evaluation.of(marionette, x).h, marionette.row_scales(x.q_D, x.q_K)
+    strings, texts = len(marionette.tree.strings), []
+    for i in np.flatnonzero(_violation(marionette, h) > ROW_TOLERANCES.start_gap * scale):
         if i >= strings:
             text = f"is passed by {h[i]:.3g}"
         elif h[i] > 0.0:
             text = f"is too short by {1e3 * h[i]:.3g} mm"
         else:
             text = f"is too long by {-1e3 * h[i]:.3g} mm, and a wire"
-        texts.append(f"{model.tree.row_names[i]} {text}")
+        texts.append(f"{marionette.tree.row_names[i]} {text}")
     return ", ".join(texts)
 
 
-def _violation(model: Model, h: Array) -> Array:
+def _violation(marionette: CompiledPuppet, h: Array) -> Array:
     """(n_rows,) >= 0, 0 where the row is satisfied."""
-    return np.where(model.two_sided, np.abs(h), np.maximum(h, 0.0))
+    return np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
 
 
-def onto_rows(model: Model, x: State) -> tuple[State, float]:
+def onto_rows(marionette: CompiledPuppet, x: State) -> tuple[State, float]:
     """The nearest configuration that the rows' slopes lead to, and its largest relative violation.
 
     Steps are halved until the violation falls. The state itself where it violates no row.
     """
-    scale, wires = model.row_scales(x.q_D, x.q_K), model.two_sided
-    at = Evaluation.of(model, x)
-    violation = _violation(model, at.h) / scale
+    scale, wires = marionette.row_scales(x.q_D, x.q_K), marionette.two_sided
+    at = Evaluation.of(marionette, x)
+    violation = _violation(marionette, at.h) / scale
     for _ in range(SEARCH.rounds):
         if np.max(violation, initial=0.0) <= SEARCH.met_gap:
             break
         rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
-        move = at.back(_shortest(model, at, rows))
+        move = at.back(_shortest(marionette, at, rows))
         size = _size(move)
         if not SEARCH.min_move < size < np.inf:
             break
         part = min(1.0, SEARCH.max_move / size)
         for _ in range(SEARCH.halvings):
-            other = x.replace(q_D=retract(model, x.q_D, part * move))
-            there = Evaluation.of(model, other)
-            left = _violation(model, there.h) / scale
+            other = x.replace(q_D=retract(marionette, x.q_D, part * move))
+            there = Evaluation.of(marionette, other)
+            left = _violation(marionette, there.h) / scale
             if np.linalg.norm(left) < SEARCH.least_decrease * np.linalg.norm(violation):
                 break
             part *= 0.5
@@ -176,18 +176,18 @@ def onto_rows(model: Model, x: State) -> tuple[State, float]:
     return x, float(np.max(violation, initial=0.0))
 
 
-def _onto_taut_rows(model: Model, x: State, taut: MaskRows) -> State:
+def _onto_taut_rows(marionette: CompiledPuppet, x: State, taut: MaskRows) -> State:
     """The nearest state, in the metric of M_DD, with h = 0 on taut rows and h <= 0 on the others.
 
     ``x`` must satisfy the rows, with the taut ones nearly closed. Taut rows that contradict one
     another stay slack in the state returned.
     """
-    moved, wires = x, model.two_sided
+    moved, wires = x, marionette.two_sided
     if not np.any(taut):
         return x.replace(taut=taut)
-    scale = model.row_scales(x.q_D, x.q_K)
+    scale = marionette.row_scales(x.q_D, x.q_K)
     for _ in range(SEARCH.taut_rounds):
-        at = Evaluation.of(model, moved)
+        at = Evaluation.of(marionette, moved)
         off = np.where(taut | wires, np.abs(at.h), at.h) > SEARCH.met_gap * scale
         if not np.any(off):
             break
@@ -197,13 +197,13 @@ def _onto_taut_rows(model: Model, x: State, taut: MaskRows) -> State:
             break
         move = -at.back(at.W[:, rows] @ found.x)
         move *= min(1.0, SEARCH.max_move / max(_size(move), SEARCH.max_move))
-        moved = moved.replace(q_D=integrate(model, moved.q_D, move))
-    h = Evaluation.of(model, moved).h
+        moved = moved.replace(q_D=integrate(marionette, moved.q_D, move))
+    h = Evaluation.of(marionette, moved).h
     met = np.abs(h) <= ROW_TOLERANCES.start_gap * scale
     if np.all(met | ((h <= ROW_TOLERANCES.start_gap * scale) & ~taut & ~wires)):
         return moved.replace(taut=taut)
     fewer = taut & met
-    return _onto_taut_rows(model, x, fewer if np.any(fewer != taut) else np.zeros_like(taut))
+    return _onto_taut_rows(marionette, x, fewer if np.any(fewer != taut) else np.zeros_like(taut))
 
 
 def _size(move: Array) -> float:
@@ -211,10 +211,10 @@ def _size(move: Array) -> float:
     return float(np.max(np.abs(move), initial=0.0))
 
 
-def _shortest(model: Model, at: Evaluation, rows: Indices) -> Array:
+def _shortest(marionette: CompiledPuppet, at: Evaluation, rows: Indices) -> Array:
     """The shortest y with h + W^T y <= 0, or the one with the least violation."""
-    W, h, wires = at.W[:, rows], at.h[rows], model.two_sided[rows]
-    found = at.complementarity(rows, h, model.two_sided)
+    W, h, wires = at.W[:, rows], at.h[rows], marionette.two_sided[rows]
+    found = at.complementarity(rows, h, marionette.two_sided)
     if found.solved:
         return -W @ found.x
     # min |y|^2 + k |s|^2 with h + W^T y <= s: the same with 1/k on the diagonal of W^T W.
@@ -228,17 +228,17 @@ def _shortest(model: Model, at: Evaluation, rows: Indices) -> Array:
     return -W @ lsq_linear(tall, target, (lower, np.inf), method="bvls").x
 
 
-def _nearest(model: Model, x: State, origin: State) -> State:
+def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
     """The state moved along the rows until it is nearest to another one.
 
     mu > 0 damps moves, min |q + dq - q_0|_M^2 + mu |dq|_M^2: with mu = 0 bent rows make long moves
     overshoot. Newton's method completes searches that converge slowly.
     """
-    wires, scale, mu = model.two_sided, model.row_scales(x.q_D, x.q_K), 0.0
+    wires, scale, mu = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K), 0.0
     held: tuple[Indices, Array] = np.zeros(0, dtype=np.intp), np.zeros(0)
     for _ in range(SEARCH.approaches):
-        at = Evaluation.of(model, x)
-        away = _away(model, at, x, origin)
+        at = Evaluation.of(marionette, x)
+        away = _away(marionette, at, x, origin)
         rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
         W, wanted = at.W[:, rows], away / (1.0 + mu)
         found = at.complementarity(rows, at.h[rows] + W.T @ wanted, wires)
@@ -247,8 +247,8 @@ def _nearest(model: Model, x: State, origin: State) -> State:
         if not found.solved or not SEARCH.nearest_move < size < np.inf:
             return x
         move *= min(1.0, SEARCH.max_move / size)
-        other, worst = onto_rows(model, x.replace(q_D=retract(model, x.q_D, move)))
-        there = _away(model, Evaluation.of(model, other), other, origin)
+        other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
+        there = _away(marionette, Evaluation.of(marionette, other), other, origin)
         farther = (1.0 + SEARCH.distance_growth) * np.linalg.norm(away)
         if worst > ROW_TOLERANCES.start_gap or np.linalg.norm(there) > farther:
             mu = max(4.0 * mu, 1.0)
@@ -256,48 +256,50 @@ def _nearest(model: Model, x: State, origin: State) -> State:
         pulls = (found.x != 0.0) | wires[rows]
         held = rows[pulls], (1.0 + mu) * found.x[pulls]
         x, mu = other, (0.5 * mu if mu > 0.1 else 0.0)
-    return _stationary(model, x, origin, *held) or x
+    return _stationary(marionette, x, origin, *held) or x
 
 
-def _stationary(model: Model, x: State, origin: State, rows: Indices, pull: Array) -> State | None:
+def _stationary(
+    marionette: CompiledPuppet, x: State, origin: State, rows: Indices, pull: Array
+) -> State | None:
     """The state near another with F away = W pull and h = 0 on some rows, by Newton's method.
 
     Rows that push are let go. None where it does not converge to a state that satisfies all rows
     and is as near.
     """
-    n, at = model.coordinates.n_vD, Evaluation.of(model, x)
-    farthest = (1.0 + SEARCH.distance_growth) * np.linalg.norm(_away(model, at, x, origin))
+    n, at = marionette.coordinates.n_vD, Evaluation.of(marionette, x)
+    farthest = (1.0 + SEARCH.distance_growth) * np.linalg.norm(_away(marionette, at, x, origin))
 
     def residual(q_D: Array) -> Array:
         """(n + len(rows),) of the two equations."""
         y = x.replace(q_D=q_D)
-        at = Evaluation.of(model, y)
-        return np.append(_away(model, at, y, origin) - at.W[:, rows] @ pull, at.h[rows])
+        at = Evaluation.of(marionette, y)
+        return np.append(_away(marionette, at, y, origin) - at.W[:, rows] @ pull, at.h[rows])
 
     for _ in range(SEARCH.newton_rounds):
-        by_q = difference_quotient(model, x.q_D, residual, SEARCH.difference)
-        W = np.vstack([-Evaluation.of(model, x).W[:, rows], np.zeros((len(rows), len(rows)))])
+        by_q = difference_quotient(marionette, x.q_D, residual, SEARCH.difference)
+        W = np.vstack([-Evaluation.of(marionette, x).W[:, rows], np.zeros((len(rows), len(rows)))])
         step = np.linalg.lstsq(np.hstack([by_q, W]), -residual(x.q_D), rcond=1e-12)[0]
         size = _size(step[:n])
         if not size < SEARCH.max_move:
             return None
-        x = x.replace(q_D=retract(model, x.q_D, step[:n]))
+        x = x.replace(q_D=retract(marionette, x.q_D, step[:n]))
         pull = pull + step[n:]
-        pulls = (pull >= 0.0) | model.two_sided[rows]
+        pulls = (pull >= 0.0) | marionette.two_sided[rows]
         if size < SEARCH.nearest_move and np.all(pulls):
             break
         if size < SEARCH.release_move:
             rows, pull = rows[pulls], pull[pulls]
     else:
         return None
-    x, worst = onto_rows(model, x)
-    distance = np.linalg.norm(_away(model, Evaluation.of(model, x), x, origin))
+    x, worst = onto_rows(marionette, x)
+    distance = np.linalg.norm(_away(marionette, Evaluation.of(marionette, x), x, origin))
     return None if worst > ROW_TOLERANCES.start_gap or distance > farthest else x
 
 
-def _away(model: Model, at: Evaluation, x: State, origin: State) -> Array:
+def _away(marionette: CompiledPuppet, at: Evaluation, x: State, origin: State) -> Array:
     """The move from a configuration to another, in coordinates in which M_DD is the identity."""
-    table = model.coordinates
+    table = marionette.coordinates
     places = table.scalars_D, table.quaternions_D
     F_inverse = at.back(np.eye(table.n_vD)).T
     move = tangent.between(*places, x.q_D, origin.q_D, table.n_vD)

@@ -15,9 +15,8 @@ import numpy as np
 from fantoccini.base import Array, Indices, StateError, Status, rotation, tangent
 from fantoccini.dynamics.compiled import (
     ROW_TOLERANCES,
+    CompiledPuppet,
     Evaluation,
-    Model,
-    energies,
     forward_dynamics,
     retract,
 )
@@ -89,14 +88,14 @@ class Equilibrium:
     tension: Array
 
 
-def check_winches(model: Model, found: Equilibrium) -> None:
+def check_winches(marionette: CompiledPuppet, found: Equilibrium) -> None:
     """Raises StateError where winches slip at an equilibrium."""
-    upper = model.upper
+    upper = marionette.upper
     if not np.any(np.isfinite(upper)):
         return
-    acc, tension = forward_dynamics(model, found.x)
+    acc, tension = forward_dynamics(marionette, found.x)
     if np.max(np.abs(acc), initial=0.0) > SEARCH.at_equilibrium:
-        names = model.tree.row_names
+        names = marionette.tree.row_names
         slips = [f"{names[i]} ({upper[i]:g} N)" for i in np.flatnonzero(tension >= upper)]
         raise StateError(
             "the puppet cannot rest there: the largest tension of "
@@ -105,14 +104,14 @@ def check_winches(model: Model, found: Equilibrium) -> None:
         )
 
 
-def _instability(model: Model, found: Equilibrium) -> Array | None:
+def _instability(marionette: CompiledPuppet, found: Equilibrium) -> Array | None:
     """A push (n_vD,) along which V falls while the strings hold; None at a minimum.
 
     On the rows' null space a small move accelerates by -M^-1 H move, with H the Hessian of
     V + tau . h: self-adjoint in the metric of M_DD, so its eigenvalues are real.
     """
-    at = Evaluation.of(model, found.x)
-    K, A = derivatives(model, found)
+    at = Evaluation.of(marionette, found.x)
+    K, A = derivatives(marionette, found)
     n = len(found.x.v_D)
     response = at.back(K.T).T if n else K
     pull = at.back(at.W[:, found.rows].T).T if len(found.rows) else np.zeros((n, 0))
@@ -125,25 +124,25 @@ def _instability(model: Model, found: Equilibrium) -> Array | None:
     return push / np.max(np.abs(push))
 
 
-def pushed(model: Model, x: State, push: Array) -> State | None:
+def pushed(marionette: CompiledPuppet, x: State, push: Array) -> State | None:
     """A state with lower V than an equilibrium, to either side along a push; None without one.
 
     Rows that are closed and do not pull are in no equilibrium's equations: they may stabilise what
     would be a saddle without them.
     """
-    V, least = energies(model, x)[1], SEARCH.potential_fall * sizes(model)[1]
+    V, least = marionette.energies(x)[1], SEARCH.potential_fall * sizes(marionette)[1]
     for size in SEARCH.pushes:
         for sign in (1.0, -1.0):
-            moved = x.replace(q_D=retract(model, x.q_D, sign * size * push))
-            other, worst = onto_rows(model, moved)
+            moved = x.replace(q_D=retract(marionette, x.q_D, sign * size * push))
+            other, worst = onto_rows(marionette, moved)
             # V does not include motors' work: a push off their equilibrium is judged later.
-            lower = model.tree.drives or energies(model, other)[1] < V - least
+            lower = marionette.tree.drives or marionette.energies(other)[1] < V - least
             if worst <= ROW_TOLERANCES.start_gap and lower:
                 return other
     return None
 
 
-def relaxed(model: Model, x: State) -> Equilibrium:
+def relaxed(marionette: CompiledPuppet, x: State) -> Equilibrium:
     """The equilibrium into which a puppet falls that is let go and stopped again and again.
 
     Raises:
@@ -152,56 +151,56 @@ def relaxed(model: Model, x: State) -> Equilibrium:
     q_D = x.q_D
     for _ in range(SEARCH.restarts):
         lower = None
-        for q_D in _slowing(model, x):
-            found = newton(model, x.replace(q_D=q_D))
+        for q_D in _slowing(marionette, x):
+            found = newton(marionette, x.replace(q_D=q_D))
             if found is None:
                 continue
-            push = _instability(model, found)
+            push = _instability(marionette, found)
             there = np.max(np.abs(found.x.q_D - q_D)) < SEARCH.at_equilibrium
             if push is not None and there:
-                lower = pushed(model, found.x, push)
+                lower = pushed(marionette, found.x, push)
             if push is None or (there and lower is None):
-                x = in_step(model, found.x)
-                return found if x is found.x else newton(model, x) or found
+                x = in_step(marionette, found.x)
+                return found if x is found.x else newton(marionette, x) or found
             if lower is not None:
                 break
         if lower is None:
             break
         x = lower
-    why = _giving_way(model, x, q_D)
+    why = _giving_way(marionette, x, q_D)
     raise StateError(f"let go and stopped, the puppet keeps moving{why}")
 
 
-def hauled_in(model: Model, x: State) -> State:
+def hauled_in(marionette: CompiledPuppet, x: State) -> State:
     """A state that violates rows, moved towards them by a time-stepping run."""
-    _, samples = _let_go(model, x)
+    _, samples = _let_go(marionette, x)
     return x.replace(q_D=samples["q_D"][-1]) if len(samples["q_D"]) else x
 
 
-def _let_go(model: Model, x: State) -> tuple[Status, dict[str, Array]]:
+def _let_go(marionette: CompiledPuppet, x: State) -> tuple[Status, dict[str, Array]]:
     """A short run from a state with fixed inputs: its status and samples."""
     run = Run(
-        model.library,
+        marionette.library,
         "timestepping",
-        model.run_options(dt=SEARCH.dt, contacts=None),
+        marionette.run_options(dt=SEARCH.dt, contacts=None),
         x.replace(t=0.0),
-        model.p,
-        np.tile(_RIGID_WINCH, (len(model.tree.strings), 1)),
-        Input.hold(model.coordinates).bound(x.q_K),
+        marionette.p,
+        np.tile(_RIGID_WINCH, (len(marionette.tree.strings), 1)),
+        Input.hold(marionette.coordinates).bound(x.q_K),
     )
     samples = np.concatenate([piece.samples for piece in run.advance(SEARCH.piece)])
-    return run.status, model.sample_layout.split(samples)
+    return run.status, marionette.sample_layout.split(samples)
 
 
-def _slowing(model: Model, x: State) -> Iterator[Array]:
+def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
     """Configurations ever closer to an equilibrium, in ever longer intervals."""
-    q_D, v_D = x.q_D, np.zeros(model.coordinates.n_vD)
+    q_D, v_D = x.q_D, np.zeros(marionette.coordinates.n_vD)
     start, yield_at = np.array(q_D), 4
     for piece in range(SEARCH.pieces):
-        status, samples = _let_go(model, x.replace(q_D=q_D, v_D=v_D))
+        status, samples = _let_go(marionette, x.replace(q_D=q_D, v_D=v_D))
         # Stepper motors may lose steps on the way: they are set back in step afterwards.
         if status not in (Status.DONE, Status.LOST_STEPS):
-            raise StateError(f"let go, {status.message}{_giving_way(model, x, q_D)}")
+            raise StateError(f"let go, {status.message}{_giving_way(marionette, x, q_D)}")
         kinetic = samples["kinetic"]
         peaks = np.flatnonzero((kinetic[1:-1] >= kinetic[:-2]) & (kinetic[1:-1] > kinetic[2:]))
         at = int(peaks[0]) + 1 if len(peaks) else len(kinetic) - 1
@@ -215,19 +214,19 @@ def _slowing(model: Model, x: State) -> Iterator[Array]:
     yield q_D
 
 
-def sizes(model: Model) -> tuple[float, float]:
+def sizes(marionette: CompiledPuppet) -> tuple[float, float]:
     """Mass [kg] and weight [N] as scales, always positive.
 
     Where nothing but rotors moves they are the rotors' inertia, and 1 N or N m.
     """
-    rotors = sum(row.inertia(model.number) for row in model.tree.drives)
-    return model.mass or rotors or 1.0, model.weight or 1.0
+    rotors = sum(row.inertia(marionette.number) for row in marionette.tree.drives)
+    return marionette.mass or rotors or 1.0, marionette.weight or 1.0
 
 
-def _giving_way(model: Model, start: State, q_D: Array) -> str:
+def _giving_way(marionette: CompiledPuppet, start: State, q_D: Array) -> str:
     """The drives that a puppet without an equilibrium pushes away, in words."""
     texts = []
-    for row in model.tree.drives:
+    for row in marionette.tree.drives:
         if row.turns:
             moved = float(np.linalg.norm(rotation.between(start.q_D[row.q], q_D[row.q])))
         else:
@@ -241,41 +240,41 @@ def _giving_way(model: Model, start: State, q_D: Array) -> str:
     return "".join(f"; {text}" for text in texts)
 
 
-def poles(model: Model) -> list[tuple[DriveRow, float]]:
+def poles(marionette: CompiledPuppet) -> list[tuple[DriveRow, float]]:
     """The drives with stepper motors, and the distance of their equivalent poles [rad or m]."""
     found = []
-    for row in model.tree.drives:
+    for row in marionette.tree.drives:
         motor, drive = row.drive.motor, row.drive
         if isinstance(motor, StepperMotor):
             turn = 1.0 if drive.drum is None and drive.mass is not None else 2.0 * np.pi
-            found.append((row, 4.0 / motor.steps * turn / row.ratio(model.number)))
+            found.append((row, 4.0 / motor.steps * turn / row.ratio(marionette.number)))
     return found
 
 
-def in_step(model: Model, x: State) -> State:
+def in_step(marionette: CompiledPuppet, x: State) -> State:
     """The state with stepper motors moved by whole poles to where they are in step."""
     q_D = x.q_D.copy()
-    for row, pole in poles(model):
+    for row, pole in poles(marionette):
         if row.command is not None:
             q_D[row.q] -= pole * np.round((q_D[row.q] - x.q_K[row.command[0]]) / pole)
     return x if np.array_equal(q_D, x.q_D) else x.replace(q_D=q_D)
 
 
-def newton(model: Model, x: State) -> Equilibrium | None:
+def newton(marionette: CompiledPuppet, x: State) -> Equilibrium | None:
     """The equilibrium near a configuration, or None where Newton's method does not converge."""
-    scale = model.row_scales(x.q_D, x.q_K)
-    mass, weight = sizes(model)
+    scale = marionette.row_scales(x.q_D, x.q_K)
+    mass, weight = sizes(marionette)
     size = weight / np.sqrt(mass)
-    at = Evaluation.of(model, x)
-    near = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | model.two_sided)
+    at = Evaluation.of(marionette, x)
+    near = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | marionette.two_sided)
     hddot = at.gamma[near] + at.W[:, near].T @ at.w0
-    cap = np.full(len(scale), model.tension_cap)
-    tension = at.complementarity(near, hddot, model.two_sided, cap).x
+    cap = np.full(len(scale), marionette.tension_cap)
+    tension = at.complementarity(near, hddot, marionette.two_sided, cap).x
     if np.linalg.norm(at.w0 - at.W[:, near] @ tension) > SEARCH.newton_force * size:
         return None
-    rows: Indices = near[(tension > SEARCH.min_tension * weight) | model.two_sided[near]]
+    rows: Indices = near[(tension > SEARCH.min_tension * weight) | marionette.two_sided[near]]
     for _ in range(SEARCH.newton_rounds):
-        at = Evaluation.of(model, x)
+        at = Evaluation.of(marionette, x)
         W = at.W[:, rows]
         tension = np.zeros(0)
         if len(rows):
@@ -283,12 +282,12 @@ def newton(model: Model, x: State) -> Equilibrium | None:
         force = at.w0 - W @ tension
         gap = np.max(np.abs(at.h[rows]) / scale[rows], initial=0.0)
         if np.linalg.norm(force) < SEARCH.balanced_force * size and gap < SEARCH.met_gap:
-            changed = _changed(model, at, rows, tension, scale)
+            changed = _changed(marionette, at, rows, tension, scale)
             if changed is None:
                 return Equilibrium(x, rows, tension)
             rows = changed
             continue
-        K, A = derivatives(model, Equilibrium(x, rows, tension))
+        K, A = derivatives(marionette, Equilibrium(x, rows, tension))
         system = np.block([[K, -W], [A, np.zeros((len(rows), len(rows)))]])
         step = np.linalg.lstsq(system, -np.concatenate([force, at.h[rows]]), rcond=1e-9)[0]
         move = step[: len(K)]
@@ -296,30 +295,30 @@ def newton(model: Model, x: State) -> Equilibrium | None:
         if not np.isfinite(largest):
             return None
         move = move * min(1.0, SEARCH.newton_move / (largest or 1.0))
-        x = x.replace(q_D=retract(model, x.q_D, move))
+        x = x.replace(q_D=retract(marionette, x.q_D, move))
         converged = largest < SEARCH.min_move
-        if converged and _changed(model, at, rows, tension, scale) is None:
+        if converged and _changed(marionette, at, rows, tension, scale) is None:
             return Equilibrium(x, rows, tension)
-    at = Evaluation.of(model, x)
+    at = Evaluation.of(marionette, x)
     force = at.w0 - at.W[:, rows] @ tension
     balanced = np.linalg.norm(force) < SEARCH.balanced_last * size
-    if balanced and _changed(model, at, rows, tension, scale) is None:
+    if balanced and _changed(marionette, at, rows, tension, scale) is None:
         return Equilibrium(x, rows, tension)
     return None
 
 
-def as_asked(model: Model, asked: State, found: Equilibrium) -> Equilibrium:
+def as_asked(marionette: CompiledPuppet, asked: State, found: Equilibrium) -> Equilibrium:
     """The equilibrium of the same energy that is rotated least from the state asked for.
 
     A load's angle about its only string is neutral. Without this choice it would depend on how the
     puppet swung to rest, and no input could undo it. In neutral directions without rotation, the
     translation is the smallest.
     """
-    table, n = model.coordinates, len(found.x.v_D)
+    table, n = marionette.coordinates, len(found.x.v_D)
     places = table.scalars_D, table.quaternions_D
-    weight = _turn_weights(model)
+    weight = _turn_weights(marionette)
     for _ in range(SEARCH.turns):
-        neutral = _neutral(model, found)
+        neutral = _neutral(marionette, found)
         to_asked = tangent.between(*places, found.x.q_D[None], asked.q_D[None], n)[0]
         shares = np.linalg.lstsq(weight[:, None] * neutral, weight * to_asked)[0]
         move = neutral @ shares
@@ -327,19 +326,19 @@ def as_asked(model: Model, asked: State, found: Equilibrium) -> Equilibrium:
         if largest < SEARCH.min_turn:
             break
         move *= min(1.0, SEARCH.newton_move / largest)
-        other = newton(model, found.x.replace(q_D=retract(model, found.x.q_D, move)))
+        other = newton(marionette, found.x.replace(q_D=retract(marionette, found.x.q_D, move)))
         if other is None or not np.array_equal(other.rows, found.rows):
             break
-        risen = energies(model, other.x)[1] - energies(model, found.x)[1]
-        if abs(risen) > SEARCH.potential_fall * sizes(model)[1]:
+        risen = marionette.energies(other.x)[1] - marionette.energies(found.x)[1]
+        if abs(risen) > SEARCH.potential_fall * sizes(marionette)[1]:
             break
         found = other
     return found
 
 
-def _turn_weights(model: Model) -> Array:
+def _turn_weights(marionette: CompiledPuppet) -> Array:
     """(n_vD,) weights: 1 for rotations, small ones for translations."""
-    table = model.coordinates
+    table = marionette.coordinates
     weight = np.ones(table.n_vD)
     units = {row.name: row.unit for row in table.rows}
     for q, v in table.scalars_D:
@@ -348,10 +347,10 @@ def _turn_weights(model: Model) -> Array:
     return weight
 
 
-def _neutral(model: Model, found: Equilibrium) -> Array:
+def _neutral(marionette: CompiledPuppet, found: Equilibrium) -> Array:
     """(n_vD, r) an orthonormal basis of the moves along which forces and gaps stay as they are."""
-    W = Evaluation.of(model, found.x).W[:, found.rows]
-    K, A = derivatives(model, found)
+    W = Evaluation.of(marionette, found.x).W[:, found.rows]
+    K, A = derivatives(marionette, found)
     K = K - W @ (np.linalg.pinv(W) @ K) if len(found.rows) else K
     parts = [part / max(float(np.max(np.abs(part), initial=0.0)), 1e-300) for part in (K, A)]
     _, size, modes = np.linalg.svd(np.concatenate(parts))
@@ -359,22 +358,22 @@ def _neutral(model: Model, found: Equilibrium) -> Array:
 
 
 def _changed(
-    model: Model, at: Evaluation, rows: Indices, tension: Array, scale: Array
+    marionette: CompiledPuppet, at: Evaluation, rows: Indices, tension: Array, scale: Array
 ) -> Indices | None:
     """The rows without those that push and with those that are violated; None if unchanged."""
-    pushing = (tension < -SEARCH.min_tension * sizes(model)[1]) & ~model.two_sided[rows]
-    violated = (at.h > ROW_TOLERANCES.start_gap * scale) & ~model.two_sided
+    pushing = (tension < -SEARCH.min_tension * sizes(marionette)[1]) & ~marionette.two_sided[rows]
+    violated = (at.h > ROW_TOLERANCES.start_gap * scale) & ~marionette.two_sided
     if not np.any(pushing) and not np.any(violated):
         return None
     return np.union1d(rows[~pushing], np.flatnonzero(violated))
 
 
-def derivatives(model: Model, found: Equilibrium) -> tuple[Array, Array]:
+def derivatives(marionette: CompiledPuppet, found: Equilibrium) -> tuple[Array, Array]:
     """Derivatives of w0 - W tau (n_vD, n_vD) and of h (len(rows), n_vD) by a small move."""
 
     def residual(q_D: Array) -> Array:
-        at = Evaluation.of(model, found.x.replace(q_D=q_D))
+        at = Evaluation.of(marionette, found.x.replace(q_D=q_D))
         return np.append(at.w0 - at.W[:, found.rows] @ found.tension, at.h[found.rows])
 
-    by_move = difference_quotient(model, found.x.q_D, residual, SEARCH.difference)
+    by_move = difference_quotient(marionette, found.x.q_D, residual, SEARCH.difference)
     return by_move[: len(found.x.v_D)], by_move[len(found.x.v_D) :]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, StateError, Status
-from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.kernel.runtime import Run
 from fantoccini.motion import Input, State
 
@@ -33,13 +33,13 @@ _GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 """Whose multiples spread most evenly between whole numbers."""
 
 
-def settled(model: Model, x: State) -> State:
+def settled(marionette: CompiledPuppet, x: State) -> State:
     """The state in which a puppet comes to rest when it is let go, its inputs held.
 
     Friction holds any of many states; this is the one that it falls into.
 
     Args:
-        model: a puppet with contact.
+        marionette: a puppet with contact.
         x: where it is let go; its velocities do not count.
 
     Raises:
@@ -49,7 +49,7 @@ def settled(model: Model, x: State) -> State:
     for piece in range(SETTLING.pieces):
         spread = 2.0 * (piece * _GOLDEN % 1.0) - 1.0
         duration = SETTLING.piece * (1.0 + SETTLING.uneven * spread)
-        status, samples = _let_go(model, x.replace(t=0.0, q_D=q_D, v_D=v_D), duration)
+        status, samples = _let_go(marionette, x.replace(t=0.0, q_D=q_D, v_D=v_D), duration)
         if status not in (Status.DONE, Status.LOST_STEPS):
             raise StateError(f"let go, {status.message}")
         v_D = samples["v_D"][-1]
@@ -60,7 +60,7 @@ def settled(model: Model, x: State) -> State:
             return x.replace(q_D=q_D, **still, taut=samples["taut"][-1] > 0)
         if piece < SETTLING.stops:
             v_D = np.zeros_like(v_D)
-    names = model.coordinates.v_D
+    names = marionette.coordinates.v_D
     fastest = names[int(np.argmax(np.abs(v_D)))]
     raise StateError(
         f"let go, the puppet still moves after {SETTLING.pieces * SETTLING.piece:g} s: {fastest} "
@@ -68,16 +68,18 @@ def settled(model: Model, x: State) -> State:
     )
 
 
-def _let_go(model: Model, x: State, duration: float) -> tuple[Status, dict[str, Array]]:
+def _let_go(
+    marionette: CompiledPuppet, x: State, duration: float
+) -> tuple[Status, dict[str, Array]]:
     """A run with the inputs held: its status and samples."""
     run = Run(
-        model.library,
+        marionette.library,
         "timestepping",
-        model.run_options(dt=SETTLING.dt),
+        marionette.run_options(dt=SETTLING.dt),
         x,
-        model.p,
-        model.winches,
-        Input.hold(model.coordinates).bound(x.q_K),
+        marionette.p,
+        marionette.winches,
+        Input.hold(marionette.coordinates).bound(x.q_K),
     )
     samples = np.concatenate([piece.samples for piece in run.advance(duration)])
-    return run.status, model.sample_layout.split(samples)
+    return run.status, marionette.sample_layout.split(samples)

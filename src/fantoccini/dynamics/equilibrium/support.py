@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.model.tree import WORLD, Link, Role, Tree, link_inertia, measure
 
 MIN_COSINE = 1e-9
@@ -20,12 +20,12 @@ _LISTED = 6
 """Maximum number of bodies named in a message."""
 
 
-def falling(model: Model) -> tuple[tuple[int, ...], ...]:
+def falling(marionette: CompiledPuppet) -> tuple[tuple[int, ...], ...]:
     """Groups of links that nothing holds: the roots of each, the highest first, then the others.
 
     A group that may touch the floor or obstacles is not listed, as these may carry it.
     """
-    tree, number = model.tree, model.number
+    tree, number = marionette.tree, marionette.number
     gravity = np.array([number(x) for x in tree.gravity])
     if not np.any(gravity):
         return ()
@@ -37,7 +37,7 @@ def falling(model: Model) -> tuple[tuple[int, ...], ...]:
             i = group[i]
         return i
 
-    for i, j in _ties(model, size.poses, gravity / np.linalg.norm(gravity)):
+    for i, j in _ties(marionette, size.poses, gravity / np.linalg.norm(gravity)):
         group[of(i)] = of(j)
     members: dict[int, list[int]] = {}
     for i in range(len(tree.links)):
@@ -46,7 +46,7 @@ def falling(model: Model) -> tuple[tuple[int, ...], ...]:
     up = -size.poses[:, :, 3] @ gravity
     found = []
     for own in members.values():
-        touches = model.puppet.touching is not None and any(tree.links[i].shapes for i in own)
+        touches = marionette.puppet.touching is not None and any(tree.links[i].shapes for i in own)
         if touches or not any(link_inertia(tree.links[i], number)[0] > 0.0 for i in own):
             continue
         root = {i: tree.links[i].parent not in own for i in own}
@@ -54,10 +54,10 @@ def falling(model: Model) -> tuple[tuple[int, ...], ...]:
     return tuple(found)
 
 
-def falls(model: Model, group: tuple[int, ...]) -> str:
+def falls(marionette: CompiledPuppet, group: tuple[int, ...]) -> str:
     """Message: a group of :func:`falling` has no support."""
-    chains = {p.link: chain.name for chain in model.tree.chains for p in chain.points[1:-1]}
-    bodies = [model.tree.links[i].name for i in group if i not in chains]
+    chains = {p.link: chain.name for chain in marionette.tree.chains for p in chain.points[1:-1]}
+    bodies = [marionette.tree.links[i].name for i in group if i not in chains]
     names = bodies or list(dict.fromkeys(chains[i] for i in group))
     shown = ", ".join(names[:_LISTED])
     if len(names) > _LISTED:
@@ -77,22 +77,24 @@ def _they(names: list[str]) -> str:
     return "it falls" if len(names) == 1 else "they fall"
 
 
-def _ties(model: Model, poses: np.ndarray, down: np.ndarray) -> Iterator[tuple[int, int]]:
+def _ties(
+    marionette: CompiledPuppet, poses: np.ndarray, down: np.ndarray
+) -> Iterator[tuple[int, int]]:
     """Pairs of links, or a link and the world, one of which holds the other."""
-    tree = model.tree
+    tree = marionette.tree
     for i, link in enumerate(tree.links):
-        if not _slides(model, i, poses, down):
+        if not _slides(marionette, i, poses, down):
             yield i, link.parent
     for row in (*tree.strings, *tree.chains):
         yield from pairwise(point.link for point in row.points)
     for spring in tree.springs:
-        if model.number(spring.stiffness) > 0.0:
+        if marionette.number(spring.stiffness) > 0.0:
             yield spring.points[0].link, spring.points[1].link
 
 
-def _slides(model: Model, i: int, poses: np.ndarray, down: np.ndarray) -> bool:
+def _slides(marionette: CompiledPuppet, i: int, poses: np.ndarray, down: np.ndarray) -> bool:
     """Whether a link falls along its joint. Unknown, and False, where the axis may turn."""
-    tree = model.tree
+    tree = marionette.tree
     link = tree.links[i]
     if link.role is not Role.DYNAMIC or any(row.link == i for row in tree.drives):
         return False
@@ -106,7 +108,7 @@ def _slides(model: Model, i: int, poses: np.ndarray, down: np.ndarray) -> bool:
         return bool(np.max(np.abs(along)) > MIN_COSINE)
     side = "upper" if along[0] > 0.0 else "lower"
     stops = any(limit.link == i and limit.side == side for limit in tree.limits)
-    return abs(along[0]) > MIN_COSINE and not stops and not model.number(link.stiffness) > 0.0
+    return abs(along[0]) > MIN_COSINE and not stops and not marionette.number(link.stiffness) > 0.0
 
 
 def _turns(tree: Tree, link: Link) -> bool:

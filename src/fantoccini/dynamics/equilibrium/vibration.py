@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, StateError
-from fantoccini.dynamics.compiled import Model, interpreted
+from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.dynamics.derivatives import HeldPoint, SmallMotions, motion_at
 from fantoccini.dynamics.equilibrium.equilibrium import ACCEPTANCE
 from fantoccini.motion import State
@@ -132,11 +132,11 @@ def _listed(values: dict[str, float], shown: str) -> str:
     return ", ".join(f"{n} {shown.format(x)}" for n, x in first if x > least)
 
 
-def modes(model: Model, x: State) -> Modes:
+def modes(marionette: CompiledPuppet, x: State) -> Modes:
     """The modes of a puppet at rest; see :meth:`Marionette.modes`."""
-    motion = motion_at(model, x)
+    motion = motion_at(marionette, x)
     speeds = np.concatenate([x.v_D, x.v_K])
-    moves = speeds if _balanced(model, x, motion.acc_D) else np.append(motion.acc_D, speeds)
+    moves = speeds if _balanced(marionette, x, motion.acc_D) else np.append(motion.acc_D, speeds)
     largest = np.max(np.abs(moves), initial=0.0)
     if not largest <= TOLERANCES.max_rest_motion:
         raise StateError(
@@ -145,7 +145,7 @@ def modes(model: Model, x: State) -> Modes:
         )
     if motion.contacts.edges:
         raise StateError(f"small motions there are not linear: {'; '.join(motion.contacts.edges)}")
-    small = SmallMotions.of(model, x, motion)
+    small = SmallMotions.of(marionette, x, motion)
     N, K, D = small.N, small.K, small.D
     symmetric = all(
         np.linalg.norm(m - m.T) <= TOLERANCES.asymmetry * np.linalg.norm(m) for m in (K, D)
@@ -158,30 +158,30 @@ def modes(model: Model, x: State) -> Modes:
     of_swings = (gains for (s, _), gains in zip(groups, all_gains, strict=True) if s)
     largest_gain = max((np.max(gains, initial=0.0) for gains in of_swings), default=0.0)
     made = [
-        _mode(model, s, shape, small.M, gain, largest_gain)
+        _mode(marionette, s, shape, small.M, gain, largest_gain)
         for (s, phi), gains in zip(groups, all_gains, strict=True)
         for shape, gain in zip((N @ phi).T, gains, strict=True)
     ]
-    names = tuple(model.tree.row_names[i] for i in small.held)
+    names = tuple(marionette.tree.row_names[i] for i in small.held)
     return Modes(x, names, motion.contacts.points, tuple(made))
 
 
-def _balanced(model: Model, x: State, acc_D: Array) -> bool:
+def _balanced(marionette: CompiledPuppet, x: State, acc_D: Array) -> bool:
     """Whether the forces on a puppet on chains balance, by the test of :meth:`Marionette.rest`.
 
     Accelerations are no test: rounding in stiff springs alone accelerates light pieces too much.
     """
-    if not model.tree.chains:
+    if not marionette.tree.chains:
         return False
-    M = interpreted(model, "mass_matrix", x).M
-    force = np.sqrt(max(float(acc_D @ M @ acc_D), 0.0) * model.mass)
-    return bool(force <= ACCEPTANCE.max_force_of_chains * model.weight)
+    M = marionette.interpreted("mass_matrix", x).M
+    force = np.sqrt(max(float(acc_D @ M @ acc_D), 0.0) * marionette.mass)
+    return bool(force <= ACCEPTANCE.max_force_of_chains * marionette.weight)
 
 
 def _mode(
-    model: Model, s: complex, shape: Array, M: Array, gain: Array, largest_gain: float
+    marionette: CompiledPuppet, s: complex, shape: Array, M: Array, gain: Array, largest_gain: float
 ) -> Mode:
-    table = model.coordinates
+    table = marionette.coordinates
     energy = np.real(np.conj(shape) * (M @ shape))
     relative = shape / shape[np.argmax(np.abs(shape))]
     return Mode(

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from fantoccini.base import Array, output
 from fantoccini.dynamics.compiled import (
+    CompiledPuppet,
     Flow,
     ForwardDynamics,
     Method,
     MethodName,
-    Model,
-    Quantities,
     configurations,
     forward_dynamics,
+    vector,
 )
 from fantoccini.dynamics.derivatives import (
     Linearisation,
@@ -37,37 +39,23 @@ from fantoccini.dynamics.equilibrium import (
     projection,
 )
 from fantoccini.dynamics.steppers import Stepper, StepperBatch
-from fantoccini.model.puppet import Puppet
-from fantoccini.model.scene import Scene, assembled
-from fantoccini.model.tree import CoordinateTable, Tree
 from fantoccini.motion import Input, State
 
 if TYPE_CHECKING:
-    from fantoccini.kernel.equations import Equations
+    pass
 
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
-class Marionette(Quantities):
+class Marionette(CompiledPuppet):
     """A puppet on strings: its coordinates, equations, compiled model, states.
 
     It is derived and compiled when first needed, or loaded from the cache. A marionette does not
     change: the ``with_`` methods return another one, and nothing is compiled again.
 
-    Attributes:
-        model: the object that the algorithms of the package are functions of.
-
     Args:
         what: a puppet or a scene.
         progress: called with the stage that begins ("deriving", "compiling").
     """
-
-    model: Model
-
-    def __init__(self, what: Puppet | Scene | Model, progress: Callable[[str], None] | None = None):
-        if isinstance(what, Scene):
-            what = assembled(what)
-        model = what if isinstance(what, Model) else Model.of(what, progress)
-        object.__setattr__(self, "model", model)
 
     def __repr__(self) -> str:
         t = self.coordinates
@@ -79,82 +67,6 @@ class Marionette(Quantities):
     def _repr_html_(self) -> str | None:
         """A picture of the start pose and tables, for notebooks; nothing is compiled for it."""
         return output().puppet_html(self)
-
-    # -- its parts ---------------------------------------------------------------------------
-
-    @property
-    def name(self) -> str:
-        """The puppet's name, or the scene's."""
-        return self.model.name
-
-    @property
-    def puppet(self) -> Puppet:
-        """The puppet as its file describes it; a scene assembled."""
-        return self.model.puppet
-
-    @property
-    def tree(self) -> Tree:
-        """Links, strings, limits and coordinates in the order of the equations."""
-        return self.model.tree
-
-    @property
-    def coordinates(self) -> CoordinateTable:
-        """Names and places of all coordinates."""
-        return self.model.coordinates
-
-    @property
-    def p(self) -> Array:
-        """(n_p,) values of the parameters."""
-        return self.model.p
-
-    @property
-    def winches(self) -> Array:
-        """(n_strings, 3) largest tension [N], rewinding speed [m/s], restitution."""
-        return self.model.winches
-
-    @property
-    def mass(self) -> float:
-        """Mass of all links that move dynamically or hang from one that does [kg]."""
-        return self.model.mass
-
-    @property
-    def weight(self) -> float:
-        """Mass times gravity [N]; where gravity is zero, mass times 1 m/s^2."""
-        return self.model.weight
-
-    @property
-    def equations(self) -> Equations:
-        """The symbolic equations and the CasADi functions made from them."""
-        return self.model.compiled.equations
-
-    def compile(self) -> None:
-        """Loads the compiled model, or makes it, before anything needs it.
-
-        Raises:
-            BuildError: no compiler, or it failed.
-            PuppetError: the mass matrix is singular.
-        """
-        _ = self.model.library
-
-    # -- other marionettes -------------------------------------------------------------------
-
-    def with_parameters(self, values: Mapping[str, float]) -> Marionette:
-        """The same puppet with other values of its parameters, and the winches of its file.
-
-        Raises:
-            UnknownNameError: there is no such parameter.
-            StateError: a value is not finite.
-            PuppetError: a value that the puppet's file could not have.
-        """
-        return Marionette(self.model.with_parameters(values))
-
-    def with_winches(self, winches: Array) -> Marionette:
-        """The same puppet on other winches (n_strings, 3); see :attr:`winches`.
-
-        Raises:
-            StateError: numbers that no winch can have.
-        """
-        return Marionette(self.model.with_winches(winches))
 
     # -- states ------------------------------------------------------------------------------
 
@@ -172,7 +84,7 @@ class Marionette(Quantities):
             StateError: a value is not what the name takes.
             UnknownNameError: the puppet has no such coordinate.
         """
-        return initial_state.state(self.model, values)
+        return initial_state.state(self, values)
 
     def rest(self, values: Values | State | None = None) -> State:
         """A hanging equilibrium: a local minimum of V subject to the strings and limits.
@@ -185,7 +97,7 @@ class Marionette(Quantities):
             StateError: there is none, or it was not found.
         """
         x = values if isinstance(values, State) else self.state(values)
-        return equilibrium.rest(self.model, x)
+        return equilibrium.rest(self, x)
 
     def project(self, x: State) -> State:
         """The nearest state, in the metric of M_DD, that satisfies the strings and limits.
@@ -196,7 +108,7 @@ class Marionette(Quantities):
         Raises:
             StateError: no such state was found; the violation left in each row is reported.
         """
-        return projection.project(self.model, x)
+        return projection.project(self, x)
 
     def difference(self, q0: Array, q1: Array, driven: bool = False) -> Array:
         """The tangent vectors dq from q0 to q1: ``integrate(q0, dq)`` is q1.
@@ -210,11 +122,105 @@ class Marionette(Quantities):
         Returns:
             (..., n_vD), or (..., n_vK) [rad or m].
         """
-        return configurations.difference(self.model, q0, q1, driven)
+        return configurations.difference(self, q0, q1, driven)
 
     def integrate(self, q: Array, dq: Array, driven: bool = False) -> Array:
         """q (..., n_qD) moved by tangent vectors dq (..., n_vD); see :meth:`difference`."""
-        return configurations.integrate(self.model, q, dq, driven)
+        return configurations.integrate(self, q, dq, driven)
+
+    # -- quantities at a state, in the paper's order ----------------------------------------
+
+    def mass_matrix(self, x: State) -> Array:
+        """M(q_D) of Eq. 8, (n_vD, n_vD) [kg, kg m, kg m^2]."""
+        return self.interpreted("mass_matrix", x).M
+
+    def mass_matrix_DK(self, x: State) -> Array:
+        """M_DK, (n_vD, n_vK): non-zero where a driven joint moves mass."""
+        return self.interpreted("mass_matrix", x).M_DK
+
+    def mass_matrix_KK(self, x: State) -> Array:
+        """M_KK, (n_vK, n_vK)."""
+        return self.interpreted("mass_matrix", x).M_KK
+
+    def coriolis_matrix(self, x: State) -> Array:
+        """C(q, v) of Eq. 8 over the dynamic velocities, (n_vD, n_vD)."""
+        n = self.coordinates.n_vD
+        return self.interpreted("coriolis", x).C[:n, :n]
+
+    def gravity(self, x: State) -> Array:
+        """g(q) of Eq. 8, (n_vD,): gradient of the potential energy [N or N m]."""
+        return self.interpreted("gravity", x).g_D.ravel()
+
+    def bias(self, x: State) -> Array:
+        """c(q, v) = C v + g, (n_vD,) [N or N m]: Eq. 8 is M acc + c = u."""
+        return self.interpreted("bias", x).c.ravel()
+
+    def damping(self, x: State) -> Array:
+        """(n_vD,) force of damping and drag, on the side of c: u = -damping [N or N m]."""
+        return self.interpreted("damping", x).f.ravel()
+
+    def constraint(self, x: State) -> Array:
+        """h(q), (n_rows,): path length less string length and slip [m]; limits [m, rad or 1]."""
+        h = self.interpreted("constraint", x).h.ravel()
+        h[: len(x.slip)] -= x.slip
+        return h
+
+    def A_D(self, x: State) -> Array:
+        """A_D = dh/dq_D of Eq. 9, acting on velocities, (n_rows, n_vD)."""
+        return self.interpreted("A_D", x).A_D
+
+    def A_K(self, x: State) -> Array:
+        """A_K = dh/dq_K of Eq. 9, acting on velocities, (n_rows, n_vK)."""
+        return self.interpreted("A_K", x).A_K
+
+    def Adot_v(self, x: State) -> Array:
+        """dA/dt v = dA_D/dt v_D + dA_K/dt v_K of Eq. 11, (n_rows,)."""
+        return self.interpreted("Adot_v", x).Adot_v.ravel()
+
+    def kinetic_energy(self, x: State) -> float:
+        """T = sum_i 1/2 V_i^T I_i V_i (Eq. 5) [J]."""
+        return float(self.interpreted("kinetic", x).T.item())
+
+    def potential_energy(self, x: State) -> float:
+        """V (Eq. 6, with gravity's acceleration), plus the energy of springs [J]."""
+        return float(self.interpreted("potential", x).V.item())
+
+    def lagrangian(self, x: State) -> float:
+        """L = T - V (Eq. 7) [J]."""
+        return float(self.interpreted("lagrangian", x).lagrangian.item())
+
+    def momentum(self, x: State) -> Array:
+        """(6,) momentum about the centre of mass, in world axes: linear [N s], angular [N m s]."""
+        return self.library.evaluate("momentum", **self.at(x)).momentum
+
+    def body_velocity(self, x: State, body: str | None = None) -> Array:
+        """V^b (Eq. 4) of a body (6,), or of all (n_links, 6), in their own frames.
+
+        Linear, then angular [m/s, rad/s].
+        """
+        V = self.interpreted("body_velocity", x).V.T
+        return V if body is None else V[self.link_index(body)]
+
+    def pose(self, x: State, body: str) -> Array:
+        """g (Eqs. 2, 3): (4, 4) homogeneous pose of a body in the world."""
+        self.check_state(x)
+        pose = np.eye(4)
+        pose[:3] = self.poses(x.q_D, x.q_K)[self.link_index(body)]
+        return pose
+
+    def wrench_forces(self, x: State, wrenches: Mapping[str, Array]) -> Array:
+        """u_D (n_vD,) of wrenches on bodies, to pass as user forces [N or N m].
+
+        Args:
+            x: the state.
+            wrenches: body -> (6,) force on its centre of mass [N] and torque [N m], world axes.
+        """
+        self.check_state(x)
+        w = np.zeros((len(self.tree.links), 6))
+        for body, wrench in wrenches.items():
+            w[self.link_index(body)] += vector(f"wrenches[{body!r}]", wrench, 6)
+        at = {"q_D": x.q_D, "q_K": x.q_K, "p": self.p}
+        return self.library.evaluate("wrench_forces", **at, wrench=w.T).u_D
 
     # -- motion ------------------------------------------------------------------------------
 
@@ -235,7 +241,7 @@ class Marionette(Quantities):
             StateError: no acceleration satisfies the rows, as when two inputs pull a string apart;
                 or rows marked taut are slack.
         """
-        return forward_dynamics(self.model, x, acc_K, u_D)
+        return forward_dynamics(self, x, acc_K, u_D)
 
     def linearise(
         self,
@@ -264,7 +270,7 @@ class Marionette(Quantities):
                 motion near by depends on how redundant points that slide share their force.
             UnknownNameError: a row that the puppet does not have.
         """
-        return linearise(self.model, x, acc_K, u_D, rows, contacts)
+        return linearise(self, x, acc_K, u_D, rows, contacts)
 
     def linearise_step(
         self, x: State, acc_K: Array | None = None, u_D: Array | None = None, dt: float = 0.002
@@ -281,7 +287,7 @@ class Marionette(Quantities):
             StateError: violation is so large that the step was cut short, or the step's contacts
                 have no derivative: what lies between two modes is in ``edges`` instead.
         """
-        return linearise_step(self.model, x, acc_K, u_D, dt)
+        return linearise_step(self, x, acc_K, u_D, dt)
 
     def linearise_steps(
         self,
@@ -320,7 +326,7 @@ class Marionette(Quantities):
             StateError: an array has another shape.
         """
         return linearise_steps(
-            self.model,
+            self,
             q_D,
             v_D,
             q_K,
@@ -365,7 +371,7 @@ class Marionette(Quantities):
             StateError: an array has another shape, or winches have slipped at the start.
             SimulationError: the rollout stopped.
         """
-        return rollout(self.model, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate, throw=throw)
+        return rollout(self, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate, throw=throw)
 
     def modes(self, x: State) -> Modes:
         """Vibration modes about a state of rest, and which inputs excite each.
@@ -376,7 +382,7 @@ class Marionette(Quantities):
         Raises:
             StateError: the puppet does not rest there.
         """
-        return modes(self.model, x)
+        return modes(self, x)
 
     def stepper(self, x0: State, method: Method | MethodName = "timestepping") -> Stepper:
         """A run that is advanced piece by piece; see :class:`Stepper`.
@@ -385,7 +391,7 @@ class Marionette(Quantities):
             x0: where it starts.
             method: ``timestepping``, ``variational`` or ``event``, or one with its options.
         """
-        return Stepper.of(self.model, x0, method)
+        return Stepper.of(self, x0, method)
 
     def stepper_batch(
         self,
@@ -405,7 +411,7 @@ class Marionette(Quantities):
             parameters: name -> value, or (n,) values, one for each run.
             threads: all processors when not given.
         """
-        return StepperBatch(self.model, x0, n, method, parameters, threads)
+        return StepperBatch(self, x0, n, method, parameters, threads)
 
     def flow(self, x0: State, inputs: Input | None = None) -> Flow:
         """The motion from a state while no string catches or releases; see :class:`Flow`.
@@ -414,4 +420,4 @@ class Marionette(Quantities):
             x0: where it starts.
             inputs: motion of the driven coordinates; they hold still when not given.
         """
-        return Flow(self.model, x0, inputs)
+        return Flow(self, x0, inputs)

@@ -94,7 +94,7 @@ class _Document:
 
     def __init__(self, marionette: Marionette, still: ConfigK | None):
         self.marionette, self.tree, self.still = marionette, marionette.tree, still
-        self.number = marionette.model.number
+        self.number = marionette.number
         mistakes = [_located(marionette, name, text) for name, text in self._unsupported()]
         if mistakes:
             raise ExchangeError(mistakes)

@@ -87,7 +87,7 @@ class MuJoCoPuppet:
         self.strings = np.array([m.tendon(s.name).id for s in tree.strings], dtype=int)
         for k, tendon in enumerate(m.eq_obj1id):
             L = tree.strings[list(self.strings).index(tendon)].length
-            length = SUBSTITUTES.spool if L is None else marionette.model.number(L)
+            length = SUBSTITUTES.spool if L is None else marionette.number(L)
             # MuJoCo counts a wire's length from its value in MuJoCo's zero pose.
             m.eq_data[k, 0] = length - m.tendon_length0[tendon]
         kinds = self.mujoco.mjtConstraint

@@ -59,12 +59,12 @@ def mujoco_run(
         MissingLibraryError: MuJoCo is not installed.
         StateError: ``x0`` breaks a string or limit.
     """
-    check_start(marionette.model, x0, "timestepping")
+    check_start(marionette, x0, "timestepping")
     t_end = checked_end(t_end, x0.t)
     puppet = MuJoCoPuppet(marionette, dt, text)
     data = puppet.data
     t = _steps(x0.t, t_end, inputs.breaks, dt)
-    bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    bound = bind_input(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     q_K, v_K, acc_K = bound.evaluate(t)
     h = np.diff(t)
     u_D = inputs.evaluate_force(np.append(t[:-1] + 0.5 * h, t[-1]))
@@ -113,13 +113,13 @@ def _trajectory(
     tree, n = marionette.tree, len(motion.t)
     strings, limits = (tuple(row.name for row in rows) for rows in (tree.strings, tree.limits))
     place = {"q_D": motion.q_D, "q_K": motion.q_K, "p": marionette.p}
-    library = marionette.model.library
+    library = marionette.library
     energy = library.evaluate("energy", **place, v_D=motion.v_D, v_K=motion.v_K)
     ledger = np.full((n, len(LEDGER)), np.nan)
     ledger[:, LEDGER.index("kinetic")] = energy.T
     ledger[:, LEDGER.index("potential")] = energy.V
     h = library.evaluate("rows", **place).h
-    violation = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
+    violation = np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
     return Trajectory(
         *motion,
         tension=Columns(strings, tension, "string"),
@@ -130,7 +130,7 @@ def _trajectory(
         status=status,
         method="mujoco",
         coordinates=marionette.coordinates,
-        puppet=marionette.model.described,
+        puppet=marionette.described,
         violation=Columns(tree.row_names, violation, "string or limit"),
         slip=Columns(strings, np.zeros((n, len(strings))), "string"),
     )

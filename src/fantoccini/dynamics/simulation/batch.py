@@ -12,9 +12,9 @@ import numpy as np
 
 from fantoccini.base import ARRIVED, Array, Status, Times
 from fantoccini.dynamics.compiled import (
+    CompiledPuppet,
     Method,
     MethodName,
-    Model,
     as_inputs,
     as_method,
     bind_inputs,
@@ -115,22 +115,21 @@ def simulate_batch(
     chosen = as_method(method)
     name = chosen.name
     check_marionette(marionette)
-    model = marionette.model
-    options = model.run_options(
+    options = marionette.run_options(
         **chosen.options,
         save_steps=False,
         max_memory=max_memory,
         save_every=1 if save_every is None else save_every,
     )
     save_at = save_times(save_at, save_every, name, -np.inf, np.inf)
-    states = model.states(_listed(x0, State, "x0", "marionette.rest()"))
+    states = marionette.states(_listed(x0, State, "x0", "marionette.rest()"))
     t = states.t
     if inputs is None:
         inputs = Input.hold(marionette).shifted(t)
     elif not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
     given = as_inputs(inputs)
-    p = parameter_rows(model, parameters)
+    p = parameter_rows(marionette, parameters)
     n = max(len(states), len(given), len(p))
     if not {len(states), len(given), len(p)} <= {1, n}:
         several = f" and {len(p)} values of parameters" if len(p) > 1 else ""
@@ -139,14 +138,14 @@ def simulate_batch(
             "numbers of both, or a single one"
         )
     t_end = checked_end(given.end if t_end is None else t_end, t)
-    bound = bind_inputs(model, given, states.q_K, states.v_K, t, t_end)
-    states = parted_starts(model, states, p)
-    check_starts(model, states, name, p)
-    check_steps(model, name, states, p, options.dt)
+    bound = bind_inputs(marionette, given, states.q_K, states.v_K, t, t_end)
+    states = parted_starts(marionette, states, p)
+    check_starts(marionette, states, name, p)
+    check_steps(marionette, name, states, p, options.dt)
     if threads is not None:
         threads = whole("threads", threads, least=1)
-    saved = _saved(model, save)
-    _check_memory(model, name, options, saved, n, t, t_end, save_at, out or {})
+    saved = _saved(marionette, save)
+    _check_memory(marionette, name, options, saved, n, t, t_end, save_at, out or {})
     times = _times(name, options, t, t_end, save_at)
     batch = Batch(
         n=n,
@@ -160,39 +159,41 @@ def simulate_batch(
         base=bound.base,
         force=bound.force,
         p=p,
-        winches=model.winches,
+        winches=marionette.winches,
         options=options,
         times=times,
-        parts=_parts(model, saved, n, len(times), out or {}),
+        parts=_parts(marionette, saved, n, len(times), out or {}),
         status=np.full(n, Status.STOPPED, dtype=np.int32),
         reached=np.full(n, np.nan),
         violation=np.zeros(n),
         catches=np.zeros(n, dtype=np.int64),
         releases=np.zeros(n, dtype=np.int64),
-        blame=np.zeros((n, len(model.tree.blamable))),
+        blame=np.zeros((n, len(marionette.tree.blamable))),
         end_q_D=np.full((n, states.q_D.shape[1]), np.nan),
         end_v_D=np.full((n, states.v_D.shape[1]), np.nan),
     )
-    library = model.compiled.batch_library_of(name)
+    library = marionette.libraries.batch_library_of(name)
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; the other runs have the status they began with.
     bar = batch_progress(f"{n} runs", progress, t, t_end)
     with bar as show, contextlib.suppress(KeyboardInterrupt):
         batch.run(library, threads, show)
-    if may_be_redundant(model):
-        _find_contradictions(model, batch, bound, name)
+    if may_be_redundant(marionette):
+        _find_contradictions(marionette, batch, bound, name)
     if name != "event":
         _judge(marionette, batch, bound, name)
-    _judge_prescribed(model, batch, bound)
+    _judge_prescribed(marionette, batch, bound)
     return _trajectories(marionette, batch, name, saved)
 
 
-def _find_contradictions(model: Model, batch: Batch, inputs: Inputs, method: str) -> None:
+def _find_contradictions(
+    marionette: CompiledPuppet, batch: Batch, inputs: Inputs, method: str
+) -> None:
     """Names the runs that redundant strings stopped.
 
     Those that fixed steps completed are examined where tensions are saved with the motion.
     """
-    tree, table, parts = model.tree, model.coordinates, batch.parts
+    tree, table, parts = marionette.tree, marionette.coordinates, batch.parts
     n_s, strings = len(tree.strings), [s.name for s in tree.strings]
     none = np.zeros(tree.n_rows, dtype=bool)
     examined = method != "event" and {"q_D", "v_D", "force"} <= set(parts)
@@ -210,7 +211,7 @@ def _find_contradictions(model: Model, batch: Batch, inputs: Inputs, method: str
             return motion(batch.times[k], parts["q_D"][i, k], parts["v_D"][i, k])
 
         found = None
-        own = model.with_p(batch.p[i if len(batch.p) > 1 else 0])
+        own = marionette.with_p(batch.p[i if len(batch.p) > 1 else 0])
         if batch.status[i] in CONTRADICTION_STATUSES:
             end = motion(batch.reached[i], batch.end_q_D[i], batch.end_v_D[i])
             found = contradiction(own, *end)
@@ -250,9 +251,9 @@ def _places(inputs: Input, t: Times) -> Array:
     return inputs.evaluate(t)[0]
 
 
-def _judge_prescribed(model: Model, batch: Batch, inputs: Inputs) -> None:
+def _judge_prescribed(marionette: CompiledPuppet, batch: Batch, inputs: Inputs) -> None:
     """Sets the status of finished runs whose inputs moved solids through one another."""
-    if model.prescribed is None:
+    if marionette.prescribed is None:
         return
     done = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
     known: dict[tuple[int, int], float] = {}
@@ -261,7 +262,7 @@ def _judge_prescribed(model: Model, batch: Batch, inputs: Inputs) -> None:
         if (own, parameters) not in known:
             given = inputs[own]
             times = looks(given.breaks, batch.t, batch.t_end)
-            held = model.with_p(batch.p[parameters])
+            held = marionette.with_p(batch.p[parameters])
             found = prescribed_overlaps(held, partial(_places, given), times)
             known[own, parameters] = deepest(found)
         if known[own, parameters]:
@@ -298,12 +299,12 @@ def _times(
     return np.append(t + steps[:-1] * dt, t_end)
 
 
-def _saved(model: Model, save: Sequence[str] | str | None) -> tuple[str, ...]:
+def _saved(marionette: CompiledPuppet, save: Sequence[str] | str | None) -> tuple[str, ...]:
     """The names asked for; all but the residual of contacts where nothing may touch anything."""
     if save is None:
         return SAVE
     if save == "all":
-        return tuple(name for name in SAVED if name != RESIDUAL or model.contacts is not None)
+        return tuple(name for name in SAVED if name != RESIDUAL or marionette.contacts is not None)
     names = (save,) if isinstance(save, str) else tuple(save)
     for name in names:
         if name not in SAVED:
@@ -312,7 +313,7 @@ def _saved(model: Model, save: Sequence[str] | str | None) -> tuple[str, ...]:
 
 
 def _check_memory(
-    model: Model,
+    marionette: CompiledPuppet,
     method: str,
     options: RunOptions,
     saved: tuple[str, ...],
@@ -327,23 +328,27 @@ def _check_memory(
         n_samples = 2.0 + (0 if save_at is None else len(save_at))
     else:
         n_samples = count_samples(options, t, t_end)
-    widths, made = _widths(model), {_PART.get(name, name) for name in saved} - set(out)
+    widths, made = _widths(marionette), {_PART.get(name, name) for name in saved} - set(out)
     sample = sum(widths[name] * (1 if name == "taut" else _BYTES) for name in made)
     sample += _LEDGER_NUMBERS * _BYTES if "ledger" in saved else 0
     need = n_samples * (n * sample + _TIME_NUMBERS * _BYTES)
     check_memory(method, options, t, t_end, n_samples, need)
 
 
-def _widths(model: Model) -> dict[str, int]:
+def _widths(marionette: CompiledPuppet) -> dict[str, int]:
     """Numbers in a sample, by the runtime's part."""
-    return {part.name: part.numel(model.tree.sizes) for part in PARTS}
+    return {part.name: part.numel(marionette.tree.sizes) for part in PARTS}
 
 
 def _parts(
-    model: Model, saved: tuple[str, ...], n: int, n_times: int, out: Mapping[str, Array]
+    marionette: CompiledPuppet,
+    saved: tuple[str, ...],
+    n: int,
+    n_times: int,
+    out: Mapping[str, Array],
 ) -> dict[str, Array]:
     """The runtime's arrays: those of ``out`` where given, and new ones. All begin as NaN."""
-    widths = _widths(model)
+    widths = _widths(marionette)
     wanted = {_PART.get(name, name) for name in saved}
     for name in out:
         if name not in wanted:
@@ -402,7 +407,7 @@ def _trajectories(
         blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.model.described,
+        puppet=marionette.described,
         parameters=Columns(names, _read_only(values), "parameter"),
         **made,
     )

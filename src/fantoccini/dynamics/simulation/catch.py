@@ -71,11 +71,11 @@ class Catch:
         self, marionette: Marionette, before: State, after: State, held: tuple[Indices, Indices]
     ):
         self._marionette, self._before = marionette, before
-        self._at = at = Evaluation.of(marionette.model, before)
-        wires, n_rows = marionette.model.two_sided, marionette.tree.n_rows
+        self._at = at = Evaluation.of(marionette, before)
+        wires, n_rows = marionette.two_sided, marionette.tree.n_rows
         was, stays = np.zeros((2, n_rows), dtype=bool)
         was[held[0]] = stays[held[1]] = True
-        scale = marionette.model.row_scales(before.q_D, before.q_K)
+        scale = marionette.row_scales(before.q_D, before.q_K)
         closed = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
         rows = np.flatnonzero(was | closed | wires)
         self._restitution = string_restitution(marionette, at)
@@ -136,7 +136,7 @@ class Catch:
         """
         x, n, p = self._before, len(self._before.v_D), by_input.p
         sides = np.stack([x.v_D, self._v_after])
-        found = row_derivatives_at(self._marionette.model, x, sides)
+        found = row_derivatives_at(self._marionette, x, sides)
         before, after = ({name: part[i] for name, part in found.items()} for i in (0, 1))
         q_D, v_D, q_K, v_K = Z[:n], Z[n:], by_input.q_K, by_input.v_K
         late = np.zeros((1, Z.shape[1]))
@@ -179,13 +179,13 @@ def force_change(
     gravity and springs.
     """
     x = before.replace(v_D=np.zeros_like(before.v_D), v_K=np.zeros_like(before.v_K))
-    values = marionette.model.at(x) | {
+    values = marionette.at(x) | {
         "acc_D": np.stack([kick, np.zeros_like(kick)]),
         "acc_K": x.v_K,
         "tension": np.stack([impulse, np.zeros_like(impulse)]),
         "dt": np.array(0.0),
     }
-    compiled = marionette.model.compiled.derivatives
+    compiled = marionette.libraries.derivatives
     found = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)
     by = {name: part[0] - part[1] for name, part in found.items()}
     return by["r_q"] @ q_D + by["r_qK"] @ q_K + by["r_p"] @ p
@@ -193,11 +193,10 @@ def force_change(
 
 def restitution_change(marionette: Marionette, at: Evaluation) -> Array:
     """(n_rows, n_p) derivative of e max(hdot-, 0) by the parameters."""
-    model = marionette.model
-    out = np.zeros((model.tree.n_rows, len(model.p)))
-    for i, string in enumerate(model.tree.strings):
+    out = np.zeros((marionette.tree.n_rows, len(marionette.p)))
+    for i, string in enumerate(marionette.tree.strings):
         if isinstance(string.restitution, Parameter):
-            place = model.parameter_index[string.restitution.parameter]
+            place = marionette.parameter_index[string.restitution.parameter]
             out[i, place] = max(at.hdot[i], 0.0)
     return out
 

@@ -55,7 +55,7 @@ class ContactPieces:
     """
 
     def __init__(self, marionette: Marionette, run: Trajectory):
-        self._model, self._run = marionette.model, run
+        self._marionette, self._run = marionette, run
         self._seen: dict[int, dict[tuple[int, int], _Seen]] = {}
 
     def groups(self, first: int, last: int) -> list[tuple[int, int, tuple[PointMode, ...]]]:
@@ -64,7 +64,7 @@ class ContactPieces:
         Steps in which a point begins or ceases to slide are stretches of their own: its direction
         is that of its friction where it is at rest.
         """
-        if self._model.contacts is None:
+        if self._marionette.contacts is None:
             return [(first, last, ())]
         out: list[tuple[int, int, tuple[PointMode, ...]]] = []
         alone = False
@@ -79,7 +79,7 @@ class ContactPieces:
 
     def touches(self, i: int) -> bool:
         """Whether anything pushes at a sample."""
-        return self._model.contacts is not None and bool(self._points(i))
+        return self._marionette.contacts is not None and bool(self._points(i))
 
     def stops(self, i: int, modes: Sequence[PointMode]) -> bool:
         """Whether a point that slides in some modes is at rest at a sample."""
@@ -117,15 +117,15 @@ class ContactPieces:
         """What pushes at a sample, by pair and feature."""
         if i in self._seen:
             return self._seen[i]
-        run, contacts = self._run, self._model.contacts
+        run, contacts = self._run, self._marionette.contacts
         assert run.contact is not None and contacts is not None
         found = run.contact.at(i)
-        screws = Screws(self._model, run.state(i)) if len(found) else None
+        screws = Screws(self._marionette, run.state(i)) if len(found) else None
         out: dict[tuple[int, int], _Seen] = {}
         for k in range(len(found)):
             assert screws is not None
             number, name = int(found.pair[k]), pair_name(contacts.names[found.pair[k]])
-            pair = PairGeometry(self._model, screws.poses, number)
+            pair = PairGeometry(self._marionette, screws.poses, number)
             feature = pair.nearest(found.point[k], SAME_PLACE)
             if feature is None:
                 raise StateError(f"{name} touch at t = {run.t[i]:.6g} s where no solid is")
@@ -188,14 +188,13 @@ class Change:
             before, after: rows and points that are held.
             D: (n_columns, m) changes of q_D, v_D, q_K, v_K, acc_K, u_D and p.
         """
-        model = marionette.model
-        at = Evaluation.of(model, x, acc_K, u_D)
-        acc, _, points = FrozenModes(model, before[1]).moving(at, x, acc_K, before[0])
-        new, _, _ = FrozenModes(model, after[1]).moving(at, x, acc_K, after[0])
+        at = Evaluation.of(marionette, x, acc_K, u_D)
+        acc, _, points = FrozenModes(marionette, before[1]).moving(at, x, acc_K, before[0])
+        new, _, _ = FrozenModes(marionette, after[1]).moving(at, x, acc_K, after[0])
         size = max(1.0, float(np.max(np.abs(acc))), float(np.max(np.abs(new))))
         if np.max(np.abs(acc - new)) <= JUMP * size:
             return None
-        screws = Screws(model, x, acc, acc_K)
+        screws = Screws(marionette, x, acc, acc_K)
         lates, names = [], []
         for point in points:
             if point.mode is ContactMode.SLIDE and point.friction > 0.0 and not point.turns:

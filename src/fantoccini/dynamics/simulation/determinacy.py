@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, Indices, Mask
-from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.model.tree import WORLD, Role
 from fantoccini.motion import Columns, Trajectory
 
@@ -52,15 +52,15 @@ _AT_ONCE = 512
 """Samples whose matrices are in memory together."""
 
 
-def undetermined(model: Model, run: Trajectory) -> Columns:
+def undetermined(marionette: CompiledPuppet, run: Trajectory) -> Columns:
     """By string and driven velocity (T,): whether its tension or effort is not determined.
 
     Args:
-        model: the run's puppet.
+        marionette: the run's puppet.
         run: a run of it.
     """
-    names = tuple(s.name for s in model.tree.strings) + model.coordinates.v_K
-    parts = [_flags(model, _part(run, k, k + _AT_ONCE)) for k in range(0, len(run), _AT_ONCE)]
+    names = tuple(s.name for s in marionette.tree.strings) + marionette.coordinates.v_K
+    parts = [_flags(marionette, _part(run, k, k + _AT_ONCE)) for k in range(0, len(run), _AT_ONCE)]
     return Columns(names, np.concatenate(parts), "string or driven velocity")
 
 
@@ -87,20 +87,20 @@ def _part(run: Trajectory, begin: int, end: int) -> Trajectory:
     return dataclasses.replace(run, **more)
 
 
-def _flags(model: Model, run: Trajectory) -> Mask:
+def _flags(marionette: CompiledPuppet, run: Trajectory) -> Mask:
     """(T, n) the same of a run with few samples."""
-    table, n_s = model.coordinates, len(model.tree.strings)
+    table, n_s = marionette.coordinates, len(marionette.tree.strings)
     out = np.zeros((len(run), n_s + table.n_vK), dtype=bool)
     if table.n_vD and (n_s or run.contact is not None):
-        rows = _Rows(model, run)
-        points = _Points(model, run, rows.L)
+        rows = _Rows(marionette, run)
+        points = _Points(marionette, run, rows.L)
         for samples, held, places in _groups(rows.held, points.first):
             B = np.concatenate([rows.B[samples][:, held], points.B[places]], axis=1)
             low = np.concatenate([rows.low[samples][:, held], points.low[places]], axis=1)
             high = np.concatenate(
                 [rows.high[samples][:, held], np.zeros(places.shape, dtype=bool)], axis=1
             )
-            weak = _is_weak(model, B)
+            weak = _is_weak(marionette, B)
             if not np.any(weak):
                 continue
             samples, B, low, high = samples[weak], B[weak], low[weak], high[weak]
@@ -111,7 +111,7 @@ def _flags(model: Model, run: Trajectory) -> Mask:
                 [rows.efforts(samples, held), points.efforts[places[weak]]], axis=1
             )
             S = np.concatenate([pulls, np.swapaxes(efforts, 1, 2)], axis=1)
-            out[samples] = _uncertain(model, B, S, low, high)
+            out[samples] = _uncertain(marionette, B, S, low, high)
     return out
 
 
@@ -125,9 +125,9 @@ class _Rows:
         low, high: (T, n) whether a force is at its lower or upper bound.
     """
 
-    def __init__(self, model: Model, run: Trajectory):
-        self._model, self._run = model, run
-        table, library, tree = model.coordinates, model.library, model.tree
+    def __init__(self, marionette: CompiledPuppet, run: Trajectory):
+        self._marionette, self._run = marionette, run
+        table, library, tree = marionette.coordinates, marionette.library, marionette.tree
         n_l, n_s = len(tree.limits), len(tree.strings)
         on = library.evaluate(
             "dynamics",
@@ -137,7 +137,7 @@ class _Rows:
             v_K=run.v_K,
             acc_K=run.acc_K,
             u_D=np.zeros(table.n_vD),
-            p=model.p,
+            p=marionette.p,
         )
         self.L = on.L
         T, forces = len(run), np.hstack([run.tension.values, run.limit_force.values])
@@ -146,13 +146,13 @@ class _Rows:
         J[:, limit, velocity] = on.J_limit[:, axis, limit]
         W_l = library.evaluate("forth", L=on.L[:, None], x=J).y if n_l else J
         self.B = -np.concatenate([np.swapaxes(on.W, 1, 2), W_l], axis=1)
-        near = TOLERANCES.bound * _force(model)
-        self.low = ~model.two_sided & (forces <= near)
-        self.high = forces >= model.upper - near
+        near = TOLERANCES.bound * _force(marionette)
+        self.low = ~marionette.two_sided & (forces <= near)
+        self.high = forces >= marionette.upper - near
         # Only some of several dependent rows pull; the others are closed, or open by rounding.
         slip = 0.0 if run.slip is None else run.slip.values
         h = np.hstack([on.h - slip, on.h_limit])
-        held = h >= -TOLERANCES.closed * model.row_scales(run.q_D, run.q_K)
+        held = h >= -TOLERANCES.closed * marionette.row_scales(run.q_D, run.q_K)
         if run.method == "event":  # fixed steps leave speeds that take back their violations
             held[:, :n_s] &= np.abs(on.hdot) <= TOLERANCES.moving
         held |= np.hstack([run.taut.values, run.limit_force.values > 0.0])
@@ -161,7 +161,7 @@ class _Rows:
 
     def efforts(self, samples: Indices, held: Indices) -> Array:
         """(m, k, n_vK) effort by the forces of rows: limits have none."""
-        model, run, n_s = self._model, self._run, len(self._model.tree.strings)
+        marionette, run, n_s = self._marionette, self._run, len(self._marionette.tree.strings)
         at = {
             name: getattr(run, name)[samples][:, None]
             for name in ("q_D", "v_D", "q_K", "v_K", "acc_D", "acc_K")
@@ -169,7 +169,7 @@ class _Rows:
         lam = np.zeros((len(held) + 1, n_s))
         strings = np.flatnonzero(held < n_s)
         lam[strings, held[strings]] = -1.0
-        force = model.library.evaluate("effort", **at, lam=lam, p=model.p).f_K
+        force = marionette.library.evaluate("effort", **at, lam=lam, p=marionette.p).f_K
         return np.asarray(force[:, :-1] - force[:, -1:])
 
 
@@ -183,15 +183,15 @@ class _Points:
         efforts: (n, n_vK) on driven coordinates.
     """
 
-    def __init__(self, model: Model, run: Trajectory, L: Array):
-        table, contact, contacts = model.coordinates, run.contact, model.contacts
+    def __init__(self, marionette: CompiledPuppet, run: Trajectory, L: Array):
+        table, contact, contacts = marionette.coordinates, run.contact, marionette.contacts
         self.first = np.zeros(len(run) + 1, dtype=np.intp)
         self.B, self.low = np.zeros((0, table.n_vD)), np.zeros(0, dtype=bool)
         self.efforts = np.zeros((0, table.n_vK))
         if contact is None or contacts is None or not len(contact):
             return
         size = np.linalg.norm(contact.force, axis=1)
-        idle = size <= TOLERANCES.bound * _force(model)
+        idle = size <= TOLERANCES.bound * _force(marionette)
         slides = (contacts.friction[contact.pair] == 0.0) | (contact.sliding > TOLERANCES.moving)
         along = contact.force / np.where(idle, 1.0, size)[:, None]
         along[idle] = contact.normal[idle]
@@ -205,8 +205,8 @@ class _Points:
         sample = contact.sample[which]
         self.first = np.searchsorted(sample, np.arange(len(run) + 1)).astype(np.intp)
         self.low = idle[which]
-        place = {"q_D": run.q_D, "q_K": run.q_K, "p": model.p}
-        screws = model.library.evaluate("screws", **place)
+        place = {"q_D": run.q_D, "q_K": run.q_K, "p": marionette.p}
+        screws = marionette.library.evaluate("screws", **place)
         wrench = np.hstack([way, np.cross(contact.point[which], way)])
         force = np.zeros((len(which), table.n_vD))
         self.efforts = np.zeros((len(which), table.n_vK))
@@ -214,8 +214,8 @@ class _Points:
         for side, sign in ((0, 1.0), (1, -1.0)):
             for link in set(links[:, side].tolist()) - {WORLD}:
                 those = np.flatnonzero(links[:, side] == link)
-                for i in model.tree.ancestors(link):
-                    moved = model.tree.links[i]
+                for i in marionette.tree.ancestors(link):
+                    moved = marionette.tree.links[i]
                     driven = moved.role is Role.DRIVEN
                     by = screws.screw_K if driven else screws.screw_D
                     for k in range(moved.v.start, moved.v.stop):
@@ -225,7 +225,7 @@ class _Points:
                             self.efforts[those, k] -= part
                         elif moved.role is Role.DYNAMIC:
                             force[those, k] += part
-        self.B = model.library.evaluate("forth", L=L[sample], x=force).y
+        self.B = marionette.library.evaluate("forth", L=L[sample], x=force).y
 
 
 def _groups(held: Mask, first: Indices) -> Iterator[tuple[Indices, Indices, Indices]]:
@@ -239,44 +239,44 @@ def _groups(held: Mask, first: Indices) -> Iterator[tuple[Indices, Indices, Indi
             yield samples, rows, first[samples][:, None] + np.arange(c)
 
 
-def _is_weak(model: Model, B: Array) -> Mask:
+def _is_weak(marionette: CompiledPuppet, B: Array) -> Mask:
     """(m,) whether some change of forces causes almost no motion."""
     least = np.linalg.eigvalsh(B @ np.swapaxes(B, 1, 2))[:, 0]
-    return np.asarray(least < _weak(model))
+    return np.asarray(least < _weak(marionette))
 
 
-def _weak(model: Model) -> float:
+def _weak(marionette: CompiledPuppet) -> float:
     """Eigenvalue of G below which rounding changes forces significantly [1/kg]."""
-    return TOLERANCES.acceleration / (TOLERANCES.change * _force(model))
+    return TOLERANCES.acceleration / (TOLERANCES.change * _force(marionette))
 
 
-def _force(model: Model) -> float:
+def _force(marionette: CompiledPuppet) -> float:
     """The puppet's weight, with which forces are compared [N]."""
-    return model.reference_force or 1.0
+    return marionette.reference_force or 1.0
 
 
-def _uncertain(model: Model, B: Array, S: Array, low: Mask, high: Mask) -> Mask:
+def _uncertain(marionette: CompiledPuppet, B: Array, S: Array, low: Mask, high: Mask) -> Mask:
     """(m, n) whether S x (n,) is significantly uncertain, for forces x (m, k) with bounds."""
-    out = _changes(model, B, S)
+    out = _changes(marionette, B, S)
     for i in np.flatnonzero(np.any(low | high, axis=1) & np.any(out, axis=1)):
         size, V = np.linalg.eigh(B[i] @ B[i].T)
-        free = ~_blocked(V[:, size < _weak(model)], low[i], high[i])
+        free = ~_blocked(V[:, size < _weak(marionette)], low[i], high[i])
         if not np.all(free):
-            out[i] = _changes(model, B[i][free], S[i][:, free])
+            out[i] = _changes(marionette, B[i][free], S[i][:, free])
     return out
 
 
-def _changes(model: Model, B: Array, S: Array) -> Mask:
+def _changes(marionette: CompiledPuppet, B: Array, S: Array) -> Mask:
     """Whether a |S G^-1| (..., n) is significant."""
     if not B.shape[-2]:
         return np.zeros(S.shape[:-1], dtype=bool)
     # Solving is several times faster than eigenvectors of many small matrices.
     G = B @ np.swapaxes(B, -1, -2)
     least = TOLERANCES.rounding * np.trace(G, axis1=-2, axis2=-1)
-    least = np.maximum(least, TOLERANCES.singular * _weak(model))[..., None, None]
+    least = np.maximum(least, TOLERANCES.singular * _weak(marionette))[..., None, None]
     G = G + least * np.eye(G.shape[-1])
     by = np.linalg.norm(np.linalg.solve(G, np.swapaxes(S, -1, -2)), axis=-2)
-    return np.asarray(TOLERANCES.acceleration * by > TOLERANCES.change * _force(model))
+    return np.asarray(TOLERANCES.acceleration * by > TOLERANCES.change * _force(marionette))
 
 
 def _blocked(null: Array, low: Mask, high: Mask) -> Mask:

@@ -5,33 +5,35 @@ from __future__ import annotations
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.model.tree import WORLD, Role
 from fantoccini.motion import ContactPoints
 
 
-def contact_effort(model: Model, contact: ContactPoints, q_D: Array, q_K: Array) -> Array:
+def contact_effort(
+    marionette: CompiledPuppet, contact: ContactPoints, q_D: Array, q_K: Array
+) -> Array:
     """-sum of s_k . (f, r x f): (T, n_vK) force on driven coordinates that contacts ask for.
 
     s_k is the screw that a unit of driven velocity k gives a link that touches something at r, f
     the force on that link.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         contact: its contact points at the T samples.
         q_D, q_K: (T, n_qD), (T, n_qK) configurations.
     """
-    out = np.zeros((len(q_D), model.coordinates.n_vK))
-    contacts = model.contacts
+    out = np.zeros((len(q_D), marionette.coordinates.n_vK))
+    contacts = marionette.contacts
     if not len(contact) or contacts is None or not out.shape[1]:
         return out
     links = contacts.solids["link"][contacts.pairs]
-    screws = model.library.evaluate("screws", q_D=q_D, q_K=q_K, p=model.p).screw_K
+    screws = marionette.library.evaluate("screws", q_D=q_D, q_K=q_K, p=marionette.p).screw_K
     wrench = np.hstack([contact.force, np.cross(contact.point, contact.force)])
     for side, sign in ((0, 1.0), (1, -1.0)):
         touched = links[contact.pair, side]
         for link in set(touched.tolist()) - {WORLD}:
-            ways = (model.tree.links[i] for i in model.tree.ancestors(link))
+            ways = (marionette.tree.links[i] for i in marionette.tree.ancestors(link))
             driven = [k for w in ways if w.role is Role.DRIVEN for k in range(w.v.start, w.v.stop)]
             those = np.flatnonzero(touched == link)
             for k in driven:

@@ -67,20 +67,21 @@ class Impact:
         self, marionette: Marionette, before: State, after: State, held: tuple[Indices, Indices]
     ):
         self._marionette, self._before = marionette, before
-        model = marionette.model
-        self._at = at = Evaluation.of(model, before)
+        self._at = at = Evaluation.of(marionette, before)
         n_rows = len(at.hdot)
         was, stays = (np.isin(np.arange(n_rows), rows) for rows in held)
         self._restitution = string_restitution(marionette, at)
-        self.screws = Screws(model, before)
-        later = Screws(model, before.replace(v_D=after.v_D))
+        self.screws = Screws(marionette, before)
+        later = Screws(marionette, before.replace(v_D=after.v_D))
         scale = max(1.0, float(np.max(np.abs(before.v_D))), float(np.max(np.abs(after.v_D))))
         self._still = TOLERANCES.speed * scale
-        found = row_derivatives_at(model, before)
+        found = row_derivatives_at(marionette, before)
         ends = at.hdot + found["A_D"] @ (after.v_D - before.v_D)
         as_asked = np.abs(ends + self._restitution * at.hdot) <= AT_TARGET * scale
-        closed = np.abs(at.h) <= ROW_TOLERANCES.start_gap * model.row_scales(before.q_D, before.q_K)
-        self.rows = np.flatnonzero(((was | stays | closed) & as_asked) | model.two_sided)
+        closed = np.abs(at.h) <= ROW_TOLERANCES.start_gap * marionette.row_scales(
+            before.q_D, before.q_K
+        )
+        self.rows = np.flatnonzero(((was | stays | closed) & as_asked) | marionette.two_sided)
         points, idle = self._points(later, AT_TARGET * scale)
         kick, impulse, points = self._kick(points, (1.0 + self._restitution) * at.hdot)
         self._kicked, self._impulse = kick, np.zeros(n_rows)
@@ -94,7 +95,7 @@ class Impact:
                 "not those of the points and strings that it strikes and holds, as when "
                 "restitutions are scaled down",
             )
-        self.later = Screws(model, before.replace(v_D=self._after.v_D))
+        self.later = Screws(marionette, before.replace(v_D=self._after.v_D))
         self.points = self._slid(points)
         struck = [p for p in self.points if _normal_speed(self.screws, p) < -self._still]
         fast = np.max(np.abs(at.hdot[self.rows]), initial=0.0)
@@ -132,7 +133,7 @@ class Impact:
         self, Z: Array, by_input: InputVariation, acc: tuple[Array, Array], acc_K: Array
     ) -> Array:
         """Changes after the impact, at a fixed time; arguments as of ``Catch.carried``."""
-        x, n, model = self._before, len(self._before.v_D), self._marionette.model
+        x, n, marionette = self._before, len(self._before.v_D), self._marionette
         D = stacked(Z, by_input)
         late = np.zeros((1, Z.shape[1]))
         if self._guards:
@@ -143,7 +144,7 @@ class Impact:
         D = stacked(
             np.concatenate([q_D, v_D]), InputVariation(q_K, v_K, by_input.acc_K, by_input.u_D, p)
         )
-        before, after = (row_derivatives_at(model, side) for side in (x, self._after))
+        before, after = (row_derivatives_at(marionette, side) for side in (x, self._after))
         speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
         rate = rate_change(after, q_D, q_K, v_K, p) + after["A_D"] @ v_D
         rate += self._restitution[:, None] * speed
@@ -158,9 +159,9 @@ class Impact:
         if not self.points:
             return KKTSystem(self._at, self.rows).solve(force, rate)[0]
 
-        model, x = self._marionette.model, self._before
-        before = Screws(model, x, changes=D)
-        later = Screws(model, x.replace(v_D=self._after.v_D), changes=D)
+        marionette, x = self._marionette, self._before
+        before = Screws(marionette, x, changes=D)
+        later = Screws(marionette, x.replace(v_D=self._after.v_D), changes=D)
 
         def rows(points: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
             made, struck = ContactRows(later, points, 1.0), ContactRows(before, points, 0.0)
@@ -172,14 +173,14 @@ class Impact:
         self, later: Screws, tolerance: float
     ) -> tuple[list[HeldPoint], list[tuple[str, PairGeometry, int, float]]]:
         """Points that end at the law's normal velocity, and those that do not take part."""
-        model = self._marionette.model
-        assert model.contacts is not None
+        marionette = self._marionette
+        assert marionette.contacts is not None
         taking_part: list[HeldPoint] = []
         idle: list[tuple[str, PairGeometry, int, float]] = []
-        for pair in geometries(model, self.screws, self._before):
-            name = pair_name(model.contacts.names[pair.pair])
-            mu = float(model.contacts.friction[pair.pair])
-            e = float(model.contacts.restitution[pair.pair])
+        for pair in geometries(marionette, self.screws, self._before):
+            name = pair_name(marionette.contacts.names[pair.pair])
+            mu = float(marionette.contacts.friction[pair.pair])
+            e = float(marionette.contacts.restitution[pair.pair])
             for feature, values in pair.points.items():
                 if values[0] > CLOSED:
                     continue
@@ -204,7 +205,7 @@ class Impact:
         self, points: list[HeldPoint], stopped: Array
     ) -> tuple[Array, Array, list[HeldPoint]]:
         """v+ - v-, the rows' impulses, and the points with theirs; none of them pulls."""
-        none, model = np.zeros((len(self._before.v_D), 1)), self._marionette.model
+        none, marionette = np.zeros((len(self._before.v_D), 1)), self._marionette
         while True:
             rows = ContactRows(self.screws, points, 0.0)
             # -u along what is held; a normal that is struck also gives back e of it.
@@ -219,7 +220,7 @@ class Impact:
             own = y[len(self.rows) :]
             size = float(np.max(np.abs(y), initial=0.0))
             least = -TOLERANCES.force * size
-            loose = (y[: len(self.rows)] < least) & ~model.two_sided[self.rows]
+            loose = (y[: len(self.rows)] < least) & ~marionette.two_sided[self.rows]
             if np.any(loose):
                 self.rows = self.rows[~loose]
                 continue

@@ -9,9 +9,9 @@ import numpy as np
 
 from fantoccini.base import ARRIVED, Array, SimulationError, Status, check_positive
 from fantoccini.dynamics.compiled import (
+    CompiledPuppet,
     Method,
     MethodName,
-    Model,
     as_method,
     bind_input,
     check_samples,
@@ -126,28 +126,27 @@ def simulate(
     name = chosen.name
     check_marionette(marionette)
     check_one_run(x0, inputs)
-    model = marionette.model
-    options = model.run_options(
+    options = marionette.run_options(
         **chosen.options,
         save_steps=save_at is None,
         max_memory=max_memory,
         save_every=1 if save_every is None else save_every,
     )
-    model.check_state(x0)
+    marionette.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     t_end = checked_end(inputs.end if t_end is None else t_end, x0.t)
     if time_limit is not None:
         check_positive(time_limit=time_limit)
-    bound = bind_input(model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
-    x0 = parted(model, x0)
-    check_start(model, x0, name)
-    check_step(model, name, x0.q_D, x0.q_K, options.dt)
+    bound = bind_input(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    x0 = parted(marionette, x0)
+    check_start(marionette, x0, name)
+    check_step(marionette, name, x0.q_D, x0.q_K, options.dt)
     save_at = save_times(save_at, save_every, name, x0.t, t_end)
-    check_samples(model, name, options, x0.t, t_end, save_at)
-    about = options, x0, model.p, model.winches, bound, save_at
-    run = Run(model.compiled.library_of(name), name, *about)
+    check_samples(marionette, name, options, x0.t, t_end, save_at)
+    about = options, x0, marionette.p, marionette.winches, bound, save_at
+    run = Run(marionette.libraries.library_of(name), name, *about)
     pieces = list[Piece]()
-    pace = Pace(x0.t, t_end, time_limit, lambda: _chatter(model, pieces))
+    pace = Pace(x0.t, t_end, time_limit, lambda: _chatter(marionette, pieces))
     written, status = _collect(run, t_end, progress, pieces, pace)
     samples, events = written.samples, written.events
     seconds = pace.seconds
@@ -168,13 +167,13 @@ def simulate(
     if name != "event" and status in ARRIVED:
         # Fixed steps bound the tensions of contradicting strings, or average them.
         motion = _motion_of(made)
-        last = first_excess_tension(model, made.tension.values, motion)
-        contradicted = None if last is None else contradiction(model, *motion(last))
+        last = first_excess_tension(marionette, made.tension.values, motion)
+        contradicted = None if last is None else contradiction(marionette, *motion(last))
         if last is not None and contradicted:
             before = events[:, contract.EVENT_AT["t"]] <= made.t[last]
             made = trajectory(samples[: last + 1], events[before])
     elif status in CONTRADICTION_STATUSES:
-        contradicted = contradiction(model, *_motion_of(made)(len(made) - 1))
+        contradicted = contradiction(marionette, *_motion_of(made)(len(made) - 1))
     if contradicted:
         status = Status.REDUNDANT_STRINGS
         made = dataclasses.replace(made, status=status, blamed=contradicted.names)
@@ -185,13 +184,13 @@ def simulate(
             status = verdict
             made = dataclasses.replace(made, status=status, blamed=())
     overlaps = prescribed_overlaps(
-        model, lambda t: bound.evaluate(t)[0], looks(bound.breaks, x0.t, float(made.t[-1]))
+        marionette, lambda t: bound.evaluate(t)[0], looks(bound.breaks, x0.t, float(made.t[-1]))
     )
     if overlaps:
-        told = written.events, overlap_events(model, overlaps, x0.t)
+        told = written.events, overlap_events(marionette, overlaps, x0.t)
         kept = np.concatenate(told)
         kept = kept[kept[:, contract.EVENT_AT["t"]] <= made.t[-1]]
-        events_of = tuple(_event(model, event) for event in _in_order(kept))
+        events_of = tuple(_event(marionette, event) for event in _in_order(kept))
         made = dataclasses.replace(made, events=events_of)
         verdict, through = prescribed_verdict(overlaps)
         if verdict is not Status.DONE and status in (*ARRIVED, verdict):
@@ -229,18 +228,18 @@ def _where(
     last = made.tension.values[-1]
     if np.max(last, initial=0.0) > REPORTING.large_tension * marionette.weight:
         text += f"; the largest tension was {np.max(last):.3g} N"
-    lengths = marionette.model.string_lengths(made.q_D[-1], made.q_K[-1])
+    lengths = marionette.string_lengths(made.q_D[-1], made.q_K[-1])
     short = lengths < REPORTING.short_length
     gone = [n for n, is_short in zip(made.tension.names, short, strict=True) if is_short]
     return text + "".join(f"; {n}.length is nearly 0" for n in gone)
 
 
-def _chatter(model: Model, pieces: list[Piece]) -> str:
+def _chatter(marionette: CompiledPuppet, pieces: list[Piece]) -> str:
     """Text on why the present steps of a run are short, from the pieces written so far."""
     written = Piece.joined(pieces)
-    t = model.sample_layout.split(written.samples)["t"]
-    events = [_event(model, event) for event in written.events]
-    return chatter(t, _contact_points(model, written.contacts, len(t)), events)
+    t = marionette.sample_layout.split(written.samples)["t"]
+    events = [_event(marionette, event) for event in written.events]
+    return chatter(t, _contact_points(marionette, written.contacts, len(t)), events)
 
 
 def _sliding(made: Trajectory) -> str:
@@ -299,24 +298,22 @@ def trajectory_of_samples(
         seconds: how long the run took [s].
     """
     tree = marionette.tree
-    part = marionette.model.sample_layout.split(written.samples)
+    part = marionette.sample_layout.split(written.samples)
     n_strings = len(tree.strings)
     strings = tuple(s.name for s in tree.strings)
     limits = tuple(limit.name for limit in tree.limits)
     tension = part["tension"][:, :n_strings]
-    contact = _contact_points(marionette.model, written.contacts, len(written.samples))
+    contact = _contact_points(marionette, written.contacts, len(written.samples))
     effort = None
     if with_effort:
         moved = {name: part[name] for name in ("q_D", "v_D", "q_K", "v_K", "acc_D", "acc_K")}
         force = marionette.effort(**moved, tension=tension)
         if contact is not None:
-            force = force + contact_effort(marionette.model, contact, part["q_D"], part["q_K"])
+            force = force + contact_effort(marionette, contact, part["q_D"], part["q_K"])
         effort = Columns(marionette.coordinates.v_K, force, "driven velocity")
-    h = marionette.model.library.evaluate(
-        "rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p
-    ).h
+    h = marionette.library.evaluate("rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p).h
     h[:, :n_strings] -= part["slip"]
-    violation = np.where(marionette.model.two_sided, np.abs(h), np.maximum(h, 0.0))
+    violation = np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
     made = Trajectory(
         t=part["t"],
         q_D=part["q_D"],
@@ -329,11 +326,11 @@ def trajectory_of_samples(
         limit_force=Columns(limits, part["tension"][:, n_strings:], "limit"),
         taut=Columns(strings, np.asarray(part["taut"][:, :n_strings], dtype=bool), "string"),
         ledger=Columns(LEDGER, ledger_of(part), "entry"),
-        events=tuple(_event(marionette.model, event) for event in _in_order(written.events)),
+        events=tuple(_event(marionette, event) for event in _in_order(written.events)),
         status=status,
         method=method,
         coordinates=marionette.coordinates,
-        puppet=marionette.model.described,
+        puppet=marionette.described,
         effort=effort,
         violation=Columns(tree.row_names, violation, "string or limit"),
         slip=Columns(strings, part["slip"], "string"),
@@ -344,7 +341,7 @@ def trajectory_of_samples(
     )
     if not with_effort:
         return made
-    return dataclasses.replace(made, undetermined=undetermined(marionette.model, made))
+    return dataclasses.replace(made, undetermined=undetermined(marionette, made))
 
 
 def ledger_of(part: Mapping[str, Array]) -> Array:
@@ -360,11 +357,11 @@ def ledger_of(part: Mapping[str, Array]) -> Array:
     return np.stack([entries[name] for name in LEDGER], axis=-1)
 
 
-def _contact_points(model: Model, rows: Array, n: int) -> ContactPoints | None:
+def _contact_points(marionette: CompiledPuppet, rows: Array, n: int) -> ContactPoints | None:
     """The contact points of a run of n samples; None where nothing may touch anything."""
-    if model.contacts is None:
+    if marionette.contacts is None:
         return None
-    return contact_points(rows[rows[:, 0] < n], model.contacts.names)
+    return contact_points(rows[rows[:, 0] < n], marionette.contacts.names)
 
 
 def _in_order(events: Array) -> Array:
@@ -372,15 +369,15 @@ def _in_order(events: Array) -> Array:
     return events[np.argsort(events[:, contract.EVENT_AT["t"]], kind="stable")]
 
 
-def _event(model: Model, event: Array) -> EventRecord:
-    tree = model.tree
+def _event(marionette: CompiledPuppet, event: Array) -> EventRecord:
+    tree = marionette.tree
     at = {part.name: float(value) for part, value in zip(contract.EVENT, event, strict=True)}
     kind, index = _KINDS[contract.EventCode(int(at["kind"]))], int(at["row"])
     if index >= len(tree.strings):
         kind = _LIMIT_KINDS.get(kind, kind)
     name = tree.blamable[index] if 0 <= index < len(tree.blamable) else ""
     if index >= len(tree.blamable):
-        tables = (model.contacts, model.prescribed)
+        tables = (marionette.contacts, marionette.prescribed)
         pairs = [names for table in tables if table is not None for names in table.names]
         name = pair_name(pairs[index - len(tree.blamable)])
     return EventRecord(at["t"], kind, name, at["impulse"], at["speed"])

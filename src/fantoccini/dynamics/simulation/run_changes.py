@@ -186,7 +186,7 @@ class RunChanges:
         """The changes after a change of contacts' modes at sample i, at which velocities stay."""
         if key_of(points[0]) == key_of(points[1]) and not self._contacts.stops(i, points[0]):
             return Z
-        run, model = self.run, self.marionette.model
+        run, marionette = self.run, self.marionette
         if np.min(np.abs(self._inputs.breaks - run.t[i])) <= TOLERANCES.time:
             return Z  # at a time that stays
         x, u_D = run.state(i), self._force(run.t[i])
@@ -195,7 +195,7 @@ class RunChanges:
         change = Change.of(self.marionette, x, run.acc_K[i], u_D, before, after, D)
         if change is None:
             return Z
-        n, m = model.coordinates.n_vD, Z.shape[1]
+        n, m = marionette.coordinates.n_vD, Z.shape[1]
         jump = np.eye(2 * n)
         jump[n:] += np.outer(change.jump, change.late[0, m:])
         self.passages.append(Passage(float(run.t[i]), change.names, 0.0, jump, change.sharp))
@@ -210,7 +210,7 @@ class RunChanges:
         """The rows that are taut from sample i on."""
         run = self.run
         holds = np.concatenate([run.taut.values[i], run.limit_force.values[i] > 0.0])
-        return np.flatnonzero(holds | self.marionette.model.two_sided)
+        return np.flatnonzero(holds | self.marionette.two_sided)
 
     def _between(self, start: float, end: float) -> list[InputPiece]:
         """The smooth pieces of the inputs from one time to another."""

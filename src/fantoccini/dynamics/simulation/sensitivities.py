@@ -91,12 +91,12 @@ def sensitivity(
         SimulationError: the run stopped.
     """
     check_positive(rtol=rtol, atol=atol)
-    marionette.model.check_state(x0)
+    marionette.check_state(x0)
     inputs = Input.hold(marionette).shifted(x0.t) if inputs is None else inputs
     run = simulate(marionette, x0, inputs, t_end, effort=False)
     check_differentiable(run)
     t_end = inputs.end if t_end is None else t_end
-    bound = bind_input(marionette.model, inputs, x0.q_K, x0.v_K, x0.t, t_end)
+    bound = bind_input(marionette, inputs, x0.q_K, x0.v_K, x0.t, t_end)
     others = _bound(marionette, toward, bound, x0) if toward else None
     _check_along(marionette, along)
     changes = InputChanges(marionette, bound, others, along)

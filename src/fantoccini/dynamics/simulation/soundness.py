@@ -105,7 +105,7 @@ def swings(marionette: Marionette, q_D: Array, q_K: Array, dt: float) -> bool:
     In steps of a part s of the longest stable one it swings by 2 s / (1 - s), and does not grow.
     """
     try:
-        check_step(marionette.model, "timestepping", q_D, q_K, BOUNDS.coarse * dt)
+        check_step(marionette, "timestepping", q_D, q_K, BOUNDS.coarse * dt)
     except StateError:
         return True
     return False
@@ -125,13 +125,13 @@ def left_by_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[st
 
     Strings on winches that may slip are left out.
     """
-    model, tree = marionette.model, marionette.tree
-    h = np.array(model.library.evaluate("rows", q_D=q_D, q_K=q_K, p=model.p).h)
-    h[model.two_sided] = np.abs(h[model.two_sided])
-    h[np.isfinite(model.upper)] = 0.0
+    tree = marionette.tree
+    h = np.array(marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h)
+    h[marionette.two_sided] = np.abs(h[marionette.two_sided])
+    h[np.isfinite(marionette.upper)] = 0.0
     names = [*(s.name for s in tree.strings), *(limit.name for limit in tree.limits)]
     rows = {name: float(x) for name, x in zip(names, h, strict=True) if x > BOUNDS.violation}
-    return rows | model.overlaps(q_D, q_K, BOUNDS.violation)
+    return rows | marionette.overlaps(q_D, q_K, BOUNDS.violation)
 
 
 def judged(marionette: Marionette, made: Trajectory, dt: float, worst: float) -> tuple[Status, str]:
@@ -222,7 +222,7 @@ def _overstepped(made: Trajectory, worst: float, left: dict[str, float]) -> str:
 
 def _advice(marionette: Marionette, made: Trajectory, dt: float) -> str:
     start = made.q_D[0], made.q_K[0], made.tension.values[0]
-    longest = critical_step_of_tensions(marionette.model, *start)
+    longest = critical_step_of_tensions(marionette, *start)
     if dt <= longest:
         return f"Take a dt shorter than {dt:g} s"
     return (

@@ -72,8 +72,8 @@ class Variation:
         """
         if points:
             return self._projected_with(x, rows, Z, by_input, points)
-        n, found = len(x.v_D), row_derivatives_at(self.marionette.model, x)
-        system = KKTSystem(Evaluation.of(self.marionette.model, x), rows)
+        n, found = len(x.v_D), row_derivatives_at(self.marionette, x)
+        system = KKTSystem(Evaluation.of(self.marionette, x), rows)
         Z_q, Z_v = Z[:n], Z[n:]
         gap = found["A_D"] @ Z_q + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
         Z_q = Z_q + system.nearest(gap[rows])
@@ -90,11 +90,11 @@ class Variation:
         by_input: InputVariation,
         points: Sequence[PointMode],
     ) -> Array:
-        model, n = self.marionette.model, len(x.v_D)
-        at, found = Evaluation.of(model, x), row_derivatives_at(model, x)
+        marionette, n = self.marionette, len(x.v_D)
+        at, found = Evaluation.of(marionette, x), row_derivatives_at(marionette, x)
         still = np.zeros((n, Z.shape[1]))
-        held = FrozenModes(model, points).at(Screws(model, x))
-        touching = ContactRows(Screws(model, x, changes=stacked(Z, by_input)), held, 0.0)
+        held = FrozenModes(marionette, points).at(Screws(marionette, x))
+        touching = ContactRows(Screws(marionette, x, changes=stacked(Z, by_input)), held, 0.0)
         first = np.cumsum([0, *(len(p.directions) for p in held)])[:-1]
         gap = found["A_D"] @ Z[:n] + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
         gaps = np.concatenate([gap[rows], touching.gap_by()])
@@ -103,7 +103,7 @@ class Variation:
         rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
         rate = (rate + found["A_D"] @ Z[n:])[rows]
         Z = np.concatenate([Z_q, Z[n:]])
-        touching = ContactRows(Screws(model, x, changes=stacked(Z, by_input)), held, 0.0)
+        touching = ContactRows(Screws(marionette, x, changes=stacked(Z, by_input)), held, 0.0)
         rates = np.concatenate([rate, touching.velocity_by()])
         system = ModeSystem(at, rows, _frictionless(touching, touching.rows))
         return np.concatenate([Z_q, Z[n:] + system.solve(still, rates)[0]])
@@ -127,18 +127,18 @@ class Variation:
         """
         if points:
             return self._along_with(x, rows, Z, piece, times, points)
-        model = self.marionette.model
-        held = np.zeros(model.tree.n_rows, dtype=bool)
+        marionette = self.marionette
+        held = np.zeros(marionette.tree.n_rows, dtype=bool)
         held[rows] = True
         is_long = times[-1] - x.t > _LONG * self._step
         basis, shares = _spanned(Z, 2 * len(x.v_D)) if is_long else (Z, None)
-        found = model.compiled.derivatives.flow(
+        found = marionette.libraries.derivatives.flow(
             (x.t, x.q_D, x.v_D, basis),
             times,
             piece.inputs,
             piece.powers,
             held,
-            model.p,
+            marionette.p,
             rtol=self._rtol,
             atol=self._atol,
             step=self._step,
@@ -165,7 +165,7 @@ class Variation:
             q_D, v_D, Z = y[:n_q], y[n_q : n_q + n], y[n_q + n :].reshape(2 * n, m)
             q_K, v_K, acc_K, u_D = piece.at(t)
             here = x.replace(t=t, q_D=q_D, v_D=v_D, q_K=q_K, v_K=v_K)
-            lin = linearise(self.marionette.model, here, acc_K, u_D, names, points)
+            lin = linearise(self.marionette, here, acc_K, u_D, names, points)
             out, acc = piece.variation(t), lin.acc
             Z_q = turning(self._table.quaternions_D, v_D) @ Z[:n] + Z[n:]
             Z_v = (

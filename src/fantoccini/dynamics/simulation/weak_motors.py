@@ -57,7 +57,7 @@ def _moves(row: DriveRow) -> bool:
 
 def _max_torque(marionette: Marionette, row: DriveRow) -> float:
     """The largest torque or force of a motor at rest [N m or N]."""
-    motor, number = row.drive.motor, marionette.model.number
+    motor, number = row.drive.motor, marionette.number
     if motor is None:
         return math.inf
     if not isinstance(motor, DirectCurrent):
@@ -80,7 +80,7 @@ def _loads(marionette: Marionette, run: Trajectory, before: float) -> dict[str, 
     for row in led:
         width = row.v.stop - row.v.start
         size = float(np.linalg.norm(most[at : at + width]))
-        found[row.name] = size / row.ratio(marionette.model.number)
+        found[row.name] = size / row.ratio(marionette.number)
         at += width
     return found
 

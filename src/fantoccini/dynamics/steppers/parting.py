@@ -16,8 +16,8 @@ from scipy.optimize import nnls
 from fantoccini.base import Array
 from fantoccini.dynamics.compiled import (
     ROW_TOLERANCES,
+    CompiledPuppet,
     Evaluation,
-    Model,
     PairGeometry,
     Screws,
     retract,
@@ -32,41 +32,41 @@ ROUNDS = 20
 """Maximum number of rounds; overlaps of flat faces take one."""
 
 
-def parted(model: Model, x: State) -> State:
+def parted(marionette: CompiledPuppet, x: State) -> State:
     """The state with small overlaps removed: those that a fixed step may leave.
 
     Velocities are unchanged. Where overlaps are deeper, or driven bodies leave no room, the state
     is returned unchanged.
     """
-    if model.contacts is None or not model.coordinates.n_vD:
+    if marionette.contacts is None or not marionette.coordinates.n_vD:
         return x
-    most = _deepest(model, x)
+    most = _deepest(marionette, x)
     if not ROW_TOLERANCES.touching < most <= ROW_TOLERANCES.stepped_gap:
         return x
     moved = x
     for _ in range(ROUNDS):
-        at, rows = Evaluation.of(model, moved), list(_rows(model, moved))
+        at, rows = Evaluation.of(marionette, moved), list(_rows(marionette, moved))
         W = at.forth(np.stack([row for row, _ in rows])).T
-        depth, wires = np.array([depth for _, depth in rows]), model.two_sided
+        depth, wires = np.array([depth for _, depth in rows]), marionette.two_sided
         move = _shortest(
             np.concatenate([W, at.W, -at.W[:, wires]], axis=1),
             np.concatenate([depth, at.h, -at.h[wires]]),
         )
         if move is None:
             return x
-        moved = moved.replace(q_D=retract(model, moved.q_D, at.back(move)))
-        if _deepest(model, moved) <= MAX_OVERLAP:
+        moved = moved.replace(q_D=retract(marionette, moved.q_D, at.back(move)))
+        if _deepest(marionette, moved) <= MAX_OVERLAP:
             return moved
     return x
 
 
-def parted_starts(model: Model, states: States, p: Array) -> States:
+def parted_starts(marionette: CompiledPuppet, states: States, p: Array) -> States:
     """:func:`parted` of many states, or of one, at parameters (1 or n, n_p)."""
-    if model.contacts is None or not model.coordinates.n_vD:
+    if marionette.contacts is None or not marionette.coordinates.n_vD:
         return states
     gaps = np.concatenate(
         [
-            model.library.gaps(model.contacts, states.q_D[some], states.q_K[some], p[k])
+            marionette.library.gaps(marionette.contacts, states.q_D[some], states.q_K[some], p[k])
             for k, some in enumerate(_lanes(len(states), len(p)))
         ]
     )
@@ -85,9 +85,9 @@ def parted_starts(model: Model, states: States, p: Array) -> States:
             states.v_K[i],
             states.taut[i],
             states.slip[i],
-            model.coordinates,
+            marionette.coordinates,
         )
-        q_D[i] = parted(model.with_p(p[i if len(p) > 1 else 0]), x).q_D
+        q_D[i] = parted(marionette.with_p(p[i if len(p) > 1 else 0]), x).q_D
     return replace(states, q_D=q_D)
 
 
@@ -113,19 +113,19 @@ def _shortest(W: Array, b: Array) -> Array | None:
     return np.asarray(-left[:-1] / left[-1] * size)
 
 
-def _deepest(model: Model, x: State) -> float:
+def _deepest(marionette: CompiledPuppet, x: State) -> float:
     """Depth of the deepest overlap [m]."""
-    assert model.contacts is not None
-    return -float(np.min(model.library.gaps(model.contacts, x.q_D, x.q_K, model.p)))
+    assert marionette.contacts is not None
+    return -float(np.min(marionette.library.gaps(marionette.contacts, x.q_D, x.q_K, marionette.p)))
 
 
-def _rows(model: Model, x: State) -> Iterator[tuple[Array, float]]:
+def _rows(marionette: CompiledPuppet, x: State) -> Iterator[tuple[Array, float]]:
     """Per nearby point: (n_vD,) derivative of its closing speed by v_D, and its depth [m]."""
-    assert model.contacts is not None
-    screws = Screws(model, x)
-    gaps = model.library.gaps(model.contacts, x.q_D, x.q_K, model.p)
+    assert marionette.contacts is not None
+    screws = Screws(marionette, x)
+    gaps = marionette.library.gaps(marionette.contacts, x.q_D, x.q_K, marionette.p)
     for k in np.flatnonzero(np.isfinite(gaps)):
-        pair = PairGeometry(model, screws.poses, int(k))
+        pair = PairGeometry(marionette, screws.poses, int(k))
         twist = screws.subspace(pair.links[0]) - screws.subspace(pair.links[1])
         for values in pair.points.values():
             gap, point, normal = float(values[0]), values[1:4], values[4:7]

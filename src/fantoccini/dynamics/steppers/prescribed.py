@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, MaskRows, Times
-from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.kernel.contract import EVENT, EventCode, SolidKind
 from fantoccini.kernel.runtime import Contacts
 from fantoccini.motion import pair_name
@@ -70,21 +70,23 @@ def looks(breaks: Times, t: float, t_end: float) -> Times:
     return np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).ravel(), t_end)
 
 
-def prescribed_overlaps(model: Model, motion: Motion, t: Times) -> tuple[Overlap, ...]:
+def prescribed_overlaps(
+    marionette: CompiledPuppet, motion: Motion, t: Times
+) -> tuple[Overlap, ...]:
     """Overlaps of the pairs with prescribed relative motion, in order of their beginning.
 
     A gap is measured again wherever the travel of the two solids since the last look may have
     closed it.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         motion: of the driven coordinates.
         t: (n,) increasing times to look at first, the ends among them [s].
     """
-    contacts = model.prescribed
+    contacts = marionette.prescribed
     if contacts is None:
         return ()
-    measured = _Gaps(model, contacts, motion)
+    measured = _Gaps(marionette, contacts, motion)
     t, gap = measured.over(np.unique(t))
     found: list[Overlap] = []
     for k, names in enumerate(measured.names):
@@ -106,14 +108,14 @@ def deepest(overlaps: tuple[Overlap, ...]) -> float:
     return max((o.depth for o in overlaps if o.depth > TOLERANCES.overlap), default=0.0)
 
 
-def overlap_events(model: Model, overlaps: tuple[Overlap, ...], t: float) -> Array:
+def overlap_events(marionette: CompiledPuppet, overlaps: tuple[Overlap, ...], t: float) -> Array:
     """(n, 5) touches after a time [s] and lifts, laid out as the events of a run."""
-    if model.prescribed is None or model.contacts is None:
+    if marionette.prescribed is None or marionette.contacts is None:
         return np.zeros((0, len(EVENT)))
-    first = len(model.tree.blamable) + len(model.contacts.names)
+    first = len(marionette.tree.blamable) + len(marionette.contacts.names)
     rows = []
     for overlap in overlaps:
-        row = first + model.prescribed.names.index(overlap.names)
+        row = first + marionette.prescribed.names.index(overlap.names)
         if overlap.begin > t:
             rows.append((overlap.begin, EventCode.TOUCH, row, 0.0, overlap.speed))
         if np.isfinite(overlap.end):
@@ -124,12 +126,12 @@ def overlap_events(model: Model, overlaps: tuple[Overlap, ...], t: float) -> Arr
 class _Gaps:
     """Gaps of the pairs over a motion, the parts of one body taken together."""
 
-    def __init__(self, model: Model, contacts: Contacts, motion: Motion):
-        self._model, self._contacts, self._motion = model, contacts, motion
+    def __init__(self, marionette: CompiledPuppet, contacts: Contacts, motion: Motion):
+        self._marionette, self._contacts, self._motion = marionette, contacts, motion
         self.names = tuple(dict.fromkeys(contacts.names))
         self._meeting = [self.names.index(names) for names in contacts.names]
         self._links = contacts.solids["link"][contacts.pairs]
-        n_links = len(model.tree.links)
+        n_links = len(marionette.tree.links)
         self._reach = np.zeros(n_links + 1)  # Last: standing solids, which do not travel
         for solid in contacts.solids:
             if solid["link"] >= 0:
@@ -199,9 +201,9 @@ class _Gaps:
 
     def _gap(self, q_K: Array, margin: float) -> Array:
         """(n, pairs by name)."""
-        model, n = self._model, len(q_K)
-        q_D = np.tile(model.coordinates.start_D, (n, 1))
-        found = model.library.gaps(self._contacts, q_D, q_K, model.p, margin)
+        marionette, n = self._marionette, len(q_K)
+        q_D = np.tile(marionette.coordinates.start_D, (n, 1))
+        found = marionette.library.gaps(self._contacts, q_D, q_K, marionette.p, margin)
         out = np.full((n, len(self.names)), np.inf)
         for k, meeting in enumerate(self._meeting):
             out[:, meeting] = np.minimum(out[:, meeting], found[:, k])
@@ -209,9 +211,10 @@ class _Gaps:
 
     def _travel(self, q_K: Array) -> Array:
         """(n - 1, pairs by name) bound of the relative travel of two solids [m]."""
-        model = self._model
-        q_D = np.broadcast_to(model.coordinates.start_D, (len(q_K), model.coordinates.n_qD))
-        poses = model.library.evaluate("poses", q_D=q_D, q_K=q_K, p=model.p).poses
+        marionette = self._marionette
+        table = marionette.coordinates
+        q_D = np.broadcast_to(table.start_D, (len(q_K), table.n_qD))
+        poses = marionette.library.evaluate("poses", q_D=q_D, q_K=q_K, p=marionette.p).poses
         moved = np.diff(poses, axis=0)
         turned = np.linalg.norm(moved[:, :9], axis=1) * self._reach[:-1]
         way = np.zeros((len(q_K) - 1, len(self._reach)))

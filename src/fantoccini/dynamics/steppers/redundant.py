@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Indices, Status
-from fantoccini.dynamics.compiled import Evaluation, Model
+from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation
 from fantoccini.model.tree import Role, StringRow
 from fantoccini.motion import State
 
@@ -80,7 +80,7 @@ class Contradiction:
         )
 
 
-def may_be_redundant(model: Model) -> bool:
+def may_be_redundant(marionette: CompiledPuppet) -> bool:
     """Whether the puppet has more rigid strings than the degrees of freedom that they move.
 
     By Hall's theorem it does not where every string can be assigned a degree of freedom of its own.
@@ -88,29 +88,29 @@ def may_be_redundant(model: Model) -> bool:
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
-    strings = model.tree.strings
+    strings = marionette.tree.strings
     moved = [
-        _moved(model, s)
-        for s, most in zip(strings, model.upper[: len(strings)], strict=True)
+        _moved(marionette, s)
+        for s, most in zip(strings, marionette.upper[: len(strings)], strict=True)
         if not np.isfinite(most)
     ]
     moved = [places for places in moved if places]
     if not moved:
         return False
-    reaches = np.zeros((len(moved), model.coordinates.n_vD), dtype=np.int8)
+    reaches = np.zeros((len(moved), marionette.coordinates.n_vD), dtype=np.int8)
     for row, places in zip(reaches, moved, strict=True):
         row[list(places)] = 1
     own = maximum_bipartite_matching(csr_array(reaches), perm_type="column")
     return bool(np.any(own < 0))
 
 
-def contradiction(model: Model, x: State, acc_K: Array) -> Contradiction | None:
+def contradiction(marionette: CompiledPuppet, x: State, acc_K: Array) -> Contradiction | None:
     """How redundant strings contradict one another at a state; None where they do not."""
     x = x.replace(slip=np.maximum(x.slip, 0.0))  # of winches that slip: may be rounding
-    at = Evaluation.of(model, x, acc_K)
-    n = len(model.tree.strings)
-    scale = model.row_scales(x.q_D, x.q_K)[:n]
-    rigid = ~np.isfinite(model.upper[:n])
+    at = Evaluation.of(marionette, x, acc_K)
+    n = len(marionette.tree.strings)
+    scale = marionette.row_scales(x.q_D, x.q_K)[:n]
+    rigid = ~np.isfinite(marionette.upper[:n])
     holds = np.flatnonzero((at.h[:n] >= -TOLERANCES.taut_gap * scale) & rigid)
     W = at.W[:, holds]
     least = TOLERANCES.dependent * np.linalg.norm(W, 2) if len(holds) else 0.0
@@ -126,15 +126,15 @@ def contradiction(model: Model, x: State, acc_K: Array) -> Contradiction | None:
     (y, speed), (y_rate, acceleration) = found
     y = y if speed > TOLERANCES.speed_rounding else y_rate
     stressed = holds[y > TOLERANCES.least_share * np.max(y)]
-    group, freedoms = _group(model, holds, stressed)
+    group, freedoms = _group(marionette, holds, stressed)
     if not freedoms or len(group) <= freedoms:
         return None  # a string that moves nothing contradicts its own ends
-    names = tuple(model.tree.strings[i].name for i in group)
+    names = tuple(marionette.tree.strings[i].name for i in group)
     return Contradiction(names, freedoms, speed, acceleration)
 
 
 def first_excess_tension(
-    model: Model, tension: Array, motion: Callable[[int], Motion]
+    marionette: CompiledPuppet, tension: Array, motion: Callable[[int], Motion]
 ) -> int | None:
     """The first sample whose tensions are far beyond what its motion needs; None without one.
 
@@ -142,24 +142,24 @@ def first_excess_tension(
     against one another.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         tension: (T, n_strings) [N].
         motion: sample -> the state there and the driven accelerations.
     """
     pulls = np.max(tension, axis=1, initial=0.0)
-    large = np.flatnonzero(pulls > TOLERANCES.excess * model.reference_force)
+    large = np.flatnonzero(pulls > TOLERANCES.excess * marionette.reference_force)
     some = large[:: max(1, len(large) // TOLERANCES.max_samples)]
-    excess = [int(i) for i in some if _exceeds(model, tension[i], *motion(int(i)))]
+    excess = [int(i) for i in some if _exceeds(marionette, tension[i], *motion(int(i)))]
     return excess[0] if len(excess) >= TOLERANCES.min_samples else None
 
 
-def _exceeds(model: Model, tension: Array, x: State, acc_K: Array) -> bool:
+def _exceeds(marionette: CompiledPuppet, tension: Array, x: State, acc_K: Array) -> bool:
     some = np.flatnonzero(tension > 0.0)
-    W = Evaluation.of(model, x.replace(slip=()), acc_K).W[:, some]
+    W = Evaluation.of(marionette, x.replace(slip=()), acc_K).W[:, some]
     if np.max(np.abs(W), initial=0.0) == 0.0:
         return False  # strings that move nothing pull against no other
     least = np.max(_least(W, tension[some]))
-    return bool(np.max(tension) > TOLERANCES.excess * (least + model.reference_force))
+    return bool(np.max(tension) > TOLERANCES.excess * (least + marionette.reference_force))
 
 
 def _self_stress(W: Array, rate: Array) -> Array | None:
@@ -184,17 +184,17 @@ def _least(W: Array, x: Array) -> Array:
     return nnls(np.vstack([heavy * W, np.eye(len(x))]), np.append(heavy * (W @ x), 0.0 * x))[0]
 
 
-def _group(model: Model, holds: Indices, stressed: Indices) -> tuple[list[int], int]:
+def _group(marionette: CompiledPuppet, holds: Indices, stressed: Indices) -> tuple[list[int], int]:
     """The taut strings that move nothing but what stressed ones do, and how many freedoms."""
-    strings = model.tree.strings
-    moved = set().union(*(_moved(model, strings[i]) for i in stressed))
-    group = [int(i) for i in holds if _moved(model, strings[i]) <= moved]
+    strings = marionette.tree.strings
+    moved = set().union(*(_moved(marionette, strings[i]) for i in stressed))
+    group = [int(i) for i in holds if _moved(marionette, strings[i]) <= moved]
     return group, len(moved)
 
 
-def _moved(model: Model, string: StringRow) -> set[int]:
+def _moved(marionette: CompiledPuppet, string: StringRow) -> set[int]:
     """Places in v_D that a string can pull at."""
-    tree = model.tree
+    tree = marionette.tree
     ways = {i for point in string.points for i in tree.ancestors(point.link)}
     links = [tree.links[i] for i in ways if tree.links[i].role is Role.DYNAMIC]
     places = {k for link in links for k in range(link.v.start, link.v.stop)}

@@ -16,9 +16,9 @@ from fantoccini.base import (
     check_positive,
 )
 from fantoccini.dynamics.compiled import (
+    CompiledPuppet,
     Method,
     MethodName,
-    Model,
     as_method,
     bind_input,
     check_samples,
@@ -62,40 +62,42 @@ class Stepper:
         contradiction: of redundant strings, where the status is ``REDUNDANT_STRINGS``; else None.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         x0: where it starts.
         method: its name.
         options: of the run; the bound on memory is that of one advance.
     """
 
-    def __init__(self, model: Model, x0: State, method: MethodName, options: RunOptions):
-        self.model = model
+    def __init__(
+        self, marionette: CompiledPuppet, x0: State, method: MethodName, options: RunOptions
+    ):
+        self.marionette = marionette
         self.method = method
-        self.state, self._end = x0.replace(coordinates=model.coordinates), x0.t
+        self.state, self._end = x0.replace(coordinates=marionette.coordinates), x0.t
         self._measured, self._overlap = x0.t, 0.0
         self._options, self._run, self._held = options, *self._begun(options)
         piece = self._run.present()
         self.samples, self.events, self.contacts = piece.samples[-1:], *piece[1:]
-        self.tension = self.samples[0, model.sample_layout.places["tension"]]
+        self.tension = self.samples[0, marionette.sample_layout.places["tension"]]
         self.contradiction: Contradiction | None = None
 
     @classmethod
-    def of(cls, model: Model, x0: State, method: Method | MethodName) -> Stepper:
+    def of(cls, marionette: CompiledPuppet, x0: State, method: Method | MethodName) -> Stepper:
         """A stepper whose start and step are checked; see :meth:`Marionette.stepper`."""
         chosen = as_method(method)
         if chosen.name == "event":
-            x0 = parted(model, x0)
-        check_start(model, x0, chosen.name)
-        options = model.run_options(**chosen.options)
-        check_step(model, chosen.name, x0.q_D, x0.q_K, options.dt)
-        return cls(model, x0, chosen.name, options)
+            x0 = parted(marionette, x0)
+        check_start(marionette, x0, chosen.name)
+        options = marionette.run_options(**chosen.options)
+        check_step(marionette, chosen.name, x0.q_D, x0.q_K, options.dt)
+        return cls(marionette, x0, chosen.name, options)
 
     def _begun(self, options: RunOptions) -> tuple[Run, HeldInput]:
         """A run from the present state at its driven velocities, and its inputs."""
-        model = self.model
-        library = model.compiled.library_of(self.method)
-        coasting = held_input(model, self.state, options.dt, None, None)
-        about = options, self.state, model.p, model.winches, coasting
+        marionette = self.marionette
+        library = marionette.libraries.library_of(self.method)
+        coasting = held_input(marionette, self.state, options.dt, None, None)
+        about = options, self.state, marionette.p, marionette.winches, coasting
         return Run(library, self.method, *about), coasting
 
     def __getstate__(self) -> dict[str, Any]:
@@ -136,7 +138,7 @@ class Stepper:
 
     def __repr__(self) -> str:
         return (
-            f"<Stepper {self.model.name}: {self.method}, t = {self.state.t:g} s, "
+            f"<Stepper {self.marionette.name}: {self.method}, t = {self.state.t:g} s, "
             f"{self.status.name}>"
         )
 
@@ -173,7 +175,7 @@ class Stepper:
         """
         check_positive(duration=duration)
         end = self.state.t + duration
-        check_samples(self.model, self.method, self._options, self.state.t, end)
+        check_samples(self.marionette, self.method, self._options, self.state.t, end)
         if inputs is not None and (acc_K is not None or u_D is not None):
             raise ValueError("inputs carry their own motion and forces: give them or acc_K and u_D")
         if inputs is None:
@@ -181,7 +183,7 @@ class Stepper:
             chosen: Input | HeldInput = self._held
         else:
             t = self.state.t
-            chosen = bind_input(self.model, inputs, self.state.q_K, self.state.v_K, t, end)
+            chosen = bind_input(self.marionette, inputs, self.state.q_K, self.state.v_K, t, end)
         self._run.set_input(chosen)
         written: list[Piece] = []
         self._end = end
@@ -242,14 +244,14 @@ class Stepper:
         self.samples, self.events, self.contacts = Piece.joined(written)
         if not len(self.samples):
             return
-        layout, last = self.model.sample_layout, self.samples[-1]
+        layout, last = self.marionette.sample_layout, self.samples[-1]
         self.state = layout.state(last)
         self.tension = last[layout.places["tension"]]
 
     def _measure(self, chosen: Input | HeldInput) -> None:
         """Adds touches and lifts of solids with prescribed relative motion."""
-        model = self.model
-        if model.prescribed is None or not self.state.t > self._measured:
+        marionette = self.marionette
+        if marionette.prescribed is None or not self.state.t > self._measured:
             return
 
         def motion(t: Array) -> Array:
@@ -259,8 +261,8 @@ class Stepper:
             times = looks(chosen.breaks, self._measured, self.state.t)
         else:  # of constant acceleration
             times = np.linspace(self._measured, self.state.t, 3)
-        found = prescribed_overlaps(model, motion, times)
-        told = overlap_events(model, found, self._measured)
+        found = prescribed_overlaps(marionette, motion, times)
+        told = overlap_events(marionette, found, self._measured)
         self._measured = self.state.t
         self._overlap = max([self._overlap, *(overlap.depth for overlap in found)])
         if len(told):
@@ -271,36 +273,41 @@ class Stepper:
         """Sets status and contradiction where redundant strings stopped the run."""
         if self.status not in CONTRADICTION_STATUSES or not len(self.samples):
             return
-        acc_K = self.model.sample_layout.split(self.samples[-1:])["acc_K"][0]
-        self.contradiction = contradiction(self.model, self.state, acc_K)
+        acc_K = self.marionette.sample_layout.split(self.samples[-1:])["acc_K"][0]
+        self.contradiction = contradiction(self.marionette, self.state, acc_K)
         if self.contradiction:
             self._run.status = Status.REDUNDANT_STRINGS
 
     def _hold(self, duration: float, acc_K: Accelerations | None, u_D: Array | None) -> None:
         """Makes the held input that of constant accelerations and forces from the present state."""
-        table = self.model.coordinates
+        table = self.marionette.coordinates
         if isinstance(acc_K, Mapping):
             named, acc_K = acc_K, np.zeros(table.n_vK)
             for name, value in named.items():
                 if name not in table.v_K:
                     raise UnknownNameError("driven velocity", name, table.v_K)
                 acc_K[table.v_K.index(name)] = value
-        _fill(self._held, self.model, self.state, duration, acc_K, u_D)
+        _fill(self._held, self.marionette, self.state, duration, acc_K, u_D)
 
 
 def held_input(
-    model: Model, x: State, duration: float, acc_K: Array | None, u_D: Array | None
+    marionette: CompiledPuppet, x: State, duration: float, acc_K: Array | None, u_D: Array | None
 ) -> HeldInput:
     """Inputs with constant accelerations (n_vK,) and forces (n_vD,) from a state on."""
-    made = HeldInput(model.coordinates)
-    _fill(made, model, x, duration, acc_K, u_D)
+    made = HeldInput(marionette.coordinates)
+    _fill(made, marionette, x, duration, acc_K, u_D)
     return made
 
 
 def _fill(
-    held: HeldInput, model: Model, x: State, duration: float, acc_K: Array | None, u_D: Array | None
+    held: HeldInput,
+    marionette: CompiledPuppet,
+    x: State,
+    duration: float,
+    acc_K: Array | None,
+    u_D: Array | None,
 ) -> None:
-    table = model.coordinates
+    table = marionette.coordinates
     acc = vector("acc_K", acc_K, table.n_vK)
     force = None if u_D is None else vector("u_D", u_D, table.n_vD)
     # A trace longer than the piece, so that its last instant still lies within the input.

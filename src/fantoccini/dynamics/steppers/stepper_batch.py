@@ -19,9 +19,9 @@ from fantoccini.base import (
     check_positive,
 )
 from fantoccini.dynamics.compiled import (
+    CompiledPuppet,
     Method,
     MethodName,
-    Model,
     as_method,
     check_starts,
     check_steps,
@@ -64,7 +64,7 @@ class StepperBatch:
         method: its name.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         x0: one state, or n of one time.
         n: number of runs; as many as states and parameters when not given.
         method: of all runs.
@@ -74,7 +74,7 @@ class StepperBatch:
 
     def __init__(
         self,
-        model: Model,
+        marionette: CompiledPuppet,
         x0: State | Sequence[State],
         n: int | None = None,
         method: Method | MethodName = "timestepping",
@@ -82,8 +82,8 @@ class StepperBatch:
         threads: int | None = None,
     ):
         chosen = as_method(method)
-        states = model.states([x0] if isinstance(x0, State) else list(x0))
-        p = parameter_rows(model, parameters)
+        states = marionette.states([x0] if isinstance(x0, State) else list(x0))
+        p = parameter_rows(marionette, parameters)
         counts = {"states": len(states), "values of parameters": len(p)}
         if n is None:
             n = max(counts.values())
@@ -91,12 +91,12 @@ class StepperBatch:
         for what, found in counts.items():
             if found not in (1, n):
                 raise ValueError(f"found {found} {what} for {n} runs; give one, or {n}")
-        self.model, self.method, self._n = model, chosen.name, n
-        options = model.run_options(**chosen.options)
+        self.marionette, self.method, self._n = marionette, chosen.name, n
+        options = marionette.run_options(**chosen.options)
         threads = default_threads() if threads is None else whole("threads", threads, least=1)
-        tree = model.tree
+        tree = marionette.tree
         rows, blamable = tree.n_rows, len(tree.blamable)
-        self.t, self.p = np.zeros(n), np.zeros((n, len(model.p)))
+        self.t, self.p = np.zeros(n), np.zeros((n, len(marionette.p)))
         self.q_D, self.v_D, self.q_K, self.v_K, self.slip = (
             np.zeros((n, getattr(states, name).shape[1])) for name in _STATE
         )
@@ -115,18 +115,18 @@ class StepperBatch:
 
     def _engine_of(self, options: RunOptions, threads: int) -> _Engine:
         if self.method != "timestepping":
-            return _Runs(self.model, self.method, options, self._arrays, self.t, threads)
-        library = self.model.compiled.lanes
+            return _Runs(self.marionette, self.method, options, self._arrays, self.t, threads)
+        library = self.marionette.libraries.lanes
         threads = min(threads, -(-self._n // library.width))
         return _Lanes(
-            LaneSteppers(library, self._n, threads, options, self.model.winches), self._arrays
+            LaneSteppers(library, self._n, threads, options, self.marionette.winches), self._arrays
         )
 
     def __len__(self) -> int:
         return self._n
 
     def __repr__(self) -> str:
-        return f"<StepperBatch {self.model.name}: {self._n} runs, {self.method}>"
+        return f"<StepperBatch {self.marionette.name}: {self._n} runs, {self.method}>"
 
     @property
     def arrived(self) -> MaskRows:
@@ -136,14 +136,16 @@ class StepperBatch:
     def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
         """Names whose share of the blame for the status of run i exceeds ``least``."""
         share = self._blame[i]
-        return tuple(n for n, x in zip(self.model.tree.blamable, share, strict=True) if x > least)
+        return tuple(
+            n for n, x in zip(self.marionette.tree.blamable, share, strict=True) if x > least
+        )
 
     def state(self, i: int) -> State:
         """The state of run i."""
         return State(
             float(self.t[i]),
             taut=self.taut[i],
-            coordinates=self.model.coordinates,
+            coordinates=self.marionette.coordinates,
             **{name: self._arrays[name][i] for name in _STATE},
         )
 
@@ -171,12 +173,12 @@ class StepperBatch:
         runs = _numbers(which, self._n)
         if len(runs) == 0:
             return
-        m, model = len(runs), self.model
+        m, marionette = len(runs), self.marionette
         if x0 is None:
             states = _of(self._starts, runs)
         else:
-            states = model.states([x0] if isinstance(x0, State) else list(x0))
-        p = _rows("parameters", parameter_rows(model, parameters), m)
+            states = marionette.states([x0] if isinstance(x0, State) else list(x0))
+        p = _rows("parameters", parameter_rows(marionette, parameters), m)
         if parameters is None:
             p = self._parameters if len(self._parameters) == 1 else self._parameters[runs]
         times = _rows("t", arrays.pop("t", np.full(1, states.t)), m)
@@ -189,13 +191,13 @@ class StepperBatch:
         parts = {name: _rows(name, x, m) for name, x in parts.items()}
         taut = states.taut if not arrays else np.zeros_like(states.taut)
         starts = States(states.t, **parts, taut=_rows("x0", taut, m))
-        check_starts(model, starts, self.method, p)
-        check_steps(model, self.method, starts, p, self._options.dt)
+        check_starts(marionette, starts, self.method, p)
+        check_steps(marionette, self.method, starts, p, self._options.dt)
         for name, x in parts.items():
             self._arrays[name][runs] = x
         self.p[runs], self.t[runs] = p, times
         self._fresh[runs] = 1
-        self._engine.advance(0.0, np.zeros((1, model.coordinates.n_vK)), None)
+        self._engine.advance(0.0, np.zeros((1, marionette.coordinates.n_vK)), None)
 
     def advance(
         self,
@@ -216,7 +218,7 @@ class StepperBatch:
             (n,) bool, :attr:`arrived`. What has not arrived has its status.
         """
         check_positive(duration=duration)
-        table = self.model.coordinates
+        table = self.marionette.coordinates
         acc = self._accelerations(acc_K)
         force = None
         if u_D is not None:
@@ -228,7 +230,7 @@ class StepperBatch:
 
     def _accelerations(self, given: Array | Mapping[str, Array | float] | None) -> Array:
         """(1 or n, n_vK)."""
-        table = self.model.coordinates
+        table = self.marionette.coordinates
         if given is None:
             return np.zeros((1, table.n_vK))
         if not isinstance(given, Mapping):
@@ -257,14 +259,14 @@ class _Runs:
 
     def __init__(
         self,
-        model: Model,
+        marionette: CompiledPuppet,
         method: MethodName,
         options: RunOptions,
         arrays: dict[str, AnyArray],
         t: Array,
         threads: int,
     ):
-        self._model, self._method, self._options = model, method, options
+        self._marionette, self._method, self._options = marionette, method, options
         self._arrays, self._t = arrays, t
         self._steppers: list[Stepper | None] = [None] * len(t)
         self._pool = ThreadPoolExecutor(threads)
@@ -287,14 +289,14 @@ class _Runs:
         if not arrays["fresh"][i]:
             return
         arrays["fresh"][i] = 0
-        model = self._model.with_p(arrays["p"][i])
+        marionette = self._marionette.with_p(arrays["p"][i])
         x0 = State(
             float(self._t[i]),
-            taut=np.zeros(model.tree.n_rows, dtype=bool),
-            coordinates=model.coordinates,
+            taut=np.zeros(marionette.tree.n_rows, dtype=bool),
+            coordinates=marionette.coordinates,
             **{name: arrays[name][i] for name in _STATE},
         )
-        self._steppers[i] = Stepper(model, x0, self._method, self._options)
+        self._steppers[i] = Stepper(marionette, x0, self._method, self._options)
 
     def _take(self, i: int, stepper: Stepper, advanced: float) -> None:
         arrays, x = self._arrays, stepper.state
@@ -306,7 +308,7 @@ class _Runs:
         arrays["status"][i] = Status.DONE if status is Status.RUNNING else status
         arrays["blame"][i] = stepper.blame
         if len(stepper.samples):
-            split = self._model.sample_layout.split(stepper.samples[-1:])
+            split = self._marionette.sample_layout.split(stepper.samples[-1:])
             arrays["books"][i] = [split[name][0] for name in _SUMS]
         arrays["violation"][i] = stepper.violation
 

@@ -64,12 +64,12 @@ import fantoccini as fan
 arm = fan.puppets.arm2d()
 x = arm.rest()
 at = {{"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": arm.p}}
-on = arm.model.library.evaluate("dynamics", **at, acc_K=0 * x.v_K, u_D=0 * x.v_D)
+on = arm.library.evaluate("dynamics", **at, acc_K=0 * x.v_K, u_D=0 * x.v_D)
 print(on.G, on.hdot)                         # results by name; leading axes broadcast
 M = arm.equations["mass_matrix"](q_D=x.q_D, q_K=x.q_K, p=arm.p)["M"]    # interpreted
 ```
 
-Compiled functions of `model` and `derivatives` (`arm.model.compiled.derivatives.at`) are called
+Compiled functions of `model` and `derivatives` (`arm.libraries.derivatives.at`) are called
 from Python, all others by compiled code, as members of `fan::Call`. To add a quantity, declare it
 in `kernel/contract/functions.py` and derive it in `kernel/equations/functions.py`, in a method of
 its name.

@@ -8,14 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError
-from fantoccini.dynamics.compiled import (
-    OFFSETS,
-    PARAMETER_STEP,
-    WEIGHTS,
-    Model,
-    link_index,
-    relations,
-)
+from fantoccini.dynamics import Marionette
+from fantoccini.dynamics.compiled import OFFSETS, PARAMETER_STEP, WEIGHTS, relations
 
 
 @dataclass(frozen=True)
@@ -58,7 +52,7 @@ class Channels:
     """The numbers that are measured at a time: 3 a marker, then coordinates, then tensions.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         markers: that are filmed.
         coordinates: scalar dynamic coordinates.
         tensions: names of strings.
@@ -70,18 +64,18 @@ class Channels:
 
     def __init__(
         self,
-        model: Model,
+        marionette: Marionette,
         markers: Sequence[Marker] = (),
         coordinates: Sequence[str] = (),
         tensions: Sequence[str] = (),
     ):
-        table, strings = model.coordinates, [s.name for s in model.tree.strings]
-        self.model, self.markers = model, tuple(markers)
+        table, strings = marionette.coordinates, [s.name for s in marionette.tree.strings]
+        self.marionette, self.markers = marionette, tuple(markers)
         self.coordinates, self.tensions = tuple(coordinates), tuple(tensions)
         names = [one.name for one in self.markers]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise StateError(f"two markers are called {twice[0]}; each needs a name of its own")
-        self._links = [link_index(model, one.body) for one in self.markers]
+        self._links = [marionette.link_index(one.body) for one in self.markers]
         scalars = {table.q_D[q]: (q, v) for q, v in table.scalars_D}
         for name in self.coordinates:
             if name not in scalars:
@@ -107,8 +101,8 @@ class Channels:
 
     def look(self, q_D: Array, q_K: Array, p: Array, places: Array) -> Array:
         """(N, n_c) the channels at (N, n_qD) and (N, n_qK), with places (n_markers, 3)."""
-        model = self.model
-        found = model.library.evaluate("poses", q_D=q_D, q_K=q_K, p=p).poses.swapaxes(-1, -2)
+        marionette = self.marionette
+        found = marionette.library.evaluate("poses", q_D=q_D, q_K=q_K, p=p).poses.swapaxes(-1, -2)
         R, r = self._frames(found)
         at = (R @ places[..., None])[..., 0] + r
         numbers = q_D[:, [q for q, _ in self._scalars]]
@@ -116,13 +110,13 @@ class Channels:
 
     def look_by(self, q_D: Array, q_K: Array, p: Array, places: Array, of_p: bool) -> Looked:
         """The channels and their derivatives; ``of_p``: by the parameters, too."""
-        model, N = self.model, len(q_D)
-        n, k = model.coordinates.n_vD, model.coordinates.n_vK
-        found = model.library.evaluate("screws", q_D=q_D, q_K=q_K, p=p)
+        marionette, N = self.marionette, len(q_D)
+        n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
+        found = marionette.library.evaluate("screws", q_D=q_D, q_K=q_K, p=p)
         R, r = self._frames(found.poses.swapaxes(-1, -2))
         at = (R @ places[..., None])[..., 0] + r
         screws = np.concatenate([found.screw_D, found.screw_K], axis=-1)
-        moves = relations(model.tree)[0]
+        moves = relations(marionette.tree)[0]
         by = np.zeros((N, self.n_places, n + k))
         for i, link in enumerate(self._links):
             twist = screws * moves[link]

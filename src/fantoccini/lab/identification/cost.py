@@ -78,7 +78,7 @@ class Cost:
     def gaps(self, at: Point, predicted: Predicted) -> Array:
         """(S - 1, 2 n_vD) first states less the ends before them, over the drift."""
         drift = self.weights.drift
-        dq = difference(self.fit.model, predicted.q_D[:-1], at.q_D[1:]) / drift[0]
+        dq = difference(self.fit.marionette, predicted.q_D[:-1], at.q_D[1:]) / drift[0]
         dv = (at.v_D[1:] - predicted.v_D[:-1]) / drift[1]
         gaps = np.concatenate([dq, dv], axis=1)
         return gaps if self.trusted is None else gaps * self.trusted[:-1, None]
@@ -108,7 +108,7 @@ class Cost:
 
     def _known(self, at: Point) -> Array:
         """(2 n_vD,) the first state less its guess, over its spread."""
-        dq = difference(self.fit.model, self.first.q_D[0], at.q_D[0]) / FIRST_STATE[0]
+        dq = difference(self.fit.marionette, self.first.q_D[0], at.q_D[0]) / FIRST_STATE[0]
         return np.concatenate([dq, (at.v_D[0] - self.first.v_D[0]) / FIRST_STATE[1]])
 
     def stale(
@@ -119,13 +119,13 @@ class Cost:
         segments = fit.segments(at.theta)
         there = np.isfinite(fit.y) & (fit.segments(to.theta) == segments)[:, None]
         theta = np.broadcast_to(to.theta - at.theta, (S, len(at.theta)))
-        dq = difference(fit.model, at.q_D, to.q_D)
+        dq = difference(fit.marionette, at.q_D, to.q_D)
         move = np.concatenate([dq, to.v_D - at.v_D, theta], axis=1)
         came = np.where(there, seen.y - predicted.y, 0.0) / self.weights.noise
         told = (jacobians.samples @ move[segments, :, None])[..., 0] / self.weights.noise
         told = np.where(there, told, 0.0)
         drift = np.repeat(self.weights.drift, dq.shape[1])
-        ends = difference(fit.model, predicted.q_D, seen.q_D), seen.v_D - predicted.v_D
+        ends = difference(fit.marionette, predicted.q_D, seen.q_D), seen.v_D - predicted.v_D
         end = np.concatenate(ends, axis=1) / drift
         wrong = np.bincount(segments, np.sum((came - told) ** 2, axis=1), S)
         size = np.bincount(segments, np.sum(came**2, axis=1), S)

@@ -164,14 +164,14 @@ def _reporting(progress: Callable[[str, float], None], name: str) -> Callable[[f
 
 def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fit:
     """The record as a problem of least squares."""
-    model, table = record.marionette.model, record.marionette.coordinates
-    p = model.p.copy()
-    places = [model.parameter_index[one.name] for one in record.unknowns]
+    marionette, table = record.marionette, record.marionette.coordinates
+    p = marionette.p.copy()
+    places = [marionette.parameter_index[one.name] for one in record.unknowns]
     p[places] = record.begin[: len(places)]
-    model = model.with_p(p)
+    marionette = marionette.with_p(p)
     x0 = record.start_state()
     given = record.inputs
-    inputs = bind_input(model, given, x0.q_K, x0.v_K, given.start, given.end)
+    inputs = bind_input(marionette, given, x0.q_K, x0.v_K, given.start, given.end)
     layout = Layout(
         tuple(places),
         tuple(table.v_K.index(name) for name in record.offsets),
@@ -187,7 +187,7 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
     begin = record.begin
     span = (t[0] - record.delay, t[-1] - record.delay)
     return Fit(
-        model,
+        marionette,
         inputs,
         record.channels,
         t,

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fantoccini.base import Array, Indices, MaskRows, StateError
-from fantoccini.dynamics.compiled import Model, difference, integrate
+from fantoccini.dynamics import Marionette
+from fantoccini.dynamics.compiled import difference, integrate
 from fantoccini.lab.identification.channels import Channels
 from fantoccini.lab.identification.holding import Holding
 from fantoccini.lab.identification.point import Jacobians, Layout, Point, Predicted
@@ -26,7 +27,7 @@ class Fit:
     """A record and a model of it.
 
     Attributes:
-        model: the puppet; its p has the values of what is not looked for.
+        marionette: the puppet; its p has the values of what is not looked for.
         inputs: the motion that was commanded, of all driven coordinates.
         channels: what was measured.
         t: (N,) times of the samples, by the record's clock [s].
@@ -43,7 +44,7 @@ class Fit:
         moves_channels: whether an unknown parameter moves a channel of a configuration.
     """
 
-    model: Model
+    marionette: Marionette
     inputs: Input
     channels: Channels
     t: Array
@@ -78,13 +79,13 @@ class Fit:
 
     def p(self, theta: Array) -> Array:
         """(n_p,) parameters."""
-        p = self.model.p.copy()
+        p = self.marionette.p.copy()
         p[list(self.layout.parameters)] = theta[: len(self.layout.parameters)]
         return p
 
     def offsets(self, theta: Array) -> Array:
         """(n_vK,) of the driven coordinates."""
-        out, n = np.zeros(self.model.coordinates.n_vK), len(self.layout.parameters)
+        out, n = np.zeros(self.marionette.coordinates.n_vK), len(self.layout.parameters)
         out[list(self.layout.offsets)] = theta[n : self.layout.n_rolled]
         return out
 
@@ -108,8 +109,8 @@ class Fit:
         """The driven coordinates in steps of dt [s]."""
         if dt not in self.drives:
             n = round(self.segment / dt)
-            self.drives[dt] = Driven.of(self.model, self.inputs, self.starts, n, dt)
-        return self.drives[dt].moved(self.model, self.offsets(theta))
+            self.drives[dt] = Driven.of(self.marionette, self.inputs, self.starts, n, dt)
+        return self.drives[dt].moved(self.marionette, self.offsets(theta))
 
     def segments(self, theta: Array) -> Indices:
         """(N,) segment in which a sample lies."""
@@ -141,8 +142,8 @@ class Fit:
         y, q_D, v_D = fine.y.copy(), fine.q_D.copy(), fine.v_D.copy()
         n = self.channels.n_places
         y[mine, :n] = 2.0 * fine.y[mine, :n] - coarse.y[mine, :n]
-        move = difference(self.model, coarse.q_D[own], fine.q_D[own])
-        q_D[own] = integrate(self.model, fine.q_D[own], move)
+        move = difference(self.marionette, coarse.q_D[own], fine.q_D[own])
+        q_D[own] = integrate(self.marionette, fine.q_D[own], move)
         v_D[own] = 2.0 * fine.v_D[own] - coarse.v_D[own]
         return Predicted(y, q_D, v_D, True)
 
@@ -170,10 +171,10 @@ class Fit:
     ) -> tuple[Array, Array, Array, Array]:
         """(N, ...) q_D and q_K of samples, and the moves over their steps."""
         q_D, q_K = rolled.q_D[steps, segments], driven.q_K[steps, segments]
-        move_D = difference(self.model, q_D, rolled.q_D[steps + 1, segments])
-        move_K = difference(self.model, q_K, driven.q_K[steps + 1, segments], driven=True)
-        at_D = integrate(self.model, q_D, share[:, None] * move_D)
-        at_K = integrate(self.model, q_K, share[:, None] * move_K, driven=True)
+        move_D = difference(self.marionette, q_D, rolled.q_D[steps + 1, segments])
+        move_K = difference(self.marionette, q_K, driven.q_K[steps + 1, segments], driven=True)
+        at_D = integrate(self.marionette, q_D, share[:, None] * move_D)
+        at_K = integrate(self.marionette, q_K, share[:, None] * move_K, driven=True)
         return at_D, at_K, move_D, move_K
 
     def _rolled(self, at: Point, dt: float, chosen: Indices) -> tuple[Driven, Rolled]:
@@ -182,7 +183,7 @@ class Fit:
         if len(chosen) < len(at.q_D):
             driven = driven.some(chosen)
         q_D, v_D = at.q_D[chosen], at.v_D[chosen]
-        return driven, roll(self.model, driven, q_D, v_D, self.p(at.theta), self.threads)
+        return driven, roll(self.marionette, driven, q_D, v_D, self.p(at.theta), self.threads)
 
     def _within(
         self, theta: Array, dt: float, chosen: Indices
@@ -211,7 +212,7 @@ class Fit:
         Raises:
             StateError: a segment cannot be simulated.
         """
-        lay, channels, model, dt = self.layout, self.channels, self.model, self.dt
+        lay, channels, marionette, dt = self.layout, self.channels, self.marionette, self.dt
         chosen = _chosen(len(at.q_D), only)
         driven, rolled = self._rolled(at, dt, chosen)
         if not rolled.arrived:
@@ -228,7 +229,7 @@ class Fit:
             at.q_D[chosen], at.v_D[chosen], at.held[chosen], list(lay.parameters), list(lay.offsets)
         )
         found = sense(
-            model,
+            marionette,
             driven,
             rolled,
             p,
@@ -239,7 +240,7 @@ class Fit:
             pull=bool(channels.rows),
             threads=self.threads,
         )
-        m, n_places = 2 * model.coordinates.n_vD, channels.n_places
+        m, n_places = 2 * marionette.coordinates.n_vD, channels.n_places
         first, n_rolled = m + len(lay.parameters), m + lay.n_rolled
         q_D, q_K, move_D, move_K = self._between(driven, rolled, steps, own, share)
         look = channels.look_by(q_D, q_K, p, self.places(at.theta), self.moves_channels)
@@ -267,9 +268,9 @@ class Fit:
         """The strings and limits at the beginnings of the segments, or of chosen ones."""
         starts = self.starts if chosen is None else self.starts[chosen]
         q_K, v_K, _ = self.inputs.evaluate(starts)
-        for q, v in self.model.coordinates.scalars_K:
+        for q, v in self.marionette.coordinates.scalars_K:
             q_K[:, q] += self.offsets(theta)[v]
-        return Holding(self.model, q_K, v_K, self.p(theta))
+        return Holding(self.marionette, q_K, v_K, self.p(theta))
 
     def placed(
         self, q_D: Array, v_D: Array, theta: Array, held: MaskRows, only: MaskRows | None = None
@@ -283,8 +284,8 @@ class Fit:
         q, v = holding.project(q_D[chosen], v_D[chosen], held[chosen])
         closed = holding.closed(q, v)
         step = self.driven(theta, self.dt).first.some(chosen)
-        first = roll(self.model, step, q, v, self.p(theta))
-        pulls = (first.tension[0] > 0.0) | self.model.two_sided
+        first = roll(self.marionette, step, q, v, self.p(theta))
+        pulls = (first.tension[0] > 0.0) | self.marionette.two_sided
         q_D, v_D, held = q_D.copy(), v_D.copy(), held.copy()
         q_D[chosen], v_D[chosen], held[chosen] = q, v, closed & pulls
         return Point(q_D, v_D, theta, held)
@@ -301,7 +302,7 @@ class Fit:
     def moved(self, at: Point, by: Array, theta: Array, only: MaskRows | None = None) -> Point:
         """A point moved by tangent vectors (S, 2 n_vD) and by (P,); states of ``only`` some."""
         n = by.shape[1] // 2
-        q_D = integrate(self.model, at.q_D, by[:, :n])
+        q_D = integrate(self.marionette, at.q_D, by[:, :n])
         to = at.theta + theta
         if self.layout.delay:
             to[-1] = np.clip(to[-1], self.begin[-1] - REACH, self.begin[-1] + REACH)
@@ -319,7 +320,7 @@ def chained(fit: Fit, start: State) -> Point:
     q_D, v_D = [start.q_D], [start.v_D]
     for s in range(len(fit.starts) - 1):
         own = driven.some(slice(s, s + 1))
-        rolled = roll(fit.model, own, q_D[-1][None], v_D[-1][None], fit.p(theta))
+        rolled = roll(fit.marionette, own, q_D[-1][None], v_D[-1][None], fit.p(theta))
         if not rolled.arrived:
             raise StateError(
                 f"with the first values of what is unknown, the puppet cannot follow the inputs: "

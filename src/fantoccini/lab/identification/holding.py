@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fantoccini.base import Array, Indices, MaskRows
-from fantoccini.dynamics.compiled import Model, integrate
+from fantoccini.dynamics import Marionette
+from fantoccini.dynamics.compiled import integrate
 
 _CLOSED = 1e-8
 """Gap, in the row's unit, up to which a row is closed."""
@@ -40,23 +41,23 @@ class Holding:
     """S states with the driven coordinates at their times.
 
     Attributes:
-        model: the puppet.
+        marionette: the puppet.
         q_K, v_K: (S, ...).
         p: (n_p,).
     """
 
-    model: Model
+    marionette: Marionette
     q_K: Array
     v_K: Array
     p: Array
 
     def rows(self, q_D: Array, v_D: Array) -> Rows:
         """The rows of states (S, ...)."""
-        model, p = self.model, np.broadcast_to(self.p, (len(q_D), len(self.p)))
+        marionette, p = self.marionette, np.broadcast_to(self.p, (len(q_D), len(self.p)))
         values = {"q_D": q_D, "v_D": v_D, "q_K": self.q_K, "v_K": self.v_K, "p": p}
         values |= {"acc_D": np.zeros_like(v_D), "acc_K": np.zeros_like(self.v_K)}
-        by = model.compiled.derivatives.at("rows_by", values)
-        h = next(iter(model.library.at("rows", values).values()))
+        by = marionette.libraries.derivatives.at("rows_by", values)
+        h = next(iter(marionette.library.at("rows", values).values()))
         rate = (by["A_D"] @ v_D[..., None] + by["A_K"] @ self.v_K[..., None])[..., 0]
         return Rows(h, rate, by)
 
@@ -64,19 +65,19 @@ class Holding:
         """(S, n_rows) bool, the rows that are closed and do not open."""
         found = self.rows(q_D, v_D)
         closed = (found.h >= -_CLOSED) & (found.hdot >= -_STILL)
-        return np.asarray(closed | self.model.two_sided)
+        return np.asarray(closed | self.marionette.two_sided)
 
     def near(self, q_D: Array, v_D: Array) -> MaskRows:
         """(S, n_rows) bool, the rows that are all but closed."""
-        return np.asarray((self.rows(q_D, v_D).h >= -_NEAR) | self.model.two_sided)
+        return np.asarray((self.rows(q_D, v_D).h >= -_NEAR) | self.marionette.two_sided)
 
     def slack(self, q_D: Array, v_D: Array) -> MaskRows:
         """(S, n_rows) bool, the rows that are open."""
-        return np.asarray((self.rows(q_D, v_D).h < -_NEAR) & ~self.model.two_sided)
+        return np.asarray((self.rows(q_D, v_D).h < -_NEAR) & ~self.marionette.two_sided)
 
     def some(self, chosen: MaskRows | Indices) -> Holding:
         """Some of the states."""
-        return Holding(self.model, self.q_K[chosen], self.v_K[chosen], self.p)
+        return Holding(self.marionette, self.q_K[chosen], self.v_K[chosen], self.p)
 
     def project(self, q_D: Array, v_D: Array, held: MaskRows) -> tuple[Array, Array]:
         """The states moved onto the rows that hold them, and off those that they violate."""
@@ -87,7 +88,7 @@ class Holding:
             active = held[left] | (found.h > 0.0)
             off = np.where(active, found.h, 0.0)
             by = _nearest(found.by["A_D"], off, active)
-            q_D[left] = integrate(self.model, q_D[left], -by)
+            q_D[left] = integrate(self.marionette, q_D[left], -by)
             left = left[np.max(np.abs(off), axis=1, initial=0.0) >= 0.01 * _CLOSED]
             if len(left) == 0:
                 break

@@ -119,12 +119,12 @@ class Record:
     puppet_file: Path | None = None
 
     def __post_init__(self) -> None:
-        model = self.marionette.model
-        refuse_contact(model, "identification")
+        marionette = self.marionette
+        refuse_contact(marionette, "identification")
         if np.any(np.isfinite(self.marionette.winches[:, 0])):
             raise StateError(
-                f"{model.name} has slipping winches, which identification does not know; leave "
-                "max_tension out of its file"
+                f"{marionette.name} has slipping winches, which identification does not know; "
+                "leave max_tension out of its file"
             )
         t = np.asarray(self.t, dtype=float)
         object.__setattr__(self, "t", t)
@@ -135,8 +135,8 @@ class Record:
         if not np.isfinite(self.delay):
             raise ValueError(f"delay is {self.delay!r}; it must be a finite number")
         for one in self.unknowns:
-            if one.name not in model.parameter_index:
-                raise UnknownNameError("parameter", one.name, tuple(model.parameter_index))
+            if one.name not in marionette.parameter_index:
+                raise UnknownNameError("parameter", one.name, tuple(marionette.parameter_index))
         scalars = driven_scalars(self.marionette)
         for name in self.offsets:
             if name not in scalars:
@@ -161,8 +161,10 @@ class Record:
                     f"{one.name} begins at {begin:g} and is to stay positive; let it begin above 0 "
                     "(about), or let it be negative (positive: false)"
                 )
-        if not model.coordinates.n_vD:
-            raise StateError(f"{model.name} has no dynamic coordinates; its motion tells nothing")
+        if not marionette.coordinates.n_vD:
+            raise StateError(
+                f"{marionette.name} has no dynamic coordinates; its motion tells nothing"
+            )
         self._check_times()
 
     def _check_times(self) -> None:
@@ -182,7 +184,7 @@ class Record:
         tensions = [name for name in others if name.endswith(".tension")]
         coordinates = [name for name in others if name not in tensions]
         strings = [name.removesuffix(".tension") for name in tensions]
-        return Channels(self.marionette.model, self.markers, coordinates, strings)
+        return Channels(self.marionette, self.markers, coordinates, strings)
 
     @cached_property
     def values(self) -> Array:
@@ -218,9 +220,9 @@ class Record:
     @cached_property
     def begin(self) -> Array:
         """(P,) where the search begins."""
-        model = self.marionette.model
+        marionette = self.marionette
         values = [
-            model.p[model.parameter_index[one.name]] if one.about is None else one.about
+            marionette.p[marionette.parameter_index[one.name]] if one.about is None else one.about
             for one in self.unknowns
         ]
         places = [x for one in self.markers if one.find for x in one.at]

@@ -12,7 +12,6 @@ import numpy as np
 
 from fantoccini.base import Array, FileError, Mistake, StateError, nearest
 from fantoccini.base.documents import Located, Refusals, read_document, read_file, shown
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
 from fantoccini.lab.identification.marking import Mark, find, marked
@@ -67,7 +66,7 @@ def load_record(
     check.refuse()
     made = check.need(("puppet",), lambda: Marionette(marked(puppet, marks), progress))
     for name, one in file.markers.items():
-        check(("markers", name, "body"), lambda one=one: link_index(made.model, one.body))
+        check(("markers", name, "body"), lambda one=one: made.link_index(one.body))
     scalars = driven_scalars(made)
     for i, name in enumerate(file.offsets):
         if name not in scalars:

@@ -19,7 +19,7 @@ from itertools import pairwise
 import numpy as np
 
 from fantoccini.base import ARRIVED, Array, Indices, tangent
-from fantoccini.dynamics.compiled import Model
+from fantoccini.dynamics import Marionette
 from fantoccini.dynamics.derivatives import StepLinearisations, linearise_steps
 from fantoccini.kernel.runtime import AnyArray, LaneSteppers
 from fantoccini.motion import Input
@@ -48,28 +48,28 @@ class Driven:
     dt: float
 
     @classmethod
-    def of(cls, model: Model, inputs: Input, starts: Array, n: int, dt: float) -> Driven:
+    def of(cls, marionette: Marionette, inputs: Input, starts: Array, n: int, dt: float) -> Driven:
         """n steps from each of S times [s].
 
         Args:
-            model: the puppet.
+            marionette: the puppet.
             inputs: that name all driven coordinates.
             starts: (S,).
             n: steps.
             dt: their length [s].
         """
-        t, table = starts + dt * np.arange(n + 1)[:, None], model.coordinates
+        t, table = starts + dt * np.arange(n + 1)[:, None], marionette.coordinates
         q_K, v_K, _ = inputs.evaluate(t)
         move = tangent.between(table.scalars_K, table.quaternions_K, q_K[:-1], q_K[1:], table.n_vK)
         force = None if inputs.force is None else inputs.evaluate_force(t[:-1] + 0.5 * dt)
         return cls(q_K, v_K, 2.0 * (move / dt - v_K[:-1]) / dt, force, dt)
 
-    def moved(self, model: Model, offsets: Array) -> Driven:
+    def moved(self, marionette: Marionette, offsets: Array) -> Driven:
         """Those with (n_vK,) added to scalar coordinates."""
         if not np.any(offsets):
             return self
         q_K = self.q_K.copy()
-        for q, v in model.coordinates.scalars_K:
+        for q, v in marionette.coordinates.scalars_K:
             q_K[..., q] += offsets[v]
         return replace(self, q_K=q_K)
 
@@ -102,7 +102,7 @@ class Rolled:
 
 
 def roll(
-    model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array, threads: int = 1
+    marionette: Marionette, driven: Driven, q_D: Array, v_D: Array, p: Array, threads: int = 1
 ) -> Rolled:
     """Rollouts from S states (S, ...) at parameters p (n_p,).
 
@@ -111,7 +111,7 @@ def roll(
     parts = _parts(len(q_D), threads)
     with ThreadPoolExecutor(len(parts)) as pool:
         found = list(
-            pool.map(lambda own: _roll(model, driven.some(own), q_D[own], v_D[own], p), parts)
+            pool.map(lambda own: _roll(marionette, driven.some(own), q_D[own], v_D[own], p), parts)
         )
     if len(found) == 1:
         return found[0]
@@ -129,9 +129,9 @@ def _parts(S: int, threads: int) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(ends)]
 
 
-def _roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rolled:
+def _roll(marionette: Marionette, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rolled:
     n, S = driven.acc_K.shape[:2]
-    tree, lanes = model.tree, model.compiled.lanes
+    tree, lanes = marionette.tree, marionette.libraries.lanes
     made: dict[str, AnyArray] = {
         "q_D": np.array(q_D, order="C"),
         "v_D": np.array(v_D, order="C"),
@@ -148,10 +148,10 @@ def _roll(model: Model, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rol
         "status": np.zeros(S, dtype=np.int32),
         "blame": np.zeros((S, len(tree.blamable))),
     }
-    options = model.run_options(dt=driven.dt, extrapolate=False)
-    acc = np.zeros((S, model.coordinates.n_vK))
-    force = None if driven.u_D is None else np.zeros((S, model.coordinates.n_vD))
-    steppers = LaneSteppers(lanes, S, 1, options, model.winches)
+    options = marionette.run_options(dt=driven.dt, extrapolate=False)
+    acc = np.zeros((S, marionette.coordinates.n_vK))
+    force = None if driven.u_D is None else np.zeros((S, marionette.coordinates.n_vD))
+    steppers = LaneSteppers(lanes, S, 1, options, marionette.winches)
     advance = steppers.bound(made, driven.dt, acc, force)
     out = Rolled(
         np.empty((n + 1, *q_D.shape)),
@@ -189,7 +189,7 @@ class Sensed:
 
 
 def sense(
-    model: Model,
+    marionette: Marionette,
     driven: Driven,
     rolled: Rolled,
     p: Array,
@@ -204,7 +204,7 @@ def sense(
     """How rollouts change with their first states, with parameters and with offsets.
 
     Args:
-        model: the puppet.
+        marionette: the puppet.
         driven, rolled: the rollouts.
         p: (n_p,).
         of_p, of_K: places of the parameters in p, and of the offsets among v_K.
@@ -214,13 +214,13 @@ def sense(
         threads: that share the work.
     """
     n, S = driven.acc_K.shape[:2]
-    n_v, n_k = model.coordinates.n_vD, model.coordinates.n_vK
+    n_v, n_k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
     steps, segments, share = samples
     width = 2 * n_v + len(of_p) + len(of_K)
     columns = [2 * n_v + 3 * n_k + i for i in of_p] + [2 * n_v + k for k in of_K]
     Z = begin.copy()
     between = np.empty((len(steps), n_v, width))
-    pulled = np.empty((len(steps), model.tree.n_rows, width)) if pull else None
+    pulled = np.empty((len(steps), marionette.tree.n_rows, width)) if pull else None
     of_step = {}
     for own in _parts(S, threads):
         mine = np.flatnonzero((segments >= own.start) & (segments < own.stop))
@@ -254,7 +254,7 @@ def sense(
             )
             force = None if driven.u_D is None else driven.u_D[some].reshape(block * S, -1)
             lin = linearise_steps(
-                model,
+                marionette,
                 q_D,
                 v_D,
                 q_K,

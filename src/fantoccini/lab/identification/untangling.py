@@ -53,7 +53,7 @@ def untangled(cost: Cost, at: Point) -> Point:
 
 def _jacobians(fit: Fit, at: Point, loose: MaskRows) -> Jacobians:
     """Those of loose segments; the others do not move, theirs are 0."""
-    m, P = 2 * fit.model.coordinates.n_vD, len(fit.layout)
+    m, P = 2 * fit.marionette.coordinates.n_vD, len(fit.layout)
     none = [np.zeros((*lead, m + P)) for lead in (fit.y.shape, (len(loose), m), (len(loose), m))]
     return fit.jacobians(at, only=loose, kept=Jacobians(*none))
 
@@ -90,7 +90,7 @@ def _chained(fit: Fit, at: Point, predicted: Predicted, far: MaskRows) -> Point:
     for s in np.flatnonzero(far):
         if far[s - 1]:
             before = roll(
-                fit.model, driven.some(slice(s - 1, s)), q_D[s - 1, None], v_D[s - 1, None], p
+                fit.marionette, driven.some(slice(s - 1, s)), q_D[s - 1, None], v_D[s - 1, None], p
             )
             if not before.arrived:
                 continue

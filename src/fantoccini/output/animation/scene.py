@@ -79,7 +79,7 @@ class AnimatedScene:
             UnknownNameError: there is no such body.
             ValueError: the run is not one of this puppet.
         """
-        still = Still(shown.puppet, shown.tree, shown.model.number)
+        still = Still(shown.puppet, shown.tree, shown.number)
         tree = still.tree
         own, found = ((table.q_D, table.q_K) for table in (tree.coordinates, run.coordinates))
         if own != found:

@@ -120,9 +120,11 @@ def _before(found: Identified) -> str:
 
 def _held(found: Identified) -> str:
     """What was not looked for, though it could have been."""
-    looked, model = {one.name for one in found.record.unknowns}, found.record.marionette.model
+    looked, marionette = {one.name for one in found.record.unknowns}, found.record.marionette
     held = [
-        f"{name} {model.p[k]:g}" for name, k in model.parameter_index.items() if name not in looked
+        f"{name} {marionette.p[k]:g}"
+        for name, k in marionette.parameter_index.items()
+        if name not in looked
     ]
     text = f"Parameters held as they were: {', '.join(held)}. " if held else ""
     if still := found.record.still:

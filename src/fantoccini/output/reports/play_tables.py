@@ -185,5 +185,5 @@ def space_table(verification: Verification) -> Table:
 def _weight(verification: Verification, name: str) -> float:
     """Of a player [N]."""
     alone = verification.play.cast.players[name].alone
-    mass = measure(alone.tree, alone.model.number).mass
+    mass = measure(alone.tree, alone.number).mass
     return float(mass * np.linalg.norm(np.asarray(alone.puppet.gravity, dtype=float)))

@@ -275,7 +275,7 @@ def _geometry(
     tension: Array | None,
     slip: Array | float,
 ) -> Geometry:
-    tree, puppet = _with_values(marionette.tree, marionette.model.number), marionette.puppet
+    tree, puppet = _with_values(marionette.tree, marionette.number), marionette.puppet
     poses = np.asarray(marionette.poses(q_D, q_K))
     points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
     springs = spring_ends(tree, poses)
@@ -292,7 +292,7 @@ def _geometry(
         poses=poses,
         names=tuple(s.name for s in tree.strings),
         points=points,
-        lengths=np.asarray(marionette.model.string_lengths(q_D, q_K)) + slip,
+        lengths=np.asarray(marionette.string_lengths(q_D, q_K)) + slip,
         taut=np.asarray(taut, dtype=bool),
         tension=None if tension is None else np.asarray(tension, dtype=float),
         colours=tuple(None if s.colour is None else rgb(s.colour) for s in tree.strings),
@@ -330,8 +330,8 @@ def chain_pulls(
     pulls = []
     for row, points in zip(tree.chains, chain_points(tree, poses), strict=True):
         path = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
-        length = row.own_length(q_D, q_K, marionette.model.number)
-        pulls.append(marionette.model.number(row.stiffness) * (path / length - 1.0))
+        length = row.own_length(q_D, q_K, marionette.number)
+        pulls.append(marionette.number(row.stiffness) * (path / length - 1.0))
     return np.stack(pulls, axis=-1) if pulls else np.zeros((*poses.shape[:-3], 0))
 
 

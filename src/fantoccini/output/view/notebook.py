@@ -42,7 +42,7 @@ _CELL = 'style="text-align:left;padding:.1em .6em .1em 0"'
 def puppet_html(marionette: Marionette) -> str | None:
     """A puppet as HTML: its start pose, mass, strings and driven coordinates."""
     try:
-        still = Still(marionette.puppet, marionette.tree, marionette.model.number)
+        still = Still(marionette.puppet, marionette.tree, marionette.number)
         picture = _picture(
             lambda: figure_of(geometry_at(still, still.start()), Look.of(size=(420, 520))),
             "the start pose",
@@ -150,7 +150,7 @@ def _length(m: Marionette, string: StringRow) -> str:
     if string.length is None:
         return "driven"
     name = f"{string.length.parameter} = " if isinstance(string.length, Parameter) else ""
-    return f"{name}{m.model.number(string.length):.4g} m"
+    return f"{name}{m.number(string.length):.4g} m"
 
 
 def _run_tables(run: Trajectory) -> list[str]:

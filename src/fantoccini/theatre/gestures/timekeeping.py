@@ -15,7 +15,6 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, StateError, Times
 from fantoccini.control.optimal import Reach, What, reach
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Trajectory, pieces
 from fantoccini.theatre.gestures.score import Played, Score
@@ -67,7 +66,7 @@ def ties(marionette: Marionette) -> dict[str, Point]:
     for string in tree.strings:
         end = string.points[0]
         if end.link >= 0:
-            x, y, z = (marionette.model.number(v) for v in end.at)
+            x, y, z = (marionette.number(v) for v in end.at)
             found[string.name] = (tree.links[end.link].name, (x, y, z))
     return found
 
@@ -83,7 +82,7 @@ def places(marionette: Marionette, q_D: Array, q_K: Array, points: Mapping[str, 
     poses = marionette.poses(q_D, q_K)
     found = np.empty((len(q_D), len(points), 3))
     for i, (body, at) in enumerate(points.values()):
-        pose = poses[:, link_index(marionette.model, body)]
+        pose = poses[:, marionette.link_index(body)]
         found[:, i] = pose[:, :, 3] + pose[:, :, :3] @ np.array(at)
     return found
 

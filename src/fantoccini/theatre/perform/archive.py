@@ -125,7 +125,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str
 
 
 def _samples(marionette: Marionette, arrays: Mapping[str, Array], name: str) -> Array:
-    width = sum(marionette.model.sample_layout.widths.values())
+    width = sum(marionette.sample_layout.widths.values())
     samples = npz.finite(arrays, name, (None, width))
     if not len(samples) or np.any(np.diff(samples[:, 0]) < 0):
         raise ValueError(f"{name} must be one or more, none before the one it follows")
@@ -157,7 +157,7 @@ def _of_state(arrays: Mapping[str, Array], name: str, size: int) -> Array:
 
 def _pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
     """How many pairs may touch, if the contact points are of these and of the samples."""
-    known = marionette.model.contacts
+    known = marionette.contacts
     pairs = 0 if known is None else len(known.names)
     for name, column, end in (("sample", 0, n_samples), ("pair", 1, pairs)):
         if not np.isin(contacts[:, column], np.arange(end)).all():

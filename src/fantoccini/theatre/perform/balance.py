@@ -170,11 +170,11 @@ class Balance:
 def _task(performance: Performance, x: State, horizon: float) -> Task:
     """Stay where a state is."""
     marionette = performance.marionette
-    model, table = marionette.model, marionette.coordinates
-    found = [link_inertia(link, model.number)[:2] for link in model.tree.links]
+    table = marionette.coordinates
+    found = [link_inertia(link, marionette.number)[:2] for link in marionette.tree.links]
     whole = sum(m for m, _ in found) or 1.0
     tracks = [Track.velocity("*", weight=WEIGHTS.speed)]
-    for link, (m, com) in zip(model.tree.links, found, strict=True):
+    for link, (m, com) in zip(marionette.tree.links, found, strict=True):
         if m > 0.0:
             pose, at = marionette.pose(x, link.name), (float(com[0]), float(com[1]), float(com[2]))
             place, weight = pose[:3, 3] + pose[:3, :3] @ com, WEIGHTS.place * m / whole

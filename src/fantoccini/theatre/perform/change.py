@@ -22,7 +22,7 @@ def hanging(marionette: Marionette) -> State:
 def check_steps(marionette: Marionette, x: State, dt: float) -> None:
     """Raises StateError if steps of ``dt`` [s] are too long for a chain or a spring."""
     try:
-        check_step(marionette.model, "timestepping", x.q_D, x.q_K, dt)
+        check_step(marionette, "timestepping", x.q_D, x.q_K, dt)
     except StateError as error:
         raise StateError(
             f"{error}. A performance has no other method, and `fantoccini show` no other dt: "

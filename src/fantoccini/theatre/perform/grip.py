@@ -121,7 +121,7 @@ class Holding:
         if strained.any():
             # A wire cannot slip: its violation is taken back.
             at = {"q_D": x.q_D, "q_K": x.q_K, "p": self.marionette.p}
-            h = self.marionette.model.library.evaluate("rows", **at).h
+            h = self.marionette.library.evaluate("rows", **at).h
             most[strained] = -TOLERANCES.return_rate * np.abs(h[:n][strained])
         if not np.isfinite(most).any():
             return wanted
@@ -161,7 +161,7 @@ class Holding:
         still, turn = np.zeros(n_D), self._turn
         unit = np.zeros((np.max(turn, initial=-1) + 1, n_K))
         unit[turn, np.arange(n_K)] = 1.0
-        on = self.marionette.model.library.evaluate(
+        on = self.marionette.library.evaluate(
             "dynamics",
             q_D=x.q_D,
             v_D=still,

@@ -109,7 +109,7 @@ def _stands(marionette: Marionette, link: Link) -> bool:
 
 def frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3]:
     """Orientation (3, 3) and origin (3,) of a link's joint frame in the world."""
-    offset = np.array([marionette.model.number(n) for n in link.offset])
+    offset = np.array([marionette.number(n) for n in link.offset])
     if link.parent == WORLD:
         return link.rotation, offset
     R, r = poses[link.parent, :, :3], poses[link.parent, :, 3]

@@ -311,7 +311,7 @@ def _shortest(marionette: Marionette, chain: ChainRow, x: State, low: float, dt:
         q[own] = length
         where = (x.q_D, q) if chain.driven_length else (q, x.q_K)
         try:
-            check_step(marionette.model, "timestepping", *where, dt)
+            check_step(marionette, "timestepping", *where, dt)
         except StateError:
             continue
         return float(length)

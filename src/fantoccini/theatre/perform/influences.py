@@ -7,7 +7,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from fantoccini.base import Array, StateError, Vec3, VecD, VecK
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import link_inertia
 from fantoccini.motion import State
@@ -46,9 +45,8 @@ def push_on(marionette: Marionette, body: str, force: Vec3, at: Vec3 | None) -> 
         UnknownNameError: no body is called that.
         StateError: numbers that are none.
     """
-    model = marionette.model
-    link = model.tree.links[link_index(model, body)]
-    com = link_inertia(link, model.number)[1]
+    link = marionette.tree.links[marionette.link_index(body)]
+    com = link_inertia(link, marionette.number)[1]
     where = com if at is None else np.asarray(at, dtype=float)
     push = np.asarray(force, dtype=float)
     if where.shape != (3,) or push.shape != (3,) or not np.isfinite([where, push]).all():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fantoccini.base import Array, StateError
+from fantoccini.dynamics import Marionette
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.theatre.perform.recording import Recorder, Recording
 
@@ -30,13 +31,14 @@ class LiveRecorder:
         """Whether it records and has no tick yet."""
         return self._recorder is not None and not len(self._recorder)
 
-    def start(self, stepper: Stepper) -> None:
+    def start(self, marionette: Marionette, stepper: Stepper) -> None:
         """Records from here on; drops a recording that was not taken.
 
         Args:
-            stepper: not advanced yet.
+            marionette: the puppet.
+            stepper: of it; not advanced yet.
         """
-        self._recorder, self._ended = Recorder(stepper, self._tick), None
+        self._recorder, self._ended = Recorder(marionette, stepper, self._tick), None
 
     def add(self, acc_K: Array, stepper: Stepper) -> None:
         """Adds the stepper's last tick, if it records.

@@ -110,7 +110,7 @@ class Performance:
         self._reports = Reports()
         self._influences = Influences()
         x0 = change.hanging(marionette) if x0 is None else x0
-        check_start(marionette.model, x0, "timestepping")
+        check_start(marionette, x0, "timestepping")
         change.check_steps(marionette, x0, self.dt)
         self._take(marionette, x0)
         self._x0: State | None = x0
@@ -403,7 +403,7 @@ class Performance:
         with self._lock:
             self._influences.pushes.clear()  # a recording keeps none
             self._run.restart(change.permitted(self.performed, self._run.x))
-            self._recorder.start(self._run.stepper)
+            self._recorder.start(self._run.performed, self._run.stepper)
 
     def stop(self) -> Recording:
         """Ends and returns the recording, also if it has ended by itself.

@@ -216,10 +216,10 @@ class Recording:
         return self._in_parts(checks)
 
     def _performed(self, start: State | None = None, ticks: slice = slice(None)) -> Written:
-        options = self.marionette.model.run_options(dt=self.dt, save_every=self.steps)
+        options = self.marionette.run_options(dt=self.dt, save_every=self.steps)
         x = self.start if start is None else start
-        stepper = Stepper(self.marionette.model, x, METHOD, options)
-        recorder = Recorder(stepper, self.tick)
+        stepper = Stepper(self.marionette, x, METHOD, options)
+        recorder = Recorder(self.marionette, stepper, self.tick)
         for acc_K in self.acc_K[ticks]:
             stepper.advance(self.tick, acc_K, throw=False)
             if not stepper.arrived:
@@ -229,7 +229,7 @@ class Recording:
 
     def _in_parts(self, checks: Checks) -> Written:
         """The output from each saved sample to the next, simulated from the first of the two."""
-        layout, parts = self.marionette.model.sample_layout, list[Piece]()
+        layout, parts = self.marionette.sample_layout, list[Piece]()
         for k, (first, last) in enumerate(pairwise(checks.ticks.tolist())):
             x = change.permitted(self.marionette, layout.state(checks.samples[k]))
             made = self._performed(x, slice(first, last))
@@ -262,12 +262,13 @@ class Recorder:
     """Collects the output of a stepper, from its start.
 
     Args:
-        stepper: not advanced yet.
+        marionette: the puppet.
+        stepper: of it; not advanced yet.
         tick: duration of a tick [s].
     """
 
-    def __init__(self, stepper: Stepper, tick: float):
-        self._marionette = Marionette(stepper.model)
+    def __init__(self, marionette: Marionette, stepper: Stepper, tick: float):
+        self._marionette = marionette
         self._start, self._tick = stepper.state, tick
         self._output = [_last_of(stepper)]
         self._acc_K: list[Array] = []

@@ -68,8 +68,8 @@ class Steady:
         at = run.resample(self._clock)
         self._usual = self._members.middles(at.q_D, at.q_K)[..., :2]
         tick = performance.tick
-        model = play.marionette.model
-        gravity = -model.number(model.tree.gravity[2])
+        marionette = play.marionette
+        gravity = -marionette.number(marionette.tree.gravity[2])
         self.frequencies = np.array(
             [natural_frequency(height, gravity) for height in self._heights(performance)]
         )
@@ -136,14 +136,14 @@ class Members:
 
     def __init__(self, play: Play):
         self._marionette, cast = play.marionette, play.cast
-        model, names = self._marionette.model, self._marionette.coordinates.v_K
+        marionette, names = self._marionette, self._marionette.coordinates.v_K
         self.names = list(cast.players)
-        inertia = [link_inertia(link, model.number)[:2] for link in model.tree.links]
+        inertia = [link_inertia(link, marionette.number)[:2] for link in marionette.tree.links]
         self._at = np.array([np.asarray(com, dtype=float) for _, com in inertia])
         owns = [
             [
                 m * (cast.owner(link.name) == who)
-                for link, (m, _) in zip(model.tree.links, inertia, strict=True)
+                for link, (m, _) in zip(marionette.tree.links, inertia, strict=True)
             ]
             for who in self.names
         ]

@@ -58,7 +58,7 @@ class TickRun:
     @property
     def contact(self) -> ContactPoints | None:
         """Points of contact at the end of the last tick; None for a puppet without contact."""
-        stepper, known = self.stepper, self.stepper.model.contacts
+        stepper, known = self.stepper, self.stepper.marionette.contacts
         if known is None:
             return None
         points = contact_points(stepper.contacts, known.names)
@@ -101,6 +101,6 @@ class TickRun:
         self._since += self.tick
 
     def _stepper_from(self, x: State) -> Stepper:
-        model = self.performed.model
-        options = model.run_options(dt=self.tick / self._steps, save_every=self._steps)
-        return Stepper(model, x.replace(t=0.0), "timestepping", options)
+        marionette = self.performed
+        options = marionette.run_options(dt=self.tick / self._steps, save_every=self._steps)
+        return Stepper(marionette, x.replace(t=0.0), "timestepping", options)

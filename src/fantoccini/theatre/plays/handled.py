@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Times
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.theatre.cast import SEATED, Cast, Footing, Meeting, top_of
 from fantoccini.theatre.gestures import Spot
 from fantoccini.theatre.plays.runs import Run, Runs
@@ -155,4 +154,4 @@ def _poses(run: Run, name: str, t: Times) -> Array:
     own = run.whole.resample(np.clip(t, 0.0, run.whole.t[-1]))
     marionette = run.staged.marionette
     poses: Array = marionette.poses(own.q_D, own.q_K)
-    return poses[:, link_index(marionette.model, run.staged.local(name))]
+    return poses[:, marionette.link_index(run.staged.local(name))]

@@ -63,7 +63,7 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
         status,
         first.method,
         cast.whole.coordinates,
-        cast.whole.model.described,
+        cast.whole.described,
         violation=put["violation"],
         slip=put["slip"],
         contact=_joined(whole.points),

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError
-from fantoccini.dynamics.compiled import link_index
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import Role
 from fantoccini.motion import State
@@ -100,7 +99,7 @@ def figure_of(
             f"{marionette.name} has no body {given[missing[0]].body!r}, the {missing[0]} of a "
             f"person; name it under `puppet` in a mapping file: the bodies are {', '.join(names)}"
         )
-    links = {part: link_index(marionette.model, given[part].body) for part in BODIES}
+    links = {part: marionette.link_index(given[part].body) for part in BODIES}
     pose = marionette.poses(start.q_D[None], start.q_K[None])[0]
 
     def within(part: str, other: str) -> Point:
@@ -133,7 +132,7 @@ def figure_of(
     axes = axes_of(a[None], b[None], c[None], d[None])[0]
     places = {}
     for part, (body, at) in points.items():
-        frame = pose[link_index(marionette.model, body)]
+        frame = pose[marionette.link_index(body)]
         places[part] = frame[:, :3] @ np.array(at) + frame[:, 3]
     forward = pose[links["trunk"]][:, :3] @ axes[:, 0]
     named = {part: given[part].body for part in BODIES}
@@ -186,7 +185,7 @@ def _check_parent(
     marionette: Marionette, given: Mapping[str, BodyFile], part: str, above: str
 ) -> None:
     links = marionette.tree.links
-    link = links[link_index(marionette.model, given[part].body)]
+    link = links[marionette.link_index(given[part].body)]
     parent = links[link.parent].name if link.parent >= 0 else "the world"
     if parent != given[above].body:
         raise StateError(

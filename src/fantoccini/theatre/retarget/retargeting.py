@@ -17,7 +17,7 @@ import numpy as np
 
 from fantoccini.base import Array, StateError, Times, check_not_negative
 from fantoccini.control.optimal import Reach, ReachStatus, What, reach
-from fantoccini.dynamics.compiled import link_index, refuse_contact
+from fantoccini.dynamics.compiled import refuse_contact
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.capture import Capture, load_bvh
@@ -157,7 +157,7 @@ def place_clip(
     """
     if not isinstance(clip, Capture):
         clip = load_bvh(clip)
-    refuse_contact(marionette.model, "follow")
+    refuse_contact(marionette, "follow")
     check_not_negative(travel=travel, turning=turning)
     name = clip.name or "clip"
     clip = clip.held(_HELD).without_calibration()
@@ -241,7 +241,7 @@ def places_in(figure: Figure, poses: Array) -> dict[str, Array]:
     """Part -> (T, 3) places in poses (T, n_links, 3, 4)."""
     found = {}
     for part, (body, at) in figure.points.items():
-        frame = poses[:, link_index(figure.marionette.model, body)]
+        frame = poses[:, figure.marionette.link_index(body)]
         found[part] = frame[:, :, :3] @ np.array(at) + frame[:, :, 3]
     return found
 
@@ -270,8 +270,8 @@ class Hanger:
 def hangers(figure: Figure, start: State) -> list[Hanger]:
     """The strings from parts of a figure, with their upper ends as in a state."""
     marionette = figure.marionette
-    tree, table, model = marionette.tree, marionette.coordinates, marionette.model
-    parts = {link_index(model, body): part for part, body in figure.bodies.items()}
+    tree, table = marionette.tree, marionette.coordinates
+    parts = {marionette.link_index(body): part for part, body in figure.bodies.items()}
     poses = marionette.poses(start.q_D[None], start.q_K[None])[0]
     driven = {table.q_K[q] for q, _ in table.scalars_K}
     found = []
@@ -281,12 +281,12 @@ def hangers(figure: Figure, start: State) -> list[Hanger]:
         if low.link not in parts or high.link < 0 or len(ends) != 2:
             continue
         link, now = tree.links[high.link], poses[high.link]
-        top = now[:, :3] @ _numbers(model, high.at) + now[:, 3]
+        top = now[:, :3] @ _numbers(marionette, high.at) + now[:, 3]
         names = table.q_K[link.q]
         moves = link.kind == "translation" and set(names) <= driven
         axes = dict(zip(names, (now[:, :3] @ link.axes).T, strict=True)) if moves else {}
         length = table.q_K[string.driven_length[0]] if string.driven_length else ""
-        at = _numbers(model, low.at)
+        at = _numbers(marionette, low.at)
         found.append(Hanger(string.name, parts[low.link], at, top, axes, length))
     return found
 
@@ -311,7 +311,7 @@ def straight_up(
         tie = frame[:, :, :3] @ string.at + frame[:, :, 3]
         off = np.zeros(3)
         if lean and string.part != "head":
-            hung = poses[link_index(figure.marionette.model, figure.bodies[string.part])]
+            hung = poses[figure.marionette.link_index(figure.bodies[string.part])]
             off = lean * (string.top - hung[:, :3] @ string.at - hung[:, 3]) * [1.0, 1.0, 0.0]
             off = _heading(figure, frames["trunk"]) @ off
         for name, axis in string.ends.items():

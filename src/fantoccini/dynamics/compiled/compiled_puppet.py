@@ -1,99 +1,117 @@
-"""Model: a world of puppets with its parameters and winches, and what is compiled of it.
+"""CompiledPuppet: a puppet or scene with its parameters and winches, and its compiled functions.
 
-The algorithms of this package are functions of a model; :class:`Marionette` forwards to them.
+The algorithms of ``fantoccini.dynamics`` are functions of it; :class:`Marionette` is it with these
+algorithms as methods.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, MaskRows, StateError, UnknownNameError, floats
+from fantoccini.base import Array, Indices, MaskRows, StateError, UnknownNameError
 from fantoccini.base.documents import Number, Parameter
-from fantoccini.dynamics.compiled.libraries import Compiled
+from fantoccini.dynamics.compiled.libraries import Libraries
+from fantoccini.dynamics.compiled.limits import LIMITS
 from fantoccini.dynamics.compiled.methods import Event, TimeStepping
 from fantoccini.dynamics.compiled.portable import PortablePuppet
 from fantoccini.dynamics.compiled.samples import SampleLayout
 from fantoccini.dynamics.compiled.touching import contacts_of, overlaps
-from fantoccini.kernel.contract import LEAST_LENGTH, TENSION_CAP, WINCH_AT, WINCH_DECELERATION
+from fantoccini.dynamics.compiled.winches import checked_winches, winches_of
+from fantoccini.kernel.contract import (
+    FUNCTIONS,
+    LEAST_LENGTH,
+    TENSION_CAP,
+    WINCH_AT,
+    WINCH_DECELERATION,
+)
 from fantoccini.kernel.runtime import Contacts, Library, RunOptions
 from fantoccini.model import tree as trees
 from fantoccini.model.puppet import Obstacle, Puppet
+from fantoccini.model.scene import Scene, assembled
 from fantoccini.model.tree import CoordinateTable, Tree
 from fantoccini.motion import State, States, check_size
 
+if TYPE_CHECKING:
+    from typing import Self
 
-@dataclass(frozen=True)
-class Limits:
-    """Bounds of a run, and sizes that a puppet's forces and lengths are measured with."""
-
-    least_gravity: float = 1.0
-    """Stands in for a smaller gravity [m/s^2], so that forces have a size without one."""
-    least_share: float = 1e-6  # Part of the largest share from which a row is named as contributing
-    first_step: float = 1e-4
-    """First step of the event-driven integrator [s]; it adapts within a few steps."""
-    recovery_speed: float = 1.0
-    """Fastest that time-stepping takes back a violation [m/s], so that no string kicks."""
-    max_steps: int = 50_000_000
-    max_events: int = 1_000_000
+    from fantoccini.kernel.equations import Equations
 
 
-LIMITS = Limits()
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Model:
+@dataclass(frozen=True, eq=False, init=False, repr=False)
+class CompiledPuppet:
     """A puppet with its parameters; it is derived and compiled when first needed.
+
+    It does not change: the ``with_`` methods return another one, and nothing is compiled again.
 
     Attributes:
         puppet: as its file describes it; a scene assembled.
         tree: links, strings, limits and coordinates in the order of the equations.
         p: (n_p,) values of the parameters.
         winches: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution.
-        compiled: equations and libraries.
+        libraries: equations and compiled libraries, shared by all that ``with_`` methods return.
+
+    Args:
+        what: a puppet or a scene.
+        progress: called with the stage that begins ("deriving", "compiling").
     """
 
     puppet: Puppet
     tree: Tree
     p: Array
     winches: Array
-    compiled: Compiled
+    libraries: Libraries
 
-    def __post_init__(self) -> None:
-        self.p.setflags(write=False)
-        self.winches.setflags(write=False)
-
-    @classmethod
-    def of(cls, puppet: Puppet, progress: Callable[[str], None] | None = None) -> Model:
-        """The model of a puppet, with the parameters and winches of its file.
-
-        Args:
-            puppet: as its file describes it.
-            progress: called with the stage that begins ("deriving", "compiling").
-        """
+    def __init__(self, what: Puppet | Scene, progress: Callable[[str], None] | None = None):
+        puppet = assembled(what) if isinstance(what, Scene) else what
         tree = trees.grow(puppet)
         p = np.array(list(tree.parameters.values()), dtype=float)
-        return cls(puppet, tree, p, _winches(tree, p), Compiled(puppet, tree, progress))
+        self._set(puppet, tree, p, winches_of(tree, p), Libraries(puppet, tree, progress))
 
-    def __copy__(self) -> Model:
+    def _set(
+        self, puppet: Puppet, tree: Tree, p: Array, winches: Array, libraries: Libraries
+    ) -> Self:
+        p.setflags(write=False)
+        winches.setflags(write=False)
+        vars(self).update(puppet=puppet, tree=tree, p=p, winches=winches, libraries=libraries)
         return self
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Model:
+    def _changed(
+        self, *, puppet: Puppet | None = None, p: Array | None = None, winches: Array | None = None
+    ) -> Self:
+        return object.__new__(type(self))._set(
+            self.puppet if puppet is None else puppet,
+            self.tree,
+            self.p if p is None else p,
+            self.winches if winches is None else winches,
+            self.libraries,
+        )
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         # What was derived or compiled stays behind: the cache has it there, or it is made there.
-        return _unpacked, (PortablePuppet.of(self.puppet), self.p, self.winches)
+        return _unpacked, (type(self), PortablePuppet.of(self.puppet), self.p, self.winches)
 
-    # -- other models of the same puppet -------------------------------------------------------
+    # -- others of the same puppet -------------------------------------------------------------
 
-    def with_parameters(self, values: Mapping[str, float]) -> Model:
-        """The same puppet with other parameters; see :meth:`Marionette.with_parameters`."""
+    def with_parameters(self, values: Mapping[str, float]) -> Self:
+        """The same puppet with other values of its parameters, and the winches of its file.
+
+        Raises:
+            UnknownNameError: there is no such parameter.
+            StateError: a value is not finite.
+            PuppetError: a value that the puppet's file could not have.
+        """
         names, p = list(self.tree.parameters), self.p.copy()
         for name, value in values.items():
             if name not in names:
@@ -102,33 +120,23 @@ class Model:
                 raise StateError(f"parameter {name}: found {value}; it must be a finite number")
             p[names.index(name)] = value
         self.puppet.with_values(dict(values))
-        return dataclasses.replace(self, p=p, winches=_winches(self.tree, p))
+        return self._changed(p=p, winches=winches_of(self.tree, p))
 
-    def with_p(self, p: Array) -> Model:
+    def with_p(self, p: Array) -> Self:
         """The same puppet with parameters (n_p,) that are known to be right."""
-        return self if np.array_equal(p, self.p) else dataclasses.replace(self, p=p.copy())
+        return self if np.array_equal(p, self.p) else self._changed(p=p.copy())
 
-    def with_winches(self, winches: Array) -> Model:
-        """The same puppet on other winches; see :meth:`Marionette.with_winches`."""
-        table = floats(winches)
-        if table.shape != self.winches.shape:
-            raise StateError(
-                f"winches have the shape {table.shape}; it must be {self.winches.shape}: largest "
-                "tension, rewinding speed and restitution of every string"
-            )
-        for string, (most, rewind, bounces) in zip(self.tree.strings, table, strict=True):
-            if not (most > 0.0 and 0.0 <= rewind < np.inf and 0.0 <= bounces <= 1.0):
-                raise StateError(
-                    f"winch of {string.name}: found a largest tension of {most:g} N, rewinding at "
-                    f"{rewind:g} m/s and a restitution of {bounces:g}; they must be above 0, at "
-                    "least 0 and finite, and 0 to 1"
-                )
-        return dataclasses.replace(self, winches=table)
+    def with_winches(self, winches: Array) -> Self:
+        """The same puppet on other winches (n_strings, 3); see :attr:`winches`.
 
-    def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Model:
+        Raises:
+            StateError: numbers that no winch can have.
+        """
+        return self._changed(winches=checked_winches(self.tree, winches))
+
+    def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Self:
         """The same puppet among other obstacles."""
-        puppet = self.puppet.model_copy(update={"obstacles": tuple(obstacles)})
-        return dataclasses.replace(self, puppet=puppet)
+        return self._changed(puppet=self.puppet.model_copy(update={"obstacles": tuple(obstacles)}))
 
     # -- its parts ---------------------------------------------------------------------------
 
@@ -143,15 +151,29 @@ class Model:
         return self.tree.coordinates
 
     @property
+    def equations(self) -> Equations:
+        """The symbolic equations and the CasADi functions made from them."""
+        return self.libraries.equations
+
+    @property
     def library(self) -> Library:
-        """The compiled model."""
-        return self.compiled.library
+        """The compiled functions of ``docs/functions.md``, by their names there."""
+        return self.libraries.library
+
+    def compile(self) -> None:
+        """Loads the compiled functions, or makes them, before anything needs them.
+
+        Raises:
+            BuildError: no compiler, or it failed.
+            PuppetError: the mass matrix is singular.
+        """
+        _ = self.library
 
     @cached_property
     def _touching(self) -> tuple[Contacts, Contacts] | None:
         if self.puppet.touching is None:
             return None
-        found = self.puppet.expanded(), self.tree, self.library, self.compiled.solids
+        found = self.puppet.expanded(), self.tree, self.library, self.libraries.solids
         return contacts_of(*found)
 
     @property
@@ -303,22 +325,77 @@ class Model:
         tree = self.tree
         return States.of(states, self.coordinates, len(tree.strings), tree.n_rows)
 
+    # -- functions of a state --------------------------------------------------------------------
 
-def _winches(tree: Tree, p: Array) -> Array:
-    """(n_strings, 3) largest tension [N], rewinding speed [m/s], restitution, as the file says."""
-    values = dict(zip(tree.parameters, p.tolist(), strict=True))
-    defaults = {"max_tension": np.inf, "rewind_speed": 0.0}
+    def interpreted(self, name: str, x: State) -> SimpleNamespace:
+        """The results of a function of ``docs/functions.md`` by name, as matrices.
 
-    def number(value: Number) -> float:
-        return float(values[value.parameter] if isinstance(value, Parameter) else value)
+        By CasADi's interpreter: no compiler is needed.
+        """
+        self.check_state(x)
+        values = {**vars(x), "p": self.p}
+        arguments = {a.name: values[a.name] for a in FUNCTIONS[name].arguments}
+        results = self.equations[name](**arguments)
+        return SimpleNamespace(**{result: np.array(value) for result, value in results.items()})
 
-    table = np.zeros((len(tree.strings), len(WINCH_AT)))
-    for row, string in zip(table, tree.strings, strict=True):
-        given = [(name, getattr(string, name)) for name in WINCH_AT]
-        row[:] = [defaults[name] if x is None else number(x) for name, x in given]
-    return table
+    def poses(self, q_D: Array, q_K: Array) -> Array:
+        """World poses (R | r) of all links at (..., n_qD), (..., n_qK): (..., n_links, 3, 4)."""
+        flat = self.library.evaluate("poses", q_D=q_D, q_K=q_K, p=self.p).poses.swapaxes(-1, -2)
+        return np.swapaxes(flat.reshape(*flat.shape[:-1], 4, 3), -1, -2)
+
+    def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
+        """World positions of every string's points: per string (..., n_points, 3) [m]."""
+        counts = [len(s.points) for s in self.tree.strings]
+        points = self.library.evaluate("points", q_D=q_D, q_K=q_K, p=self.p).points
+        return np.split(points.swapaxes(-1, -2), np.cumsum(counts)[:-1], axis=-2) if counts else []
+
+    def effort(
+        self,
+        q_D: Array,
+        v_D: Array,
+        q_K: Array,
+        v_K: Array,
+        acc_D: Array,
+        acc_K: Array,
+        tension: Array,
+    ) -> Array:
+        """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
+
+        How heavy the control is in the hand, (..., n_vK) [N or N m]. The arguments are (..., n)
+        each, ``tension`` (..., n_strings), or (..., n_rows) as of :meth:`forward_dynamics`: limits
+        do not pull on driven coordinates.
+        """
+        return self.library.evaluate(
+            "effort",
+            q_D=q_D,
+            v_D=v_D,
+            q_K=q_K,
+            v_K=v_K,
+            acc_D=acc_D,
+            acc_K=acc_K,
+            lam=-np.asarray(tension)[..., : len(self.tree.strings)],
+            p=self.p,
+        ).f_K
+
+    def energies(self, x: State) -> tuple[float, float]:
+        """(T, V): kinetic and potential energy, compiled [J]."""
+        self.check_state(x)
+        results = self.library.evaluate("energy", **self.at(x))
+        return float(results.T), float(results.V)
+
+    def link_index(self, body: str) -> int:
+        """Index of a body among the links.
+
+        Raises:
+            UnknownNameError: there is no such body.
+        """
+        names = [link.name for link in self.tree.links]
+        if body not in names:
+            raise UnknownNameError("body", body, names)
+        return names.index(body)
 
 
-def _unpacked(portable: PortablePuppet, p: Array, winches: Array) -> Model:
-    made = Model.of(portable.puppet())
-    return dataclasses.replace(made, p=np.array(p, dtype=float), winches=winches)
+def _unpacked(
+    kind: type[CompiledPuppet], portable: PortablePuppet, p: Array, winches: Array
+) -> CompiledPuppet:
+    return kind(portable.puppet())._changed(p=np.array(p, dtype=float), winches=winches)

@@ -1,0 +1,23 @@
+"""Bounds of every run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Bounds of a run, and sizes that a puppet's forces and lengths are measured with."""
+
+    least_gravity: float = 1.0
+    """Stands in for a smaller gravity [m/s^2], so that forces have a size without one."""
+    least_share: float = 1e-6  # Part of the largest share from which a row is named as contributing
+    first_step: float = 1e-4
+    """First step of the event-driven integrator [s]; it adapts within a few steps."""
+    recovery_speed: float = 1.0
+    """Fastest that time-stepping takes back a violation [m/s], so that no string kicks."""
+    max_steps: int = 50_000_000
+    max_events: int = 1_000_000
+
+
+LIMITS = Limits()
