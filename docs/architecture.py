@@ -292,6 +292,14 @@ TASKS = (
         ),
     ),
     Task(
+        "a kind of file that users write",
+        (
+            ("its model, a `Document`", ("stand/stand_file.py",)),
+            ("the key that tells its kind", ("base/documents/document.py",)),
+            ("its JSON Schema", ("app/cli/app.py",)),
+        ),
+    ),
+    Task(
         "a command",
         (
             ("declare it and its help; import the module inside the function", ("app/cli/app.py",)),

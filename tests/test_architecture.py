@@ -57,6 +57,7 @@ MOST_LINES = 450
 
 KINDS = {
     "app.pages.loop.PageLoop": "a thread of a page, which starts and ends it",
+    "base.documents.document.Document": "a file that users write",
     "base.documents.located.Located": "a file with the lines of its keys",
     "base.documents.values.Model": "a part of a file, by pydantic",
     "base.errors.FantocciniError": "an error",

@@ -162,8 +162,12 @@ def _csv(table: CoordinateTable, path: Path) -> Waypoints:
     return _samples(table, *csv_columns(path))
 
 
-def csv_columns(path: Path) -> tuple[dict[str, Array], Located]:
+def csv_columns(path: Path, *, gaps: bool = False) -> tuple[dict[str, Array], Located]:
     """The columns of a CSV file by their names, and the lines of the samples.
+
+    Args:
+        path: of the file.
+        gaps: whether cells may be empty, which are NaN then.
 
     Raises:
         InputError: with every mistake found.
@@ -189,7 +193,7 @@ def csv_columns(path: Path) -> tuple[dict[str, Array], Located]:
             if not header:
                 header = [cell.strip() for cell in cells]
                 continue
-            numbers.extend(_numbers(header, cells, len(lines), findings))
+            numbers.extend(_numbers(header, cells, len(lines), findings, gaps))
             lines.append(reader.line_num)
     except StateError as error:
         raise _file_error(path, str(error), reader.line_num) from None
@@ -246,7 +250,7 @@ def _with_point(cell: str) -> str:
     return cell.replace(",", ".") if _DECIMAL.fullmatch(cell) else cell
 
 
-def wrong_count(found: int, needed: int) -> str:
+def _wrong_count(found: int, needed: int) -> str:
     """Error message for a row whose number of columns differs from the header's."""
     text = f"found {found} columns; the header has {needed}"
     if found > needed:
@@ -254,18 +258,23 @@ def wrong_count(found: int, needed: int) -> str:
     return text
 
 
-def _numbers(header: list[str], cells: list[str], sample: int, findings: Findings) -> list[float]:
+def _numbers(
+    header: list[str], cells: list[str], sample: int, findings: Findings, gaps: bool
+) -> list[float]:
     if len(cells) != len(header):
-        findings.add(("", sample), wrong_count(len(cells), len(header)))
+        findings.add(("", sample), _wrong_count(len(cells), len(header)))
         return []
+    if gaps:
+        cells = [cell if cell.strip() else "nan" for cell in cells]
     try:
         return [float(cell) for cell in cells]
     except ValueError:
+        needed = "a number, or nothing in a gap" if gaps else "a number"
         for name, cell in zip(header, cells, strict=True):
             try:
                 float(cell)
             except ValueError:
-                findings.add((name, sample), f"found {shown(cell)}; needed: a number")
+                findings.add((name, sample), f"found {shown(cell)}; needed: {needed}")
         return []
 
 

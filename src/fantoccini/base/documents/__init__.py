@@ -15,6 +15,7 @@ from fantoccini.base.documents.located import (
     Located,
     Origin,
     Words,
+    data_path,
     findings,
     has_key,
     key_path,
@@ -24,6 +25,7 @@ from fantoccini.base.documents.located import (
     shown,
     validate,
 )
+from fantoccini.base.documents.partial import UNCLEAR, valid_parts
 from fantoccini.base.documents.references import unknown_names
 from fantoccini.base.documents.refusals import Refusals
 from fantoccini.base.documents.sized_values import SIZED, Place, Size, Sized, Value
@@ -57,6 +59,7 @@ from fantoccini.base.documents.values import (
     unit,
     value_of,
 )
+from fantoccini.base.documents.yaml_edit import with_numbers, yaml_of
 from fantoccini.base.documents.yaml_text import Path
 
 __all__ = [
@@ -64,6 +67,7 @@ __all__ = [
     "LIMITS",
     "NAME",
     "SIZED",
+    "UNCLEAR",
     "Angle",
     "Axes",
     "Direction",
@@ -91,6 +95,7 @@ __all__ = [
     "Value",
     "Vector",
     "Words",
+    "data_path",
     "described_schema",
     "document_schema",
     "entries",
@@ -114,6 +119,9 @@ __all__ = [
     "sized",
     "unit",
     "unknown_names",
+    "valid_parts",
     "validate",
     "value_of",
+    "with_numbers",
+    "yaml_of",
 ]

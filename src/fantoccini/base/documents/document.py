@@ -37,7 +37,8 @@ from collections.abc import Collection, Iterable
 from pathlib import Path as FilePath
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
-from pydantic import PrivateAttr
+from pydantic import GetCoreSchemaHandler, PrivateAttr, ValidationError
+from pydantic_core import core_schema
 
 from fantoccini.base import FileError, Mistake, nearest
 from fantoccini.base.documents.json_schema import described_schema
@@ -46,9 +47,9 @@ from fantoccini.base.documents.located import (
     Finding,
     Located,
     Words,
+    findings,
     read_file,
     read_located,
-    validate,
 )
 from fantoccini.base.documents.values import Model
 
@@ -117,14 +118,34 @@ class Document(Model):
 
     _located: Located = PrivateAttr(default_factory=Located)
 
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        # A wrap validator of this class would be inside the validators of subclasses.
+        return core_schema.with_info_wrap_validator_function(cls._all_mistakes, handler(source))
+
+    @classmethod
+    def _all_mistakes(cls, data: Any, handler: Any, info: core_schema.ValidationInfo) -> Any:
+        """The document; every mistake in an error of its kind, in Python as in files."""
+        located = info.context if isinstance(info.context, Located) else Located()
+        try:
+            made = handler(data)
+        except ValidationError as error:
+            found = findings(cls, data, error, cls.kind.words)
+            raise located.error(found, cls.kind.error) from None
+        if located.mistakes:
+            raise located.error((), cls.kind.error)
+        return made
+
     @property
     def located(self) -> Located:
         """File, folder, and line of every key."""
         return self._located
 
-    def refuse(self, findings: Iterable[Finding]) -> None:
+    def refuse(self, found: Iterable[Finding]) -> None:
         """Raises the error of this kind of file with these mistakes, if there are any."""
-        if mistakes := tuple(findings):
+        if mistakes := tuple(found):
             raise self._located.error(mistakes, self.kind.error)
 
     def model_post_init(self, context: Any, /) -> None:
@@ -184,5 +205,4 @@ def _validated(located: Located, kinds: tuple[type[DocumentT], ...]) -> Document
     if model is None and other is not None:
         text = f"this is a {other} file; {kinds[0].kind.needs}"
         raise located.error([((), text)], kinds[0].kind.error)
-    model = model or kinds[0]
-    return validate(model, located, model.kind.error, model.kind.words)
+    return (model or kinds[0]).model_validate(located.data, context=located)
