@@ -1,17 +1,23 @@
-"""The theatre has one language: one kind of cue, one table of verbs."""
+"""The theatre has one language: one kind of cue, one table of verbs, one timeline."""
 
 from __future__ import annotations
 
+import ast
+import dataclasses
 import importlib
 import pkgutil
 from collections.abc import Iterator
+from pathlib import Path
 from typing import get_args
 
 import pytest
 
 from fantoccini import theatre
 from fantoccini.base.documents import Model
-from fantoccini.theatre.script import HOW, VERBS, CueFile, PlayFile, ScoreFile, said
+from fantoccini.theatre.cast import Placed, Wishes
+from fantoccini.theatre.plays.placing import Placement
+from fantoccini.theatre.plays.rounds import Known, Round
+from fantoccini.theatre.script import HOW, VERBS, CueFile, PlayFile, ScoreFile, Timeline, said
 
 
 def models() -> Iterator[type[Model]]:
@@ -63,3 +69,54 @@ def test_what_a_verb_names_are_keys_of_its_cues(key: str):
     verb = VERBS[key]
     assert {*verb.names} <= {*verb.cue.model_fields}
     assert verb.cue.verb == key and said(key) not in HOW
+
+
+def sources() -> Iterator[tuple[str, ast.Module]]:
+    """Every file of the theatre, with its path there."""
+    root = Path(theatre.__path__[0])
+    for path in sorted(root.rglob("*.py")):
+        yield path.relative_to(root).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def calls(tree: ast.AST, name: str) -> list[ast.Call]:
+    return [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and (getattr(node.func, "id", "") == name or getattr(node.func, "attr", "") == name)
+    ]
+
+
+def test_scores_and_plays_have_one_reader():
+    """Nothing else validates their files."""
+    readers = {
+        name
+        for name, tree in sources()
+        for call in calls(tree, "validate")
+        if {"kind", "ScoreFile", "PlayFile"} & {getattr(arg, "id", "") for arg in call.args}
+    }
+    assert readers == {"script/reading.py"}
+
+
+def test_there_is_one_timeline_and_one_order_of_placing():
+    timelines = {name for name, tree in sources() if calls(tree, "Timeline")}
+    assert timelines == {"script/timeline.py"}
+    orders = {name for name, tree in sources() if calls(tree, "TopologicalSorter")}
+    assert orders <= {"script/times.py"}
+    placed = {name for name, tree in sources() if calls(tree, "heappop")}
+    assert {name for name in placed if not name.startswith("ways/")} == {"script/timeline.py"}
+
+
+def test_lines_are_led_to_motions_in_one_place():
+    """How long the way to a motion takes decides when it begins: `Line.wait`, and free lanes."""
+    led = {name for name, tree in sources() if calls(tree, "lead_time")}
+    assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
+        "cast/actors.py",
+        "gestures/joining.py",
+        "gestures/placing.py",
+    }
+
+
+def test_what_rounds_know_and_what_is_placed_is_not_changed():
+    for kind in (Known, Placed, Placement, Round, Timeline, Wishes):
+        assert dataclasses.fields(kind) and kind.__dataclass_params__.frozen, kind

@@ -1,6 +1,6 @@
 """The cast of a play: its file, its players and companies, props and cues."""
 
-from fantoccini.theatre.cast import props
+from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.cast.actors import Actor, CannotBe, Wishes
 from fantoccini.theatre.cast.casting import Cast, Player, read_cast
 from fantoccini.theatre.cast.clips import Clip, is_clip, read_clip
@@ -27,7 +27,7 @@ from fantoccini.theatre.cast.cues import Part, Placed, Turn, lane_name, play_tim
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
 from fantoccini.theatre.cast.kept import Kept, OutOfTime, digest
-from fantoccini.theatre.cast.props import (
+from fantoccini.theatre.cast.prop_gestures import (
     BODY,
     CARRIED,
     SIDES,
@@ -39,9 +39,9 @@ from fantoccini.theatre.cast.props import (
     sign_of,
     summed,
 )
+from fantoccini.theatre.cast.props import PlayProp, PropState, top_of
 from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
-from fantoccini.theatre.cast.things import PropState, Thing, top_of
 
 __all__ = [
     "BODY",
@@ -66,12 +66,12 @@ __all__ = [
     "Part",
     "Placed",
     "Places",
+    "PlayProp",
     "Player",
     "PropState",
     "Span",
     "Staged",
     "Stop",
-    "Thing",
     "Turn",
     "Way",
     "Waypoints",
@@ -88,7 +88,7 @@ __all__ = [
     "of_member",
     "of_stage",
     "play_timeline",
-    "props",
+    "prop_gestures",
     "read_cast",
     "read_clip",
     "said_in_act",

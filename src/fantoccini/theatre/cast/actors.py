@@ -123,7 +123,7 @@ class Actor:
 
 @dataclass(frozen=True)
 class Wishes:
-    """What rounds of compiling have found out about cues.
+    """Results of earlier rounds of compiling about cues.
 
     Attributes:
         earlier: (cue, player) -> by how much its hands begin earlier, as limbs lag [s].

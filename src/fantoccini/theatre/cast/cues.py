@@ -36,7 +36,7 @@ _OF_PLAYER = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.
 
 @dataclass(frozen=True)
 class Part:
-    """What one player does in a cue.
+    """The part of one player in a cue.
 
     Attributes:
         who: the player.
@@ -80,12 +80,12 @@ class Turn:
 
     @property
     def spot(self) -> Spot:
-        """Where it is written."""
+        """Keys that lead to it."""
         return self.cue.spot
 
     @property
     def given(self) -> PlayCue:
-        """What is written."""
+        """The cue as it is written."""
         return self.cue.given
 
     @property
@@ -114,12 +114,12 @@ class Placed:
 
     @property
     def spot(self) -> Spot:
-        """Where it is written."""
+        """Keys that lead to it."""
         return self.cue.spot
 
     @property
     def given(self) -> PlayCue:
-        """What is written."""
+        """The cue as it is written."""
         return self.cue.given
 
 

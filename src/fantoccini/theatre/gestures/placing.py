@@ -166,7 +166,7 @@ class _Placing:
         self.played: dict[Spot, Played] = {}
 
     def _begins(self, cue: Cue[ScoreCue]) -> float | None:
-        """When a cue is to begin [s]; None where it follows the one before."""
+        """Time at which a cue is to begin [s]; None where it follows the one before."""
         for spot, _ in cue.times:
             ref: Ref = self._timeline.refs[spot]
             t = _within(self._timeline.time(ref, 0.0, self.moments), spot, self._notes, self._of)

@@ -12,7 +12,16 @@ import numpy as np
 from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, nearest
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.capture import bundled_clip, clip_names
-from fantoccini.theatre.cast import Cast, Clip, Footing, Kept, Player, is_clip, props, read_clip
+from fantoccini.theatre.cast import (
+    Cast,
+    Clip,
+    Footing,
+    Kept,
+    Player,
+    is_clip,
+    prop_gestures,
+    read_clip,
+)
 from fantoccini.theatre.gestures import (
     MADE,
     STEP_TIME,
@@ -153,7 +162,7 @@ class Repertory:
         if key not in self._kept:
             if carries:
                 pose = self.pose(player, carries)
-                made = props.steps_carrying(pose, player.hangs, "", way, step_time)
+                made = prop_gestures.steps_carrying(pose, player.hangs, "", way, step_time)
             else:
                 made = steps(player.ends(), way, step_time)
             self._kept[key] = made
@@ -168,7 +177,7 @@ class Repertory:
         key = (player.alone, "pose", side)
         if key not in self._kept:
             player.ends()
-            self._kept[key] = props.carry(player.alone, "", side=side)
+            self._kept[key] = prop_gestures.carry(player.alone, "", side=side)
         return _or_raise(self._kept[key])
 
     def reason_unable(self, player: Player, given: PlayCue) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from fantoccini.base import StateError
@@ -51,7 +51,7 @@ from fantoccini.theatre.script import (
 PATIENT = 10
 """Rounds in which free cues may still be let wait; later they are refused at once."""
 _WAIT = 0.4
-"""What a free cue waits longer where something touches [s]."""
+"""Extra wait of a free cue where something touches [s]."""
 _SMALLER = (0.75, 0.5)
 """Sizes that are tried where something touches."""
 _MOST_TRIED = 3
@@ -100,18 +100,17 @@ def load_play(
     rounds = [make_round(stage, Known())]
     try:
         with kept.limited(until):
-            for made in _improved(stage, rounds[0], tell):
-                rounds.append(made)
-            found = _touches(stage, rounds[-1], tell)
+            known, found = _improve(stage, rounds, tell)
     except OutOfTime:
         script.notes.change(
             ("acts",),
             f"compiling was stopped after {_rounds(len(rounds))}: cues may be late, too "
             "fast or swing; with more time (`within`) they are mended or refused",
         )
-        return _play(stage, rounds[-1], _touches(stage, rounds[-1], tell), len(rounds))
-    tell("compiled", 1.0)
-    return _play(stage, rounds[-1], found, len(rounds))
+        known, found = rounds[-1].known, _touches(stage, rounds[-1], tell)
+    else:
+        tell("compiled", 1.0)
+    return _play(stage, known, rounds[-1], found, len(rounds))
 
 
 def _share(count: int) -> float:
@@ -119,14 +118,19 @@ def _share(count: int) -> float:
     return 0.9 * (1.0 - 0.8**count)
 
 
-def _improved(stage: Stage, made: Round, tell: Progress) -> Iterator[Round]:
-    """Rounds until no cue moves any more; every one refuses or moves a cue.
+def _improve(stage: Stage, rounds: list[Round], tell: Progress) -> tuple[Known, list[Touch]]:
+    """Adds rounds until no cue moves any more; every one refuses or moves a cue.
+
+    Returns:
+        The results of all rounds, and the touches of the last one.
 
     Raises:
-        OutOfTime: the time is over.
+        OutOfTime: the time is over; all rounds are complete.
     """
-    known, paused, count = made.known, False, 1
+    paused = False
     while True:
+        made = rounds[-1]
+        known = made.known
         known, moved = _first(
             stage, known, made, refuse_fast, refuse_stopped, look, refuse_failures
         )
@@ -140,25 +144,24 @@ def _improved(stage: Stage, made: Round, tell: Progress) -> Iterator[Round]:
                 known, moved = refuse_late(known, made, late)
         if not moved:
             found = _touches(stage, made, tell)
-            known, moved = _mend(stage, known, made, found, patient=count < PATIENT)
+            known, moved = _mend(stage, known, made, found, patient=len(rounds) < PATIENT)
             if not moved:
                 break
         stage.kept.check()
-        count += 1
-        tell("rehearsing", _share(count))
-        made = make_round(stage, known)
-        known = made.known
-        yield made
+        tell("rehearsing", _share(len(rounds) + 1))
+        rounds.append(make_round(stage, known))
     if known.touching and not found:
         known = _try_again(stage, known, tell)
-        tell("rehearsing", _share(count + 1))
-        yield make_round(stage, known)
+        tell("rehearsing", _share(len(rounds) + 1))
+        rounds.append(make_round(stage, known))
+        found = _touches(stage, rounds[-1], tell)
+    return known, found
 
 
 def _first(
     stage: Stage, known: Known, made: Round, *rules: Callable[[Stage, Known, Round], Rule]
 ) -> Rule:
-    """What is known after the first rule by which cues move, or after all of them."""
+    """Results after the first rule by which cues move, or after all of them."""
     for rule in rules:
         known, moved = rule(stage, known, made)
         if moved:
@@ -241,7 +244,7 @@ def _try_again(stage: Stage, known: Known, tell: Progress) -> Known:
 
 
 def _holds(stage: Stage, known: Known, spot: Spot, tell: Progress) -> Rule:
-    """What is known then, and whether a cue can be done beside all others."""
+    """Results of trying a cue beside all others, and whether it can be done."""
     while True:
         made = make_round(stage, known)
         late = lates(stage, made)
@@ -260,7 +263,7 @@ def _holds(stage: Stage, known: Known, spot: Spot, tell: Progress) -> Rule:
 # -- the result ------------------------------------------------------------------------------
 
 
-def _play(stage: Stage, made: Round, found: list[Touch], count: int) -> Play:
+def _play(stage: Stage, known: Known, made: Round, found: list[Touch], count: int) -> Play:
     """The play of a round, with a list of what is not as it was written."""
     script, placement = stage.script, made.placement
     cast, notes, file = script.cast, script.notes, script.cast.file
@@ -299,7 +302,7 @@ def _play(stage: Stage, made: Round, found: list[Touch], count: int) -> Play:
         placement.starts,
         placement.meetings,
         placement.ways,
-        made.known.settled,
+        known.settled,
         count,
         stage.kept,
     )

@@ -19,10 +19,11 @@ from fantoccini.theatre.cast import (
     Cast,
     Footing,
     Meeting,
+    Pair,
     Turn,
     Wishes,
     hanging,
-    props,
+    prop_gestures,
     standing,
     top_of,
 )
@@ -36,6 +37,7 @@ from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.script import (
     END,
     START,
+    VERBS,
     GivesCue,
     Moments,
     PicksUpCue,
@@ -93,7 +95,7 @@ class Handling:
         self.seated: dict[str, Seated] = {}
         self._steps = Approaching(walks, repertory, actors, wishes, self.carries)
         self.where: dict[str, Hangs | Stands] = {}
-        for name, thing in cast.things.items():
+        for name, thing in cast.props.items():
             if thing.held_by:
                 self.where[name] = Hangs(thing.held_by, thing.side, 0.0)
             else:
@@ -166,7 +168,7 @@ class Handling:
         self.check_stands(receiver)
         lift, lifts = (self._cast.file.cast[name].lift for name in turn.who)
         handing = self._made(
-            lambda: props.give(
+            lambda: prop_gestures.give(
                 giver.player.alone,
                 "",
                 "",
@@ -184,7 +186,7 @@ class Handling:
         before = self._steps.apart(there, receiver, here, giver)
         self._steps.come(turn, receiver, before, there, begin, wait, beside=giver)
         giver.rests()
-        soon = receiver.rests() - props.CARRY_TIME
+        soon = receiver.rests() - prop_gestures.CARRY_TIME
         posed = carry_pose(giver, held.side, max(begin, soon), self._repertory)
         start = self._steps.calm(turn, max(receiver.rests(), posed), giver, receiver)
         ends = [
@@ -197,9 +199,7 @@ class Handling:
             hanging(who, side, prop) for who, side in ((turn.who[0], held.side), (given.to, other))
         }
         pairs |= standing(prop, FLOOR)
-        self._met.append(
-            Meeting(start, end, turn.who, (prop,), frozenset(pairs), "given", turn.spot)
-        )
+        self._meet(turn, prop, frozenset(pairs), start, end)
         self.where[prop] = Hangs(given.to, other, end, turn.spot)
         retreat = self._steps.apart(here, giver, receiver.last, receiver)
         self._steps.straight(turn, giver, retreat, end, beside=receiver)
@@ -224,7 +224,7 @@ class Handling:
         since = actor.ways[-1].begin
         end = self._steps.do(turn, actor, sits.down, self._steps.calm(turn, actor.rests(), actor))
         self.seated[who] = Seated(
-            seat, seat in self._cast.things, since, end, turn.spot, sits.up, before
+            seat, seat in self._cast.props, since, end, turn.spot, sits.up, before
         )
 
     def _stands_up(self, turn: Turn, given: StandsUpFromCue, begin: float) -> None:
@@ -256,7 +256,7 @@ class Handling:
         end = self._steps.do(turn, actor, puts.gesture, start)
         self._close(prop, held, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
-        self._met.append(Meeting(start, end, (who,), (prop,), pairs, "put", turn.spot))
+        self._meet(turn, prop, pairs, start, end)
         z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
         self.where[prop] = Stands(Footing(z.real, z.imag, there.heading), top, onto)
         self._steps.straight(turn, actor, before, end, step=_AT_TABLE)
@@ -266,7 +266,7 @@ class Handling:
         actor, one, side = self._actors[who], self.where[prop], "right"
         if isinstance(one, Hangs):
             raise CannotBe(f"{one.player} holds {prop}")
-        if self._cast.things[prop].handle is None:
+        if self._cast.props[prop].handle is None:
             raise CannotBe(f"{prop} has no handle")
         if self._on(actor, side) is not None:
             side = _OTHER[side]
@@ -283,7 +283,7 @@ class Handling:
         start = self._steps.calm(turn, actor.rests(), actor)
         end = self._steps.do(turn, actor, puts.gesture, start)
         pairs = standing(prop, one.on) | {hanging(who, side, prop)}
-        self._met.append(Meeting(start, end, (who,), (prop,), pairs, "picked", turn.spot))
+        self._meet(turn, prop, pairs, start, end)
         self.where[prop] = Hangs(who, side, end, turn.spot)
         self._steps.straight(turn, actor, before, end, step=_AT_TABLE)
 
@@ -347,10 +347,10 @@ class Handling:
 
     def _would_hang(self, actor: Actor, prop: str, side: str) -> float:
         """Height of a prop's bottom that a player carries on a forearm [m]."""
-        handle = self._cast.things[prop].handle
+        handle = self._cast.props[prop].handle
         assert handle is not None
         lift = self._cast.file.cast[actor.player.name].lift
-        return props.handle_place(side, raised=lift)[2] + putting.HIGHER - handle
+        return prop_gestures.handle_place(side, raised=lift)[2] + putting.HIGHER - handle
 
     def carries(self, who: str) -> str:
         """The forearm on which something hangs that a player carries; "" where nothing does."""
@@ -365,14 +365,14 @@ class Handling:
 
     def _hangs_at(self, turn: Turn, actor: Actor, prop: str, held: Hangs) -> float:
         seen = self._wishes.hangs.get(turn.spot)
-        handle = self._cast.things[prop].handle
+        handle = self._cast.props[prop].handle
         assert handle is not None
         return seen[1] - handle if seen else self._would_hang(actor, prop, held.side)
 
     def _seat(self, name: str, actor: Actor, turn: Turn) -> tuple[complex, float, float]:
         """Middle of a seat [m], the direction in which one sits [rad], and its height [m]."""
         if name in self.where:
-            one, seat = self.where[name], self._cast.things[name].seat
+            one, seat = self.where[name], self._cast.props[name].seat
             if isinstance(one, Hangs):
                 raise CannotBe(f"{one.player} holds {name}")
             if seat is None:
@@ -396,6 +396,14 @@ class Handling:
         return min(found, key=lambda one: abs(one.place - actor.last.place))
 
     # -- who meets ---------------------------------------------------------------------------
+
+    def _meet(
+        self, turn: Turn, prop: str, pairs: frozenset[Pair], start: float, end: float
+    ) -> None:
+        """Notes that the players of a cue and a prop may touch for a while [s]."""
+        kind = VERBS[turn.given.verb].meets
+        assert kind is not None
+        self._met.append(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
 
     def _close(self, prop: str, held: Hangs, until: float) -> None:
         if until > held.since:

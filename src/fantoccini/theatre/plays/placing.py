@@ -317,7 +317,7 @@ class _Placing:
         note(turn, actor, 0, gesture, starts, marks, way.end)
 
     def _turns_under(self, actor: Actor, way: Way) -> float | None:
-        """When the gestures end that go on while a way turns; None where there are none [s]."""
+        """End of the gestures that go on while a way turns [s]; None where there are none."""
         ends = []
         for _, start, end, _ in actor.played:
             since, until = max(start, way.begin), min(end, way.end)
@@ -345,7 +345,7 @@ class _Placing:
     # -- what is done ------------------------------------------------------------------------
 
     def _gesture(self, turn: Turn, actor: Actor, t: float) -> Gesture:
-        """What a player does that begins at a time [s]."""
+        """Gesture of a player from a time on [s]."""
         given, player, stands = turn.given, actor.player, actor.stands(t)
         try:
             if isinstance(given, DoesCue):

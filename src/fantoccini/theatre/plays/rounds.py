@@ -34,9 +34,12 @@ from fantoccini.theatre.plays.reading import Script
 from fantoccini.theatre.plays.runs import Runs, excerpt, runs_of
 from fantoccini.theatre.plays.settling import PAUSE, pause
 from fantoccini.theatre.plays.walks import Walks
-from fantoccini.theatre.script import LATE, PlayCue, Spot, walks
+from fantoccini.theatre.script import LATE, VERBS, PlayCue, Spot, walks
 
 T = TypeVar("T")
+
+_LOCATED = {verb.meets: verb.located for verb in VERBS.values()}
+"""Kind of meeting -> what of a prop is measured before it."""
 
 _ENOUGH = 0.25 * IN_TIME
 """Lateness that is not mended [s]."""
@@ -60,7 +63,7 @@ _MOST_EARLY = 0.6
 
 @dataclass(frozen=True)
 class Known:
-    """What rounds have found out.
+    """Results of the rounds so far.
 
     Attributes:
         wishes: about cues.
@@ -95,7 +98,7 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What all rounds of a play share.
+    """A play, as all of its rounds share it.
 
     Attributes:
         script: the play; its cast is settled.
@@ -139,7 +142,7 @@ class Round:
 
 
 Rule = tuple[Known, bool]
-"""What is known after a rule, and whether cues move by it."""
+"""Results after a rule, and whether cues move by it."""
 
 
 def make_round(stage: Stage, known: Known) -> Round:
@@ -221,14 +224,14 @@ def look(stage: Stage, known: Known, made: Round) -> Rule:
     """Sees where props are that are handled, and takes out swing."""
     known, changed = _calm(stage, known, made)
     for meeting in made.placement.meetings:
-        spot = meeting.cue
-        if spot is None or meeting.kind == "hangs" or not meeting.props:
+        spot, located = meeting.cue, _LOCATED.get(meeting.kind)
+        if spot is None or not located or not meeting.props:
             continue
         (prop,) = meeting.props
         if known.looked.get(spot, 0) >= _LOOKS:
             continue
         wishes, cast = known.wishes, stage.script.cast
-        if meeting.kind in ("picked", "sits"):
+        if located == "place":
             there = stands_seen(cast, made.runs, prop, meeting.begin)
             moved = _elsewhere(wishes.stands.get(spot), there)
             wishes = wishes.setting("stands", spot, there)
@@ -242,14 +245,14 @@ def look(stage: Stage, known: Known, made: Round) -> Rule:
 
 
 def _elsewhere(before: Footing | None, there: Footing | None) -> bool:
-    """Whether a prop stands elsewhere than was thought."""
+    """True if a prop stands elsewhere than was thought."""
     if before is None or there is None:
         return before is not there
     return abs(there.place - before.place) > _SEEN
 
 
 def _otherwise(before: tuple[float, float] | None, seen: tuple[float, float] | None) -> bool:
-    """Whether a prop hangs otherwise than was thought."""
+    """True if a prop hangs otherwise than was thought."""
     if before is None or seen is None:
         return before is not seen
     return not np.allclose(seen, before, rtol=0.0, atol=_SEEN)
@@ -314,7 +317,7 @@ def most_pause(given: PlayCue, beat: float) -> float:
 
 
 def _alone(placement: Placement, part: Part) -> tuple[float, Motion] | None:
-    """When a part may begin, and its motion from then on; None where others go on meanwhile."""
+    """Earliest start of a part [s], and its motion from then on; None where others go on."""
     mine = [
         one
         for cue in placement.cues
@@ -331,7 +334,7 @@ def _alone(placement: Placement, part: Part) -> tuple[float, Motion] | None:
 
 
 def lates(stage: Stage, made: Round) -> dict[tuple[Spot, str], float]:
-    """Cue and player -> how late its limb is on the mark of `on` [s]."""
+    """Cue and player -> lateness of its limb on the mark of `on` [s]."""
     return {
         (cue.spot, name): late
         for name, run in made.runs.players.items()
@@ -366,7 +369,7 @@ def refuse_late(known: Known, made: Round, late: Mapping[tuple[Spot, str], float
 
 
 def _late(stage: Stage, name: str, run: Trajectory, made: Round) -> list[tuple[float, Placed]]:
-    """How late a player's limbs are on the marks of `on`."""
+    """Lateness of a player's limbs on the marks of `on` [s], with the cues."""
     timed: dict[int, Placed] = {}
     played = []
     for cue in made.placement.cues:
@@ -432,6 +435,6 @@ def _or(otherwise: T, job: Callable[[], T]) -> T:
 
 
 def _of_hands(cue: Placed, name: str) -> float:
-    """How late a player's hands are on the mark of `on` [s]."""
+    """Lateness of a player's hands on the mark of `on` [s]."""
     part = next(part for part in cue.parts if part.who == name)
     return part.marks[cue.given.mark] - cue.wanted

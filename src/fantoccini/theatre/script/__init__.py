@@ -1,4 +1,4 @@
-"""What scores and plays say: their files, cues and verbs."""
+"""Language of the stage: files of scores and plays, their cues, verbs and times."""
 
 from fantoccini.theatre.script.cues import (
     CueFile,
@@ -36,7 +36,7 @@ from fantoccini.theatre.script.score_file import ScoreFile, SoundFile
 from fantoccini.theatre.script.timeline import Cue, Moments, Timeline, make_timeline
 from fantoccini.theatre.script.times import Ref, Reference
 from fantoccini.theatre.script.values import DIRECTIONS, END, HOW, START, Spot, Time, metres
-from fantoccini.theatre.script.verbs import ARRIVES, VERBS, Verb, walks
+from fantoccini.theatre.script.verbs import ARRIVES, VERBS, MeetingKind, walks
 
 __all__ = [
     "ARRIVES",
@@ -55,6 +55,7 @@ __all__ = [
     "GivesCue",
     "HoldCue",
     "LooksAtCue",
+    "MeetingKind",
     "Moments",
     "Notes",
     "PhraseCue",
@@ -79,7 +80,6 @@ __all__ = [
     "Time",
     "Timeline",
     "TurnsToCue",
-    "Verb",
     "WalkCue",
     "is_play",
     "is_score",

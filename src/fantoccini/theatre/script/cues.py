@@ -45,7 +45,7 @@ class CueFile(Model):
     moment: ClassVar[tuple[str, ...]] = ()
 
     name: Name | None = None
-    """By which times refer to it; what it does by default."""
+    """Name by which times refer to it; that of its gesture or verb by default."""
 
     @property
     def what(self) -> Any:
@@ -59,7 +59,7 @@ class CueFile(Model):
 
     @property
     def waits_for_go(self) -> bool:
-        """Whether a live show waits for GO before it."""
+        """True if a live show waits for GO before it."""
         return False
 
     @property
@@ -104,7 +104,7 @@ class Styled(MarkedCue):
     faster: Factor = 1.0
     """Factor of its speed."""
     mirrored: bool = False
-    """Whether left and right change places."""
+    """Exchange left and right."""
     repeat: Count = 1
     """Number of repetitions, in a row."""
     lasts: Factor | None = None
@@ -126,7 +126,7 @@ class ScoreCue(CueFile):
     moment: ClassVar[tuple[str, ...]] = ("at",)
 
     at: Time | None = None
-    """When it begins."""
+    """Time at which it begins."""
 
     @property
     def begins(self) -> list[tuple[Spot, Time]]:
@@ -192,23 +192,23 @@ class GestureCue(PlayedCue):
 
 
 class PlayCue(CueFile):
-    """Who does what, where and when. Without a time it follows what the same player does before."""
+    """A cue of players. Without a time it follows what the same player does before."""
 
     moment: ClassVar[tuple[str, ...]] = ("when", "after")
 
     who: Names
     """A player, several, or `all`."""
     when: When | None = None
-    """When it begins: a beat of the act, a time of the play by name, a moment of a cue (`bow.low`),
-    `NAME arrives` or `NAME is done`, with an offset in beats; of several the last."""
+    """Time at which it begins: a beat of the act, a time of the play by name, a moment of a cue
+    (`bow.low`), `NAME arrives` or `NAME is done`, with an offset in beats; of several the last."""
     after: NotNegative = 0.0
     """Beats to wait from then on."""
     may_wait: NotNegative | None = Field(None, alias="may wait")
     """Time by which it may begin later, so that swing has settled or a way is free [beats]."""
     optional: bool = False
-    """Whether it is left out where it cannot be done."""
+    """Leave it out where it cannot be done."""
     go: bool = False
-    """Whether a live show waits for GO before it, once all stand still."""
+    """A live show waits for GO before it, once all stand still."""
     says: Annotated[str, Field(min_length=1)] | None = None
     """A caption for as long as it lasts."""
 
@@ -227,12 +227,12 @@ class PlayCue(CueFile):
 
     @property
     def waits_for_go(self) -> bool:
-        """Whether a live show waits for GO before it."""
+        """True if a live show waits for GO before it."""
         return self.go
 
     @property
     def is_free(self) -> bool:
-        """Whether the play gives it no time."""
+        """True if the play gives it no time."""
         return self.when is None and not self.mark and not self.go
 
     @property
@@ -274,7 +274,7 @@ class WalkCue(TimedCue):
     near: Length = 0.0
     """Distance from its place at which a walk may end [m]."""
     facing: Facing | None = None
-    """Where it looks after a walk; as the mark says by default."""
+    """Direction in which it looks after a walk; as the mark says by default."""
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuses what contradicts itself."""
@@ -374,7 +374,7 @@ class StandsUpFromCue(PropCue):
     verb: ClassVar[str] = "stands_up_from"
 
     stands_up_from: Name = Field(alias="stands up from")
-    """What it sits on."""
+    """The seat."""
 
 
 class PutsDownCue(PropCue):

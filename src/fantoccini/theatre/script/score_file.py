@@ -15,9 +15,9 @@ class CaptionFile(Model):
     """Words for a while."""
 
     at: Time
-    """When they appear."""
+    """Time at which they appear."""
     until: Time
-    """When they go."""
+    """Time at which they go."""
     text: Annotated[str, Field(min_length=1)]
     """The words."""
 
@@ -28,7 +28,7 @@ class WaitFile(Model):
     at: Time
     """When."""
     loop: Time | None = None
-    """From where on it repeats what leads there until then; it stands still by default."""
+    """Start of the part that is repeated until then; it stands still by default."""
 
 
 class SoundFile(Model):
@@ -37,7 +37,7 @@ class SoundFile(Model):
     file: str
     """A sound file in this file's folder."""
     at: Time = 0.0
-    """When it begins."""
+    """Time at which it begins."""
     gain: Annotated[Positive, Field(le=100.0)] = 1.0
     """Factor of its loudness."""
 
@@ -84,4 +84,4 @@ class ScoreFile(Model):
     sound: SoundsFile = ()
     """A sound file, or several with the times at which they begin."""
     duration: Size | None = None
-    """When it ends at the earliest; with the last gesture by default."""
+    """Earliest end; that of the last gesture by default."""

@@ -44,7 +44,7 @@ class Cue(Generic[CueT]):
 
     @property
     def is_named(self) -> bool:
-        """Whether the file gives it a name of its own."""
+        """True if the file gives it a name of its own."""
         return self.given.name is not None
 
     @property
@@ -61,7 +61,7 @@ class Timeline(Generic[CueT]):
         cues: in the file's order.
         acts: (n,) numbers of the first cues of the acts, and of one after the last.
         marks: places of the file's own marks.
-        names: what names in times mean.
+        names: meaning of names in times.
         refs: where a time is written -> a number of beats, or what it refers to.
         gos: place of a cue -> the cue before it in its act that waits for GO.
         beat: duration of a beat [s].

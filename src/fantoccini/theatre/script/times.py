@@ -29,7 +29,7 @@ class Timed(Protocol):
 
     @property
     def spot(self) -> Spot:
-        """Where it is written."""
+        """Keys that lead to it."""
 
     @property
     def name(self) -> str:
@@ -37,7 +37,7 @@ class Timed(Protocol):
 
     @property
     def is_named(self) -> bool:
-        """Whether the file gives it a name of its own."""
+        """True if the file gives it a name of its own."""
 
     @property
     def known(self) -> tuple[str, ...]:
@@ -52,7 +52,7 @@ class Reference:
         spot: where the mark or the cue is written.
         moment: of the cue; "" of a mark.
         offset: [beats].
-        in_act: whether what has happened in an act before counts as at the start of this one.
+        in_act: a time in an earlier act counts as the start of the cue's own act.
     """
 
     spot: Spot
@@ -66,7 +66,7 @@ Ref = float | Reference
 
 
 class Times:
-    """What names mean in the times of a script, or of a phrase of it.
+    """Meaning of names in the times of a script, or of a phrase of it.
 
     Args:
         marks: mark of the file -> where it is written.

@@ -9,6 +9,9 @@ from typing import Literal
 from fantoccini.theatre.script import cues
 from fantoccini.theatre.script.cues import CueFile
 
+MeetingKind = Literal["hangs", "given", "put", "picked", "sits"]
+"""Kind of meeting: a prop hangs on a forearm, is given, put down or picked up, or someone sits."""
+
 
 @dataclass(frozen=True)
 class Verb:
@@ -21,6 +24,9 @@ class Verb:
         names: key -> kind of what is named there: ``place``, ``direction``, ``player``, ``prop``,
             ``seat`` or ``table``.
         marks: of the gesture that is made for it.
+        meets: the kind of meeting in which players and props touch, by which it is verified.
+        located: what of a prop is measured in the run before: the ``place`` where it stands, or the
+            ``handle`` on a forearm.
     """
 
     cue: type[CueFile]
@@ -28,6 +34,8 @@ class Verb:
     called: str = ""
     names: Mapping[str, str] = field(default_factory=dict)
     marks: tuple[str, ...] = ()
+    meets: MeetingKind | None = None
+    located: Literal["", "place", "handle"] = ""
 
 
 ARRIVES = "arrives"
@@ -54,8 +62,10 @@ VERBS: dict[str, Verb] = {
             "give",
             {"gives": "prop", "to": "player"},
             ("offered", "under", "taken", "released"),
+            "given",
+            "handle",
         ),
-        Verb(cues.SitsOnCue, "thing", "sit", {"sits_on": "seat"}, ("down",)),
+        Verb(cues.SitsOnCue, "thing", "sit", {"sits_on": "seat"}, ("down",), "sits", "place"),
         Verb(cues.StandsUpFromCue, "thing", "stand_up", {"stands_up_from": "seat"}, ("up",)),
         Verb(
             cues.PutsDownCue,
@@ -63,13 +73,23 @@ VERBS: dict[str, Verb] = {
             "put_down",
             {"puts_down": "prop", "onto": "table"},
             ("down", "free"),
+            "put",
+            "handle",
         ),
-        Verb(cues.PicksUpCue, "thing", "pick_up", {"picks_up": "prop"}, ("under", "up")),
+        Verb(
+            cues.PicksUpCue,
+            "thing",
+            "pick_up",
+            {"picks_up": "prop"},
+            ("under", "up"),
+            "picked",
+            "place",
+        ),
     )
 }
 """Key of a verb -> the verb."""
 
 
 def walks(given: CueFile) -> bool:
-    """Whether a cue carries the players."""
+    """True if a cue carries the players."""
     return VERBS[given.verb].moves == "player"
