@@ -360,7 +360,7 @@ def test_a_wrong_cell_has_its_line(folder):
     cells[-1] = "lots"
     (folder / "bad.csv").write_text("\n".join([*lines[:4], ",".join(cells)]), encoding="utf-8")
     (folder / "bad.yaml").write_text(TEXT.replace("swing.csv", "bad.csv"), encoding="utf-8")
-    with pytest.raises(FileError, match=r"bad\.csv:5: tip\.z: found 'lots'; needed: a number"):
+    with pytest.raises(FileError, match=r"bad\.csv:5: tip\.z\[3\]: found 'lots'; needed: a number"):
         fan.load_record(folder / "bad.yaml")
 
 

@@ -55,24 +55,8 @@ from fantoccini.base.documents.values import Model
 
 DocumentT = TypeVar("DocumentT", bound="Document")
 
-KEYS = {
-    "bodies": "puppet",
-    "coordinates": "inputs",
-    **{
-        kind: kind
-        for kind in (
-            "scene",
-            "gesture",
-            "score",
-            "play",
-            "problem",
-            "task",
-            "mapping",
-            "stand",
-            "record",
-        )
-    },
-}
+_OWN_NAME = "scene gesture score play problem task mapping stand record"
+KEYS = {"bodies": "puppet", "coordinates": "inputs"} | {k: k for k in _OWN_NAME.split()}
 """Key at the top of a file that tells its kind -> the kind."""
 
 

@@ -64,7 +64,12 @@ def twins(puppet: Any, data: dict[str, Any], located: Located) -> list[Finding]:
     if puppet.mirror is None:
         return found
     token = puppet.mirror.from_
-    for path, text in findings(valid_parts(type(puppet), out, located), out):
+    # Twins of shapes are as valid as the originals, and meshes take long to read.
+    bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in out["bodies"]]
+    shapeless = out | {"bodies": bodies, "obstacles": []}
+    whole = valid_parts(type(puppet), shapeless, located)
+    whole = whole.model_copy(update={"obstacles": puppet.obstacles})
+    for path, text in findings(whole, out):
         section = data.get(str(path[0]), ())
         if path[0] in _MIRRORED and isinstance(path[1], int) and path[1] >= len(section):
             originals = [i for i, item in enumerate(section) if token in item["name"]]
