@@ -161,7 +161,6 @@ class Task:
     steps: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-_CUES = ("theatre/script/cues.py", "theatre/script/unions.py")
 _PLACING = ("theatre/plays/placing.py", "theatre/plays/handling.py")
 
 TASKS = (
@@ -307,7 +306,7 @@ TASKS = (
     Task(
         "a verb of plays",
         (
-            ("its cue, and the cue's place in the union", _CUES),
+            ("its keys, and their messages", ("theatre/script/cues.py",)),
             ("what it needs, moves and is verified by", ("theatre/script/verbs.py",)),
             ("place it: a gesture or a walk, or with props", _PLACING),
             ("its gesture, if it is no bundled one", ("theatre/plays/sitting.py",)),

@@ -49,7 +49,7 @@ from fantoccini.theatre.script import (
 
 T = TypeVar("T")
 
-Known = tuple[
+Saved = tuple[
     list[Meeting], dict[str, Seated], dict[str, Hangs | Stands], dict[tuple[Spot, str], float]
 ]
 """Meetings, who sits, where props are, and when swing is taken out."""
@@ -116,11 +116,11 @@ class Handling:
         found += [one.meeting(who, until, until) for who, one in self.seated.items()]
         return tuple(found)
 
-    def kept(self) -> Known:
+    def kept(self) -> Saved:
         """What is known now, to come back to with :meth:`back`."""
         return list(self._met), dict(self.seated), dict(self.where), dict(self._steps.calmed)
 
-    def back(self, kept: Known) -> None:
+    def back(self, kept: Saved) -> None:
         """Forgets what was added since."""
         self._met, self.seated, self.where, self._steps.calmed = kept
 

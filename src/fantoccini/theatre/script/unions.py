@@ -5,7 +5,7 @@ A cue has exactly one verb, and only the keys of that verb.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic import BeforeValidator, Discriminator, Tag
 from pydantic.json_schema import SkipJsonSchema
@@ -13,25 +13,13 @@ from pydantic.json_schema import SkipJsonSchema
 from fantoccini.base.documents import mistake
 from fantoccini.theatre.script.cues import (
     CueFile,
-    DoesCue,
-    EntersToCue,
-    ExitsToCue,
-    GestureCue,
-    GivesCue,
-    HoldCue,
-    LooksAtCue,
-    PhraseCue,
-    PicksUpCue,
-    PointsAtCue,
-    PutsDownCue,
-    SitsOnCue,
-    StandsUpFromCue,
-    TurnsToCue,
+    PlayCue,
+    ScoreCue,
     VerblessPlayCue,
     VerblessScoreCue,
-    WalksToCue,
     said,
 )
+from fantoccini.theatre.script.verbs import VERBS
 
 _VERBLESS = "<none>"
 """Names no class: hints for unknown keys are then those of the whole union."""
@@ -53,23 +41,34 @@ class _ByVerb:
     """Chooses a cue's class by its verb, and refuses keys of other verbs.
 
     Args:
-        needed: the verbs, in words; all of them by default.
-        none: what a cue without a verb has, in words.
-        cues: the classes.
+        kind: of cues: those of scores, or of plays.
+        verbless: such a cue without a verb.
+        none: phrase for the message on a cue without a verb.
+        needed: the verbs in words; a list of all by default.
     """
 
-    def __init__(self, needed: str, none: str, *cues: type[CueFile]):
-        self._cues = {said(cue.verb): cue for cue in cues}
-        self._keys = {cue: _keys(cue) for cue in cues}
+    def __init__(self, kind: type[CueFile], verbless: type[CueFile], none: str, needed: str = ""):
+        own = [verb.cue for verb in VERBS.values() if issubclass(verb.cue, kind)]
+        self._cues = {said(cue.verb): cue for cue in own}
+        self._keys = {cue: _keys(cue) for cue in own}
         self._needed = needed or ", ".join(f"`{verb}`" for verb in self._cues)
-        self._none = none
+        self._none, self._verbless = none, verbless
+
+    @property
+    def union(self) -> Any:
+        """The union, for a file."""
+        members: list[Any] = [Annotated[cue, Tag(_tag(cue))] for cue in self._keys]
+        hidden: Any = SkipJsonSchema
+        members.append(Annotated[hidden[self._verbless], Tag(_VERBLESS)])
+        either: Any = Union[tuple(members)]  # noqa: UP007
+        return Annotated[either, Discriminator(self.tag), BeforeValidator(self.check)]
 
     def tag(self, data: Any) -> str:
         """The tag of the cue's class."""
         if isinstance(data, CueFile):
-            return tag_of(type(data))
+            return _tag(type(data))
         verbs = self._verbs(data) if isinstance(data, dict) else []
-        return tag_of(self._cues[verbs[0]]) if verbs else _VERBLESS
+        return _tag(self._cues[verbs[0]]) if verbs else _VERBLESS
 
     def check(self, data: Any) -> Any:
         """Refuses several verbs, keys of other verbs, and what a verb needs and does not have."""
@@ -102,55 +101,15 @@ class _ByVerb:
         return [verb for verb in self._cues if verb in given]
 
 
-def tag_of(cue: type[CueFile]) -> str:
+def _tag(cue: type[CueFile]) -> str:
     """The tag by which mistakes of a cue are assigned to its class."""
     return f"<{cue.__name__.lower()}>"
 
 
-_IN_SCORE = _ByVerb(
-    "`gesture`, `phrase` and `hold`", "none of them", GestureCue, PhraseCue, HoldCue
-)
-_IN_PLAY = _ByVerb(
-    "",
-    "no verb",
-    DoesCue,
-    WalksToCue,
-    EntersToCue,
-    ExitsToCue,
-    TurnsToCue,
-    LooksAtCue,
-    PointsAtCue,
-    GivesCue,
-    SitsOnCue,
-    StandsUpFromCue,
-    PutsDownCue,
-    PicksUpCue,
-)
-
-AnyScoreCue = Annotated[
-    Annotated[GestureCue, Tag("<gesturecue>")]
-    | Annotated[PhraseCue, Tag("<phrasecue>")]
-    | Annotated[HoldCue, Tag("<holdcue>")]
-    | Annotated[SkipJsonSchema[VerblessScoreCue], Tag(_VERBLESS)],
-    Discriminator(_IN_SCORE.tag),
-    BeforeValidator(_IN_SCORE.check),
-]
-"""A cue of a score."""
-AnyPlayCue = Annotated[
-    Annotated[DoesCue, Tag("<doescue>")]
-    | Annotated[WalksToCue, Tag("<walkstocue>")]
-    | Annotated[EntersToCue, Tag("<enterstocue>")]
-    | Annotated[ExitsToCue, Tag("<exitstocue>")]
-    | Annotated[TurnsToCue, Tag("<turnstocue>")]
-    | Annotated[LooksAtCue, Tag("<looksatcue>")]
-    | Annotated[PointsAtCue, Tag("<pointsatcue>")]
-    | Annotated[GivesCue, Tag("<givescue>")]
-    | Annotated[SitsOnCue, Tag("<sitsoncue>")]
-    | Annotated[StandsUpFromCue, Tag("<standsupfromcue>")]
-    | Annotated[PutsDownCue, Tag("<putsdowncue>")]
-    | Annotated[PicksUpCue, Tag("<picksupcue>")]
-    | Annotated[SkipJsonSchema[VerblessPlayCue], Tag(_VERBLESS)],
-    Discriminator(_IN_PLAY.tag),
-    BeforeValidator(_IN_PLAY.check),
-]
-"""A cue of a play."""
+if TYPE_CHECKING:
+    AnyScoreCue = ScoreCue
+    AnyPlayCue = PlayCue
+else:
+    _VERBS_OF_SCORES = "`gesture`, `phrase` and `hold`"
+    AnyScoreCue = _ByVerb(ScoreCue, VerblessScoreCue, "none of them", _VERBS_OF_SCORES).union
+    AnyPlayCue = _ByVerb(PlayCue, VerblessPlayCue, "no verb").union
