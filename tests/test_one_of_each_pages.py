@@ -15,7 +15,7 @@ from fantoccini.base import catenary, polynomial, rotation, unit
 from fantoccini.output.html import Page, Table
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
-MARKUP = re.compile(r"</?(html|body|h[1-6]|p|div|span|table|tr|td|th|ul|li|img|svg|style)\b")
+MARKUP = re.compile(r"<(html|body|h[1-6]|p|div|span|table|tr|td|th|ul|li|img|svg|style)\b")
 
 
 def constants(tree: ast.AST) -> Iterator[str]:
@@ -33,8 +33,7 @@ def constants(tree: ast.AST) -> Iterator[str]:
 def test_only_the_builder_writes_markup():
     writers = {
         file.relative_to(SOURCE).as_posix()
-        for room in ("lab", "output", "stand")
-        for file in (SOURCE / room).rglob("*.py")
+        for file in SOURCE.rglob("*.py")
         if any(MARKUP.search(text) for text in constants(ast.parse(file.read_text("utf-8"))))
     }
     assert writers == set()
