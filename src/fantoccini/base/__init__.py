@@ -48,7 +48,7 @@ from fantoccini.base.files import decoded, lines_of, replacing, write_table
 from fantoccini.base.interpolate import Places
 from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_input
 from fantoccini.base.polynomial import N_COEF, shifted
-from fantoccini.base.progress import OnAmount, OnCases, OnStep, progress_bar
+from fantoccini.base.progress import OnProgress, Progress, progress_bar, reporting
 from fantoccini.base.rotation import exp, multiply
 from fantoccini.base.tangent import moved
 
@@ -71,13 +71,12 @@ __all__ = [
     "MediaError",
     "MissingLibraryError",
     "Mistake",
-    "OnAmount",
-    "OnCases",
-    "OnStep",
+    "OnProgress",
     "Outcome",
     "PacketError",
     "PictureError",
     "Places",
+    "Progress",
     "PuppetError",
     "Quaternion",
     "SimulationError",
@@ -110,6 +109,7 @@ __all__ = [
     "polynomial",
     "progress_bar",
     "replacing",
+    "reporting",
     "rotation",
     "shifted",
     "socket_at",

@@ -38,7 +38,7 @@ def plan_file(request: PlanRequest) -> None:
     options = {name: value for name, value in overrides.items() if value is not None}
     objective = None if request.objective is None else request.objective.value
     with Steps(request.quiet) as steps:
-        problem = load_problem(request.file, progress=steps.step, **options)
+        problem = load_problem(request.file, progress=steps.named, **options)
         steps.step("planning")
         found = solve(
             problem,

@@ -19,7 +19,9 @@ import numpy as np
 from fantoccini.base import (
     Array,
     FantocciniError,
+    OnProgress,
     Outcome,
+    Progress,
     StateError,
     Status,
     Times,
@@ -104,7 +106,7 @@ def tune(
     time_limit: float = 600.0,
     seed: int = 0,
     threads: int | None = None,
-    progress: Callable[[float, float], None] | None = None,
+    progress: OnProgress | None = None,
 ) -> Tuned:
     """The numbers of a family of motions for which a cost of the run is least, by random draws.
 
@@ -128,7 +130,7 @@ def tune(
         time_limit: at most, looked at after every generation [s].
         seed: of the random numbers, at least 0; the same seed gives the same draws.
         threads: that simulate; as many as there are processors when not given.
-        progress: called after every generation with the least cost so far and its median.
+        progress: called after every generation; ``best`` is the least cost so far and its median.
 
     Raises:
         ValueError: no numbers, a spread that is not positive, a count that is none, a cost that is
@@ -167,7 +169,7 @@ def tune(
             spread = spreads * np.asarray(search.stds)
             curve.append((trial.least, float(np.median(J))))
             if progress is not None:
-                progress(*curve[-1])
+                progress(Progress(done=generation + 1, total=generations, best=curve[-1]))
             if trial.best is None and generation + 1 >= _PATIENCE:
                 break
             if trial.best is not None and np.all(spread <= narrow * spreads):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
 
 from pydantic import Field, model_validator
 
-from fantoccini.base import FileError
+from fantoccini.base import FileError, OnProgress
 from fantoccini.base.documents import (
     SIZED,
     Model,
@@ -160,7 +159,7 @@ def problem_names() -> tuple[str, ...]:
 
 
 def load_problem(
-    path: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None, **options: Any
+    path: str | os.PathLike[str], *, progress: OnProgress | None = None, **options: Any
 ) -> Problem:
     """Reads a problem file.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, FileError, Mistake, StateError, nearest, rotation
+from fantoccini.base import Array, FileError, Mistake, OnProgress, StateError, nearest, rotation
 from fantoccini.base.documents import (
     Located,
     Refusals,
@@ -56,9 +56,7 @@ def task_names() -> tuple[str, ...]:
     return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
 
 
-def load_task(
-    path: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None
-) -> Task:
+def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = None) -> Task:
     """Reads a task file.
 
     Args:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, FileError, Mistake, StateError, nearest
+from fantoccini.base import Array, FileError, Mistake, OnProgress, StateError, nearest
 from fantoccini.base.documents import Located, Refusals, read_file, shown, validate
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
@@ -26,9 +26,7 @@ _UNITS = {"deg": np.pi / 180.0, "mm": 1e-3}
 _KINDS = {"deg": "rad", "rad": "rad", "mm": "m", "m": "m", "N": "N"}
 
 
-def load_record(
-    path: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None
-) -> Record:
+def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = None) -> Record:
     """Reads a record file and the files that it names.
 
     Args:

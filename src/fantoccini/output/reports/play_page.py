@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fantoccini.base import OnProgress, Progress
 from fantoccini.output.reports import play_tables
 from fantoccini.output.reports.pages import (
     Table,
@@ -26,12 +26,11 @@ from fantoccini.output.view import Stills
 if TYPE_CHECKING:
     from fantoccini.theatre.plays import Verification
 
-Progress = Callable[[float], None]
 """Called with the share that is done."""
 
 
 def play_report(
-    verification: Verification, path: str | os.PathLike[str], progress: Progress | None = None
+    verification: Verification, path: str | os.PathLike[str], progress: OnProgress | None = None
 ) -> Path:
     """Writes the report of a play's verification: one HTML file, pictures included.
 
@@ -51,11 +50,11 @@ def play_report(
         ValueError: the path has another ending.
     """
     path = checked_page(path)
-    write_page(path, _page(verification, progress or (lambda share: None)))
+    write_page(path, _page(verification, progress or (lambda progress: None)))
     return path
 
 
-def _page(verification: Verification, progress: Progress) -> str:
+def _page(verification: Verification, progress: OnProgress) -> str:
     play = verification.play
     name = escape(play.name)
     parts = [
@@ -73,7 +72,7 @@ def _page(verification: Verification, progress: Progress) -> str:
         "a cross is a cue that cannot be done, where it was to begin. A cue is seen where the limb "
         "turns at its mark, if there is such a turn, otherwise where the hands begin.</p>",
     ]
-    progress(0.1)
+    progress(Progress(done=0.1, total=1.0))
     stills = Stills(play, verification.run)
     ends = [*play.acts.values(), play.duration]
     for k, act in enumerate(play.acts):
@@ -83,9 +82,9 @@ def _page(verification: Verification, progress: Progress) -> str:
             png(stills.of_act(act), f"Stills of {act}"),
             play_tables.cue_table(verification, act).html(),
         ]
-        progress(0.1 + 0.7 * (k + 1) / len(play.acts))
+        progress(Progress(done=0.1 + 0.7 * (k + 1) / len(play.acts), total=1.0))
     parts += _measured(verification)
-    progress(1.0)
+    progress(Progress(done=1.0, total=1.0))
     return page(f"{play.name}: verification", parts)
 
 

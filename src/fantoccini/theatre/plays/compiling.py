@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from fantoccini.base import StateError
+from fantoccini.base import OnProgress, Progress, StateError
 from fantoccini.theatre.cast import WITH_PROPS, Cast, Cue, Kept, OutOfTime, Part, said, settled
 from fantoccini.theatre.gestures import END, START, Notes, Spot
 from fantoccini.theatre.plays.handled import failures
@@ -28,14 +28,13 @@ _SMALLER = (0.75, 0.5)
 """Sizes that are tried where something touches."""
 _MOST_TRIED = 3
 """Cues for which smaller sizes are tried."""
-Progress = Callable[[str, float], None]
 """Called with what is being done, and the share that is done."""
 
 
 def load_play(
     path: str | os.PathLike[str],
     *,
-    progress: Progress | None = None,
+    progress: OnProgress | None = None,
     before: Play | None = None,
     within: float | None = None,
 ) -> Play:
@@ -56,8 +55,8 @@ def load_play(
         FileError: with every mistake found and its location.
     """
     until = math.inf if within is None else time.monotonic() + within
-    tell = progress or (lambda what, share: None)
-    tell("casting", 0.0)
+    tell = progress or (lambda progress: None)
+    tell(Progress("casting", 0.0, 1.0))
     script = read_script(path)
     kept = before.kept if before is not None else Kept()
     script.repertory.kept = kept
@@ -74,7 +73,7 @@ def load_play(
 class _Compiler:
     """Compiles one play."""
 
-    def __init__(self, cast: Cast, rounds: Rounds, notes: Notes, kept: Kept, tell: Progress):
+    def __init__(self, cast: Cast, rounds: Rounds, notes: Notes, kept: Kept, tell: OnProgress):
         self._cast, self._rounds, self._notes = cast, rounds, notes
         self._kept, self._tell = kept, tell
         self._touching: list[Cue] = []
@@ -95,13 +94,13 @@ class _Compiler:
             return self._stopped()
         finally:
             self._kept.until = math.inf
-        self._tell("compiled", 1.0)
+        self._tell(Progress("compiled", 1.0, 1.0))
         return self._made(found)
 
     def _next_round(self) -> None:
         """Makes a round, and keeps what it was made from."""
         rounds = self._rounds
-        self._tell("rehearsing", 0.9 * (1.0 - 0.8 ** (self._count + 1)))
+        self._tell(Progress("rehearsing", 0.9 * (1.0 - 0.8 ** (self._count + 1)), 1.0))
         before = rounds.wishes.copied(), dict(rounds.settled)
         self._round, self._before = rounds.made(), before
         self._count += 1
@@ -146,7 +145,7 @@ class _Compiler:
     # -- touches -----------------------------------------------------------------------------
 
     def _touches(self, made: Round) -> list[Touch]:
-        self._tell("looking for what touches", 0.97)
+        self._tell(Progress("looking for what touches", 0.97, 1.0))
         # Only the samples that are measured.
         run = together(self._cast, made.runs, EVERY * SAMPLE)
         return touches(self._cast, run, made.meetings, every=1)
@@ -193,7 +192,7 @@ class _Compiler:
                 sizes = (1.0, *sizes)
             before = rounds.wishes.copied()
             for size in sizes:
-                self._tell("looking for what can be done", 0.95)
+                self._tell(Progress("looking for what can be done", 0.95, 1.0))
                 del rounds.wishes.refused[cue.spot]
                 rounds.wishes.smaller[cue.spot] = size
                 holds = self._holds(cue)
