@@ -188,10 +188,9 @@ def _named_edges(marionette: CompiledPuppet, touches: StepTouches) -> tuple[str,
     of_pair = touches.pair_edges[0]
     return tuple(
         dict.fromkeys(
-            f"{pair_name(marionette.contacts.names[pair])}: {edge.meaning.removeprefix('a point ')}"
+            f"{pair_name(marionette.contacts.names[pair])}: {meaning.removeprefix('a point ')}"
             for pair in np.flatnonzero(of_pair)
-            for edge in StepEdge
-            if of_pair[pair] & edge
+            for meaning in StepEdge.meanings(int(of_pair[pair]))
         )
     )
 

@@ -89,7 +89,7 @@ class StepLinearisations:
 
     def edges_of(self, i: int) -> tuple[str, ...]:
         """What step i is on the edge of; its derivatives are those of the modes taken."""
-        return tuple(edge.meaning for edge in StepEdge if self.edges[i] & edge)
+        return StepEdge.meanings(int(self.edges[i]))
 
     @cached_property
     def A(self) -> Array:
@@ -257,8 +257,7 @@ def linearised(
             threads,
         )
     tension = made.tension
-    upper = np.minimum(marionette.upper, marionette.tension_cap)
-    held = marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
+    held = held_rows(marionette, tension)
     found = marionette.libraries.step_derivatives.find(
         {name: x[name] for name in ("q_D", "v_D", "q_K", "slip")} | {"tension": tension} | along,
         held,
@@ -300,6 +299,12 @@ def linearised(
         _driven=given.driven,
     )
     return Linearised(steps, made, shortened, found.shares)
+
+
+def held_rows(marionette: CompiledPuppet, tension: Array) -> MaskRows:
+    """(..., n_rows) bool, the rows that steps with these tensions (..., n_rows) hold."""
+    upper = np.minimum(marionette.upper, marionette.tension_cap)
+    return marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
 
 
 def _made(
