@@ -279,7 +279,7 @@ TASKS = (
             ("validation of the start state", ("dynamics/compiled/checks.py",)),
             (
                 "checks of its results",
-                ("dynamics/simulation/run.py", "dynamics/simulation/batch.py"),
+                ("dynamics/simulation/soundness.py", "dynamics/simulation/batch_verdicts.py"),
             ),
             ("its name on the command line", ("app/console/options.py",)),
         ),

@@ -33,7 +33,7 @@ acts:
 out = Path("out")
 out.mkdir(exist_ok=True)
 (out / "play.yaml").write_text(PLAY, encoding="utf-8")
-play = fan.load_play(out / "play.yaml", progress=lambda what, share: print(f"{share:4.0%} {what}"))
+play = fan.load_play(out / "play.yaml", progress=lambda at: print(f"{at.share:4.0%} {at.what}"))
 for change in play.changes:
     print(change)
 found = fan.verify_play(play)

@@ -98,3 +98,30 @@ def test_the_classes_that_step_by_held_accelerations():
         and {"duration", "acc_K"} <= {argument.arg for argument in method.args.args}
     }
     assert stepping == {"Stepper", "StepperBatch", "LaneSteppers", "_Engine", "_Runs"}
+
+
+def test_progress_has_one_callback():
+    """Parameters called ``progress`` are of one kind, but for hooks of searches and counters."""
+    kinds = {
+        (path, ast.unparse(argument.annotation or ast.Constant(None)))
+        for path, tree in SOURCES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
+        for argument in (*node.args.args, *node.args.kwonlyargs)
+        if argument.arg == "progress"
+    }
+    others = {
+        (path, kind) for path, kind in kinds if "OnProgress" not in kind and kind != "Progress"
+    }
+    assert {path for path, kind in others if "Iterate" not in kind} == {
+        "stand/sending.py",
+        "stand/streaming.py",
+    }, others
+    declared = {
+        path
+        for path, tree in SOURCES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Assign | ast.AnnAssign)
+        and ast.unparse(node).startswith(("OnProgress", "Progress ="))
+    }
+    assert declared == {"base/progress.py"}

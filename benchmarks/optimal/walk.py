@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.base import Progress
 from fantoccini.control import Draws
 from fantoccini.dynamics.mujoco import mujoco_run
 from fantoccini.theatre.gestures import Gait
@@ -152,6 +153,11 @@ def searched(
 ) -> fan.Tuned:
     """Numbers of a walk of 20 steps, drawn around the first ones by that share of ``SPREADS``."""
     steps, x0, start = 20, stage.rest(), asdict(first)
+
+    def tell(at: Progress) -> None:
+        best, median = at.best
+        print(f"cost {best:.3f}, median {median:.3f}", flush=True)
+
     return fan.tune(
         stage,
         lambda v: replace(first, **v).inputs(stage, steps, x0),
@@ -162,7 +168,7 @@ def searched(
         method=fan.TimeStepping(dt=0.00025),
         save_every=20,
         draws=Draws(runs=60, generations=1000, time_limit=seconds, seed=seed),
-        progress=lambda best, median: print(f"cost {best:.3f}, median {median:.3f}", flush=True),
+        progress=tell,
     )
 
 

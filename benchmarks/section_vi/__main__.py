@@ -45,7 +45,7 @@ def write_page() -> None:
 def write_report(file: str, inputs: Path | None, folder: Path) -> None:
     """Writes the report of one puppet, with plots, and prints its results."""
     puppet = fan.load(puppets.path(file) if file in puppets.names() else file)
-    report = measure(puppet, inputs and fan.Input.load(puppet, inputs), print)
+    report = measure(puppet, inputs and fan.Input.load(puppet, inputs), lambda at: print(at.what))
     folder.mkdir(parents=True, exist_ok=True)
     files = report.write(folder)
     print(*report.verdicts(), "wrote " + ", ".join(map(str, files)), sep="\n")

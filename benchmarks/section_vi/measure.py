@@ -17,7 +17,7 @@ from benchmarks.section_vi.report import SectionReport
 from benchmarks.section_vi.symbolic import symbolic
 
 from fantoccini.base.errors import FantocciniError, StateError
-from fantoccini.base.progress import OnStep
+from fantoccini.base.progress import OnProgress, Progress
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab import validate_reduction
 from fantoccini.motion import Input
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 
 def measure(
-    marionette: Marionette, inputs: Input | None = None, progress: OnStep | None = None
+    marionette: Marionette, inputs: Input | None = None, progress: OnProgress | None = None
 ) -> SectionReport:
     """Sec. VI, tested: does a puppet on driven mechanisms move as the mixed model says?
 
@@ -47,7 +47,7 @@ def measure(
     """
     report_step = progress or (lambda _: None)
     mechanism = Mechanism.of(marionette)
-    report_step("examining the kinetic energy and taut strings")
+    report_step(Progress("examining the kinetic energy and taut strings"))
     reduction = validate_reduction(marionette)
     if inputs is not None and inputs.force is not None:
         raise StateError("found inputs with forces; needed: motions of driven coordinates alone")
@@ -77,13 +77,13 @@ class _Attempts:
         missing: one line per failure.
     """
 
-    def __init__(self, report_step: OnStep):
+    def __init__(self, report_step: OnProgress):
         self.missing: list[str] = []
         self._report_step = report_step
 
     def run(self, what: str, step: str, measure: Callable[[], T]) -> T | None:
         """The result of a measurement, or None."""
-        self._report_step(step)
+        self._report_step(Progress(step))
         try:
             return measure()
         except FantocciniError as error:

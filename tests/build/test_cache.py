@@ -18,7 +18,9 @@ from fantoccini.kernel.build import cache as cache_module
 
 def test_an_entry_holds_the_library_the_info_and_the_sources(cache, key, source):
     told = []
-    entry = build.obtain(key, lambda: source(42, n_operations=3), progress=told.append)
+    entry = build.obtain(
+        key, lambda: source(42, n_operations=3), progress=lambda at: told.append(at.what)
+    )
     assert entry == cache / key[:2] / key
     assert answer(entry) == 42
     assert json.loads((entry / build.INFO).read_text()) == {"n_operations": 3}
@@ -175,7 +177,7 @@ def test_the_wait_for_another_process_ends(key, source, monkeypatch, cache):
     with open(group / f"{key}.lock", "w") as held:
         cache_module.fcntl.flock(held, cache_module.fcntl.LOCK_EX)
         told = []
-        assert answer(build.obtain(key, source, progress=told.append)) == 7
+        assert answer(build.obtain(key, source, progress=lambda at: told.append(at.what))) == 7
     assert told[0].startswith("waiting")
 
 
@@ -238,7 +240,12 @@ def test_a_shared_unit_is_compiled_once_for_several_libraries(cache, damaged):
     def compiled_units(value: int) -> int:
         files, told = {"main.cpp": SHARED.replace("VALUE", str(value))}, []
         source = build.Source(files, "main.cpp", shared_units=("collision/touch_unit",))
-        entry = build.obtain(str(value) * 64, lambda: source, flags=("-O0",), progress=told.append)
+        entry = build.obtain(
+            str(value) * 64,
+            lambda: source,
+            flags=("-O0",),
+            progress=lambda at: told.append(at.what),
+        )
         assert answer(entry) == 10 + value
         assert {file.suffix for file in entry.iterdir()} == {".cpp", ".json", ".so"}
         return sum("touch_unit" in text for text in told)

@@ -218,7 +218,7 @@ def test_more_steps_bring_no_path_astray(marionette, monkeypatch):
 def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     path = clip(tmp_path, "cmu", "wave")
     done = []
-    found = fan.follow_clip(marionette, path, progress=done.append)
+    found = fan.follow_clip(marionette, path, progress=lambda at: done.append(at.share))
     assert found and found.run.t[-1] > found.t[-1]
     assert np.max(np.abs(found.run.v_K)) <= SPEED * (1 + 1e-9)
     assert np.max(np.abs(found.acc_K)) <= ACCELERATION * (1 + 1e-9)

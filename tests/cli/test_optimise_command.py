@@ -130,12 +130,12 @@ def test_a_motion_beyond_its_bounds_is_exit_code_one(tmp_path) -> None:
 def test_ctrl_c_keeps_the_best_motion(task, monkeypatch) -> None:
     begin = Steps.bar
 
-    def interrupted(self, text, total):
-        done = begin(self, text, total)
+    def interrupted(self, text):
+        done = begin(self, text)
 
-        def update(amount):
-            done(amount)
-            if text == "optimising" and amount >= 2.0:
+        def update(at):
+            done(at)
+            if text == "optimising" and at.done >= 2.0:
                 raise KeyboardInterrupt
 
         return update

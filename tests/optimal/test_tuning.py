@@ -195,7 +195,7 @@ def test_what_makes_no_sense_is_refused(trolley):
 
 
 def test_an_interrupted_search_keeps_the_best(trolley):
-    def progress(best: float, median: float) -> None:
+    def progress(at: object) -> None:
         raise KeyboardInterrupt
 
     found = fan.tune(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
+from fantoccini.base import Progress
 from fantoccini.theatre.cast.kept import Kept, OutOfTime
 from fantoccini.theatre.plays import check_play, compiling, runs
 from plays.conftest import Plays
@@ -101,7 +102,7 @@ def test_a_play_that_is_out_of_time_is_that_of_its_last_whole_round(tmp_path, mo
             return simulated(*arguments, progress=progress, **options)
         while True:  # a run that would take for ever
             time.sleep(0.01)
-            progress(0.0)
+            progress(Progress())
 
     monkeypatch.setattr(runs, "simulate", slowly)
     play = fan.load_play(path, within=1.0)

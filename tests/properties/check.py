@@ -124,7 +124,7 @@ def simulated(given: Performance, method: str, dt: float | None = None) -> fan.T
     """The run of a performance; one that takes no end is stopped after a number of steps."""
     pieces = iter(range(MOST_PIECES))
 
-    def count(_: float) -> None:
+    def count(_: object) -> None:
         if next(pieces, None) is None:
             raise KeyboardInterrupt
 

@@ -187,7 +187,7 @@ def ran(given: Crowd) -> fan.Trajectories:
     times = np.linspace(0.0, given.t_end, 9) if isinstance(given.method, fan.Event) else None
     began = time.process_time()
 
-    def watch(_: float) -> None:
+    def watch(_: object) -> None:
         if time.process_time() - began > LIMIT * len(given.starts):
             raise KeyboardInterrupt  # what was reached is kept, with the status STOPPED
 

@@ -374,7 +374,7 @@ def checked(name: str, seed: int) -> Staged:
         return Staged(name, seed, METHOD, "nothing", "DONE", 0, 0, 0.0, 0.0, 0.0, ())
     pieces = iter(range(MOST_PIECES))
 
-    def count(_: float) -> None:
+    def count(_: object) -> None:
         if next(pieces, None) is None:
             raise KeyboardInterrupt
 

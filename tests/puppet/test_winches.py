@@ -10,6 +10,7 @@ from tests.puppet.toys import TEXT
 
 import fantoccini as fan
 from fantoccini.base.errors import PuppetError
+from fantoccini.base.progress import Progress
 from fantoccini.model.puppet import json_schema, loads
 
 pytestmark = pytest.mark.own_puppets
@@ -75,7 +76,7 @@ def test_the_json_schema_has_the_keys() -> None:
 
 def test_a_parameter_changes_a_winch_without_compiling_again() -> None:
     """A bob of 1 kg on a winch that gives way at 5 N falls with g - 5 m/s^2."""
-    told: list[str] = []
+    told: list[Progress] = []
     puppet = fan.loads(WINCH, told.append)
     assert puppet.winches.tolist() == [[5.0, 0.25, 0.0], [5.0, 0.25, 0.0]]
     library = puppet.library

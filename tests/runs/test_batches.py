@@ -168,7 +168,7 @@ def test_results_go_into_arrays_that_are_given():
 
 @pytest.mark.parametrize("method", ["timestepping", "event"])
 def test_ctrl_c_keeps_what_was_reached(method):
-    def interrupt(_: float) -> None:
+    def interrupt(_: object) -> None:
         raise KeyboardInterrupt
 
     inputs = fan.Inputs.random(ARM, n=64, seed=0, t_end=30.0, reach=0.1)
@@ -193,7 +193,7 @@ def test_ctrl_c_keeps_what_was_reached(method):
 
 def test_progress_goes_to_the_end():
     seen: list[float] = []
-    stepped(wandering(64), progress=seen.append)
+    stepped(wandering(64), progress=lambda at: seen.append(at.done))
     assert seen == sorted(seen)
     assert seen[-1] == pytest.approx(END)
 

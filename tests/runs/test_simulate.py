@@ -189,8 +189,8 @@ def test_user_forces_act(arm, hanging):
 
 
 def test_ctrl_c_keeps_what_was_reached(arm, hanging):
-    def stop(t):
-        if t > 0.3:
+    def stop(at):
+        if at.done > 0.3:
             raise KeyboardInterrupt
 
     run = fan.simulate(
@@ -203,7 +203,7 @@ def test_ctrl_c_keeps_what_was_reached(arm, hanging):
 def test_a_progress_function_changes_nothing(arm, hanging):
     for how in ("event", fan.TimeStepping(dt=0.003)):
         one = fan.simulate(arm, hanging, jerk(arm), 1.0, method=how)
-        two = fan.simulate(arm, hanging, jerk(arm), 1.0, method=how, progress=lambda t: None)
+        two = fan.simulate(arm, hanging, jerk(arm), 1.0, method=how, progress=lambda at: None)
         assert np.array_equal(one.t, two.t) and np.array_equal(one.q_D, two.q_D)
 
 

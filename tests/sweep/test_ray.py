@@ -115,8 +115,8 @@ def test_an_interrupt_keeps_what_is_finished(cluster, tmp_path):
     def study(case):
         return {"x": case.rng.random()}
 
-    def interrupt(done, total, failed):
-        if done >= 5:
+    def interrupt(at):
+        if at.done >= 5:
             raise KeyboardInterrupt
 
     asked = {"over": {"k": range(40)}, "on": "ray", "store": tmp_path}

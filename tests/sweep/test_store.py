@@ -68,8 +68,8 @@ def test_a_sweep_that_grew_runs_only_what_is_new(study, tmp_path):
 
 
 def test_an_interrupted_sweep_goes_on(study, tmp_path):
-    def interrupt(done, total, failed):
-        if done == 7:
+    def interrupt(at):
+        if at.done == 7:
             raise KeyboardInterrupt
 
     asked = {"over": {"n": range(20)}, "store": tmp_path / "s", "workers": 2}

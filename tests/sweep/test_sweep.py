@@ -131,9 +131,9 @@ def test_the_table_goes_to_csv(tmp_path):
 def test_progress_is_told_and_may_interrupt():
     told = []
 
-    def progress(done, total, failed):
-        told.append((done, total, failed))
-        if done == 4:
+    def progress(at):
+        told.append((at.done, at.total, at.failed))
+        if at.done == 4:
             signal.raise_signal(signal.SIGINT)
 
     with pytest.raises(fan.SweepStopped, match="of 50 cases; the error carries them") as caught:

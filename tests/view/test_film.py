@@ -25,7 +25,7 @@ def test_frames_duration_and_size(tmp_path, swung, ending):
         tmp_path / f"a.{ending}",
         fps=20,
         size=(239, 180),
-        progress=lambda done, total: seen.append((done, total)),
+        progress=lambda at: seen.append((at.done, at.total)),
     )
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(target))
     assert frames == 20
@@ -72,7 +72,7 @@ def test_a_failing_encoder_is_quoted_and_leaves_nothing(tmp_path, swung, monkeyp
 
 
 def test_a_stopped_film_leaves_nothing(tmp_path, swung):
-    def stop(done, total):
+    def stop(at):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -54,7 +54,9 @@ def verification(tmp_path_factory) -> fan.Verification:
 def text(verification, tmp_path_factory) -> str:
     path = tmp_path_factory.mktemp("report") / "page.html"
     shares = []
-    assert reports.play_report(verification, path, progress=shares.append) == path
+    assert (
+        reports.play_report(verification, path, progress=lambda at: shares.append(at.share)) == path
+    )
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     return path.read_text(encoding="utf-8")

@@ -49,7 +49,7 @@ from fantoccini.base.hanging import catenary
 from fantoccini.base.interpolate import Places
 from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_input
 from fantoccini.base.polynomial import N_COEF, shifted
-from fantoccini.base.progress import OnAmount, OnCases, OnStep, progress_bar
+from fantoccini.base.progress import OnProgress, Progress, progress_bar, reporting
 from fantoccini.base.rotation import exp, multiply
 from fantoccini.base.tangent import moved
 from fantoccini.base.vectors import cross, perpendicular, unit
@@ -73,13 +73,12 @@ __all__ = [
     "MediaError",
     "MissingLibraryError",
     "Mistake",
-    "OnAmount",
-    "OnCases",
-    "OnStep",
+    "OnProgress",
     "Outcome",
     "PacketError",
     "PictureError",
     "Places",
+    "Progress",
     "PuppetError",
     "Quaternion",
     "SimulationError",
@@ -115,6 +114,7 @@ __all__ = [
     "polynomial",
     "progress_bar",
     "replacing",
+    "reporting",
     "riccati",
     "rotation",
     "shifted",

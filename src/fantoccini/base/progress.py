@@ -1,22 +1,48 @@
-"""Progress of long work: the callbacks that report it, and the bar that shows it on a terminal."""
+"""Progress of long work: its one callback, and the bar that shows it on a terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
-OnStep = Callable[[str], None]
-"""Called with a line of text when a step begins ("deriving", "compiling")."""
-OnAmount = Callable[[float], None]
-"""Called with the amount done so far, in the unit of the whole: seconds simulated, or a share."""
-OnCases = Callable[[int, int, int], None]
-"""Called with the number of cases done, the total, and how many of those done have failed."""
+    from rich.progress import Progress as Bar
 
 
-def progress_bar(counted: bool = False, transient: bool = False) -> Progress:
+@dataclass(frozen=True)
+class Progress:
+    """How far long work is; every ``progress`` callback is called with one.
+
+    Attributes:
+        what: what is being done ("deriving", a stage, a candidate); empty where it is one thing.
+        done: amount done so far: seconds simulated, iterations, frames, cases, or a share of 1.
+        total: amount in all; NaN where it is not known.
+        failed: how many of the cases that are done have failed.
+        best: of a search, the best so far: a motion with its cost, or a cost; else None.
+    """
+
+    what: str = ""
+    done: float = 0.0
+    total: float = math.nan
+    failed: int = 0
+    best: Any = None
+
+    @property
+    def share(self) -> float:
+        """Share that is done, 0 to 1; NaN where it is not known."""
+        return self.done / self.total if self.total else 1.0
+
+
+OnProgress = Callable[[Progress], None]
+"""The callback of long work."""
+
+
+def progress_bar(counted: bool = False, transient: bool = False) -> Bar:
     """A bar on stderr with elapsed and remaining time; use it as a context manager.
 
     Args:
@@ -35,3 +61,38 @@ def progress_bar(counted: bool = False, transient: bool = False) -> Progress:
         console=Console(stderr=True, markup=False, highlight=False, emoji=False),
         transient=transient,
     )
+
+
+@contextmanager
+def reporting(
+    title: str, callback: OnProgress | None, *, counted: bool = False, delay: float = 0.0
+) -> Iterator[OnProgress]:
+    """Yields the callback; without one, another that draws a bar if stderr is a terminal.
+
+    Args:
+        title: of the bar.
+        callback: the caller's.
+        counted: show "3/10" instead of a percentage.
+        delay: time without a bar, which then is removed at the end [s].
+    """
+    if callback is not None:
+        yield callback
+        return
+    began = time.monotonic()
+    bar: Bar | None = None
+
+    def show(at: Progress) -> None:
+        nonlocal bar
+        if bar is None and sys.stderr.isatty() and time.monotonic() - began >= delay:
+            bar = progress_bar(counted, transient=delay > 0.0)
+            bar.add_task(title, total=None)
+            bar.start()
+        if bar is not None:
+            text = f"{title}, {at.failed} failed" if at.failed else title
+            bar.update(bar.task_ids[0], completed=at.done, total=at.total, description=text)
+
+    try:
+        yield show
+    finally:
+        if bar is not None:
+            bar.stop()

@@ -35,7 +35,7 @@ def show_demo(folder: Path, quiet: bool) -> None:
     out = [folder / f"{_NAME}{ending}" for ending in (".npz", ".png", ".mp4")]
     check_outputs(out, None)
     with Steps(quiet) as steps:
-        puppet = marionette(_STAGE, steps.step)
+        puppet = marionette(_STAGE, steps.named)
         steps.step("finding the rest pose")
         x0, inputs, duration = walk(puppet)
         run, seconds, trouble = timed(

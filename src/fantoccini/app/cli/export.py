@@ -53,7 +53,7 @@ def export_motion(
     from fantoccini.app.web import subject_of
 
     with Steps(quiet) as steps:
-        subject = subject_of(file, problem, steps.step)
+        subject = subject_of(file, problem, steps.named)
         assert subject.run is not None
         write_outputs(subject.marionette, subject.run, [out], None, steps, look=look)
     run = subject.run

@@ -50,7 +50,7 @@ def follow_file(request: FollowRequest) -> None:
         clip = load_bvh(request.clip)
         for note in clip.notes:
             say(note)
-        puppet = marionette(request.file, steps.step)
+        puppet = marionette(request.file, steps.named)
         placed = place_clip(
             puppet,
             clip,
@@ -64,7 +64,7 @@ def follow_file(request: FollowRequest) -> None:
             placed,
             speed=request.speed or SPEED,
             acceleration=request.acceleration or ACCELERATION,
-            progress=steps.bar("following", 1.0),
+            progress=steps.bar("following"),
         )
         if request.save is not None:
             steps.step(f"writing {request.save}")

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from fantoccini.app.console import FAILED, Steps, check_output, fail, table, write, writing
-from fantoccini.base import replacing
+from fantoccini.base import Progress, replacing
 from fantoccini.lab.identification import (
     Candidate,
     Identified,
@@ -65,12 +65,10 @@ def identify_record(
     if force and out is None:
         fail("applies to --out PATH; other files are replaced in any case", "--force")
     with Steps(quiet) as steps:
-        record = load_record(file, progress=steps.step)
+        record = load_record(file, progress=steps.named)
         if out is not None:
             record.check_folder(out.parent)
-        found = identify(
-            record, threads=threads, progress=lambda stage, cost: steps.step(_doing(stage, cost))
-        )
+        found = identify(record, threads=threads, progress=lambda at: steps.step(_doing(at)))
     if not quiet:
         _print(found)
     if out is not None:
@@ -87,7 +85,7 @@ def identify_record(
                 reach=_REACH if reach is None else reach,
                 seed=seed or 0,
                 threads=threads,
-                progress=lambda name: steps.step(f"looking at the motion {name}"),
+                progress=lambda at: steps.step(f"looking at the motion {at.what}"),
             )
             with writing(suggest):
                 best[0].save(suggest)
@@ -97,8 +95,8 @@ def identify_record(
         raise typer.Exit(FAILED)
 
 
-def _doing(stage: str, cost: float) -> str:
-    return stage if math.isnan(cost) else f"{stage}: {cost:.6g}"
+def _doing(at: Progress) -> str:
+    return at.what if at.best is None else f"{at.what}: {at.best:.6g}"
 
 
 def _print(found: Identified) -> None:

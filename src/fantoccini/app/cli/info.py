@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fantoccini.app.console import marionette, number, table, warn, write
-from fantoccini.base import BuildError
+from fantoccini.base import BuildError, Progress
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.dynamics.marionette import Marionette
@@ -133,8 +133,8 @@ def describe_puppet(file: str) -> None:
 def _compiled(file: str) -> str:
     """Whether the cache holds the compiled model."""
 
-    def stop(step: str) -> None:
-        raise _NotCachedError(step)
+    def stop(at: Progress) -> None:
+        raise _NotCachedError(at.what)
 
     try:
         marionette(file, stop).compile()

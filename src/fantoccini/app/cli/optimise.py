@@ -38,7 +38,7 @@ def optimise_file(request: OptimiseRequest) -> None:
         return
     _check_options(request)
     with Steps(request.quiet) as steps:
-        task = load_task(request.file, progress=steps.step)
+        task = load_task(request.file, progress=steps.named)
         if request.check:
             if not request.quiet:
                 write(f"{request.file}: no mistakes")
@@ -46,8 +46,6 @@ def optimise_file(request: OptimiseRequest) -> None:
         steps.step("looking for poses that reach the paths")
         for text in out_of_reach(task):
             say(f"fantoccini: {text}")
-        tries = max(1, 2 * task.explore)  # an exploration, and what tightens its motion
-        done = steps.bar("optimising", float(request.iterations * tries))
         found = optimise(
             task,
             tolerance=request.tolerance,
@@ -56,7 +54,7 @@ def optimise_file(request: OptimiseRequest) -> None:
             time_limit=request.time_limit,
             threads=request.threads,
             seed=request.seed,
-            progress=lambda at: done(float(at.iterations)),
+            progress=steps.bar("optimising"),
         )
         _write(request, found, steps)
     if not request.quiet:

@@ -38,7 +38,7 @@ def plan_file(request: PlanRequest) -> None:
     objective = None if request.objective is None else request.objective.value
     with Steps(request.quiet) as steps:
         problem = load_problem(
-            request.file, threads=request.threads, progress=steps.step, **options
+            request.file, threads=request.threads, progress=steps.named, **options
         )
         steps.step("planning")
         found = solve(

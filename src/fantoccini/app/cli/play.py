@@ -41,7 +41,7 @@ def play_file(request: PlayRequest) -> None:
         check_output(report, (".html",), "--report")
     with Steps(request.quiet) as steps:
         began = time.perf_counter()
-        play = load_play(request.file, progress=steps.shares(), within=request.within)
+        play = load_play(request.file, progress=steps.named, within=request.within)
         compiled = time.perf_counter()
         steps.step(f"simulating and measuring {play.duration:.1f} s")
         within = request.within
@@ -69,7 +69,7 @@ def _write(request: PlayRequest, verification: Verification, out: list[Path]) ->
         if request.report is not None:
             from fantoccini.output import reports
 
-            drawing = steps.bar(f"drawing {request.report}", 1.0)
+            drawing = steps.bar(f"drawing {request.report}")
             reports.play_report(verification, request.report, progress=drawing)
         if out:
             from fantoccini.output.view import AUDIENCE

@@ -16,7 +16,7 @@ def validate_file(file: str, quiet: bool) -> None:
         quiet: no progress.
     """
     with Steps(quiet) as steps:
-        puppet = marionette(file, steps.step)
+        puppet = marionette(file, steps.named)
         steps.step("examining the kinetic energy and taut strings")
         report = validate_reduction(puppet)
     lines = [(claim.text, _WORDS[claim.holds], claim.evidence) for claim in report.claims]

@@ -39,11 +39,11 @@ def show_file(request: ShowRequest) -> None:
     from fantoccini.app.web import open_page, subject_of, write as write_motion
 
     with Steps(request.quiet) as steps:
-        subject = subject_of(name, request.problem, steps.step)
+        subject = subject_of(name, request.problem, steps.named)
         if request.html is not None:
             if request.forces and subject.run is not None and subject.run.contact is None:
                 fail("this motion has no contact, so that there are no forces to draw", "--forces")
-            done = steps.bar(f"writing {request.html}", 1.0)
+            done = steps.bar(f"writing {request.html}")
             write_motion(subject, request.html, request.theme.value, done, request.forces)
             return
         if request.balance and subject.run is not None:

@@ -77,7 +77,7 @@ def simulate_file(request: SimulateRequest) -> None:
     given = read_values(request.start or [])
     with Steps(request.quiet) as steps:
         chain = request.string_model is StringModel.CHAIN
-        puppet = marionette(request.file, steps.step, "chain" if chain else "constraint")
+        puppet = marionette(request.file, steps.named, "chain" if chain else "constraint")
         check_bodies(puppet, look)
         given_motion = _given(puppet, request, steps)
         inputs = None if given_motion is None else given_motion.inputs
@@ -139,7 +139,6 @@ def timed(
     Returns:
         The run, its computing time [s], and why it stopped early, or "".
     """
-    done = steps.bar(f"simulating {duration:g} s", duration)
     began, trouble = time.perf_counter(), ""
     try:
         run = simulate(
@@ -148,7 +147,7 @@ def timed(
             inputs,
             x0.t + duration,
             method=method,
-            progress=lambda t: done(t - x0.t),
+            progress=steps.bar(f"simulating {duration:g} s"),
             **saved,
         )
     except SimulationError as error:

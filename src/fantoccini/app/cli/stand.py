@@ -71,14 +71,14 @@ def motion_of(path: Path, puppet: str | None, steps: Steps) -> tuple[Marionette,
         return recording.marionette, recording.trajectory
     run = Trajectory.load(path)
     if puppet is not None:
-        made, table = marionette(puppet, steps.step), run.coordinates
+        made, table = marionette(puppet, steps.named), run.coordinates
         if (made.coordinates.q_D, made.coordinates.v_K) != (table.q_D, table.v_K):
             fail(f"{puppet} has other coordinates than the run", "--puppet")
         return made, run
     if run.puppet is None:
         text = "the run does not say what its puppet is; needed: --puppet FILE"
         raise FileError([Mistake(str(path), None, "", text)])
-    return Marionette(run.puppet, steps.step), run
+    return Marionette(run.puppet, steps.named), run
 
 
 def _print(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> None:

@@ -11,7 +11,7 @@ from typing import NoReturn
 import typer
 
 from fantoccini.app.console.terminal import plain
-from fantoccini.base import FantocciniError, InputError, Mistake, OnStep, PuppetError, nearest
+from fantoccini.base import FantocciniError, InputError, Mistake, OnProgress, PuppetError, nearest
 from fantoccini.dynamics.marionette import Marionette, StringModel, load
 from fantoccini.model.puppet import bundled_files
 from fantoccini.output.animation import ENDINGS
@@ -82,7 +82,7 @@ def inputs_path(given: Path) -> Path:
 
 
 def marionette(
-    name: str, progress: OnStep | None = None, string_model: StringModel = "constraint"
+    name: str, progress: OnProgress | None = None, string_model: StringModel = "constraint"
 ) -> Marionette:
     """The marionette of a FILE argument."""
     return load(puppet_path(name), progress, string_model=string_model)

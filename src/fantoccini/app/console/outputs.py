@@ -129,12 +129,11 @@ def _write(
 
         if ending == ".gif" and (look.fps or 0.0) > MAX_GIF_FPS:
             say(f"{path}: has {MAX_GIF_FPS:g} frames a second, the most that browsers play")
-        done = steps.bar(f"rendering {path}", 1.0)
         view.film(
             marionette,
             run,
             path,
-            progress=lambda frame, frames: done(frame / frames),
+            progress=steps.bar(f"rendering {path}"),
             **look.given("view", "focus", "theme", "size", "fps", "forces"),
             guides=guides,
             **films,

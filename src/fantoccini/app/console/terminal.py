@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TextIO
 
 import typer
 
-from fantoccini.base import OnAmount, progress_bar
+from fantoccini.base import OnProgress, Progress, progress_bar
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress, TaskID
+    from rich.progress import Progress as Bars, TaskID
 
 _FILE_WIDTH = 1000
 """Width of tables that do not go to a terminal, so that nothing is cut [characters]."""
@@ -101,58 +102,53 @@ class Steps:
 
     def __init__(self, quiet: bool = False):
         self._quiet = quiet
-        self._progress: Progress | None = None
+        self._bars: Bars | None = None
+        self._named = ""
         self._task: TaskID | None = None
 
     def __enter__(self) -> Steps:
         if sys.stderr.isatty() and not self._quiet:
-            self._progress = progress_bar()
-            self._progress.start()
+            self._bars = progress_bar()
+            self._bars.start()
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if self._progress is not None:
+        if self._bars is not None:
             if kind is None:
-                self._finish(self._progress)
-            self._progress.stop()
+                self._finish(self._bars)
+            self._bars.stop()
 
     def step(self, text: str) -> None:
         """Begins a step of unknown length; the previous one is done."""
         self._begin(text, None)
 
-    def bar(self, text: str, total: float) -> OnAmount:
-        """Begins a step of known length; call the result with the amount done."""
-        self._begin(text, total)
+    def bar(self, text: str) -> OnProgress:
+        """Begins a step of known length; the result is the callback of its progress."""
+        self._begin(text, 1.0)
+        return lambda at: self._update(at.share)
 
-        def update(amount: float) -> None:
-            if self._progress is not None and self._task is not None:
-                self._progress.update(self._task, completed=amount)
+    def named(self, at: Progress) -> None:
+        """Callback of work that names its steps, with the share of it where that is known."""
+        known = not math.isnan(at.share)
+        if not known or (at.what != self._named and (self._bars is None or not self._named)):
+            self._begin(at.what, 1.0 if known else None)
+        self._named = at.what if known else ""
+        if known:
+            self._update(at.share, plain(at.what))
 
-        return update
-
-    def shares(self) -> Callable[[str, float], None]:
-        """One step whose name changes; call the result with what is done, and the share of it."""
-        last = ""
-
-        def update(text: str, share: float) -> None:
-            nonlocal last
-            if text != last and (self._progress is None or not last):
-                self._begin(text, 1.0)
-            last = text
-            if self._progress is not None and self._task is not None:
-                self._progress.update(self._task, completed=share, description=plain(text))
-
-        return update
+    def _update(self, share: float, text: str | None = None) -> None:
+        if self._bars is not None and self._task is not None:
+            self._bars.update(self._task, completed=share, description=text)
 
     def _begin(self, text: str, total: float | None) -> None:
-        text = plain(text).replace("\n", " ")
-        if self._progress is not None:
-            self._finish(self._progress)
-            self._task = self._progress.add_task(text, total=total)
+        text, self._named = plain(text).replace("\n", " "), ""
+        if self._bars is not None:
+            self._finish(self._bars)
+            self._task = self._bars.add_task(text, total=total)
         elif not self._quiet:
             say(text)
 
-    def _finish(self, progress: Progress) -> None:
+    def _finish(self, bars: Bars) -> None:
         if self._task is not None:
-            total = progress.tasks[-1].total or 1.0
-            progress.update(self._task, total=total, completed=total)
+            total = bars.tasks[-1].total or 1.0
+            bars.update(self._task, total=total, completed=total)

@@ -142,7 +142,7 @@ class Takes:
                 run,
                 path,
                 theme=theme,
-                progress=lambda k, n: self._worker.progress(what, k / n),
+                progress=lambda at: self._worker.progress(what, at.share),
             )
             return f"wrote {path} ({run.duration:.1f} s)"
 

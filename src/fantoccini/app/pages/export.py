@@ -15,13 +15,11 @@ from fantoccini.app.pages.nodes import SceneNodes
 from fantoccini.app.pages.plan_tree import PlanTree
 from fantoccini.app.pages.replay import ResampledRun
 from fantoccini.app.pages.server import Server, in_head, policy, with_title
-from fantoccini.base import replacing
+from fantoccini.base import OnProgress, Progress, replacing
 from fantoccini.output.html import element, to_html
 from fantoccini.output.view import Theme, to_hex
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from fantoccini.dynamics.marionette import Marionette
     from fantoccini.motion import Trajectory
 
@@ -61,7 +59,7 @@ def write_html(
     path: str | os.PathLike[str],
     theme: Theme,
     tree: PlanTree | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: OnProgress | None = None,
     forces: bool = False,
 ) -> Path:
     """Writes a motion as one HTML file; it appears whole or not at all.
@@ -72,7 +70,7 @@ def write_html(
         path: of the file.
         theme: colours.
         tree: search tree of the plan that the motion comes from, or None.
-        progress: called with the share that is done, 0 to 1.
+        progress: called after every frame.
         forces: draw the forces of contacts.
 
     Returns:
@@ -99,7 +97,7 @@ def _recorded(
     motion: ResampledRun,
     theme: Theme,
     tree: PlanTree | None,
-    progress: Callable[[float], None] | None,
+    progress: OnProgress | None,
     forces: bool,
 ) -> str:
     geometry, frames = motion.geometry, len(motion.geometry.t)
@@ -115,7 +113,7 @@ def _recorded(
         if k < frames - 1:
             recorder.insert_sleep(float(geometry.t[k + 1] - geometry.t[k]))
         if progress is not None:
-            progress((k + 1) / frames)
+            progress(Progress(done=k + 1, total=frames))
     return recorder.as_html(dark_mode=theme.name == "dark")
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from fantoccini.app.live import MIDI_SCRIPT, PAD_SCRIPT, SOUND_SCRIPT, Live
 from fantoccini.app.pages import PlanTree, Replay, ResampledRun, Server, write_html
-from fantoccini.base import FantocciniError, FileError, Mistake, npz
+from fantoccini.base import FantocciniError, FileError, Mistake, OnProgress, npz
 from fantoccini.control.planning import PlanResult
 from fantoccini.control.problems import load_problem, problem_names
 from fantoccini.dynamics.marionette import Marionette, load
@@ -130,7 +130,7 @@ def _exit_on_signals() -> Iterator[None]:
 
 
 def subject_of(
-    what: Any, problem: str | Path | None = None, progress: Callable[[str], None] | None = None
+    what: Any, problem: str | Path | None = None, progress: OnProgress | None = None
 ) -> Subject:
     """The subject of an argument of :func:`fantoccini.app.show`.
 
@@ -163,16 +163,14 @@ def subject_of(
     )
 
 
-def _puppet_of(run: Trajectory, progress: Callable[[str], None] | None) -> Marionette:
+def _puppet_of(run: Trajectory, progress: OnProgress | None) -> Marionette:
     """The puppet of a trajectory."""
     if run.puppet is None:
         raise ValueError("the trajectory has no puppet, and cannot be shown")
     return Marionette(run.puppet, progress)
 
 
-def _of_file(
-    name: str, problem: str | Path | None, progress: Callable[[str], None] | None
-) -> Subject:
+def _of_file(name: str, problem: str | Path | None, progress: OnProgress | None) -> Subject:
     path = Path(name)
     if path.suffix.lower() == ".npz":
         form, about = format_of(path)
@@ -208,10 +206,7 @@ def format_of(path: Path) -> tuple[str, dict[str, Any]]:
 
 
 def _plan(
-    path: Path,
-    about: dict[str, Any],
-    problem: str | Path | None,
-    progress: Callable[[str], None] | None,
+    path: Path, about: dict[str, Any], problem: str | Path | None, progress: OnProgress | None
 ) -> PlanResult:
     if problem is None:
         problem = str(about.get("problem", ""))
@@ -228,7 +223,7 @@ def write(
     subject: Subject,
     path: str | os.PathLike[str],
     theme: str,
-    progress: Callable[[float], None] | None = None,
+    progress: OnProgress | None = None,
     forces: bool = False,
 ) -> Path:
     """Writes a motion as one file, with or without the forces of its contacts.

@@ -6,13 +6,21 @@ import contextlib
 import math
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from fantoccini.base import SimulationError, StateError, Status, UnknownNameError, check_positive
+from fantoccini.base import (
+    OnProgress,
+    Progress,
+    SimulationError,
+    StateError,
+    Status,
+    UnknownNameError,
+    check_positive,
+)
 from fantoccini.control.optimal.attribution import (
     NONE,
     Residual,
@@ -51,7 +59,7 @@ def optimise(
     threads: int | None = None,
     seed: int = 0,
     exact: bool = False,
-    progress: Callable[[Iterate], None] | None = None,
+    progress: OnProgress | None = None,
 ) -> Optimum:
     """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
 
@@ -83,7 +91,7 @@ def optimise(
         seed: of the random numbers of explorations.
         exact: take the derivatives of the event-driven run itself, through its catches, from the
             first iteration on.
-        progress: called after every iteration.
+        progress: called after every iteration; ``best`` is the motion with its cost.
 
     Raises:
         StateError, UnknownNameError: the task is not well defined, or its first motion cannot be
@@ -118,12 +126,15 @@ def optimise(
         )
     curve, best = [(time.perf_counter() - began, at.cost)], at
 
+    # An exploration, and what tightens its motion.
+    total = float(iterations * max(1, 2 * task.explore))
+
     def note(now: Iterate) -> None:
         nonlocal best
         best = now
         curve.append((time.perf_counter() - began, now.cost))
         if progress is not None:
-            progress(now)
+            progress(Progress(done=now.iterations, total=total, best=now))
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import ARRIVED, Array, SimulationError, StateError, Status
+from fantoccini.base import ARRIVED, Array, Progress, SimulationError, StateError, Status
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds, TimeSteps
 from fantoccini.control.tasks import Chosen, Nodes
 from fantoccini.dynamics.compiled import TimeStepping
@@ -81,7 +81,7 @@ class EventRuns:
         states = {name: getattr(run, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
         return replace(nodes, run=run, **states), run
 
-    def _in_time(self, _: float) -> None:
+    def _in_time(self, _: Progress) -> None:
         """Raises TimeoutError once the time is over."""
         if time.perf_counter() > self.until:
             raise TimeoutError

@@ -19,7 +19,9 @@ import numpy as np
 from fantoccini.base import (
     Array,
     FantocciniError,
+    OnProgress,
     Outcome,
+    Progress,
     StateError,
     Status,
     Times,
@@ -141,7 +143,7 @@ def tune(
     save_every: int | None = None,
     draws: Draws | None = None,
     threads: int | None = None,
-    progress: Callable[[float, float], None] | None = None,
+    progress: OnProgress | None = None,
 ) -> Tuned:
     """The numbers of a family of motions for which a cost of the run is least, by random draws.
 
@@ -161,7 +163,7 @@ def tune(
         save_every: write every so many steps, not event-driven; every one when not given.
         draws: how the numbers are drawn.
         threads: that simulate; as many as there are processors when not given.
-        progress: called after every generation with the least cost so far and its median.
+        progress: called after every generation; ``best`` is the least cost so far and its median.
 
     Raises:
         ValueError: no numbers, a spread that is not positive, a cost that is not a number, or
@@ -197,7 +199,7 @@ def tune(
             spread = spreads * np.asarray(search.stds)
             curve.append((trial.least, float(np.median(J))))
             if progress is not None:
-                progress(*curve[-1])
+                progress(Progress(done=generation + 1, total=draws.generations, best=curve[-1]))
             if trial.best is None and generation + 1 >= _PATIENCE:
                 break
             if trial.best is not None and np.all(spread <= draws.narrow * spreads):

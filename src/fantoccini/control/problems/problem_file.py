@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from fantoccini.base import OnProgress
 from fantoccini.base.documents import (
     SIZED,
     Model,
@@ -155,7 +155,7 @@ def load_problem(
     path: str | os.PathLike[str],
     *,
     threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: OnProgress | None = None,
     **options: Any,
 ) -> Problem:
     """Reads a problem file.

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from pydantic import Field
 
-from fantoccini.base import FileError, Mistake, StateError, nearest
+from fantoccini.base import FileError, Mistake, OnProgress, StateError, nearest
 from fantoccini.base.documents import Located, Model, Refusals, Value, mistake, read_file, validate
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import WORDS, named_file
@@ -97,9 +96,7 @@ class Kind(Generic[FileT]):
         schema = self.schema.model_json_schema()
         return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
-    def read(
-        self, path: str | os.PathLike[str], progress: Callable[[str], None] | None
-    ) -> Reading[FileT]:
+    def read(self, path: str | os.PathLike[str], progress: OnProgress | None) -> Reading[FileT]:
         """A file with its puppet; whether its start is of the puppet is noted.
 
         Args:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, nearest, rotation
+from fantoccini.base import Array, OnProgress, StateError, nearest, rotation
 from fantoccini.base.documents import Located, Refusals, rotation_vector_quaternion, shown
 from fantoccini.control.tasks.bounds import Bounds, Interval, Most
 from fantoccini.control.tasks.chosen import Chosen
@@ -48,9 +48,7 @@ def task_schema() -> dict[str, Any]:
     return TASK.json_schema
 
 
-def load_task(
-    path: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None
-) -> Task:
+def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = None) -> Task:
     """Reads a task file.
 
     Args:

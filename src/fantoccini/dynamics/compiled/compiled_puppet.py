@@ -6,7 +6,7 @@ algorithms as methods.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, MaskRows, StateError, UnknownNameError
+from fantoccini.base import Array, Indices, MaskRows, OnProgress, StateError, UnknownNameError
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.compiled.libraries import Libraries
 from fantoccini.dynamics.compiled.limits import LIMITS
@@ -67,7 +67,7 @@ class CompiledPuppet:
     winches: Array
     libraries: Libraries
 
-    def __init__(self, what: Puppet | Scene, progress: Callable[[str], None] | None = None):
+    def __init__(self, what: Puppet | Scene, progress: OnProgress | None = None):
         puppet = assembled(what) if isinstance(what, Scene) else what
         tree = trees.grow(puppet)
         p = np.array(list(tree.parameters.values()), dtype=float)

@@ -44,7 +44,6 @@ class Evaluation:
         x: State,
         acc_K: Array | None = None,
         u_D: Array | None = None,
-        dt: float = 0.0,
     ) -> Evaluation:
         """Evaluates the model at a state.
 
@@ -53,7 +52,6 @@ class Evaluation:
             x: the state.
             acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
             u_D: (n_vD,) user forces; 0 when not given.
-            dt: step over which damping and drag act implicitly, as in a first time step [s].
 
         Raises:
             StateError: the state or a vector does not fit the puppet.
@@ -61,24 +59,21 @@ class Evaluation:
         library, tree, table = marionette.library, marionette.tree, marionette.coordinates
         acc_K, u_D = vector("acc_K", acc_K, table.n_vK), vector("u_D", u_D, table.n_vD)
         slip = marionette.states([x]).slip[0]
-        at = marionette.at(x) | {"acc_K": acc_K, "u_D": u_D}
-        on = factor = library.evaluate("dynamics", **at)
-        if dt:
-            factor = library.evaluate("step_dynamics", **at, v_ahead=x.v_D, dt=dt)
+        on = library.evaluate("dynamics", **marionette.at(x), acc_K=acc_K, u_D=u_D)
         n_l = len(tree.limits)
         J = np.zeros((n_l, table.n_vD))
         limit, axis, velocity = tree.limit_entries
         J[limit, velocity] = on.J_limit[axis, limit]
-        W_l = library.evaluate("forth", L=factor.L, x=J).y if n_l else J
+        W_l = library.evaluate("forth", L=on.L, x=J).y if n_l else J
         # A winch that rewinds slip brakes before it stops.
         speed = marionette.winches[:, WINCH_AT["rewind_speed"]]
         braked = np.sqrt(2.0 * WINCH_DECELERATION * slip)
         braking = np.where((braked > 0) & (braked < speed), WINCH_DECELERATION, 0.0)
         return cls(
             library,
-            factor.L,
-            factor.w0,
-            np.concatenate([factor.W.T, W_l]).T,
+            on.L,
+            on.w0,
+            np.concatenate([on.W.T, W_l]).T,
             np.concatenate([on.h - slip, on.h_limit]),
             np.concatenate([on.hdot - marionette.rewinding(slip), J @ x.v_D]),
             np.concatenate([on.gamma - braking, on.gamma_limit]),

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from fantoccini.base import BuildError
+from fantoccini.base import BuildError, OnProgress
 from fantoccini.dynamics.compiled.mass_check import check_mass_matrix
 from fantoccini.dynamics.compiled.touching import solids_of_shapes
 from fantoccini.kernel import build
@@ -53,7 +53,7 @@ class Libraries:
 
     puppet: Puppet
     tree: Tree
-    progress: Callable[[str], None] | None = None
+    progress: OnProgress | None = None
 
     @cached_property
     def solids(self) -> tuple[int, ...]:

@@ -29,7 +29,7 @@ from fantoccini.base import (
 )
 from fantoccini.dynamics.compiled import CompiledPuppet, vector, vectors
 from fantoccini.dynamics.derivatives.driven_step import DrivenStep
-from fantoccini.dynamics.derivatives.step_partials import AT_CAP
+from fantoccini.dynamics.derivatives.step_partials import held_rows
 from fantoccini.kernel.contract import StepEdge
 from fantoccini.kernel.runtime import GradientRun
 from fantoccini.model.tree import CoordinateTable
@@ -102,7 +102,7 @@ class Rollout:
 
     def edges_of(self, i: int) -> tuple[str, ...]:
         """What step i is on the edge of; its derivatives are those of the modes taken."""
-        return tuple(edge.meaning for edge in StepEdge if self.edges[i] & edge)
+        return StepEdge.meanings(int(self.edges[i]))
 
     def gradient(
         self,
@@ -163,7 +163,7 @@ class Rollout:
         if self.edges.max(initial=0) < StepEdge.LEAVES_LAW:
             return
         i = int(np.flatnonzero(self.edges >= StepEdge.LEAVES_LAW.value)[-1])
-        why = [edge.meaning for edge in StepEdge if self.edges[i] & edge >= StepEdge.LEAVES_LAW]
+        why = StepEdge.meanings(int(self.edges[i]) & -StepEdge.LEAVES_LAW.value)
         raise StateError(
             f"step {i}, at {self.start + i * self.dt:.6g} s, has no derivative, and so the rollout "
             f"no gradient: {self._pairs[self._run.touches['pairs'][i]]}: {'; '.join(why)}"
@@ -249,12 +249,10 @@ def rollout(
             "steps before it",
         )
     tension = run.arrays["tension"][:made]
-    upper = np.minimum(marionette.upper, marionette.tension_cap)
-    held = marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
     return Rollout(
         **{name: run.arrays[name][: made + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
         tension=tension,
-        held=held,
+        held=held_rows(marionette, tension),
         dt=dt,
         status=status,
         steps=made,

@@ -95,7 +95,7 @@ def linearise_step(
     if status not in ARRIVED:
         raise SimulationError(status, f"at t = {x.t:.6g} s")
     touches = made if isinstance(made, StepTouches) else None
-    points = () if touches is None else held_points(marionette, touches)
+    points = () if touches is None else _held_points(marionette, touches)
     _refuse(marionette, touches, points, int(steps.edges[0]), bool(found.shortened[0]))
     path = DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
     widths = [n, n, k, k, k, n, n_p]
@@ -124,7 +124,7 @@ def linearise_step(
         pull=Partials.of(steps.pull[0], widths),
         contacts=points,
         push=Partials.of(push, widths),
-        edges=() if touches is None else named_edges(marionette, touches),
+        edges=() if touches is None else _named_edges(marionette, touches),
         coordinates=t,
     )
 
@@ -151,7 +151,7 @@ def _push_by(rows: ContactRows, shares: Array, acc_by: Array, chain: Array) -> A
     return rows.push_by(shares, acc_by) - fixed + fixed @ chain
 
 
-def held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[HeldPoint, ...]:
+def _held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[HeldPoint, ...]:
     """The points that push in the first of some steps, in their modes."""
     assert marionette.contacts is not None
     made = []
@@ -182,16 +182,15 @@ def held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[HeldP
     return tuple(made)
 
 
-def named_edges(marionette: CompiledPuppet, touches: StepTouches) -> tuple[str, ...]:
+def _named_edges(marionette: CompiledPuppet, touches: StepTouches) -> tuple[str, ...]:
     """What the first of some steps is on the edge of, with the pairs that are."""
     assert marionette.contacts is not None
     of_pair = touches.pair_edges[0]
     return tuple(
         dict.fromkeys(
-            f"{pair_name(marionette.contacts.names[pair])}: {edge.meaning.removeprefix('a point ')}"
+            f"{pair_name(marionette.contacts.names[pair])}: {meaning.removeprefix('a point ')}"
             for pair in np.flatnonzero(of_pair)
-            for edge in StepEdge
-            if of_pair[pair] & edge
+            for meaning in StepEdge.meanings(int(of_pair[pair]))
         )
     )
 

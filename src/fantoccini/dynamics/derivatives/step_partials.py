@@ -89,7 +89,7 @@ class StepLinearisations:
 
     def edges_of(self, i: int) -> tuple[str, ...]:
         """What step i is on the edge of; its derivatives are those of the modes taken."""
-        return tuple(edge.meaning for edge in StepEdge if self.edges[i] & edge)
+        return StepEdge.meanings(int(self.edges[i]))
 
     @cached_property
     def A(self) -> Array:
@@ -159,7 +159,8 @@ class StepInputs(NamedTuple):
     """n time steps to be made.
 
     Attributes:
-        x: q_D, v_D, q_K, v_K and slip, (n, ...) each, before the steps.
+        x: q_D, v_D, q_K and v_K, (n, ...) each, before the steps.
+        slip: (n, n_strings) what the winches have let out by then [m].
         acc_K: (1 or n, n_vK) driven accelerations.
         u_D: (1 or n, n_vD) user forces; None for none.
         p: (1 or n, n_p) parameters.
@@ -168,6 +169,7 @@ class StepInputs(NamedTuple):
     """
 
     x: dict[str, Array]
+    slip: Array
     acc_K: Array
     u_D: Array | None
     p: Array
@@ -190,9 +192,6 @@ class StepInputs(NamedTuple):
         widths = {"q_D": t.n_qD, "v_D": t.n_vD, "q_K": t.n_qK, "v_K": t.n_vK}
         given = zip(widths.items(), motion, strict=True)
         starts = {name: np.atleast_2d(vectors(name, a, width)) for (name, width), a in given}
-        starts["slip"] = np.zeros((1, len(marionette.tree.strings)))
-        if slip is not None and len(slip):
-            starts["slip"] = slip[None]
         acc = np.zeros((1, t.n_vK)) if acc_K is None else vectors("acc_K", acc_K, t.n_vK)
         acc = np.atleast_2d(acc)
         force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, t.n_vD))
@@ -201,7 +200,10 @@ class StepInputs(NamedTuple):
         )
         n = max(map(len, (*starts.values(), acc, values, () if force is None else force)))
         x = {name: _rows(a, n) for name, a in starts.items()}
-        return cls(x, acc, force, values, dt, _driven_steps(marionette, x["v_K"], acc, dt))
+        none = np.zeros((n, len(marionette.tree.strings)))
+        slips = none if slip is None or not len(slip) else none + slip
+        driven = _driven_steps(marionette, x["v_K"], acc, dt)
+        return cls(x, slips, acc, force, values, dt, driven)
 
     @property
     def along(self) -> dict[str, Array]:
@@ -250,17 +252,18 @@ def linearised(
             options,
             marionette.winches,
             marionette.reference_force,
-            x | along,
+            x | along | {"slip": given.slip},
             given.acc_K,
             given.u_D,
             given.p,
             threads,
         )
     tension = made.tension
-    upper = np.minimum(marionette.upper, marionette.tension_cap)
-    held = marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
+    held = held_rows(marionette, tension)
     found = marionette.libraries.step_derivatives.find(
-        {name: x[name] for name in ("q_D", "v_D", "q_K", "slip")} | {"tension": tension} | along,
+        {name: x[name] for name in ("q_D", "v_D", "q_K")}
+        | {"slip": given.slip, "tension": tension}
+        | along,
         held,
         marionette.cap_parameters,
         given.p,
@@ -302,13 +305,19 @@ def linearised(
     return Linearised(steps, made, shortened, found.shares)
 
 
+def held_rows(marionette: CompiledPuppet, tension: Array) -> MaskRows:
+    """(..., n_rows) bool, the rows that steps with these tensions (..., n_rows) hold."""
+    upper = np.minimum(marionette.upper, marionette.tension_cap)
+    return marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
+
+
 def _made(
     marionette: CompiledPuppet, options: RunOptions, given: StepInputs, threads: int
 ) -> LaneRecord:
     """The steps of a puppet without contact."""
     library = marionette.libraries.lanes
     record = LaneRecord(len(given.x["q_D"]), library.sizes)
-    record.begin(**given.x, p=given.p)
+    record.begin(**given.x, slip=given.slip, p=given.p)
     steppers = LaneSteppers(library, record, threads, options, marionette.winches)
     steppers.advance(given.dt, given.acc_K, given.u_D)
     return record

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, get_args
 
+from fantoccini.base import OnProgress
 from fantoccini.dynamics.marionette.marionette import Marionette
 from fantoccini.model import scene
 from fantoccini.model.puppet import Puppet
@@ -15,7 +15,7 @@ StringModel = Literal["constraint", "chain"]
 
 def load(
     path: str | Path,
-    progress: Callable[[str], None] | None = None,
+    progress: OnProgress | None = None,
     *,
     string_model: StringModel = "constraint",
 ) -> Marionette:
@@ -34,10 +34,7 @@ def load(
 
 
 def loads(
-    text: str,
-    progress: Callable[[str], None] | None = None,
-    *,
-    string_model: StringModel = "constraint",
+    text: str, progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """The marionette of YAML text; arguments and errors as of :func:`load`."""
     return Marionette(_with_strings(scene.loads(text), string_model), progress)

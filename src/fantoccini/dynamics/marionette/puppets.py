@@ -5,8 +5,7 @@ Every function takes what :func:`fantoccini.load` takes beside the file.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
+from fantoccini.base import OnProgress
 from fantoccini.dynamics.marionette.loading import StringModel, load
 from fantoccini.dynamics.marionette.marionette import Marionette
 from fantoccini.model.puppet import (
@@ -17,74 +16,72 @@ from fantoccini.model.puppet import (
     scenes as scenes,
 )
 
-Progress = Callable[[str], None]
-
 
 def arm2d(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """The planar arm of the paper's Fig. 2: two links whose tip hangs on one string."""
     return load(path("arm2d"), progress, string_model=string_model)
 
 
 def arm3d(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """The arm of the paper's Fig. 4: ball joint, hinge and one string to the hand."""
     return load(path("arm3d"), progress, string_model=string_model)
 
 
 def crane(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """A gantry crane: a driven trolley, a winch on it and the load."""
     return load(path("crane"), progress, string_model=string_model)
 
 
 def marionette(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """The full marionette of the paper's Fig. 3: 25 DOF on seven strings."""
     return load(path("marionette"), progress, string_model=string_model)
 
 
 def marionette_bar(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """The full marionette on a control bar, which is its only input."""
     return load(path("marionette_bar"), progress, string_model=string_model)
 
 
 def promenade(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """A scene: the marionette on a floor that carries it."""
     return load(path("promenade"), progress, string_model=string_model)
 
 
 def stand6(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """The paper's prototype stand of Fig. 1: six winches at fixed places."""
     return load(path("stand6"), progress, string_model=string_model)
 
 
 def string_pendulum(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """A point mass on a string, which flies when the string is slack."""
     return load(path("string_pendulum"), progress, string_model=string_model)
 
 
 def stroll(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """A scene: the marionette on its control bar, on a floor that carries it."""
     return load(path("stroll"), progress, string_model=string_model)
 
 
 def visit(
-    progress: Progress | None = None, *, string_model: StringModel = "constraint"
+    progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
     """A scene: two marionettes, a table with a ball, and a chair."""
     return load(path("visit"), progress, string_model=string_model)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
 
-from fantoccini.base import Array
+from fantoccini.base import Array, OnProgress, Progress, reporting
 from fantoccini.dynamics.compiled import (
     CompiledPuppet,
     Method,
@@ -25,7 +26,6 @@ from fantoccini.dynamics.compiled import (
     parameter_rows,
 )
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.batch_progress import batch_progress
 from fantoccini.dynamics.simulation.batch_verdicts import BatchVerdicts
 from fantoccini.dynamics.simulation.checks import check_marionette, save_times
 from fantoccini.dynamics.simulation.ledgers import ledger_of_books
@@ -45,6 +45,8 @@ T = TypeVar("T", State, Input)
 
 _BYTES = 8
 """Of a number."""
+_DELAY = 2.0
+"""Time without a progress bar [s]."""
 _LEDGER_NUMBERS, _TIME_NUMBERS = 16, 4
 """Numbers of a sample while its ledger, and its time, are made."""
 
@@ -62,7 +64,7 @@ def simulate_batch(
     out: Mapping[str, Array] | None = None,
     threads: int | None = None,
     parameters: Mapping[str, Array | float] | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: OnProgress | None = None,
     max_memory: float | None = None,
 ) -> Trajectories:
     """Many runs of :func:`simulate` at once, on threads, and fixed steps in lanes.
@@ -85,7 +87,7 @@ def simulate_batch(
         threads: all processors when not given.
         parameters: name -> value, or (n,) values, one for each run; the marionette's own when not
             given. All runs share the numbers of winches.
-        progress: called with the mean time reached, for a progress bar [s].
+        progress: called with the mean time simulated, for a progress bar [s].
         max_memory: for the arrays [bytes]; half of the free memory when not given.
 
     Raises:
@@ -151,11 +153,17 @@ def simulate_batch(
     )
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
     # Ctrl-C keeps what was reached; the other runs have the status they began with.
-    bar = batch_progress(f"{n} runs", progress, t, t_end)
+    seconds = None if progress is None else partial(_in_seconds, progress, t_end - t)
+    bar = reporting(f"{n} runs", seconds, delay=_DELAY)
     with bar as show, contextlib.suppress(KeyboardInterrupt):
         batch.run(threads, show)
     BatchVerdicts(marionette, batch, bound, name).decide()
     return _trajectories(marionette, batch, name, saved)
+
+
+def _in_seconds(progress: OnProgress, duration: float, at: Progress) -> None:
+    """Reports the mean time simulated instead of the runs that are done."""
+    progress(Progress(done=at.share * duration, total=duration))
 
 
 def _listed(given: object, kind: type[T], name: str, maker: str) -> list[T]:

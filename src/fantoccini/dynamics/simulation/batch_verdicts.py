@@ -16,6 +16,7 @@ from fantoccini.dynamics.simulation.soundness import (
     swings,
     unbooked,
     verdict,
+    verdicts,
 )
 from fantoccini.dynamics.steppers import (
     CONTRADICTION_STATUSES,
@@ -52,16 +53,18 @@ class BatchVerdicts:
         self._redundant = may_be_redundant(self._marionette)
         self._at_end = np.isin(batch.status, ARRIVED) & (batch.reached >= batch.t_end)
         self._depths: dict[tuple[int, int], float] = {}
+        self._doubtful = np.zeros(batch.n, dtype=bool)
         if self._fixed:
             self._gain, self._share = self._energies()
             self._fast = ends_fast(batch.end_v_D, batch.options.dt)
+            found = verdicts(batch.violation, self._gain, self._share)
+            self._doubtful = self._at_end & (self._fast | (found != Status.DONE))
 
     def decide(self) -> None:
         """Replaces statuses and blames of the batch by the verdicts."""
         batch, names = self._batch, [s.name for s in self._marionette.tree.strings]
-        if not (self._redundant or self._fixed or self._marionette.prescribed):
-            return
-        for i in map(int, np.flatnonzero(np.isfinite(batch.reached))):
+        every = self._redundant or self._marionette.prescribed is not None
+        for i in map(int, np.flatnonzero(np.isfinite(batch.reached) & (self._doubtful | every))):
             reported = Status(int(batch.status[i]))
             checks = [partial(self._prescribed, i)]
             if self._fixed:

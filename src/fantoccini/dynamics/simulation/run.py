@@ -7,7 +7,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fantoccini.base import ARRIVED, Array, SimulationError, Status, check_positive
+from fantoccini.base import (
+    ARRIVED,
+    Array,
+    OnProgress,
+    Progress,
+    SimulationError,
+    Status,
+    check_positive,
+)
 from fantoccini.dynamics.compiled import (
     CompiledPuppet,
     Method,
@@ -83,7 +91,7 @@ def simulate(
     save_at: Array | None = None,
     save_every: int | None = None,
     effort: bool = True,
-    progress: Callable[[float], None] | None = None,
+    progress: OnProgress | None = None,
     throw: bool = True,
     max_memory: float | None = None,
     time_limit: float | None = None,
@@ -108,7 +116,7 @@ def simulate(
             (event-driven only) [s]; every step when not given.
         save_every: write every so many steps (not event-driven); every one when not given.
         effort: compute the force on every driven coordinate.
-        progress: called with the time reached, for a progress bar [s].
+        progress: called with the time simulated, for a progress bar [s].
         throw: raise when the run stops before its end; otherwise see its status.
         max_memory: for samples and events [bytes]; half of the free memory when not given. Runs
             known not to fit are refused; an event-driven run ends with ``TOO_MANY_SAMPLES`` where
@@ -150,7 +158,7 @@ def simulate(
     run = Run(marionette.libraries.library_of(name), name, *about)
     pieces = list[Piece]()
     pace = Pace(x0.t, t_end, time_limit, lambda: _chatter(marionette, pieces))
-    written, status = _collect(run, t_end, progress, pieces, pace)
+    written, status = _collect(run, x0.t, t_end, progress, pieces, pace)
     samples, events = written.samples, written.events
     seconds = pace.seconds
 
@@ -251,8 +259,9 @@ def _sliding(made: Trajectory) -> str:
 
 def _collect(
     run: Run,
+    start: float,
     t_end: float,
-    progress: Callable[[float], None] | None,
+    progress: OnProgress | None,
     pieces: list[Piece],
     pace: Pace,
 ) -> tuple[Piece, Status]:
@@ -262,7 +271,7 @@ def _collect(
             pieces.append(piece)
             t = run.progress.t
             if progress:
-                progress(t)
+                progress(Progress(done=t - start, total=t_end - start))
             if pace.late and run.status in (Status.RUNNING, *ARRIVED) and t < t_end:
                 pieces.append(run.present())
                 return Piece.joined(pieces), Status.OUT_OF_TIME

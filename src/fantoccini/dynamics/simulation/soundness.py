@@ -43,19 +43,23 @@ class Bounds:
 BOUNDS = Bounds()
 
 
-def verdict(violation: float, gain: float, unbooked: float) -> Status:
-    """DONE, or what is wrong; numbers that are not finite count as too large.
+def verdicts(violation: Array, gain: Array, unbooked: Array) -> Array:
+    """(...,) ``Status`` numbers: DONE, or what is wrong; NaN counts as too large.
 
     Args:
-        violation: largest of strings, limits and contacts [m or rad].
-        gain: as :func:`gains`.
-        unbooked: as :func:`unbooked`.
+        violation: (...,) largest of strings, limits and contacts [m or rad].
+        gain: (...,) as :func:`gains`.
+        unbooked: (...,) as :func:`unbooked`.
     """
-    if not violation <= BOUNDS.violation:
-        return Status.OVERSTEPPED
-    if not gain <= BOUNDS.gain:
-        return Status.GAINED_ENERGY
-    return Status.DONE if unbooked <= BOUNDS.unbooked else Status.UNBALANCED
+    within = (violation <= BOUNDS.violation, gain <= BOUNDS.gain, unbooked <= BOUNDS.unbooked)
+    wrong = (Status.OVERSTEPPED, Status.GAINED_ENERGY, Status.UNBALANCED)
+    return np.select([np.logical_not(held) for held in within], list(map(int, wrong)), Status.DONE)
+
+
+def verdict(violation: float, gain: float, unbooked: float) -> Status:
+    """That of one run; see :func:`verdicts`."""
+    numbers = map(np.asarray, (violation, gain, unbooked))
+    return Status(int(verdicts(*numbers)))
 
 
 def gains(marionette: Marionette, ledger: Mapping[str, Array] | Columns) -> Array:

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
-from fantoccini.base import BuildError
+from fantoccini.base import BuildError, OnProgress, Progress
 from fantoccini.kernel.build.compiler import (
     COMPILE_SECONDS,
     DiskError,
@@ -49,7 +49,6 @@ except ImportError:  # Windows
     fcntl = None
 
 Flags = Callable[[Source], tuple[str, ...]] | tuple[str, ...]
-Progress = Callable[[str], None]
 
 LOCK_SECONDS = COMPILE_SECONDS + 60.0
 """Time to wait for another process that compiles the same library [s]."""
@@ -68,7 +67,7 @@ def obtain(
     produce: Callable[[], Source],
     *,
     flags: Flags = default_flags,
-    progress: Progress | None = None,
+    progress: OnProgress | None = None,
     afresh: bool = False,
 ) -> Path:
     """The folder with a key's library: ``model.so``, ``info.json`` and the sources.
@@ -85,11 +84,11 @@ def obtain(
     """
     if not _KEY.fullmatch(key):
         raise ValueError(f"{key!r} is not a key")
-    tell = progress or (lambda text: None)
+    tell = progress or (lambda progress: None)
 
     @functools.cache
     def derive_once() -> Source:
-        tell("deriving the equations of motion")
+        tell(Progress("deriving the equations of motion"))
         return produce()
 
     place = cache_folder()
@@ -154,7 +153,12 @@ def _leftovers(root: Path, age: float = 0.0) -> list[Path]:
 
 
 def _obtain_in(
-    root: Path, key: str, produce: Callable[[], Source], flags: Flags, tell: Progress, afresh: bool
+    root: Path,
+    key: str,
+    produce: Callable[[], Source],
+    flags: Flags,
+    tell: OnProgress,
+    afresh: bool,
 ) -> Path:
     """:func:`obtain` in one cache folder; raises UnusableError if the folder cannot be used."""
     group = root / key[:2]
@@ -185,7 +189,7 @@ def _obtain_in(
 
 
 def _make(
-    root: Path, entry: Path, source: Source, flags: tuple[str, ...], tell: Progress, replace: bool
+    root: Path, entry: Path, source: Source, flags: tuple[str, ...], tell: OnProgress, replace: bool
 ) -> None:
     """Compiles a source under a temporary name and moves it to the entry's place.
 
@@ -210,7 +214,7 @@ def _make(
             write_source(folder, source)
             for name, file in shared.items():
                 shutil.copy(file, folder / name)
-        tell(f"compiling with {compiler.version}")
+        tell(Progress(f"compiling with {compiler.version}"))
         if notice := first_build_notice(compiler):
             # Logged, so that callers without a progress callback see it too.
             _LOGGER.warning(notice)
@@ -236,7 +240,7 @@ def _make(
 
 
 def _shared_object(
-    root: Path, name: str, flags: tuple[str, ...], tell: Progress, afresh: bool
+    root: Path, name: str, flags: tuple[str, ...], tell: OnProgress, afresh: bool
 ) -> Path:
     """Compiles a shared runtime unit once per machine and flags; the path of its object file.
 
@@ -246,8 +250,8 @@ def _shared_object(
     source, flags = Source({"unit.cpp": text}, "unit.cpp"), (*flags, "-c")
     key = fingerprint(text, "", flags)
 
-    def report(text: str) -> None:
-        tell(f"{text} ({name}, once per machine)")
+    def report(progress: Progress) -> None:
+        tell(Progress(f"{progress.what} ({name}, once per machine)"))
 
     _obtain_in(root, key, lambda: source, flags, report, afresh)
     return root / key[:2] / key / LIBRARY
@@ -284,7 +288,7 @@ def _writing(root: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _lock(file: Path, root: Path, tell: Progress) -> Iterator[bool]:
+def _lock(file: Path, root: Path, tell: OnProgress) -> Iterator[bool]:
     """Holds a key's lock; yields whether another process held it first.
 
     Continues without it after ``LOCK_SECONDS`` and on file systems without locks: two builds of one
@@ -305,7 +309,7 @@ def _lock(file: Path, root: Path, tell: Progress) -> Iterator[bool]:
                 break
             except BlockingIOError:
                 if not waited:
-                    tell("waiting for another process that compiles the same puppet")
+                    tell(Progress("waiting for another process that compiles the same puppet"))
                 waited = True
                 time.sleep(0.05)
             except OSError:

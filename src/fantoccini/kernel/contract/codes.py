@@ -95,6 +95,11 @@ class StepEdge(Code):
     OPEN_SHARES = 128, "solids slide on more points than the law can share force among"
     CROWDED = 256, "more points push than there is room for"
 
+    @classmethod
+    def meanings(cls, bits: int) -> tuple[str, ...]:
+        """The meanings of the bits that are set."""
+        return tuple(edge.meaning for edge in cls if bits & edge)
+
 
 CODES: tuple[type[Code] | type[Status], ...] = (
     Status,

@@ -5,13 +5,12 @@ from __future__ import annotations
 import ctypes
 import os
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fantoccini.base import Array, Status
+from fantoccini.base import Array, OnProgress, Progress, Status
 from fantoccini.kernel.contract import PARTS
 from fantoccini.kernel.runtime.functions import Loaded, pointer
 from fantoccini.kernel.runtime.options import RunOptions
@@ -104,12 +103,12 @@ class Batch:
         for name, array in made.items():
             object.__setattr__(self, name, array)
 
-    def run(self, threads: int, progress: Callable[[float], None] | None = None) -> None:
+    def run(self, threads: int, progress: OnProgress | None = None) -> None:
         """Simulates all trajectories. Ctrl-C stops the threads and is raised again.
 
         Args:
             threads: that share the work.
-            progress: called now and then with the share that is done, 0 to 1.
+            progress: called now and then with the trajectories that are done.
 
         Raises:
             MemoryError: no memory for the batch.
@@ -134,7 +133,7 @@ class Batch:
                     worker.join(_POLL_INTERVAL / threads)
                 working = any(worker.is_alive() for worker in workers)
                 if progress:
-                    progress(library.dll.fan_batch_done(pool) / self.n)
+                    progress(Progress(done=library.dll.fan_batch_done(pool), total=self.n))
         finally:
             library.dll.fan_batch_stop(pool)
             for worker in workers:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, check_positive
+from fantoccini.base import Array, OnProgress, Progress, StateError, check_positive
 from fantoccini.dynamics.compiled import bind_input
 from fantoccini.kernel.runtime import default_threads
 from fantoccini.lab.identification.cost import Cost
@@ -73,7 +73,7 @@ def identify(
     dt: float = 0.005,
     drift: tuple[float, float] = DRIFT,
     threads: int | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: OnProgress | None = None,
 ) -> Identified:
     """The numbers that explain a record best, with their errors and what it cannot tell apart.
 
@@ -91,7 +91,7 @@ def identify(
         drift: how far a segment may begin from where the one before ends, as standard deviations
             of configuration and velocity [m or rad, and per second]: what the model leaves out.
         threads: all processors when not given.
-        progress: called with the stage and the cost; the cost is NaN where a stage begins.
+        progress: called with the stage, and the cost as ``best``; None where a stage begins.
 
     Raises:
         StateError: the search cannot begin, as there is no hanging pose or the puppet cannot follow
@@ -124,7 +124,7 @@ def identify(
             report = None
             if progress is not None:
                 report = _reporting(progress, stage.name)
-                report(np.nan)
+                progress(Progress(stage.name))
             found = search(
                 cost,
                 at,
@@ -158,8 +158,8 @@ def _thinned(fit: Fit) -> Fit:
     return replace(fit, t=fit.t[some], y=np.where(kept, fit.y, np.nan)[some])
 
 
-def _reporting(progress: Callable[[str, float], None], name: str) -> Callable[[float], None]:
-    return lambda cost: progress(name, cost)
+def _reporting(progress: OnProgress, name: str) -> OnProgress:
+    return lambda at: progress(replace(at, what=name))
 
 
 def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fit:

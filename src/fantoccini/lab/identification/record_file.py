@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from fantoccini.base import Array, FileError, StateError, nearest
+from fantoccini.base import Array, FileError, OnProgress, StateError, nearest
 from fantoccini.base.documents import Finding, Located, Refusals, read_document, read_file, shown
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
@@ -26,9 +26,7 @@ _UNITS = {"deg": np.pi / 180.0, "mm": 1e-3}
 _KINDS = {"deg": "rad", "rad": "rad", "mm": "m", "m": "m", "N": "N"}
 
 
-def load_record(
-    path: str | os.PathLike[str], *, progress: Callable[[str], None] | None = None
-) -> Record:
+def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = None) -> Record:
     """Reads a record file and the files that it names.
 
     Args:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fantoccini.base import Array, MaskRows, StateError
+from fantoccini.base import Array, MaskRows, OnProgress, Progress, StateError
 from fantoccini.lab.identification.blocks import LARGEST_MOVE, Normal
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.fit import Fit
@@ -89,7 +88,7 @@ def search(
     tolerance: float,
     extrapolated: bool = False,
     states_only: bool = False,
-    progress: Callable[[float], None] | None = None,
+    progress: OnProgress | None = None,
 ) -> Found:
     """Moves a point until the cost no longer falls.
 
@@ -102,7 +101,7 @@ def search(
         tolerance: relative fall of the cost that ends the search.
         extrapolated: residuals of steps of no length; derivatives stay those of steps of dt.
         states_only: leave the unknowns as they are.
-        progress: called with the cost after every move.
+        progress: called with the cost, as ``best``, after every move.
     """
     damping, taken, settled = np.full(len(at.q_D), FIRST_DAMPING), 0, False
     shared = FIRST_DAMPING
@@ -158,7 +157,7 @@ def search(
         odd, kept = before & stale, replace(kept, stale=stale | cost.other(at, free))
         at, parts, predicted, normal = free, new, seen, None
         if progress is not None:
-            progress(float(np.sum(parts)))
+            progress(Progress(best=float(np.sum(parts))))
     return Found(at, predicted, float(np.sum(parts)), taken, settled, odd, kept)
 
 

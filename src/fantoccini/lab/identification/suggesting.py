@@ -10,13 +10,21 @@ is best: the bits by which it narrows down numbers of which only the size is kno
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from fantoccini.base import Array, FantocciniError, StateError, check_positive, write_table
+from fantoccini.base import (
+    Array,
+    FantocciniError,
+    OnProgress,
+    Progress,
+    StateError,
+    check_positive,
+    write_table,
+)
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import whole
 from fantoccini.lab.identification.cost import Cost
@@ -95,7 +103,7 @@ def suggest_motion(
     segment: float = 0.25,
     dt: float = 0.005,
     threads: int | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: OnProgress | None = None,
 ) -> tuple[Candidate, ...]:
     """Motions, best first, with the errors that records of them would leave.
 
@@ -124,7 +132,7 @@ def suggest_motion(
     with one_blas_thread():
         for name, inputs in candidates.items():
             if progress is not None:
-                progress(name)
+                progress(Progress(name))
             found.append(_candidate(name, inputs, record, rate, segment, dt, threads))
     found.sort(key=lambda one: -one.gain)
     if found[0].refused:

@@ -10,9 +10,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Literal
 
-from fantoccini.base import OnCases, SweepStopped
+from fantoccini.base import OnProgress, Progress, SweepStopped, reporting
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.lab.sweeps.bar import progress_callback
 from fantoccini.lab.sweeps.case import Case
 from fantoccini.lab.sweeps.design import Design, Draw, Over, check_whole, make_design
 from fantoccini.lab.sweeps.executors import Executor, ThreadExecutor
@@ -59,7 +58,7 @@ def sweep(
     store: str | Path | None = None,
     version: str | None = None,
     retry: bool = False,
-    progress: bool | OnCases = True,
+    progress: bool | OnProgress = True,
 ) -> SweepResult:
     """Runs a study for every case of a grid, a list or a Monte-Carlo sample.
 
@@ -88,7 +87,7 @@ def sweep(
         version: of the study, in a store. When not given it is the study's own code, without the
             functions it calls; a store made by another version is refused.
         retry: run stored cases that failed again.
-        progress: show a bar on a terminal; or a callback (done, total, failed).
+        progress: show a bar on a terminal; or a callback with the cases done and failed.
 
     Returns:
         The figures, shaped like the grid, and the failures.
@@ -119,7 +118,7 @@ def sweep(
                 RayExecutor(job, workers, address) if on == "ray" else ThreadExecutor(job, workers)
             )
             try:
-                with progress_callback(progress) as report:
+                with reporting("sweeping", _callback(progress), counted=True) as report:
                     _run(executor, todo, _Recorder(design, outcomes, disk, report))
             finally:
                 executor.close()
@@ -128,16 +127,26 @@ def sweep(
     return SweepResult(design, outcomes)
 
 
+def _callback(progress: bool | OnProgress) -> OnProgress | None:
+    """The callback asked for; None for a bar."""
+    if callable(progress):
+        return progress
+    return None if progress else lambda at: None
+
+
 class _Recorder:
     """Records outcomes in the list and the store, and reports progress."""
 
     def __init__(
-        self, design: Design, outcomes: list[Outcome | None], disk: Store | None, report: OnCases
+        self, design: Design, outcomes: list[Outcome | None], disk: Store | None, report: OnProgress
     ):
         self._design, self._outcomes, self._disk, self._report = design, outcomes, disk, report
         self._done = sum(o is not None for o in outcomes)
         self._failed = sum(o is not None and o.failure is not None for o in outcomes)
-        report(self._done, len(outcomes), self._failed)
+        self._tell()
+
+    def _tell(self) -> None:
+        self._report(Progress(done=self._done, total=len(self._outcomes), failed=self._failed))
 
     def record(self, case: Case, outcome: Outcome) -> None:
         """Adds the outcome of a case."""
@@ -147,7 +156,7 @@ class _Recorder:
         self._outcomes[case.index] = outcome
         self._done += 1
         self._failed += outcome.failure is not None
-        self._report(self._done, len(self._outcomes), self._failed)
+        self._tell()
 
 
 def _run(executor: Executor, cases: list[Case], recorder: _Recorder) -> None:

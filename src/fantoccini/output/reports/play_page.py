@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fantoccini.base import OnProgress, Progress
 from fantoccini.output.html import Page, write_page
 from fantoccini.output.reports import play_tables
 from fantoccini.output.reports.stage_plan import plan
@@ -16,12 +16,9 @@ from fantoccini.output.view import Stills
 if TYPE_CHECKING:
     from fantoccini.theatre.plays import Verification
 
-Progress = Callable[[float], None]
-"""Called with the share that is done."""
-
 
 def play_report(
-    verification: Verification, path: str | os.PathLike[str], progress: Progress | None = None
+    verification: Verification, path: str | os.PathLike[str], progress: OnProgress | None = None
 ) -> Path:
     """Writes the report of a play's verification: one HTML file, pictures included.
 
@@ -40,10 +37,10 @@ def play_report(
     Raises:
         ValueError: the path has another ending.
     """
-    return write_page(path, lambda: _page(verification, progress or (lambda share: None)))
+    return write_page(path, lambda: _page(verification, progress or (lambda progress: None)))
 
 
-def _page(verification: Verification, progress: Progress) -> Page:
+def _page(verification: Verification, progress: OnProgress) -> Page:
     play = verification.play
     page = Page(f"{play.name}: verification", play.name)
     page.text(play.cast.file.about)
@@ -60,7 +57,7 @@ def _page(verification: Verification, progress: Progress) -> Page:
         "cannot be done, where it was to begin. A cue is seen where the limb turns at its mark, "
         "if there is such a turn, otherwise where the hands begin."
     )
-    progress(0.1)
+    progress(Progress(done=0.1, total=1.0))
     stills = Stills(play, verification.run)
     ends = [*play.acts.values(), play.duration]
     for k, act in enumerate(play.acts):
@@ -68,9 +65,9 @@ def _page(verification: Verification, progress: Progress) -> Page:
         page.note(f"From {ends[k]:.2f} to {ends[k + 1]:.2f} s.")
         page.plots([(stills.of_act(act), f"Stills of {act}")])
         page.table(play_tables.cue_table(verification, act))
-        progress(0.1 + 0.7 * (k + 1) / len(play.acts))
+        progress(Progress(done=0.1 + 0.7 * (k + 1) / len(play.acts), total=1.0))
     _measured(page, verification)
-    progress(1.0)
+    progress(Progress(done=1.0, total=1.0))
     return page
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from fantoccini.base import FantocciniError, MediaError, ffmpeg, replacing
+from fantoccini.base import FantocciniError, MediaError, OnProgress, Progress, ffmpeg, replacing
 from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import Layout, compose, shadows
 from fantoccini.output.view.drawing import Look, Sheet, layout_of, set_polygons
@@ -78,7 +78,7 @@ def film(
     focus: str = "all",
     theme: str | Theme = "light",
     speed: float = 1.0,
-    progress: Callable[[int, int], None] | None = None,
+    progress: OnProgress | None = None,
     renderer: str = "matplotlib",
     follow: bool | None = None,
     forces: bool = False,
@@ -101,7 +101,7 @@ def film(
         focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
         theme: ``light``, ``dark``, or a Theme.
         speed: seconds of motion per second of film.
-        progress: called with (frames done, all frames) after each frame.
+        progress: called after each frame.
         renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed; it takes
             several times as long.
         follow: whether the camera follows the puppet; by default where that pays off.
@@ -271,7 +271,7 @@ def _encode(
     part: Path,
     arguments: tuple[Sequence[str], Sequence[str], Sequence[str]],
     fps: float,
-    progress: Callable[[int, int], None] | None,
+    progress: OnProgress | None,
 ) -> None:
     """Draws and encodes n frames; the arguments are those of sounds, of their mix and the codec."""
     try:
@@ -311,7 +311,7 @@ def _encode(
             for k in range(n):
                 encoder.stdin.write(frames.draw(k))
                 if progress is not None:
-                    progress(k + 1, n)
+                    progress(Progress(done=k + 1, total=n))
             encoder.stdin.close()
         except (BrokenPipeError, ConnectionError):
             broken = True

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from fantoccini.base import StateError
+from fantoccini.base import OnProgress, Progress, StateError
 from fantoccini.theatre.cast import Kept, OutOfTime, Part, Placed, settled
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
@@ -56,14 +56,12 @@ _SMALLER = (0.75, 0.5)
 """Sizes that are tried where something touches."""
 _MOST_TRIED = 3
 """Cues for which smaller sizes are tried."""
-Progress = Callable[[str, float], None]
-"""Called with what is being done, and the share that is done."""
 
 
 def load_play(
     path: str | os.PathLike[str],
     *,
-    progress: Progress | None = None,
+    progress: OnProgress | None = None,
     before: Play | None = None,
     within: float | None = None,
 ) -> Play:
@@ -84,8 +82,8 @@ def load_play(
         FileError: with every mistake found and its location.
     """
     until = math.inf if within is None else time.monotonic() + within
-    tell = progress or (lambda what, share: None)
-    tell("casting", 0.0)
+    tell = progress or (lambda progress: None)
+    tell(Progress("casting", 0.0, 1.0))
     kept = before.kept if before is not None else Kept()
     script = read_play(path, kept)
     try:
@@ -95,7 +93,7 @@ def load_play(
         script.notes.refuse()
         raise
     stage = Stage(script, Walks(script.cast, script.notes), kept)
-    tell("rehearsing", _share(1))
+    tell(Progress("rehearsing", _share(1), 1.0))
     # The first round is always completed.
     rounds = [make_round(stage, Known())]
     try:
@@ -109,7 +107,7 @@ def load_play(
         )
         known, found = rounds[-1].known, _touches(stage, rounds[-1], tell)
     else:
-        tell("compiled", 1.0)
+        tell(Progress("compiled", 1.0, 1.0))
     return _play(stage, known, rounds[-1], found, len(rounds))
 
 
@@ -118,7 +116,7 @@ def _share(count: int) -> float:
     return 0.9 * (1.0 - 0.8**count)
 
 
-def _improve(stage: Stage, rounds: list[Round], tell: Progress) -> tuple[Known, list[Touch]]:
+def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Known, list[Touch]]:
     """Adds rounds until no cue moves any more; every one refuses or moves a cue.
 
     Returns:
@@ -148,11 +146,11 @@ def _improve(stage: Stage, rounds: list[Round], tell: Progress) -> tuple[Known, 
             if not moved:
                 break
         stage.kept.check()
-        tell("rehearsing", _share(len(rounds) + 1))
+        tell(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
         rounds.append(make_round(stage, known))
     if known.touching and not found:
         known = _try_again(stage, known, tell)
-        tell("rehearsing", _share(len(rounds) + 1))
+        tell(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
         rounds.append(make_round(stage, known))
         found = _touches(stage, rounds[-1], tell)
     return known, found
@@ -172,8 +170,8 @@ def _first(
 # -- touches ---------------------------------------------------------------------------------
 
 
-def _touches(stage: Stage, made: Round, tell: Progress) -> list[Touch]:
-    tell("looking for what touches", 0.97)
+def _touches(stage: Stage, made: Round, tell: OnProgress) -> list[Touch]:
+    tell(Progress("looking for what touches", 0.97, 1.0))
     # Only the samples that are measured.
     run = together(stage.script.cast, made.runs, EVERY * SAMPLE)
     return touches(stage.script.cast, run, made.placement.meetings, every=1)
@@ -214,7 +212,7 @@ def _mend(stage: Stage, known: Known, made: Round, found: list[Touch], patient: 
     return known, mended
 
 
-def _try_again(stage: Stage, known: Known, tell: Progress) -> Known:
+def _try_again(stage: Stage, known: Known, tell: OnProgress) -> Known:
     """Tries what was refused because something would touch.
 
     A refused cue is tried again when a later one is refused, otherwise with a smaller gesture; the
@@ -228,7 +226,7 @@ def _try_again(stage: Stage, known: Known, tell: Progress) -> Known:
             sizes = (1.0, *sizes)
         before = known.wishes
         for size in sizes:
-            tell("looking for what can be done", 0.95)
+            tell(Progress("looking for what can be done", 0.95, 1.0))
             wishes = before.setting("refused", spot, None).setting("smaller", spot, size)
             tried, holds = _holds(stage, replace(known, wishes=wishes), spot, tell)
             if holds and size == 1.0:
@@ -243,7 +241,7 @@ def _try_again(stage: Stage, known: Known, tell: Progress) -> Known:
     return known
 
 
-def _holds(stage: Stage, known: Known, spot: Spot, tell: Progress) -> Rule:
+def _holds(stage: Stage, known: Known, spot: Spot, tell: OnProgress) -> Rule:
     """Results of trying a cue beside all others, and whether it can be done."""
     while True:
         made = make_round(stage, known)

@@ -8,7 +8,7 @@ and a play that is compiled after a change is, to the bit, the one that is compi
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, Status
+from fantoccini.base import Array, OnProgress, Status
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.kernel.runtime import default_threads
@@ -315,12 +315,7 @@ def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
 
 
 def _part(
-    stage: Staged,
-    x: State,
-    motion: Gesture,
-    bounds: StageFile,
-    method: str,
-    check: Callable[[float], None],
+    stage: Staged, x: State, motion: Gesture, bounds: StageFile, method: str, check: OnProgress
 ) -> Trajectory:
     inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
     alone = stage.marionette

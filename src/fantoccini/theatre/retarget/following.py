@@ -11,14 +11,23 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from fantoccini.base import ARRIVED, Array, Outcome, StateError, Times, check_positive
+from fantoccini.base import (
+    ARRIVED,
+    Array,
+    OnProgress,
+    Outcome,
+    Progress,
+    StateError,
+    Times,
+    check_positive,
+)
 from fantoccini.control.optimal import MPC
 from fantoccini.control.tasks import Bounds, Smooth, Task, Track
 from fantoccini.dynamics.clearance import Crossing, StringsApart
@@ -203,7 +212,7 @@ def follow_clip(
     of: str = "",
     speed: float | Mapping[str, float] = SPEED,
     acceleration: float | Mapping[str, float] = ACCELERATION,
-    progress: Callable[[float], None] | None = None,
+    progress: OnProgress | None = None,
 ) -> Followed:
     """The motion of the hands with which a puppet follows captured motion.
 
@@ -253,7 +262,7 @@ def _follow_within(
     clip: Retargeted,
     speed: float | Mapping[str, float],
     acceleration: float | Mapping[str, float],
-    progress: Callable[[float], None] | None,
+    progress: OnProgress | None,
 ) -> Followed:
     """The clip followed within the full bounds, or within reduced bounds if the run goes astray."""
     names, best = clip.marionette.coordinates.v_K, None
@@ -279,7 +288,7 @@ def _followed(
     clip: Retargeted,
     speed: Mapping[str, float],
     acceleration: Mapping[str, float],
-    progress: Callable[[float], None] | None,
+    progress: OnProgress | None,
 ) -> Followed:
     """A clip followed within bounds of the driven coordinates, by name."""
     marionette, x0 = clip.marionette, clip.start
@@ -302,7 +311,7 @@ def lead_along(
     tracks: Sequence[Track],
     speed: float | Mapping[str, float] = SPEED,
     acceleration: float | Mapping[str, float] = ACCELERATION,
-    progress: Callable[[float], None] | None = None,
+    progress: OnProgress | None = None,
 ) -> tuple[Array, bool]:
     """Accelerations of the hands with which parts follow tracks, by MPC in an event-driven run.
 
@@ -336,7 +345,7 @@ def lead_along(
         if not stepper.arrived:
             return acc_K[: i + 1], False
         if progress is not None:
-            progress((i + 1) / n)
+            progress(Progress(done=i + 1, total=n))
     return acc_K, True
 
 
