@@ -136,3 +136,15 @@ def test_answers_have_one_truth():
     assert own == ["optimal/reached.py: Reach", "tasks/answer.py: Answer"]
     for kind in (fan.PlanResult, fan.Optimum, fan.ReachedPose, fan.Tuned):
         assert issubclass(kind, Answer)
+
+
+def test_one_function_carries_changes_across_impulses():
+    """Catches and impacts find who takes part; the saltation matrix is computed in one place."""
+    parts = ("force_change", "restitution_change")
+    found = {
+        name
+        for name, function in functions().items()
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in parts
+    }
+    assert found == {"dynamics/simulation/saltation.py: _carried"}

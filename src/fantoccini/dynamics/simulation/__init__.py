@@ -1,12 +1,12 @@
 """simulate: a marionette, a start state and inputs -> Trajectory; sensitivity: its derivatives."""
 
 from fantoccini.dynamics.simulation.batch import simulate_batch
-from fantoccini.dynamics.simulation.catch import Passage
 from fantoccini.dynamics.simulation.determinacy import undetermined
 from fantoccini.dynamics.simulation.effort_of_contacts import contact_effort
 from fantoccini.dynamics.simulation.intervals import interval_derivatives
 from fantoccini.dynamics.simulation.pace import SlowRunWarning
 from fantoccini.dynamics.simulation.run import simulate, trajectory_of_samples
+from fantoccini.dynamics.simulation.saltation import Passage
 from fantoccini.dynamics.simulation.sensitivities import Sensitivity, sensitivity
 
 __all__ = [

@@ -15,7 +15,6 @@ import numpy as np
 
 from fantoccini.base import N_COEF, Array, InputError, Mistake, check_positive, shifted
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.catch import Passage
 from fantoccini.dynamics.simulation.input_piece import (
     InputPiece,
     InputVariation,
@@ -23,6 +22,7 @@ from fantoccini.dynamics.simulation.input_piece import (
     one_piece,
 )
 from fantoccini.dynamics.simulation.run_changes import RunChanges, check_differentiable
+from fantoccini.dynamics.simulation.saltation import Passage
 from fantoccini.dynamics.simulation.variation import Variation
 from fantoccini.motion import Input, Trajectory
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, StateError, Times
 from fantoccini.dynamics.derivatives import PointMode
-from fantoccini.dynamics.simulation.catch import Catch, Passage
+from fantoccini.dynamics.simulation.catch import catch_at
 from fantoccini.dynamics.simulation.contact_pieces import Change, ContactPieces, key_of, stacked
-from fantoccini.dynamics.simulation.impact import Impact
+from fantoccini.dynamics.simulation.impact import impact_at
 from fantoccini.dynamics.simulation.input_piece import InputPiece, InputVariation
+from fantoccini.dynamics.simulation.saltation import Passage
 from fantoccini.dynamics.simulation.variation import Variation
 from fantoccini.motion import EventKind, Input, Trajectory
 
@@ -162,11 +163,10 @@ class RunChanges:
         held = self._held(i), self._held(i + 1)
         acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
         if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._struck(i, False):
-            impact = Impact(self.marionette, before, after, held)
-            self.passages.append(impact.passage(acc, acc_K, Z))
-            return impact.carried(Z, by_input, acc, acc_K)
-        catch = Catch(self.marionette, before, after, held)
-        Z, passage = catch.across(Z, by_input, acc, acc_K)
+            impulse = impact_at(self.marionette, before, after, held)
+        else:
+            impulse = catch_at(self.marionette, before, after, held)
+        Z, passage = impulse.across(Z, by_input, acc, acc_K)
         self.passages.append(passage)
         return Z
 

@@ -10,10 +10,10 @@ import numpy as np
 from fantoccini.base import Array, InputError, Mistake, Times, check_positive, floats
 from fantoccini.dynamics.compiled import bind_input
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.catch import Passage
 from fantoccini.dynamics.simulation.input_piece import InputChanges
 from fantoccini.dynamics.simulation.run import simulate
 from fantoccini.dynamics.simulation.run_changes import RunChanges, check_differentiable
+from fantoccini.dynamics.simulation.saltation import Passage
 from fantoccini.dynamics.simulation.variation import Variation
 from fantoccini.motion import Input, InputDerivative, Inputs, State, Trajectory, check_same_puppet
 

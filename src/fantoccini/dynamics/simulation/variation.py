@@ -5,7 +5,7 @@ active set fixed:
 
     Zdot = [-[w]x, 1; dacc_D/dq_D, dacc_D/dv_D] Z + (acc_D's derivatives by inputs and parameters)
 
-At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.dynamics.simulation.catch`.
+At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.dynamics.simulation.saltation`.
 Points of contact keep their modes between events, too.
 """
 
@@ -30,9 +30,9 @@ from fantoccini.dynamics.derivatives import (
     turning,
 )
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.dynamics.simulation.catch import rate_change
 from fantoccini.dynamics.simulation.contact_pieces import stacked
 from fantoccini.dynamics.simulation.input_piece import InputPiece, InputVariation
+from fantoccini.dynamics.simulation.saltation import rate_change
 from fantoccini.motion import State
 
 FIRST_STEP = 0.01

@@ -1,0 +1,259 @@
+"""Small changes of the state across an impulse: the saltation matrix.
+
+A change dz of the state moves the time of the impulse, h = 0, by dt = -dh / hdot-. With the impulse
+v+ = R(q, v-) of Eqs. 13-15 and f = (v_D, acc_D),
+
+    dz+ = dR (dz- + f- dt) - f+ dt,
+
+for changes of the state alone the saltation matrix dR + (f+ - dR f-) (-dh/dz) / hdot-. dR comes
+from the impulse's own equations, over the rows that are struck or held afterwards and, of solids
+that touch, over points in their modes:
+
+    M (v+ - v-) + A_D^T Lambda - U^T X = 0,   hdot+ = -e max(hdot-, 0),
+    u_n+ = e max(-u_n-, 0),   X = x_n n where u_T+ = 0, else x_n (n - mu u_T+/|u_T+|)
+
+Which rows and points these are is found by :mod:`fantoccini.dynamics.simulation.catch` and
+:mod:`fantoccini.dynamics.simulation.impact`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, SimulationError, Status
+from fantoccini.base.documents import Parameter
+from fantoccini.dynamics.compiled import Evaluation, Screws
+from fantoccini.dynamics.derivatives import (
+    ContactRows,
+    HeldPoint,
+    KKTSystem,
+    row_derivatives_at,
+    solve_in_modes,
+)
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation.contact_pieces import AGREE, stacked
+from fantoccini.dynamics.simulation.input_piece import InputVariation
+from fantoccini.kernel.contract import WINCH_AT
+from fantoccini.motion import State
+
+VELOCITY_ERROR = 1e-4
+"""Difference from the run's velocities after an impulse, relative to 1 or to them: beyond it the
+equations are not the run's."""
+NEGLIGIBLE = 1e-9
+"""Impulses and speeds that are rounding, relative to the largest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """A catch of a run, a touch, or a point of contact that stops; and its saltation matrix.
+
+    Attributes:
+        t: time [s].
+        rows: names of the strings and limits caught, of the parts that touch, as ``foot|floor``, or
+            of those that stop sliding on one another.
+        speed: at which the gap closes that decides the time [m/s or rad/s]; 0 where a point stops.
+        jump: (2 n_vD, 2 n_vD) saltation matrix: changes of (q_D, v_D) from before to after.
+        sharp: whether the derivative exists there: one row is caught, or one point touches, or
+            several that always do so at once, and no other is at its bound by chance. Otherwise
+            ``jump`` holds for changes that keep the sequence of events.
+    """
+
+    t: float
+    rows: tuple[str, ...]
+    speed: float
+    jump: Array
+    sharp: bool
+
+
+def normal_speed(screws: Screws, point: HeldPoint) -> float:
+    """Speed at which a point's gap opens [m/s]."""
+    a, b = point.touch.links
+    twist = screws.twist(a) - screws.twist(b)
+    return float(point.touch.normal @ (twist[:3] + np.cross(twist[3:], point.touch.point)))
+
+
+class Guard:
+    """What decides the time of an impact: a gap that closes.
+
+    Args:
+        by: (n_columns,) changes of -gap.
+        speed: at which it closes [m/s or rad/s].
+    """
+
+    def __init__(self, by: Array, speed: float):
+        self._by, self.speed = by, speed
+
+    @classmethod
+    def of_point(cls, screws: Screws, point: HeldPoint) -> Guard:
+        a, b = point.touch.links
+        gap = point.touch.by[0] @ (screws.pose_by(a) - screws.pose_by(b))
+        return cls(-gap, -normal_speed(screws, point))
+
+    @classmethod
+    def of_row(cls, found: dict[str, Array], row: int, speed: float) -> Guard:
+        """Of a string or limit; ``found`` from :func:`row_derivatives_at`."""
+        A_D, A_K = found["A_D"][row], found["A_K"][row]
+        by = [A_D, 0.0 * A_D, A_K, np.zeros(2 * len(A_K)), 0.0 * A_D, found["h_p"][row]]
+        return cls(np.concatenate(by), float(speed))
+
+    def late(self, D: Array) -> Array:
+        """(1, m) change of the time [s]."""
+        return np.asarray(-(self._by @ D)[None] / self.speed)
+
+
+@dataclass(frozen=True, eq=False)
+class Saltation:
+    """An impulse of a run, and small changes across it.
+
+    Attributes:
+        marionette: the puppet.
+        before: the state before it.
+        at: its quantities.
+        rows: struck, or held afterwards.
+        points: of contact that take part.
+        restitution: (n_rows,) of the rows that close.
+        kick: (n_vD,) v+ - v-.
+        impulse: (n_rows,) Lambda.
+        guards: gaps that close; the fastest decides the time.
+        names: of what closes.
+        edges: what is at its bound by chance, in words.
+    """
+
+    marionette: Marionette
+    before: State
+    at: Evaluation
+    rows: Indices
+    points: Sequence[HeldPoint]
+    restitution: Array
+    kick: Array
+    impulse: Array
+    guards: Sequence[Guard]
+    names: tuple[str, ...]
+    edges: Sequence[str]
+
+    @property
+    def after(self) -> State:
+        """The state after it, by its equations."""
+        return self.before.replace(v_D=self.before.v_D + self.kick)
+
+    def check(self, v_D: Array, what: str) -> None:
+        """Raises SimulationError unless a run has these velocities after it."""
+        off = np.abs(self.after.v_D - v_D) / (1.0 + np.abs(v_D))
+        if np.max(off, initial=0.0) > VELOCITY_ERROR:
+            raise SimulationError(
+                Status.NOT_SETTLED, f"the {what}, as when restitutions are scaled down"
+            )
+
+    def across(
+        self, Z: Array, by_input: InputVariation, acc: tuple[Array, Array], acc_K: Array
+    ) -> tuple[Array, Passage]:
+        """Changes after the impulse, at a fixed time, and the impulse with its saltation matrix.
+
+        Args:
+            Z: (2 n_vD, m) the changes before it.
+            by_input: changes of inputs and parameters.
+            acc: acc_D before and after.
+            acc_K: (n_vK,) driven acceleration before it.
+        """
+        m, n = Z.shape[1], len(Z)
+        both = np.concatenate([Z, np.eye(n)], axis=1)
+        found = self._carried(both, by_input.widened(n), acc, acc_K)
+        changes = stacked(Z, InputVariation.none(self.marionette, m))
+        lates = np.array([guard.late(changes)[0] for guard in self.guards])
+        apart = float(np.max(np.abs(lates - lates[:1]), initial=0.0))
+        together = apart <= AGREE * float(np.max(np.abs(lates), initial=1e-9))
+        sharp = len(lates) > 0 and together and not self.edges
+        speed = max((guard.speed for guard in self.guards), default=0.0)
+        return found[:, :m], Passage(self.before.t, self.names, speed, found[:, m:], sharp)
+
+    def _carried(
+        self, Z: Array, by_input: InputVariation, acc: tuple[Array, Array], acc_K: Array
+    ) -> Array:
+        """Changes after the impulse, at a fixed time; see :meth:`across`."""
+        x, n, marionette = self.before, len(self.before.v_D), self.marionette
+        D = stacked(Z, by_input)
+        late = np.zeros((1, Z.shape[1]))
+        if self.guards:
+            late = max(self.guards, key=lambda guard: guard.speed).late(D)
+        q_D, v_D = Z[:n] + x.v_D[:, None] * late, Z[n:] + acc[0][:, None] * late
+        q_K, v_K = by_input.q_K + x.v_K[:, None] * late, by_input.v_K + acc_K[:, None] * late
+        p = by_input.p
+        D = stacked(
+            np.concatenate([q_D, v_D]), InputVariation(q_K, v_K, by_input.acc_K, by_input.u_D, p)
+        )
+        before, after = (row_derivatives_at(marionette, side) for side in (x, self.after))
+        speed = rate_change(before, q_D, q_K, v_K, p) + before["A_D"] @ v_D
+        rate = rate_change(after, q_D, q_K, v_K, p) + after["A_D"] @ v_D
+        rate += self.restitution[:, None] * speed
+        rate += restitution_change(marionette, self.at) @ p
+        force = force_change(marionette, x, self.kick, self.impulse, q_D, q_K, p)
+        kick = self._solve(force, rate[self.rows], D)
+        q_D = q_D - self.after.v_D[:, None] * late
+        return np.concatenate([q_D, v_D + kick - acc[1][:, None] * late])
+
+    def _solve(self, force: Array, rate: Array, D: Array) -> Array:
+        """(n_vD, m) changes of the kick."""
+        if not self.points:
+            return KKTSystem(self.at, self.rows).solve(force, rate)[0]
+
+        before = Screws(self.marionette, self.before, changes=D)
+        later = Screws(self.marionette, self.after, changes=D)
+
+        def rows(points: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
+            made, struck = ContactRows(later, points, 1.0), ContactRows(before, points, 0.0)
+            return made, made.velocity_by() + struck.bounce_by()
+
+        return solve_in_modes(self.at, self.rows, force, rate, rows, self.points)[0]
+
+
+def string_restitution(marionette: Marionette, at: Evaluation) -> Array:
+    """(n_rows,) restitutions of the rows that close."""
+    out = np.zeros(len(at.hdot))
+    out[: len(marionette.tree.strings)] = marionette.winches[:, WINCH_AT["restitution"]]
+    out[at.hdot <= 0.0] = 0.0
+    return out
+
+
+def force_change(
+    marionette: Marionette,
+    before: State,
+    kick: Array,
+    impulse: Array,
+    q_D: Array,
+    q_K: Array,
+    p: Array,
+) -> Array:
+    """Change of M (v+ - v-) + A_D^T Lambda at fixed v+ - v- and Lambda.
+
+    It is the residual of the equations of motion at rest with the kick as acc_D, less that of
+    gravity and springs.
+    """
+    x = before.replace(v_D=np.zeros_like(before.v_D), v_K=np.zeros_like(before.v_K))
+    values = marionette.at(x) | {
+        "acc_D": np.stack([kick, np.zeros_like(kick)]),
+        "acc_K": x.v_K,
+        "tension": np.stack([impulse, np.zeros_like(impulse)]),
+        "dt": np.array(0.0),
+    }
+    compiled = marionette.libraries.derivatives
+    found = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)
+    by = {name: part[0] - part[1] for name, part in found.items()}
+    return by["r_q"] @ q_D + by["r_qK"] @ q_K + by["r_p"] @ p
+
+
+def restitution_change(marionette: Marionette, at: Evaluation) -> Array:
+    """(n_rows, n_p) derivative of e max(hdot-, 0) by the parameters."""
+    out = np.zeros((marionette.tree.n_rows, len(marionette.p)))
+    for i, string in enumerate(marionette.tree.strings):
+        if isinstance(string.restitution, Parameter):
+            place = marionette.parameter_index[string.restitution.parameter]
+            out[i, place] = max(at.hdot[i], 0.0)
+    return out
+
+
+def rate_change(found: dict[str, Array], q_D: Array, q_K: Array, v_K: Array, p: Array) -> Array:
+    """(n_rows, m) changes of hdot at fixed v_D; ``found`` from :func:`row_derivatives_at`."""
+    return found["hdot_q"] @ q_D + found["hdot_qK"] @ q_K + found["A_K"] @ v_K + found["hdot_p"] @ p
