@@ -15,8 +15,8 @@ from fantoccini.control.optimal.api import first_nodes
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.hybrid import ExactRuns
 from fantoccini.control.optimal.objective import Objective
+from fantoccini.control.tasks import task_schema
 from fantoccini.control.tasks.chosen import Chosen
-from fantoccini.control.tasks.schema import task_schema
 
 pytestmark = pytest.mark.slow
 
