@@ -107,6 +107,7 @@ MISTAKES = [
     ("[hand.length]", "[hand.x, hand.x]", r"swing\.yaml:13: offsets\[1\]: hand\.x is .* twice"),
     ("swing.csv", "swong.csv", r"swing\.yaml:3: samples: "),
     ("puppet: arm.yaml", "puppet: arms3d", r"swing\.yaml:2: puppet: "),
+    ("puppet: arm.yaml", "puppet: visit", r"swing\.yaml:2: puppet: .*which is a scene"),
     ("delay: find", "delay: fined", r"swing\.yaml:14: delay: "),
     ("delay: find", "delay: 2.0", r"swing\.yaml:3: samples: the samples, less the delay, go from"),
     ("  middle:", "  centre:", r"swing\.yaml:5: .*none of the columns centre\.x"),

@@ -10,7 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from fantoccini.base import Array, FileError, OnProgress, StateError, nearest
-from fantoccini.base.documents import Finding, Located, Refusals, read_document, read_file, shown
+from fantoccini.base.documents import (
+    Finding,
+    Located,
+    Refusals,
+    has_key,
+    read_document,
+    read_file,
+    shown,
+)
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
 from fantoccini.lab.identification.marking import Mark, find, marked
@@ -39,7 +47,11 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     file = read_document(path, RecordFile)
     located = file.located
     check = Refusals(located)
-    puppet = read_file(named_file(file.puppet, located))
+    puppet_path = named_file(file.puppet, located)
+    if has_key(puppet_path, "scene"):
+        text = f"found {shown(file.puppet)}, which is a scene; needed: the file of a puppet"
+        raise located.error([(("puppet",), text)], FileError)
+    puppet = read_file(puppet_path)
     marks: dict[Mark, float] = {}
     unknown = []
     for label, given in file.unknown.items():
