@@ -45,9 +45,10 @@ ROOMS = {
     ),
     "theatre": (
         "gestures, motion capture, plays, live performance",
-        "`gestures`: gestures, and scores that time them in beats; `capture`: BVH files; "
-        "`retarget`: clips transferred to puppets; `cast`: players, props, cues; `ways`: path "
-        "finding on the stage; `plays`: plays compiled and verified; `perform`: live performance",
+        "`script`: files of scores and plays, their cues, verbs and times; `gestures`: gestures, "
+        "and scores that time them in beats; `capture`: BVH files; `retarget`: clips transferred "
+        "to puppets; `cast`: players, props; `ways`: path finding on the stage; `plays`: plays "
+        "compiled and verified; `perform`: live performance",
     ),
     "lab": (
         "identification and parameter studies",
@@ -62,8 +63,8 @@ ROOMS = {
     ),
     "output": (
         "pictures, films, reports; formats of other programs",
-        "`view`: pictures, plots, films; `reports`; `animation`: glTF, USD, BVH export; "
-        "`exchange`: MJCF and URDF import",
+        "`view`: pictures, plots, films; `html`: pages; `reports`; `animation`: glTF, USD, BVH "
+        "export; `exchange`: MJCF and URDF import",
     ),
     "app": (
         "command line and browser pages",
@@ -113,13 +114,14 @@ WALKS = {
         ),
     ),
     "From a play file to its run": (
-        ("theatre/plays/reading.py", "Script", "the file to a cast and its cues"),
+        ("theatre/script/reading.py", "read_script", "the file to cues, each with its verb's keys"),
+        ("theatre/plays/reading.py", "Script", "its cast, and its cues in time"),
         (
             "theatre/plays/compiling.py",
             "load_play",
             "places and simulates the cues, repeated until every requirement holds",
         ),
-        ("theatre/plays/placing.py", "Placing", "cues get times, places and ways"),
+        ("theatre/plays/placing.py", "place_cues", "cues get times, places and ways"),
         (
             "theatre/plays/runs.py",
             "runs_of",
@@ -158,6 +160,8 @@ class Task:
     title: str
     steps: tuple[tuple[str, tuple[str, ...]], ...]
 
+
+_PLACING = ("theatre/plays/placing.py", "theatre/plays/handling.py")
 
 TASKS = (
     Task(
@@ -289,6 +293,25 @@ TASKS = (
             ),
             ("a performance of it", ("model/puppets/performances/toss.yaml",)),
             ("its picture and film (`make gallery`)", ("/docs/gallery.py",)),
+        ),
+    ),
+    Task(
+        "a kind of file that users write",
+        (
+            ("its model, a `Document`", ("stand/stand_file.py",)),
+            ("the key that tells its kind", ("base/documents/document.py",)),
+            ("its JSON Schema", ("app/cli/app.py",)),
+        ),
+    ),
+    Task(
+        "a verb of plays",
+        (
+            ("its keys, and their messages", ("theatre/script/cues.py",)),
+            ("what it needs, moves and is verified by", ("theatre/script/verbs.py",)),
+            ("place it: a gesture or a walk, or with props", _PLACING),
+            ("its gesture, if it is no bundled one", ("theatre/plays/sitting.py",)),
+            ("check its run", ("theatre/plays/handled.py",)),
+            ("describe it", ("/docs/plays.md",)),
         ),
     ),
     Task(

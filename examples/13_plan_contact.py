@@ -54,7 +54,7 @@ def touch() -> None:
     puppet = fan.loads(str(held))
     x0 = puppet.rest({"wrist.length": 0.55})
     goal = fan.Goal.touch(puppet, [("hand", "table")])
-    plan = fan.plan(puppet, x0, goal, [post], margin=0.005, seed=0)
+    plan = fan.plan(puppet, x0, goal, [post], bounds=fan.Bounds(clearance=0.005), seed=0)
     print(plan)
     for met in plan.verify().touches:
         print(met)

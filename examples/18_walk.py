@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import fantoccini as fan
+from fantoccini.control import Draws
 from fantoccini.output import view
 from fantoccini.theatre.gestures import Gait
 
@@ -45,13 +46,12 @@ print(f"without sway, knees not apart: {1e3 * slip(walk(stiff)):.2f} mm a step")
 found = fan.tune(
     stage,
     lambda v: replace(stiff, **v).inputs(stage, STEPS, x0),
-    {"sway": (0.0, 4e-3), "apart": (0.0, 8e-3), "lower": (2e-3, 1e-3)},
+    {"sway": (0.0, 0.004), "apart": (0.0, 0.008), "lower": (0.002, 0.001)},
     slip,
     x0,
     method=method,
     save_every=5,
-    runs=16,
-    generations=4,
+    draws=Draws(runs=16, generations=4),
 )
 print(f"after {len(found.curve)} generations: {1e3 * found.cost:.2f} mm a step")
 print(", ".join(f"{name} {value:.4f}" for name, value in found.values.items()))

@@ -57,12 +57,15 @@ MOST_LINES = 450
 
 KINDS = {
     "app.pages.loop.PageLoop": "a thread of a page, which starts and ends it",
+    "base.documents.document.Document": "a file that users write",
     "base.documents.located.Located": "a file with the lines of its keys",
     "base.documents.values.Model": "a part of a file, by pydantic",
     "base.errors.FantocciniError": "an error",
     "base.errors.Outcome": "a status with its message",
     "base.errors.StateError": "an error",
     "control.optimal.shooting.EventRuns": "runs, by the method of their derivatives",
+    "control.tasks.answer.Answer": "an answer to a problem of control, and its truth",
+    "control.tasks.control_file.ControlFile": "a file with a puppet and its start",
     "dynamics.compiled.compiled_puppet.CompiledPuppet": "a marionette without its algorithms",
     "kernel.runtime.compiled.Run": "a run, held at its start",
     "kernel.runtime.functions.Functions": "a library that evaluates functions, by ctypes",

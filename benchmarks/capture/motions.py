@@ -14,6 +14,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from fantoccini.base import polynomial
 from fantoccini.base.arrays import Array
 
 SIDES = ("Left", "Right")
@@ -102,8 +103,7 @@ def arm(forward: Array | float, out: Array | float, reach: Array | float, side: 
 
 def smooth(u: Array | float) -> Array:
     """From 0 at u = 0 to 1 at u = 1, with two derivatives that vanish at both."""
-    u = np.clip(u, 0.0, 1.0)
-    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    return polynomial.minimum_jerk(np.clip(u, 0.0, 1.0))[0]
 
 
 def between(t: Array, start: float, stop: float, ramp: float) -> Array:

@@ -56,7 +56,7 @@ def by_seed(task: fan.Task, seeds: int) -> None:
         )
         again = fan.simulate(task.marionette, task.x0, best.inputs, best.run.t[-1])
         off = max(np.max(np.abs(again.q_D[-1] - task.end.q_D)), np.max(np.abs(again.v_D[-1])))
-        found.append(bool(best) and off < HOLDS)
+        found.append(best.holds and off < HOLDS)
         print(f"seed {seed:2}: {best}, end within {off:.1e}, slack {slack(best.run):.2f} s")
     print(f"found: {sum(found)} of {seeds}")
 

@@ -19,6 +19,7 @@ import numpy as np
 
 import fantoccini as fan
 from fantoccini.base import Progress
+from fantoccini.control import Draws
 from fantoccini.dynamics.mujoco import mujoco_run
 from fantoccini.theatre.gestures import Gait
 
@@ -164,12 +165,9 @@ def searched(
         lambda run: cost(stage, run, first, steps),
         x0,
         first.duration * (steps + 1),
-        method=fan.TimeStepping(dt=2.5e-4),
+        method=fan.TimeStepping(dt=0.00025),
         save_every=20,
-        runs=60,
-        generations=1000,
-        time_limit=seconds,
-        seed=seed,
+        draws=Draws(runs=60, generations=1000, time_limit=seconds, seed=seed),
         progress=tell,
     )
 

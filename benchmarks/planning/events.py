@@ -145,9 +145,11 @@ def slackened(problem: Problem) -> Problem:
         problem.goal,
         rollouts.clearance.obstacles,
         tolerance=problem.tolerance,
-        speed=dict(zip(names, rollouts.bounds.speed, strict=True)),
-        acceleration=dict(zip(names, rollouts.bounds.acceleration, strict=True)),
-        margin=rollouts.options.margin,
+        bounds=fan.Bounds(
+            speed=dict(zip(names, rollouts.bounds.speed, strict=True)),
+            acceleration=dict(zip(names, rollouts.bounds.acceleration, strict=True)),
+            clearance=rollouts.margin,
+        ),
         slack=True,
     )
 

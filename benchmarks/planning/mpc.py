@@ -21,6 +21,7 @@ import fantoccini as fan
 from fantoccini.base.errors import StateError, Status
 from fantoccini.control.planning import solve
 from fantoccini.control.planning.feedback import Feedback, Followed
+from fantoccini.control.problems import RolloutOptions
 from fantoccini.control.problems.state_arrays import StateArrays
 from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.motion import State
@@ -140,7 +141,8 @@ def main() -> None:
     parser.add_argument("--reserve", type=float, default=0.0, help="share of the bounds, 0 to 1")
     parser.add_argument("--improve", type=float, default=0.5, help="[s]")
     arguments = parser.parse_args()
-    problem = fan.load_problem(arguments.problem, reserve=arguments.reserve)
+    rollouts = RolloutOptions(reserve=arguments.reserve)
+    problem = fan.load_problem(arguments.problem, rollouts=rollouts)
     seeds = range(arguments.seed, arguments.seed + arguments.plans)
     found = [solve(problem, seed=s, improve=arguments.improve) for s in seeds]
     laws = [plan.feedback() for plan in found if plan]

@@ -168,8 +168,10 @@ def easier(problem: Problem) -> Problem:
         problem.start,
         problem.goal,
         tolerance=2.0 * problem.tolerance,
-        speed=dict(zip(names, bounds.speed, strict=True)),
-        acceleration=dict(zip(names, bounds.acceleration, strict=True)),
+        bounds=fan.Bounds(
+            speed=dict(zip(names, bounds.speed, strict=True)),
+            acceleration=dict(zip(names, bounds.acceleration, strict=True)),
+        ),
         slack=True,
     )
 

@@ -50,7 +50,7 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
                 read.goal,
                 obstacles,
                 tolerance=tolerance,
-                margin=0.005,
+                bounds=fan.Bounds(clearance=0.005),
                 slack=False,
             )
 

@@ -53,15 +53,14 @@ class Own(RolloutPool):
 
     def __init__(self, problem: Problem, layout: Layout):
         m, marionette, bounds = problem.rollouts, problem.marionette, problem.rollouts.bounds
-        options = m.options
         settings = RolloutSettings(
             m.run_options,
             1,
             marionette.p,
             marionette.winches,
             vars(bounds),
-            options.margin,
-            options.slack,
+            m.margin,
+            m.slack,
             m.clearance.solids,
             problem.goal.numbers,
             -1.0,
@@ -111,12 +110,12 @@ class MuJoCo:
         self.puppet = puppet = MuJoCoPuppet(problem.marionette, self.rollouts.options.dt)
         if puppet.twists:
             raise ValueError("limits of twists must be led anew at every step; here is no time")
-        mujoco, option = puppet.mujoco, puppet.opt
+        mujoco, option = puppet.mujoco, puppet.model.opt
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         mujoco.set_mju_user_warning(lambda text: None)
         self._step = mujoco.mj_step
-        self._slack = puppet.tendon_range[puppet.strings, 1] - SLACK
+        self._slack = puppet.model.tendon_range[puppet.strings, 1] - SLACK
         self._warm, self._lengths = puppet.data.qacc_warmstart, puppet.data.ten_length
         self._qpos, self._qvel = puppet.data.qpos, puppet.data.qvel
         self._clearance = _OneClearance(problem)
@@ -130,8 +129,8 @@ class MuJoCo:
         # An Euler step takes its last velocity for the whole of it: that in its middle is exact.
         puppet.drive(q_K, v_K - 0.5 * rollouts.options.dt * acc_K, acc_K)
         self._warm[:] = 0.0
-        self._step(puppet, puppet.data, rollouts.options.look)
-        if not rollouts.options.slack and (self._lengths[puppet.strings] < self._slack).any():
+        self._step(puppet.model, puppet.data, rollouts.options.look)
+        if not rollouts.slack and (self._lengths[puppet.strings] < self._slack).any():
             return np.full(len(row), np.nan)
         there = self._qpos[puppet.q_D], self._qvel[puppet.v_D]
         return np.concatenate([*there, q_K + t * (v_K + 0.5 * t * acc_K), v_K + t * acc_K])
@@ -143,7 +142,7 @@ class MuJoCo:
             np.isfinite(row).all()
             and (np.abs(v_K) <= bounds.speed * (1.0 + 1e-12)).all()
             and ((q_K >= bounds.low) & (q_K <= bounds.high)).all()
-            and self._clearance(q_D, q_K) >= self.rollouts.options.margin
+            and self._clearance(q_D, q_K) >= self.rollouts.margin
         )
 
 

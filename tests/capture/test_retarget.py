@@ -115,7 +115,7 @@ def test_a_mapping_file_of_twenty_lines_is_enough(tmp_path):
     ("change", "line", "message"),
     [
         (("  head: Head\n", ""), 2, "found no head"),
-        (("head: Head", "hed: Head"), 2, "'hed' is no part; did you mean 'head'?"),
+        (("head: Head", "hed: Head"), 3, "'hed' is no part; did you mean 'head'?"),
         (("mapping: m", "mapping: 1 2"), 1, "mapping"),
         (("joints:", "joint:"), 2, "did you mean 'joints'"),
         (("RightHand", "LeftHand"), 2, "found 'LeftHand' twice"),

@@ -62,7 +62,7 @@ def test_json(files):
 
 def test_wrong_arguments(files):
     wrong = {
-        "no bundled stand of this name; did you mean 'desktop6'": ("desktop", files / "run.npz"),
+        "the name of a bundled stand; did you mean 'desktop6'": ("desktop", files / "run.npz"),
         "winch.moves.line.length: line.length is not a driven": (
             files / "good.yaml",
             _other(files),

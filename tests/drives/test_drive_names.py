@@ -10,7 +10,7 @@ import pytest
 import fantoccini as fan
 from drives.test_drives import BOB, MACHINES
 from fantoccini.base.errors import InputError, StateError, UnknownNameError
-from fantoccini.control.problems.rollouts import Bounds
+from fantoccini.control.problems.rollouts import DrivenBounds
 from fantoccini.model.puppet import loads
 from fantoccini.model.tree import grow
 from fantoccini.motion import Input
@@ -94,15 +94,15 @@ def test_a_plan_winds_a_winch():
     """Its bounds go by either name, and what it finds arrives when it is simulated anew."""
     bob = fan.loads(BOB)
     x0, goal = bob.rest({"line.length": 0.8}), bob.rest({"line.length": 0.7})
-    asked = {"speed": {"line.length": 0.4}, "acceleration": 1.5, "tolerance": 0.05}
-    found = fan.plan(bob, x0, goal, ranges={"line.command.length": (0.5, 0.9)}, seed=1, **asked)
+    asked = fan.Bounds({"line.command.length": (0.5, 0.9)}, {"line.length": 0.4}, 1.5)
+    found = fan.plan(bob, x0, goal, bounds=asked, tolerance=0.05, seed=1)
     assert found and found.verify().arrives
     length = bob.coordinates.q_K.index("line.command.length")
     bounds = found.problem.rollouts.bounds
     assert (bounds.low[length], bounds.high[length]) == (0.5, 0.9)
     assert bounds.moves.tolist() == [i == length for i in range(2)]
-    assert Bounds.of(bob, 0.5, 2.0, {}).low[length] == 1e-3
+    assert DrivenBounds.of(bob, fan.Bounds()).low[length] == 1e-3
     with pytest.raises(StateError, match=r"given twice: as line\.length and line\.command\.length"):
-        Bounds.of(bob, {"line.length": 0.4, "line.command.length": 0.4}, 2.0, {})
+        DrivenBounds.of(bob, fan.Bounds(speed={"line.length": 0.4, "line.command.length": 0.4}))
     with pytest.raises(UnknownNameError, match="did you mean"):
-        Bounds.of(bob, {"line.lenght": 0.4}, 2.0, {})
+        DrivenBounds.of(bob, fan.Bounds(speed={"line.lenght": 0.4}))

@@ -15,7 +15,7 @@ from tests.cli.command import fantoccini, mistake
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError
-from fantoccini.theatre.gestures import is_score, score_schema
+from fantoccini.theatre.script import is_score, score_schema
 
 HEAD = """\
 score: number

@@ -9,7 +9,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError, InputError, UnknownNameError
-from fantoccini.theatre.gestures import score_schema
+from fantoccini.theatre.script import score_schema
 
 pytestmark = pytest.mark.slow
 

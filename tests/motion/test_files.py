@@ -136,7 +136,7 @@ YAML = {
     "unknown name": ("coordinates:\n  hand.lenght: [[0, 1]]\n", 2, "hand.lenght", "'hand.length'"),
     "unsorted": ("coordinates:\n  crank:\n  - [0, 1]\n  - [0, 2]\n", 4, "crank[1]", "step"),
     "unknown key": ("coordinates: {}\nwaypoint: 3\n", 2, "waypoint", "not known"),
-    "no mapping": ("coordinates:\n  - 3\n", 1, "coordinates", "names and their waypoints"),
+    "no mapping": ("coordinates:\n  - 3\n", 1, "coordinates", "needed: a mapping"),
     "a list": ("- 3\n", 1, "", "mapping"),
     "empty": ("", 1, "", "empty"),
     "comment only": ("# nothing\n", 1, "", "empty"),

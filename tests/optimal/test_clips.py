@@ -81,7 +81,7 @@ def test_the_residual_of_a_puppet_on_its_own_clip_is_none(
 def test_a_puppet_follows_a_run(arm: fan.Marionette, take: fan.Trajectory):
     """The inputs that made the run are among those that may follow it, so it comes near."""
     best = fan.follow(arm, {("lower", TIP): fan.Clip(take)}, duration=1.0)
-    assert best, best.summary()
+    assert best.holds, best.summary()
     off = tip_of(arm, best.run.resample(best.t)) - tip_of(arm, take.resample(best.t))
     assert np.max(np.linalg.norm(off, axis=1)) < 1e-3
     assert np.ptp(tip_of(arm, take)[:, 2]) > 0.04

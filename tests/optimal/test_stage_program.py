@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 
-from fantoccini.control.optimal.gains import riccati_gains
 from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram, StageSolver
 
 N, N_Z, K = 4, 3, 2
@@ -125,7 +124,7 @@ def test_gains_are_what_the_best_inputs_do_where_the_start_is_another():
     given = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
     # What costs have between neighbouring inputs, or an input and the state after it, is left out.
     given.cross[:, :K] = given.H[:, :K, K:] = given.H[:, K:, :K] = 0.0
-    gains = riccati_gains(given)
+    gains = given.gains
     random = np.random.default_rng(5)
     z0 = random.normal(size=N_Z)
     # The first state is 0 in programs: what it would add stands in e and g of the first stage.
@@ -265,4 +264,4 @@ def test_driven_states_that_are_double_integrators_are_kept_as_bands():
 def test_the_first_gain_is_riccatis():
     given = replace(program(), g=np.zeros((N, S)), e=np.zeros((N, N_Z)))
     given.cross[:, :K] = given.H[:, :K, K:] = given.H[:, K:, :K] = 0.0
-    assert StageSolver(1e-10).solve(given).gain == pytest.approx(riccati_gains(given)[0], rel=1e-10)
+    assert StageSolver(1e-10).solve(given).gain == pytest.approx(given.gains[0], rel=1e-10)

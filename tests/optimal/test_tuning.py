@@ -7,6 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini import TunedStatus
+from fantoccini.control import Draws
 
 pytestmark = pytest.mark.own_puppets
 
@@ -49,9 +50,7 @@ def test_the_second_move_comes_half_a_swing_later(trolley, method):
         {"delay": (0.4, 0.2)},
         swing,
         method=method,
-        runs=20,
-        generations=30,
-        narrow=1e-4,
+        draws=Draws(runs=20, generations=30, narrow=0.0001),
     )
     assert found.status is TunedStatus.SETTLED
     assert found.values["delay"] == pytest.approx(half, abs=2e-3)
@@ -83,8 +82,7 @@ def test_the_cost_sees_the_whole_run(trolley, method):
         largest,
         x0,
         method=method,
-        runs=8,
-        generations=3,
+        draws=Draws(runs=8, generations=3),
     )
     assert all(len(t) == 201 and t[0] == 1.0 and t[-1] == 3.0 for t in seen)
     assert found.cost == largest(found.run) > 0.0
@@ -95,7 +93,11 @@ def test_the_users_random_numbers_stay(trolley):
     wanted = np.random.random(3)
     np.random.seed(5)
     fan.tune(
-        trolley, lambda v: two_moves(trolley, 0.5), {"a": (0.0, 1.0)}, swing, runs=4, generations=1
+        trolley,
+        lambda v: two_moves(trolley, 0.5),
+        {"a": (0.0, 1.0)},
+        swing,
+        draws=Draws(runs=4, generations=1),
     )
     assert np.array_equal(np.random.random(3), wanted)
 
@@ -107,9 +109,7 @@ def test_the_same_seed_gives_the_same(trolley):
             lambda v: two_moves(trolley, max(v["delay"], 0.11)),
             {"delay": (0.4, 0.1)},
             swing,
-            runs=10,
-            generations=3,
-            seed=seed,
+            draws=Draws(runs=10, generations=3, seed=seed),
         )
 
     assert found(1).values == found(1).values
@@ -132,8 +132,7 @@ def test_motions_that_fail_are_passed_by(trolley):
         family,
         {"delay": (0.7, 0.3)},
         lambda run: np.inf if run.q_K[-1, 0] > 0.9 else swing(run),
-        runs=20,
-        generations=15,
+        draws=Draws(runs=20, generations=15),
     )
     assert found.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.02)
     assert np.isfinite(found.cost)
@@ -148,7 +147,9 @@ def test_two_numbers(trolley):
         return fan.Input.waypoints(trolley, {"trolley.x": way})
 
     numbers = {"part": (0.3, 0.2), "delay": (0.5, 0.2)}
-    found = fan.tune(trolley, family, numbers, swing, runs=16, generations=40, narrow=1e-3)
+    found = fan.tune(
+        trolley, family, numbers, swing, draws=Draws(runs=16, generations=40, narrow=0.001)
+    )
     assert found.values["part"] == pytest.approx(0.5, abs=0.01)
     assert found.values["delay"] == pytest.approx(np.pi * np.sqrt(LENGTH / 9.81), abs=0.01)
 
@@ -160,8 +161,7 @@ def test_what_makes_no_sense_is_refused(trolley):
             lambda v: two_moves(trolley, 0.5),
             {"a": (0.0, 1.0)} if numbers is None else numbers,
             cost,
-            runs=4,
-            generations=2,
+            draws=Draws(runs=4, generations=2),
             **options,
         )
 
@@ -178,7 +178,7 @@ def test_what_makes_no_sense_is_refused(trolley):
                 lambda v: two_moves(trolley, 0.5),
                 {"a": (0.0, 1.0)},
                 swing,
-                **{"runs": 3, "generations": 1, **counts},
+                draws=Draws(**{"runs": 3, "generations": 1, **counts}),
             )
 
     def longer(v: dict[str, float]) -> fan.Input:
@@ -186,7 +186,9 @@ def test_what_makes_no_sense_is_refused(trolley):
 
     with pytest.raises(ValueError, match="end at"):
         fan.tune(trolley, longer, {"a": (0.5, 0.1)}, swing)
-    ends = fan.tune(trolley, longer, {"a": (0.5, 0.1)}, swing, t_end=2.0, runs=4, generations=1)
+    ends = fan.tune(
+        trolley, longer, {"a": (0.5, 0.1)}, swing, t_end=2.0, draws=Draws(runs=4, generations=1)
+    )
     assert ends.run.t[-1] == 2.0
     with pytest.raises(fan.StateError, match=r"none of the first 8 runs.*ended with DONE"):
         tune(cost=lambda run: np.inf)
@@ -201,7 +203,7 @@ def test_an_interrupted_search_keeps_the_best(trolley):
         lambda v: two_moves(trolley, 0.5),
         {"a": (0.0, 1.0)},
         swing,
-        runs=4,
+        draws=Draws(runs=4),
         progress=progress,
     )
     assert found.status is TunedStatus.STOPPED
@@ -214,7 +216,6 @@ def test_time_is_limited(trolley):
         lambda v: two_moves(trolley, max(v["delay"], 0.2)),
         {"delay": (0.4, 0.1)},
         swing,
-        runs=4,
-        time_limit=1e-6,
+        draws=Draws(runs=4, time_limit=1e-06),
     )
     assert found.status is TunedStatus.TIMEOUT and len(found.curve) == 1

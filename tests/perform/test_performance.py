@@ -12,7 +12,6 @@ from tests.perform.hands import hands_of
 import fantoccini as fan
 from fantoccini.base import rotation
 from fantoccini.theatre.perform import reach
-from fantoccini.theatre.perform.handle import quaternion
 
 CRANES = """
 puppet: bridge
@@ -60,7 +59,7 @@ def test_quaternions_of_matrices():
     rng = np.random.default_rng(0)
     turns = np.concatenate([rng.normal(size=(50, 4)), np.eye(4), 1e-9 + np.eye(4)])
     for q in rotation.normalised(turns):
-        found = quaternion(rotation.matrix(q))
+        found = rotation.quaternion(rotation.matrix(q))
         assert min(np.max(np.abs(found - q)), np.max(np.abs(found + q))) < 1e-14
 
 

@@ -35,7 +35,7 @@ BOXES = [
 def damped() -> Problem:
     """Little time near the boxes, a string that goes slack: the time-stepper is off at catches."""
     start = DAMPED.rest(START)
-    return Problem(DAMPED, start, RAISED, BOXES, tolerance=0.1, acceleration=5.0)
+    return Problem(DAMPED, start, RAISED, BOXES, tolerance=0.1, bounds=fan.Bounds(acceleration=5.0))
 
 
 def test_plans_hold_event_driven_by_default(damped):
@@ -159,7 +159,7 @@ def test_a_goal_state_at_rest_ends_at_rest():
     """17.4: driven velocities included; the crane's trolley and its winch."""
     crane = fan.puppets.crane()
     start, goal = (crane.rest({"trolley": x}) for x in (-1.5, 1.5))
-    problem = Problem(crane, start, goal, speed=2.0, acceleration=2.0)
+    problem = Problem(crane, start, goal, bounds=fan.Bounds(speed=2.0, acceleration=2.0))
     assert problem.equilibrium
     for seed in range(4):
         plan = solve(problem, seed=seed)

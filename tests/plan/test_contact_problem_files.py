@@ -65,7 +65,13 @@ def test_a_file_asks_for_a_touch_as_python_does(folder):
     read = fan.load_problem(written(folder, TOUCH))
     arm, start = over_table()
     shelf = {"name": "shelf", "type": "box", "size": [0.2, 0.3, 0.02], "at": [0.4, 0, 0.45]}
-    made = fan.Problem(arm, start, fan.Goal.touch(arm, [("hand", "shelf")]), [shelf], margin=0.005)
+    made = fan.Problem(
+        arm,
+        start,
+        fan.Goal.touch(arm, [("hand", "shelf")]),
+        [shelf],
+        bounds=fan.Bounds(clearance=0.005),
+    )
     assert read.hold == made.hold > 0.0 and read.fingerprint == made.fingerprint
     a, b = fan.solve(read, seed=1), fan.solve(made, seed=1)
     assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)

@@ -7,9 +7,8 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.control.planning import PlanResult, PlanStatus, solve
-from fantoccini.control.planning.active_sets import extended
+from fantoccini.control.planning.active_sets import event_derivatives, extended
 from fantoccini.control.planning.planners import PlannerRound
-from fantoccini.control.planning.saltation import event_derivatives
 from fantoccini.control.problems import Problem, StateArrays
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.motion import State
@@ -28,7 +27,9 @@ def dropped(lift: float, segments: int) -> PlanResult:
     )
     end = made.q_D[-1]
     goal = fan.Goal.pose(arm, dict(zip(arm.coordinates.q_D, end, strict=True)), speed_weight=0.0)
-    problem = Problem(arm, start, goal, tolerance=1e-3, speed=5.0, acceleration=10.0)
+    problem = Problem(
+        arm, start, goal, tolerance=0.001, bounds=fan.Bounds(speed=5.0, acceleration=10.0)
+    )
 
     def still(tree, rollouts, rng):
         first = np.zeros(1, dtype=int)

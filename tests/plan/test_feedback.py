@@ -10,13 +10,12 @@ import pytest
 from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
-from fantoccini.base import tangent
+from fantoccini.base import riccati, tangent
 from fantoccini.base.errors import StateError
 from fantoccini.control.planning import PlanResult, solve
 from fantoccini.control.planning.feedback import Feedback
 from fantoccini.control.problems import Problem, StateArrays
 from fantoccini.control.problems.derivatives import segment_derivatives, taut_projection
-from fantoccini.control.problems.funnels import regulators
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.motion import State
@@ -30,7 +29,13 @@ def plan() -> PlanResult:
     pose = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
     goal = fan.Goal.pose(arm, pose, driven_weight=0.5)
     problem = Problem(
-        arm, read.start, goal, obstacles, tolerance=0.25, margin=0.005, slack=False, speed=0.5
+        arm,
+        read.start,
+        goal,
+        obstacles,
+        tolerance=0.25,
+        bounds=fan.Bounds(clearance=0.005, speed=0.5),
+        slack=False,
     )
     return first_plan(problem, near, polished)
 
@@ -61,7 +66,7 @@ def test_gains_are_those_of_least_squares():
     right = np.concatenate([right, np.zeros((m * k, n))])
     best = -np.linalg.lstsq(rows, right, rcond=None)[0]
 
-    z, (gains, P) = np.eye(n), regulators(A, B, Q, R, Q_m)
+    z, (gains, P) = np.eye(n), riccati.gains(A, B, Q, R, Q_m)
     left = rows @ best + right
     np.testing.assert_allclose(P[0], left.T @ left, rtol=1e-9, atol=1e-9 * np.abs(P[0]).max())
     for j in range(m):
@@ -197,7 +202,12 @@ def test_ranges_are_kept_whatever_is_asked(plan, law):
         assert np.all(np.abs(run.states.v_K) <= plan.rollouts.bounds.speed + 1e-9)
     spans = {"hand.x": (0.2, 0.6), "hand.length": (0.4, 1.4)}
     narrow = Problem(
-        problem.marionette, plan.start, plan.goal, tolerance=0.25, slack=False, ranges=spans
+        problem.marionette,
+        plan.start,
+        plan.goal,
+        tolerance=0.25,
+        slack=False,
+        bounds=fan.Bounds(position=spans),
     )
     found = solve(narrow, seed=0)
     law = dataclasses.replace(found.feedback(), gains=-30.0 * found.feedback().gains)
@@ -267,9 +277,8 @@ def test_plans_begin_at_time_stepped_states(plan):
         problem.goal,
         problem.rollouts.clearance.obstacles,
         tolerance=0.25,
-        margin=0.005,
+        bounds=fan.Bounds(clearance=0.005, speed=0.5),
         slack=False,
-        speed=0.5,
     )
     found = solve(again, seed=3)
     assert found and found.verify(method="event").arrives

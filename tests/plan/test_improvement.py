@@ -8,7 +8,7 @@ from tests.plan.seeds import first_plan, near, polished
 
 import fantoccini as fan
 from fantoccini.control.planning import EST2007, PolishStatus, Search, SearchOptions, solve
-from fantoccini.control.problems import OBJECTIVES, Objective, Problem
+from fantoccini.control.problems import OBJECTIVES, Objective, Problem, RolloutOptions
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
@@ -18,7 +18,9 @@ BOX = {"name": "low", "type": "box", "size": [0.14, 0.4, 0.12], "at": [0.25, 0.0
 
 @pytest.fixture(scope="module")
 def problem() -> Problem:
-    return Problem(ARM, START, RAISED, [BOX], tolerance=0.25, margin=0.005, slack=False)
+    return Problem(
+        ARM, START, RAISED, [BOX], tolerance=0.25, bounds=fan.Bounds(clearance=0.005), slack=False
+    )
 
 
 def test_plans_become_shorter(problem):
@@ -157,7 +159,14 @@ def test_iterations_decide_what_is_found(problem):
     found = []
     for threads in (1, 2):
         asked = Problem(
-            ARM, START, RAISED, [BOX], tolerance=0.25, margin=0.005, slack=False, threads=threads
+            ARM,
+            START,
+            RAISED,
+            [BOX],
+            tolerance=0.25,
+            bounds=fan.Bounds(clearance=0.005),
+            rollouts=RolloutOptions(threads=threads),
+            slack=False,
         )
         search = Search(asked, SearchOptions(seed=5))
         search.find_first(60.0)
@@ -180,7 +189,9 @@ def test_a_polished_plan_ends_at_the_goal(problem):
 
 def test_inputs_end_at_rest_where_that_is_asked():
     goal = fan.Goal.pose(ARM, RAISED, driven_weight=0.5)
-    asked = Problem(ARM, START, goal, [BOX], tolerance=0.25, margin=0.005, slack=False)
+    asked = Problem(
+        ARM, START, goal, [BOX], tolerance=0.25, bounds=fan.Bounds(clearance=0.005), slack=False
+    )
     assert asked.equilibrium
     made = first_plan(asked, near, polished)
     assert made.distance <= 1e-3

@@ -29,8 +29,7 @@ def test_the_marionette_touches_the_bell_past_the_lamp():
         problem.start,
         problem.goal,
         tolerance=0.02,
-        speed=0.4,
-        acceleration=1.0,
+        bounds=fan.Bounds(speed=0.4, acceleration=1.0),
         slack=False,
     )
     straight = [fan.solve(free, seed=s) for s in range(4)]

@@ -16,6 +16,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import fantoccini as fan
+from fantoccini.control.problems import RolloutOptions
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.kernel.runtime import ClearanceLibrary
 
@@ -289,11 +290,11 @@ def test_a_plan_goes_through_a_notch():
         RAISED,
         [SHELF],
         tolerance=0.25,
-        margin=0.005,
-        iterations=40_000,
+        bounds=fan.Bounds(clearance=0.005),
+        rollouts=RolloutOptions(threads=1),
+        iterations=40000,
         time_limit=120.0,
         seed=2,
-        threads=1,
     )
     assert plan, str(plan)
     clear = plan.problem.rollouts.clearance
@@ -309,7 +310,7 @@ def test_a_plan_goes_through_a_notch():
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_what_fails_while_meshes_are_measured_is_told(monkeypatch, threads):
-    problem = fan.Problem(ARM, HANGING, RAISED, [SHELF], threads=threads)
+    problem = fan.Problem(ARM, HANGING, RAISED, [SHELF], rollouts=RolloutOptions(threads=threads))
     for error in (RuntimeError("no distance"), KeyboardInterrupt()):
 
         def fails(*solids, error=error):

@@ -12,7 +12,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.errors import FileError
 from fantoccini.control.planning import EST2007, Explore, solve
-from fantoccini.control.problems import StateArrays
+from fantoccini.control.problems import RolloutOptions, StateArrays
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
@@ -27,6 +27,10 @@ BOXES = [
 ]
 LIMIT = 120.0
 """Seconds: far more than a search takes, so that iterations decide."""
+
+
+def bounds(**given) -> dict[str, fan.Bounds]:
+    return {"bounds": fan.Bounds(**given)}
 
 
 def raised(seed: int = 0, obstacles=(), **options) -> fan.PlanResult:
@@ -64,14 +68,15 @@ def test_inputs_keep_their_bounds(among_boxes):
     _, v_K, acc_K = among_boxes.inputs.evaluate(t)
     assert np.max(np.abs(v_K)) <= 0.5 * (1 + 1e-9)
     assert np.max(np.abs(acc_K)) <= 2.0 * (1 + 1e-9)
-    bound = raised(obstacles=[], speed={"hand.x": 0.3, "hand.length": 0.5}, seed=2)
+    speed = {"hand.x": 0.3, "hand.length": 0.5}
+    bound = raised(seed=2, **bounds(speed=speed))
     _, v_K, _ = bound.inputs.evaluate(np.linspace(0, bound.duration, 501))
     assert np.max(np.abs(v_K[:, 1])) == 0.0, "hand.y is not named and holds still"
     assert np.max(np.abs(v_K[:, 0])) <= 0.3 * (1 + 1e-9)
 
 
 def test_the_same_seed_gives_the_same_plan_for_any_threads(among_boxes):
-    other = raised(seed=1, obstacles=BOXES, threads=1)
+    other = raised(seed=1, obstacles=BOXES, rollouts=RolloutOptions(threads=1))
     assert other.path == among_boxes.path and other.tried == among_boxes.tried
     for name in ("q_D", "v_D", "q_K", "acceleration", "distance"):
         assert np.array_equal(getattr(other.tree, name), getattr(among_boxes.tree, name))
@@ -155,7 +160,7 @@ def test_a_start_in_collision_is_told():
     found = fan.plan(ARM, HANGING, RAISED, inside)
     assert not found and found.status is fan.PlanStatus.INFEASIBLE_START
     assert "inside stone" in found.reason and found.tried == 0
-    far = fan.plan(ARM, HANGING, RAISED, ranges={"hand.length": (0.2, 1.0)})
+    far = fan.plan(ARM, HANGING, RAISED, bounds=fan.Bounds(position={"hand.length": (0.2, 1.0)}))
     assert "hand.length starts at 1.34, outside of its range 0.2 to 1" in far.reason
 
 
@@ -192,17 +197,14 @@ def test_an_end_of_the_search_returns_the_nearest():
         ({"goal": 3}, fan.StateError, "the goal is 3"),
         ({"planner": "rrt"}, ValueError, "explore, est-2007"),
         ({"tolerance": 0.0}, ValueError, "tolerance is 0"),
-        ({"speed": -1.0}, fan.StateError, "the speed of hand.x is -1"),
-        ({"speed": 1e7}, fan.StateError, "hand.x is 10000000.0; .* at most 1e.06"),
-        ({"segment": 1e6}, ValueError, "segment is 1000000.0 s; it must be at most 10 s"),
-        ({"dt": 1e-9, "look": 10**6}, ValueError, "takes 5000000 steps"),
-        ({"speed": {"hand.z": 1.0}}, fan.UnknownNameError, "hand.z"),
-        ({"speed": 0.0}, fan.StateError, "no driven coordinate may move"),
-        ({"ranges": {"hand.x": (1.0, 0.0)}}, fan.StateError, "must not be empty"),
+        (bounds(speed=-1.0), fan.StateError, "the speed of hand.x is -1"),
+        (bounds(speed=1e7), fan.StateError, "hand.x is 10000000.0; .* at most 1e.06"),
+        (bounds(speed={"hand.z": 1.0}), fan.UnknownNameError, "hand.z"),
+        (bounds(speed=0.0), fan.StateError, "no driven coordinate may move"),
+        (bounds(position={"hand.x": (1.0, 0.0)}), fan.StateError, "must not be empty"),
         ({"obstacles": [{"name": "o", "type": "sphere", "radius": 0}]}, FileError, "radius"),
-        ({"margin": -1.0}, ValueError, "margin"),
-        ({"look": 0}, ValueError, "look"),
-        ({"threads": 0}, ValueError, "threads is 0"),
+        (bounds(clearance=-1.0), ValueError, "clearance"),
+        (bounds(jerk=1.0), fan.StateError, "no bounds of jerk; give position, speed"),
         ({"iterations": 0}, ValueError, "iterations is 0"),
         ({"obstacles": [3]}, FileError, r"obstacles\[0\]: found 3"),
         ({"goal": lambda rows: 1.0}, fan.StateError, "finite distances of the shape"),
@@ -216,9 +218,24 @@ def test_mistakes_are_told(options, error, message):
         fan.plan(ARM, HANGING, goal, obstacles, **options)
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"looks": 10**6}, "a segment lasts 20000 s; it must be at most 10 s"),
+        ({"dt": 1e-9, "look": 10**6}, "takes 5000000 steps"),
+        ({"look": 0}, "look is 0"),
+        ({"threads": 0}, "threads is 0"),
+        ({"reserve": 1.0}, "reserve is 1.0"),
+    ],
+)
+def test_rollouts_out_of_range_are_told(options, message):
+    with pytest.raises(ValueError, match=message):
+        RolloutOptions(**options)
+
+
 def test_a_coordinate_that_holds_still_does_not_mislead():
     some = {"hand.x": 0.5, "hand.length": 0.5}
-    tried = [raised(seed, speed=some).tried for seed in range(5)]
+    tried = [raised(seed, **bounds(speed=some)).tried for seed in range(5)]
     assert np.median(tried) <= 1.5 * np.median([raised(seed).tried for seed in range(5)])
 
 
@@ -238,7 +255,7 @@ def test_the_event_driven_run_is_looked_at_all_along(among_boxes):
 
 @pytest.mark.parametrize(("dt", "look"), [(0.001, 13), (0.0037, 3), (0.003, 7)])
 def test_a_plan_replays_with_any_step(dt, look):
-    found = raised(seed=2, dt=dt, look=look)
+    found = raised(seed=2, rollouts=RolloutOptions(dt=dt, look=look))
     assert len(found.path) > 2 and found.replay()
 
 
@@ -269,7 +286,7 @@ def test_a_goal_at_which_the_ends_cannot_be_is_searched_without_a_law():
         ARM.rest({"hand.x": 0.3, "hand.length": 1.32}),
         RAISED,
         tolerance=0.25,
-        ranges={"hand.length": (1.25, 1.6)},
+        bounds=fan.Bounds(position={"hand.length": (1.25, 1.6)}),
     )
     assert not out.rollouts.funnels and not out.equilibrium
     assert solve(out, iterations=200).tried >= 200
@@ -302,7 +319,7 @@ def stop(number, frame):
 signal.signal(signal.SIGINT, stop)
 arm = fan.puppets.arm3d()
 x = arm.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
-problem = fan.Problem(arm, x, {"elbow": 1.0}, tolerance=1e-7, threads=2)
+problem = fan.Problem(arm, x, {"elbow": 1.0}, tolerance=1e-7)
 for k in range(25):
     found = None
     try:

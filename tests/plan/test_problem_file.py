@@ -52,7 +52,7 @@ def test_a_file_says_what_python_says(tmp_path):
         arm.rest({"hand.x": 0.3, "hand.length": 1.3}),
         fan.Goal.pose(arm, {"elbow": np.radians(60)}, weights={"elbow": 2.0}),
         [{"name": "stone", "type": "sphere", "radius": 0.05, "at": [0.4, 0, -0.5]}],
-        ranges={"hand.x": (-1.0, 1.0)},
+        bounds=fan.Bounds(position={"hand.x": (-1.0, 1.0)}),
     )
     a, b = fan.solve(read, seed=3), fan.solve(made, seed=3)
     assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)

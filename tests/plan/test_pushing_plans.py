@@ -99,8 +99,7 @@ def test_a_crate_that_is_too_heavy_says_how_far_it_came(mass, goes):
         goal,
         contact={"touch": [("bob", "crate")]},
         tolerance=0.05,
-        speed=0.3,
-        acceleration=0.5,
+        bounds=fan.Bounds(speed=0.3, acceleration=0.5),
     )
     plan = solve(problem, seed=0, iterations=None if goes else 1000, time_limit=60.0)
     assert bool(plan) == goes

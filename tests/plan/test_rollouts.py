@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
 import fantoccini as fan
-from fantoccini.control.problems import Goal, Problem, StateArrays
+from fantoccini.base import riccati
+from fantoccini.control.problems import Goal, Problem, RolloutOptions, StateArrays
 from fantoccini.control.problems.derivatives import segment_derivatives
-from fantoccini.control.problems.funnels import regulator
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
@@ -24,8 +25,11 @@ def rows(*states: fan.State) -> StateArrays:
     return StateArrays(*(np.array([getattr(x, name) for x in states]) for name in names))
 
 
+FAST = fan.Bounds(speed=1.0, acceleration=5.0)
+
+
 def problem(**options) -> Problem:
-    asked = {"tolerance": 0.01, "speed": 1.0, "acceleration": 5.0} | options
+    asked = {"tolerance": 0.01, "bounds": FAST} | options
     return Problem(ARM, START, FAR, **asked)
 
 
@@ -55,8 +59,10 @@ def test_motions_are_those_of_the_simulator():
 
 def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
     acceleration = np.random.default_rng(1).uniform(-1.0, 1.0, (40, 5, 3))
-    alone = problem(threads=1)
-    together = problem(threads=3).rollouts.simulate(alone.root, np.zeros(40), acceleration)
+    alone = problem(rollouts=RolloutOptions(threads=1))
+    together = problem(rollouts=RolloutOptions(threads=3)).rollouts.simulate(
+        alone.root, np.zeros(40), acceleration
+    )
     for i in (0, 7, 8, 39):
         one = alone.rollouts.simulate(alone.root, np.zeros(1), acceleration[[i]])
         for name, a in one.states.items():
@@ -64,7 +70,9 @@ def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
 
 
 def test_none_is_made_after_the_first_that_arrives():
-    near = Problem(ARM, START, {"elbow": 0.35}, tolerance=0.1, speed=1.0, acceleration=5.0)
+    near = Problem(
+        ARM, START, {"elbow": 0.35}, tolerance=0.1, bounds=fan.Bounds(speed=1.0, acceleration=5.0)
+    )
     rng = np.random.default_rng(2)
     acceleration = rng.uniform(-2.0, 2.0, (64, 12, 3))
     made = near.rollouts.simulate(near.root, np.zeros(64), acceleration)
@@ -76,7 +84,7 @@ def test_none_is_made_after_the_first_that_arrives():
 
 def test_motions_end_at_obstacles_bounds_and_slackness():
     wall = {"name": "wall", "type": "half_space", "at": [0.1, 0, 0], "normal": [-1, 0, 0]}
-    asked = problem(obstacles=[wall], strings=False)
+    asked = problem(obstacles=[wall], rollouts=RolloutOptions(strings=False))
     push = np.zeros((1, 12, 3))
     push[0, :4, 0] = 2.0
     push[0, :, 2] = -0.4
@@ -88,7 +96,7 @@ def test_motions_end_at_obstacles_bounds_and_slackness():
     q_D, q_K = cut.states["q_D"][0, :reached], cut.states["q_K"][0, :reached]
     assert clear.at(q_D, q_K).min() >= 0.0
     assert clear.at(free.states["q_D"][0, reached], free.states["q_K"][0, reached]) < 0.0
-    narrow = problem(ranges={"hand.length": (1.2, 1.4)})
+    narrow = problem(bounds=replace(FAST, position={"hand.length": (1.2, 1.4)}))
     cut = narrow.rollouts.simulate(narrow.root, np.zeros(1), push)
     kept = cut.states["q_K"][0, (cut.looks[0] > 0)][:, 2]
     assert kept.min() >= 1.2 and len(kept) < 12
@@ -108,7 +116,7 @@ def test_a_regulator_for_many_steps_is_that_for_endlessly_many():
     B, Q, R = rng.normal(size=(6, 2)), np.eye(6), 0.1 * np.eye(2)
     P = solve_discrete_are(A, B, Q, R)
     wanted = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    assert np.allclose(regulator(A, B, Q, R), wanted, atol=1e-9)
+    assert np.allclose(riccati.stationary_gain(A, B, Q, R, 7), wanted, atol=1e-9)
 
 
 def test_derivatives_of_segments_are_those_of_the_simulators_steps():
@@ -208,7 +216,7 @@ def test_python_hears_signals_while_many_rollouts_are_simulated():
     """17.30: a timer's handler runs again and again during one long sweep."""
     if not hasattr(signal, "setitimer"):
         pytest.skip("needs setitimer")
-    asked, heard = problem(segment=10.0, dt=0.002), []
+    asked, heard = problem(rollouts=RolloutOptions(dt=0.002, looks=1000)), []
     push = np.random.default_rng(0).uniform(-0.01, 0.01, (256, 1, 3))
     before = signal.signal(signal.SIGALRM, lambda *_: heard.append(len(heard)))
     try:

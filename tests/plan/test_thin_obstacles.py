@@ -9,7 +9,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.control.planning import solve
-from fantoccini.control.problems import Problem
+from fantoccini.control.problems import Problem, RolloutOptions
 from fantoccini.dynamics.clearance import Clearance
 
 RADIUS = 0.005
@@ -40,12 +40,9 @@ def problem(thickness: float, *, margin: float = 0.0, strings: bool = False) -> 
         bob().rest(),
         {"bob.x": 1.0},
         [wall(thickness)],
-        margin=margin,
-        strings=strings,
-        speed=3.0,
-        acceleration=30.0,
+        bounds=fan.Bounds(clearance=margin, speed=3.0, acceleration=30.0),
+        rollouts=RolloutOptions(strings=strings, threads=2),
         tolerance=0.3,
-        threads=2,
     )
 
 
@@ -64,7 +61,12 @@ def test_no_plan_passes_through_a_thin_wall(thickness, margin, strings):
 @pytest.mark.parametrize("thickness", [0.02, 1e-3, 1e-6])
 def test_verification_sees_what_a_plan_passes_through(thickness, method):
     free = Problem(
-        bob(), bob().rest(), {"bob.x": 1.0}, speed=3.0, acceleration=30.0, tolerance=0.3, threads=2
+        bob(),
+        bob().rest(),
+        {"bob.x": 1.0},
+        bounds=fan.Bounds(speed=3.0, acceleration=30.0),
+        rollouts=RolloutOptions(threads=2),
+        tolerance=0.3,
     )
     plan = solve(free, seed=0, time_limit=60.0)
     assert plan
@@ -76,7 +78,14 @@ def test_verification_sees_what_a_plan_passes_through(thickness, method):
 
 
 def test_a_plan_chosen_by_a_time_limit_says_that_a_second_run_may_differ():
-    free = Problem(bob(), bob().rest(), {"bob.x": 1.0}, speed=1.0, tolerance=0.3, threads=2)
+    free = Problem(
+        bob(),
+        bob().rest(),
+        {"bob.x": 1.0},
+        bounds=fan.Bounds(speed=1.0),
+        rollouts=RolloutOptions(threads=2),
+        tolerance=0.3,
+    )
     plan = solve(free, seed=0, time_limit=60.0)
     assert plan and "second run" not in plan.message
     better = plan.grow(0.2)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from tests.plan.touching_bodies import POST, over_table
@@ -25,7 +23,7 @@ ON_TABLE = fan.Goal.touch(ARM, [("hand", "table")])
 
 @pytest.fixture(scope="module")
 def past_post() -> Problem:
-    return Problem(ARM, START, ON_TABLE, [POST], margin=0.005)
+    return Problem(ARM, START, ON_TABLE, [POST], bounds=fan.Bounds(clearance=0.005))
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +60,7 @@ def test_a_plan_that_touches_is_kept_and_replayed(past_post, touch, tmp_path):
     touch.save(tmp_path / "plan.npz")
     again = PlanResult.load(tmp_path / "plan.npz", past_post)
     assert again and again.path == touch.path
-    other = Problem(ARM, START, ON_TABLE, [POST], margin=0.005, hold=0.5)
+    other = Problem(ARM, START, ON_TABLE, [POST], bounds=fan.Bounds(clearance=0.005), hold=0.5)
     with pytest.raises(fan.errors.FileError, match="another problem"):
         PlanResult.load(tmp_path / "plan.npz", other)
 
@@ -124,9 +122,16 @@ def test_rollouts_end_where_something_touches_that_is_kept_off(past_post, touch)
     done = rollouts.where(tolerance=-1.0).simulate(past_post.root, start, acceleration)
     assert np.all(done.looks > 0)
     every = np.ones(len(past_post.touches.may), dtype=bool)
-    options = dataclasses.replace(rollouts.options, tolerance=-1.0, margin=-np.inf)
     strict = Rollouts(
-        past_post.marionette, rollouts.clearance, rollouts.bounds, past_post.goal, options, every
+        past_post.marionette,
+        rollouts.clearance,
+        rollouts.bounds,
+        past_post.goal,
+        rollouts.options,
+        tolerance=-1.0,
+        margin=-np.inf,
+        slack=True,
+        kept_off=every,
     )
     made = strict.simulate(past_post.root, start, acceleration)
     first = int(np.flatnonzero(made.looks[0] == 0)[0])
@@ -148,7 +153,7 @@ def test_a_search_that_does_not_touch_says_how_far_it_is():
         ARM,
         START,
         ON_TABLE,
-        ranges={"wrist.length": (0.5, 0.6), "sleeve.length": (0.5, 0.61)},
+        bounds=fan.Bounds(position={"wrist.length": (0.5, 0.6), "sleeve.length": (0.5, 0.61)}),
         iterations=200,
         time_limit=60.0,
     )

@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
-from fantoccini.theatre.cast import is_play
+from fantoccini.theatre.script import is_play
 from plays.conftest import HEAD, Plays
 
 ACT = "acts:\n  - act: one\n    cues:\n      - {cue}\n"

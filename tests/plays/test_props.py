@@ -13,7 +13,7 @@ import fantoccini as fan
 from fantoccini.dynamics.clearance import Clearance, StringsApart
 from fantoccini.model.puppet.contact import FLOOR
 from fantoccini.theatre import cast
-from fantoccini.theatre.cast import props
+from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.gestures.stepping import Step
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.sitting import sit
@@ -48,7 +48,7 @@ def seen(x: float, y: float, heading: float, forward: float, left: float) -> tup
 
 
 THINGS = {
-    name: YAML(typ="safe").load(files(cast).joinpath("things", f"{name}.yaml").read_text())
+    name: YAML(typ="safe").load(files(cast).joinpath("prop_files", f"{name}.yaml").read_text())
     for name in ("ball", "basket", "chair")
 }
 
@@ -65,7 +65,7 @@ def prop(kind: str, x: float, y: float, z: float, heading: float) -> dict:
 
 def hung(kind: str, x: float, y: float, heading: float, side: str, off: float = 0.0) -> dict:
     """A prop on the forearm of a puppet that stands there."""
-    forward, left, up = props.handle_place(side, raised=RAISED)
+    forward, left, up = prop_gestures.handle_place(side, raised=RAISED)
     place = seen(x, y, heading, forward + off, left)
     return prop(kind, *place, up - 0.35 * off - THINGS[kind]["handle"], heading)
 
@@ -143,7 +143,7 @@ def handed(kind: str, side: str, place: tuple[float, float, float], off: float =
     beside = seen(*place, AHEAD + 0.986 * (along - 0.061), sign * RECEIVER)
     puppets = [puppet("pierrot", *place), puppet("columbine", *beside, place[2])]
     scene = stage(puppets, [hung(kind, *place, side, off)])
-    pair = props.give(scene, "pierrot", "columbine", kind, side=side, along=along)
+    pair = prop_gestures.give(scene, "pierrot", "columbine", kind, side=side, along=along)
     assert pair.place(*place) == pytest.approx((*beside, place[2]), abs=1e-3)
     return scene, pair
 
@@ -183,9 +183,9 @@ def test_a_prop_stays_on_the_forearm_in_a_walk(kind, side):
     place = (0.0, 0.0, 0.0)
     scene = stage([puppet("pierrot", *place), ASIDE], [hung(kind, *place, side)])
     x0 = scene.rest()
-    pose = props.carry(scene, "pierrot", side=side)
+    pose = prop_gestures.carry(scene, "pierrot", side=side)
     leg, turn = [Step(0.06)] * 12, [Step(0.0, np.pi / 6)] * 3
-    walk = pose.then(props.steps_carrying(pose, x0, "pierrot", [*leg, *turn, *leg]))
+    walk = pose.then(prop_gestures.steps_carrying(pose, x0, "pierrot", [*leg, *turn, *leg]))
     run = fan.simulate(
         scene, x0, walk.inputs(x0), t_end=walk.duration + 1.0, method=METHOD, save_every=10
     )
@@ -194,7 +194,7 @@ def test_a_prop_stays_on_the_forearm_in_a_walk(kind, side):
     along = -handle_in(scene, run, kind, arm)[:, 2]
     assert along.min() > 0.03 and along.max() < 0.08
     assert along[-1] == pytest.approx(
-        props.along_forearm(
+        prop_gestures.along_forearm(
             scene, run.state(len(run) - 1), "pierrot", kind, THINGS[kind]["handle"], side=side
         )
     )
@@ -260,7 +260,7 @@ def test_a_basket_is_put_down():
         [{"between": ["table", "columbine"], "meet": False}],
     )
     x0 = scene.rest()
-    pose = props.carry(scene, "", side=side)
+    pose = prop_gestures.carry(scene, "", side=side)
     pose = pose.then(pose.rest(scene, 1.0, everything=False))
     carried = fan.simulate(scene, x0, pose.inputs(x0), t_end=2.5, method=METHOD)
     start = carried.state(len(carried) - 1)

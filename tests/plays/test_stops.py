@@ -136,10 +136,11 @@ def test_a_verification_out_of_time_says_so_and_measures_what_there_is(tmp_path,
 def test_nothing_is_made_once_the_time_is_over():
     kept = Kept()
     assert kept.get("a", lambda: 1) == 1
-    kept.until = time.monotonic() - 1.0
-    assert kept.get("a", lambda: 2) == 1
-    with pytest.raises(OutOfTime):
-        kept.get("b", lambda: 2)
+    with kept.limited(time.monotonic() - 1.0):
+        assert kept.get("a", lambda: 2) == 1
+        with pytest.raises(OutOfTime):
+            kept.get("b", lambda: 2)
+    assert kept.get("b", lambda: 2) == 2
 
 
 CANNOT = {
@@ -210,7 +211,7 @@ def test_check_refuses_walks_to_where_nobody_can_stand(plays: Plays):
 
 
 def test_check_simulates_nothing_for_those_who_can(plays: Plays, monkeypatch):
-    monkeypatch.setattr(compiling, "Rounds", None)
+    monkeypatch.setattr(compiling, "make_round", None)
     acts = """acts:
   - act: one
     cues:

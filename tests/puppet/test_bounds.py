@@ -256,11 +256,11 @@ def test_bodies_and_masses_of_chains_are_counted(text, key, message):
 def test_nearest_names_are_looked_for_a_bounded_number_of_times(monkeypatch):
     """17.30: 20,000 unknown parents took 15 s, most of it on names that are not even shown."""
     from fantoccini.base.documents import located
-    from fantoccini.model.puppet import written
+    from fantoccini.model.puppet import parts
 
     asked = []
-    real = written.nearest
-    for module in (written, located):
+    real = parts.nearest
+    for module in (parts, located):
         monkeypatch.setattr(module, "nearest", lambda *names: asked.append(1) or real(*names))
     bodies = "".join(f"  - {{name: a{i}, parent: b{i}, kolour: 1}}\n" for i in range(300))
     found = mistakes(f"puppet: p\nbodies:\n{bodies}")

@@ -60,9 +60,11 @@ def test_a_plan_keeps_a_puppet_away_from_the_other(scene) -> None:
         goal,
         tolerance=0.2,
         seed=0,
-        speed=1.0,
-        acceleration=4.0,
-        ranges={"one.cord.x": (-0.5, 1.5), "two.cord.x": (-1.0, 1.5)},
+        bounds=fan.Bounds(
+            speed=1.0,
+            acceleration=4.0,
+            position={"one.cord.x": (-0.5, 1.5), "two.cord.x": (-1.0, 1.5)},
+        ),
     )
     assert made, made.reason
     run = made.verify(method="event").run

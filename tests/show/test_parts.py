@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from datetime import datetime
+from html.parser import HTMLParser
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from scipy.spatial.transform import Rotation
 from tests.show.browser import until
 from tests.show.toys import toy
 
@@ -16,7 +16,6 @@ import fantoccini as fan
 from fantoccini.app.live import drag, pad, recorder, watched_file
 from fantoccini.app.live.holder import Holder, holder_text
 from fantoccini.app.pages import labels, panel, replay
-from fantoccini.app.pages.strings import turned_to
 from fantoccini.app.web import page
 
 AHEAD = np.array([0.0, 1.0, 0.0])
@@ -126,21 +125,34 @@ def test_who_holds_the_strings_is_said_to_each():
     assert holder_text("gamepad 1", 3) == "Gamepad 1 holds the strings"
 
 
+class Page(HTMLParser):
+    """Tags and words of a page."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.tags, self.words = set(), ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+
+    def handle_data(self, data):
+        self.words += data
+
+
 @pytest.mark.parametrize("name", HOSTILE)
 def test_text_of_a_puppet_is_never_markup(name):
-    shown = panel.text(name)
-    assert "<" not in shown and ">" not in shown and '"' not in shown and "\u202e" not in shown
     nodes = SimpleNamespace(
         colours=SimpleNamespace(top=1.0, hexadecimal=lambda _: "#000000"),
         theme=SimpleNamespace(colour=lambda _: "#111111"),
         scene=SimpleNamespace(wires=(False,)),
     )
     moment = SimpleNamespace(tension=np.array([0.5]), taut=np.array([True]))
-    for html in (panel.bars([name], moment, nodes), panel.note(name)):
-        assert shown in html
-        assert name == shown or name not in html
     event = SimpleNamespace(t=0.0, kind="catch", name=name, impulse=0.0)
-    assert shown in replay.listed([event], 1.0)
+    for html in (panel.bars([name], moment, nodes), panel.note(name), replay.listed([event], 1.0)):
+        page = Page(html)
+        assert page.tags <= {"div", "span"}
+        assert name.replace("\u202e", "\ufffd") in page.words
 
 
 @given(st.binary(max_size=300) | st.text(max_size=300))
@@ -158,15 +170,6 @@ def test_sticks_rest_in_the_middle_and_are_bounded():
     for wrong in ("{}", "[]", '{"axes": ["x"], "buttons": []}', '{"axes": [NaN], "buttons": []}'):
         assert pad.read(wrong) is None
     assert pad.read('{"axes": [' + "0," * 2000 + '0], "buttons": []}') is None
-
-
-def test_lines_are_turned_along_their_strings():
-    rng = np.random.default_rng(5)
-    directions = rng.normal(size=(40, 3))
-    directions[0], directions[1] = [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    turns = Rotation.from_quat(turned_to(directions)[:, [1, 2, 3, 0]])
-    assert turns.apply([1.0, 0.0, 0.0]) == pytest.approx(directions, abs=1e-12)
 
 
 def test_recordings_have_names_of_their_own(tmp_path):

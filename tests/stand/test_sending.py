@@ -394,7 +394,7 @@ def test_two_axes_do_not_share_a_channel():
     for kind, names in (("artnet", "{head: 3, knees: 4}"), ("osc", "{head: /a, knees: /a}")):
         stand = loads_stand(f"{SIX}controller: {{type: {kind}, names: {names}}}\n")
         with pytest.raises(FileError, match="of its own"):
-            packets_of(stand, stand.file.controller, 40.0)
+            packets_of(stand, stand.controller, 40.0)
     with pytest.raises(StandError, match="DMX takes at most 44"):
         packets_of(stand, load_controller("artnet"), 100.0)
     with pytest.raises(StandError, match="needed: --controller osc or artnet"):

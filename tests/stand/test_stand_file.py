@@ -136,7 +136,9 @@ def test_axes_are_bound_to_what_is_driven():
 
 def test_a_puppet_that_is_not_there(tmp_path):
     (tmp_path / "s.yaml").write_text(STAND.replace("TORQUE", "1") + "puppet: nobody\n")
-    with pytest.raises(FileError, match="neither a file 'nobody' here nor a bundled puppet"):
+    with pytest.raises(
+        FileError, match="'nobody': no file in this one's folder and no bundled pup"
+    ):
         _ = load_stand(tmp_path / "s.yaml").puppet_path
     with pytest.raises(FileError, match="did you mean 'six_winches'"):
         load_stand("six_winch")

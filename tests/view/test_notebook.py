@@ -112,9 +112,8 @@ def test_names_cannot_inject_markup():
         marionette.tree, name=HOSTILE, links=links, strings=strings, parameters=values
     )
     puppet = marionette.puppet.model_copy(update={"puppet": HOSTILE})
-    marionette = fan.Marionette(
-        dataclasses.replace(marionette, tree=tree, puppet=puppet, p=np.ones(len(values)))
-    )
+    for name, value in (("tree", tree), ("puppet", puppet), ("p", np.ones(len(values)))):
+        object.__setattr__(marionette, name, value)
     run = swinging(bundled("arm2d"))
     tension, taut = (dataclasses.replace(x, names=(HOSTILE,)) for x in (run.tension, run.taut))
     run = dataclasses.replace(

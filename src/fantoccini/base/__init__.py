@@ -1,6 +1,6 @@
 """Errors and statuses, arrays, rotations, polynomials, files, progress: for every package."""
 
-from fantoccini.base import interpolate, npz, polynomial, rotation, tangent
+from fantoccini.base import interpolate, npz, polynomial, riccati, rotation, tangent
 from fantoccini.base.arrays import (
     Array,
     ConfigD,
@@ -45,12 +45,14 @@ from fantoccini.base.errors import (
     nearest,
 )
 from fantoccini.base.files import decoded, lines_of, replacing, write_table
+from fantoccini.base.hanging import catenary
 from fantoccini.base.interpolate import Places
 from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_input
 from fantoccini.base.polynomial import N_COEF, shifted
 from fantoccini.base.progress import OnProgress, Progress, progress_bar, reporting
 from fantoccini.base.rotation import exp, multiply
 from fantoccini.base.tangent import moved
+from fantoccini.base.vectors import cross, perpendicular, unit
 
 __all__ = [
     "ARRIVED",
@@ -91,8 +93,10 @@ __all__ = [
     "Vec3",
     "VecD",
     "VecK",
+    "catenary",
     "check_not_negative",
     "check_positive",
+    "cross",
     "decoded",
     "exp",
     "ffmpeg",
@@ -106,10 +110,12 @@ __all__ = [
     "nearest",
     "npz",
     "output",
+    "perpendicular",
     "polynomial",
     "progress_bar",
     "replacing",
     "reporting",
+    "riccati",
     "rotation",
     "shifted",
     "socket_at",
@@ -117,5 +123,6 @@ __all__ = [
     "sound_duration",
     "sound_input",
     "tangent",
+    "unit",
     "write_table",
 ]

@@ -15,6 +15,11 @@ from fantoccini.base.arrays import Array
 N_COEF = 6
 """Coefficients of a quintic."""
 
+MINIMUM_JERK = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
+"""(6,) coefficients of a move from rest at 0 to rest at 1 in a time of 1."""
+_MINIMUM_JERK_PEAKS = 1.875, 5.7735
+"""Largest speed and acceleration of a minimum-jerk move over 1 in a time of 1."""
+
 _TO_BEZIER = np.array(
     [[comb(i, k) / comb(N_COEF - 1, k) for k in range(N_COEF)] for i in range(N_COEF)]
 )
@@ -54,6 +59,28 @@ def hermite(h: Array, start: Ends, end: Ends) -> Array:
         (6 * d - 3 * e + 0.5 * f) / h**5,
     ]
     return np.stack(np.broadcast_arrays(*pieces), axis=-1)
+
+
+def minimum_jerk(s: Array) -> tuple[Array, Array, Array]:
+    """10 s^3 - 15 s^4 + 6 s^5, from rest at 0 to rest at 1, with first and second derivative."""
+    way = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    return way, 30.0 * s**2 * (1.0 - s) ** 2, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s)
+
+
+def minimum_jerk_duration(
+    way: Array | float, speed: Array | float, acceleration: Array | float = np.inf
+) -> float:
+    """Shortest duration of minimum-jerk moves that keep within bounds [s].
+
+    Args:
+        way: distances [m or rad].
+        speed, acceleration: their bounds.
+    """
+    fastest, hardest = _MINIMUM_JERK_PEAKS
+    return max(
+        float(np.max(fastest * way / speed, initial=0.0)),
+        float(np.max(np.sqrt(hardest * way / acceleration), initial=0.0)),
+    )
 
 
 def evaluate(coef: Array, s: Array) -> tuple[Array, Array, Array]:

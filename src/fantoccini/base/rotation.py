@@ -10,17 +10,25 @@ The coefficients lose digits near x = 0, where their series are used instead.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from math import factorial
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fantoccini.base.arrays import Array, Quaternion, Vec3
+from fantoccini.base.vectors import cross, perpendicular
+
+Rows = list[list[Any]]
+"""Three rows of three entries."""
+
+_OPPOSITE = 1e-9
+"""1 + cos(angle) below which two directions are opposite."""
 
 _SERIES = 1.0
 """Angle [rad] below which the series are used; 10 terms reach the last bit there."""
-
-_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
-"""Axes after and before x, y and z."""
 
 _TERMS = range(10)
 _A = [(-1.0) ** k / factorial(2 * k + 2) for k in _TERMS]
@@ -48,9 +56,7 @@ def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
     pw, pv = p[..., :1], p[..., 1:]
     qw, qv = q[..., :1], q[..., 1:]
     w = pw * qw - np.sum(pv * qv, axis=-1, keepdims=True)
-    # NumPy's own cross product takes longer than all else here.
-    cross = pv[..., _NEXT] * qv[..., _LAST] - pv[..., _LAST] * qv[..., _NEXT]
-    return np.concatenate([w, pw * qv + qw * pv + cross], axis=-1)
+    return np.concatenate([w, pw * qv + qw * pv + cross(pv, qv)], axis=-1)
 
 
 def conjugate(q: Quaternion) -> Quaternion:
@@ -108,21 +114,98 @@ def continuous(q: Quaternion) -> Quaternion:
     return q * np.concatenate([[1.0], np.cumprod(turn)])[:, None]
 
 
+def shortest(a: Vec3, b: Vec3) -> Quaternion:
+    """The smallest rotations that turn unit vectors a into unit vectors b.
+
+    Args:
+        a, b: (..., 3) [1].
+
+    Returns:
+        (..., 4) unit quaternions [1]; for opposite vectors about some axis square to both.
+    """
+    a, b = np.broadcast_arrays(a, b)
+    w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
+    half_turn = np.concatenate([np.zeros_like(w), perpendicular(a)], axis=-1)
+    turn = np.concatenate([w, cross(a, b)], axis=-1)
+    return normalised(np.where(w < _OPPOSITE, half_turn, turn))
+
+
+def quaternion(R: Array) -> Quaternion:
+    """(..., 4) unit quaternions of rotation matrices (..., 3, 3).
+
+    Rows of 4 q q^T are multiples of q; the one of the largest w^2, x^2, y^2 or z^2 is taken.
+    """
+    R = np.asarray(R, dtype=float)
+    a, b, c, d, e, f, g, h, i = R.reshape(-1, 9).T
+    rows = [
+        [1.0 + a + e + i, h - f, c - g, d - b],
+        [h - f, 1.0 + a - e - i, b + d, c + g],
+        [c - g, b + d, 1.0 - a + e - i, f + h],
+        [d - b, c + g, f + h, 1.0 - a - e + i],
+    ]
+    products = np.array(rows)
+    largest = products[range(4), range(4)].argmax(axis=0)
+    q = products[largest, :, np.arange(len(largest))]
+    return (q / np.sqrt((q * q).sum(axis=-1, keepdims=True))).reshape(*R.shape[:-2], 4)
+
+
 def matrix(q: Quaternion) -> Array:
     """(..., 3, 3) rotation matrix of a unit quaternion."""
     q = np.asarray(q, dtype=float)
-    cross = skew(q[..., 1:])
-    return np.eye(3) + 2 * (q[..., :1, None] * cross + cross @ cross)
+    return _matrix(matrix_rows(q[..., 0], q[..., 1], q[..., 2], q[..., 3]))
+
+
+def matrix_rows(w: Any, x: Any, y: Any, z: Any) -> Rows:
+    """Rows of the rotation matrix of a unit quaternion of numbers, arrays or symbols."""
+    X, Y, Z = 2 * x, 2 * y, 2 * z
+    xx, yy, zz, xy, xz, yz = x * X, y * Y, z * Z, x * Y, x * Z, y * Z
+    wx, wy, wz = w * X, w * Y, w * Z
+    return [
+        [1 - (yy + zz), xy - wz, xz + wy],
+        [xy + wz, 1 - (xx + zz), yz - wx],
+        [xz - wy, yz + wx, 1 - (xx + yy)],
+    ]
+
+
+def about(axis: Vec3, c: ArrayLike, s: ArrayLike) -> Array:
+    """(..., 3, 3) R = 1 + s [a]x + (1 - c) [a]x^2 about unit axes, c = cos, s = sin of the angle.
+
+    Quarter turns about x, y and z have entries 0, which make expressions of a puppet shorter.
+
+    Args:
+        axis: (..., 3) [1].
+        c, s: (...) cosine and sine of the angle.
+    """
+    a, c, s = skew(axis), np.asarray(c)[..., None, None], np.asarray(s)[..., None, None]
+    return np.eye(3) + s * a + (1 - c) * a @ a
+
+
+def about_rows(axis: Sequence[float], c: Any, s: Any) -> Rows:
+    """Rows of R = c 1 + s [a]x + (1 - c) a a^T about a unit axis; c and s may be symbols.
+
+    An axis x, y or z leaves the fewest operations.
+    """
+    a_cross = skew_rows(*axis)
+    return [
+        [((i == j) - a * b) * c + a_cross[i][j] * s + a * b for j, b in enumerate(axis)]
+        for i, a in enumerate(axis)
+    ]
 
 
 def skew(phi: Vec3) -> Array:
     """(..., 3, 3) matrix [phi]x with [phi]x u = phi x u."""
     phi = np.asarray(phi, dtype=float)
-    x, y, z = phi[..., 0], phi[..., 1], phi[..., 2]
-    o = np.zeros_like(x)
-    return np.stack(
-        [np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2
-    )
+    return _matrix(skew_rows(phi[..., 0], phi[..., 1], phi[..., 2]))
+
+
+def skew_rows(x: Any, y: Any, z: Any) -> Rows:
+    """Rows of [phi]x, of numbers, arrays or symbols."""
+    return [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+
+
+def nearest_angle(angle: Any, to: Any) -> Any:
+    """The angle up to whole turns, within half a turn of another [rad]."""
+    return angle - math.tau * np.round((angle - to) / math.tau)
 
 
 def right_jacobian(phi: Vec3) -> Array:
@@ -227,6 +310,15 @@ def _coefficients(phi: Vec3) -> tuple[Array, Array, Array, Array]:
         np.where(near, _sum(_A_RATE, small), (x * s - 2 * v) / x**4),
         np.where(near, _sum(_B_RATE, small), (x * v - 3 * (x - s)) / x**5),
     )
+
+
+def _matrix(rows: Rows) -> Array:
+    """(..., 3, 3) of rows of numbers or arrays (...); those on the diagonal may be constants."""
+    out = np.empty((*np.shape(rows[0][1]), 3, 3))
+    for i, row in enumerate(rows):
+        for j, entry in enumerate(row):
+            out[..., i, j] = entry
+    return out
 
 
 def _sum(series: list[float], xx: Array) -> Array:

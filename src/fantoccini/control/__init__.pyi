@@ -3,6 +3,7 @@
 from . import optimal as optimal, planning as planning, problems as problems, tasks as tasks
 from .optimal import (
     MPC as MPC,
+    Draws as Draws,
     MPCStatus as MPCStatus,
     OptimalStatus as OptimalStatus,
     Optimum as Optimum,
@@ -38,6 +39,7 @@ from .problems import (
     Meeting as Meeting,
     Objective as Objective,
     Problem as Problem,
+    RolloutOptions as RolloutOptions,
     StateArrays as StateArrays,
     Touches as Touches,
     load_problem as load_problem,
@@ -45,6 +47,7 @@ from .problems import (
     problem_schema as problem_schema,
 )
 from .tasks import (
+    Answer as Answer,
     Bounds as Bounds,
     Clip as Clip,
     Smooth as Smooth,

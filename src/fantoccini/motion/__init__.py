@@ -6,7 +6,7 @@ from fantoccini.motion.binding import check_same_puppet
 from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.contacts import ContactPoints, pair_name
-from fantoccini.motion.files import csv_columns, csv_reader, inputs_schema, wrong_count
+from fantoccini.motion.files import csv_columns, inputs_schema
 from fantoccini.motion.findings import Findings, Path
 from fantoccini.motion.input import Input
 from fantoccini.motion.input_derivative import InputDerivative
@@ -48,7 +48,6 @@ __all__ = [
     "check_size",
     "constants",
     "csv_columns",
-    "csv_reader",
     "inputs_schema",
     "joints",
     "mesh_files",
@@ -57,5 +56,4 @@ __all__ = [
     "pieces",
     "reading",
     "restored",
-    "wrong_count",
 ]

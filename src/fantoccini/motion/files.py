@@ -9,13 +9,21 @@ from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import Field, WithJsonSchema
 
 from fantoccini.base import Array, ConfigK, InputError, Mistake, StateError, Times, VecK, npz
-from fantoccini.base.documents import Located, Model, Positive, mistake, read_file, shown, validate
+from fantoccini.base.documents import (
+    Document,
+    Kind,
+    Located,
+    Positive,
+    document_schema,
+    read_document,
+    shown,
+)
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import pieces, reading
 from fantoccini.motion.archive import RECORDING, RECORDINGS
@@ -38,30 +46,26 @@ def _points_schema(*values: dict[str, Any]) -> dict[str, Any]:
     return {"type": "array", "items": pair, "minItems": 1}
 
 
-def _mapping(value: Any) -> Any:
-    if not isinstance(value, Mapping):
-        raise mistake(f"found {shown(value)}; needed: names and their waypoints")
-    return value
-
-
 # `reading` checks the lists, with the puppet's coordinates.
 _Waypoints = Annotated[Any, WithJsonSchema(_points_schema(_ANGLE, _ROTATION))]
 _Forces = Annotated[Any, WithJsonSchema(_points_schema())]
 
 
-class InputsFile(Model):
+class InputsFile(Document):
     """Waypoints of driven coordinates; coordinates that are not named hold still."""
+
+    kind: ClassVar = Kind(
+        "inputs", "an inputs file has the keys `coordinates` and `forces`", error=InputError
+    )
 
     name: str = ""
     """Of the performance."""
     duration: Positive | None = None
     """Until when everything is held after the last waypoint [s]."""
-    coordinates: Annotated[dict[str, _Waypoints], BeforeValidator(_mapping)] = Field(
-        default_factory=dict
-    )
+    coordinates: dict[str, _Waypoints] = Field(default_factory=dict)
     """Driven coordinate -> list of [time s, value]; a rotation (`bar.rotation`) as a quaternion
     [w, x, y, z] or a rotation vector [x, y, z] in rad."""
-    forces: Annotated[dict[str, _Forces], BeforeValidator(_mapping)] = Field(default_factory=dict)
+    forces: dict[str, _Forces] = Field(default_factory=dict)
     """Dynamic velocity -> list of [time s, force N or N m], linear between them."""
 
 
@@ -100,8 +104,7 @@ class Segments:
 
 def inputs_schema() -> dict[str, Any]:
     """JSON Schema of a YAML inputs file, for editors."""
-    schema = InputsFile.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return document_schema(InputsFile)
 
 
 def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
@@ -121,8 +124,7 @@ def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
 
 
 def _yaml(table: CoordinateTable, path: Path) -> Waypoints:
-    located = read_file(path, InputError)
-    file = validate(InputsFile, located, InputError)
+    file = read_document(path, InputsFile)
     findings = Findings()
     points = reading.waypoints(table, file.coordinates, findings, ("coordinates",))
     forces = reading.forces(table, file.forces, findings, ("forces",))
@@ -133,7 +135,8 @@ def _yaml(table: CoordinateTable, path: Path) -> Waypoints:
         )
     channels = pieces.through_waypoints(table, points)
     place = ("coordinates",)
-    return Waypoints(channels, findings, located, place, forces, file.duration or 0.0, file.name)
+    duration = file.duration or 0.0
+    return Waypoints(channels, findings, file.located, place, forces, duration, file.name)
 
 
 def _samples(table: CoordinateTable, columns: dict[str, Array], located: Located) -> Waypoints:
@@ -159,8 +162,12 @@ def _csv(table: CoordinateTable, path: Path) -> Waypoints:
     return _samples(table, *csv_columns(path))
 
 
-def csv_columns(path: Path) -> tuple[dict[str, Array], Located]:
+def csv_columns(path: Path, *, gaps: bool = False) -> tuple[dict[str, Array], Located]:
     """The columns of a CSV file by their names, and the lines of the samples.
+
+    Args:
+        path: of the file.
+        gaps: whether cells may be empty, which are NaN then.
 
     Raises:
         InputError: with every mistake found.
@@ -186,7 +193,7 @@ def csv_columns(path: Path) -> tuple[dict[str, Array], Located]:
             if not header:
                 header = [cell.strip() for cell in cells]
                 continue
-            numbers.extend(_numbers(header, cells, len(lines), findings))
+            numbers.extend(_numbers(header, cells, len(lines), findings, gaps))
             lines.append(reader.line_num)
     except StateError as error:
         raise _file_error(path, str(error), reader.line_num) from None
@@ -243,7 +250,7 @@ def _with_point(cell: str) -> str:
     return cell.replace(",", ".") if _DECIMAL.fullmatch(cell) else cell
 
 
-def wrong_count(found: int, needed: int) -> str:
+def _wrong_count(found: int, needed: int) -> str:
     """Error message for a row whose number of columns differs from the header's."""
     text = f"found {found} columns; the header has {needed}"
     if found > needed:
@@ -251,18 +258,23 @@ def wrong_count(found: int, needed: int) -> str:
     return text
 
 
-def _numbers(header: list[str], cells: list[str], sample: int, findings: Findings) -> list[float]:
+def _numbers(
+    header: list[str], cells: list[str], sample: int, findings: Findings, gaps: bool
+) -> list[float]:
     if len(cells) != len(header):
-        findings.add(("", sample), wrong_count(len(cells), len(header)))
+        findings.add(("", sample), _wrong_count(len(cells), len(header)))
         return []
+    if gaps:
+        cells = [cell if cell.strip() else "nan" for cell in cells]
     try:
         return [float(cell) for cell in cells]
     except ValueError:
+        needed = "a number, or nothing in a gap" if gaps else "a number"
         for name, cell in zip(header, cells, strict=True):
             try:
                 float(cell)
             except ValueError:
-                findings.add((name, sample), f"found {shown(cell)}; needed: a number")
+                findings.add((name, sample), f"found {shown(cell)}; needed: {needed}")
         return []
 
 

@@ -181,7 +181,7 @@ class Inputs:
             else:
                 base[:, :, q] = points[:, :-1, v]
                 coef[:, :, v, 0] = points[:, :-1, v]
-        coef[..., 3:] = move[..., None] * np.array([10.0, -15.0, 6.0]) / h ** np.arange(3, 6)
+        coef[..., 3:] = move[..., None] * polynomial.MINIMUM_JERK[3:] / h ** np.arange(3, 6)
         return cls(table, breaks[None], coef, base, np.ones((1, table.n_vK), bool), relative=True)
 
     @property

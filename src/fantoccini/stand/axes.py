@@ -145,13 +145,13 @@ class AxisMap:
         """
         places = {table.v_K[v]: (q, v) for q, v in table.scalars_K}
         found: list[tuple[tuple[str | int, ...], str]] = []
-        for axis, file in stand.file.axes.items():
+        for axis, file in stand.axes.items():
             for name in file.moves:
                 if name not in places:
                     text = _not_driven(name, table, places)
                     found.append((("axes", axis, "moves", name), text))
         stand.refuse(found)
-        names, J = factors({name: axis.moves for name, axis in stand.file.axes.items()})
+        names, J = factors({name: axis.moves for name, axis in stand.axes.items()})
         held = [name for name in table.q_K if name not in names]
         return cls(
             stand,
@@ -162,7 +162,7 @@ class AxisMap:
             np.array([places[n][1] for n in names], dtype=np.intp),
             np.array([table.q_K.index(n) for n in held], dtype=np.intp),
             J,
-            np.array([stand.file.zero.get(name, 0.0) for name in names]),
+            np.array([stand.zero.get(name, 0.0) for name in names]),
         )
 
     @cached_property
@@ -239,7 +239,7 @@ class AxisMap:
 def axes_of(stand: Stand) -> tuple[Axis, ...]:
     """The axes of a stand."""
     made = []
-    for name, file in stand.file.axes.items():
+    for name, file in stand.axes.items():
         assert file.motor is not None and file.transmission is not None
         made.append(Axis(name, file.motor, file.transmission, file))
     return tuple(made)

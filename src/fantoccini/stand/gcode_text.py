@@ -75,7 +75,7 @@ def letters(stand: Stand, controller: Any) -> str:
         StandError: there are too many axes.
         FileError: the controller has other names.
     """
-    known, axes = LETTERS[controller.type], tuple(stand.file.axes)
+    known, axes = LETTERS[controller.type], tuple(stand.axes)
     if len(axes) > len(known):
         raise StandError(
             f"{controller.type} moves up to {len(known)} axes, the stand has {len(axes)}; needed: "

@@ -116,7 +116,7 @@ def limits_of(stand: Stand, axis: Axis, k: int, motion: AxisMotion, load: Load) 
         ("speed", f"{unit}/s", np.abs(v), np.full(len(t), file.speed)),
         ("acceleration", f"{unit}/s^2", np.abs(acc), np.full(len(t), file.acceleration)),
     ]
-    controller = stand.file.controller
+    controller = stand.controller
     pulses = getattr(controller, "step_rate", None)
     if isinstance(axis.motor, Stepper) and pulses is not None:
         rate = np.abs(v) * axis.counts

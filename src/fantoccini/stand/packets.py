@@ -147,7 +147,7 @@ def addresses(stand: Stand, controller: Osc) -> tuple[str, ...]:
     """
     out: list[str] = []
     found = []
-    for axis in stand.file.axes:
+    for axis in stand.axes:
         address = str(controller.names.get(axis, f"/{axis}"))
         if not _ADDRESS.fullmatch(address) or not address.isascii():
             text = f"found {address!r}; needed: an OSC address, such as /{axis}"
@@ -184,7 +184,7 @@ def channels(stand: Stand, controller: ArtNet) -> tuple[int, ...]:
         found.append((("controller", "names", axis), text))
     stand.refuse([*found])
     at = 1
-    for axis in stand.file.axes:
+    for axis in stand.axes:
         if axis in own:
             continue
         while taken & set(range(at, at + wide)):
@@ -196,4 +196,4 @@ def channels(stand: Stand, controller: ArtNet) -> tuple[int, ...]:
             f"a universe has {CHANNELS} channels, and {len(own)} axes of {wide} do not fit beside "
             "each other; needed: bits: 8, or fewer axes"
         )
-    return tuple(own[axis] for axis in stand.file.axes)
+    return tuple(own[axis] for axis in stand.axes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
 import os
@@ -10,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML
 
 from fantoccini.base import StandError, replacing
+from fantoccini.base.documents import yaml_of
 from fantoccini.stand.controllers import Dynamixel, Klipper, ODrive, Ros2
 from fantoccini.stand.gcode_text import gcode, macro
 from fantoccini.stand.points import SetPoints
@@ -105,14 +104,7 @@ def _trajectory_text(points: SetPoints, ending: str) -> str:
             f"{points.controller.type}; needed: --controller ros2, or another ending"
         )
     data = joint_trajectory(points)
-    if ending == ".json":
-        return json.dumps(data, indent=1) + "\n"
-    out = io.StringIO()
-    yaml = YAML(typ="safe", pure=True)
-    yaml.default_flow_style = None
-    yaml.width = 10_000
-    yaml.dump(data, out)
-    return out.getvalue()
+    return json.dumps(data, indent=1) + "\n" if ending == ".json" else yaml_of(data)
 
 
 def _stamp(t: float) -> dict[str, int]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from fantoccini.base import Array, FileError, Indices, Mistake, StandError, nearest
+from fantoccini.base import Array, FileError, Indices, Mistake, StandError, nearest, polynomial
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
@@ -38,9 +38,6 @@ TYPES = (
     "artnet",
 )
 """Kinds of controllers."""
-
-_QUINTIC = 1.875, 5.7735
-"""Largest speed and acceleration of a quintic from rest to rest over 1 in a time of 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,19 +134,16 @@ class SetPoints:
         far = np.abs(last - first)
         speed = GENTLE * np.array([axis.file.speed for axis in self.axes])
         acceleration = np.array([axis.file.acceleration for axis in self.axes])
-        need = max(
-            float(np.max(_QUINTIC[0] * far / speed)),
-            float(np.max(np.sqrt(_QUINTIC[1] * far / acceleration))),
-        )
+        need = polynomial.minimum_jerk_duration(far, speed, acceleration)
         n = max(1, int(np.ceil(need * self.rate)))
         T = n / self.rate
         s = np.arange(n + 1)[:, None] / n
-        way = last - first
+        way, (share, rate, curve) = last - first, polynomial.minimum_jerk(s)
         return (
             np.arange(n + 1) / self.rate,
-            first + way * s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
-            way * 30.0 * s**2 * (1.0 - s) ** 2 / T,
-            way * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / T**2,
+            first + way * share,
+            way * rate / T,
+            way * curve / T**2,
         )
 
 
@@ -228,7 +222,7 @@ def controller_of(stand: Stand, kind: str | None = None) -> Any:
     Raises:
         FileError: the stand names none, or there is no such kind.
     """
-    own = stand.file.controller
+    own = stand.controller
     if kind is None or (own is not None and own.type == kind):
         if own is None:
             text = "this key is missing: it says what takes the set points; or give --controller"

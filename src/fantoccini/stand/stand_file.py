@@ -2,33 +2,43 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    WithJsonSchema,
+    field_validator,
+    model_validator,
+)
 
-from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base import nearest
 from fantoccini.base.documents import (
     SIZED,
     Angle,
-    Located,
+    Document,
+    Finding,
+    Kind,
     Model,
     Name,
     NotNegative,
     Real,
     Size,
-    described_schema,
+    document_schema,
     has_key,
     mistake,
-    read_file,
-    read_located,
+    parse_document,
+    read_document,
+    refuse,
     shown,
     sized,
-    validate,
+    unknown_names,
 )
-from fantoccini.model.puppet import QUANTITIES, bundled
+from fantoccini.model.puppet import QUANTITIES, named_file
 from fantoccini.stand.controllers import Controller
 from fantoccini.stand.determined import undetermined
 from fantoccini.stand.motors import AxisFriction, Efficiency, Motor, Transmission
@@ -36,12 +46,12 @@ from fantoccini.stand.motors import AxisFriction, Efficiency, Motor, Transmissio
 STANDS = Path(__file__).parent / "stands"
 """Folder of the bundled stands."""
 
-_OWN = ("moves", "like", "home", "reversed")
+_OWN = {"moves", "like", "home", "reversed"}
 """Keys of an axis that it does not take from the one it is like."""
-_INHERITED = ("motor", "transmission", "travel", "speed", "acceleration")
+_NEEDED = ("motor", "transmission", "travel", "speed", "acceleration")
 """Keys that an axis has, or takes from the one it is like."""
 _MAX_LIKE = 64
-"""Axes that may be like one another in a row."""
+"""Largest number of axes that are like one another in a row."""
 
 
 def _factor(value: float) -> float:
@@ -125,8 +135,10 @@ class AxisFile(Model):
     """Whether the motor turns backwards where the position grows."""
 
 
-class StandFile(Model):
-    """A stand."""
+class Stand(Document):
+    """A stand as it is written; every axis has its motor, transmission and bounds."""
+
+    kind: ClassVar = Kind("stand", "a stand has the keys `stand` and `axes`", STANDS)
 
     stand: Name
     """The stand's name."""
@@ -141,26 +153,48 @@ class StandFile(Model):
     controller: Controller | None = None
     """What takes the set points."""
 
+    @field_validator("axes")
+    @classmethod
+    def _complete(cls, axes: dict[str, AxisFile]) -> dict[str, AxisFile]:
+        """Completes every axis by the one it is like."""
+        found: list[Finding] = []
+        made = {name: _like(axes, name, found) for name in axes}
+        refuse(found)
+        for name, axis in made.items():
+            missing = [key for key in _NEEDED if getattr(axis, key) is None]
+            found += [((name, key), "this key is missing") for key in missing]
+            if axis.travel is None or axis.home is None:
+                continue
+            low, high = axis.travel
+            if not low <= axis.home.at <= high:
+                text = f"needed: a position within travel, {low:g} to {high:g}"
+                found.append(((name, "home", "at"), f"found {axis.home.at:g}; {text}"))
+        wrong = undetermined({name: axis.moves for name, axis in made.items()})
+        if wrong is not None:
+            found.append(((wrong[0], "moves"), wrong[1]))
+        refuse(found)
+        return made
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Stand:
-    """A stand as it is written.
-
-    Attributes:
-        file: what it says; every axis has its motor, transmission and bounds.
-        located: where it says so.
-    """
-
-    file: StandFile
-    located: Located
+    @model_validator(mode="after")
+    def _known(self) -> Stand:
+        """Refuses coordinates and axes that are not there."""
+        known = {coordinate for axis in self.axes.values() for coordinate in axis.moves}
+        names = {} if self.controller is None else self.controller.names
+        refuse(
+            [
+                *unknown_names(self.zero, known, "no axis moves {}", ("zero",)),
+                *unknown_names(names, self.axes, "there is no axis {}", ("controller", "names")),
+            ]
+        )
+        return self
 
     def __repr__(self) -> str:
-        return f"<Stand {self.name}: {len(self.file.axes)} axes, for {self.file.puppet}>"
+        return f"<Stand {self.name}: {len(self.axes)} axes, for {self.puppet}>"
 
     @property
     def name(self) -> str:
         """Its name."""
-        return self.file.stand
+        return self.stand
 
     @property
     def puppet_path(self) -> Path | None:
@@ -169,23 +203,33 @@ class Stand:
         Raises:
             FileError: there is no such file.
         """
-        if self.file.puppet is None:
-            return None
-        found = self.located.beside(self.file.puppet) or bundled(self.file.puppet)
-        if found is None:
-            text = f"found neither a file {shown(self.file.puppet)} here nor a bundled puppet"
-            raise self.located.error([(("puppet",), text)], FileError)
-        return found
+        return None if self.puppet is None else named_file(self.puppet, self.located)
 
-    def refuse(self, found: list[tuple[tuple[str | int, ...], str]]) -> None:
-        """Raises a FileError with these mistakes, if there are any."""
-        if found:
-            raise self.located.error(found, FileError)
+
+def _like(axes: Mapping[str, AxisFile], name: str, found: list[Finding]) -> AxisFile:
+    """An axis with the keys that it lacks, from the one it is like; notes mistakes."""
+    axis, given, seen = axes[name], dict[str, Any](), [name]
+    other = axis
+    while other.like is not None:
+        like = other.like
+        if like not in axes:
+            others = [key for key in axes if key != name]
+            found.append(((name, "like"), f"there is no axis {like!r}{nearest(like, others)}"))
+            break
+        if like in seen or len(seen) > _MAX_LIKE:
+            found.append(((name, "like"), f"{shown(name)} would be like itself"))
+            break
+        seen.append(like)
+        other = axes[like]
+        keys = other.model_fields_set - _OWN
+        given = {key: getattr(other, key) for key in keys} | given
+    own = axis.model_fields_set
+    return axis.model_copy(update={k: v for k, v in given.items() if k not in own})
 
 
 def stand_names() -> tuple[str, ...]:
     """Names of the bundled stands."""
-    return tuple(sorted(path.stem for path in STANDS.glob("*.yaml")))
+    return Stand.kind.bundled
 
 
 def is_stand(path: str | os.PathLike[str]) -> bool:
@@ -202,89 +246,14 @@ def load_stand(path: str | os.PathLike[str]) -> Stand:
     Raises:
         FileError: with every mistake found and its location.
     """
-    name = os.fspath(path)
-    if not os.path.exists(name):
-        if name not in stand_names():
-            text = "found nothing here, and no bundled stand of this name"
-            raise FileError([Mistake(name, None, "", text + nearest(name, stand_names()))])
-        path = STANDS / f"{name}.yaml"
-    return _stand(read_file(path))
+    return read_document(path, Stand)
 
 
 def loads_stand(text: str, name: str = "<string>", folder: Path | None = None) -> Stand:
     """Reads a stand from a text; arguments as of :func:`fantoccini.model.loads`."""
-    return _stand(read_located(text, name, folder))
+    return parse_document(text, Stand, name=name, folder=folder)
 
 
 def stand_schema() -> dict[str, Any]:
     """JSON Schema of a stand file, for editors."""
-    return described_schema(StandFile, "fantoccini stand")
-
-
-def _stand(located: Located) -> Stand:
-    data = located.data if isinstance(located.data, dict) else {}
-    if "stand" not in data and "puppet" in data and "bodies" in data:
-        text = "this is a puppet file; a stand has the keys `stand` and `axes`"
-        raise located.error([((), text)], FileError)
-    file = validate(StandFile, _resolved(located))
-    found: list[tuple[tuple[str | int, ...], str]] = []
-    for name, axis in file.axes.items():
-        found += [
-            (("axes", name, key), "this key is missing")
-            for key in _INHERITED
-            if getattr(axis, key) is None
-        ]
-        if axis.travel is None or axis.home is None:
-            continue
-        low, high = axis.travel
-        if not low <= axis.home.at <= high:
-            text = f"found {axis.home.at:g}; needed: a position within travel, {low:g} to {high:g}"
-            found.append((("axes", name, "home", "at"), text))
-    known = {coordinate for axis in file.axes.values() for coordinate in axis.moves}
-    for name in file.zero:
-        if name not in known:
-            text = f"no axis moves {shown(name)}{nearest(name, known)}"
-            found.append((("zero", name), text))
-    for name in {} if file.controller is None else file.controller.names:
-        if name not in file.axes:
-            text = f"there is no axis {shown(name)}{nearest(name, file.axes)}"
-            found.append((("controller", "names", name), text))
-    wrong = undetermined({name: axis.moves for name, axis in file.axes.items()})
-    if wrong is not None:
-        found.append((("axes", wrong[0], "moves"), wrong[1]))
-    if found:
-        raise located.error(found, FileError)
-    return Stand(file, located)
-
-
-def _resolved(located: Located) -> Located:
-    """The same with every axis completed by the one it is like.
-
-    Raises:
-        FileError: an axis is like one that is not there, or like itself.
-    """
-    data = located.data
-    axes = data.get("axes") if isinstance(data, dict) else None
-    if not isinstance(axes, dict):
-        return located
-    found: list[tuple[tuple[str | int, ...], str]] = []
-    made: dict[Any, Any] = {}
-    for name, axis in axes.items():
-        own, other, seen = axis, axis, [name]
-        while isinstance(other, dict) and "like" in other:
-            like = other["like"]
-            if not isinstance(like, str) or not isinstance(axes.get(like), dict):
-                known = [str(key) for key in axes if key != name]
-                hint = nearest(like, known) if isinstance(like, str) else ""
-                found.append((("axes", name, "like"), f"there is no axis {shown(like)}{hint}"))
-                break
-            if like in seen or len(seen) > _MAX_LIKE:
-                found.append((("axes", name, "like"), f"{shown(name)} would be like itself"))
-                break
-            seen.append(like)
-            other = axes[like]
-            own = {key: value for key, value in other.items() if key not in _OWN} | own
-        made[name] = own
-    if found:
-        raise located.error(found, FileError)
-    return dataclasses.replace(located, data={**data, "axes": made})
+    return document_schema(Stand)

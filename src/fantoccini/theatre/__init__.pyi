@@ -7,6 +7,7 @@ from . import (
     perform as perform,
     plays as plays,
     retarget as retarget,
+    script as script,
     ways as ways,
 )
 from .capture import (
@@ -15,7 +16,6 @@ from .capture import (
     clip_names as clip_names,
     load_bvh as load_bvh,
 )
-from .cast import play_schema as play_schema
 from .gestures import (
     Conductor as Conductor,
     Gait as Gait,
@@ -45,3 +45,4 @@ from .retarget import (
     follow_clip as follow_clip,
     retarget_clip as retarget_clip,
 )
+from .script import play_schema as play_schema

@@ -111,9 +111,9 @@ def schema(of: Annotated[SchemaOf, typer.Argument(help="Kind of file.")] = Schem
     from fantoccini.model.scene import json_schema as scene_schema
     from fantoccini.motion import inputs_schema
     from fantoccini.stand import stand_schema
-    from fantoccini.theatre.cast import play_schema
-    from fantoccini.theatre.gestures import gesture_schema, score_schema
+    from fantoccini.theatre.gestures import gesture_schema
     from fantoccini.theatre.retarget import mapping_schema
+    from fantoccini.theatre.script import play_schema, score_schema
 
     schemas = {
         SchemaOf.PUPPET: json_schema,

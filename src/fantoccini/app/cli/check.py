@@ -26,8 +26,8 @@ from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import measure
 from fantoccini.stand import AxisMap, is_stand, load_stand, stand_names
-from fantoccini.theatre.cast import is_play
 from fantoccini.theatre.plays import play_names
+from fantoccini.theatre.script import is_play
 
 _RATE = 200.0
 """Times per second at which inputs are looked at."""
@@ -104,7 +104,7 @@ def _stand(file: str, inputs: list[Path], quiet: bool) -> bool:
     if not quiet:
         of = "no puppet named" if made is None else f"moves {made.name}"
         held = "" if bound is None or not bound.held else f", {len(bound.held)} coordinates held"
-        write(f"{file}: no mistakes; {len(stand.file.axes)} axes, {of}{held}")
+        write(f"{file}: no mistakes; {len(stand.axes)} axes, {of}{held}")
     clean = True
     for given in inputs:
         if made is None or bound is None:

@@ -61,8 +61,8 @@ def optimise_file(request: OptimiseRequest) -> None:
         _report(found)
     if request.show:
         show_run(task.marionette, found.run, request.quiet)
-    if not found:
-        say(f"fantoccini: {found.verdict}")
+    if not found.holds:
+        say(f"fantoccini: {found.message}")
         raise typer.Exit(FAILED)
     if found.status is OptimalStatus.STOPPED:
         raise typer.Exit(INTERRUPTED)
@@ -140,6 +140,6 @@ def _report(found: Optimum) -> None:
         ("name", "min [N]>", "max [N]>"),
         [(name, float(T.min()), float(T.max())) for name, T in found.run.tension.items()],
     )
-    write(found.verdict)
+    write(found.message)
     for text in found.reservations:
         write(text)

@@ -21,9 +21,9 @@ def perform_play(request: PerformRequest) -> None:
     if hear is not None and hear == send:
         fail(f"found {hear} for --osc-in as well; needed: two addresses", "--osc-out")
     from fantoccini.app.web import open_show
-    from fantoccini.theatre.cast import is_play
     from fantoccini.theatre.perform import Show
     from fantoccini.theatre.plays import load_play
+    from fantoccini.theatre.script import is_play
 
     if os.path.isfile(request.file) and not is_play(request.file):
         message = "is no play; needed: YAML with the key `play`"

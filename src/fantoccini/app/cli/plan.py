@@ -34,11 +34,12 @@ def plan_file(request: PlanRequest) -> None:
     check_extras(request.picture, request.save)
     if request.seed < 0:
         fail(f"{request.seed} is negative", "--seed")
-    overrides = {"tolerance": request.tolerance, "threads": request.threads}
-    options = {name: value for name, value in overrides.items() if value is not None}
+    options = {} if request.tolerance is None else {"tolerance": request.tolerance}
     objective = None if request.objective is None else request.objective.value
     with Steps(request.quiet) as steps:
-        problem = load_problem(request.file, progress=steps.named, **options)
+        problem = load_problem(
+            request.file, threads=request.threads, progress=steps.named, **options
+        )
         steps.step("planning")
         found = solve(
             problem,

@@ -89,7 +89,7 @@ def emulate(
         check_output(out, (".csv",), "--out")
     read = load_stand(stand)
     kind = controller_of(read, controller)
-    names = list(read.file.axes)
+    names = list(read.axes)
     if isinstance(kind, Osc | ArtNet):
         if rate is not None:
             fail(f"applies to G-code, and the controller is {kind.type}", "--rate")

@@ -11,7 +11,8 @@ from fantoccini.app.console.terminal import say, table, write
 from fantoccini.base import Mistake
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input
-from fantoccini.theatre.gestures import Late, Rehearsal, Score, is_score, load_score, rehearse
+from fantoccini.theatre.gestures import Late, Rehearsal, Score, load_score, rehearse
+from fantoccini.theatre.script import is_score
 
 
 @dataclass(frozen=True)

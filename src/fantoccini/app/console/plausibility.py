@@ -6,14 +6,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from fantoccini.app.console.files import puppet_path
 from fantoccini.app.console.terminal import say
 from fantoccini.base import Mistake
 from fantoccini.base.documents import Finding, Located, key_path, read_file
 from fantoccini.dynamics.equilibrium import input_warnings, warnings
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import Puppet
-from fantoccini.model.scene import is_scene
 from fantoccini.motion import Input
 
 
@@ -24,8 +22,8 @@ def puppet_warnings(made: Marionette, file: str) -> list[Mistake]:
         made: the marionette of the file.
         file: FILE argument.
     """
-    located = read_file(puppet_path(file))
-    if is_scene(located):
+    located = made.puppet.located
+    if located.data is None:  # assembled from the files of a scene
         return _of_members(made.puppet, warnings(made))
     return _in_order([located.problem(*found) for found in warnings(made, located.data)], file)
 

@@ -15,7 +15,8 @@ from fantoccini.app.live.play_tab import PlayTab
 from fantoccini.app.live.recorder import Recorder
 from fantoccini.app.live.score_tab import ScoreTab
 from fantoccini.app.live.stage import Stage
-from fantoccini.app.pages import VIEWS, Moment, Plot, SceneNodes, Views, bars, note, text
+from fantoccini.app.pages import VIEWS, Moment, Plot, SceneNodes, Views, bars, note
+from fantoccini.output.html import Content, element, lines, to_html
 from fantoccini.output.view import Theme, to_hex
 from fantoccini.theatre.perform import Balance, Performance
 
@@ -208,15 +209,16 @@ class LivePanel:
     def show_mistakes(self, what: str, mistakes: tuple[str, ...]) -> None:
         """Shows the errors in a file, of the puppet or of the score."""
         self._wrong = {**self._wrong, what: mistakes}
-        wrong = {what: lines for what, lines in self._wrong.items() if lines}
+        wrong = {what: found for what, found in self._wrong.items() if found}
         self._mistakes.visible = bool(wrong)
-        lines = "".join(f"<div>{text(line)}</div>" for one in wrong.values() for line in one)
         lead = "; ".join(f"the {what} is unchanged" for what in wrong)
-        self._mistakes.content = (
-            f'<div style="margin:0 0.5em;padding:0.5em 0.7em;border-left:4px solid {_RED};'
-            'background:rgba(214,69,69,0.12);font-size:0.82em;overflow-wrap:anywhere">'
-            f"<b>The file has errors; {lead}.</b>{lines}</div>"
+        box = (
+            f"margin:0 0.5em;padding:0.5em 0.7em;border-left:4px solid {_RED};"
+            "background:rgba(214,69,69,0.12);font-size:0.82em;overflow-wrap:anywhere"
         )
+        head = element("b", f"The file has errors; {lead}.")
+        rows = lines(line for mistakes in wrong.values() for line in mistakes)
+        self._mistakes.content = to_html(element("div", head, *rows, style=box))
 
     def update(
         self, moment: Moment, lagging: dict[str, str], history: tuple[np.ndarray, np.ndarray]
@@ -255,29 +257,24 @@ class LivePanel:
 
     def _about(self, moment: Moment, lagging: dict[str, str]) -> str:
         live = self._live
-        clock = f"{moment.t:.1f} s"
+        clock: list[Content] = [f"{moment.t:.1f} s"]
         if live.paused:
-            clock += ", paused"
+            clock.append(", paused")
         elif live.factor != 1.0:
-            clock += f", {live.factor:g} times as fast"
+            clock.append(f", {live.factor:g} times as fast")
         if live.recorder.running:
-            recorded = f"&#9679; recording {live.recorder.time:.1f} s"
-            clock += f' &ensp;<span style="color:{_RED}">{recorded}</span>'
-        lines = [f"<div>{clock}</div>"]
+            recorded = f"\N{BLACK CIRCLE} recording {live.recorder.time:.1f} s"
+            clock += [" \N{EN SPACE}", element("span", recorded, style=f"color:{_RED}")]
+        rows = [element("div", *clock)]
         if live.balance is not None:
-            lines.append(f"<div>The hands balance it: {text(live.balance.about)}</div>")
-        lines += [
-            f'<div style="color:{_RED}">{text(name)}: {text(why)}</div>'
-            for name, why in lagging.items()
-        ]
-        lines += [
-            f'<div style="opacity:0.75;overflow-wrap:anywhere">{text(message)}</div>'
-            for message in dict.fromkeys((live.recorder.status, self._message))
-            if message
-        ]
-        return (
-            f'<div style="padding:0 0.5em;font-size:0.85em;line-height:1.45">{"".join(lines)}</div>'
-        )
+            rows.append(element("div", f"The hands balance it: {live.balance.about}"))
+        for name, why in lagging.items():
+            rows.append(element("div", f"{name}: {why}", style=f"color:{_RED}"))
+        for message in dict.fromkeys((live.recorder.status, self._message)):
+            if message:
+                rows.append(element("div", message, style="opacity:0.75;overflow-wrap:anywhere"))
+        style = "padding:0 0.5em;font-size:0.85em;line-height:1.45"
+        return to_html(element("div", *rows, style=style))
 
     def _choose(self, event: Any) -> None:
         if event.client_id is not None:

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from fantoccini.app.live.perform_tabs import StageActions
-from fantoccini.app.pages import text
+from fantoccini.output.html import element, lines, to_html
 from fantoccini.theatre.perform import Show
 from fantoccini.theatre.plays import CueOfPlay
 
@@ -116,7 +116,7 @@ def _about(show: Show, messages: str) -> str:
     """Time, act, what is on and what stands by, and the caption, as HTML."""
     t, play = show.t, show.play
     act = [name for name, start in play.acts.items() if start <= t]
-    where = f"{text(act[-1])}, " if act else ""
+    where = f"{act[-1]}, " if act else ""
     state = ""
     if show.voice is None:
         state = "; stands by for GO"
@@ -126,18 +126,16 @@ def _about(show: Show, messages: str) -> str:
         state = "; is held"
     elif show.waiting is not None:
         state = "; waits for GO"
-    cue, lines = show.standing_by, []
+    cue, said = show.standing_by, list[str]()
     if cue is not None:
         given = ", GO is given" if show.released else ""
-        lines.append(f"GO begins {cue.number} {text(cue.what)}{given}")
-    lines += [text(line) for line in (show.message, messages) if line]
-    words = "<br>".join(text(str(one)) for one in play.score.captions_at(t))
-    return (
-        '<div style="padding:0 0.5em;font-size:0.85em;line-height:1.45">'
-        f"<div>{where}{t:.1f} s of {play.duration:.1f} s{state}</div>"
-        + "".join(f'<div style="opacity:0.75">{line}</div>' for line in lines)
-        + f'<div style="min-height:1.4em;font-size:1.25em">{words}</div></div>'
-    )
+        said.append(f"GO begins {cue.number} {cue.what}{given}")
+    said += [line for line in (show.message, messages) if line]
+    rows = [element("div", f"{where}{t:.1f} s of {play.duration:.1f} s{state}")]
+    rows += [element("div", line, style="opacity:0.75") for line in said]
+    captions = lines(map(str, play.score.captions_at(t)))
+    rows.append(element("div", *captions, style="min-height:1.4em;font-size:1.25em"))
+    return to_html(element("div", *rows, style="padding:0 0.5em;font-size:0.85em;line-height:1.45"))
 
 
 def _cues(show: Show) -> str:
@@ -148,20 +146,17 @@ def _cues(show: Show) -> str:
         if cue.act != act:
             act = cue.act
             start = show.play.acts.get(act, 0.0)
-            rows.append(f'<div style="margin-top:0.5em"><b>{text(act)}</b> {start:.1f} s</div>')
-        go = " &#9654;" if cue.go else ""
-        line = f"{cue.number}{go} {cue.start:.1f} s&ensp;{text(cue.what)}"
+            head = element("b", act), f" {start:.1f} s"
+            rows.append(element("div", *head, style="margin-top:0.5em"))
+        go = " \N{BLACK RIGHT-POINTING TRIANGLE}" if cue.go else ""
+        line = f"{cue.number}{go} {cue.start:.1f} s\N{EN SPACE}{cue.what}"
         if cue.refused:
-            rows.append(
-                f'<div style="opacity:0.45"><s>{line}</s><div style="padding-left:1.2em">'
-                f"{text(cue.refused)}</div></div>"
-            )
+            why = element("div", cue.refused, style="padding-left:1.2em")
+            rows.append(element("div", element("s", line), why, style="opacity:0.45"))
             continue
         look = "background:rgba(70,160,90,0.25);" if cue.number in on else ""
         if waits is not None and cue.number == waits.number:
             look += "border-left:3px solid #46a05a;"
-        rows.append(f'<div style="padding-left:0.3em;{look}">{line}</div>')
-    return (
-        '<div style="padding:0 0.5em;font-size:0.82em;line-height:1.4;overflow-wrap:anywhere">'
-        f"{''.join(rows)}</div>"
-    )
+        rows.append(element("div", line, style=f"padding-left:0.3em;{look}"))
+    look = "padding:0 0.5em;font-size:0.82em;line-height:1.4;overflow-wrap:anywhere"
+    return to_html(element("div", *rows, style=look))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from fantoccini.app.live.perform_tabs import StageActions
-from fantoccini.app.pages import text
+from fantoccini.output.html import element, lines, to_html
 from fantoccini.output.view import Theme, to_hex
 from fantoccini.theatre.gestures import Score
 
@@ -128,62 +128,66 @@ def drawing(score: Score, t: float, theme: Theme) -> str:
     lanes = tuple(dict.fromkeys(one.lane for one in score.cues))
     scale, row, ink = _SIZES.width / score.duration, _SIZES.row, to_hex(theme.ink)
     top = row * len(lanes)
-    parts = []
-    for k, lane in enumerate(lanes):
-        parts.append(f'<text x="0" y="{row * k + 9}" opacity="0.6">{text(lane)}</text>')
-    for one in score.cues[: _SIZES.most]:
-        k = lanes.index(one.lane)
-        x, y, wide = one.start * scale, row * k + 11, max((one.end - one.start) * scale - 1.0, 1.5)
-        now = one.start <= t < one.end
-        parts.append(
-            f'<rect x="{x:.1f}" y="{y}" width="{wide:.1f}" height="{_SIZES.bar}" rx="2" '
-            f'fill="{theme.colour(k)}" opacity="{0.9 if now else 0.45}"/>'
-        )
-        if len(one.gesture) * _SIZES.letter < wide:
-            parts.append(f'<text x="{x + 3:.1f}" y="{y + 9}">{text(one.gesture)}</text>')
+    parts = [
+        element("text", lane, x="0", y=f"{row * k + 9}", opacity="0.6")
+        for k, lane in enumerate(lanes)
+    ]
+    for cue in score.cues[: _SIZES.most]:
+        k = lanes.index(cue.lane)
+        x, y, wide = cue.start * scale, row * k + 11, max((cue.end - cue.start) * scale - 1.0, 1.5)
+        bar = {"x": f"{x:.1f}", "y": f"{y}", "width": f"{wide:.1f}", "height": f"{_SIZES.bar}"}
+        shade = "0.9" if cue.start <= t < cue.end else "0.45"
+        parts.append(element("rect", **bar, rx="2", fill=theme.colour(k), opacity=shade))
+        if len(cue.gesture) * _SIZES.letter < wide:
+            parts.append(element("text", cue.gesture, x=f"{x + 3:.1f}", y=f"{y + 9}"))
     names = [(at, name, "3 2") for name, at in score.marks.items()]
     names += [(wait.t, wait.name, "") for wait in score.waits]
     for at, name, dash in sorted(names)[: _SIZES.most]:
         x = min(at, score.duration) * scale
-        end = "end" if x > 0.7 * _SIZES.width else "start"
-        parts.append(
-            f'<line x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{top + 10}" stroke="{ink}" opacity="0.5" '
-            f'stroke-dasharray="{dash}"/><text x="{x + (-3 if end == "end" else 3):.1f}" '
-            f'y="{top + 9}" text-anchor="{end}">{text(name)}</text>'
-        )
-    x = t * scale
-    parts.append(
-        f'<line x1="{x:.1f}" x2="{x:.1f}" y1="0" y2="{top}" stroke="{ink}" stroke-width="1.6"/>'
-    )
-    return (
-        f'<svg viewBox="-4 0 {_SIZES.width + 8} {top + 14}" style="width:100%;display:block" '
-        f'font-size="9" fill="{ink}">{"".join(parts)}</svg>'
-    )
+        late = x > 0.7 * _SIZES.width
+        place = {"x": f"{x + (-3 if late else 3):.1f}", "y": f"{top + 9}"}
+        line = _upright(x, top + 10, ink)
+        parts += [
+            element("line", **line, opacity="0.5", stroke_dasharray=dash),
+            element("text", name, **place, text_anchor="end" if late else "start"),
+        ]
+    parts.append(element("line", **_upright(t * scale, top, ink), stroke_width="1.6"))
+    box = f"-4 0 {_SIZES.width + 8} {top + 14}"
+    style = "width:100%;display:block"
+    return to_html(element("svg", *parts, viewBox=box, style=style, font_size="9", fill=ink))
+
+
+def _upright(x: float, height: int, ink: str) -> dict[str, str]:
+    """Attributes of a line from the top down."""
+    place = f"{x:.1f}"
+    return {"x1": place, "x2": place, "y1": "0", "y2": f"{height}", "stroke": ink}
 
 
 def _changed(changes: tuple[str, ...]) -> str:
     """What is not as it is written, as HTML."""
-    lines = list(changes[: _SIZES.changes])
-    if len(changes) > len(lines):
-        lines.append(f"and {len(changes) - len(lines)} more")
-    return (
-        '<div style="margin:0 0.5em;padding:0.4em 0.7em;border-left:4px solid #d9a23b;'
-        'font-size:0.82em;overflow-wrap:anywhere"><b>Not as it is written:</b>'
-        f"{''.join(f'<div>{text(line)}</div>' for line in lines)}</div>"
+    shown = list(changes[: _SIZES.changes])
+    if len(changes) > len(shown):
+        shown.append(f"and {len(changes) - len(shown)} more")
+    box = (
+        "margin:0 0.5em;padding:0.4em 0.7em;border-left:4px solid #d9a23b;"
+        "font-size:0.82em;overflow-wrap:anywhere"
     )
+    head = element("b", "Not as it is written:")
+    return to_html(element("div", head, *lines(shown), style=box))
 
 
 def _said(score: Score, t: float, waiting: Any) -> str:
     """Time, beat and caption, as HTML."""
-    where = f"{t:.1f} s of {score.duration:.1f} s"
+    where = f"{score.name}: {t:.1f} s of {score.duration:.1f} s"
     if score.tempo is not None:
         where += f", beat {t / score.beat:.1f}"
     if waiting is not None:
-        where += f"; waits at {text(waiting.name)} for GO"
-    words = "<br>".join(text(str(one)) for one in score.captions_at(t))
-    cues = ", ".join(dict.fromkeys(one.gesture for one in score.cues if one.start <= t < one.end))
-    return (
-        f'<div style="padding:0 0.5em;font-size:0.85em;line-height:1.45"><div>{text(score.name)}: '
-        f'{where}</div><div style="opacity:0.75">{text(cues) or "&nbsp;"}</div>'
-        f'<div style="min-height:1.4em;font-size:1.25em">{words}</div></div>'
-    )
+        where += f"; waits at {waiting.name} for GO"
+    cues = ", ".join(dict.fromkeys(cue.gesture for cue in score.cues if cue.start <= t < cue.end))
+    captions = lines(map(str, score.captions_at(t)))
+    rows = [
+        element("div", where),
+        element("div", cues or "\N{NO-BREAK SPACE}", style="opacity:0.75"),
+        element("div", *captions, style="min-height:1.4em;font-size:1.25em"),
+    ]
+    return to_html(element("div", *rows, style="padding:0 0.5em;font-size:0.85em;line-height:1.45"))

@@ -5,7 +5,7 @@ from .labels import heights as heights
 from .loop import REFRESH as REFRESH, PageLoop as PageLoop
 from .moment import Moment as Moment, moment_at as moment_at
 from .nodes import VIEWS as VIEWS, SceneNodes as SceneNodes, View as View
-from .panel import Plot as Plot, Views as Views, bars as bars, note as note, text as text
+from .panel import Plot as Plot, Views as Views, bars as bars, note as note
 from .plan_tree import PlanTree as PlanTree
 from .replay import Replay as Replay, ResampledRun as ResampledRun
 from .server import Server as Server

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,11 +12,11 @@ import numpy as np
 from fantoccini.app.pages.loop import REFRESH
 from fantoccini.app.pages.moment import moment_of
 from fantoccini.app.pages.nodes import SceneNodes
-from fantoccini.app.pages.panel import text
 from fantoccini.app.pages.plan_tree import PlanTree
 from fantoccini.app.pages.replay import ResampledRun
 from fantoccini.app.pages.server import Server, in_head, policy, with_title
 from fantoccini.base import OnProgress, Progress, replacing
+from fantoccini.output.html import element, to_html
 from fantoccini.output.view import Theme, to_hex
 
 if TYPE_CHECKING:
@@ -120,9 +119,9 @@ def _recorded(
 
 def _dressed(page: str, motion: ResampledRun, theme: Theme) -> str:
     """The page with its title, a caption with readings, and no access to a network."""
-    meta = f'<meta http-equiv="Content-Security-Policy" content="{escape(policy())}">'
+    meta = element("meta", http_equiv="Content-Security-Policy", content=policy())
     page = with_title(page, motion.geometry.title)
-    page = in_head(page, meta)
+    page = in_head(page, to_html(meta))
     body = page.rindex("</body>")
     return page[:body] + _caption(motion, theme) + page[body:]
 
@@ -130,13 +129,22 @@ def _dressed(page: str, motion: ResampledRun, theme: Theme) -> str:
 def _caption(motion: ResampledRun, theme: Theme) -> str:
     """Name, time and tensions in the corner, as HTML."""
     geometry, run = motion.geometry, motion.run
-    lines = "".join(
-        '<div style="display:grid;grid-template-columns:8em 5em 4.2em;gap:0.6em;'
-        f'align-items:center"><span>{text(name)}</span><span style="background:'
-        'rgba(128,128,128,0.2);border-radius:3px;height:0.55em"><span style="display:block;'
-        'height:100%;border-radius:3px"></span></span><span style="text-align:right"></span></div>'
+    grid = "display:grid;grid-template-columns:8em 5em 4.2em;gap:0.6em;align-items:center"
+    frame = "background:rgba(128,128,128,0.2);border-radius:3px;height:0.55em"
+    rows = [
+        element(
+            "div",
+            element("span", name),
+            element(
+                "span",
+                element("span", style="display:block;height:100%;border-radius:3px"),
+                style=frame,
+            ),
+            element("span", style="text-align:right"),
+            style=grid,
+        )
         for name in geometry.names
-    )
+    ]
     tension = np.zeros(geometry.taut.shape) if geometry.tension is None else geometry.tension
     readings = {
         "t0": float(run.t[0]),
@@ -148,12 +156,12 @@ def _caption(motion: ResampledRun, theme: Theme) -> str:
     }
     # No text from the puppet file goes in here; `<` cannot occur.
     script = _SCRIPT.replace("READINGS", json.dumps(readings, allow_nan=False))
-    return (
-        f'<div style="position:fixed;right:1.2em;top:1em;z-index:5;pointer-events:none;'
-        f"color:{to_hex(theme.ink)};"
-        'font:13px/1.5 system-ui,sans-serif">'
-        f'<div style="font-size:18px;font-weight:600">{text(geometry.title)} '
-        '<span id="clock" style="font-weight:400;opacity:0.7"></span></div>'
-        f'<div id="readings" style="margin-top:0.4em;font-variant-numeric:tabular-nums">{lines}'
-        f"</div></div><script>{script}</script>"
+    clock = element("span", id="clock", style="font-weight:400;opacity:0.7")
+    title = element("div", f"{geometry.title} ", clock, style="font-size:18px;font-weight:600")
+    table = "margin-top:0.4em;font-variant-numeric:tabular-nums"
+    corner = (
+        "position:fixed;right:1.2em;top:1em;z-index:5;pointer-events:none;"
+        f"color:{to_hex(theme.ink)};font:13px/1.5 system-ui,sans-serif"
     )
+    caption = element("div", title, element("div", *rows, id="readings", style=table), style=corner)
+    return to_html(caption, element("script", script))

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fantoccini.app.pages.forces import Forces
 from fantoccini.app.pages.moment import Moment
 from fantoccini.app.pages.strings import Colours, Strings
 from fantoccini.app.pages.viser_private import move
+from fantoccini.base import rotation
 from fantoccini.model.tree import WORLD
 from fantoccini.output.view import (
     Camera,
@@ -225,8 +225,7 @@ class SceneNodes:
     # -- moved every time ----------------------------------------------------------------------
 
     def _move_links(self, poses: np.ndarray) -> None:
-        turned = Rotation.from_matrix(poses[:, :, :3]).as_quat(canonical=True)
-        now = np.concatenate([turned[:, [3, 0, 1, 2]], poses[:, :, 3]], axis=1)
+        now = np.concatenate([rotation.quaternion(poses[:, :, :3]), poses[:, :, 3]], axis=1)
         if self._quantum:
             now[:, :4] = np.round(now[:, :4], 4)
             now[:, 4:] = np.round(now[:, 4:] / self._quantum) * self._quantum

@@ -1,46 +1,44 @@
 """The side panel: numbers, plots, and the buttons that every page has.
 
-Texts from puppet files become HTML through :func:`text` only, and never markdown, in which a page
-would run code.
+Texts from puppet files become HTML through elements only, which escape them, and never markdown, in
+which a page would run code.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fantoccini.app.pages.moment import Moment
 from fantoccini.app.pages.nodes import VIEWS, SceneNodes
+from fantoccini.output.html import Content, element, to_html
 from fantoccini.output.view import Theme, to_hex
 
 if TYPE_CHECKING:
     import viser
 
-_BAR = (
-    '<div style="display:grid;grid-template-columns:minmax(4.5em,auto) 1fr 4.6em;'
-    'gap:0.28em 0.6em;align-items:center;font-size:0.84em;line-height:1.25">'
-)
 _SIDE = "0.5em"
-
-
-def text(words: object) -> str:
-    """Plain text as HTML: nothing in it is markup."""
-    return escape(
-        "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in str(words))
-    )
+_GRID = (
+    "display:grid;grid-template-columns:minmax(4.5em,auto) 1fr 4.6em;"
+    "gap:0.28em 0.6em;align-items:center;font-size:0.84em;line-height:1.25"
+)
 
 
 def note(words: str) -> str:
-    """A line of secondary text, as HTML; ``words`` is plain text."""
-    return f'<div style="padding:0 {_SIDE};font-size:0.82em;opacity:0.75">{text(words)}</div>'
+    """A line of secondary text, as HTML."""
+    return to_html(element("div", words, style=f"padding:0 {_SIDE};font-size:0.82em;opacity:0.75"))
+
+
+def dotted(name: str, colour: str) -> list[Content]:
+    """A name after a dot of its colour."""
+    return [element("span", "\N{BLACK CIRCLE}", style=f"color:{colour}"), f" {name}"]
 
 
 def bars(names: Sequence[str], moment: Moment, nodes: SceneNodes) -> str:
     """Every string's name, with the colour of its plot, and its tension as bar and number: HTML."""
-    lines = []
+    cells = []
     for s, name in enumerate(names):
         pull = None if moment.tension is None else float(moment.tension[s])
         holds = bool(moment.taut[s]) or nodes.geometry.wires[s]
@@ -51,15 +49,17 @@ def bars(names: Sequence[str], moment: Moment, nodes: SceneNodes) -> str:
             colour, number = nodes.colours.hexadecimal(pull), f"{pull:.2f} N"
         else:
             share, colour, number = 0.0, "transparent", "slack"
-        lines.append(
-            f'<div><span style="color:{nodes.theme.colour(s)}">&#9679;</span> {text(name)}</div>'
-            '<div style="background:rgba(128,128,128,0.16);border-radius:3px;height:0.62em">'
-            f'<div style="width:{100.0 * share:.1f}%;height:100%;border-radius:3px;'
-            f'background:{colour}"></div></div>'
-            f'<div style="text-align:right;font-variant-numeric:tabular-nums'
-            f'{";opacity:0.55" if number == "slack" else ""}">{number}</div>'
-        )
-    return f'<div style="padding:0.1em {_SIDE}">{_BAR}{"".join(lines)}</div></div>'
+        width = f"width:{100.0 * share:.1f}%;height:100%;border-radius:3px;background:{colour}"
+        frame = "background:rgba(128,128,128,0.16);border-radius:3px;height:0.62em"
+        right = "text-align:right;font-variant-numeric:tabular-nums"
+        faint = ";opacity:0.55" if number == "slack" else ""
+        cells += [
+            element("div", *dotted(name, nodes.theme.colour(s))),
+            element("div", element("div", style=width), style=frame),
+            element("div", number, style=right + faint),
+        ]
+    table = element("div", *cells, style=_GRID)
+    return to_html(element("div", table, style=f"padding:0.1em {_SIDE}"))
 
 
 class Views:

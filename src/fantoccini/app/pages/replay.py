@@ -13,9 +13,10 @@ import numpy as np
 from fantoccini.app.pages.loop import REFRESH, PageLoop
 from fantoccini.app.pages.moment import moment_of
 from fantoccini.app.pages.nodes import SceneNodes
-from fantoccini.app.pages.panel import Plot, Views, bars, note, text
+from fantoccini.app.pages.panel import Plot, Views, bars, dotted, note
 from fantoccini.app.pages.plan_tree import PlanTree
 from fantoccini.app.pages.server import Server
+from fantoccini.output.html import Content, element, to_html
 from fantoccini.output.view import Geometry, Theme, geometry_of
 
 if TYPE_CHECKING:
@@ -306,20 +307,19 @@ def listed(events: Sequence[EventRecord], t: float) -> str:
     """The last events before a time, and the next, as HTML."""
     past = sum(e.t <= t + 1e-9 for e in events)
     first = max(0, min(past - _SIZES.listed_events + 2, len(events) - _SIZES.listed_events))
-    lines = []
+    rows = []
     for n, event in enumerate(events[first : first + _SIZES.listed_events], start=first):
         words = f"{event.name} {EVENT_TEXTS.get(event.kind, event.kind)}"
         if event.impulse > 0.0:
             words += f", {event.impulse:.3g} N s"
         weight = "font-weight:600" if n == past - 1 else ""
         shade = "" if n < past else "opacity:0.45;"
-        lines.append(f'<div style="{shade}{weight}">{event.t:.3f} s &ensp;{text(words)}</div>')
-    return f'<div style="padding:0 0.5em;font-size:0.82em;line-height:1.5">{"".join(lines)}</div>'
+        rows.append(element("div", f"{event.t:.3f} s \N{EN SPACE}{words}", style=shade + weight))
+    return to_html(element("div", *rows, style="padding:0 0.5em;font-size:0.82em;line-height:1.5"))
 
 
 def _legend(names: Sequence[str], cycle: Sequence[str]) -> str:
-    dots = "&emsp;".join(
-        f'<span style="color:{colour}">&#9679;</span> {text(name)}'
-        for name, colour in zip(names, cycle, strict=False)
-    )
-    return f'<div style="padding:0 0.5em;font-size:0.82em">{dots}</div>'
+    dots: list[Content] = []
+    for name, colour in zip(names, cycle, strict=False):
+        dots += [*dotted(name, colour), "\N{EM SPACE}"]
+    return to_html(element("div", *dots[:-1], style="padding:0 0.5em;font-size:0.82em"))

@@ -9,7 +9,6 @@ import os
 import socket
 import sys
 import webbrowser
-from html import escape
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
@@ -19,6 +18,7 @@ from websockets.http11 import Request, Response
 from fantoccini.app.pages import viser_private
 from fantoccini.app.pages.viser_private import Filter, Handler
 from fantoccini.base import FantocciniError
+from fantoccini.output.html import element, to_html
 from fantoccini.output.view import Theme, rgb, to_bytes
 
 HOST = "127.0.0.1"
@@ -175,8 +175,8 @@ def policy(connect: str = "") -> str:
 
 def with_title(page: str, title: str) -> str:
     """The page with another title; plain text."""
-    start, end = page.index("<title>"), page.index("</title>")
-    return f"{page[:start]}<title>{escape(title)}{page[end:]}"
+    before, _, rest = page.partition("<title>")
+    return before + to_html(element("title", title)) + rest.partition("</title>")[2]
 
 
 def in_head(page: str, html: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from fantoccini.app.pages.moment import Moment
 from fantoccini.app.pages.viser_private import move
+from fantoccini.base import rotation
 from fantoccini.output.view import Geometry, Theme, mix, to_bytes, to_hex
 
 if TYPE_CHECKING:
@@ -146,7 +147,8 @@ class Strings:
         lengths = np.linalg.norm(away, axis=1)
         shown = holds[self._owner] & np.isfinite(lengths) & (lengths > 0.0)
         directions = away / np.where(shown, lengths, 1.0)[:, None]
-        wxyz = turned_to(np.where(shown[:, None], directions, [1.0, 0.0, 0.0]))
+        x = np.array([1.0, 0.0, 0.0])
+        wxyz = rotation.shortest(x, np.where(shown[:, None], directions, x))
         if self._quantum:
             wxyz = np.round(wxyz, 4)
         starts = self._rounded(starts)
@@ -184,11 +186,3 @@ class Strings:
 
     def _rounded(self, places: np.ndarray) -> np.ndarray:
         return np.round(places / self._quantum) * self._quantum if self._quantum else places
-
-
-def turned_to(directions: np.ndarray) -> np.ndarray:
-    """(n, 4) smallest rotations (w, x, y, z) from the x axis to unit vectors (n, 3)."""
-    ux, uy, uz = directions.T
-    wxyz = np.stack([1.0 + ux, np.zeros_like(ux), -uz, uy], axis=1)
-    wxyz[1.0 + ux < 1e-9] = [0.0, 0.0, 0.0, 1.0]
-    return wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True)

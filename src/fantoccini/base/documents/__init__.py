@@ -1,5 +1,13 @@
 """YAML documents: text to validated models, and the line of every mistake."""
 
+from fantoccini.base.documents.document import (
+    KEYS,
+    Document,
+    Kind,
+    document_schema,
+    parse_document,
+    read_document,
+)
 from fantoccini.base.documents.json_schema import described_schema
 from fantoccini.base.documents.limits import LIMITS
 from fantoccini.base.documents.located import (
@@ -7,6 +15,7 @@ from fantoccini.base.documents.located import (
     Located,
     Origin,
     Words,
+    data_path,
     findings,
     has_key,
     key_path,
@@ -16,6 +25,8 @@ from fantoccini.base.documents.located import (
     shown,
     validate,
 )
+from fantoccini.base.documents.partial import UNCLEAR, valid_parts
+from fantoccini.base.documents.references import unknown_names
 from fantoccini.base.documents.refusals import Refusals
 from fantoccini.base.documents.sized_values import SIZED, Place, Size, Sized, Value
 from fantoccini.base.documents.values import (
@@ -42,22 +53,27 @@ from fantoccini.base.documents.values import (
     owner_of,
     read_angle,
     read_real,
-    rotation_rows,
+    refuse,
     rotation_vector_quaternion,
     sized,
     unit,
     value_of,
 )
+from fantoccini.base.documents.yaml_edit import with_numbers, yaml_of
 from fantoccini.base.documents.yaml_text import Path
 
 __all__ = [
+    "KEYS",
     "LIMITS",
     "NAME",
     "SIZED",
+    "UNCLEAR",
     "Angle",
     "Axes",
     "Direction",
+    "Document",
     "Finding",
+    "Kind",
     "Located",
     "Model",
     "Name",
@@ -79,7 +95,9 @@ __all__ = [
     "Value",
     "Vector",
     "Words",
+    "data_path",
     "described_schema",
+    "document_schema",
     "entries",
     "findings",
     "has_key",
@@ -89,15 +107,21 @@ __all__ = [
     "name_mistake",
     "number_kind",
     "owner_of",
+    "parse_document",
     "read_angle",
+    "read_document",
     "read_file",
     "read_located",
     "read_real",
-    "rotation_rows",
+    "refuse",
     "rotation_vector_quaternion",
     "shown",
     "sized",
     "unit",
+    "unknown_names",
+    "valid_parts",
     "validate",
     "value_of",
+    "with_numbers",
+    "yaml_of",
 ]

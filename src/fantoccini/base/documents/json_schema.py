@@ -15,7 +15,7 @@ def described_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
         title: title of the schema.
     """
     schema = model.model_json_schema(by_alias=True)
-    for part in schema["$defs"].values():
+    for part in schema.get("$defs", {}).values():
         if "const" in part.get("properties", {}).get("type", {}):
             # `type` has a default in Python but must be given in a file.
             part["required"] = list(dict.fromkeys(["type", *part.get("required", [])]))

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base import FileError, Mistake, StateError, nearest
 from fantoccini.base.documents.limits import LIMITS
 from fantoccini.base.documents.yaml_text import Path, Unreadable, read_text
 
@@ -49,7 +49,7 @@ NO_WORDS = Words()
 
 @dataclass(frozen=True)
 class Located:
-    """Plain data that remembers where it was written.
+    """Plain data that remembers where it was written. All are equal, so that equal documents are.
 
     Attributes:
         data: dicts, lists and scalars.
@@ -59,11 +59,11 @@ class Located:
         mistakes: mistakes found while reading that left the rest readable.
     """
 
-    data: Any = None
-    file: str = "<python>"
-    folder: FilePath = field(default_factory=FilePath.cwd)
-    lines: dict[Path, int] = field(default_factory=dict)
-    mistakes: tuple[Mistake, ...] = ()
+    data: Any = field(default=None, compare=False)
+    file: str = field(default="<python>", compare=False)
+    folder: FilePath = field(default_factory=FilePath.cwd, compare=False)
+    lines: dict[Path, int] = field(default_factory=dict, compare=False)
+    mistakes: tuple[Mistake, ...] = field(default=(), compare=False)
 
     def line(self, path: Path) -> int | None:
         """Line of a path, or of the innermost parent that has one."""
@@ -80,6 +80,17 @@ class Located:
         file = (self.folder / path).resolve()
         inside = file.is_relative_to(self.folder.resolve()) and os.path.isfile(file)
         return file if inside else None
+
+    def required(self, name: str) -> FilePath:
+        """A file in this one's folder or below it.
+
+        Raises:
+            StateError: there is none.
+        """
+        file = self.beside(name)
+        if file is None:
+            raise StateError(f"found {shown(name)}: no file in this one's folder")
+        return file
 
     def problem(self, path: Path, message: str) -> Mistake:
         """A mistake at a path."""
@@ -216,7 +227,7 @@ def findings(
     """
     found = []
     for k, item in enumerate(error.errors(include_url=False)):
-        path, leaf = _path(data, item["loc"], item["type"])
+        path, leaf = data_path(data, item["loc"], item["type"])
         if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
             path = (*path, item["ctx"]["discriminator"].strip("'"))
         # Hints are slow, and only these mistakes are shown.
@@ -238,7 +249,7 @@ def mended(data: Any, error: ValidationError) -> Any | None:
     out = None
     for item in error.errors(include_url=False):
         instead = item.get("ctx", {}).get("instead")
-        path, _ = _path(data, item["loc"], item["type"])
+        path, _ = data_path(data, item["loc"], item["type"])
         if instead is None or not path:
             continue
         out = copy.deepcopy(data) if out is None else out
@@ -284,12 +295,12 @@ def shown(value: Any) -> str:
     )
 
 
-def _path(data: Any, loc: tuple[str | int, ...], kind: str) -> tuple[Path, str]:
-    """Drops the parts of pydantic's location that name branches of a union, not keys."""
+def data_path(data: Any, loc: tuple[str | int, ...], kind: str = "fantoccini") -> tuple[Path, str]:
+    """A location without parts that are no keys of the data, such as branches of a union."""
     path: list[str | int] = []
     for k, part in enumerate(loc):
         last = k == len(loc) - 1
-        in_list = isinstance(data, list) and isinstance(part, int) and part < len(data)
+        in_list = isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)
         if in_list or (isinstance(data, dict) and part in data):
             data = data[part]
         elif not (last and kind in ("missing", "fantoccini") and _is_key(data, part)):
@@ -361,7 +372,7 @@ def allowed_keys(model: type[BaseModel], loc: tuple[str | int, ...]) -> list[str
         if fields:
             models = [m for f in fields for m in _models(f.annotation)]
         else:
-            models = [m for m in models if part in _tags(m)] or models
+            models = [m for m in models if part in tags_of(m)] or models
     return sorted({key for m in models for key in _fields(m)})
 
 
@@ -369,7 +380,8 @@ def _fields(model: type[BaseModel]) -> dict[str, Any]:
     return {f.alias or name: f for name, f in model.model_fields.items()}
 
 
-def _tags(model: type[BaseModel]) -> set[str]:
+def tags_of(model: type[BaseModel]) -> set[str]:
+    """Values of ``type``, and the name of the branch of a union."""
     kind = model.model_fields.get("type")
     tags = get_args(kind.annotation) if kind else ()
     return {t for t in tags if isinstance(t, str)} | {f"<{model.__name__.lower()}>"}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from numbers import Real as AnyReal
 from typing import Annotated, Any, Literal
 
@@ -20,12 +20,14 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Tag,
+    ValidationError,
     WithJsonSchema,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from fantoccini.base.documents.located import shown
+from fantoccini.base import rotation
+from fantoccini.base.documents.located import Finding, shown
 
 NAME = r"[A-Za-z_][A-Za-z0-9_-]{0,63}"
 _ANGLE = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(deg|rad)", re.ASCII)
@@ -51,6 +53,19 @@ def mistake(message: str, instead: float | None = None) -> PydanticCustomError:
         instead: an allowed number to use in its place, so that the rest can be checked.
     """
     return PydanticCustomError("fantoccini", "{text}", {"text": message, "instead": instead})
+
+
+def refuse(findings: Iterable[Finding]) -> None:
+    """Raises a validation error that lists mistakes; does nothing if there are none.
+
+    Args:
+        findings: paths, from the keys of the validated part on, and messages.
+    """
+    details = [
+        InitErrorDetails(type=mistake(text), loc=path, input=None) for path, text in findings
+    ]
+    if details:
+        raise ValidationError.from_exception_data("", details)
 
 
 def name_mistake(text: str) -> str:
@@ -234,28 +249,9 @@ def _axes(axes: tuple[str, ...]) -> tuple[str, ...]:
 Axes = Annotated[tuple[Literal["x", "y", "z"], ...], AfterValidator(_axes)]
 
 
-def rotation_rows(w: Any, x: Any, y: Any, z: Any) -> list[list[Any]]:
-    """Entries of the rotation matrix of a unit quaternion of numbers, arrays or symbols."""
-    X, Y, Z = 2 * x, 2 * y, 2 * z
-    xx, yy, zz, xy, xz, yz = x * X, y * Y, z * Z, x * Y, x * Z, y * Z
-    wx, wy, wz = w * X, w * Y, w * Z
-    return [
-        [1 - (yy + zz), xy - wz, xz + wy],
-        [xy + wz, 1 - (xx + zz), yz - wx],
-        [xz - wy, yz + wx, 1 - (xx + yy)],
-    ]
-
-
-def rotation_matrix(quaternion: tuple[float, ...]) -> np.ndarray:
-    """Rotation matrix (3, 3) of a unit quaternion w, x, y, z."""
-    return np.array(rotation_rows(*quaternion))
-
-
 def rotation_vector_quaternion(vector: tuple[float, ...]) -> tuple[float, ...]:
     """Unit quaternion w, x, y, z of a rotation vector [rad]."""
-    angle = math.hypot(*vector)
-    scale = math.sin(angle / 2) / angle if angle > 1e-8 else 0.5 - angle * angle / 48
-    return unit((math.cos(angle / 2), *(scale * x for x in vector)))
+    return unit(tuple(rotation.exp(np.array(vector)).tolist()))
 
 
 class Orientation(Model):
@@ -281,17 +277,12 @@ class Orientation(Model):
     def matrix(self) -> np.ndarray:
         """Rotation matrix (3, 3) from the rotated frame to the one it is given in."""
         if self.quaternion is not None:
-            return rotation_matrix(self.quaternion)
+            return rotation.matrix(np.array(self.quaternion))
         if self.rpy is not None:
-            matrix = np.eye(3)
-            for axis, angle in zip(np.eye(3), self.rpy, strict=True):
-                matrix = _turn(axis, angle) @ matrix
-            return matrix
+            x, y, z = map(_turn, np.eye(3), self.rpy)
+            return z @ (y @ x)
         return _turn(np.array(self.axis), self.angle or 0.0)
 
 
 def _turn(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Rodrigues: R = I + sin(angle) [a] + (1 - cos(angle)) [a]^2."""
-    x, y, z = axis
-    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * skew @ skew
+    return rotation.about(axis, math.cos(angle), math.sin(angle))

@@ -6,10 +6,11 @@ from fantoccini.control.optimal.outlook import out_of_reach
 from fantoccini.control.optimal.reached import Reach, ReachedPose, ReachStatus
 from fantoccini.control.optimal.reaching import What, reach
 from fantoccini.control.optimal.result import OptimalStatus, Optimum
-from fantoccini.control.optimal.tuning import Tuned, TunedStatus, tune
+from fantoccini.control.optimal.tuning import Draws, Tuned, TunedStatus, tune
 
 __all__ = [
     "MPC",
+    "Draws",
     "MPCStatus",
     "OptimalStatus",
     "Optimum",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array
+from fantoccini.base import Array, riccati
 from fantoccini.kernel.runtime import StagePrograms
 
 UNBOUNDED = 1e30
@@ -51,6 +51,17 @@ class StageProgram:
     row_low: Array
     row_high: Array
     elastic: Array
+
+    @property
+    def gains(self) -> Array:
+        """(N, k, n_z) K_i of u_i = K_i z_i, where no bound is in force.
+
+        Costs between the inputs of neighbouring stages are left out: programs should have none.
+        """
+        k = self.B.shape[2]
+        Q = np.concatenate([0.0 * self.H[:1, k:, k:], self.H[:-1, k:, k:]])
+        R, S, end = self.H[:, :k, :k], self.cross[:, k:], self.H[-1, k:, k:]
+        return -riccati.gains(self.A, self.B, Q, R, end, S)[0]
 
     def with_constants(
         self, start: Array, Q: Array, q: Array, low: Array, high: Array, damping: float

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.base import Array, Mask, MaskRows, Outcome
+from fantoccini.control.tasks import Answer
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.contract import ReachEnd
 from fantoccini.kernel.runtime import Reached
@@ -70,7 +71,7 @@ class ReachProblem:
 
 
 @dataclass(frozen=True, eq=False)
-class ReachedPose:
+class ReachedPose(Answer):
     """The hanging pose nearest to some places. True where it is there.
 
     Attributes:
@@ -95,7 +96,9 @@ class ReachedPose:
     still: tuple[str, ...]
     limits: tuple[str, ...]
 
-    def __bool__(self) -> bool:
+    @property
+    def holds(self) -> bool:
+        """Whether it hangs at its places."""
         return self.status is ReachStatus.REACHED
 
     def summary(self) -> str:

@@ -9,12 +9,20 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, Outcome, Times, output
-from fantoccini.control.optimal.gains import riccati_gains
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.optimal.sqp import Iterate
-from fantoccini.control.tasks import Looks, Nodes, Task, Touched, Track, path_of, residual_of
+from fantoccini.control.tasks import (
+    Answer,
+    Looks,
+    Nodes,
+    Task,
+    Touched,
+    Track,
+    path_of,
+    residual_of,
+)
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, Trajectory
 
@@ -36,8 +44,9 @@ class OptimalStatus(Outcome):
 
 
 @dataclass(frozen=True, eq=False)
-class Optimum:
-    """The best motion found, as an event-driven run. True where it holds its bounds and arrives.
+class Optimum(Answer):
+    """The best motion found, as an event-driven run. True where it is ``SOLVED``; see
+    :class:`Answer`.
 
     Where ``status`` is ``UNCONFIRMED``, which with contact it may be, all is of time steps.
 
@@ -79,8 +88,15 @@ class Optimum:
     _objective: Objective
     _runs: EventRuns
 
-    def __bool__(self) -> bool:
+    @property
+    def holds(self) -> bool:
+        """Whether the event-driven run keeps its bounds and arrives."""
         return self.status not in (OptimalStatus.VIOLATED, OptimalStatus.UNCONFIRMED)
+
+    @property
+    def is_minimum(self) -> bool:
+        """Whether the residual of the conditions of optimality is below the tolerance."""
+        return self.status is OptimalStatus.SOLVED
 
     def __repr__(self) -> str:
         return (
@@ -134,7 +150,7 @@ class Optimum:
         nodes = replace(at.nodes, parameters=np.zeros(0))
         objective.take_unit(nodes, linear)
         program = objective.program(nodes, linear, _DAMPING * objective.unit, at.force)
-        return objective.widened_gains(riccati_gains(program))
+        return objective.widened_gains(program.gains)
 
     def errors(self) -> dict[str, Array]:
         """Name of every track -> (N + 1,) |r| at the nodes: how far from its path.
@@ -188,7 +204,7 @@ class Optimum:
         return output().optimum_picture(self, path, **options)
 
     @property
-    def verdict(self) -> str:
+    def message(self) -> str:
         """How the search ended, with the largest residual where it is not solved."""
         return self.status.message + (f": {self.reason}" if self.reason else "")
 
@@ -218,7 +234,7 @@ class Optimum:
 
     def summary(self) -> str:
         """What was found, in lines."""
-        lines = [f"{self.status.name}: {self.verdict}"]
+        lines = [f"{self.status.name}: {self.message}"]
         lines.append(
             f"cost {self.cost:.6g}, KKT residual {self.kkt:.2g}, {self.iterations} "
             f"iterations in {self.seconds:.2f} s"

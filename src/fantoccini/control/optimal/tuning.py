@@ -27,6 +27,7 @@ from fantoccini.base import (
     Times,
     check_positive,
 )
+from fantoccini.control.tasks import Answer
 from fantoccini.dynamics.compiled import Event, Method, MethodName, as_method
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate_batch
@@ -58,8 +59,8 @@ class TunedStatus(Outcome):
 
 
 @dataclass(frozen=True, eq=False)
-class Tuned:
-    """The best motion of a family.
+class Tuned(Answer):
+    """The best motion of a family, of a run that is ``DONE``. True where the search settled.
 
     Attributes:
         values: its numbers.
@@ -84,9 +85,49 @@ class Tuned:
     curve: Array
     seconds: float
 
+    @property
+    def holds(self) -> bool:
+        """True: only runs that are done count."""
+        return True
+
+    @property
+    def is_minimum(self) -> bool:
+        """Whether all spreads are narrow."""
+        return self.status is TunedStatus.SETTLED
+
     def __repr__(self) -> str:
         numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
         return f"<Tuned {self.status.name}: cost {self.cost:.6g} at {numbers}>"
+
+
+@dataclass(frozen=True)
+class Draws:
+    """How numbers are drawn.
+
+    Attributes:
+        runs: of a generation; at least 3.
+        generations: at most.
+        narrow: the search ends where all spreads are below this share of those at the start.
+        time_limit: at most, looked at after every generation [s].
+        seed: of the random numbers, at least 0; the same seed gives the same draws.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+
+    runs: int = 60
+    generations: int = 40
+    narrow: float = 0.05
+    time_limit: float = 600.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_positive(narrow=self.narrow, time_limit=self.time_limit)
+        for name, least in (("runs", _FEWEST), ("generations", 1)):
+            count = getattr(self, name)
+            if not (isinstance(count, (int, np.integer)) and count >= least):
+                text = f"{name} is {count!r}; it must be a whole number of at least {least}"
+                raise ValueError(text)
 
 
 def tune(
@@ -100,11 +141,7 @@ def tune(
     method: Method | MethodName = "event",
     save_at: Times | None = None,
     save_every: int | None = None,
-    runs: int = 60,
-    generations: int = 40,
-    narrow: float = 0.05,
-    time_limit: float = 600.0,
-    seed: int = 0,
+    draws: Draws | None = None,
     threads: int | None = None,
     progress: OnProgress | None = None,
 ) -> Tuned:
@@ -124,35 +161,28 @@ def tune(
         save_at: (n,) times of the runs' samples, event-driven; 201 from start to end when not given
             [s].
         save_every: write every so many steps, not event-driven; every one when not given.
-        runs: of a generation; at least 3.
-        generations: at most.
-        narrow: it ends where all spreads are below this share of those at the start.
-        time_limit: at most, looked at after every generation [s].
-        seed: of the random numbers, at least 0; the same seed gives the same draws.
+        draws: how the numbers are drawn.
         threads: that simulate; as many as there are processors when not given.
         progress: called after every generation; ``best`` is the least cost so far and its median.
 
     Raises:
-        ValueError: no numbers, a spread that is not positive, a count that is none, a cost that is
-            not a number, or inputs that end at different times.
+        ValueError: no numbers, a spread that is not positive, a cost that is not a number, or
+            inputs that end at different times.
         StateError: not one run of the first three generations had a finite cost.
     """
-    check_positive(narrow=narrow, time_limit=time_limit)
-    for name, count, least in (("runs", runs, _FEWEST), ("generations", generations, 1)):
-        if not (isinstance(count, (int, np.integer)) and count >= least):
-            raise ValueError(f"{name} is {count!r}; it must be a whole number of at least {least}")
+    draws = draws or Draws()
     began, names = time.perf_counter(), list(numbers)
     first, spreads = _begin(numbers)
     x0 = marionette.rest() if x0 is None else x0
     trial = _Trial(marionette, family, names, cost, x0, t_end, method, save_at, save_every, threads)
     from cma import CMAEvolutionStrategy  # slow to import
 
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(draws.seed)
     search = CMAEvolutionStrategy(
         np.zeros(len(names)),
         1.0,
         {
-            "popsize": runs,
+            "popsize": draws.runs,
             "verbose": -9,
             "seed": np.nan,
             "randn": lambda *shape: rng.standard_normal(shape),
@@ -160,7 +190,7 @@ def tune(
     )
     curve, status, spread = list[tuple[float, float]](), TunedStatus.GENERATIONS, spreads
     try:
-        for generation in range(generations):
+        for generation in range(draws.generations):
             drawn = search.ask()
             if not generation:
                 drawn[0] = np.zeros(len(names))  # where it begins counts as well
@@ -169,13 +199,13 @@ def tune(
             spread = spreads * np.asarray(search.stds)
             curve.append((trial.least, float(np.median(J))))
             if progress is not None:
-                progress(Progress(done=generation + 1, total=generations, best=curve[-1]))
+                progress(Progress(done=generation + 1, total=draws.generations, best=curve[-1]))
             if trial.best is None and generation + 1 >= _PATIENCE:
                 break
-            if trial.best is not None and np.all(spread <= narrow * spreads):
+            if trial.best is not None and np.all(spread <= draws.narrow * spreads):
                 status = TunedStatus.SETTLED
                 break
-            if time.perf_counter() - began > time_limit:
+            if time.perf_counter() - began > draws.time_limit:
                 status = TunedStatus.TIMEOUT
                 break
     except KeyboardInterrupt:
@@ -184,8 +214,8 @@ def tune(
             raise
     if trial.best is None:
         raise StateError(
-            f"tune: none of the first {len(curve) * runs} runs had a finite cost; the last ended "
-            f"with {trial.ended}; begin with numbers whose run does, and with smaller spreads"
+            f"tune: none of the first {len(curve) * draws.runs} runs had a finite cost; the last "
+            f"ended with {trial.ended}; begin with numbers whose run does, and with smaller spreads"
         )
     values, inputs, run = trial.best
     return Tuned(

@@ -5,8 +5,7 @@
 
 A_k and B_k are derivatives under the active set (:mod:`fantoccini.control.planning.active_sets`),
 over changes that leave taut strings taut. In segments with catches or releases they are exact, with
-the saltation of every catch (:mod:`fantoccini.control.planning.saltation`), where such a derivative
-exists.
+the saltation matrix of every catch, where such a derivative exists.
 
 The gains are those of the puppet's active set. Where the plan has another one at that time, because
 a string was caught or released earlier or later, the reference state and K come from the nearest
@@ -21,22 +20,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, MaskRows, StateError, Status, check_positive, tangent
+from fantoccini.base import (
+    Array,
+    Indices,
+    MaskRows,
+    StateError,
+    Status,
+    check_positive,
+    riccati,
+    tangent,
+)
 from fantoccini.control.planning.active_sets import (
     ExtendedReference,
     PlanReference,
     active_set_derivatives,
     away,
+    event_derivatives,
 )
 from fantoccini.control.planning.plan_path import PlanPath, exact_start
-from fantoccini.control.planning.saltation import event_derivatives
-from fantoccini.control.problems import (
-    SPEED_WEIGHT,
-    Problem,
-    StateArrays,
-    regulators,
-    taut_projection,
-)
+from fantoccini.control.problems import SPEED_WEIGHT, Problem, StateArrays, taut_projection
 from fantoccini.dynamics.clearance import Path
 from fantoccini.dynamics.compiled import (
     ActiveSet,
@@ -173,7 +175,7 @@ class Feedback:
         Q = np.diag(np.where(np.arange(size) < table.n_vD, 1.0, SPEED_WEIGHT**2))
         moves, gains = rollouts.bounds.moves, np.zeros((len(looks), table.n_vK, size))
         R = acceleration * np.eye(moves.sum())
-        gains[:, moves], P = regulators(
+        gains[:, moves], P = riccati.gains(
             A, B[:, :, moves], Q, R, Q + arrive * _goal_weights(plan, nodes[-1])
         )
         reference = PlanReference(

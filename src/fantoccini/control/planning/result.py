@@ -20,6 +20,7 @@ from fantoccini.control.planning.polish import Polish
 from fantoccini.control.planning.search import Search
 from fantoccini.control.planning.search_tree import SearchTree
 from fantoccini.control.problems import Goal, Meeting, Problem, Rollouts, StateArrays
+from fantoccini.control.tasks import Answer
 from fantoccini.dynamics.compiled import Method, MethodName
 from fantoccini.kernel.runtime import POINT
 from fantoccini.motion import Input, State, Trajectory
@@ -39,7 +40,7 @@ class PlanStatus(Outcome):
 
 
 @dataclass(frozen=True, eq=False)
-class PlanResult:
+class PlanResult(Answer):
     """A plan, and the tree in which it was found. True where the plan :attr:`holds`.
 
     Attributes:
@@ -201,9 +202,6 @@ class PlanResult:
         if self.status is PlanStatus.UNCONFIRMED:
             return confirmed(self.plan_path).arrives
         return self.status is PlanStatus.EXACT
-
-    def __bool__(self) -> bool:
-        return self.holds
 
     def __repr__(self) -> str:
         found = (

@@ -133,9 +133,9 @@ class Shooting:
         table = problem.marionette.coordinates
         self._driven = [q for q, v in table.scalars_K if v in self.moves]
         self._taut: Indices = np.zeros(0, dtype=int)
-        root, margin, tol = problem.root, rollouts.options.margin, _TOLERANCES
+        root, margin, tol = problem.root, rollouts.margin, _TOLERANCES
         still = np.zeros((1, root.v_K.shape[1]))
-        if not rollouts.options.slack:
+        if not rollouts.slack:
             self._taut = np.arange(len(problem.marionette.tree.strings))
             tension = self._forces(root, still)[1][0]
             wires = [s.wire for s in problem.marionette.tree.strings]

@@ -1,12 +1,12 @@
 """Planning problems: goals among obstacles, and the rollouts that approach them."""
 
 from fantoccini.control.problems.derivatives import central_differences, taut_projection
-from fantoccini.control.problems.funnels import SPEED_WEIGHT, regulators, riccati_step
+from fantoccini.control.problems.funnels import SPEED_WEIGHT
 from fantoccini.control.problems.goals import Goal, GoalLike
 from fantoccini.control.problems.objective import OBJECTIVES, TIME, Objective
 from fantoccini.control.problems.problem import Problem
 from fantoccini.control.problems.problem_file import load_problem, problem_names, problem_schema
-from fantoccini.control.problems.rollouts import Rollouts
+from fantoccini.control.problems.rollouts import RolloutOptions, Rollouts
 from fantoccini.control.problems.state_arrays import StateArrays, flattened
 from fantoccini.control.problems.touches import Meeting, Touches, carried
 
@@ -19,6 +19,7 @@ __all__ = [
     "Meeting",
     "Objective",
     "Problem",
+    "RolloutOptions",
     "Rollouts",
     "StateArrays",
     "Touches",
@@ -28,7 +29,5 @@ __all__ = [
     "load_problem",
     "problem_names",
     "problem_schema",
-    "regulators",
-    "riccati_step",
     "taut_projection",
 ]

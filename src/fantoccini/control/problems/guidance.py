@@ -108,7 +108,7 @@ def _hanging(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> 
     chosen = _best_of(rollouts, start)
     at_rest = start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K)
     there = goal.distance(StateArrays.of(at_rest))[0] <= rollouts.stop_distance
-    clear = rollouts.clearance.at(q_D, q_K) >= rollouts.options.margin
+    clear = rollouts.clearance.at(q_D, q_K) >= rollouts.margin
     return Guidance([chosen], bool(there and clear))
 
 

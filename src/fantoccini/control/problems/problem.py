@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import ConfigK, check_not_negative
+from fantoccini.base import ConfigK, check_not_negative, check_positive
 from fantoccini.control.problems.feasible import out_of_reach, too_far_to_touch
 from fantoccini.control.problems.goals import Goal, GoalLike
 from fantoccini.control.problems.guidance import guidance
 from fantoccini.control.problems.objective import Objective
 from fantoccini.control.problems.pushing import push_of
-from fantoccini.control.problems.rollouts import Bounds, RolloutOptions, Rollouts
+from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, Rollouts
 from fantoccini.control.problems.state_arrays import StateArrays
 from fantoccini.control.problems.touches import KEEP_OFF, ContactLike, Touches
+from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.clearance import Clearance, HalfSpace, standing
 from fantoccini.dynamics.compiled import check_start
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.kernel.runtime import default_threads
 from fantoccini.model.puppet import FLOOR, Obstacle
 from fantoccini.motion import State
 
@@ -64,21 +64,14 @@ class Problem:
         hold: time for which the puppet must stay at the goal after the plan's end, with the inputs
             brought to rest [s]; 1 s where it is to touch something, to stand or to push a prop,
             otherwise 0.
-        speed, acceleration: bounds of the driven coordinates, for all or by name [m/s, m/s^2].
-        reserve: share of these bounds that plans leave unused, 0 to less than 1: feedback needs
-            it to bring a puppet back to a plan that is at its bounds itself.
-        ranges: name of a driven coordinate -> (low, high) [m].
-        margin: least clearance [m]; not of pairs that may touch.
+        bounds: of the driven coordinates, by default speeds of 0.5 m/s and accelerations of 2
+            m/s^2; where either names some, the others hold still. ``clearance`` is 0 by default; it
+            is not kept by pairs that may touch. Bodies of different puppets and props of a scene
+            are always kept clear of one another, those of one puppet with ``own_body``. Plans have
+            no other bounds.
         slack: whether taut strings may go slack on the way. Plans in which none does depend less
             on how exactly they are followed.
-        strings: whether strings are kept clear of obstacles too.
-        self_collision: whether bodies of one puppet are kept clear of one another; those of
-            different puppets and props of a scene always are.
-        threads: that share the work; all processors by default.
-        dt: step of the time-stepper [s].
-        look: steps from one check for collisions and the goal to the next.
-        segment: duration of constant accelerations [s], a whole number of looks and at most 10 s;
-            five looks, 0.1 s, by default. Rollouts of ``"est-2007"`` last 1 to 5 times as long.
+        rollouts: how rollouts are simulated and checked.
         objective: ``"time"``; ``"gentle"``, catches of strings and limits, and time;
             ``"acceleration"``, accelerations of the driven coordinates, and time; or an
             :class:`Objective`.
@@ -100,23 +93,15 @@ class Problem:
         contact: ContactLike = KEEP_OFF,
         tolerance: float = 0.1,
         hold: float | None = None,
-        speed: float | Mapping[str, float] = 0.5,
-        acceleration: float | Mapping[str, float] = 2.0,
-        reserve: float = 0.0,
-        ranges: Mapping[str, tuple[float, float]] | None = None,
-        margin: float = 0.0,
+        bounds: Bounds | None = None,
         slack: bool = True,
-        strings: bool = True,
-        self_collision: bool = False,
-        threads: int | None = None,
-        dt: float = RolloutOptions.dt,
-        look: int = RolloutOptions.look,
-        segment: float | None = None,
         objective: str | Objective = "gentle",
+        rollouts: RolloutOptions | None = None,
     ):
-        threads = default_threads() if threads is None else threads
-        options = RolloutOptions(tolerance, margin, slack, dt, look, threads=threads)
-        options = options.with_segment(segment)
+        bounds, options = bounds or Bounds(), rollouts or RolloutOptions()
+        margin = 0.0 if bounds.clearance is None else bounds.clearance
+        check_positive(tolerance=tolerance)
+        check_not_negative(clearance=margin)
         self.objective = Objective.of(objective)
         check_start(marionette, start, "timestepping")
         if marionette.contacts is not None:
@@ -129,19 +114,27 @@ class Problem:
         self.marionette, self.start, self.tolerance = marionette, start, tolerance
         self.name = name
         wanted = Goal.of(marionette, goal)
-        self.touches = Touches(marionette, contact, wanted.touches, self_collision)
+        self.touches = Touches(marionette, contact, wanted.touches, bounds.own_body)
         self.goal = wanted.for_problem(self.touches, tolerance)
         clearance = Clearance(
             marionette,
             obstacles,
-            strings=strings,
-            self_collision=self_collision,
+            strings=options.strings,
+            self_collision=bounds.own_body,
             free=self.touches.free,
         )
-        self.bounds = Bounds.of(marionette, speed, acceleration, ranges or {})
-        bounds = self.bounds.without(reserve) if reserve else self.bounds
-        kept_off = ~self.touches.may
-        self.rollouts = Rollouts(marionette, clearance, bounds, self.goal, options, kept_off)
+        self.bounds = DrivenBounds.of(marionette, bounds)
+        self.rollouts = Rollouts(
+            marionette,
+            clearance,
+            self.bounds.without(options.reserve) if options.reserve else self.bounds,
+            self.goal,
+            options,
+            tolerance=tolerance,
+            margin=margin,
+            slack=slack,
+            kept_off=~self.touches.may,
+        )
         self.reason = _start_violation(start, self.rollouts, self.touches)
         self.distance = self.goal.of_start(self.root)
         self.push = push_of(self.goal, start, self.touches)
@@ -217,8 +210,8 @@ class Problem:
             numbers.link,
             numbers.speed_weight,
             numbers.driven_weight,
-            options.margin,
-            options.slack,
+            rollouts.margin,
+            rollouts.slack,
             options.dt,
             options.look,
             options.looks,
@@ -248,8 +241,8 @@ def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
         a, b = met
         return f"at the start {a} touches {b}; they may with contact: {{touch: [[{a}, {b}]]}}"
     nearest = rollouts.clearance.nearest(start)
-    if nearest is not None and nearest.distance < rollouts.options.margin:
-        return f"at the start {nearest}; the margin is {rollouts.options.margin:g} m"
+    if nearest is not None and nearest.distance < rollouts.margin:
+        return f"at the start {nearest}; the margin is {rollouts.margin:g} m"
     bounds, table = rollouts.bounds, rollouts.marionette.coordinates
     for k, name in enumerate(table.q_K):
         if not bounds.low[k] <= start.q_K[k] <= bounds.high[k]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from fantoccini.base import FileError, OnProgress
+from fantoccini.base import OnProgress
 from fantoccini.base.documents import (
     SIZED,
     Model,
@@ -18,25 +19,20 @@ from fantoccini.base.documents import (
     Positive,
     Real,
     RealShare,
-    Refusals,
     Size,
     Sized,
     Value,
     entries,
     mistake,
-    read_file,
-    validate,
 )
 from fantoccini.control.problems.goals import Goal
 from fantoccini.control.problems.problem import Problem
-from fantoccini.control.problems.rollouts import Bounds, RolloutOptions, whole_looks
+from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, whole_looks
 from fantoccini.control.problems.touches import touching
+from fantoccini.control.tasks import Bounds, ControlFile, Kind, Reading, check_one_of
 from fantoccini.dynamics.clearance import HalfSpace, Standing
-from fantoccini.dynamics.marionette import Marionette, load
-from fantoccini.model.puppet import WORDS, named_file
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
-
-_FOLDER = Path(__file__).parent / "bundled"
 
 
 class PointGoal(Model):
@@ -55,9 +51,7 @@ class PointGoal(Model):
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> PointGoal:
-        if (self.place is None) == (self.by is None):
-            found = "neither `place` nor `by`" if self.place is None else "both `place` and `by`"
-            raise mistake(f"found {found}; needed: one of them")
+        check_one_of(self, "place", "by")
         if self.by is not None and (self.to is not None or any(self.at)):
             raise mistake("found `by` with `at` or `to`, which go with `place`")
         return self
@@ -104,15 +98,11 @@ class GoalFile(Model):
     a stance, otherwise 0."""
 
 
-class ProblemFile(Model):
+class ProblemFile(ControlFile):
     """A planning problem."""
 
     problem: Name
     """The problem's name."""
-    puppet: str
-    """A bundled puppet's name, or a puppet file in this file's folder."""
-    start: dict[str, Value] = Field(default_factory=dict)
-    """Coordinate -> value: the puppet hangs at rest with the driven ones there."""
     goal: GoalFile
     """Where the plan ends."""
     contact: Literal["keep off"] | ContactFile = "keep off"
@@ -147,84 +137,83 @@ class ProblemFile(Model):
     """In addition to the world's."""
 
 
+PROBLEM = Kind("problem", ProblemFile, Path(__file__).parent / "bundled")
+"""Problem files."""
+
+
 def problem_schema() -> dict[str, Any]:
     """JSON Schema of a problem file, for editors."""
-    schema = ProblemFile.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return PROBLEM.json_schema
 
 
 def problem_names() -> tuple[str, ...]:
     """Names of the bundled problems."""
-    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+    return PROBLEM.bundled
 
 
 def load_problem(
-    path: str | os.PathLike[str], *, progress: OnProgress | None = None, **options: Any
+    path: str | os.PathLike[str],
+    *,
+    threads: int | None = None,
+    progress: OnProgress | None = None,
+    **options: Any,
 ) -> Problem:
     """Reads a problem file.
 
     Args:
         path: of the file, or the name of a bundled problem (``arm3d_boxes``).
+        threads: that share the work; all processors by default.
         progress: called with a description of each slow step.
         options: of :class:`Problem`, in place of the file's: ``tolerance=0.1``.
 
     Raises:
         FileError: with every mistake found and its location.
     """
-    name = os.fspath(path)
-    if name in problem_names() and not os.path.exists(name):
-        path = _FOLDER / f"{name}.yaml"
-    located = read_file(path)
-    if isinstance(located.data, dict) and "bodies" in located.data:
-        text = "this is a puppet file; a problem file names one under `puppet` and gives a goal"
-        raise located.error([((), text)], FileError)
-    file = validate(ProblemFile, located, words=WORDS)
-    marionette = load(named_file(file.puppet, located), progress)
-    check = Refusals(located)
-    for key, value in file.start.items():
-        check(("start", key), lambda key=key, value=value: marionette.state({key: value}))
-    goal = _goal(file.goal, marionette, marionette.state(), check)
-    _check_touches(file, marionette, check)
-    check(("speed",), lambda: Bounds.of(marionette, file.speed, 1.0, {}))
-    check(("acceleration",), lambda: Bounds.of(marionette, 1.0, file.acceleration, {}))
-    check(("reserve",), lambda: Bounds.of(marionette, 1.0, 1.0, {}).without(file.reserve))
-    if file.segment is not None:
-        segment, interval = file.segment, RolloutOptions.dt * RolloutOptions.look
-        check(("segment",), lambda: whole_looks(segment, interval))
-    for key, span in file.ranges.items():
-        check(
-            ("ranges", key), lambda key=key, span=span: Bounds.of(marionette, 1.0, 1.0, {key: span})
-        )
-    check.refuse()
-    start = check.need(("start",), lambda: marionette.rest(file.start))
-    if file.goal.point is not None and file.goal.point.by is not None:
-        goal = _goal(file.goal, marionette, start, check)
-    names = (
-        "hold",
-        "tolerance",
-        "speed",
-        "acceleration",
-        "reserve",
-        "segment",
-        "objective",
-        "ranges",
-        "margin",
-        "slack",
-        "strings",
-        "self_collision",
+    reading = PROBLEM.read(path, progress)
+    file, marionette, check = reading.file, reading.marionette, reading.check
+    goal = _goal(reading, marionette.state())
+    _check_touches(reading)
+    bounds = Bounds(
+        file.ranges,
+        file.speed,
+        file.acceleration,
+        clearance=file.margin,
+        own_body=file.self_collision,
     )
+    parts: list[tuple[tuple[str, ...], Bounds]] = [(("speed",), Bounds(speed=file.speed))]
+    parts += [(("acceleration",), Bounds(acceleration=file.acceleration))]
+    parts += [(("ranges", key), Bounds({key: span})) for key, span in file.ranges.items()]
+    for place, part in parts:
+        check(place, lambda part=part: DrivenBounds.of(marionette, part))
+    check(("reserve",), lambda: RolloutOptions(reserve=file.reserve))
+    looks = check(("segment",), lambda: _looks(file.segment))
+    check.refuse()
+    start = reading.start
+    if file.goal.point is not None and file.goal.point.by is not None:
+        goal = _goal(reading, start)
+    names = ("hold", "tolerance", "objective", "slack")
+    assert goal is not None and looks is not None  # or they were refused
+    rollouts = RolloutOptions(looks=looks, reserve=file.reserve, strings=file.strings)
+    if threads is not None:
+        rollouts = check.need((), lambda: replace(rollouts, threads=threads))
     contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
     given = (
-        {"name": file.problem, "contact": contact}
+        {"name": file.problem, "contact": contact, "bounds": bounds, "rollouts": rollouts}
         | {key: getattr(file, key) for key in names}
         | options
     )
-    assert goal is not None  # or it was refused
     return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **given))
 
 
-def _check_touches(file: ProblemFile, marionette: Marionette, check: Refusals) -> None:
+def _looks(segment: float | None) -> int:
+    """Checks of a segment of so many seconds; of the usual one where none are given."""
+    usual = RolloutOptions()
+    return usual.looks if segment is None else whole_looks(segment, usual.interval)
+
+
+def _check_touches(reading: Reading[ProblemFile]) -> None:
     """Notes the pairs of a file that cannot touch."""
+    file, marionette = reading.file, reading.marionette
     places: list[tuple[tuple[str | int, ...], tuple[str, str]]] = []
     if file.contact != "keep off":
         places += [(("contact", "touch", k), pair) for k, pair in enumerate(file.contact.touch)]
@@ -237,19 +226,17 @@ def _check_touches(file: ProblemFile, marionette: Marionette, check: Refusals) -
         marionette.with_obstacles((*marionette.puppet.obstacles, *solid)) if places else marionette
     )
     for place, pair in places:
-        check(place, lambda pair=pair: touching(among, pair))
+        reading.check(place, lambda pair=pair: touching(among, pair))
 
 
-def _goal(file: GoalFile, marionette: Marionette, start: State, check: Refusals) -> Goal | None:
+def _goal(reading: Reading[ProblemFile], start: State) -> Goal | None:
     """The goal of a file; None where it has mistakes.
 
     Args:
-        file: the goal.
-        marionette: the puppet.
+        reading: the file.
         start: from which bodies are moved by some way.
-        check: notes mistakes.
     """
-    made = _placed(file, marionette, start, check)
+    file, made = reading.file.goal, _placed(reading, start)
     if made is None:
         return None
     stand = file.stand
@@ -258,20 +245,23 @@ def _goal(file: GoalFile, marionette: Marionette, start: State, check: Refusals)
     return made.touching(file.touch) if file.touch else made
 
 
-def _placed(file: GoalFile, marionette: Marionette, start: State, check: Refusals) -> Goal | None:
+def _placed(reading: Reading[ProblemFile], start: State) -> Goal | None:
     """The pose or the point of a goal."""
+    file, marionette, check = reading.file.goal, reading.marionette, reading.check
     standard = {} if file.stand is None else {"speed_weight": 0.1, "driven_weight": 1.0}
     given = {"speed_weight": file.speed_weight, "driven_weight": file.driven_weight}
     weight = standard | {key: value for key, value in given.items() if value is not None}
     pose, point, weights = file.pose, file.point, file.weights
     if point is not None and pose is not None:
-        return check(("goal",), lambda: _refuse("found both a pose and a point; needed: one"))
+        reading.note(("goal",), "found both a pose and a point; needed: one")
+        return None
     if point is not None:
         return check(("goal", "point"), lambda: _point(point, marionette, start, weight))
     if pose is None:
         if not file.touch and file.stand is None:
             text = "found neither a pose nor a point, touch or stand; needed: one of them"
-            return check(("goal",), lambda: _refuse(text))
+            reading.note(("goal",), text)
+            return None
         return check(("goal",), lambda: Goal.touch(marionette, (), pose=None, **weight))
     good = [
         check(
@@ -300,7 +290,3 @@ def _point(
         return Goal.moved(marionette, point.body, point.by, start, **weight)
     assert point.place is not None  # or it was refused
     return Goal.point(marionette, point.body, point.place, at=point.at, to=point.to, **weight)
-
-
-def _refuse(message: str) -> NoReturn:
-    raise ValueError(message)

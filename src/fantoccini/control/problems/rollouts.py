@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 
-from fantoccini.base import (
-    Array,
-    Indices,
-    MaskRows,
-    StateError,
-    UnknownNameError,
-    check_not_negative,
-    check_positive,
-)
+from fantoccini.base import Array, Indices, MaskRows, StateError, UnknownNameError, check_positive
 from fantoccini.control.problems.goals import Goal
 from fantoccini.control.problems.state_arrays import StateArrays
+from fantoccini.control.tasks import Bounds, Most
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.kernel.runtime import Funnel, RolloutPool, RolloutSettings, Segments
+from fantoccini.kernel.runtime import (
+    Funnel,
+    RolloutPool,
+    RolloutSettings,
+    Segments,
+    default_threads,
+)
 from fantoccini.model.tree import CoordinateTable
 
 Value = TypeVar("Value")
@@ -42,6 +41,10 @@ class _Limits:
     """Speed that unbounded rollouts keep, relative to the bound."""
     max_steps: int = 10_000
     """Time steps of a segment."""
+    speed: float = 0.5
+    """Bound of speeds that have none [m/s]."""
+    acceleration: float = 2.0
+    """Bound of accelerations that have none [m/s^2]."""
     max_segment: float = 10.0
     """Duration of a segment [s]."""
     rounding: float = 1e-9
@@ -49,11 +52,14 @@ class _Limits:
 
 
 _LIMITS = _Limits()
+_NONE = Bounds()
+_NOT_PLANNED = ("jerk", "tension", "joint", "force", "voltage", "current")
+"""Bounds that optimisations have, and plans have not."""
 
 
 @dataclass(frozen=True, eq=False)
-class Bounds:
-    """Bounds of the driven coordinates.
+class DrivenBounds:
+    """Bounds of the driven coordinates, as arrays.
 
     Attributes:
         speed: (n_vK,) largest |v_K| [m/s or rad/s].
@@ -71,45 +77,44 @@ class Bounds:
         """(n_vK,) bool, the driven velocities that may be nonzero."""
         return (self.speed > 0.0) & (self.acceleration > 0.0)
 
-    def without(self, reserve: float) -> Bounds:
-        """Speeds and accelerations less a share of them; ranges stay.
-
-        Raises:
-            ValueError: the share is negative, or 1 and more.
-        """
-        if not 0.0 <= reserve < 1.0:
-            raise ValueError(f"reserve is {reserve!r}; it must be at least 0 and less than 1")
+    def without(self, reserve: float) -> DrivenBounds:
+        """Speeds and accelerations less a share of them; ranges stay."""
         left = 1.0 - reserve
         return replace(self, speed=left * self.speed, acceleration=left * self.acceleration)
 
     @classmethod
-    def of(
-        cls,
-        marionette: Marionette,
-        speed: float | Mapping[str, float],
-        acceleration: float | Mapping[str, float],
-        ranges: Mapping[str, tuple[float, float]],
-    ) -> Bounds:
+    def of(cls, marionette: Marionette, bounds: Bounds) -> DrivenBounds:
         """Bounds by name.
 
         Args:
             marionette: the puppet.
-            speed, acceleration: for all driven coordinates, or name -> value; coordinates that are
-                not named hold still. One with a drive goes by its own name or its command's.
-            ranges: name -> (low, high); others are free, except that lengths stay positive.
+            bounds: position, speed, acceleration and what is held. Lengths stay positive. A
+                coordinate with a drive goes by its own name or its command's.
 
         Raises:
             UnknownNameError: a name that is no driven coordinate.
-            StateError: a bound out of range, a coordinate named twice, none that may move, or a
-                puppet with driven rotations.
+            StateError: a bound out of range or of another kind, a coordinate named twice, none that
+                may move, or a puppet with driven rotations.
         """
         table = marionette.coordinates
         if table.quaternions_K:
             raise StateError("plans move points and lengths; this puppet has a driven rotation")
+        if others := [
+            name for name in _NOT_PLANNED if getattr(bounds, name) != getattr(_NONE, name)
+        ]:
+            raise StateError(
+                f"plans have no bounds of {', '.join(others)}; give position, speed, acceleration, "
+                "held, clearance and own_body"
+            )
         sizes = {
-            "speed": _bounds(table, speed, "speed"),
-            "acceleration": _bounds(table, acceleration, "acceleration"),
+            "speed": _sizes(table, bounds.speed, "speed", _LIMITS.speed),
+            "acceleration": _sizes(
+                table, bounds.acceleration, "acceleration", _LIMITS.acceleration
+            ),
         }
+        held = list(_by_index(table, dict.fromkeys(bounds.held), "held"))
+        for size in sizes.values():
+            size[held] = 0.0
         if not np.any((sizes["speed"] > 0.0) & (sizes["acceleration"] > 0.0)):
             raise StateError("no driven coordinate may move: speed or acceleration is 0 for all")
         low, high = np.full(table.n_qK, -np.inf), np.full(table.n_qK, np.inf)
@@ -117,7 +122,7 @@ class Bounds:
             lead = marionette.tree.length_lead(string)
             if lead is not None:
                 low[lead[0]] = _LIMITS.min_length
-        for k, (name, (least, most)) in _by_index(table, ranges, "range").items():
+        for k, (name, (least, most)) in _by_index(table, bounds.position, "range").items():
             if not least < most:
                 raise StateError(f"the range of {name} is {least} to {most}; it must not be empty")
             low[k], high[k] = max(low[k], least), most
@@ -140,9 +145,10 @@ def _by_index(
     return found
 
 
-def _bounds(table: CoordinateTable, given: float | Mapping[str, float], what: str) -> Array:
+def _sizes(table: CoordinateTable, given: Most, what: str, usual: float) -> Array:
+    """(n_qK,) bounds of all driven coordinates; 0 of those that a mapping does not name."""
     if not isinstance(given, Mapping):
-        given = dict.fromkeys(table.q_K, given)
+        given = dict.fromkeys(table.q_K, usual if given == np.inf else given)
     found, most = np.zeros(table.n_qK), _LIMITS.max_bound
     for k, (name, value) in _by_index(table, given, what).items():
         if not 0.0 <= value <= most:
@@ -158,42 +164,43 @@ class RolloutOptions:
     """How rollouts are simulated and checked.
 
     Attributes:
-        tolerance: of the goal's distance; negative where a rollout goes on past the goal.
-        margin: least clearance [m].
-        slack: whether taut strings may go slack.
         dt: step of the time-stepper [s].
         look: steps from one check for collisions and the goal to the next.
-        looks: checks of a segment.
-        threads: how many share the work; results do not depend on it.
+        looks: checks of a segment, over which accelerations are constant: 0.1 s by default, 10 s at
+            most. Rollouts of ``"est-2007"`` last 1 to 5 times as long.
+        threads: that share the work, all processors by default; results do not depend on it.
+        reserve: share of the bounds of speed and acceleration that plans leave unused, 0 to less
+            than 1: feedback needs it to bring a puppet back to a plan that is at its bounds itself.
+        strings: whether strings are kept clear of obstacles too.
+
+    Raises:
+        ValueError: a number out of range.
     """
 
-    tolerance: float
-    margin: float
-    slack: bool
     dt: float = 0.004
     look: int = 5
     looks: int = 5
-    threads: int = 1
+    threads: int = field(default_factory=default_threads)
+    reserve: float = 0.0
+    strings: bool = True
 
-    def with_segment(self, segment: float | None) -> RolloutOptions:
-        """The same with segments of another duration [s], if one is given.
-
-        Raises:
-            ValueError: a number out of range.
-        """
-        check_positive(tolerance=self.tolerance, dt=self.dt)
-        check_not_negative(margin=self.margin)
-        for what, number in (("look", self.look), ("threads", self.threads)):
-            if not number >= 1:
+    def __post_init__(self) -> None:
+        check_positive(dt=self.dt)
+        for what in ("look", "looks", "threads"):
+            if not (number := getattr(self, what)) >= 1:
                 raise ValueError(f"{what} is {number}; it must be at least 1")
-        looks = self.looks if segment is None else whole_looks(segment, self.interval)
-        steps = looks * self.look
+        if not 0.0 <= self.reserve < 1.0:
+            raise ValueError(f"reserve is {self.reserve!r}; it must be at least 0 and less than 1")
+        if self.segment > _LIMITS.max_segment:
+            raise ValueError(
+                f"a segment lasts {self.segment:g} s; it must be at most {_LIMITS.max_segment:g} s"
+            )
+        steps = self.looks * self.look
         if steps > _LIMITS.max_steps:
             raise ValueError(
                 f"a segment of {steps * self.dt:g} s takes {steps} steps of {self.dt:g} s; it "
                 f"must be at most {_LIMITS.max_steps}"
             )
-        return replace(self, looks=looks)
 
     @property
     def interval(self) -> float:
@@ -229,7 +236,7 @@ class Rollouts:
     A rollout consists of segments in which every driven coordinate has a constant acceleration.
 
     Attributes:
-        marionette, clearance, bounds, goal, options: see below.
+        marionette, clearance, bounds, goal, options, margin, slack, kept_off: see below.
         stop_distance: from the goal, at which rollouts stop.
         funnels: the feedback laws that may lead rollouts; empty where there is none.
         run_options: of the time-stepper.
@@ -240,6 +247,9 @@ class Rollouts:
         bounds: of the driven coordinates.
         goal: where rollouts stop.
         options: how they are simulated and checked.
+        tolerance: of the goal's distance; negative where a rollout goes on past the goal.
+        margin: least clearance [m].
+        slack: whether taut strings may go slack.
         kept_off: (n_pairs,) bool, the pairs of contact that must not touch; none by default.
     """
 
@@ -247,14 +257,19 @@ class Rollouts:
         self,
         marionette: Marionette,
         clearance: Clearance,
-        bounds: Bounds,
+        bounds: DrivenBounds,
         goal: Goal,
         options: RolloutOptions,
+        *,
+        tolerance: float,
+        margin: float,
+        slack: bool,
         kept_off: MaskRows | None = None,
     ):
         self.marionette, self.clearance, self.bounds = marionette, clearance, bounds
         self.goal, self.options, self.kept_off = goal, options, kept_off
-        self.stop_distance = _LIMITS.stop * options.tolerance
+        self.margin, self.slack = margin, slack
+        self.stop_distance = _LIMITS.stop * tolerance
         self.funnels: list[Funnel] = []
         # Rollouts restart at every node, so a step must depend on its state alone.
         self.run_options = marionette.run_options(
@@ -266,8 +281,8 @@ class Rollouts:
             marionette.p,
             marionette.winches,
             vars(bounds),
-            options.margin,
-            options.slack,
+            margin,
+            slack,
             clearance.solids,
             goal.numbers,
             self.stop_distance,
@@ -282,14 +297,22 @@ class Rollouts:
             tolerance: of the goal's distance.
             free: whether nothing else stops them; speeds may be 1 % above their bounds then.
         """
-        bounds, options = self.bounds, replace(self.options, tolerance=tolerance)
+        bounds = self.bounds
         if free:
             far = np.full(len(bounds.low), np.inf)
             speed = _LIMITS.unbounded_speed * bounds.speed
             bounds = replace(bounds, speed=speed, low=-far, high=far)
-            options = replace(options, margin=-np.inf, slack=True)
-        kept_off = None if free else self.kept_off
-        made = Rollouts(self.marionette, self.clearance, bounds, self.goal, options, kept_off)
+        made = Rollouts(
+            self.marionette,
+            self.clearance,
+            bounds,
+            self.goal,
+            self.options,
+            tolerance=tolerance,
+            margin=-np.inf if free else self.margin,
+            slack=free or self.slack,
+            kept_off=None if free else self.kept_off,
+        )
         made.funnels = self.funnels
         return made
 

@@ -62,7 +62,7 @@ class Touches:
     Attributes:
         marionette: the puppet.
         asked: the pairs that are to touch at the goal.
-        may: (n_pairs,) bool, the pairs of ``marionette.model.contacts`` that may touch.
+        may: (n_pairs,) bool, the pairs of ``marionette.contacts`` that may touch.
         touch_of: (n_pairs,) the place in ``asked`` of every pair; -1 where it is not asked for.
 
     Args:

@@ -1,8 +1,10 @@
 """Tasks of optimal control: costs, bounds, paths and touches, and their files."""
 
-from fantoccini.control.tasks.bounds import Bounds, Interval
+from fantoccini.control.tasks.answer import Answer
+from fantoccini.control.tasks.bounds import Bounds, Interval, Most
 from fantoccini.control.tasks.chosen import Chosen
 from fantoccini.control.tasks.clip import Clip
+from fantoccini.control.tasks.control_file import ControlFile, Kind, Reading, check_one_of
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.drawn_inputs import Driven, hats
 from fantoccini.control.tasks.nodes import Nodes, number_names
@@ -14,21 +16,25 @@ from fantoccini.control.tasks.residuals import (
     residual_of,
     share,
 )
-from fantoccini.control.tasks.schema import task_schema
 from fantoccini.control.tasks.targets import Target
 from fantoccini.control.tasks.task import Task
-from fantoccini.control.tasks.task_file import load_task, task_names
+from fantoccini.control.tasks.task_file import load_task, task_names, task_schema
 from fantoccini.control.tasks.touch import Touch, Touched
 
 __all__ = [
+    "Answer",
     "Bounds",
     "Chosen",
     "Clip",
+    "ControlFile",
     "Driven",
     "Interval",
+    "Kind",
     "Looks",
+    "Most",
     "Nodes",
     "NumberResidual",
+    "Reading",
     "Residual",
     "Smooth",
     "Target",
@@ -36,6 +42,7 @@ __all__ = [
     "Touch",
     "Touched",
     "Track",
+    "check_one_of",
     "hats",
     "load_task",
     "number_names",

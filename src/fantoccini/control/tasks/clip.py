@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from fantoccini.base import Array, StateError, Times, UnknownNameError, check_positive
+from fantoccini.base import Array, StateError, Times, UnknownNameError, check_positive, rotation
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 
@@ -67,7 +66,7 @@ class Clip:
         puppet = self._performer or marionette
         pose = puppet.poses(run.q_D, run.q_K)[:, puppet.link_index(name)]
         if kind == "orientation":
-            return Rotation.from_matrix(pose[:, :, :3]).as_quat(scalar_first=True)
+            return rotation.quaternion(pose[:, :, :3])
         return np.asarray(pose[:, :, :3] @ np.array(at) + pose[:, :, 3] + np.asarray(self.by))
 
     @cached_property

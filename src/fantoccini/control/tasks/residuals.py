@@ -96,7 +96,7 @@ class OrientationResidual:
     path: Array
 
     def value(self, looks: Looks) -> Array:
-        return rotation.log(_quaternion(self._off(looks)))
+        return rotation.log(rotation.quaternion(self._off(looks)))
 
     def by(self, looks: Looks) -> Array:
         r, R = self.value(looks), looks.pose(self.link)[0]
@@ -201,10 +201,3 @@ def _numbers(marionette: Marionette, track: Track) -> tuple[str, list[int], list
     if track.name not in places:
         raise UnknownNameError("scalar coordinate", track.name, list(places))
     return places[track.name]
-
-
-def _quaternion(R: Array) -> Array:
-    """(..., 4) unit quaternions of rotation matrices."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(R).as_quat(scalar_first=True)

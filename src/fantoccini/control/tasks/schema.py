@@ -24,6 +24,7 @@ from fantoccini.base.documents import (
     shown,
     sized,
 )
+from fantoccini.control.tasks.control_file import ControlFile, check_one_of
 from fantoccini.control.tasks.costs import KINDS
 
 PATHS = ("value", "values", "csv", "circle", "run")
@@ -46,9 +47,7 @@ class CircleFile(Model):
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> CircleFile:
-        if (self.centre is None) == (self.by is None):
-            found = "neither `centre` nor `by`" if self.by is None else "both `centre` and `by`"
-            raise mistake(f"found {found}; needed: one of them")
+        check_one_of(self, "centre", "by")
         return self
 
 
@@ -147,9 +146,7 @@ class TouchFile(Model):
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> TouchFile:
-        if (self.place is None) == (self.by is None):
-            found = "neither `place` nor `by`" if self.by is None else "both `place` and `by`"
-            raise mistake(f"found {found}; needed: one of them")
+        check_one_of(self, "place", "by")
         return self
 
 
@@ -217,15 +214,11 @@ Duration = Annotated[
 """A duration, or the shortest and the longest."""
 
 
-class TaskFile(Model):
+class TaskFile(ControlFile):
     """A task of optimal control."""
 
     task: Name
     """The task's name."""
-    puppet: str
-    """A bundled puppet or scene, or a puppet or scene file in this file's folder."""
-    start: dict[str, Value] = Field(default_factory=dict)
-    """Coordinate -> value: the puppet hangs at rest with the driven ones there."""
     end: dict[str, Value] | None = None
     """Coordinate -> value: it ends at rest with the driven ones there; others as at the start."""
     periodic: dict[str, Angle] | None = None
@@ -261,9 +254,3 @@ class TaskFile(Model):
         if self.end is not None and self.periodic is not None:
             raise mistake("found both `end` and `periodic`; needed: one of them at most")
         return self
-
-
-def task_schema() -> dict[str, Any]:
-    """JSON Schema of a task file, for editors."""
-    schema = TaskFile.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

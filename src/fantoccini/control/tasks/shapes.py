@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, StateError
+from fantoccini.base import Array, StateError, polynomial
 
 _LEAST = 1e-6
 """Distance from the axis below which a place has no direction from it [m]."""
@@ -71,7 +71,7 @@ class Circle:
 
     def __call__(self, t: float) -> Array:
         """(3,) the place at a time [m]."""
-        s = min(max((t - self.start) / (self.end - self.start), 0.0), 1.0)
-        phi = 2.0 * np.pi * self.turns * s**3 * (10.0 + s * (6.0 * s - 15.0))
+        s = np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)
+        phi = 2.0 * np.pi * self.turns * polynomial.minimum_jerk(s)[0]
         direction = np.cos(phi) * self.first + np.sin(phi) * self.second
         return np.asarray(self.centre + self.radius * direction)

@@ -10,38 +10,25 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, FileError, Mistake, OnProgress, StateError, nearest, rotation
-from fantoccini.base.documents import (
-    Located,
-    Refusals,
-    read_file,
-    rotation_vector_quaternion,
-    shown,
-    validate,
-)
+from fantoccini.base import Array, OnProgress, StateError, nearest, rotation
+from fantoccini.base.documents import Located, Refusals, rotation_vector_quaternion, shown
 from fantoccini.control.tasks.bounds import Bounds, Interval, Most
 from fantoccini.control.tasks.chosen import Chosen
 from fantoccini.control.tasks.clip import Clip
+from fantoccini.control.tasks.control_file import Kind, Reading
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.nodes import Nodes
 from fantoccini.control.tasks.residuals import residual_of
-from fantoccini.control.tasks.schema import (
-    BoundsFile,
-    CircleFile,
-    RunFile,
-    TaskFile,
-    TouchFile,
-    TrackFile,
-)
+from fantoccini.control.tasks.schema import CircleFile, RunFile, TaskFile, TouchFile, TrackFile
 from fantoccini.control.tasks.shapes import Circle
 from fantoccini.control.tasks.targets import Target
 from fantoccini.control.tasks.task import Task, moved
 from fantoccini.control.tasks.touch import Touch, check_windows
-from fantoccini.dynamics.marionette import Marionette, load
-from fantoccini.model.puppet import WORDS, named_file
+from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory, csv_columns
 
-_FOLDER = Path(__file__).parent / "bundled"
+TASK = Kind("task", TaskFile, Path(__file__).parent / "bundled")
+"""Task files."""
 _COLUMNS = {"point": ("x", "y", "z"), "orientation": ("qw", "qx", "qy", "qz")}
 """Columns of a CSV file by the kind of a track; `value` for the others."""
 _MAX_INTERVALS = 10_000
@@ -53,7 +40,12 @@ Spot = tuple[str | int, ...]
 
 def task_names() -> tuple[str, ...]:
     """Names of the bundled tasks."""
-    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+    return TASK.bundled
+
+
+def task_schema() -> dict[str, Any]:
+    """JSON Schema of a task file, for editors."""
+    return TASK.json_schema
 
 
 def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = None) -> Task:
@@ -66,35 +58,20 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
     Raises:
         FileError: with every mistake found and its location.
     """
-    name = os.fspath(path)
-    if name in task_names() and not os.path.exists(name):
-        path = _FOLDER / f"{name}.yaml"
-    elif not os.path.exists(name):
-        text = "found nothing here; a task file is needed, or the name of a bundled task"
-        raise FileError([Mistake(name, None, "", text + nearest(name, task_names()))])
-    located = read_file(path)
-    if isinstance(located.data, dict) and "task" not in located.data:
-        for key, kind in (("bodies", "puppet"), ("puppets", "scene"), ("problem", "problem")):
-            if key in located.data:
-                text = f"this is a {kind} file; a task file has a `task`, a `puppet`, a `duration`"
-                raise located.error([((), text)], FileError)
-    file = validate(TaskFile, located, words=WORDS)
-    marionette = load(named_file(file.puppet, located), progress)
-    check = Refusals(located)
-    for part, values in (("start", file.start), ("end", file.end or {})):
-        for key, value in values.items():
-            check((part, key), lambda key=key, value=value: marionette.state({key: value}))
-    _check_intervals(file, check)
-    _check_exploring(file, check)
-    bounds = _bounds(file.bounds, marionette, check)
+    reading = TASK.read(path, progress)
+    file, marionette, check = reading.file, reading.marionette, reading.check
+    reading.states("end", file.end or {})
+    _check_intervals(reading)
+    _check_exploring(reading)
+    bounds = _bounds(reading)
     for i, track in enumerate(file.tracks):
         _check_name(track, marionette, ("tracks", i), check)
     check.refuse()
-    x0 = check.need(("start",), lambda: marionette.rest(file.start))
+    x0 = reading.start
     check(("bounds",), lambda: bounds.check_state(marionette, x0, "at the start"))
     for name, span in file.parameters.items():
         check(("parameters", name), lambda one={name: span}: Chosen(marionette, x0, one))
-    reader = _Reader(marionette, x0, file.duration, located, check)
+    reader = _Reader(reading, x0)
     tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
     touches = [reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]
     check.refuse()
@@ -113,7 +90,7 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
         check(("bounds", "held"), lambda: bounds.check_moves(marionette))
     guess = None
     if file.guess is not None:
-        guess = check(("guess",), lambda: _guess(file, located, marionette))
+        guess = check(("guess",), lambda: _guess(reading))
     check.refuse()
     if not file.slack:
         bounds = bounds.staying_taut(marionette, x0)
@@ -141,34 +118,31 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
     )
 
 
-def _guess(file: TaskFile, located: Located, marionette: Marionette) -> Input:
+def _guess(reading: Reading[TaskFile]) -> Input:
     """The motion of a performance file beside a task file."""
-    path = located.beside(str(file.guess))
+    return Input.load(reading.marionette, _beside(reading.located, str(reading.file.guess)))
+
+
+def _beside(located: Located, name: str) -> Path:
+    """A file in the folder of another."""
+    path = located.beside(name)
     if path is None:
-        raise StateError(f"found {shown(file.guess)}: no file in this one's folder")
-    return Input.load(marionette, path)
+        raise StateError(f"found {shown(name)}: no file in this one's folder")
+    return path
 
 
 class _Reader:
     """Makes tracks of a file.
 
     Args:
-        marionette, x0: the puppet where it starts.
-        duration: of the motion.
-        located: the file.
-        check: notes mistakes.
+        reading: the file.
+        x0: where it starts.
     """
 
-    def __init__(
-        self,
-        marionette: Marionette,
-        x0: State,
-        duration: float | tuple[float, float],
-        located: Located,
-        check: Refusals,
-    ):
-        self._marionette, self._x0, self._duration = marionette, x0, duration
-        self._located, self._check = located, check
+    def __init__(self, reading: Reading[TaskFile], x0: State):
+        self._marionette, self._x0 = reading.marionette, x0
+        self._duration, self._located = reading.file.duration, reading.located
+        self._check = reading.check
         self._touches: list[Touch] = []
 
     def track(self, file: TrackFile, spot: Spot) -> Track | None:
@@ -260,19 +234,14 @@ class _Reader:
         return Circle.near(place, centre, normal, circle.radius, circle.turns, start, end)
 
     def _run(self, file: TrackFile, given: RunFile) -> Clip:
-        path = self._located.beside(given.file)
-        if path is None:
-            raise StateError(f"found {shown(given.file)}: no file in this one's folder")
-        clip = Clip(Trajectory.load(path), given.of, given.begin, given.speed, given.by)
+        run = Trajectory.load(_beside(self._located, given.file))
+        clip = Clip(run, given.of, given.begin, given.speed, given.by)
         now = np.array([self._x0.t])
         clip.values(self._marionette, file.kind, getattr(file, file.kind), file.at, now)
         return clip
 
     def _csv(self, kind: str, name: str) -> tuple[Array, Array]:
-        file = self._located.beside(name)
-        if file is None:
-            raise StateError(f"found {shown(name)}: no file in this one's folder")
-        columns, _ = csv_columns(file)
+        columns, _ = csv_columns(_beside(self._located, name))
         needed = ("t", *_COLUMNS.get(kind, ("value",)))
         for column in needed:
             if column not in columns:
@@ -322,20 +291,22 @@ def _continuous(kind: str, values: Array) -> Array:
     return rotation.continuous(rotation.normalised(values))
 
 
-def _check_intervals(file: TaskFile, check: Refusals) -> None:
+def _check_intervals(reading: Reading[TaskFile]) -> None:
     """Notes intervals or steps of which there would be too many."""
+    file = reading.file
     high = float(np.max(file.duration))
     for key, whole, part in (("interval", high, file.interval), ("step", file.interval, file.step)):
         if whole / part > _MAX_INTERVALS:
             text = f"found {part:g}, of which there would be {whole / part:.3g}"
-            check((key,), lambda text=text: _refuse(f"{text}; allowed: {_MAX_INTERVALS}"))
+            reading.note((key,), f"{text}; allowed: {_MAX_INTERVALS}")
 
 
-def _check_exploring(file: TaskFile, check: Refusals) -> None:
+def _check_exploring(reading: Reading[TaskFile]) -> None:
     """Notes what does not go together with explorations."""
+    file = reading.file
     if file.explore and not file.slack:
         text = "it looks for motions through slack strings; needed beside it: slack: true"
-        check(("explore",), lambda: _refuse(text))
+        reading.note(("explore",), text)
     for key, value in (
         ("parameters", file.parameters),
         ("touches", file.touches),
@@ -344,8 +315,7 @@ def _check_exploring(file: TaskFile, check: Refusals) -> None:
         ("bounds.current", file.bounds.current),
     ):
         if file.explore and value:
-            text = f"it does not go together with {key}; needed: one of them"
-            check(("explore",), lambda text=text: _refuse(text))
+            reading.note(("explore",), f"it does not go together with {key}; needed: one of them")
 
 
 def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Refusals) -> None:
@@ -359,8 +329,9 @@ def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Refu
     check((*spot, kind), lambda: residual_of(marionette, Track(kind, name, value), still))
 
 
-def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds:
+def _bounds(reading: Reading[TaskFile]) -> Bounds:
     """The bounds of a file, of which mistakes are noted one by one."""
+    file, marionette, check = reading.file.bounds, reading.marionette, reading.check
 
     def intervals(key: str) -> dict[str, Interval]:
         given: Mapping[str, tuple[float | None, float | None]] = getattr(file, key)
@@ -372,7 +343,7 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
             one = _bounds_of(key, {name: span})
             if not span[0] < span[1]:
                 text = f"found {span[0]:g} and {span[1]:g}; the first must be less"
-                check(("bounds", key, name), lambda text=text: _refuse(text))
+                reading.note(("bounds", key, name), text)
             elif key == "tension":
                 check(("bounds", key, name), lambda one=one: one.tensions(marionette))
             elif key == "force":
@@ -411,10 +382,6 @@ def _bounds(file: BoundsFile, marionette: Marionette, check: Refusals) -> Bounds
         most("voltage"),
         most("current"),
     )
-
-
-def _refuse(message: str) -> None:
-    raise StateError(message)
 
 
 def _bounds_of(key: str, value: Any) -> Bounds:

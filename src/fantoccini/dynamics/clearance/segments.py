@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, Vec3
+from fantoccini.base import Array, Vec3, catenary
 
 N_CHORDS = 12
 """Segments that replace the curve of a slack string."""
@@ -21,11 +21,6 @@ class _Tolerances:
     """Shorter segments count as points [m]."""
     min_determinant: float = 1e-12
     """sin^2 of an angle: parallel below it."""
-    fold: float = 1e-9
-    """Width per length of a slack string that the two legs of a fold keep."""
-    newton: float = 1e-9
-    """Last step per u; by how much the points are wrong, per length, is far less."""
-    max_steps: int = 60
 
 
 _TOLERANCES = _Tolerances()
@@ -123,45 +118,21 @@ def from_ellipsoid(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
 def hanging(start: Vec3, end: Vec3, length: Array) -> Vec3:
     """Points along slack strings, which hang as threads of their length do.
 
-        x(s) = a asinh(s / a),   z(s) = sqrt(a^2 + s^2) - a,   a = w / (2 u),   sinh(u) / u = r
-
-    with s the arc length from the lowest point, w the ends' horizontal distance, v their difference
-    in height, L the length and r = sqrt(L^2 - v^2) / w.
-
     Args:
         start, end: (n, 3) ends [m].
         length: (n,) of the strings, larger than the distance of the ends [m].
 
     Returns:
         (n, N_CHORDS + 1, 3) points in equal horizontal steps, close together where the curve bends
-        [m]: so the chords are nowhere farther from it than w / N_CHORDS.
+        [m]: so the chords are nowhere farther from it than w / N_CHORDS, with w the ends'
+        horizontal distance.
     """
     along = end - start
-    flat = np.hypot(along[:, 0], along[:, 1])
-    width = np.maximum(flat, _TOLERANCES.fold * length)
-    log_r = 0.5 * np.log1p((length**2 - dot(along, along)) / width**2)
-    u = np.maximum(np.sqrt(6.0 * log_r), log_r + np.log1p(log_r) + 1.0)
-    for _ in range(_TOLERANCES.max_steps):
-        step = (_log_sinhc(u) - log_r) / _log_sinhc_slope(u)
-        u = u - step
-        if np.all(np.abs(step) <= _TOLERANCES.newton * u):
-            break
-    a, middle = width / (2.0 * u), along[:, 2] / np.tanh(u)
-    first, last = (np.arcsinh(0.5 * (middle + side * length) / a) for side in (-1.0, 1.0))
+    a, low, high = catenary(along, length)
+    first, last = np.arcsinh(low / a), np.arcsinh(high / a)
     steps = np.linspace(0.0, 1.0, N_CHORDS + 1)
     height = np.cosh(first[:, None] + (last - first)[:, None] * steps)
     points = start[:, None] + steps[:, None] * along[:, None]
     points[..., 2] = start[:, None, 2] + a[:, None] * (height - height[:, :1])
     points[:, -1] = end
     return points
-
-
-def _log_sinhc(u: Array) -> Array:
-    """ln(sinh(u) / u)."""
-    small = u * u * (1.0 / 6.0 - u * u * (1.0 / 180.0 - u * u / 2835.0))
-    return np.where(u < 0.05, small, u + np.log1p(-np.exp(-2.0 * u)) - np.log(2.0 * u))
-
-
-def _log_sinhc_slope(u: Array) -> Array:
-    small = u * (1.0 / 3.0 - u * u * (1.0 / 45.0 - 2.0 * u * u / 945.0))
-    return np.where(u < 0.05, small, 1.0 / np.tanh(u) - 1.0 / u)

@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fantoccini.base import Array
+from fantoccini.base import Array, cross, perpendicular, rotation
 from fantoccini.dynamics.compiled import Screws, Touch, bracket
 
 
@@ -97,10 +97,8 @@ class HeldPoint(PointMode):
 
 def tangents(normal: Array) -> Array:
     """(2, 3) unit vectors across a normal and each other."""
-    axis = np.eye(3)[np.argmin(np.abs(normal))]
-    first = np.cross(axis, normal)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first)])
+    first = -perpendicular(normal)
+    return np.stack([first, cross(normal, first)])
 
 
 @dataclass(eq=False)
@@ -316,12 +314,7 @@ def _at_point(twist: Array, point: Array) -> Array:
 
 def _cross(a: Array, b: Array) -> Array:
     """a x b of columns (3, m), one of which must be a vector (3,)."""
-    return _skew(a) @ b if a.ndim == 1 else -_skew(b) @ a
-
-
-def _skew(v: Array) -> Array:
-    x, y, z = v.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return rotation.skew(a) @ b if a.ndim == 1 else -rotation.skew(b) @ a
 
 
 def _stacked(parts: list[Array], width: int) -> Array:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from fantoccini.base import Array
+from fantoccini.base import Array, rotation
 from fantoccini.base.documents import Number
 from fantoccini.model.tree import WORLD, Link, Role, StringRow, Tree
 
@@ -90,12 +89,11 @@ def pose_in_parent(link: Link, q: Array, number: Callable[[Number], float]) -> t
     if not len(q):
         return R, r
     if link.kind == "revolute":
-        return R @ Rotation.from_rotvec(q[0] * link.axes[:, 0]).as_matrix(), r
+        return R @ rotation.about(link.axes[:, 0], np.cos(q[0]), np.sin(q[0])), r
     axes = np.eye(3) if link.kind == "free" else link.axes
     n = axes.shape[1]
     if link.kind in ("ball", "free"):
-        w, x, y, z = q[n:]
-        return R @ Rotation.from_quat([x, y, z, w]).as_matrix(), r + R @ axes @ q[:n]
+        return R @ rotation.matrix(rotation.normalised(q[n:])), r + R @ axes @ q[:n]
     return R, r + R @ axes @ q
 
 

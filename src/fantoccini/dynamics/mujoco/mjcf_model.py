@@ -26,9 +26,8 @@ from itertools import pairwise
 from xml.etree.ElementTree import Element, indent, tostring
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from fantoccini.base import Array, ConfigK, ExchangeError, Mistake, Quaternion
+from fantoccini.base import Array, ConfigK, ExchangeError, Mistake, rotation
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.mujoco.joints import Joint, joints_of, pose_in_parent, winch_of
@@ -169,7 +168,7 @@ class _Document:
 
     def _body(self, i: int, link: Link, R: Array, r: Array) -> Element:
         """A link's body with its joints and inertia."""
-        body = self._new("body", name=link.name, pos=r, quat=_quaternion(R))
+        body = self._new("body", name=link.name, pos=r, quat=rotation.quaternion(R))
         if self._has_joints(link):
             for joint in joints_of(link):
                 self._link_joint(body, i, link, joint)
@@ -211,7 +210,7 @@ class _Document:
             m = max(m, SUBSTITUTES.min_mass)
             moments = np.maximum(moments, SUBSTITUTES.min_moment)
         if m:
-            quat = _quaternion(axes)
+            quat = rotation.quaternion(axes)
             self._add(body, "inertial", mass=m, pos=com, quat=quat, diaginertia=moments)
 
     def _mass(self, link: Link) -> tuple[float, Array, Array]:
@@ -384,8 +383,3 @@ def _located(marionette: Marionette, name: str, message: str) -> Mistake:
     """A mistake with the place of a body, joint or string in the puppet's file."""
     file, line = marionette.puppet.locate(marionette.puppet.owner_of(name))
     return Mistake(file, line, name, message)
-
-
-def _quaternion(R: Array) -> Quaternion:
-    x, y, z, w = Rotation.from_matrix(R).as_quat()
-    return np.array([w, x, y, z])

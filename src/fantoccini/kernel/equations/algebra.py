@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from fantoccini.base.documents import rotation_rows
+from fantoccini.base import rotation
 
 
 class Regularisation(NamedTuple):
@@ -132,4 +132,4 @@ def scaled(factor: ca.SX | float, values: np.ndarray) -> np.ndarray:
 
 def quaternion_rotation(quaternion: np.ndarray) -> np.ndarray:
     """Rotation matrix (3, 3) of a unit quaternion (w, x, y, z)."""
-    return np.array(rotation_rows(*quaternion), dtype=object)
+    return np.array(rotation.matrix_rows(*quaternion), dtype=object)

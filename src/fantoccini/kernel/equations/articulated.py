@@ -27,6 +27,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from fantoccini.base import rotation
 from fantoccini.kernel.equations.algebra import cross, dot, scaled, symbolic, zeros
 from fantoccini.kernel.equations.inertia import BodyInertia, rotated
 from fantoccini.kernel.equations.kinematics import JointMotion
@@ -281,7 +282,7 @@ def _single(s: np.ndarray) -> int | None:
 def _spatial(inertia: BodyInertia) -> np.ndarray:
     """(6, 6): [[I, [h]], [-[h], m 1]]."""
     N, h = zeros(6, 6), inertia.h
-    skew = np.array([[0 * h[0], -h[2], h[1]], [h[2], 0 * h[0], -h[0]], [-h[1], h[0], 0 * h[0]]])
+    skew = symbolic(rotation.skew_rows(*h))
     N[:3, :3], N[:3, 3:], N[3:, :3] = inertia.I, skew, skew.T
     for k in range(3, 6):
         N[k, k] = inertia.m

@@ -16,8 +16,8 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from fantoccini.base import StateError, nearest, replacing
-from fantoccini.base.documents import Located, Path, validate
-from fantoccini.model.puppet import WORDS, Puppet, is_number, items, parameters, twin_name, word
+from fantoccini.base.documents import Located, Path, with_numbers
+from fantoccini.model.puppet import Puppet, is_number, items, parameters, twin_name, word
 
 _AXES = {"x": 0, "y": 1, "z": 2}
 _SIGNED = {"at", "com", "world", "gravity", "rest"}
@@ -177,7 +177,7 @@ def marked(located: Located, marks: Mapping[Mark, float]) -> Puppet:
     for mark, value in marks.items():
         for place in mark.places:
             _put(data, place, {"parameter": mark.parameter, "value": value})
-    return validate(Puppet, replace(located, data=data), words=WORDS)
+    return Puppet.model_validate(data, context=replace(located, data=data))
 
 
 def _put(data: Any, place: Path, value: Any) -> None:
@@ -199,54 +199,9 @@ def write_numbers(text: str, numbers: Mapping[Mark, float], path: str | FilePath
         StateError: a number is written as an alias or with an anchor.
         FileNotFoundError: the folder does not exist.
     """
-    from ruamel.yaml import YAML
-
-    top = YAML(typ="safe", pure=True).compose(text)
-    new = {place: f"{x:.7g}" for mark, x in numbers.items() for place in mark.places}
-    edits = {_edit(top, place, new, text) for place in new}
-    for start, end, written in sorted(edits, reverse=True):
-        text = text[:start] + written + text[end:]
+    new = with_numbers(text, {place: x for mark, x in numbers.items() for place in mark.places})
     with replacing(path) as temporary:
-        temporary.write_bytes(text.encode("utf-8"))
-
-
-def _edit(node: Any, place: Path, new: Mapping[Path, str], text: str) -> tuple[int, int, str]:
-    """From where to where the text changes, and what is written there."""
-    for i, key in enumerate(place):
-        below = _below(node, key)
-        if below is None:
-            beside = {other: x for other, x in new.items() if other[:-1] == place[:-1]}
-            within = ", ".join(f"{other[-1]}: {x}" for other, x in beside.items())
-            last = i == len(place) - 1
-            return _added(node, f"{key}: {new[place]}" if last else f"{key}: {{{within}}}")
-        node = below
-    if isinstance(node.value, list):
-        node = _below(node, "value")
-    start, end = node.start_mark.index, node.end_mark.index
-    try:
-        float(text[start:end])
-    except ValueError:
-        where = ".".join(map(str, place))
-        raise StateError(
-            f"{where} in line {node.start_mark.line + 1} is written as {text[start:end]!r:.40}, "
-            "which other numbers share; write the number out"
-        ) from None
-    return start, end, new[place]
-
-
-def _below(node: Any, key: str | int) -> Any | None:
-    if isinstance(key, int):
-        return node.value[key]
-    return next((value for name, value in node.value if name.value == key), None)
-
-
-def _added(node: Any, entry: str) -> tuple[int, int, str]:
-    """A key that a mapping lacks, before its second key or its only one."""
-    if not node.value:
-        return node.start_mark.index + 1, node.start_mark.index + 1, entry
-    mark = node.value[min(1, len(node.value) - 1)][0].start_mark
-    gap = ", " if node.flow_style else "\n" + " " * node.value[0][0].start_mark.column
-    return mark.index, mark.index, entry + gap
+        temporary.write_bytes(new.encode("utf-8"))
 
 
 def missing_files(data: Any, folder: FilePath) -> tuple[str, ...]:

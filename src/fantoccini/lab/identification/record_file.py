@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, FileError, Mistake, OnProgress, StateError, nearest
-from fantoccini.base.documents import Located, Refusals, read_file, shown, validate
+from fantoccini.base import Array, FileError, OnProgress, StateError, nearest
+from fantoccini.base.documents import Finding, Located, Refusals, read_document, read_file, shown
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.channels import Marker
 from fantoccini.lab.identification.marking import Mark, find, marked
 from fantoccini.lab.identification.record import Record, Unknown, check_span, driven_scalars
 from fantoccini.lab.identification.schema import ColumnFile, DelayFile, RecordFile
-from fantoccini.model.puppet import bundled_files
-from fantoccini.motion import Input, csv_reader, wrong_count
+from fantoccini.model.puppet import named_file
+from fantoccini.motion import Input, csv_columns
 
-_MAX_BYTES = 256_000_000
+_MAX_NUMBER = 1e9
+"""Largest size of a number in the samples [s, m, rad or N]."""
 _TIMES = ("time", "t")
 _UNITS = {"deg": np.pi / 180.0, "mm": 1e-3}
 _KINDS = {"deg": "rad", "rad": "rad", "mm": "m", "m": "m", "N": "N"}
@@ -36,10 +36,10 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     Raises:
         FileError: with every mistake found and its location.
     """
-    located = read_file(path)
-    file = validate(RecordFile, located)
+    file = read_document(path, RecordFile)
+    located = file.located
     check = Refusals(located)
-    puppet = _puppet_file(file.puppet, located)
+    puppet = read_file(named_file(file.puppet, located))
     marks: dict[Mark, float] = {}
     unknown = []
     for label, given in file.unknown.items():
@@ -70,8 +70,6 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
         if name not in scalars:
             text = f"{shown(name)} is no scalar driven coordinate{nearest(name, scalars)}"
             check(("offsets", i), lambda text=text: _refuse(text))
-        elif name in file.offsets[:i]:
-            check(("offsets", i), lambda name=name: _refuse(f"{name} is looked for twice"))
     for name, pose in file.start.items():
         check(("start", name), lambda name=name, pose=pose: made.state({name: pose}))
     t, cells = check.need(("samples",), lambda: _samples(file.samples, located))
@@ -117,10 +115,9 @@ def record_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     Raises:
         FileError: the file cannot be read.
     """
-    located = read_file(path)
-    file = validate(RecordFile, located)
+    file = read_document(path, RecordFile)
     names = [file.puppet, file.samples, *([] if file.inputs is None else [file.inputs])]
-    beside = [located.beside(name) for name in names]
+    beside = [file.located.beside(name) for name in names]
     return (Path(path), *(one for one in beside if one is not None))
 
 
@@ -128,91 +125,32 @@ def _refuse(text: str) -> None:
     raise StateError(text)
 
 
-def _puppet_file(name: str, located: Located) -> Located:
-    """The puppet file that a record names."""
-    beside = located.beside(name)
-    if beside is not None:
-        return read_file(beside)
-    if name in bundled_files.names():
-        return read_file(bundled_files.path(name))
-    hint = nearest(name, bundled_files.names())
-    message = f"found {shown(name)}: no file in this one's folder and no bundled puppet{hint}"
-    raise located.error([(("puppet",), message)], FileError)
-
-
-def _rows_of(reader: Any, name: str) -> Iterator[list[str]]:
-    """Rows of a CSV file; a mistake of the format has its line."""
-    try:
-        yield from reader
-    except StateError as error:
-        raise FileError([Mistake(name, reader.line_num, "", str(error))]) from None
-
-
 def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
     """The times and the other columns of a CSV file; empty cells are NaN."""
-    path = located.beside(name)
-    if path is None:
-        raise StateError(f"found {shown(name)}: no file in this one's folder")
-    if path.stat().st_size > _MAX_BYTES:
-        raise StateError(f"{name} is larger than {_MAX_BYTES / 1e6:g} MB, the most that is read")
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise StateError(f"{name} is not UTF-8") from None
-    reader = csv_reader(text)
-    header: list[str] = []
-    clock, last = 0, -np.inf
-    rows: list[list[float]] = []
-    mistakes: list[Mistake] = []
-    for cells in _rows_of(reader, name):
-        if not any(cell.strip() for cell in cells):
-            continue
-        if not header:
-            header = [cell.strip() for cell in cells]
-            if twice := sorted({one for one in header if header.count(one) > 1}):
-                text = f"two columns are called {shown(twice[0])}"
-                raise FileError([Mistake(name, reader.line_num, "", text)])
-            time = next((one for one in _TIMES if one in header), None)
-            if time is None:
-                text = f"no column is called time; found: {', '.join(header)}"
-                raise FileError([Mistake(name, reader.line_num, "", text)])
-            clock = header.index(time)
-            continue
-        if len(cells) != len(header):
-            text = wrong_count(len(cells), len(header))
-            mistakes.append(Mistake(name, reader.line_num, "", text))
-            continue
-        row = [_cell(cell) for cell in cells]
-        for column, cell, number in zip(header, cells, row, strict=True):
-            if number is None:
-                text = f"found {shown(cell)}; needed: a number, or nothing in a gap"
-                mistakes.append(Mistake(name, reader.line_num, column, text))
-        now = row[clock]
-        if now is not None:
-            if not now > last:
-                text = f"found {shown(cells[clock])} after {last:g}; times must rise"
-                text = text if cells[clock].strip() else "found no time"
-                mistakes.append(Mistake(name, reader.line_num, header[clock], text))
-            else:
-                last = now
-        rows.append([np.nan if number is None else number for number in row])
-    if mistakes:
-        raise FileError(mistakes[:20])
-    if not rows:
+    columns, lines = csv_columns(located.required(name), gaps=True)
+    clock = next((column for column in _TIMES if column in columns), None)
+    if clock is None:
+        raise lines.error(
+            [((), f"no column is called time; found: {', '.join(columns)}")], FileError
+        )
+    t = columns.pop(clock)
+    if not len(t):
         raise StateError(f"{name} has no samples")
-    columns = dict(zip(header, np.array(rows).T, strict=True))
-    return columns.pop(header[clock]), columns
-
-
-def _cell(text: str) -> float | None:
-    """A number, NaN for an empty cell, None for anything else."""
-    if not text.strip():
-        return float("nan")
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if abs(number) < 1e9 or np.isnan(number) else None
+    found: list[Finding] = []
+    last = -np.inf
+    for k, now in enumerate(t):
+        if not now > last:
+            text = "found no time" if np.isnan(now) else f"found {now:g} after {last:g}"
+            found.append(((clock, k), text if np.isnan(now) else f"{text}; times must rise"))
+        else:
+            last = now
+    for column, values in {clock: t, **columns}.items():
+        large = np.flatnonzero(np.abs(values) > _MAX_NUMBER)
+        text = f"needed: a number of at most {_MAX_NUMBER:g} in size"
+        found += [((column, int(k)), f"found {values[k]:g}; {text}") for k in large[:1]]
+    if found:
+        raise lines.error(found, FileError)
+    return t, columns
 
 
 def _named(
@@ -309,10 +247,7 @@ def _inputs(
     known = {*_driven(marionette), *whole}
     given = {name: columns.pop(name) for name in sorted(known & set(columns))}
     if file.inputs is not None:
-        path = located.beside(file.inputs)
-        if path is None:
-            raise StateError(f"found {shown(file.inputs)}: no file in this one's folder")
-        return Input.load(marionette, path)
+        return Input.load(marionette, located.required(file.inputs))
     if not given:
         return Input.hold(marionette, float(clock[-1] - clock[0])).shifted(float(clock[0]))
     there = np.all([np.isfinite(x) for x in given.values()], axis=0)

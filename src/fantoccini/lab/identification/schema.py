@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from fantoccini.base.documents import (
     SIZED,
+    Document,
+    Kind,
     Model,
     Name,
     Place,
@@ -16,8 +18,9 @@ from fantoccini.base.documents import (
     Size,
     Sized,
     Value,
-    described_schema,
+    document_schema,
     mistake,
+    refuse,
 )
 
 
@@ -67,8 +70,10 @@ class UnknownFile(Model):
     """Standard deviation of `about`, if it was measured beforehand."""
 
 
-class RecordFile(Model):
+class RecordFile(Document):
     """A record of a puppet in motion, and what is to be found from it."""
+
+    kind: ClassVar = Kind("record", "a record has the keys `record`, `puppet` and `samples`")
 
     record: Name
     """The record's name."""
@@ -100,7 +105,16 @@ class RecordFile(Model):
     start: dict[str, Value] = Field(default_factory=dict)
     """Values of the pose in which the puppet hangs when the record begins."""
 
+    @model_validator(mode="after")
+    def _offsets_differ(self) -> RecordFile:
+        refuse(
+            (("offsets", i), f"{name} is looked for twice")
+            for i, name in enumerate(self.offsets)
+            if name in self.offsets[:i]
+        )
+        return self
+
 
 def record_schema() -> dict[str, Any]:
     """JSON Schema of record files, for completion and checks in editors."""
-    return described_schema(RecordFile, "fantoccini record")
+    return document_schema(RecordFile)

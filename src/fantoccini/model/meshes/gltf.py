@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, Indices
+from fantoccini.base import Array, Indices, rotation
 from fantoccini.model.meshes.accessors import Accessors, whole
 from fantoccini.model.meshes.beside import Beside
 from fantoccini.model.meshes.colours import Texture, image, srgb
@@ -252,16 +252,9 @@ def _pose(node: dict[str, Any]) -> Array:
         return np.array(node["matrix"], dtype=float).reshape(4, 4).T
     out = np.eye(4)
     x, y, z, w = np.array(node.get("rotation", [0.0, 0.0, 0.0, 1.0]), dtype=float)
-    n = x * x + y * y + z * z + w * w
-    if not n > 0.0:
+    if not x * x + y * y + z * z + w * w > 0.0:
         raise ValueError("a node has a rotation of zero")
-    out[:3, :3] = np.eye(3) + 2.0 / n * np.array(
-        [
-            [-y * y - z * z, x * y - w * z, x * z + w * y],
-            [x * y + w * z, -x * x - z * z, y * z - w * x],
-            [x * z - w * y, y * z + w * x, -x * x - y * y],
-        ]
-    )
+    out[:3, :3] = rotation.matrix(rotation.normalised(np.array([w, x, y, z])))
     out[:3, :3] *= np.array(node.get("scale", [1.0, 1.0, 1.0]), dtype=float)
     out[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
     return out

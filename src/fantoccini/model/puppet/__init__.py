@@ -28,6 +28,7 @@ from fantoccini.model.puppet.dump import plain
 from fantoccini.model.puppet.files import json_schema, load, loads
 from fantoccini.model.puppet.joint import Cone, Joint, JointSpring, Limits, Twist
 from fantoccini.model.puppet.mirror import twin_name
+from fantoccini.model.puppet.parts import named
 from fantoccini.model.puppet.quantities import QUANTITIES, Gravity, Mass, Place, Point, Vector
 from fantoccini.model.puppet.schema import (
     Attachment,
@@ -58,7 +59,7 @@ from fantoccini.model.puppet.shapes import (
     unclosed,
 )
 from fantoccini.model.puppet.words import WORDS
-from fantoccini.model.puppet.written import is_number, items, named, parameters, word
+from fantoccini.model.puppet.written import is_number, items, parameters, word
 
 __all__ = [
     "FLOOR",

@@ -1,7 +1,7 @@
-"""Mistakes that concern a puppet as a whole, found in its plain data.
+"""Mistakes that concern a puppet as a whole.
 
-The check reads data with any other mistakes, so that one reading reports everything. It skips data
-of the wrong form, which the schema reports.
+A puppet with other mistakes is checked, too, so that one reading reports everything: its invalid
+parts are unclear, and nothing is said of them.
 """
 
 from __future__ import annotations
@@ -9,51 +9,67 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from fantoccini.base.documents import NAME, Finding, Path, key_path, name_mistake, shown, value_of
-from fantoccini.model.puppet.chain import DEFAULT_PIECES
+from fantoccini.base.documents import (
+    NAME,
+    Finding,
+    Located,
+    Path,
+    key_path,
+    name_mistake,
+    shown,
+    valid_parts,
+    value_of,
+)
 from fantoccini.model.puppet.check_coordinates import check_drives, check_pose
 from fantoccini.model.puppet.check_paths import check_paths
-from fantoccini.model.puppet.contact import FLOOR
+from fantoccini.model.puppet.contact import FLOOR, Contact
 from fantoccini.model.puppet.limits import LIMITS
 from fantoccini.model.puppet.mirror import reflected, twin_name
+from fantoccini.model.puppet.parts import Parts, named
 from fantoccini.model.puppet.shapes import has_mass
-from fantoccini.model.puppet.written import Written, items, named, parameters, word
+from fantoccini.model.puppet.written import parameters
 
 _MIRRORED = ("bodies", "strings", "springs")
 
 
-def findings(data: Any) -> list[Finding]:
+def findings(puppet: Any, data: dict[str, Any]) -> list[Finding]:
     """All mistakes that concern more than one part of a puppet.
 
     Args:
-        data: plain data, of any form.
+        puppet: valid, or made by :func:`valid_parts`.
+        data: its plain data as written.
     """
-    if not isinstance(data, dict):
-        return []
-    written = Written(data)
-    _names(written)
-    _mirror(written)
-    _parents(written)
-    _parts(written)
-    check_paths(written)
-    check_pose(written)
-    check_drives(written)
-    _contact(written)
-    _parameters(written)
-    return written.found
+    parts = Parts(puppet, data)
+    _names(parts)
+    _mirror(parts)
+    _parents(parts)
+    _count(parts)
+    check_paths(parts)
+    check_pose(parts)
+    check_drives(parts)
+    _contact(parts)
+    _parameters(parts, data)
+    return parts.found
 
 
-def twins(data: dict[str, Any]) -> list[Finding]:
+def twins(puppet: Any, data: dict[str, Any], located: Located) -> list[Finding]:
     """Mistakes of mirror images, located at their originals in the file.
 
     Args:
-        data: plain data of a puppet without other mistakes.
+        puppet: a puppet without other mistakes.
+        data: its plain data.
+        located: where its meshes are.
     """
     out, found = reflected(data)
-    if "mirror" not in data:
+    if puppet.mirror is None:
         return found
-    token = data["mirror"]["from"]
-    for path, text in findings(out):
+    token = puppet.mirror.from_
+    # Twins of shapes are as valid as the originals, and meshes take long to read.
+    bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in out["bodies"]]
+    shapeless = out | {"bodies": bodies, "obstacles": []}
+    whole = valid_parts(type(puppet), shapeless, located)
+    whole = whole.model_copy(update={"obstacles": puppet.obstacles})
+    for path, text in findings(whole, out):
         section = data.get(str(path[0]), ())
         if path[0] in _MIRRORED and isinstance(path[1], int) and path[1] >= len(section):
             originals = [i for i, item in enumerate(section) if token in item["name"]]
@@ -101,65 +117,62 @@ def massless_joints(bodies: tuple[Any, ...], mirror: Any) -> list[Finding]:
     return [(("bodies", i, "joint"), text) for i in moving if not heavy[i]]
 
 
-def _names(written: Written) -> None:
-    for name, path in named(written.data):
-        if "." in name and name.partition(".")[0] not in written.members:
-            written.say(path, name_mistake(name))
+def _names(parts: Parts) -> None:
+    for name, path in named(parts.puppet):
+        if "." in name and name.partition(".")[0] not in parts.puppet.members:
+            parts.say(path, name_mistake(name))
         elif name == "world":
-            written.say(path, "found 'world', which is the name of the world itself")
-        elif name in written.owner:
-            first = key_path(written.owner[name])
-            written.say(path, f"the name {shown(name)} is taken by {first}; names are used once")
+            parts.say(path, "found 'world', which is the name of the world itself")
+        elif name in parts.owner:
+            first = key_path(parts.owner[name])
+            parts.say(path, f"the name {shown(name)} is taken by {first}; names are used once")
         else:
-            written.owner[name] = path
+            parts.owner[name] = path
 
 
-def _mirror(written: Written) -> None:
-    if not written.rule:
+def _mirror(parts: Parts) -> None:
+    if not parts.rule:
         return
-    token, to = written.rule
+    token, to = parts.rule
     if token == to:
-        written.say(("mirror", "to"), f"found {shown(to)} for both from and to")
+        parts.say(("mirror", "to"), f"found {shown(to)} for both from and to")
         return
     made: dict[str, str] = {}
-    carried = [(n, p) for n, p in named(written.data) if p[0] in _MIRRORED]
+    carried = [(n, p) for n, p in named(parts.puppet) if p[0] in _MIRRORED]
     mirrored = {p[:2] for n, p in carried if p[-2] != "joint" and token in n}
     for name, path in carried:
         if path[:2] not in mirrored:
             if token in name:
                 text = f"the body's name does not contain {shown(token)}, the joint's does"
-                written.say(path, f"{text}; the mirror reflects bodies with their joints")
+                parts.say(path, f"{text}; the mirror reflects bodies with their joints")
             continue
-        twin = written.twin(name)
-        taken = written.owner.get(twin)
+        twin = parts.twin(name)
+        taken = parts.owner.get(twin)
         if token not in name or taken is not None or twin in made:
             by = key_path(taken) if taken is not None else f"the twin of {made.get(twin)!r}"
-            written.say(path, f"its twin would be called {shown(twin)}, which is taken by {by}")
+            parts.say(path, f"its twin would be called {shown(twin)}, which is taken by {by}")
         elif not re.fullmatch(NAME, twin, re.ASCII) and re.fullmatch(NAME, name, re.ASCII):
-            written.say(
-                ("mirror", "to"), f"{shown(twin)}, the twin of {name!r}, is not a valid name"
-            )
+            parts.say(("mirror", "to"), f"{shown(twin)}, the twin of {name!r}, is not a valid name")
         made[twin] = name
     if not mirrored:
         shared = {w for n, _ in carried for w in re.split(r"[_-]", n)}
         text = f"no body, string or spring has {shown(token)} in its name"
-        written.say(("mirror", "from"), text + written.near(token, shared))
+        parts.say(("mirror", "from"), text + parts.near(token, shared))
 
 
-def _parents(written: Written) -> None:
-    bodies = items(written.data, "bodies")
+def _parents(parts: Parts) -> None:
     parent_of: dict[str, str] = {}
-    parents = written.known | {"world"}
-    for i, body in bodies:
-        name, parent = word(body, "name"), word(body, "parent")
-        if parent is None or parent == "world":
+    parents = parts.known | {"world"}
+    for i, body in enumerate(parts.puppet.bodies):
+        name, parent = body.name, body.parent
+        if parent == "world" or not isinstance(parent, str):
             continue
-        if parent not in written.known:
-            hint = written.near(parent, parents)
-            written.say(("bodies", i, "parent"), f"no body is called {shown(parent)}{hint}")
-        elif name is not None and written.bodies[name] == i:
+        if parent not in parts.known:
+            hint = parts.near(parent, parents)
+            parts.say(("bodies", i, "parent"), f"no body is called {shown(parent)}{hint}")
+        elif isinstance(name, str) and parts.bodies[name] == i:
             parent_of[name] = parent
-            parent_of.setdefault(written.twin(name), written.twin(parent))
+            parent_of.setdefault(parts.twin(name), parts.twin(parent))
     done: set[str] = set()
     for start in parent_of:
         walk: dict[str, None] = {}
@@ -171,56 +184,54 @@ def _parents(written: Written) -> None:
             ring = list(walk)[list(walk).index(name) :]
             shown_ring = ring if len(ring) < 9 else [*ring[:7], "...", ring[-1]]
             text = f"the parents form a cycle: {' -> '.join([*shown_ring, name])}"
-            firsts = [n for n in ring if n in written.bodies]
+            firsts = [n for n in ring if n in parts.bodies]
             if firsts:
-                written.say(("bodies", written.bodies[firsts[0]], "parent"), text)
+                parts.say(("bodies", parts.bodies[firsts[0]], "parent"), text)
         done.update(walk)
 
 
-def _parts(written: Written) -> None:
+def _count(parts: Parts) -> None:
     """Checks the number of parts."""
-    parts = dict.fromkeys(_MIRRORED, 0)
-    for key in parts:
-        for _, item in items(written.data, key):
-            name, chain, count = word(item, "name"), item.get("chain"), 1
-            if isinstance(chain, dict):
-                pieces = chain.get("pieces", DEFAULT_PIECES)
-                count = min(pieces, LIMITS.max_pieces) if isinstance(pieces, int) else 1
-            twice = name is not None and written.twin(name) != name
-            parts[key] += 2 * count if twice else count
-    total = sum(parts.values())
+    counts = dict.fromkeys(_MIRRORED, 0)
+    for key in counts:
+        for item in getattr(parts.puppet, key):
+            pieces = item.chain.pieces if key == "strings" and item.chain else 1
+            count = min(pieces, LIMITS.max_pieces) if isinstance(pieces, int) else 1
+            twice = isinstance(item.name, str) and parts.twin(item.name) != item.name
+            counts[key] += 2 * count if twice else count
+    total = sum(counts.values())
     if total > LIMITS.max_parts:
-        path = max(parts, key=lambda part: parts[part])
-        more = ", twins included" if written.rule else ""
+        path = max(counts, key=lambda part: counts[part])
+        more = ", twins included" if parts.rule else ""
         text = f"found {total} bodies, strings, springs and masses of chains{more}"
-        written.say((path,), f"{text}; allowed: {LIMITS.max_parts}")
+        parts.say((path,), f"{text}; allowed: {LIMITS.max_parts}")
 
 
-def _contact(written: Written) -> None:
+def _contact(parts: Parts) -> None:
     """Checks the names of pairs with rules of their own."""
-    if written.data.get("contact") and FLOOR in written.owner:
+    puppet = parts.puppet
+    if puppet.contact and FLOOR in parts.owner:
         text = "found 'floor', which is the floor's name in contact; choose another"
-        written.say(written.owner[FLOOR], text)
-    obstacles = {word(item, "name") for _, item in items(written.data, "obstacles")}
-    props = written.data.get("props")
-    listed = [*written.members, *(props if isinstance(props, list) else ())]
-    allowed = {FLOOR, *written.known, *(n for n in (*obstacles, *listed) if isinstance(n, str))}
-    for i, pair in items(written.data.get("contact"), "pairs"):
-        between = pair.get("between")
-        for k, name in enumerate(between if isinstance(between, list) else []):
+        parts.say(parts.owner[FLOOR], text)
+    if not isinstance(puppet.contact, Contact):
+        return
+    others = (*(obstacle.name for obstacle in puppet.obstacles), *puppet.members, *puppet.props)
+    allowed = {FLOOR, *parts.known, *(name for name in others if isinstance(name, str))}
+    for i, pair in enumerate(puppet.contact.pairs):
+        for k, name in enumerate(pair.between):
             if isinstance(name, str) and name not in allowed:
-                hint = written.near(name, allowed)
+                hint = parts.near(name, allowed)
                 text = f"no body, obstacle, prop or puppet is called {shown(name)}{hint}"
-                written.say(("contact", "pairs", i, "between", k), text)
+                parts.say(("contact", "pairs", i, "between", k), text)
 
 
-def _parameters(written: Written) -> None:
+def _parameters(parts: Parts, data: dict[str, Any]) -> None:
     first: dict[str, tuple[Path, float]] = {}
-    for path, found in parameters(written.data):
+    for path, found in parameters(data):
         name, value = found["parameter"], found["value"]
         place, known = first.setdefault(name, (path, value))
-        if "." in name and name.partition(".")[0] not in written.members:
-            written.say((*path, "parameter"), name_mistake(name))
+        if "." in name and name.partition(".")[0] not in parts.puppet.members:
+            parts.say((*path, "parameter"), name_mistake(name))
         if value != known:
             text = f"the parameter {shown(name)} is {value:g} here but {known:g} in"
-            written.say(path, f"{text} {key_path(place)}; one name has one value")
+            parts.say(path, f"{text} {key_path(place)}; one name has one value")

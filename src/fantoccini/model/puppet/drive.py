@@ -192,26 +192,22 @@ class Drive(Model):
         return self.control is not None or isinstance(self.motor, StepperMotor)
 
 
-def drive_misfits(
-    drive: dict[str, Any], name: str, unit: str
-) -> Iterator[tuple[tuple[str, ...], str]]:
+def drive_misfits(drive: Drive, name: str, unit: str) -> Iterator[tuple[tuple[str, ...], str]]:
     """Mistakes of a drive that does not suit its coordinate: path in the drive, and message.
 
     Args:
-        drive: plain data, of any form.
+        drive: the drive.
         name: of the coordinate.
         unit: of the coordinate: ``m``, ``rad``, or ``rotation`` for an orientation.
     """
-    rotor, drum = drive.get("inertia") is not None, drive.get("drum") is not None
+    rotor, drum = drive.inertia is not None, drive.drum is not None
     if unit != "m":
         for key in ("mass", "drum"):
-            if drive.get(key) is not None:
+            if getattr(drive, key) is not None:
                 yield (key,), f"{name} turns: it takes inertia and gear, no {key}"
     elif rotor and not drum:
         yield ("inertia",), f"{name} is a length; needed: the drum that the rotor turns"
     elif drum and not rotor:
         yield ("drum",), "found a drum without a rotor; needed: its inertia"
-    motor = drive.get("motor")
-    kind = motor.get("type") if isinstance(motor, dict) else None
-    if unit == "rotation" and kind in ("dc", "stepper"):
+    if unit == "rotation" and drive.motor is not None and drive.motor.type in ("dc", "stepper"):
         yield ("motor", "type"), f"{name} turns about three axes; needed: a servo, or no motor"

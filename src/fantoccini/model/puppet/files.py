@@ -6,10 +6,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from fantoccini.base import PuppetError
-from fantoccini.base.documents import described_schema, read_file, read_located, validate
+from fantoccini.base.documents import document_schema, parse_document, read_document
 from fantoccini.model.puppet.schema import Puppet
-from fantoccini.model.puppet.words import WORDS
 
 
 def load(path: str | os.PathLike[str]) -> Puppet:
@@ -21,7 +19,7 @@ def load(path: str | os.PathLike[str]) -> Puppet:
     Raises:
         PuppetError: with every mistake, each with its line.
     """
-    return validate(Puppet, read_file(path, PuppetError), PuppetError, WORDS)
+    return read_document(path, Puppet)
 
 
 def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None) -> Puppet:
@@ -35,10 +33,9 @@ def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None)
     Raises:
         PuppetError: with every mistake, each with its line.
     """
-    located = read_located(text, name, folder, PuppetError)
-    return validate(Puppet, located, PuppetError, WORDS)
+    return parse_document(text, Puppet, name=name, folder=folder)
 
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema of puppet files, for completion and checks in editors."""
-    return described_schema(Puppet, "fantoccini puppet")
+    return document_schema(Puppet)

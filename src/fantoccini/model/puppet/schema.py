@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
@@ -20,6 +20,8 @@ from pydantic import (
 from fantoccini.base import PuppetError
 from fantoccini.base.documents import (
     Axes,
+    Document,
+    Kind,
     Located,
     Model,
     Name,
@@ -28,6 +30,7 @@ from fantoccini.base.documents import (
     Parameter,
     PartName,
     Share,
+    data_path,
     entries,
     findings,
     mended,
@@ -38,6 +41,7 @@ from fantoccini.base.documents import (
     shown,
     sized,
     unit,
+    valid_parts,
     value_of,
 )
 from fantoccini.model.puppet import check, dump, mirror, written
@@ -53,6 +57,7 @@ from fantoccini.model.puppet.chain import (
 from fantoccini.model.puppet.contact import Contact, ContactRule
 from fantoccini.model.puppet.drive import Drive
 from fantoccini.model.puppet.joint import Joint
+from fantoccini.model.puppet.parts import named
 from fantoccini.model.puppet.quantities import (
     AngleOrPlace,
     Bounded,
@@ -250,8 +255,12 @@ PoseValue = Annotated[
 ]
 
 
-class Puppet(Model):
+class Puppet(Document):
     """A puppet, as its file describes it."""
+
+    kind: ClassVar = Kind(
+        "puppet", "a puppet has the keys `puppet` and `bodies`", error=PuppetError, words=WORDS
+    )
 
     puppet: Name
     """The puppet's name."""
@@ -282,9 +291,8 @@ class Puppet(Model):
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
 
-    @model_validator(mode="wrap")
     @classmethod
-    def _all_mistakes_at_once(cls, data: Any, handler: Any, info: ValidationInfo) -> Any:
+    def _all_mistakes(cls, data: Any, handler: Any, info: ValidationInfo) -> Any:
         if isinstance(data, Puppet):
             return data
         located = info.context if isinstance(info.context, Located) else Located()
@@ -297,14 +305,18 @@ class Puppet(Model):
                 found += findings(cls, tried, error, WORDS)
                 # A number out of range hides nothing: the rest is checked with one in range.
                 tried = mended(tried, error)
-        wide = check.findings(plain)
-        if puppet is not None and not wide:
-            found += check.massless_joints(puppet.bodies, puppet.mirror)
-            found += check.twins(dump.plain(puppet))
-        found += wide
+        if isinstance(plain, dict):
+            whole = valid_parts(cls, plain, located) if puppet is None else puppet
+            wide = check.findings(whole, plain)
+            if puppet is not None and not wide:
+                found += check.massless_joints(puppet.bodies, puppet.mirror)
+                found += check.twins(puppet, dump.plain(puppet), located)
+            found += [(data_path(plain, path)[0], text) for path, text in wide]
         if puppet is None or found or located.mistakes:
             raise located.error(found, PuppetError)
-        puppet._origin = Origin(located.file, located.folder, written.name_lines(plain, located))
+        lines = {name: located.line(path) for name, path in named(puppet)}
+        known = {name: line for name, line in lines.items() if line is not None}
+        puppet._origin = Origin(located.file, located.folder, known)
         return puppet
 
     def __hash__(self) -> int:

@@ -2,6 +2,6 @@
 
 from fantoccini.model.scene.assembly import assembled
 from fantoccini.model.scene.files import json_schema, load, loads
-from fantoccini.model.scene.schema import Member, Prop, Scene, is_scene
+from fantoccini.model.scene.schema import Member, Prop, Scene
 
-__all__ = ["Member", "Prop", "Scene", "assembled", "is_scene", "json_schema", "load", "loads"]
+__all__ = ["Member", "Prop", "Scene", "assembled", "json_schema", "load", "loads"]

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Mistake, PuppetError, nearest
-from fantoccini.base.documents import Finding, Located, Origin, read_file, shown, validate
-from fantoccini.model.puppet import FLOOR, WORDS, Contact, Puppet, bundled, named, parameters, plain
-from fantoccini.model.scene.schema import Member, Prop, Scene, is_scene
+from fantoccini.base import Mistake, PuppetError, nearest, rotation
+from fantoccini.base.documents import Finding, Located, Origin, read_document, shown
+from fantoccini.model.puppet import FLOOR, Contact, Puppet, bundled, named, parameters, plain
+from fantoccini.model.scene.schema import PUPPET_OR_SCENE, Member, Prop, Scene
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def assembled(scene: Scene) -> Puppet:
     Raises:
         PuppetError: with every mistake of the puppets' files, and of what the scene says of them.
     """
-    located = scene._located
+    located = scene.located
     placed: list[_Placed] = []
     mistakes: list[Mistake] = []
     for i, member in enumerate(scene.puppets):
@@ -97,7 +97,7 @@ def assembled(scene: Scene) -> Puppet:
 
 def _name_clashes(scene: Scene, placed: list[_Placed]) -> list[Finding]:
     """Names of the scene that parts of its puppets have already."""
-    taken = {one.part(name) for one in placed for name, _ in named(plain(one.puppet))}
+    taken = {one.part(name) for one in placed for name, _ in named(one.puppet)}
     unused = {one.member.name for one in placed if one.frame == "world"}
     if isinstance(scene.contact, Contact):
         unused -= {name for pair in scene.contact.pairs for name in pair.between}
@@ -116,13 +116,12 @@ def _puppet(member: Member, at: tuple[str | int, ...], located: Located) -> Pupp
         if not os.path.isfile(path):
             text = f"found {puppet!r}; there is no such file, and no bundled puppet of this name"
             raise located.error([((*at, "puppet"), text)], PuppetError)
-        written = read_file(
-            os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path, PuppetError
-        )
-        if is_scene(written):
+        file = os.path.relpath(path) if path.is_relative_to(Path.cwd()) else path
+        read = read_document(file, *PUPPET_OR_SCENE)
+        if isinstance(read, Scene):
             text = f"found {puppet!r}, which is a scene; needed: the file of a puppet"
             raise located.error([((*at, "puppet"), text)], PuppetError)
-        puppet = validate(Puppet, written, PuppetError, WORDS)
+        puppet = read
     known = puppet.parameters()
     unknown: list[Finding] = [
         ((*at, "parameters", name), f"{puppet.name} has no such parameter{nearest(name, known)}")
@@ -310,7 +309,7 @@ def _obstacle(one: _Placed, obstacle: dict[str, Any]) -> dict[str, Any]:
     if obstacle["type"] in ("box", "ellipsoid", "mesh") and turn is not None:
         own = obstacle.get("orientation")
         inner = np.eye(3) if own is None else type(turn).model_validate(own).matrix
-        out["orientation"] = {"quaternion": _quaternion(R @ inner)}
+        out["orientation"] = {"quaternion": rotation.quaternion(R @ inner).tolist()}
     return out
 
 
@@ -320,15 +319,8 @@ def _add_prop(data: dict[str, Any], prop: Prop) -> None:
     data["bodies"].append(body | {"joint": {"type": "free"}})
     data["pose"] |= {f"{prop.name}.{axis}": x for axis, x in zip("xyz", prop.at, strict=True)}
     if prop.orientation is not None:
-        data["pose"][f"{prop.name}.rotation"] = _quaternion(prop.orientation.matrix)
-
-
-def _quaternion(R: np.ndarray) -> list[float]:
-    """w, x, y, z of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(R).as_quat()
-    return [float(w), float(x), float(y), float(z)]
+        turn = rotation.quaternion(prop.orientation.matrix)
+        data["pose"][f"{prop.name}.rotation"] = turn.tolist()
 
 
 def _origin(scene: Scene, placed: list[_Placed], located: Located, folder: Path) -> Origin:
@@ -336,7 +328,7 @@ def _origin(scene: Scene, placed: list[_Placed], located: Located, folder: Path)
     lines: dict[str, int] = {}
     files: dict[str, str] = {}
     for one in placed:
-        for name, _ in named(plain(one.puppet)):
+        for name, _ in named(one.puppet):
             file, line = one.puppet.locate(name)
             files[one.part(name)] = file
             if line is not None:

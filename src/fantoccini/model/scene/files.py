@@ -6,11 +6,10 @@ import os
 from pathlib import Path
 from typing import Any
 
-from fantoccini.base import PuppetError
-from fantoccini.base.documents import Located, described_schema, read_file, read_located, validate
-from fantoccini.model.puppet import WORDS, Puppet
+from fantoccini.base.documents import document_schema, parse_document, read_document
+from fantoccini.model.puppet import Puppet
 from fantoccini.model.scene.assembly import assembled
-from fantoccini.model.scene.schema import Scene, is_scene
+from fantoccini.model.scene.schema import PUPPET_OR_SCENE, Scene
 
 
 def load(path: str | os.PathLike[str]) -> Puppet:
@@ -22,7 +21,7 @@ def load(path: str | os.PathLike[str]) -> Puppet:
     Raises:
         PuppetError: with every mistake, each with its file and line.
     """
-    return _made(read_file(path, PuppetError))
+    return _puppet(read_document(path, *PUPPET_OR_SCENE))
 
 
 def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None) -> Puppet:
@@ -36,15 +35,13 @@ def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None)
     Raises:
         PuppetError: with every mistake, each with its file and line.
     """
-    return _made(read_located(text, name, folder, PuppetError))
+    return _puppet(parse_document(text, *PUPPET_OR_SCENE, name=name, folder=folder))
 
 
 def json_schema() -> dict[str, Any]:
     """JSON Schema of scene files, for editors."""
-    return described_schema(Scene, "fantoccini scene")
+    return document_schema(Scene)
 
 
-def _made(located: Located) -> Puppet:
-    if is_scene(located):
-        return assembled(validate(Scene, located, PuppetError, WORDS))
-    return validate(Puppet, located, PuppetError, WORDS)
+def _puppet(read: Puppet | Scene) -> Puppet:
+    return assembled(read) if isinstance(read, Scene) else read

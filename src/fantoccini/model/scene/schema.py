@@ -4,22 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
-from pydantic import (
-    Discriminator,
-    Field,
-    InstanceOf,
-    PrivateAttr,
-    Tag,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import Discriminator, Field, InstanceOf, Tag, model_validator
 
 from fantoccini.base import Mistake, PuppetError
 from fantoccini.base.documents import (
-    Finding,
-    Located,
+    Document,
+    Kind,
     Model,
     Name,
     Orientation,
@@ -27,9 +19,11 @@ from fantoccini.base.documents import (
     Real,
     entries,
     mistake,
+    refuse,
     value_of,
 )
 from fantoccini.model.puppet import (
+    WORDS,
     AnyObstacle,
     AnyShape,
     ContactRule,
@@ -98,8 +92,12 @@ class Prop(Model):
         return self
 
 
-class Scene(Model):
+class Scene(Document):
     """Puppets, props, obstacles and a floor that share gravity."""
+
+    kind: ClassVar = Kind(
+        "scene", "a scene has the keys `scene` and `puppets`", error=PuppetError, words=WORDS
+    )
 
     scene: Name
     """The scene's name."""
@@ -116,18 +114,16 @@ class Scene(Model):
     obstacles: tuple[AnyObstacle, ...] = ()
     """Shapes that stand in the scene."""
 
-    _located: Located = PrivateAttr(default_factory=Located)
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _with_its_place(cls, data: Any, handler: Any, info: ValidationInfo) -> Any:
-        scene: Scene = handler(data)
-        if isinstance(info.context, Located):
-            scene._located = info.context
-        found = _name_mistakes(scene)
-        if found:
-            raise scene._located.error(found, PuppetError)
-        return scene
+    @model_validator(mode="after")
+    def _names_differ(self) -> Scene:
+        uses = Counter(name for _, name in self.names())
+        world = {"world": "found 'world', which is the name of the world itself"}
+        refuse(
+            (path, world.get(name, f"the name {name!r} is used {uses[name]} times; names differ"))
+            for path, name in self.names()
+            if name in world or uses[name] > 1
+        )
+        return self
 
     @classmethod
     def of(cls, *puppets: Puppet, name: str | None = None) -> Scene:
@@ -160,18 +156,5 @@ class Scene(Model):
             yield ("obstacles", i, "name"), obstacle.name
 
 
-def _name_mistakes(scene: Scene) -> list[Finding]:
-    """Names that are used twice, or are the world's."""
-    uses = Counter(name for _, name in scene.names())
-    found: list[Finding] = []
-    for path, name in scene.names():
-        if name == "world":
-            found.append((path, "found 'world', which is the name of the world itself"))
-        elif uses[name] > 1:
-            found.append((path, f"the name {name!r} is used {uses[name]} times; names differ"))
-    return found
-
-
-def is_scene(located: Located) -> bool:
-    """Whether a file is a scene rather than a puppet."""
-    return isinstance(located.data, dict) and "scene" in located.data
+PUPPET_OR_SCENE: tuple[type[Puppet | Scene], ...] = (Puppet, Scene)
+"""Kinds of files that stand for one puppet."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fantoccini.base import rotation
 from fantoccini.model.tree.coordinates import Role
 from fantoccini.model.tree.placement import Value, link_poses
 from fantoccini.model.tree.structure import WORLD, Link, Tree
@@ -81,11 +82,6 @@ def joint_inertias(
             free[link.parent] += _shifted(free[i], away)
 
 
-def _skew(r: np.ndarray) -> np.ndarray:
-    x, y, z = r
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-
-
 def _point(r: np.ndarray) -> np.ndarray:
     """r.r 1 - r r^T: inertia about the origin of a unit mass at r."""
     return r @ r * np.eye(3) - np.outer(r, r)
@@ -95,13 +91,13 @@ def _about_origin(m: float, com: np.ndarray, inertia: np.ndarray, R: np.ndarray)
     """(6, 6) inertia about a link's origin in the world's axes; rotation first."""
     c = R @ com
     turning = R @ inertia @ R.T + m * _point(c)
-    return np.block([[turning, m * _skew(c)], [m * _skew(c).T, m * np.eye(3)]])
+    return np.block([[turning, m * rotation.skew(c)], [m * rotation.skew(c).T, m * np.eye(3)]])
 
 
 def _shifted(inertia: np.ndarray, r: np.ndarray) -> np.ndarray:
     """(6, 6) inertia about another origin; the present one lies at r from it."""
     X = np.eye(6)
-    X[3:, :3] = -_skew(r)
+    X[3:, :3] = -rotation.skew(r)
     return X.T @ inertia @ X
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base.documents import Number, rotation_rows
+from fantoccini.base import rotation
+from fantoccini.base.documents import Number
 from fantoccini.model.tree.coordinates import Role
 from fantoccini.model.tree.structure import WORLD, Link, Point
 
@@ -66,29 +67,19 @@ def joint_transform(
         q: the joint's configuration: numbers, arrays (T,) or symbols.
         cos, sin: for these.
     """
-    rotation: list[list[Any]] = np.eye(3).tolist()
-    translation: list[Any] = [0.0, 0.0, 0.0]
+    R: list[list[Any]] = np.eye(3).tolist()
+    r: list[Any] = [0.0, 0.0, 0.0]
     match link.kind:
         case "revolute":
-            rotation = _axis_rows(link.axes[:, 0].tolist(), cos(q[0]), sin(q[0]))
+            R = rotation.about_rows(link.axes[:, 0].tolist(), cos(q[0]), sin(q[0]))
         case "prismatic" | "translation":
             columns = link.axes.tolist()
-            translation = [sum(a * x for a, x in zip(row, q, strict=True)) for row in columns]
+            r = [sum(a * x for a, x in zip(row, q, strict=True)) for row in columns]
         case "ball":
-            rotation = rotation_rows(*q)
+            R = rotation.matrix_rows(*q)
         case "free":
-            rotation, translation = rotation_rows(*q[3:]), list(q[:3])
-    return rotation, translation
-
-
-def _axis_rows(axis: list[float], c: Any, s: Any) -> list[list[Any]]:
-    """R = c 1 + s [a] + (1 - c) a a^T: rotation about a unit axis by an angle's cosine and sine."""
-    x, y, z = axis
-    skew = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
-    return [
-        [((i == j) - a * b) * c + skew[i][j] * s + a * b for j, b in enumerate(axis)]
-        for i, a in enumerate(axis)
-    ]
+            R, r = rotation.matrix_rows(*q[3:]), list(q[:3])
+    return R, r
 
 
 def _joint(link: Link, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -96,10 +87,10 @@ def _joint(link: Link, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if link.kind in ("ball", "free"):
         unit = q[:, -4:] / np.linalg.norm(q[:, -4:], axis=1, keepdims=True)
         q = np.hstack([q[:, :-4], unit])
-    rotation, translation = joint_transform(link, list(q.T), np.cos, np.sin)
+    rows, place = joint_transform(link, list(q.T), np.cos, np.sin)
     R, r = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
     for i in range(3):
-        r[:, i] = translation[i]
+        r[:, i] = place[i]
         for j in range(3):
-            R[:, i, j] = rotation[i][j]
+            R[:, i, j] = rows[i][j]
     return R, r

@@ -19,7 +19,7 @@ from fantoccini.base import Array, Quaternion, Vec3, rotation
 from fantoccini.model.tree import WORLD
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation.euler import USUAL, euler
-from fantoccini.output.animation.joints import LocalMotion, quaternion_of
+from fantoccini.output.animation.joints import LocalMotion
 from fantoccini.output.animation.scene import AnimatedScene
 
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
@@ -96,7 +96,7 @@ def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
         index[WORLD] = 0
     for k in scene.links:
         motion, above = scene.motion(k, run), turned[scene.parents[k]]
-        q = _upright(_about(quaternion_of(above), motion, quaternion_of(turned[k])))
+        q = _upright(_about(rotation.quaternion(above), motion, rotation.quaternion(turned[k])))
         places = motion.r @ (_UPRIGHT @ above).T
         moves = scene.parents[k] == WORLD or _moves(scene, k)
         order, angles = euler(q)

@@ -73,7 +73,7 @@ def angles_of(q: Quaternion, order: str) -> Array:
 
 def _near(angles: tuple[float, ...], last: tuple[float, ...]) -> tuple[float, float, float]:
     """The same angles up to whole turns, within half a turn of others."""
-    a, b, c = (x - math.tau * round((x - y) / math.tau) for x, y in zip(angles, last, strict=True))
+    a, b, c = rotation.nearest_angle(np.array(angles), np.array(last)).tolist()
     return a, b, c
 
 

@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 
-from fantoccini.base import Array, Quaternion, Vec3, rotation
+from fantoccini.base import Quaternion, Vec3, rotation
 from fantoccini.base.documents import Number
 from fantoccini.model.tree import Link, Role
 from fantoccini.motion import Trajectory
@@ -71,15 +71,8 @@ def local_motion(link: Link, run: Trajectory, number: Callable[[Number], float])
         case "free":
             moved = LocalMotion(q[:, :3], rotation.normalised(q[:, 3:]), u[:, :3], u[:, 3:])
     offset = np.tile([number(x) for x in link.offset], (n, 1))
-    fixed = LocalMotion(offset, np.tile(quaternion_of(link.rotation), (n, 1)), none, none)
+    fixed = LocalMotion(offset, np.tile(rotation.quaternion(link.rotation), (n, 1)), none, none)
     return fixed.then(moved)
-
-
-def quaternion_of(matrix: Array) -> Quaternion:
-    """Unit quaternion (w, x, y, z) of a rotation matrix (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.roll(Rotation.from_matrix(matrix).as_quat(), 1)
 
 
 def _pure(w: Vec3) -> Quaternion:

@@ -9,9 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from fantoccini.base import Array, Quaternion, Vec3
+from fantoccini.base import Array, Quaternion, Vec3, rotation
 from fantoccini.model.tree import WORLD
 from fantoccini.output.animation.scene import AnimatedScene
 from fantoccini.output.view import (
@@ -71,14 +70,14 @@ def piece_of(solid: Solid) -> Piece:
             return Piece(_BALL, middle, scale=np.full(3, radius))
         ends = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) * round(length, _DIGITS)
         surface = triangles(capsule(0, solid.colour, ends, radius))
-        return Piece(surface, middle, _turn(frame_along(apart / length)))
+        return Piece(surface, middle, rotation.quaternion(frame_along(apart / length)))
     if solid.smooth:
         return Piece(triangles(solid), np.zeros(3))
     scale = np.linalg.norm(solid.half, axis=0)
     axes = solid.half / scale
     # A ball and a box are their own mirror images.
     axes[:, 2] *= np.sign(np.linalg.det(axes))
-    return Piece(_BOX if solid.kind == "faces" else _BALL, middle, _turn(axes), scale)
+    return Piece(_BOX if solid.kind == "faces" else _BALL, middle, rotation.quaternion(axes), scale)
 
 
 def floor_of(scene: AnimatedScene) -> Piece:
@@ -101,10 +100,6 @@ def linear_colour(colour: Array) -> list[float]:
 def hex_of(colour: Array) -> str:
     """An sRGB colour (3,) as six hexadecimal digits: ``6e6a62``."""
     return bytes(np.rint(255.0 * np.clip(colour, 0.0, 1.0)).astype(int).tolist()).hex()
-
-
-def _turn(axes: Array) -> Quaternion:
-    return np.roll(Rotation.from_matrix(axes).as_quat(), 1)
 
 
 _BALL = triangles(capsule(0, np.zeros(3), np.zeros((2, 3)), 1.0))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fantoccini.base import Array, Indices, Quaternion, Times, rotation
 from fantoccini.model.tree import WORLD
@@ -57,7 +56,7 @@ class Looks:
         return cls(
             t=t[at],
             poses=poses,
-            turns={k: _quaternions(poses[:, k, :, :3]) for k in links},
+            turns={k: rotation.quaternion(poses[:, k, :, :3]) for k in links},
             lengths=still.string_lengths(q_D, q_K) + slip,
             taut=run.taut.values[at] | wires,
             floor=scene.geometry.floor if scene.geometry.ground else -np.inf,
@@ -142,19 +141,8 @@ def _carried(directions: Array) -> Quaternion:
     frames = np.empty((*directions.shape[:2], 4))
     before, frame = np.tile([0.0, 0.0, 1.0], (len(directions), 1)), np.eye(1, 4)
     for k in range(directions.shape[1]):
-        frame = rotation.normalised(rotation.multiply(_arc(before, directions[:, k]), frame))
+        turn = rotation.shortest(before, directions[:, k])
+        frame = rotation.normalised(rotation.multiply(turn, frame))
         frames[:, k] = frame
         before = directions[:, k]
     return frames
-
-
-def _arc(a: Array, b: Array) -> Quaternion:
-    """(n, 4) the shortest rotations from unit vectors to others."""
-    w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
-    turn = np.concatenate([w, np.cross(a, b)], axis=-1)
-    turn[w[:, 0] < 1e-9] = [0.0, 1.0, 0.0, 0.0]  # about x: only right where a is along z
-    return rotation.normalised(turn)
-
-
-def _quaternions(matrices: Array) -> Quaternion:
-    return np.roll(Rotation.from_matrix(matrices).as_quat(), 1, axis=-1)

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-from scipy.spatial.transform import Rotation
-
 from fantoccini.base import Array, rotation, write_table
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation.scene import AnimatedScene
@@ -36,7 +33,7 @@ def places(scene: AnimatedScene, run: Trajectory) -> dict[str, Array]:
     columns: dict[str, Array] = {}
     for k in scene.without_lines().links:
         name = scene.tree.links[k].name
-        turns = np.roll(Rotation.from_matrix(poses[:, k, :, :3]).as_quat(), 1, axis=-1)
+        turns = rotation.quaternion(poses[:, k, :, :3])
         columns |= _columns(f"pose:{name}", _PLACE, poses[:, k, :, 3])
         columns |= _columns(f"pose:{name}", _TURN, rotation.continuous(turns))
     for line in scene.lines:

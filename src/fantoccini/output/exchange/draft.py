@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
-from scipy.spatial.transform import Rotation
 
 from fantoccini.base import Array, ExchangeError, FileError, Mistake, Quaternion
 from fantoccini.base.documents import Located
@@ -264,12 +263,6 @@ def carried(name: str, parent: str, joint: dict[str, Any]) -> dict[str, Any]:
     """A body on a joint."""
     above = {} if parent == "world" else {"parent": parent}
     return {"name": name, **above, **({} if joint == {"type": "fixed"} else {"joint": joint})}
-
-
-def quaternion(R: Rotation) -> Quaternion:
-    """w, x, y, z of a rotation."""
-    x, y, z, w = R.as_quat()
-    return np.array([w, x, y, z])
 
 
 def six(inertia: Array) -> list[float]:

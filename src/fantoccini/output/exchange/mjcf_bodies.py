@@ -17,9 +17,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from fantoccini.base import Array
+from fantoccini.base import Array, Quaternion, rotation
 from fantoccini.dynamics.mujoco import library
 from fantoccini.output.exchange.draft import (
     Draft,
@@ -27,7 +26,6 @@ from fantoccini.output.exchange.draft import (
     number,
     numbers,
     placed,
-    quaternion,
     six,
     sized,
     turned,
@@ -140,14 +138,14 @@ class Bodies:
         joints = range(first, first + int(m.body_jntnum[b]))
         name, line = self.names[b], line_of(self.bodies.get(b))
         parent = int(m.body_parentid[b])
-        at, turn = m.body_pos[b] - self.shift[parent], _rotation(m.body_quat[b])
+        at, turn = m.body_pos[b] - self.shift[parent], rotation.normalised(m.body_quat[b])
         above, anchor = self.names[parent], np.zeros(3)
         for k, j in enumerate(joints):
             own = name if k == len(joints) - 1 else self.draft.take("body", "", f"{name}_{k + 1}")
             joint, anchor = self._joint(j, own, at, turn, anchor)
             made = carried(own, above, joint)
             self.draft.bodies.append(made)
-            above, at, turn = own, np.zeros(3), Rotation.identity()
+            above, at, turn = own, np.zeros(3), np.eye(1, 4)[0]
         self.shift[b] = anchor
         if m.body_mocapid[b] >= 0:
             made = carried(name, above, {"type": "free", "driven": True})
@@ -155,14 +153,14 @@ class Bodies:
             start = self.compiled.mocap[m.body_mocapid[b]]
             self._pose_free(name, start[:3], start[3:])
         elif not joints:
-            made = carried(name, above, {"type": "fixed"} | placed(at, quaternion(turn)))
+            made = carried(name, above, {"type": "fixed"} | placed(at, turn))
             self.draft.bodies.append(made)
         self._inertia(b, made)
         if m.body_gravcomp[b]:
             self.draft.note("body", m.body(b).name, "has gravcomp, left out", line, name)
 
     def _joint(
-        self, j: int, body: str, at: Array, turn: Rotation, anchor: Array
+        self, j: int, body: str, at: Array, turn: Quaternion, anchor: Array
     ) -> tuple[dict[str, Any], Array]:
         """A joint, and its place in MuJoCo's body.
 
@@ -177,7 +175,7 @@ class Bodies:
         q = int(m.jnt_qposadr[j])
         ref = 0.0 if kind in (types.mjJNT_FREE, types.mjJNT_BALL) else float(m.qpos0[q])
         place = m.jnt_pos[j] if kind in (types.mjJNT_HINGE, types.mjJNT_BALL) else anchor
-        at = at + turn.apply(place - anchor)
+        at = at + rotation.matrix(turn) @ (place - anchor)
         word = {
             types.mjJNT_FREE: "free",
             types.mjJNT_BALL: "ball",
@@ -191,12 +189,12 @@ class Bodies:
             self._pose_free(name, self.compiled.qpos[q : q + 3], self.compiled.qpos[q + 3 : q + 7])
         else:
             if word == "revolute":
-                turn = turn * Rotation.from_rotvec(-ref * axis)
+                turn = rotation.multiply(turn, rotation.exp(-ref * axis))
             elif word == "prismatic":
-                at = at - turn.apply(ref * axis)
+                at = at - rotation.matrix(turn) @ (ref * axis)
             if word != "ball":
                 joint["axis"] = numbers(axis)
-            joint |= placed(at, quaternion(turn))
+            joint |= placed(at, turn)
             self._pose(name, word, self.compiled.qpos[q:])
         joint |= dict(self._passive(j, word, q, line, name))
         return joint, place
@@ -250,7 +248,7 @@ class Bodies:
         m = self.m
         if not m.body_mass[b] and not np.any(m.body_inertia[b]):
             return
-        R = _rotation(m.body_iquat[b]).as_matrix()
+        R = rotation.matrix(rotation.normalised(m.body_iquat[b]))
         if mass := sized(m.body_mass[b], "mass"):
             made["mass"] = mass
         com = numbers(m.body_ipos[b] - self.shift[b])
@@ -281,8 +279,3 @@ def field(m: Any, name: str, k: int) -> Any:
 def line_of(element: Any) -> int | None:
     """The line of an element of a model's text."""
     return None if element is None else line_in(element.info)
-
-
-def _rotation(q: Array) -> Rotation:
-    w, x, y, z = q
-    return Rotation.from_quat([x, y, z, w])

@@ -9,19 +9,9 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from fantoccini.base import Array, ExchangeError, MissingLibraryError, Mistake, nearest
-from fantoccini.output.exchange.draft import (
-    Draft,
-    carried,
-    number,
-    numbers,
-    placed,
-    quaternion,
-    six,
-    sized,
-)
+from fantoccini.base import Array, ExchangeError, MissingLibraryError, Mistake, nearest, rotation
+from fantoccini.output.exchange.draft import Draft, carried, number, numbers, placed, six, sized
 from fantoccini.output.exchange.imported import Imported
 from fantoccini.output.exchange.model_file import XACRO, Element, ModelFile
 from fantoccini.output.exchange.urdf_masses import add_masses
@@ -193,7 +183,7 @@ class _Robot:
         line = self.file.line_of("joint", joint.name)
         name, above = self.names[link.name], self.names[joint.parent]
         turn, r = _pose(joint.origin)
-        R = quaternion(Rotation.from_matrix(turn))
+        R = rotation.quaternion(turn)
         axis = np.asarray(joint.axis, float)
         if joint.type == "planar":
             for k, along in enumerate(_across(axis, self.file, line)):

@@ -8,12 +8,11 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from fantoccini.base import MissingLibraryError, nearest
+from fantoccini.base import MissingLibraryError, nearest, rotation
 from fantoccini.model import meshes
 from fantoccini.output.exchange import solids
-from fantoccini.output.exchange.draft import Draft, numbers, quaternion
+from fantoccini.output.exchange.draft import Draft, numbers
 
 _PLAIN = "each triangle has one opaque colour here"
 
@@ -75,7 +74,7 @@ def _shape(
     draft: Draft, geometry: Any, origin: Any, round_ends: bool, note: Callable[[str], None]
 ) -> tuple[dict[str, Any], meshes.MeshFile | None] | None:
     """A solid as a shape, and the mesh file if it is of one; None where it is left out."""
-    at, turn = origin[:3, 3], quaternion(Rotation.from_matrix(origin[:3, :3]))
+    at, turn = origin[:3, 3], rotation.quaternion(origin[:3, :3])
     box, ball, rod, mesh = geometry.box, geometry.sphere, geometry.cylinder, geometry.mesh
     if box is not None and solids.fits(*box.size):
         return solids.box(box.size, at, turn), None

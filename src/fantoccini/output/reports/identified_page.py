@@ -4,24 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fantoccini.lab.identification import columns, doubts, from_before, jump_names, leaning, units
+from fantoccini.output.html import Page, Table, write_page
 from fantoccini.output.reports import identified_plots
-from fantoccini.output.reports.pages import (
-    Table,
-    checked_page,
-    listing,
-    page,
-    paragraph,
-    png,
-    svg,
-    write_page,
-)
 
 if TYPE_CHECKING:
     from fantoccini.lab.identification import Identified
@@ -53,12 +43,10 @@ def identified_report(found: Identified, path: str | os.PathLike[str]) -> Path:
         ValueError: the path has another ending.
         PictureError: it cannot be written.
     """
-    path = checked_page(path)
-    write_page(path, _page(found))
-    return path
+    return write_page(path, lambda: _page(found))
 
 
-def _page(found: Identified) -> str:
+def _page(found: Identified) -> Page:
     record, reasons = found.record, doubts(found)
     title = record.name or record.marionette.name
     verdict = (
@@ -66,37 +54,33 @@ def _page(found: Identified) -> str:
         if reasons
         else "Nothing speaks against it: what is left looks like noise"
     )
-    parts = [
-        f"<h1>{escape(title)}</h1>",
-        paragraph(_facts(found)),
-        paragraph(f"{verdict}.", f"verdict {'fails' if reasons else 'holds'}"),
-        listing(reasons) if reasons else "",
-        "<h2>Numbers</h2>",
-        number_table(found).html(),
-        paragraph(_before(found), "note"),
-        paragraph(_held(found), "note"),
-        paragraph(
-            "The intervals are of noise alone, for a puppet that is as its file says in all that "
-            "was not looked for. A wrong number there that those found can make up for leaves no "
-            "trace on this page.",
-            "note",
-        ),
-        *_apart(found),
-        *_correlated(found),
-        *_explained(found),
-        *_jumps(found),
-        "<h2>Samples and predictions</h2>",
-        paragraph(
-            "Dots: samples. Line: the puppet with the numbers found. Red circles: outliers. Grey: "
-            "where the channel was not seen. Red bands: segments that do not count.",
-            "note",
-        ),
-        *(
-            png(figure, f"Samples and predictions of {', '.join(names)}")
-            for figure, names in identified_plots.channels(found)
-        ),
-    ]
-    return page(f"{title}: identification", parts)
+    page = Page(f"{title}: identification", title)
+    page.text(_facts(found))
+    page.verdict(f"{verdict}.", not reasons)
+    page.items(reasons)
+    page.section("Numbers")
+    page.table(number_table(found))
+    page.note(_before(found))
+    page.note(_held(found))
+    page.note(
+        "The intervals are of noise alone, for a puppet that is as its file says in all that "
+        "was not looked for. A wrong number there that those found can make up for leaves no "
+        "trace on this page."
+    )
+    _apart(page, found)
+    _correlated(page, found)
+    _explained(page, found)
+    _jumps(page, found)
+    page.section("Samples and predictions")
+    page.note(
+        "Dots: samples. Line: the puppet with the numbers found. Red circles: outliers. Grey: "
+        "where the channel was not seen. Red bands: segments that do not count."
+    )
+    page.plots(
+        (figure, f"Samples and predictions of {', '.join(names)}")
+        for figure, names in identified_plots.channels(found)
+    )
+    return page
 
 
 def _facts(found: Identified) -> str:
@@ -188,73 +172,63 @@ def rounded(x: float, deviation: float) -> str:
     return f"{x:.{digits}f}" if 0 <= digits <= 9 else f"{x:.6g}"
 
 
-def _apart(found: Identified) -> list[str]:
-    """What could not be told apart."""
+def _apart(page: Page, found: Identified) -> None:
+    """Numbers that cannot be told apart."""
     if not found.combinations:
-        return []
-    text = (
+        return
+    page.section("What could not be told apart")
+    page.note(
         "Along each of these, what was measured stays as it is. Shares are relative changes; of "
         "places in steps of 1 cm, of the delay in steps of 10 ms. Weigh or measure one part, or "
         "record a tension; --suggest looks for a motion that tells more."
     )
-    return [
-        "<h2>What could not be told apart</h2>",
-        paragraph(text, "note"),
-        listing(str(one) for one in found.combinations),
-    ]
+    page.items(str(combination) for combination in found.combinations)
 
 
-def _correlated(found: Identified) -> list[str]:
+def _correlated(page: Page, found: Identified) -> None:
     n, C = len(found.names), found.correlation
     if n < 2:
-        return []
+        return
     pairs = sorted(
         ((i, k) for i in range(n) for k in range(i) if abs(C[i, k]) > _CLOSE),
-        key=lambda one: -abs(C[one]),
+        key=lambda pair: -abs(C[pair]),
     )
-    shown = max(0.3, min(0.7, 0.032 * (n + 5)))
     lines = [f"{found.names[k]} and {found.names[i]}: {C[i, k]:+.3f}" for i, k in pairs]
-    return [
-        "<h2>Correlations of the numbers' errors</h2>",
-        paragraph(
-            "Two numbers near +1 or -1 are told well in one combination only; measuring one of "
-            "them tells the other.",
-            "note",
-        ),
-        listing(lines[:MAX_NAMED]) if lines else "",
-        svg(identified_plots.correlations(found), "Correlations of the unknowns", shown),
-    ]
+    page.section("Correlations of the numbers' errors")
+    page.note(
+        "Two numbers near +1 or -1 are told well in one combination only; measuring one of "
+        "them tells the other."
+    )
+    page.items(lines[:MAX_NAMED])
+    share = max(0.3, min(0.7, 0.032 * (n + 5)))
+    page.drawing(identified_plots.correlations(found), "Correlations of the unknowns", share)
 
 
-def _explained(found: Identified) -> list[str]:
+def _explained(page: Page, found: Identified) -> None:
     """Residuals: a table, plots, and outliers."""
     far = [
-        f"{one.column} at {one.t:.3f} s {one.residual:+.1f}"
-        for one in sorted(found.outliers, key=lambda one: -abs(one.residual))[:MAX_NAMED]
+        f"{outlier.column} at {outlier.t:.3f} s {outlier.residual:+.1f}"
+        for outlier in sorted(found.outliers, key=lambda each: -abs(each.residual))[:MAX_NAMED]
     ]
     if more := len(found.outliers) - len(far):
         far.append(f"and {more} more")
-    return [
-        "<h2>Residuals</h2>",
-        paragraph(
-            "Sample less prediction, outliers included. Noise leaves 95 % within two standard "
-            "deviations, and neighbours that do not resemble one another.",
-            "note",
-        ),
-        residual_table(found).html(),
-        paragraph(
-            "Over the noise, by the record's clock. The band is two standard deviations; lines are "
-            f"means over {identified_plots.MEAN:g} s, which stay near 0 where the model is right. "
-            "Red circles: outliers, those beyond 5 at the edge. Red bands: segments that do not "
-            "count. Right: histogram, and the curve of normal noise.",
-            "note",
-        ),
-        *(
-            png(figure, f"Residuals of {', '.join(names)}")
-            for figure, names in identified_plots.residuals(found)
-        ),
-        paragraph(f"Outliers, in standard deviations: {', '.join(far)}." if far else ""),
-    ]
+    page.section("Residuals")
+    page.note(
+        "Sample less prediction, outliers included. Noise leaves 95 % within two standard "
+        "deviations, and neighbours that do not resemble one another."
+    )
+    page.table(residual_table(found))
+    page.note(
+        "Over the noise, by the record's clock. The band is two standard deviations; lines are "
+        f"means over {identified_plots.MEAN:g} s, which stay near 0 where the model is right. "
+        "Red circles: outliers, those beyond 5 at the edge. Red bands: segments that do not "
+        "count. Right: histogram, and the curve of normal noise."
+    )
+    page.plots(
+        (figure, f"Residuals of {', '.join(names)}")
+        for figure, names in identified_plots.residuals(found)
+    )
+    page.text(f"Outliers, in standard deviations: {', '.join(far)}." if far else "")
 
 
 def residual_table(found: Identified) -> Table:
@@ -289,7 +263,7 @@ def residual_table(found: Identified) -> Table:
 
 
 def _highest(found: Identified) -> str:
-    """The highest jumps, one a time."""
+    """The highest jumps, one for each time."""
     sizes, names = np.abs(found.jumps), jump_names(found)
     most = np.max(sizes, axis=1)
     high = [k for k in np.argsort(-most) if most[k] > _HIGH][:MAX_NAMED]
@@ -298,33 +272,25 @@ def _highest(found: Identified) -> str:
         f"({names[int(np.argmax(sizes[k]))]})"
         for k in high
     ]
-    return paragraph(f"The highest, over the drift: {', '.join(words)}." if words else "")
+    return f"The highest, over the drift: {', '.join(words)}." if words else ""
 
 
-def _jumps(found: Identified) -> list[str]:
-    """Where the model is wrong."""
+def _jumps(page: Page, found: Identified) -> None:
+    """Jumps between segments, which show where the model is wrong."""
     if len(found.starts) < 2:
-        return []
-    lean = [str(one) for one in leaning(found)[:MAX_NAMED]]
+        return
     lost = [f"{t + found.delay:.2f} s" for t in found.lost[:MAX_NAMED]]
     more = len(found.lost) - len(lost)
-    return [
-        "<h2>Jumps between segments</h2>",
-        paragraph(
-            "Every segment begins a little off where the one before ended. Over the drift that was "
-            f"allowed, {1e3 * found.allowed[0]:g} mm or mrad and {1e3 * found.allowed[1]:g} a "
-            "second, jumps are well below 1 where the model leaves nothing out. They say when and "
-            "where it does: a single high one is a catch in another order, a coordinate of one "
-            "colour a force or a place that is wrong.",
-            "note",
-        ),
-        listing(lean) if lean else "",
-        _highest(found),
-        paragraph(
-            f"Segments that do not count, from: {', '.join(lost)}"
-            + (f" and {more} more." if more else ".")
-        )
-        if lost
-        else "",
-        png(identified_plots.jumps(found), "Jumps between segments, by coordinate"),
-    ]
+    rest = f" and {more} more." if more else "."
+    page.section("Jumps between segments")
+    page.note(
+        "Every segment begins a little off where the one before ended. Over the drift that was "
+        f"allowed, {1e3 * found.allowed[0]:g} mm or mrad and {1e3 * found.allowed[1]:g} a "
+        "second, jumps are well below 1 where the model leaves nothing out. They say when and "
+        "where it does: a single high one is a catch in another order, a coordinate of one "
+        "colour a force or a place that is wrong."
+    )
+    page.items(str(line) for line in leaning(found)[:MAX_NAMED])
+    page.text(_highest(found))
+    page.text(f"Segments that do not count, from: {', '.join(lost)}{rest}" if lost else "")
+    page.plots([(identified_plots.jumps(found), "Jumps between segments, by coordinate")])

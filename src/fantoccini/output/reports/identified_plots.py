@@ -10,6 +10,16 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.lab.identification import LISTED, channel_units
+from fantoccini.output.reports.panels import (
+    COLUMNS,
+    WIDTH,
+    colour_bar,
+    grid,
+    labelled,
+    parts,
+    timed,
+    titled,
+)
 from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, dress, plain
 
 if TYPE_CHECKING:
@@ -18,9 +28,8 @@ if TYPE_CHECKING:
 
     from fantoccini.lab.identification import Identified
 
-_WIDTH = 1150
-_COLUMNS, _ROWS = 3, 6
-"""Panels of a figure of channels."""
+_ROWS = 6
+"""Rows of a figure of channels."""
 _GROUPS = 8
 """Rows of a figure of residuals."""
 _HIDDEN = 3.0
@@ -41,20 +50,13 @@ def channels(found: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, 
     """Samples and predictions of every channel over time, in figures of several."""
     names, units = found.record.channels.names, channel_units(found.record)
     seen = [j for j in range(len(names)) if np.any(np.isfinite(found.residuals[:, j]))]
-    for begin in range(0, len(seen), _COLUMNS * _ROWS):
-        part = seen[begin : begin + _COLUMNS * _ROWS]
-        rows = -(-len(part) // _COLUMNS)
-        figure = blank_figure((_WIDTH, 44 + 138 * rows), facecolor=theme.top)
-        figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.06)
-        panels = list(figure.subplots(rows, _COLUMNS, sharex=True, squeeze=False).flat)
-        for panel, j in zip(panels, part, strict=False):
+    for part in parts(seen, COLUMNS * _ROWS):
+        figure, panels = grid(len(part), 138, theme, share_x=True)
+        for panel, j in zip(panels, part, strict=True):
             _channel(panel, found, j, theme)
-            _titled(panel, f"{plain(names[j], 34)} [{units[j]}]", theme)
-        for panel in panels[len(part) :]:
-            panel.set_visible(False)
-        for panel in panels[max(0, len(part) - _COLUMNS) : len(part)]:
-            panel.tick_params(labelbottom=True)
-            panel.set_xlabel("time [s]", fontsize=8, color=theme.ink)
+            titled(panel, f"{plain(names[j], 34)} [{units[j]}]", theme)
+        for panel in panels[-COLUMNS:]:
+            labelled(panel, theme, "time [s]")
         yield figure, [names[j] for j in part]
 
 
@@ -69,7 +71,7 @@ def _channel(axes: Axes, found: Identified, j: int, theme: Theme) -> None:
     low, high = _range(np.concatenate([found.predicted[:, j], samples[~far]]))
     _outliers(axes, t[far], np.clip(samples[far], low, high))
     axes.set_ylim(low, high)
-    _dressed(axes, t, theme)
+    timed(axes, t, theme)
 
 
 def _range(values: Array) -> tuple[float, float]:
@@ -81,10 +83,8 @@ def _range(values: Array) -> tuple[float, float]:
 
 def residuals(found: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
     """Residuals over the noise, of every group over time and as histograms, in several figures."""
-    groups = _groups(found)
-    for begin in range(0, len(groups), _GROUPS):
-        part = groups[begin : begin + _GROUPS]
-        figure = blank_figure((_WIDTH, 50 + 122 * len(part)), facecolor=theme.top)
+    for part in parts(_groups(found), _GROUPS):
+        figure = blank_figure((WIDTH, 50 + 122 * len(part)), facecolor=theme.top)
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.04)
         panels = figure.subplots(
             len(part),
@@ -97,9 +97,9 @@ def residuals(found: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure,
         for (left, right), (name, own) in zip(panels, part, strict=True):
             _residuals(left, found, own, theme)
             _histogram(right, found, own, theme)
-            _titled(left, f"{plain(name, 60)}", theme)
-        panels[-1, 0].set_xlabel("time [s]", fontsize=8, color=theme.ink)
-        panels[-1, 1].set_xlabel("density", fontsize=8, color=theme.ink)
+            titled(left, name, theme)
+        labelled(panels[-1, 0], theme, "time [s]")
+        labelled(panels[-1, 1], theme, "density")
         yield figure, [name for name, _ in part]
 
 
@@ -130,7 +130,7 @@ def _residuals(axes: Axes, found: Identified, own: list[int], theme: Theme) -> N
         axes.plot(*broken(t, _running(t, z)), color=theme.colour(k), linewidth=1.1, label=label)
     axes.set_ylim(-_EDGE, _EDGE)
     axes.set_yticks((-4, -2, 0, 2, 4))
-    _dressed(axes, t, theme)
+    timed(axes, t, theme)
     if len(own) > 1:
         axes.legend(
             loc="lower right",
@@ -178,8 +178,8 @@ def jumps(found: Identified, theme: Theme = LIGHT) -> Figure:
     n, at = len(names), found.starts[1:] + found.delay
     size = max(60, min(17 * n, 460))
     high = 100 + 2 * size + 130
-    figure = blank_figure((_WIDTH, high), facecolor=theme.top)
-    left = (24 + 6 * max(map(len, names))) / _WIDTH
+    figure = blank_figure((WIDTH, high), facecolor=theme.top)
+    left = (24 + 6 * max(map(len, names))) / WIDTH
     top, *rest = figure.subplots(
         3,
         1,
@@ -201,8 +201,8 @@ def jumps(found: Identified, theme: Theme = LIGHT) -> Figure:
     top.plot(at[~far], largest[~far], ".", markersize=4, color=theme.colour(0))
     top.plot(at[far], np.full(np.sum(far), _HIGHEST), "^", markersize=5, color=RED, clip_on=False)
     top.set_ylim(0.0, _HIGHEST)
-    _dressed(top, found.t, theme)
-    _titled(top, "largest jump", theme)
+    timed(top, found.t, theme)
+    titled(top, "largest jump", theme)
     span = found.starts[1] - found.starts[0]
     edges = np.append(at - 0.5 * span, at[-1] + 0.5 * span)
     for axes, values, title in zip(
@@ -222,17 +222,14 @@ def jumps(found: Identified, theme: Theme = LIGHT) -> Figure:
         )
         axes.set_yticks(range(n), names, parse_math=False)
         axes.set_ylim(n - 0.5, -0.5)
-        _dressed(axes, found.t, theme)
+        timed(axes, found.t, theme)
         axes.grid(False)
         if 15 * n > size:
             axes.tick_params(axis="y", labelsize=min(8.0, 8.0 * size / (15 * n)))
-        _titled(axes, title, theme)
-    rest[-1].set_xlabel("time [s]", fontsize=8, color=theme.ink)
+        titled(axes, title, theme)
+    labelled(rest[-1], theme, "time [s]")
     place = figure.add_axes((0.94, 44 / high, 0.012, (2 * size + 31) / high))
-    bar = figure.colorbar(image, cax=place, extend="both")
-    bar.ax.tick_params(labelsize=8, colors=theme.faint, labelcolor=theme.ink)
-    bar.outline.set_visible(False)
-    bar.set_label("jump over drift", fontsize=8, color=theme.ink)
+    colour_bar(figure, image, theme, "jump over drift", cax=place, extend="both")
     return figure
 
 
@@ -264,9 +261,7 @@ def correlations(found: Identified, theme: Theme = LIGHT) -> Figure:
                 fontsize=7.5,
                 color="white" if abs(values[i, k]) > 0.6 else theme.ink,
             )
-    bar = figure.colorbar(image, shrink=0.6, aspect=25)
-    bar.ax.tick_params(labelsize=8, colors=theme.faint, labelcolor=theme.ink)
-    bar.outline.set_visible(False)
+    colour_bar(figure, image, theme, "", shrink=0.6, aspect=25)
     return figure
 
 
@@ -297,12 +292,3 @@ def _outliers(axes: Axes, t: Array, y: Array) -> None:
     """Circles, over the edges of the axes, too; the layout does not wait for them."""
     lines = axes.plot(t, y, "o", markersize=4, color=RED, fillstyle="none", clip_on=False)
     lines[0].set_in_layout(False)
-
-
-def _dressed(axes: Axes, t: Array, theme: Theme) -> None:
-    dress(axes, theme, "both")
-    axes.set_xlim(t[0], t[-1])
-
-
-def _titled(axes: Axes, text: str, theme: Theme) -> None:
-    axes.set_title(text, fontsize=9, color=theme.ink, loc="left", parse_math=False, pad=4)

@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 import os
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fantoccini.base import OnProgress, Progress
+from fantoccini.output.html import Page, write_page
 from fantoccini.output.reports import play_tables
-from fantoccini.output.reports.pages import (
-    Table,
-    checked_page,
-    listing,
-    page,
-    paragraph,
-    png,
-    svg,
-    write_page,
-)
 from fantoccini.output.reports.stage_plan import plan
 from fantoccini.output.reports.timeline import timeline
 from fantoccini.output.view import Stills
@@ -49,43 +39,38 @@ def play_report(
     Raises:
         ValueError: the path has another ending.
     """
-    path = checked_page(path)
-    write_page(path, _page(verification, progress or (lambda progress: None)))
-    return path
+    return write_page(path, lambda: _page(verification, progress or (lambda progress: None)))
 
 
-def _page(verification: Verification, progress: OnProgress) -> str:
+def _page(verification: Verification, progress: OnProgress) -> Page:
     play = verification.play
-    name = escape(play.name)
-    parts = [
-        f"<h1>{name}</h1>",
-        paragraph(play.cast.file.about),
-        paragraph(_facts(verification)),
-        *_verdict(verification),
-        "<h2>Cast and stage</h2>",
-        play_tables.cast_table(verification).html(),
-        svg(plan(play, verification.space), f"Plan of the stage of {play.name}", 0.66),
-        play_tables.space_table(verification).html(),
-        "<h2>Timeline</h2>",
-        svg(timeline(play), f"Timeline of {play.name}"),
-        '<p class="note">Bars are the hands\' motions, with the numbers of the cues below; '
-        "a cross is a cue that cannot be done, where it was to begin. A cue is seen where the limb "
-        "turns at its mark, if there is such a turn, otherwise where the hands begin.</p>",
-    ]
+    page = Page(f"{play.name}: verification", play.name)
+    page.text(play.cast.file.about)
+    page.text(_facts(verification))
+    _verdict(page, verification)
+    page.section("Cast and stage")
+    page.table(play_tables.cast_table(verification))
+    page.drawing(plan(play, verification.space), f"Plan of the stage of {play.name}", 0.66)
+    page.table(play_tables.space_table(verification))
+    page.section("Timeline")
+    page.drawing(timeline(play), f"Timeline of {play.name}")
+    page.note(
+        "Bars are the hands' motions, with the numbers of the cues below; a cross is a cue that "
+        "cannot be done, where it was to begin. A cue is seen where the limb turns at its mark, "
+        "if there is such a turn, otherwise where the hands begin."
+    )
     progress(Progress(done=0.1, total=1.0))
     stills = Stills(play, verification.run)
     ends = [*play.acts.values(), play.duration]
     for k, act in enumerate(play.acts):
-        parts += [
-            f"<h2>{escape(act)}</h2>",
-            paragraph(f"From {ends[k]:.2f} to {ends[k + 1]:.2f} s.", "note"),
-            png(stills.of_act(act), f"Stills of {act}"),
-            play_tables.cue_table(verification, act).html(),
-        ]
+        page.section(act)
+        page.note(f"From {ends[k]:.2f} to {ends[k + 1]:.2f} s.")
+        page.plots([(stills.of_act(act), f"Stills of {act}")])
+        page.table(play_tables.cue_table(verification, act))
         progress(Progress(done=0.1 + 0.7 * (k + 1) / len(play.acts), total=1.0))
-    parts += _measured(verification)
+    _measured(page, verification)
     progress(Progress(done=1.0, total=1.0))
-    return page(f"{play.name}: verification", parts)
+    return page
 
 
 def _facts(verification: Verification) -> str:
@@ -99,7 +84,7 @@ def _facts(verification: Verification) -> str:
     )
 
 
-def _verdict(verification: Verification) -> list[str]:
+def _verdict(page: Page, verification: Verification) -> None:
     """Whether all holds, what cannot be done and what does not hold."""
     play = verification.play
     faults, refused = verification.faults, len(play.refused)
@@ -112,36 +97,30 @@ def _verdict(verification: Verification) -> list[str]:
         if faults
         else f"the run keeps its promises, no cue more than {late:.0f} ms off"
     )
-    kind = "fails" if play.lacking or faults else "holds"
-    parts = [paragraph(f"{first}; {second}.", f"verdict {kind}")]
+    page.verdict(f"{first}; {second}.", not (play.lacking or faults))
     if play.changes:
-        parts += ["<h3>What is not as written, and why</h3>", listing(map(str, play.changes))]
+        page.subsection("What is not as written, and why")
+        page.items(map(str, play.changes))
     if faults:
-        parts += ["<h3>What does not hold</h3>", listing(faults)]
-    return parts
+        page.subsection("What does not hold")
+        page.items(faults)
 
 
-def _measured(verification: Verification) -> list[str]:
-    sections: list[tuple[str, str, Table]] = [
-        (
-            "Least clearances",
-            "Of bodies of players, obstacles and the floor, then of strings "
-            "that come within 0.3 m of others, over the whole run.",
-            play_tables.clearance_table(verification),
-        ),
-        (
-            "Strings",
-            "Largest tension over the whole run, beside the weight of the whole player. A string "
-            "catches where it goes taut: often many times in a row, and softly.",
-            play_tables.string_table(verification),
-        ),
-        (
-            "Hands",
-            "Of every hand the coordinate that is nearest to its bound.",
-            play_tables.hand_table(verification),
-        ),
-    ]
-    parts = ["<h2>Measured</h2>", paragraph(f"The run: {verification.run.status.message}.")]
-    for title, text, table in sections:
-        parts += [f"<h3>{title}</h3>", paragraph(text, "note"), table.html()]
-    return parts
+def _measured(page: Page, verification: Verification) -> None:
+    page.section("Measured")
+    page.text(f"The run: {verification.run.status.message}.")
+    page.subsection("Least clearances")
+    page.note(
+        "Of bodies of players, obstacles and the floor, then of strings that come within 0.3 m of "
+        "others, over the whole run."
+    )
+    page.table(play_tables.clearance_table(verification))
+    page.subsection("Strings")
+    page.note(
+        "Largest tension over the whole run, beside the weight of the whole player. A string "
+        "catches where it goes taut: often many times in a row, and softly."
+    )
+    page.table(play_tables.string_table(verification))
+    page.subsection("Hands")
+    page.note("Of every hand the coordinate that is nearest to its bound.")
+    page.table(play_tables.hand_table(verification))

@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.model.tree import measure
 from fantoccini.motion import EventKind
-from fantoccini.output.reports.pages import Table
+from fantoccini.output.html import Table
 from fantoccini.theatre.plays import clearances
 
 if TYPE_CHECKING:

@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fantoccini.output.html import Page, Table, write_page
 from fantoccini.output.reports import stand_plots
-from fantoccini.output.reports.pages import (
-    Table,
-    checked_page,
-    listing,
-    page,
-    paragraph,
-    png,
-    svg,
-    write_page,
-)
 from fantoccini.stand import QUANTITIES, lost_lines, remedies
 
 if TYPE_CHECKING:
@@ -48,66 +38,59 @@ def stand_report(
         ValueError: the path has another ending.
         PictureError: it cannot be written.
     """
-    path = checked_page(path)
-    write_page(path, _page(check, slower))
-    return path
+    return write_page(path, lambda: _page(check, slower))
 
 
-def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> str:
+def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> Page:
     stand = check.map.stand
-    parts = [
-        f"<h1>{escape(stand.name)}</h1>",
-        paragraph(stand.file.about),
-        paragraph(_facts(check)),
-        paragraph(check.summary(), f"verdict {'holds' if check.ok else 'fails'}"),
-        *(paragraph(note, "note") for note in check.notes),
-    ]
+    page = Page(f"{stand.name}: can it do it?", stand.name)
+    page.text(stand.about)
+    page.text(_facts(check))
+    page.verdict(check.summary(), check.ok)
+    for note in check.notes:
+        page.note(note)
     if check.broken:
-        parts += ["<h2>What is not enough</h2>", _broken(check).html()]
+        page.section("What is not enough")
+        page.table(_broken(check))
         if check.lost:
-            parts += ["<h3>Lost steps</h3>", listing(lost_lines(check))]
-        parts += ["<h2>What would help</h2>", listing(remedies(check))]
+            page.subsection("Lost steps")
+            page.items(lost_lines(check))
+        page.section("What would help")
+        page.items(remedies(check))
     if slower is not None:
-        parts += ["<h3>A slower tempo, simulated again</h3>", paragraph(slower[1])]
+        page.subsection("A slower tempo, simulated again")
+        page.text(slower[1])
         if slower[0] is not None:
-            parts.append(_slower_table(check, slower[0]).html())
-    parts += [
-        "<h2>Margins</h2>",
-        paragraph(
-            "What is left of every bound at the worst moment, in per cent of the bound; of travel, "
-            "the distance from its nearer end in per cent of the whole. A catch is a string that "
-            "snaps taut; its bound is the impulse that throws a stepper out of step.",
-            "note",
-        ),
-        svg(stand_plots.margins(check), f"Margins of the axes of {stand.name}", 0.8),
-        margin_table(check).html(),
-        "<h2>Torque against speed</h2>",
-        paragraph(
-            "At the motor. Grey: what it gives. A point beyond it is a step lost, or a motor that "
-            "lags.",
-            "note",
-        ),
-        *(
-            png(figure, f"Torque and speed of {', '.join(names)}")
-            for figure, names in stand_plots.torque_and_speed(check)
-        ),
-        "<h2>Over time</h2>",
-        paragraph(
-            "Dashed: the bounds. Red: where they are passed. Torques that the motion does not "
-            "determine are left out.",
-            "note",
-        ),
-        *(
-            png(figure, f"Motion and torque of {', '.join(names)}")
-            for figure, names in stand_plots.over_time(check)
-        ),
-        paragraph(
-            "All of this is computed, for winches that hold exactly; nothing was measured on a "
-            "machine.",
-            "note",
-        ),
-    ]
-    return page(f"{stand.name}: can it do it?", parts)
+            page.table(_slower_table(check, slower[0]))
+    page.section("Margins")
+    page.note(
+        "What is left of every bound at the worst moment, in per cent of the bound; of travel, "
+        "the distance from its nearer end in per cent of the whole. A catch is a string that "
+        "snaps taut; its bound is the impulse that throws a stepper out of step."
+    )
+    page.drawing(stand_plots.margins(check), f"Margins of the axes of {stand.name}", 0.8)
+    page.table(margin_table(check))
+    page.section("Torque against speed")
+    page.note(
+        "At the motor. Grey: what it gives. A point beyond it is a step lost, or a motor that lags."
+    )
+    page.plots(
+        (figure, f"Torque and speed of {', '.join(names)}")
+        for figure, names in stand_plots.torque_and_speed(check)
+    )
+    page.section("Over time")
+    page.note(
+        "Dashed: the bounds. Red: where they are passed. Torques that the motion does not "
+        "determine are left out."
+    )
+    page.plots(
+        (figure, f"Motion and torque of {', '.join(names)}")
+        for figure, names in stand_plots.over_time(check)
+    )
+    page.note(
+        "All of this is computed, for winches that hold exactly; nothing was measured on a machine."
+    )
+    return page
 
 
 def _facts(check: StandCheck) -> str:

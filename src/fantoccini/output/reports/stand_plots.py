@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, plain
+from fantoccini.output.reports.panels import COLUMNS, WIDTH, grid, labelled, parts, timed, titled
+from fantoccini.output.view import LIGHT, RED, Theme, blank_figure, dress, plain
 from fantoccini.stand import QUANTITIES
 
 if TYPE_CHECKING:
@@ -18,22 +19,20 @@ if TYPE_CHECKING:
     from fantoccini.stand import StandCheck
 
 _MARKS = dict(zip(QUANTITIES, "|os^Dv", strict=True))
-_COLUMNS = 3
 _ROWS = 7
 """Axes of a figure over time."""
 _LEAST_MARGIN = -100.0
 """Margins below it are drawn there [%]."""
 _TURN = 2.0 * np.pi
-_WIDTH = 1150
 
 
 def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
     """The margins of all axes, a line each."""
     names = [axis.name for axis in check.axes]
-    figure = blank_figure((_WIDTH - 200, 110 + 26 * len(names)), facecolor=theme.top)
+    figure = blank_figure((WIDTH - 200, 110 + 26 * len(names)), facecolor=theme.top)
     above, below = 34 / (110 + 26 * len(names)), 60 / (110 + 26 * len(names))
     axes = figure.add_axes((0.19, below, 0.64, 1.0 - above - below))
-    _dressed(axes, theme)
+    dress(axes, theme, "both")
     axes.axvspan(_LEAST_MARGIN, 0.0, color=RED, alpha=0.07, linewidth=0.0)
     axes.axvline(0.0, color=RED, linewidth=1.0)
     for n, quantity in enumerate(QUANTITIES):
@@ -55,12 +54,11 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
             clip_on=False,
             zorder=3 + n,
         )
-    axes.set_yticks(range(len(names)), [plain(name, 24) for name in names])
+    axes.set_yticks(range(len(names)), [plain(name, 24) for name in names], parse_math=False)
     axes.set_ylim(len(names) - 0.5, -0.5)
     least = min(limit.margin for limit in check.limits)
     axes.set_xlim(min(-10.0, max(least, _LEAST_MARGIN) - 5.0), 103.0)
-    axes.set_xlabel("margin [%]", color=theme.ink)
-    axes.grid(axis="both", color=theme.grid, linewidth=0.4, alpha=0.6)
+    labelled(axes, theme, "margin [%]")
     axes.legend(
         loc="upper left",
         bbox_to_anchor=(1.02, 1.0),
@@ -73,23 +71,16 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
 
 def torque_and_speed(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
     """Torque against speed of every motor, in figures of several, with their axes."""
-    many = _COLUMNS * 3
-    for begin in range(0, len(check.axes), many):
-        part = range(begin, min(begin + many, len(check.axes)))
-        rows = -(-len(part) // _COLUMNS)
-        figure = blank_figure((_WIDTH, 250 * rows), facecolor=theme.top)
-        panels = figure.subplots(rows, _COLUMNS, squeeze=False)
-        for panel, k in zip(panels.flat, part, strict=False):
+    for part in parts(range(len(check.axes)), 3 * COLUMNS):
+        figure, panels = grid(len(part), 250, theme, share_x=False)
+        for panel, k in zip(panels, part, strict=True):
             _torque_panel(panel, check, k, theme)
-        for panel in list(panels.flat)[len(part) :]:
-            panel.set_visible(False)
-        figure.tight_layout(pad=1.1)
         yield figure, [check.axes[k].name for k in part]
 
 
 def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
     axis = check.axes[k]
-    _dressed(axes, theme)
+    dress(axes, theme, "both")
     w = axis.ratio * np.abs(check.motion.velocity[:, k])
     torque, there = np.abs(check.torque[:, k]), check.available[:, k]
     fast = max(1.25 * float(np.max(w)), 0.2 * _TURN)
@@ -104,25 +95,23 @@ def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
     axes.set_xlim(0.0, fast / _TURN)
     largest = float(np.max(torque[known], initial=0.0))
     axes.set_ylim(0.0, 1.12 * max(largest, float(np.max(most))))
-    axes.set_title(plain(axis.name, 30), fontsize=9.5, color=theme.ink, loc="left")
-    axes.set_xlabel("turns/s", fontsize=8.5, color=theme.ink)
-    axes.set_ylabel("N m", fontsize=8.5, color=theme.ink)
+    titled(axes, axis.name, theme)
+    labelled(axes, theme, "turns/s", "N m")
 
 
 def over_time(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
     """Position, speed, acceleration and torque of every axis, in figures of several."""
-    for begin in range(0, len(check.axes), _ROWS):
-        part = range(begin, min(begin + _ROWS, len(check.axes)))
-        figure = blank_figure((_WIDTH, 60 + 150 * len(part)), facecolor=theme.top)
+    for part in parts(range(len(check.axes)), _ROWS):
+        figure = blank_figure((WIDTH, 60 + 150 * len(part)), facecolor=theme.top)
+        figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.06)
         panels = figure.subplots(len(part), 4, sharex=True, squeeze=False)
         for row, k in zip(panels, part, strict=True):
             _axis_row(row, check, k, theme)
         titles = ("position [m, rad]", "speed [1/s]", "acceleration [1/s^2]", "torque [N m]")
         for panel, title in zip(panels[0], titles, strict=True):
-            panel.set_title(title, fontsize=9.5, color=theme.ink)
+            titled(panel, title, theme)
         for panel in panels[-1]:
-            panel.set_xlabel("time [s]", fontsize=8.5, color=theme.ink)
-        figure.tight_layout(pad=1.0, w_pad=0.6, h_pad=0.5)
+            labelled(panel, theme, "time [s]")
         yield figure, [check.axes[k].name for k in part]
 
 
@@ -144,7 +133,7 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
         ),
     ]
     for panel, (values, below, above, symmetric) in zip(row, curves, strict=True):
-        _dressed(panel, theme)
+        timed(panel, t, theme)
         for bound in (below, above):
             panel.plot(t, bound, color=theme.faint, linewidth=0.9, linestyle=(0, (4, 2)))
         panel.plot(t, values, color=theme.colour(0), linewidth=0.9)
@@ -155,14 +144,4 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
             there = 1.1 * float(np.max(above))
             most = max(1.15 * size, min(there, 4.0 * size), 0.1 * there)
             panel.set_ylim(-most, most)
-        panel.set_xlim(t[0], t[-1])
-    row[0].set_ylabel(plain(axis.name, 20), fontsize=8.5, color=theme.ink)
-
-
-def _dressed(axes: Axes, theme: Theme) -> None:
-    axes.set_facecolor(theme.top)
-    axes.tick_params(labelsize=7.5, colors=theme.ink, width=0.5, length=3)
-    for side, spine in axes.spines.items():
-        spine.set_visible(side in ("left", "bottom"))
-        spine.set_color(theme.faint)
-        spine.set_linewidth(0.6)
+    labelled(row[0], theme, y=plain(axis.name, 20))

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fantoccini.output.view import LIGHT, blank_figure, dress, plain
+from fantoccini.output.reports.panels import WIDTH
+from fantoccini.output.view import LIGHT, RED, blank_figure, dress, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
     from fantoccini.theatre.plays import CueOfPlay, Play
 
-_WIDTH = 1150
-"""Of the picture [px]."""
 _LANE = 21
 """Height of a lane [px]."""
 _LONGEST = 60.0
@@ -25,8 +24,6 @@ _CROSS = 0.025
 """Width of a cross with its number over that of the row."""
 _LETTER = 5.6
 """Mean width of a letter [px]."""
-REFUSED = "#b3261e"
-"""Colour of what cannot be done."""
 
 Bar = tuple[float, float, str]
 """Beginning and end [s], and the words in it."""
@@ -42,18 +39,18 @@ def timeline(play: Play) -> Figure:
     n = sum(len(own) for own in lanes.values()) + len(captions)
     left = 20.0 + 7.0 * max(len(plain(name, 18)) for name in (*lanes, "captions"))
     height = rows * (_LANE * n + 74)
-    figure = blank_figure((_WIDTH, height), facecolor=LIGHT.top)
+    figure = blank_figure((WIDTH, height), facecolor=LIGHT.top)
     for row, axes in enumerate(figure.subplots(rows, 1, squeeze=False)[:, 0]):
         low = height - (row + 1) * (_LANE * n + 74) + 40
         axes.set_position(
-            (left / _WIDTH, low / height, (_WIDTH - left - 14) / _WIDTH, _LANE * n / height)
+            (left / WIDTH, low / height, (WIDTH - left - 14) / WIDTH, _LANE * n / height)
         )
         begin = row * each
         axes.set_xlim(begin, begin + each)
         axes.set_ylim(n, 0.0)
         dress(axes, LIGHT, "x")
         axes.set_xlabel("time [s]", color=LIGHT.ink, fontsize=8, labelpad=1.0)
-        scale = (_WIDTH - left - 14) / each
+        scale = (WIDTH - left - 14) / each
         _acts(axes, play, begin, begin + each, scale)
         _players(axes, play, lanes, scale)
         _captions(axes, captions, n - len(captions), scale)
@@ -190,14 +187,14 @@ def _refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
     low, high = axes.get_xlim()
     if not low <= cue.wanted <= high:
         return
-    axes.plot(cue.wanted, y + 0.5, "x", color=REFUSED, markersize=6.0, clip_on=False, zorder=4.0)
+    axes.plot(cue.wanted, y + 0.5, "x", color=RED, markersize=6.0, clip_on=False, zorder=4.0)
     axes.annotate(
         f"{cue.number}",
         (cue.wanted, y + 0.5),
         (-5.0, 0.0),
         textcoords="offset points",
         fontsize=7.5,
-        color=REFUSED,
+        color=RED,
         ha="right",
         va="center",
         zorder=4.0,

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fantoccini.base import perpendicular
 from fantoccini.output.view.silhouettes import Solid
 
 AROUND = 20
@@ -161,6 +162,5 @@ def _ball(rims: int) -> tuple[np.ndarray, np.ndarray]:
 
 def frame_along(axis: np.ndarray) -> np.ndarray:
     """A rotation (3, 3) whose third column is a unit vector."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    first /= np.linalg.norm(first)
+    first = perpendicular(axis)
     return np.column_stack([first, np.cross(axis, first), axis])

@@ -7,9 +7,6 @@ shows text.
 
 from __future__ import annotations
 
-import base64
-import html
-import io
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -17,6 +14,7 @@ import numpy as np
 
 from fantoccini.base.documents import Parameter
 from fantoccini.model.tree import WORLD, StringRow, grow
+from fantoccini.output.html import Element, element, picture, to_html
 from fantoccini.output.view.drawing import DPI, Look, plain
 from fantoccini.output.view.geometry import geometry_at
 from fantoccini.output.view.pictures import figure_of, strip_figure
@@ -29,25 +27,23 @@ if TYPE_CHECKING:
     from fantoccini.dynamics.marionette import Marionette
     from fantoccini.motion import Trajectory
 
-MAX_BYTES = 200_000
-"""A larger picture is drawn again with fewer pixels."""
+MAX_LENGTH = 270_000
+"""A picture whose text is longer is drawn again with fewer pixels."""
 MAX_LINES = 16
 """Lines of a table; more are only counted."""
 POSES = 5
 """Poses of a run's strip."""
-
-_CELL = 'style="text-align:left;padding:.1em .6em .1em 0"'
 
 
 def puppet_html(marionette: Marionette) -> str | None:
     """A puppet as HTML: its start pose, mass, strings and driven coordinates."""
     try:
         still = Still(marionette.puppet, marionette.tree, marionette.number)
-        picture = _picture(
+        image = _picture(
             lambda: figure_of(geometry_at(still, still.start()), Look.of(size=(420, 520))),
             "the start pose",
         )
-        return _page(marionette.name, picture, _puppet_tables(marionette))
+        return _page(marionette.name, image, _puppet_tables(marionette))
     except Exception:  # a display must never fail a notebook's cell
         return None
 
@@ -57,13 +53,13 @@ def run_html(run: Trajectory) -> str | None:
     try:
         still = _still_of(run)
         if still is None:
-            picture = _picture(lambda: plot(run, size=(900, 800)), "the run against time")
+            image = _picture(lambda: plot(run, size=(900, 800)), "the run against time")
         else:
-            picture = _picture(
+            image = _picture(
                 lambda: strip_figure(still, run, POSES, "poses", Look.of()), "poses of the run"
             )
         name = run.puppet.name if run.puppet else "run"
-        return _page(name, picture, _run_tables(run), wide=True)
+        return _page(name, image, _run_tables(run), wide=True)
     except Exception:  # as above
         return None
 
@@ -85,26 +81,21 @@ def _still_of(run: Trajectory) -> Still | None:
     return still if np.all(over - slip <= 1e-3 * np.abs(over).max(initial=1.0)) else None
 
 
-def _picture(figure: Callable[[], Figure], what: str) -> str:
-    """An image with its content in the page; empty where it cannot be drawn."""
+def _picture(figure: Callable[[], Figure], alt: str) -> Element | None:
+    """An image with its content in the page; None where it cannot be drawn."""
     try:
         made = figure()
+        width, style = f"{made.get_figwidth() * DPI:.0f}", "max-width:100%;height:auto"
         for scale in (2.0, 1.5, 1.0, 0.7):
-            content = io.BytesIO()
-            made.savefig(content, dpi=DPI * scale, format="png")
-            if content.tell() <= MAX_BYTES:
+            image = picture(made, plain(alt), "png", DPI * scale, width=width, style=style)
+            if len(image.attrib["src"]) <= MAX_LENGTH:
                 break
     except Exception:  # the tables are useful without it
-        return ""
-    width = round(made.get_figwidth() * DPI)
-    data = base64.b64encode(content.getvalue()).decode("ascii")
-    return (
-        f'<img alt="{_text(what)}" width="{width}" style="max-width:100%;height:auto" '
-        f'src="data:image/png;base64,{data}">'
-    )
+        return None
+    return image
 
 
-def _puppet_tables(m: Marionette) -> list[str]:
+def _puppet_tables(m: Marionette) -> list[Element | None]:
     table = m.coordinates
     facts = [
         ("degrees of freedom", table.n_vD),
@@ -153,7 +144,7 @@ def _length(m: Marionette, string: StringRow) -> str:
     return f"{name}{m.number(string.length):.4g} m"
 
 
-def _run_tables(run: Trajectory) -> list[str]:
+def _run_tables(run: Trajectory) -> list[Element | None]:
     about = run.summary()
     events = "not recorded"
     if about["events"] is not None:
@@ -187,35 +178,35 @@ def _run_tables(run: Trajectory) -> list[str]:
     return [_table((), facts), _table(heads, strings), _table(("energy at the end", "J"), ledger)]
 
 
-def _page(title: str, picture: str, tables: list[str], wide: bool = False) -> str:
-    """Picture and tables side by side, or one below the other where the picture is ``wide``.
+def _page(
+    title: str, image: Element | None, tables: list[Element | None], wide: bool = False
+) -> str:
+    """Image and tables side by side, or one below the other where the image is ``wide``.
 
-    The picture contains the title; without one it is put above the tables.
+    The image contains the title; without one it is put above the tables.
     """
-    head = "" if picture else f'<div style="font-weight:bold">{_text(title)}</div>'
-    shown = "".join(f'<div style="margin:0 2em .8em 0">{t}</div>' for t in tables if t)
-    row = "display:flex;gap:1.2em;align-items:flex-start"
-    return (
-        f'<div class="fantoccini">{head}'
-        f'<div style="{row};flex-direction:{"column" if wide else "row"}">'
-        f'<div style="flex:none;max-width:100%">{picture}</div>'
-        f'<div style="{row};flex-wrap:wrap">{shown}</div></div></div>'
-    )
+    head = [element("div", plain(title), style="font-weight:bold")] if image is None else []
+    margin, row = "margin:0 2em .8em 0", "display:flex;gap:1.2em;align-items:flex-start"
+    shown = [element("div", table, style=margin) for table in tables if table is not None]
+    inner = [] if image is None else [element("div", image, style="flex:none;max-width:100%")]
+    inner.append(element("div", *shown, style=f"{row};flex-wrap:wrap"))
+    direction = "column" if wide else "row"
+    body = element("div", *inner, style=f"{row};flex-direction:{direction}")
+    return to_html(element("div", *head, body, class_="fantoccini"))
 
 
-def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> str:
+def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | None:
     """A table; long ones end with the number of lines that are not shown."""
     if not rows:
-        return ""
-    shown = [list(row) for row in rows[:MAX_LINES]]
-    lines = ["".join(f"<th {_CELL}>{_text(h)}</th>" for h in heads)] if heads else []
-    lines += ["".join(f"<td {_CELL}>{_text(c)}</td>" for c in row) for row in shown]
+        return None
+    shown = [[_cell("td", str(cell)) for cell in row] for row in rows[:MAX_LINES]]
     if len(rows) > len(shown):
-        width = len(shown[0])
-        rest = f"and {len(rows) - len(shown)} more"
-        lines.append(f'<td colspan="{width}" {_CELL}>{rest}</td>')
-    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+        rest = _cell("td", f"and {len(rows) - len(shown)} more", str(len(shown[0])))
+        shown.append([rest])
+    head = [[_cell("th", text) for text in heads]] if heads else []
+    return element("table", *(element("tr", *cells) for cells in head + shown))
 
 
-def _text(cell: object) -> str:
-    return html.escape(plain(str(cell)))
+def _cell(tag: str, text: str, columns: str = "") -> Element:
+    style = "text-align:left;padding:.1em .6em .1em 0"
+    return element(tag, plain(text), colspan=columns, style=style)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fantoccini.base import cross, perpendicular, unit
 from fantoccini.output.view.camera import Camera, Viewport
 from fantoccini.output.view.theme import Theme, mix
 
@@ -280,10 +281,9 @@ def _rim(centre: np.ndarray, half: np.ndarray, pose: np.ndarray, eye: np.ndarray
 
 def _great_circle(normal: np.ndarray, n: int = 40) -> np.ndarray:
     """(n, 3) points of the unit circle normal to a vector."""
-    normal = normal / np.linalg.norm(normal)
-    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    first /= np.linalg.norm(first)
-    second = np.cross(normal, first)
+    normal = unit(normal)
+    first = perpendicular(normal)
+    second = cross(normal, first)
     angles = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)[:, None]
     return np.cos(angles) * first + np.sin(angles) * second
 

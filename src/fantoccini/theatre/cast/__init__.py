@@ -1,7 +1,7 @@
 """The cast of a play: its file, its players and companies, props and cues."""
 
-from fantoccini.theatre.cast import props
-from fantoccini.theatre.cast.actors import STILL, Actor, CannotBe, Wishes
+from fantoccini.theatre.cast import prop_gestures
+from fantoccini.theatre.cast.actors import Actor, CannotBe, Wishes
 from fantoccini.theatre.cast.casting import Cast, Player, read_cast
 from fantoccini.theatre.cast.clips import Clip, is_clip, read_clip
 from fantoccini.theatre.cast.companies import (
@@ -23,13 +23,11 @@ from fantoccini.theatre.cast.contacts import (
     sitting,
     standing,
 )
-from fantoccini.theatre.cast.cue_file import HOW, WITH_PROPS, CueFile, said
-from fantoccini.theatre.cast.cues import ARRIVES, WALKS, Cue, Part, Timeline, lane_name, said_in_act
+from fantoccini.theatre.cast.cues import Part, Placed, Turn, lane_name, play_timeline, said_in_act
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
 from fantoccini.theatre.cast.kept import Kept, OutOfTime, digest
-from fantoccini.theatre.cast.play_file import PlayFile, StageFile, is_play, play_schema
-from fantoccini.theatre.cast.props import (
+from fantoccini.theatre.cast.prop_gestures import (
     BODY,
     CARRIED,
     SIDES,
@@ -41,30 +39,23 @@ from fantoccini.theatre.cast.props import (
     sign_of,
     summed,
 )
+from fantoccini.theatre.cast.props import PlayProp, PropState, top_of
 from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
-from fantoccini.theatre.cast.things import PropState, Thing, top_of
 
 __all__ = [
-    "ARRIVES",
     "BODY",
     "CARRIED",
     "ERRORS",
     "FEET",
-    "HOW",
     "SEATED",
     "SIDES",
-    "STILL",
-    "WALKS",
-    "WITH_PROPS",
     "Actor",
     "CannotBe",
     "CannotBegin",
     "Cast",
     "Clip",
     "Company",
-    "Cue",
-    "CueFile",
     "Footing",
     "Hindrance",
     "Kept",
@@ -73,16 +64,15 @@ __all__ = [
     "OutOfTime",
     "Pair",
     "Part",
+    "Placed",
     "Places",
-    "PlayFile",
+    "PlayProp",
     "Player",
     "PropState",
     "Span",
-    "StageFile",
     "Staged",
     "Stop",
-    "Thing",
-    "Timeline",
+    "Turn",
     "Way",
     "Waypoints",
     "Wishes",
@@ -94,15 +84,13 @@ __all__ = [
     "gesture_of",
     "hanging",
     "is_clip",
-    "is_play",
     "lane_name",
     "of_member",
     "of_stage",
-    "play_schema",
-    "props",
+    "play_timeline",
+    "prop_gestures",
     "read_cast",
     "read_clip",
-    "said",
     "said_in_act",
     "settled",
     "sign_of",

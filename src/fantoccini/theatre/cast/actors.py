@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fantoccini.base import Array, MaskRows, Times
 from fantoccini.theatre.cast.casting import Player
+from fantoccini.theatre.cast.cues import lane_name
 from fantoccini.theatre.cast.footing import Footing, Way
-from fantoccini.theatre.gestures import Gesture, Line, Spot
+from fantoccini.theatre.gestures import Gesture, Line
+from fantoccini.theatre.script import Spot
 
-STILL = 1e-9
-"""Rate below which a lane is at rest [m/s or rad/s]."""
+_SAME_TIME = 1e-9
+"""Difference of times that counts as none [s]."""
 _TRACK = 0.05
 """Between samples of a walk, which is straight between them [s]."""
 
@@ -63,13 +66,13 @@ class Actor:
         busy = [
             (until, lane)
             for lane, _, until, named in self.played
-            if until > begin + STILL and np.any(named & gesture.named)
+            if until > begin + _SAME_TIME and np.any(named & gesture.named)
         ]
         if busy:
             until, lane = max(busy)
             return lane, max(until, begin)
         for i, line in enumerate(self.lanes[1:], 1):
-            if line.end + line.lead_time(gesture.motion) <= begin + STILL:
+            if line.end + line.lead_time(gesture.motion) <= begin + _SAME_TIME:
                 return i, begin
         if len(self.lanes) > 1 and all(until <= begin for _, _, until, _ in self.played):
             return 1, begin
@@ -79,20 +82,26 @@ class Actor:
     def add(self, lane: int, gesture: Gesture, begin: float) -> float:
         """Adds a gesture that is to begin at a time; when it does [s]."""
         line = self.lanes[lane]
-        lead = line.lead_time(gesture.motion)
-        if begin - lead > line.end:
-            if np.any(np.abs(line.rate) > STILL):
-                line.stop()
-                lead = line.lead_time(gesture.motion)
-            line.hold(begin - lead)
+        line.wait(gesture.motion, begin)
         return line.add(gesture.motion)
 
     def rests(self) -> float:
         """Brings all its strings to rest; when they are [s]."""
         for line in self.lanes:
-            if np.any(np.abs(line.rate) > STILL):
-                line.stop()
+            line.rest()
         return max(line.end for line in self.lanes)
+
+    def motion(self, until: float) -> tuple[Gesture, dict[str, Gesture]]:
+        """All that it does until a time [s], and its lanes."""
+        lanes = {}
+        for i, line in enumerate(self.lanes):
+            line.hold(until)
+            label = lane_name(self.player.name, i)
+            lanes[label] = Gesture(self.player.alone.coordinates, *line.motion, label)
+        whole, *others = lanes.values()
+        for other in others:
+            whole += other
+        return whole, lanes
 
     @property
     def last(self) -> Footing:
@@ -112,9 +121,9 @@ class Actor:
         return np.array(t), np.array(xy)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Wishes:
-    """What rounds of compiling have found out about cues.
+    """Results of earlier rounds of compiling about cues.
 
     Attributes:
         earlier: (cue, player) -> by how much its hands begin earlier, as limbs lag [s].
@@ -129,16 +138,16 @@ class Wishes:
         approaches: cue -> which way to come up to a seat is tried.
     """
 
-    earlier: dict[tuple[Spot, str], float] = field(default_factory=dict)
-    pauses: dict[Spot, float] = field(default_factory=dict)
-    refused: dict[Spot, str] = field(default_factory=dict)
-    smaller: dict[Spot, float] = field(default_factory=dict)
-    hangs: dict[Spot, tuple[float, float]] = field(default_factory=dict)
-    calms: dict[tuple[Spot, str], tuple[float, ...]] = field(default_factory=dict)
-    stands: dict[Spot, Footing] = field(default_factory=dict)
-    approaches: dict[Spot, int] = field(default_factory=dict)
+    earlier: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
+    pauses: Mapping[Spot, float] = field(default_factory=dict)
+    refused: Mapping[Spot, str] = field(default_factory=dict)
+    smaller: Mapping[Spot, float] = field(default_factory=dict)
+    hangs: Mapping[Spot, tuple[float, float]] = field(default_factory=dict)
+    calms: Mapping[tuple[Spot, str], tuple[float, ...]] = field(default_factory=dict)
+    stands: Mapping[Spot, Footing] = field(default_factory=dict)
+    approaches: Mapping[Spot, int] = field(default_factory=dict)
 
-    def copied(self) -> Wishes:
-        """The same, to come back to."""
-        own = {one.name: dict(getattr(self, one.name)) for one in fields(self)}
-        return Wishes(**own)
+    def setting(self, kind: str, key: object, value: object | None) -> Wishes:
+        """The same with a value of a kind, the name of an attribute; None removes it."""
+        own = {**getattr(self, kind), key: value}
+        return replace(self, **{kind: {one: own[one] for one in own if own[one] is not None}})

@@ -18,12 +18,11 @@ from fantoccini.model.puppet import FLOOR, Puppet, bundled
 from fantoccini.model.scene import Member, Scene
 from fantoccini.motion import State
 from fantoccini.theatre.cast.contacts import asked_pairs, rules_of
-from fantoccini.theatre.cast.cue_file import DIRECTIONS
 from fantoccini.theatre.cast.footing import Footing
-from fantoccini.theatre.cast.play_file import PlayerFile, PlayFile
+from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
-from fantoccini.theatre.cast.things import PropState, Thing, read_things
-from fantoccini.theatre.gestures import Ends, Notes, Spot
+from fantoccini.theatre.gestures import Ends
+from fantoccini.theatre.script import DIRECTIONS, Notes, PlayerFile, PlayFile, Spot
 
 Pose = dict[str, Any]
 """Start values by coordinate."""
@@ -97,7 +96,7 @@ class Cast:
         whole: all on the stage.
         x0: where everything hangs and lies at the start.
         file: the play.
-        things: its props, by name.
+        props: its props, by name.
         lie: prop -> its state at the start.
     """
 
@@ -105,7 +104,7 @@ class Cast:
     whole: Marionette
     x0: State
     file: PlayFile
-    things: Mapping[str, Thing] = field(default_factory=dict)
+    props: Mapping[str, PlayProp] = field(default_factory=dict)
     lie: Mapping[str, PropState] = field(default_factory=dict)
 
     def member(self, name: str) -> str:
@@ -172,7 +171,7 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
         members.append(Member(name=name, puppet=puppet, pose=pose))
     notes.refuse()
     lifts = {name: one.lift for name, one in file.cast.items()}
-    things = read_things(file, starts, lifts, places, notes)
+    props = read_props(file, starts, lifts, places, notes)
     notes.refuse()
     stage = file.stage
     only = f"{next(iter(players))}." if len(players) == 1 else ""
@@ -183,7 +182,7 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
             floor=stage.floor,
             puppets=tuple(members),
             obstacles=stage.obstacles,
-            props=tuple(one.prop for one in things.values()),
+            props=tuple(one.prop for one in props.values()),
             contact=rules if rules.pairs else None,
         )
         whole = Marionette(scene)
@@ -191,8 +190,8 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
         for one_mistake in error.mistakes:
             notes.mistake(("stage",), f"{one_mistake.key}: {one_mistake.message}")
         notes.refuse()
-    lie = {name: one.start for name, one in things.items()}
-    return Cast(players, whole, all_together(whole, players, lie), file, things, lie)
+    lie = {name: one.start for name, one in props.items()}
+    return Cast(players, whole, all_together(whole, players, lie), file, props, lie)
 
 
 def _check_names(file: PlayFile, notes: Notes) -> None:

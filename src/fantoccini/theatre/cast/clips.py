@@ -13,7 +13,6 @@ from fantoccini.base import FileError, Mistake, StateError
 from fantoccini.base.documents import has_key
 from fantoccini.theatre.cast.casting import Player
 from fantoccini.theatre.cast.kept import Kept
-from fantoccini.theatre.cast.play_file import StageFile
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.retarget import (
     BEGINS,
@@ -24,6 +23,7 @@ from fantoccini.theatre.retarget import (
     load_mapping,
     place_on_spot,
 )
+from fantoccini.theatre.script import StageFile
 
 _FAR = 0.05
 """Share of the puppet's height by which a part may be farther from the clip than where it hangs."""

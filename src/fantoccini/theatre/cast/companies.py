@@ -10,7 +10,6 @@ import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 
@@ -23,8 +22,9 @@ from fantoccini.motion import State, pieces
 from fantoccini.theatre.cast.casting import Cast, all_together, placed
 from fantoccini.theatre.cast.contacts import Pair, hanging, rules_of
 from fantoccini.theatre.cast.kept import Kept
-from fantoccini.theatre.cast.things import PropState
-from fantoccini.theatre.gestures import Gesture, Spot
+from fantoccini.theatre.cast.props import PropState
+from fantoccini.theatre.gestures import Gesture
+from fantoccini.theatre.script import MeetingKind, Spot
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Meeting:
     players: tuple[str, ...]
     props: tuple[str, ...]
     pairs: frozenset[Pair]
-    kind: Literal["hangs", "given", "put", "picked", "sits"]
+    kind: MeetingKind
     cue: Spot | None = None
     bears: tuple[float, float] = (0.0, 0.0)
 
@@ -216,7 +216,7 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
     if len(players) == 1 and not company.props and not company.pairs:
         (only,) = players
         return Staged(company, only.alone, {only.name: ""}, {}, {}, only.content)
-    things = [cast.things[name] for name in company.props]
+    things = [cast.props[name] for name in company.props]
     used = {name for pair in company.pairs for name in pair}
     stand = [one for one in cast.file.stage.obstacles if one.name in used]
     alone = len(players) == 1
@@ -262,7 +262,7 @@ def settled(cast: Cast, kept: Kept) -> Cast:
     """
     players, lie = dict(cast.players), dict(cast.lie)
     for who, player in cast.players.items():
-        held = [one for one in cast.things.values() if one.held_by == who]
+        held = [one for one in cast.props.values() if one.held_by == who]
         if not held:
             continue
         pairs = frozenset(hanging(who, one.side, one.name) for one in held)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from fantoccini.model.puppet import FLOOR, Contact, ContactPair
-from fantoccini.theatre.cast.play_file import PlayFile
+from fantoccini.theatre.script import VERBS, PlayFile
 
 Pair = frozenset[str]
 """Names of two parts of the stage: ``pierrot.forearm_right``, props, obstacles or the floor."""
 
+SIDES = ("left", "right")
+"""Of forearms."""
 FRICTION = 0.6
 """Coefficient of friction of all that touches."""
 SEATED = ("thigh_left", "thigh_right", "torso", "skull")
@@ -43,14 +45,13 @@ def asked_pairs(file: PlayFile) -> frozenset[Pair]:
             found.add(hanging(given.held_by, given.side, prop))
     for act in file.acts:
         for cue in act.cues:
-            who, seat = cue.who[0], cue.sits_on or cue.stands_up_from
-            if seat is not None:
-                found |= sitting(who, seat)
-            handled = cue.gives or cue.puts_down or cue.picks_up
-            if handled is not None:
-                arms = [(one, side) for one in (who, cue.to) if one for side in ("left", "right")]
-                found |= {hanging(one, side, handled) for one, side in arms}
-                found |= standing(handled, cue.onto or FLOOR)
+            named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
+            if "seat" in named:
+                found |= sitting(cue.who[0], named["seat"])
+            if "prop" in named:
+                players = [cue.who[0], *([named["player"]] if "player" in named else [])]
+                found |= {hanging(who, side, named["prop"]) for who in players for side in SIDES}
+                found |= standing(named["prop"], named.get("table", FLOOR))
     return frozenset(found)
 
 

@@ -8,46 +8,35 @@ from dataclasses import dataclass, field
 
 from fantoccini.base import nearest
 from fantoccini.base.documents import NAME
-from fantoccini.theatre.cast.cue_file import CueFile
-from fantoccini.theatre.cast.play_file import PlayFile
-from fantoccini.theatre.gestures import (
+from fantoccini.theatre.gestures import Gesture
+from fantoccini.theatre.script import (
     END,
     START,
-    Gesture,
+    VERBS,
+    Cue,
+    EntersToCue,
+    ExitsToCue,
+    GivesCue,
+    Moments,
     Notes,
+    PlayCue,
+    PlayFile,
     Reference,
     Spot,
     Time,
-    Times,
-    in_order,
+    Timeline,
+    make_timeline,
+    walks,
 )
 
 _LONGEST = 1800.0
-"""How long an act lasts at most [s]."""
-ARRIVES = "arrives"
-"""Mark of a walk: its end."""
-WALKS = ("walks_to", "enters_to", "exits_to", "turns_to")
-"""Verbs that carry a player."""
-_NAMED = {
-    "walks_to": "walk",
-    "enters_to": "enter",
-    "exits_to": "exit",
-    "turns_to": "turn",
-    "looks_at": "look",
-    "points_at": "point",
-    "gives": "give",
-    "sits_on": "sit",
-    "stands_up_from": "stand_up",
-    "puts_down": "put_down",
-    "picks_up": "pick_up",
-}
-"""Verb -> by which name times refer to it, where it has none of its own."""
+"""Longest act [s]."""
 _OF_PLAYER = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Part:
-    """What one player does in a cue.
+    """The part of one player in a cue.
 
     Attributes:
         who: the player.
@@ -75,218 +64,150 @@ def lane_name(who: str, lane: int) -> str:
     return who if lane == 0 else f"{who} {lane + 1}"
 
 
-@dataclass
-class Cue:
-    """A cue before and after it is placed in time.
+@dataclass(eq=False)
+class Turn:
+    """A cue while it is placed.
 
     Attributes:
-        spot: where it is written.
-        index: its place in the file's order.
-        act: number of its act.
-        given: what is written.
-        who: the players.
-        name: by which times refer to it.
-        known: its moments, by name.
-        before: for each player, the cue that it does before.
+        cue: which.
         wanted: when it, or its mark of `on`, is to be [s].
-        parts: what the players do; none where it cannot be done.
-        refused: why it cannot be done; "" where it can.
-        moments: mark, ``start`` or ``end`` -> time [s], of several players the last.
+        parts: what the players do so far.
     """
 
-    spot: Spot
-    index: int
-    act: int
-    given: CueFile
-    who: tuple[str, ...]
-    name: str
-    known: tuple[str, ...]
-    before: dict[str, Cue | None] = field(default_factory=dict)
-    wanted: float = 0.0
+    cue: Cue[PlayCue]
+    wanted: float
     parts: list[Part] = field(default_factory=list)
-    refused: str = ""
-    moments: dict[str, float] = field(default_factory=dict)
 
     @property
-    def is_named(self) -> bool:
-        """Whether the file gives it a name of its own."""
-        return self.given.name is not None
-
-    def give(self, beat: float) -> float:
-        """By how much later it may be [s]; as long as it likes, where the play has no time."""
-        given = self.given
-        if given.may_wait is None and given.when is None and given.on is None and not given.go:
-            return float("inf")
-        return (given.may_wait or 0.0) * beat
+    def spot(self) -> Spot:
+        """Keys that lead to it."""
+        return self.cue.spot
 
     @property
-    def walks(self) -> bool:
-        """Whether it carries the players."""
-        return self.given.verb in WALKS
+    def given(self) -> PlayCue:
+        """The cue as it is written."""
+        return self.cue.given
+
+    @property
+    def who(self) -> tuple[str, ...]:
+        """The players."""
+        return self.cue.who
 
 
-Ref = tuple[str, Cue | None, float]
-"""A moment of a player's cue before: its kind, the cue, and the offset [beats]."""
-
-
-class Timeline:
-    """All cues of a play, and what their times mean.
+@dataclass(frozen=True)
+class Placed:
+    """A cue as it is placed.
 
     Attributes:
-        cues: in the file's order.
-        acts: (n,) numbers of the first cues of the acts, and of one after the last.
+        cue: which.
+        wanted: when it, or its mark of `on`, is to be [s].
+        parts: what the players do; none where it cannot be done.
+        moments: mark, ``start`` or ``end`` -> time [s], of several players the last.
+        refused: why it cannot be done; "" where it can.
+    """
+
+    cue: Cue[PlayCue]
+    wanted: float
+    parts: tuple[Part, ...]
+    moments: Moments
+    refused: str = ""
+
+    @property
+    def spot(self) -> Spot:
+        """Keys that lead to it."""
+        return self.cue.spot
+
+    @property
+    def given(self) -> PlayCue:
+        """The cue as it is written."""
+        return self.cue.given
+
+
+def play_timeline(
+    file: PlayFile, marks: Callable[[PlayCue, Spot], Iterable[str]], notes: Notes
+) -> Timeline[PlayCue]:
+    """The cues of a play and what their times mean.
 
     Args:
         file: the play.
         marks: gives the marks of what a cue does, () after a mistake.
         notes: take mistakes.
     """
+    acts: list[list[Cue[PlayCue]]] = []
+    last: dict[str, Cue[PlayCue]] = {}
+    cues: list[Cue[PlayCue]] = []
+    for a, act in enumerate(file.acts):
+        acts.append([])
+        for i, given in enumerate(act.cues):
+            spot: Spot = ("acts", a, "cues", i)
+            who = _who(file, given, spot, notes)
+            if isinstance(given, GivesCue) and given.to in file.cast and given.to not in who:
+                who = (*who, given.to)
+            name = given.name or VERBS[given.verb].called or str(given.what)
+            name = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
+            known = (*marks(given, spot), START, END)
+            before = tuple(last[one] for one in who if one in last)
+            cue = Cue(spot, len(cues), a, given, who, name, known, before)
+            last.update(dict.fromkeys(who, cue))
+            acts[-1].append(cue)
+            cues.append(cue)
 
-    def __init__(
-        self, file: PlayFile, marks: Callable[[CueFile, Spot], Iterable[str]], notes: Notes
-    ):
-        self._file, self._notes = file, notes
-        self.cues: list[Cue] = []
-        self.acts = [0]
-        last: dict[str, Cue] = {}
-        for a, act in enumerate(file.acts):
-            for i, given in enumerate(act.cues):
-                spot: Spot = ("acts", a, "cues", i)
-                who = self._who(given, spot)
-                if given.to is not None and given.to in file.cast and given.to not in who:
-                    who = (*who, given.to)
-                name = given.name or _NAMED.get(given.verb, given.does or "")
-                name = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
-                known = (*marks(given, spot), START, END)
-                cue = Cue(spot, len(self.cues), a, given, who, name, known)
-                cue.before = {one: last.get(one) for one in who}
-                last.update(dict.fromkeys(who, cue))
-                self.cues.append(cue)
-            self.acts.append(len(self.cues))
-        beats = {name: float(beat) for name, beat in file.times.items()}
-        self._times = Times(beats, self.cues, notes.located)
-        self._refs: dict[Spot, float | Reference | Ref | None] = {}
-        for cue in self.cues:
-            for spot, given_time in self.times_of(cue):
-                self._refs[spot] = self._read(given_time, spot, cue)
-            for mark in cue.given.on or ():
-                if mark not in cue.known:
-                    text = f"{cue.name} has no mark {mark!r}{nearest(mark, cue.known)}"
-                    notes.mistake((*cue.spot, "on"), text)
-        notes.found += self._times.mistakes
-        self._times.mistakes.clear()
-        self._check_order()
-        self._check_entrances()
-
-    def of_act(self, act: int) -> list[Cue]:
-        """The cues of an act."""
-        return self.cues[self.acts[act] : self.acts[act + 1]]
-
-    @staticmethod
-    def times_of(cue: Cue) -> list[tuple[Spot, Time]]:
-        """The times that a cue begins by, with their places."""
-        if cue.given.on is not None:
-            return [((*cue.spot, "on", mark), time) for mark, time in cue.given.on.items()]
-        when = cue.given.when or ()
-        many = len(when) > 1
-        return [
-            ((*cue.spot, "when", i) if many else (*cue.spot, "when"), time)
-            for i, time in enumerate(when)
-        ]
-
-    def last_go(self, cue: Cue) -> Cue | None:
-        """The cue before it in its act that waits for GO."""
-        before = self.cues[self.acts[cue.act] : cue.index]
-        return next((one for one in reversed(before) if one.given.go), None)
-
-    def needs(self, cue: Cue) -> list[Cue]:
-        """The cues that must be placed before it."""
-        found = [one for one in cue.before.values() if one is not None]
-        if cue.given.go:
-            found += self.cues[self.acts[cue.act] : cue.index]
-        elif (go := self.last_go(cue)) is not None:
-            found.append(go)
-        for spot, _ in self.times_of(cue):
-            found += self._referred(spot)
-        return found
-
-    def time(self, spot: Spot, act_start: float) -> float:
-        """What is written somewhere, once what it refers to is placed [s]."""
-        ref, beat = self._refs[spot], self._notes.beat
-        if isinstance(ref, Reference):
-            if isinstance(ref.target, str):
-                return (self._file.times[ref.target] + ref.offset) * beat
-            return ref.target.moments[ref.moment] + ref.offset * beat
-        if isinstance(ref, tuple):
-            moment, cue, offset = ref
-            assert cue is not None  # one that is not is a mistake
-            # What has happened in an act before has happened when this one begins.
-            return max(cue.moments[moment], act_start) + offset * beat
-        return act_start + (ref or 0.0) * beat
-
-    def _check_order(self) -> None:
-        """Notes cues that wait for those of a later act, or for themselves."""
-        for cue in self.cues:
-            for spot, _ in self.times_of(cue):
-                for one in self._referred(spot):
-                    if one.act > cue.act:
-                        line = self._notes.located.line(one.spot)
-                        text = f"waits for {one.name} on line {line}, a cue of a later act"
-                        self._notes.mistake(spot, text)
-        needs = {cue.spot: [one.spot for one in self.needs(cue)] for cue in self.cues}
-        _, mistake = in_order(needs, self._notes.located)
-        if mistake is not None:
-            self._notes.mistake(*mistake)
-
-    def _check_entrances(self) -> None:
-        """Notes entrances of those who are on the stage, and waits beyond all measure."""
-        away: dict[str, bool] = dict.fromkeys(self._file.cast, True)
-        for cue in self.cues:
-            for who in cue.who:
-                if cue.given.verb == "enters_to" and not away[who]:
-                    text = f"{who} is on the stage already; needed: `walks to`"
-                    self._notes.mistake((*cue.spot, "enters to"), text)
-                away[who] = cue.given.verb == "exits_to"
-            for spot, given in self.times_of(cue):
-                if isinstance(given, float) and given * self._notes.beat > _LONGEST:
-                    text = f"found beat {given:g}; an act lasts {_LONGEST / 60:g} minutes at most"
-                    self._notes.mistake(spot, text)
-
-    def _referred(self, spot: Spot) -> list[Cue]:
-        """The cue that a time refers to, if it does."""
-        ref = self._refs[spot]
-        if isinstance(ref, Reference) and isinstance(ref.target, Cue):
-            return [ref.target]
-        return [ref[1]] if isinstance(ref, tuple) and ref[1] is not None else []
-
-    def _who(self, given: CueFile, spot: Spot) -> tuple[str, ...]:
-        cast = list(self._file.cast)
-        found = []
-        for name in given.who:
-            if name == "all":
-                found += cast
-            elif name not in cast:
-                text = f"no player is called {name!r}{nearest(name, cast)}"
-                self._notes.mistake((*spot, "who"), text)
-            else:
-                found.append(name)
-        return tuple(dict.fromkeys(found))
-
-    def _read(self, given: Time, spot: Spot, cue: Cue) -> float | Reference | Ref | None:
+    def special(cue: Cue[PlayCue], spot: Spot, given: Time) -> Reference | float | None:
         match = _OF_PLAYER.fullmatch(given.strip()) if isinstance(given, str) else None
-        if match is not None and match[1] in self._file.cast:
-            offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
-            last = self._last(match[1], cue, match[2] == "arrives")
-            if last is None:
-                what = "walk" if match[2] == "arrives" else "cue"
-                self._notes.mistake(spot, f"{match[1]} has no {what} before this one")
-                return None
-            return END, last, offset
-        return self._times.read(given, spot)
+        if match is None or match[1] not in file.cast:
+            return None
+        offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
+        walk = match[2] == "arrives"
+        for one in reversed(cues[: cue.index]):
+            if match[1] in one.who and (walks(one.given) or not walk):
+                # What has happened in an act before has happened when this one begins.
+                return Reference(one.spot, END, offset, in_act=True)
+        notes.mistake(spot, f"{match[1]} has no {'walk' if walk else 'cue'} before this one")
+        return 0.0
 
-    def _last(self, who: str, cue: Cue, walks: bool) -> Cue | None:
-        """The cue, or the walk, that a player does last before a cue, in the file's order."""
-        for one in reversed(self.cues[: cue.index]):
-            if who in one.who and (one.walks or not walks):
-                return one
-        return None
+    times: dict[Spot, Time] = {("times", name): float(beat) for name, beat in file.times.items()}
+    made = make_timeline(acts, times, notes, special)
+    _check_order(made, notes)
+    _check_entrances(file, made, notes)
+    return made
+
+
+def _check_order(made: Timeline[PlayCue], notes: Notes) -> None:
+    """Notes cues that wait for those of a later act."""
+    of_spot = {cue.spot: cue for cue in made.cues}
+    for cue in made.cues:
+        for spot, _ in cue.times:
+            ref = made.refs[spot]
+            other = of_spot.get(ref.spot) if isinstance(ref, Reference) else None
+            if other is not None and other.act > cue.act:
+                line = notes.located.line(other.spot)
+                text = f"waits for {other.name} on line {line}, a cue of a later act"
+                notes.mistake(spot, text)
+
+
+def _check_entrances(file: PlayFile, made: Timeline[PlayCue], notes: Notes) -> None:
+    """Notes entrances of those who are on the stage, and waits beyond all measure."""
+    away: dict[str, bool] = dict.fromkeys(file.cast, True)
+    for cue in made.cues:
+        for who in cue.who:
+            if isinstance(cue.given, EntersToCue) and not away[who]:
+                text = f"{who} is on the stage already; needed: `walks to`"
+                notes.mistake((*cue.spot, "enters to"), text)
+            away[who] = isinstance(cue.given, ExitsToCue)
+        for spot, given in cue.times:
+            if isinstance(given, float) and given * notes.beat > _LONGEST:
+                text = f"found beat {given:g}; an act lasts {_LONGEST / 60:g} minutes at most"
+                notes.mistake(spot, text)
+
+
+def _who(file: PlayFile, given: PlayCue, spot: Spot, notes: Notes) -> tuple[str, ...]:
+    """The players of a cue; notes those that are none."""
+    cast, found = list(file.cast), list[str]()
+    for name in given.who:
+        if name == "all":
+            found += cast
+        elif name not in cast:
+            notes.mistake((*spot, "who"), f"no player is called {name!r}{nearest(name, cast)}")
+        else:
+            found.append(name)
+    return tuple(dict.fromkeys(found))

@@ -6,8 +6,9 @@ import hashlib
 import math
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any, TypeVar
@@ -33,13 +34,23 @@ class Kept:
 
     Attributes:
         made: number of results computed because they were not kept.
-        until: time of the monotonic clock after which no result is computed [s].
+        until: time of the monotonic clock after which no result is computed [s]; see
+            :meth:`limited`.
     """
 
     made: int = 0
     until: float = math.inf
     _found: OrderedDict[str, Any] = field(default_factory=OrderedDict)
     _lock: Lock = field(default_factory=Lock)
+
+    @contextmanager
+    def limited(self, until: float) -> Iterator[None]:
+        """Computes no result after a time of the monotonic clock [s], while the context lasts."""
+        self.until = until
+        try:
+            yield
+        finally:
+            self.until = math.inf
 
     def get(self, key: str, job: Callable[[], T]) -> T:
         """A result, made where it is not kept.

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from fantoccini.base import Array, nearest
-from fantoccini.theatre.cast.cue_file import DIRECTIONS
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing
-from fantoccini.theatre.cast.play_file import PlayerFile, PlayFile
-from fantoccini.theatre.gestures import Notes, Spot
+from fantoccini.theatre.script import DIRECTIONS, Notes, PlayerFile, PlayFile, Spot
 
 
 class Places:

@@ -17,59 +17,37 @@ from fantoccini.theatre.gestures.gesture_file import (
 )
 from fantoccini.theatre.gestures.joining import Line, Motion
 from fantoccini.theatre.gestures.moves import planes
-from fantoccini.theatre.gestures.notes import LATE, Notes
 from fantoccini.theatre.gestures.parameters import MADE
 from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
-from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait, is_score
-from fantoccini.theatre.gestures.score_file import (
-    Factor,
-    Length,
-    Mark,
-    SoundsFile,
-    Time,
-    score_schema,
-)
+from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
 from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
 from fantoccini.theatre.gestures.timekeeping import Late, lateness
-from fantoccini.theatre.gestures.timing import END, START, Reference, Spot, Times, in_order
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, limits, transition
 from fantoccini.theatre.gestures.walking import SWAY, steps
 
 __all__ = [
     "ACCELERATION",
-    "END",
-    "LATE",
     "MADE",
     "SAME",
     "SPEED",
-    "START",
     "STEP_TIME",
     "SWAY",
     "Caption",
     "Complex",
     "Conductor",
     "Ends",
-    "Factor",
     "Gait",
     "Gesture",
     "Late",
-    "Length",
     "Line",
-    "Mark",
     "Motion",
-    "Notes",
     "Played",
-    "Reference",
     "Rehearsal",
     "Score",
     "Sound",
-    "SoundsFile",
-    "Spot",
     "Step",
-    "Time",
-    "Times",
     "Track",
     "Wait",
     "at",
@@ -78,9 +56,7 @@ __all__ = [
     "gesture_names",
     "gesture_of_take",
     "gesture_schema",
-    "in_order",
     "is_gesture",
-    "is_score",
     "lateness",
     "limits",
     "load_gesture",
@@ -89,7 +65,6 @@ __all__ = [
     "planes",
     "read_sounds",
     "rehearse",
-    "score_schema",
     "stepping",
     "steps",
     "transition",

@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, UnknownNameError
+from fantoccini.base import Array, StateError, UnknownNameError, polynomial
 from fantoccini.base.documents import value_of
 from fantoccini.control.optimal import reach
 from fantoccini.control.tasks import Bounds
@@ -152,7 +152,7 @@ def point(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
     findings.raise_any()
     names = [f"{string}.{part}" for part in ("x", "y", "length")]
     own = {name: float(found.state[name] - ends.start[ends.of + name]) for name in names}
-    way = max(_BRIEFEST, 1.875 * max(abs(x) for x in own.values()) / _SPEED)
+    way = max(_BRIEFEST, polynomial.minimum_jerk_duration(max(map(abs, own.values())), _SPEED))
     t, curve = there_and_back(way, _HOLD)
     for name, offset in own.items():
         ends.add(name, times(offset, curve))
@@ -183,7 +183,7 @@ def look(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
         for part in ("x", "y", "length")
     }
     farthest = max(abs(x) for x in own.values())
-    way = max(_BRIEFEST, _TURN_TIME * abs(turn), 1.875 * farthest / _SPEED)
+    way = max(_BRIEFEST, _TURN_TIME * abs(turn), polynomial.minimum_jerk_duration(farthest, _SPEED))
     t, curve = there_and_back(way, _HOLD)
     ends.carry((np.zeros(len(t), dtype=complex),) * 3, times(turn, curve))
     for name, offset in own.items():

@@ -4,24 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import Field, WithJsonSchema, model_validator
 
 from fantoccini.base import FileError, Mistake, StateError, UnknownNameError, nearest
 from fantoccini.base.documents import (
-    Located,
+    Document,
+    Finding,
+    Kind,
     Model,
     Name,
     NotNegative,
     Place,
+    document_schema,
     has_key,
     mistake,
-    read_file,
-    shown,
-    validate,
+    read_document,
+    refuse,
+    unknown_names,
 )
 from fantoccini.control.optimal import What, reach
 from fantoccini.control.tasks import Bounds
@@ -48,15 +52,6 @@ _POINTS = {
 }
 
 
-def _mapping(value: Any) -> Any:
-    if not isinstance(value, dict):
-        raise mistake(f"found {shown(value)}; needed: names and their waypoints")
-    return value
-
-
-Moves = Annotated[dict[str, Annotated[Any, WithJsonSchema(_POINTS)]], BeforeValidator(_mapping)]
-
-
 class KeyPoses(Model):
     """Places of points of bodies, for which lengths and ends of strings are found."""
 
@@ -69,15 +64,35 @@ class KeyPoses(Model):
     of: dict[str, Place] = Field(default_factory=dict)
     """Body -> the point in its frame; its origin where not given [m]."""
 
+    @model_validator(mode="after")
+    def _match(self) -> KeyPoses:
+        found: list[Finding] = [
+            (("at", i + 1), f"found {b:g} s after {a:g} s; times must increase")
+            for i, (a, b) in enumerate(pairwise(self.at))
+            if not b > a
+        ]
+        for body, places in self.points.items():
+            if len(places) != len(self.at):
+                text = f"found {len(places)} places at {len(self.at)} times; needed: one at each"
+                found.append((("points", body), text))
+        refuse(
+            [*found, *unknown_names(self.of, self.points, "{} is not among the points", ("of",))]
+        )
+        return self
 
-class GestureFile(Model):
+
+class GestureFile(Document):
     """A gesture: offsets from where the puppet hangs."""
+
+    kind: ClassVar = Kind(
+        "gesture", "a gesture has the keys `gesture`, and `moves` or `poses`", _FOLDER
+    )
 
     gesture: Name
     """The gesture's name."""
     about: str = ""
     """What is seen."""
-    moves: Moves = Field(default_factory=dict)
+    moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
     """What moves -> list of [time s, offset]: a driven coordinate, or a string and a direction
     (`hand_right.up`); offsets in m or rad, or with a unit (`12 cm`, `30 deg`)."""
     poses: KeyPoses | None = None
@@ -87,16 +102,21 @@ class GestureFile(Model):
     travels: bool = False
     """Whether the puppet is at its new place afterwards."""
 
+    @model_validator(mode="after")
+    def _moves_something(self) -> GestureFile:
+        if not self.moves and self.poses is None:
+            raise mistake("found neither moves nor poses; needed: one of them")
+        return self
+
 
 def gesture_schema() -> dict[str, Any]:
     """JSON Schema of a gesture file, for editors."""
-    schema = GestureFile.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return document_schema(GestureFile)
 
 
 def gesture_names() -> tuple[str, ...]:
     """Names of the bundled gestures, of the bundled marionette."""
-    return tuple(sorted({*(p.stem for p in _FOLDER.glob("*.yaml")), *MADE}))
+    return tuple(sorted({*GestureFile.kind.bundled, *MADE}))
 
 
 def bundled(name: str) -> Path:
@@ -140,11 +160,9 @@ def load_gesture(
     prefix = member_prefix(reading.table_of(puppet), of)
     if not os.path.isfile(name):
         if name not in gesture_names():
-            text = "found no file; a gesture file is needed, or the name of a bundled gesture"
-            raise FileError([Mistake(name, None, "", text + nearest(name, gesture_names()))])
+            raise GestureFile.kind.missing(name, gesture_names())
         if given.makes(name):
             return made_gesture(puppet, name, given, prefix, start)
-        path = bundled(name)
     given.refuse(Path(name).stem)
     if name.lower().endswith(".npz"):
         if of:
@@ -156,8 +174,7 @@ def load_gesture(
 
 def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str) -> Gesture:
     """The gesture of a file."""
-    located = read_file(path)
-    file = validate(GestureFile, located)
+    file = read_document(path, GestureFile)
     table, findings = reading.table_of(puppet), Findings()
     given = {prefix + name: points for name, points in file.moves.items()}
     offsets: dict[str, Points] = moves.read(table, given, findings, ("moves",))
@@ -165,10 +182,8 @@ def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, pref
         (tuple(x.removeprefix(prefix) if isinstance(x, str) else x for x in spot), text)
         for spot, text in findings.found
     ]
-    if not file.moves and file.poses is None:
-        findings.add((), "found neither moves nor poses; needed: one of them")
     if file.poses is not None and not findings.found:
-        found = _of_poses(puppet, file.poses, start, offsets, located, prefix)
+        found = _of_poses(puppet, file, file.poses, start, offsets, prefix)
         for channel, points in found.items():
             if channel in offsets:
                 findings.add(("moves",), f"move {channel}, as the string of the poses does")
@@ -179,8 +194,7 @@ def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, pref
             if t > made.duration + SAME_TIME:
                 text = f"found {t:g} s; the gesture ends at {made.duration:g} s"
                 findings.add(("marks", mark), text)
-    if findings.found:
-        raise located.error(findings.found, FileError)
+    file.refuse(findings.found)
     return dataclasses.replace(made, marks=dict(file.marks))
 
 
@@ -212,34 +226,23 @@ def is_gesture(path: str | os.PathLike[str]) -> bool:
 
 def _of_poses(
     puppet: Table,
+    file: GestureFile,
     poses: KeyPoses,
     start: State | None,
     moved: dict[str, Points],
-    located: Located,
     prefix: str,
 ) -> dict[str, Points]:
     """Offsets of strings with which the puppet hangs at key poses, moved as it is then."""
     found = Findings()
     if not isinstance(puppet, Marionette):
-        raise TypeError(f"{located.file} has key poses; it takes a Marionette")
+        raise TypeError(f"{file.located.file} has key poses; it takes a Marionette")
     x0, table = puppet.rest() if start is None else start, puppet.coordinates
     owners = {name: name.rsplit(".", 1)[0] for name in table.q_K}
     for i, string in enumerate(poses.strings):
         if prefix + string not in owners.values():
             text = f"no string with driven coordinates is called {string!r}"
             found.add(("poses", "strings", i), text + nearest(string, set(owners.values())))
-    for i, (a, b) in enumerate(zip(poses.at, poses.at[1:], strict=False)):
-        if not b > a:
-            found.add(("poses", "at", i + 1), f"found {b:g} s after {a:g} s; times must increase")
-    for body, places in poses.points.items():
-        if len(places) != len(poses.at):
-            text = f"found {len(places)} places at {len(poses.at)} times; needed: one at each"
-            found.add(("poses", "points", body), text)
-    for body in poses.of:
-        if body not in poses.points:
-            text = f"{body!r} is not among the points{nearest(body, poses.points)}"
-            found.add(("poses", "of", body), text)
-    _refuse(found, located)
+    file.refuse(found.found)
     strings = {prefix + string for string in poses.strings}
     held = tuple(name for name, owner in owners.items() if owner not in strings)
     targets: dict[What, Any] = {}
@@ -252,7 +255,7 @@ def _of_poses(
             continue
         home = pose[:3, 3] + pose[:3, :3] @ np.array(at)
         targets[prefix + body, at] = home + np.array(places)
-    _refuse(found, located)
+    file.refuse(found.found)
     made = {
         table.q_K[q]: (np.array(poses.at), np.empty(len(poses.at)))
         for q, _ in table.scalars_K
@@ -269,16 +272,11 @@ def _of_poses(
         try:
             reached = reach(puppet, one, here, bounds=Bounds(held=held))[0]
         except StateError as error:
-            raise located.error([(("poses", "at", i), str(error))], FileError) from None
+            raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
         if not reached:
             found.add(("poses", "at", i), f"at {poses.at[i]:g} s: {reached.summary()}")
         for q, _ in table.scalars_K:
             if table.q_K[q] in made:
                 made[table.q_K[q]][1][i] = reached.state.q_K[q] - x0.q_K[q]
-    _refuse(found, located)
+    file.refuse(found.found)
     return made
-
-
-def _refuse(found: Findings, located: Located) -> None:
-    if found.found:
-        raise located.error(found.found, FileError)

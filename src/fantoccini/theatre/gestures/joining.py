@@ -11,6 +11,9 @@ from fantoccini.base import Array, MaskRows, Times, VecK, polynomial
 from fantoccini.theatre.gestures import piecewise
 from fantoccini.theatre.gestures.transitions import transition
 
+STILL = 1e-9
+"""Rate below which a line is at rest [m/s or rad/s]."""
+
 
 class Motion(NamedTuple):
     """The arrays of a gesture: see there."""
@@ -76,6 +79,21 @@ class Line:
         )
         self._go(lead)
         self.d, self.rate = arrived, np.zeros(len(self.d))
+
+    def rest(self) -> None:
+        """Brings everything to rest that is not."""
+        if np.any(np.abs(self.rate) > STILL):
+            self.stop()
+
+    def wait(self, motion: Motion, begin: float) -> float:
+        """Stays where it is, so that a motion begins at a time or soon after; the way there [s]."""
+        lead = self.lead_time(motion)
+        if begin - lead > self.end:
+            if np.any(np.abs(self.rate) > STILL):
+                self.stop()
+                lead = self.lead_time(motion)
+            self.hold(begin - lead)
+        return lead
 
     def hold(self, until: float) -> None:
         """Stays where it is, at rest, until a time [s]."""

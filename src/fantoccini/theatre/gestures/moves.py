@@ -10,6 +10,7 @@ import numpy as np
 
 from fantoccini.base import Array, MaskRows, StateError, nearest
 from fantoccini.motion import Findings, Path, Points, pieces, reading
+from fantoccini.theatre.script import metres
 
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
@@ -29,8 +30,6 @@ DIRECTIONS = {
 _SUFFIXES = ("length", "x", "y", "z", "rotation")
 _SIDE = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
 _TWIN = {"left": "right", "right": "left"}
-_LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(mm|cm|m)", re.ASCII)
-_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 
 def owner_of(name: str) -> tuple[str, str, str]:
@@ -136,13 +135,6 @@ def meaning(name: str, known: Mapping[str, Any]) -> tuple[str, float]:
             return str(name), 1.0
         sign = (1.0 if side[-1] == "left" else -1.0) * (1.0 if direction == "out" else -1.0)
     return f"{owner}.{part}", sign
-
-
-def metres(value: Any) -> Any:
-    """A length with its unit (``12 cm``) in metres; anything else as it is."""
-    if isinstance(value, str) and (match := _LENGTH.fullmatch(value.strip())):
-        return float(match[1]) * _METRES[match[2]]
-    return value
 
 
 def _in_metres(points: Any, findings: Findings) -> Any:

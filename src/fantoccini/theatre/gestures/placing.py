@@ -10,18 +10,132 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Line, Motion
-from fantoccini.theatre.gestures.notes import LATE, Notes
 from fantoccini.theatre.gestures.score import Played
-from fantoccini.theatre.gestures.score_file import CueFile, Time
-from fantoccini.theatre.gestures.timing import END, START, Cue, Reference, Spot, Times, in_order
+from fantoccini.theatre.script import (
+    END,
+    LATE,
+    START,
+    Cue,
+    GestureCue,
+    HoldCue,
+    Moments,
+    Notes,
+    PlayedCue,
+    Ref,
+    ScoreCue,
+    Spot,
+    Time,
+    Timeline,
+    make_timeline,
+)
 
 _HEADING = 1e-2
 """Difference of headings that tears no strings apart [rad]."""
-_STILL = 1e-9
-"""Rate below which a lane is at rest [m/s or rad/s]."""
 
-Gestures = Callable[[CueFile, Spot], tuple[Gesture, Gesture] | None]
-"""The gesture of a cue, once and as often as it is repeated; None after a mistake."""
+Made = tuple[Gesture, Gesture]
+"""The gesture of a cue, once and as often as it is repeated."""
+Gestures = Callable[[PlayedCue, Spot], Made | None]
+"""Gives those of cues; None after a mistake."""
+ScoreCues = Mapping[str, tuple[Spot, tuple[ScoreCue, ...]]]
+"""Lane -> where it is written, and its cues."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedLanes:
+    """Lanes of a score, or of one phrase, placed in time.
+
+    Attributes:
+        timeline: the cues, in the file's order.
+        lines: lane -> its motion.
+        played: the gestures that are played, in the file's order.
+        moments: place of a cue or a mark -> its moments.
+        marks: mark of the score -> time [s].
+        turns: whether a gesture turns.
+    """
+
+    timeline: Timeline[ScoreCue]
+    lines: Mapping[str, Line]
+    played: tuple[tuple[Cue[ScoreCue], Played, Motion], ...]
+    moments: Mapping[Spot, Moments]
+    marks: Mapping[str, float]
+    turns: bool
+
+    def time(self, given: Time, spot: Spot, notes: Notes) -> float:
+        """A time of the file [s]; 0 after a mistake."""
+        before = len(notes.found)
+        ref = self.timeline.names.read(given, spot)
+        if len(notes.found) > before:
+            return 0.0
+        return _within(self.timeline.time(ref, 0.0, self.moments), spot, notes)
+
+
+def place_lanes(
+    lanes: ScoreCues,
+    marks: Mapping[str, Time],
+    gestures: Gestures,
+    most: Array,
+    notes: Notes,
+    phrase: bool = False,
+) -> PlacedLanes | None:
+    """Places the cues of the lanes of a score, or of one phrase; None after a mistake.
+
+    Args:
+        lanes: lane -> where it is written, and its cues.
+        marks: of the score; none in a phrase.
+        gestures: gives those of cues.
+        most: (2, n_vK) bounds of speeds and accelerations.
+        notes: take mistakes and changes.
+        phrase: whether it is one.
+    """
+    made: dict[Spot, Made] = {}
+    cues = _cues(lanes, gestures, made)
+    if notes.found:
+        return None
+    spots: dict[Spot, Time] = {("marks", name): time for name, time in marks.items()}
+    timeline = make_timeline([cues], spots, notes)
+    if notes.found:
+        return None
+    placing = _Placing(timeline, made, {lane: _Lane(Line(most)) for lane in lanes}, notes, phrase)
+    timeline.place(0, 0.0, placing.moments, placing.place)
+    for lane in placing.lanes.values():
+        lane.line.rest()
+        lane.line.hold(lane.free)
+    times = {
+        name: _within(placing.moments["marks", name][""], ("marks", name), notes) for name in marks
+    }
+    played = [(cue, placing.played[cue.spot]) for cue in cues if cue.spot in placing.played]
+    return PlacedLanes(
+        timeline,
+        {name: lane.line for name, lane in placing.lanes.items()},
+        tuple((cue, one, made[cue.spot][1].motion) for cue, one in played),
+        placing.moments,
+        times,
+        any(whole.turns for _, whole in made.values()),
+    )
+
+
+def _cues(lanes: ScoreCues, gestures: Gestures, made: dict[Spot, Made]) -> list[Cue[ScoreCue]]:
+    """The cues of lanes, and their gestures by place."""
+    cues: list[Cue[ScoreCue]] = []
+    for lane, (start, written) in lanes.items():
+        before: tuple[Cue[ScoreCue], ...] = ()
+        for i, given in enumerate(written):
+            spot, name, marks = (*start, i), given.name or "", tuple[str, ...]()
+            found = gestures(given, spot) if isinstance(given, PlayedCue) else None
+            if found is not None:
+                made[spot] = found
+                name, marks = given.name or found[0].name, tuple(found[1].marks)
+            cue = Cue(spot, len(cues), 0, given, (lane,), name, (*marks, START, END), before)
+            before = (cue,)
+            cues.append(cue)
+    return cues
+
+
+def _within(t: float, spot: Spot, notes: Notes, of: str = "score") -> float:
+    """A time, at least 0; notes a mistake where it is earlier [s]."""
+    if t < 0.0:
+        notes.mistake(spot, f"comes {-t:.2f} s before the {of}")
+    return max(t, 0.0)
 
 
 @dataclass
@@ -34,158 +148,56 @@ class _Lane:
     heading: float = 0.0
 
 
-class Placing:
-    """Cues of the lanes of a score, or of one phrase, placed in time.
-
-    Attributes:
-        cues: in the file's order; placed are those that have moments.
-        lines: lane -> its motion.
-        marks: name -> time [s].
-
-    Args:
-        lanes: lane -> where it is written, and its cues.
-        marks: of the score; none in a phrase.
-        gestures: gives those of cues.
-        most: (2, n_vK) bounds of speeds and accelerations.
-        notes: take mistakes and changes.
-        phrase: whether it is one.
-    """
+class _Placing:
+    """Lanes while cues are placed, one after the other."""
 
     def __init__(
         self,
-        lanes: Mapping[str, tuple[Spot, tuple[CueFile, ...]]],
-        marks: Mapping[str, Time],
-        gestures: Gestures,
-        most: Array,
+        timeline: Timeline[ScoreCue],
+        made: Mapping[Spot, Made],
+        lanes: Mapping[str, _Lane],
         notes: Notes,
-        phrase: bool = False,
+        phrase: bool,
     ):
+        self.lanes, self._made, self._timeline = lanes, made, timeline
         self._notes, self._phrase = notes, phrase
-        self.cues = [
-            self._cue((*spot, i), lane, given, gestures)
-            for lane, (spot, cues) in lanes.items()
-            for i, given in enumerate(cues)
-        ]
-        self._lanes = {lane: _Lane(Line(most)) for lane in lanes}
-        self.marks: dict[str, float] = {}
-        if notes.found:
-            return
-        self.times = Times(marks, self.cues, notes.located)
-        self._read: dict[Spot, float | Reference | None] = {}
-        order = self._order(marks)
-        notes.found += self.times.mistakes
-        self.times.mistakes.clear()
-        if notes.found:
-            return
-        places = {cue.spot: cue for cue in self.cues}
-        for spot in order:
-            if spot in places:
-                self._place(places[spot])
-            else:
-                self.marks[str(spot[-1])] = self._time(spot)
-        for one in self._lanes.values():
-            if np.any(np.abs(one.line.rate) > _STILL):
-                one.line.stop()
-            one.line.hold(one.free)
+        self._of = "phrase" if phrase else "score"
+        self.moments: dict[Spot, Moments] = {}
+        self.played: dict[Spot, Played] = {}
 
-    @property
-    def lines(self) -> list[Line]:
-        """The lanes' motions."""
-        return [lane.line for lane in self._lanes.values()]
-
-    @property
-    def played(self) -> list[tuple[Cue, Played, Motion]]:
-        """The gestures that are played, in the file's order."""
-        return [
-            (cue, cue.played, cue.whole.motion)
-            for cue in self.cues
-            if cue.played is not None and cue.whole is not None
-        ]
-
-    def time(self, given: Time, spot: Spot) -> float:
-        """A time of the file [s]; 0 after a mistake."""
-        self._read[spot] = self.times.read(given, spot)
-        self._notes.found += self.times.mistakes
-        self.times.mistakes.clear()
-        return self._time(spot)
-
-    def _cue(self, spot: Spot, lane: str, given: CueFile, gestures: Gestures) -> Cue:
-        made = None if given.hold is not None else gestures(given, spot)
-        once, whole = made or (None, None)
-        name = given.name or given.phrase or ("" if once is None else once.name)
-        return Cue(spot, lane, given, once, whole, name)
-
-    def _order(self, marks: Mapping[str, Time]) -> list[Spot]:
-        """Places of marks and cues, each after those that it needs."""
-        needs: dict[Spot, list[Spot]] = {}
-        for name, given in marks.items():
-            needs["marks", name] = self._needed(given, ("marks", name))
-        before: dict[str, Spot] = {}
-        for cue in self.cues:
-            own = [before[cue.lane]] if cue.lane in before else []
-            before[cue.lane] = cue.spot
-            for spot, given in cue.times:
-                own += self._needed(given, spot)
-            needs[cue.spot] = own
-        order, mistake = in_order(needs, self._notes.located)
-        if mistake is not None:
-            self._notes.mistake(*mistake)
-        return order
-
-    def _needed(self, given: Time, spot: Spot) -> list[Spot]:
-        self._read[spot] = found = self.times.read(given, spot)
-        return [found.spot] if isinstance(found, Reference) else []
-
-    def _time(self, spot: Spot) -> float:
-        """A time that has been read [s]."""
-        found, beat = self._read[spot], self._notes.beat
-        if not isinstance(found, Reference):
-            return (found or 0.0) * beat
-        if isinstance(found.target, str):
-            base = self.marks[found.target]
-        else:
-            base = found.target.moments[found.moment]
-        t = base + found.offset * beat
-        if t < 0.0:
-            self._notes.mistake(spot, f"comes {-t:.2f} s before the {self._of}")
-        return max(t, 0.0)
-
-    @property
-    def _of(self) -> str:
-        return "phrase" if self._phrase else "score"
-
-    def _begins(self, cue: Cue) -> float | None:
-        """When a cue is to begin [s]; None where it follows the one before."""
+    def _begins(self, cue: Cue[ScoreCue]) -> float | None:
+        """Time at which a cue is to begin [s]; None where it follows the one before."""
         for spot, _ in cue.times:
-            t = self._time(spot)
-            if cue.given.on is None or cue.once is None:
+            ref: Ref = self._timeline.refs[spot]
+            t = _within(self._timeline.time(ref, 0.0, self.moments), spot, self._notes, self._of)
+            if not cue.given.mark:
                 return t
-            begins = t - cue.once.marks[str(spot[-1])]
+            once, _ = self._made[cue.spot]
+            begins = t - once.marks[cue.given.mark]
             if begins < 0.0:
-                text = f"{cue.once.name} would begin {-begins:.2f} s before the {self._of}"
+                text = f"{once.name} would begin {-begins:.2f} s before the {self._of}"
                 self._notes.mistake(spot, text)
             return max(begins, 0.0)
         return None
 
-    def _place(self, cue: Cue) -> None:
-        lane, wanted = self._lanes[cue.lane], self._begins(cue)
-        if cue.whole is None or cue.once is None:
-            self._rest(cue, lane, wanted)
-            return
-        line, whole, free = lane.line, cue.whole, max(lane.free, lane.line.end)
-        lead, earliest = line.lead_time(whole.motion), wanted
+    def place(self, cue: Cue[ScoreCue], _: float) -> Moments:
+        """Places a cue; its moments."""
+        lane, wanted, given = self.lanes[cue.who[0]], self._begins(cue), cue.given
+        if isinstance(given, HoldCue):
+            return self._rest(cue, given, lane, wanted)
+        assert isinstance(given, PlayedCue)
+        once, whole = self._made[cue.spot]
+        line, free, earliest = lane.line, max(lane.free, lane.line.end), wanted
         if lane.free > line.end:  # after a hold
             earliest = max(lane.free, wanted or 0.0)
-        if earliest is not None and earliest > line.end + lead:
-            if np.any(np.abs(line.rate) > _STILL):
-                line.stop()
-                lead = line.lead_time(whole.motion)
-            line.hold(earliest - lead)
+        lead = line.lead_time(whole.motion)
+        if earliest is not None:
+            lead = line.wait(whole.motion, earliest)
         begun = line.add(whole.motion)
         due = wanted if wanted is not None else lane.free if lane.free > 0.0 else None
         if due is not None and begun > due + LATE:
             self._late(cue.spot, whole.name, begun, due, lane.before, lead, free)
-        more = whole.duration - cue.given.repeat * cue.once.duration
+        more = whole.duration - given.repeat * once.duration
         if more > LATE:
             self._notes.change(
                 cue.spot,
@@ -193,31 +205,33 @@ class Placing:
                 f"{whole.duration - more:.2f} s: it ends elsewhere than it begins, and goes back "
                 "each time",
             )
-        if whole.turns and abs((cue.given.heading or 0.0) - lane.heading) > _HEADING:
+        if whole.turns and abs((given.heading or 0.0) - lane.heading) > _HEADING:
             self._notes.change(
                 cue.spot,
                 f"{whole.name} turns as if the puppet looked "
-                f"{np.degrees(cue.given.heading or 0.0):.0f} deg to the left, and tears its "
+                f"{np.degrees(given.heading or 0.0):.0f} deg to the left, and tears its "
                 f"strings apart: it looks {np.degrees(lane.heading):.0f} deg; give "
                 f"`heading: {np.degrees(lane.heading):.0f} deg`",
             )
-        lane.heading += cue.given.turn or 0.0
+        if isinstance(given, GestureCue):
+            lane.heading += given.turn or 0.0
         lane.before, lane.free = whole.name, 0.0
         marks = {name: begun + t for name, t in whole.marks.items()}
-        cue.played = Played(cue.lane, whole.name, begun, line.end, marks, cue.name)
-        cue.moments = {START: begun, END: line.end, **marks}
+        self.played[cue.spot] = Played(cue.who[0], whole.name, begun, line.end, marks, cue.name)
+        return {START: begun, END: line.end, **marks}
 
-    def _rest(self, cue: Cue, lane: _Lane, wanted: float | None) -> None:
+    def _rest(
+        self, cue: Cue[ScoreCue], given: HoldCue, lane: _Lane, wanted: float | None
+    ) -> Moments:
         """A hold: the next cue begins after it, and is led to within it."""
-        if np.any(np.abs(lane.line.rate) > _STILL):
-            lane.line.stop()
+        lane.line.rest()
         free = max(lane.free, lane.line.end)
         begun = free if wanted is None else max(wanted, free)
         if wanted is not None and begun > wanted + LATE:
             self._late(cue.spot, "the hold", begun, wanted, lane.before, 0.0, free)
-        lane.free = begun + (cue.given.hold or 0.0) * self._notes.beat
+        lane.free = begun + given.hold * self._notes.beat
         lane.before = "the hold"
-        cue.moments = {START: begun, END: lane.free}
+        return {START: begun, END: lane.free}
 
     def _late(
         self, spot: Spot, name: str, begun: float, due: float, before: str, lead: float, free: float

@@ -7,11 +7,9 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.gesture_file import bundled, gesture_names, load_gesture
-from fantoccini.theatre.gestures.notes import Notes
 from fantoccini.theatre.gestures.parameters import Parameters, made_gesture, member_prefix
-from fantoccini.theatre.gestures.placing import Placing
-from fantoccini.theatre.gestures.score_file import CueFile, ScoreFile
-from fantoccini.theatre.gestures.timing import Spot
+from fantoccini.theatre.gestures.placing import place_lanes
+from fantoccini.theatre.script import GestureCue, Notes, PhraseCue, PlayedCue, ScoreFile, Spot
 
 _DEEPEST = 30
 """Phrases within phrases."""
@@ -45,19 +43,15 @@ class Repertoire:
         for name in self._file.phrases:
             self._phrase(name, ("phrases", name))
 
-    def of(self, cue: CueFile, spot: Spot) -> tuple[Gesture, Gesture] | None:
+    def of(self, cue: PlayedCue, spot: Spot) -> tuple[Gesture, Gesture] | None:
         """The cue's gesture once, and as often as it is repeated; None after a mistake."""
-        if cue.phrase is not None:
+        if isinstance(cue, PhraseCue):
             made = self._phrase(cue.phrase, (*spot, "phrase"))
         else:
+            assert isinstance(cue, GestureCue)
             made = self._gesture(cue, spot)
         if made is None:
             return None
-        for mark in cue.on or ():
-            if mark not in made.marks:
-                text = f"{made.name} has no mark {mark!r}{nearest(mark, made.marks)}"
-                self._notes.mistake((*spot, "on"), text)
-                return None
         try:
             made = made.mirrored() if cue.mirrored else made
         except (UnknownNameError, StateError) as error:
@@ -90,8 +84,8 @@ class Repertoire:
             return None
         return made, whole
 
-    def _gesture(self, cue: CueFile, spot: Spot) -> Gesture | None:
-        name, of = str(cue.gesture), cue.of or ""
+    def _gesture(self, cue: GestureCue, spot: Spot) -> Gesture | None:
+        name, of = cue.gesture, cue.of or ""
         given = Parameters(cue.steps, cue.step, cue.turn, cue.to)
         if (name, of, given) in self._files:
             for key, text in self._wrong.get((name, of, given), ()):
@@ -151,13 +145,12 @@ class Repertoire:
 
     def _made(self, name: str) -> Gesture | None:
         lanes = {name: (("phrases", name), self._file.phrases[name])}
-        placed = Placing(lanes, {}, self.of, self._most, self._notes, phrase=True)
-        if self._notes.found:
+        placed = place_lanes(lanes, {}, self.of, self._most, self._notes, phrase=True)
+        if placed is None or self._notes.found:
             return None
         marks: dict[str, float] = {}
         for _, one, _ in placed.played:
             for mark, t in one.marks.items():
                 marks[numbered(mark, marks)] = t
-        (line,) = placed.lines
-        turns = any(cue.whole is not None and cue.whole.turns for cue in placed.cues)
-        return Gesture(self._marionette.coordinates, *line.motion, name, marks, turns)
+        (line,) = placed.lines.values()
+        return Gesture(self._marionette.coordinates, *line.motion, name, marks, placed.turns)

@@ -5,13 +5,11 @@ q_K(t) = q_K0 + sum over lanes of d_lane(t)
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from fantoccini.base import Mistake, VecK
-from fantoccini.base.documents import has_key
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 from fantoccini.theatre.gestures.gesture import Gesture
@@ -151,8 +149,3 @@ class Score:
         Before the start and after the end they are those there [m or rad, s].
         """
         return self.gesture.offsets(t)
-
-
-def is_score(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is a score: YAML with the key `score`."""
-    return has_key(path, "score")

@@ -6,10 +6,8 @@ from collections.abc import Callable, Sequence
 
 from fantoccini.base import MediaError, sound_duration
 from fantoccini.base.documents import Located
-from fantoccini.theatre.gestures.notes import Notes
 from fantoccini.theatre.gestures.score import Sound
-from fantoccini.theatre.gestures.score_file import SoundFile, Time
-from fantoccini.theatre.gestures.timing import Spot
+from fantoccini.theatre.script import Notes, SoundFile, Spot, Time
 
 
 def read_sounds(

@@ -25,7 +25,7 @@ LONGEST, MOST_TURN = 1.0, 0.5 * np.pi
 """Bounds of a step: its length [m] and how far it turns [rad]."""
 _ROUNDING = 1e-9
 """By how much they may be passed [m, rad]: shares of a whole are rounded."""
-_ALONE = np.array([0, 0, 0, 10.0, -15.0, 6.0])
+_ALONE = polynomial.MINIMUM_JERK
 _EVEN = np.array([0, 1.0, 0, 0, 0, 0])
 _RAMP = np.array([0, 0, 0, 1.0, -0.5, 0])
 """Ways over the time of a step: from rest to rest, at constant speed, from rest to that speed."""

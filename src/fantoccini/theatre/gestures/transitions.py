@@ -30,8 +30,6 @@ _LONGER = 1.1
 """Factor from one duration that is tried to the next."""
 SAME = 1e-12
 """Offsets and rates that differ by less are the same [m or rad, s]."""
-_MINIMUM_JERK = (1.875, 5.7735)
-"""Peak speed and acceleration of a minimum-jerk move, over those of 1 m in 1 s."""
 _MOST_TRIED = 200
 """Durations that are tried: the last one is 10^8 times the first."""
 
@@ -91,8 +89,7 @@ def transition(
         return None, d
     duration = max(
         _LEAST,
-        float(np.max(_MINIMUM_JERK[0] * way / most[0])),
-        float(np.max(np.sqrt(_MINIMUM_JERK[1] * way / most[1]))),
+        polynomial.minimum_jerk_duration(way, most[0], most[1]),
         float(np.max(1.5 * change / most[1])),
     )
     nothing, allowed = np.zeros(len(d)), most * (1.0 + 1e-9)

@@ -9,9 +9,8 @@ import numpy as np
 from fantoccini.theatre.gestures import piecewise
 from fantoccini.theatre.gestures.bounding import Cues, moving
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.notes import Notes
 from fantoccini.theatre.gestures.score import Wait
-from fantoccini.theatre.gestures.timing import Spot
+from fantoccini.theatre.script import Notes, Spot
 
 _SAME = 1e-6
 """Offsets and rates that differ by less are the same [m or rad, s]."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
-from fantoccini.base import Array, Times
+from fantoccini.base import Array, Times, polynomial
 from fantoccini.motion import Findings
 from fantoccini.theatre.gestures.ends import BODY, Curve, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
@@ -27,7 +26,6 @@ _PARTS = 8
 """Pieces of a step, even: knees are highest in its middle."""
 _MOST_STEPS = 1000
 _SIDES = ("left", "right")
-_MINIMUM_JERK = Polynomial([0, 0, 0, 10, -15, 6])
 
 
 def walk(
@@ -98,7 +96,7 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
 def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Curve]:
     """From 0 to 1 in ``way`` seconds, there for ``hold``, and back: times and the curve."""
     s = np.linspace(0.0, 1.0, parts + 1)
-    up = tuple((_MINIMUM_JERK.deriv(k) if k else _MINIMUM_JERK)(s) / way**k for k in range(3))
+    up = tuple(x / way**k for k, x in enumerate(polynomial.minimum_jerk(s)))
     t = np.concatenate([way * s, way + hold + way * s])
     signs = (1.0, -1.0, 1.0)
     one, two, three = (
@@ -109,7 +107,7 @@ def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Cur
 
 def _bump(s: Array, step_time: float) -> Curve:
     """From 0 to 1 and back while s goes from 0 to 1, and derivatives by time."""
-    up, rises = _MINIMUM_JERK(Polynomial([0.0, 2.0])), s < 0.5
-    s = np.where(rises, s, 1.0 - s)
-    sign = np.where(rises, 1.0, -1.0) / step_time
-    return up(s), sign * up.deriv()(s), up.deriv(2)(s) / step_time**2
+    rises = s < 0.5
+    up, rate, curve = polynomial.minimum_jerk(2.0 * np.where(rises, s, 1.0 - s))
+    sign = np.where(rises, 2.0, -2.0) / step_time
+    return up, sign * rate, 4.0 * curve / step_time**2

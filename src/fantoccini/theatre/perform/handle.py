@@ -137,7 +137,7 @@ def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array)
             turn = q
         case "free":
             r, turn = r + R @ q[:3], q[3:]
-    wxyz = quaternion(R)
+    wxyz = rotation.quaternion(R)
     return r, wxyz if turn is None else rotation.normalised(rotation.multiply(wxyz, turn))
 
 
@@ -171,26 +171,13 @@ def wanted(
         straight = local if link.kind == "free" else link.axes.T.dot(local)
         q[: len(handle.axes)] = _bounded(straight)
     if wxyz is not None and len(handle.turns):
-        turn = rotation.multiply(rotation.conjugate(quaternion(R)), _turn(handle, wxyz))
+        turn = rotation.multiply(rotation.conjugate(rotation.quaternion(R)), _turn(handle, wxyz))
         if link.kind == "revolute":
             angle = 2.0 * np.arctan2(turn[1:] @ link.axes[:, 0], turn[0])
-            q[0] += np.remainder(angle - q[0] + np.pi, 2.0 * np.pi) - np.pi
+            q[0] = rotation.nearest_angle(angle, q[0])
         else:
             q[-4:] = turn
     return q
-
-
-def quaternion(R: Array) -> Quaternion:
-    """(4,) w, x, y, z of a rotation matrix (3, 3), from the largest of 4 w^2, 4 x^2, ..."""
-    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
-    columns = (
-        (1.0 + a + e + i, h - f, c - g, d - b),
-        (h - f, 1.0 + a - e - i, b + d, c + g),
-        (c - g, b + d, 1.0 - a + e - i, f + h),
-        (d - b, c + g, f + h, 1.0 - a - e + i),
-    )
-    best = max(range(4), key=lambda k: columns[k][k])
-    return rotation.normalised(np.array(columns[best]))
 
 
 def _three(handle: Handle, position: ArrayLike) -> Vec3:

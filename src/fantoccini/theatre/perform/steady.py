@@ -16,9 +16,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm
 
-from fantoccini.base import Array, VecK
+from fantoccini.base import Array, VecK, riccati
 from fantoccini.model.tree import link_inertia
 from fantoccini.motion import State
 from fantoccini.theatre.perform.performance import Performance
@@ -39,6 +39,8 @@ class _Weights(NamedTuple):
     """Deviations count as at most this [m]: what pulls harder is a hand, not a slip."""
     fastest: float = 0.5
     """And their rates [m/s]."""
+    doublings: int = 16
+    """The horizon is 2^16 ticks."""
     rate: float = 120.0
     """Samples of the play's run [1/s]."""
 
@@ -193,8 +195,7 @@ def _gains(w: float, tick: float) -> Array:
     A, B = step[:4, :4], step[:4, 4:]
     Q = np.diag([1.0, 1.0 / w2, _WEIGHTS.shift, _WEIGHTS.shift / w2])
     R = np.array([[_WEIGHTS.acceleration / w2**2]])
-    P = solve_discrete_are(A, B, Q, R)
-    return np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)[0])
+    return riccati.stationary_gain(A, B, Q, R, _WEIGHTS.doublings)[0]
 
 
 def _within(values: Array, most: float) -> Array:

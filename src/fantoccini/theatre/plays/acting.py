@@ -13,24 +13,19 @@ from fantoccini.base import Array, FileError, InputError, StateError, UnknownNam
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.capture import bundled_clip, clip_names
 from fantoccini.theatre.cast import (
-    HOW,
     Cast,
     Clip,
-    CueFile,
     Footing,
     Kept,
     Player,
     is_clip,
-    props,
+    prop_gestures,
     read_clip,
-    said,
 )
 from fantoccini.theatre.gestures import (
     MADE,
     STEP_TIME,
     Gesture,
-    Notes,
-    Spot,
     Step,
     bundled,
     check_parts,
@@ -38,24 +33,22 @@ from fantoccini.theatre.gestures import (
     load_gesture,
     steps,
 )
+from fantoccini.theatre.script import (
+    HOW,
+    VERBS,
+    DoesCue,
+    LooksAtCue,
+    Notes,
+    PlayCue,
+    PointsAtCue,
+    Spot,
+    said,
+)
 
 _STEP_TIMES = 0.5, 0.8
 """Briefest and longest step [s]."""
 _PARTS = (1.0, 0.5, 2.0, 1.5, 1.0 / 3.0, 3.0)
 """Beats of a step, those that are liked best first."""
-
-MARKS = {
-    "looks_at": ("there",),
-    "points_at": ("points",),
-    "gives": ("offered", "under", "taken", "released"),
-    "sits_on": ("down",),
-    "stands_up_from": ("up",),
-    "puts_down": ("down", "free"),
-    "picks_up": ("under", "up"),
-}
-"""Verb -> marks of the gesture that is made for it."""
-AIMED = {"looks_at": "look", "points_at": "point"}
-"""Verb -> bundled gesture with a target."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +61,7 @@ class Style:
     repeat: int = 1
 
     @classmethod
-    def of(cls, given: CueFile) -> Style:
+    def of(cls, given: DoesCue) -> Style:
         """The style that a cue asks for, words and numbers together."""
         larger, faster = given.larger, given.faster
         mirrored, repeat = given.mirrored, given.repeat
@@ -91,23 +84,19 @@ class Repertory:
     Args:
         cast: of the play.
         notes: take mistakes.
+        kept: takes clips that were made into gestures, for the next time.
     """
 
-    def __init__(self, cast: Cast, notes: Notes):
-        self.cast, self._notes = cast, notes
-        self.kept = Kept()
+    def __init__(self, cast: Cast, notes: Notes, kept: Kept):
+        self.cast, self.kept, self._notes = cast, kept, notes
         self._files: dict[tuple[Marionette, str], Gesture | Clip | str] = {}
         self._kept: dict[tuple[Any, ...], Gesture | str] = {}
         self._wrong: set[tuple[str, str]] = set()
 
-    def marks(self, given: CueFile, spot: Spot) -> Iterable[str]:
+    def marks(self, given: PlayCue, spot: Spot) -> Iterable[str]:
         """The marks of what a cue does; reads the files that it needs, for their mistakes."""
-        from fantoccini.theatre.cast import ARRIVES, WALKS
-
-        if given.verb in WALKS:
-            return (ARRIVES,)
-        if given.does is None:
-            return MARKS.get(given.verb, ())
+        if not isinstance(given, DoesCue):
+            return VERBS[given.verb].marks
         marks: dict[str, None] = {}
         for name in given.who:
             player = self.cast.players.get(name)
@@ -125,7 +114,7 @@ class Repertory:
             marks.update(dict.fromkeys(whole))
         return tuple(marks)
 
-    def gesture(self, player: Player, given: CueFile, style: Style, heading: float) -> Gesture:
+    def gesture(self, player: Player, given: DoesCue, style: Style, heading: float) -> Gesture:
         """What `does` says, as the player does it that looks into a direction [rad].
 
         Raises:
@@ -136,14 +125,14 @@ class Repertory:
             self._kept[key] = self._styled(player, given, style, heading)
         return _or_raise(self._kept[key])
 
-    def aimed(self, player: Player, verb: str, place: Array, stands: Footing) -> Gesture:
-        """A look or a pointing hand, towards a place (3,) of the stage.
+    def aimed(self, player: Player, name: str, place: Array, stands: Footing) -> Gesture:
+        """A look or a pointing hand, by name, towards a place (3,) of the stage.
 
         Raises:
             StateError: no hanging pose does that.
         """
         own = player.own(place, stands)
-        heading, name = stands.heading, AIMED[verb]
+        heading = stands.heading
         key = (name, player.alone, player.name, *np.round(own, 6), round(heading, 9))
         if key not in self._kept:
             try:
@@ -173,7 +162,7 @@ class Repertory:
         if key not in self._kept:
             if carries:
                 pose = self.pose(player, carries)
-                made = props.steps_carrying(pose, player.hangs, "", way, step_time)
+                made = prop_gestures.steps_carrying(pose, player.hangs, "", way, step_time)
             else:
                 made = steps(player.ends(), way, step_time)
             self._kept[key] = made
@@ -188,22 +177,22 @@ class Repertory:
         key = (player.alone, "pose", side)
         if key not in self._kept:
             player.ends()
-            self._kept[key] = props.carry(player.alone, "", side=side)
+            self._kept[key] = prop_gestures.carry(player.alone, "", side=side)
         return _or_raise(self._kept[key])
 
-    def reason_unable(self, player: Player, given: CueFile) -> str:
+    def reason_unable(self, player: Player, given: PlayCue) -> str:
         """The reason why a player can never do a cue, wherever it stands; "" if it may be able to.
 
         Nothing is simulated: clips, and targets to look and point at, are not tested.
         """
-        if given.does is not None:
+        if isinstance(given, DoesCue):
             if not isinstance(self._read(player, given.does), Gesture):
                 return ""
             made = self._styled(player, given, Style.of(given), player.start.heading)
             return made if isinstance(made, str) else ""
         try:
-            if given.verb in AIMED:
-                check_parts(player.alone, player.hangs, AIMED[given.verb])
+            if isinstance(given, LooksAtCue | PointsAtCue):
+                check_parts(player.alone, player.hangs, VERBS[given.verb].called)
             else:
                 player.ends()
         except UnknownNameError as error:
@@ -240,9 +229,9 @@ class Repertory:
             return str(error)
 
     def _styled(
-        self, player: Player, given: CueFile, style: Style, heading: float
+        self, player: Player, given: DoesCue, style: Style, heading: float
     ) -> Gesture | str:
-        found = self._read(player, str(given.does))
+        found = self._read(player, given.does)
         if isinstance(found, str):
             return found
         stage = self.cast.file.stage

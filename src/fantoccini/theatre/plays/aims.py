@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.theatre.cast import Actor, CannotBe, Cast, Cue, Footing, Places, said
-from fantoccini.theatre.gestures import Spot
+from fantoccini.theatre.cast import Actor, CannotBe, Cast, Footing, Places, Turn
+from fantoccini.theatre.script import Spot, TurnsToCue, WalkCue, said
 
 _EYES = 0.42
 """Height of a player's face [m]."""
@@ -27,16 +27,17 @@ class Aims:
     def __init__(self, cast: Cast, places: Places, actors: Mapping[str, Actor]):
         self._cast, self._places, self._actors = cast, places, actors
 
-    def goals(self, cue: Cue, actor: Actor) -> list[Footing]:
+    def goals(self, turn: Turn, actor: Actor) -> list[Footing]:
         """Where a walk leads: the last one is its own."""
-        given, here = cue.given, actor.last
-        if given.turns_to is not None:
-            return [here.facing(self._heading(given.turns_to, here, cue, actor, "turns to"))]
-        last = getattr(given, given.verb)
-        spots: list[Spot] = [(*cue.spot, "past", i) for i in range(len(given.past))]
-        spots.append((*cue.spot, said(given.verb)))
+        given, here = turn.given, actor.last
+        if isinstance(given, TurnsToCue):
+            return [here.facing(self._heading(given.turns_to, here, turn, actor, "turns to"))]
+        assert isinstance(given, WalkCue)
+        last = given.what
+        spots: list[Spot] = [(*turn.spot, "past", i) for i in range(len(given.past))]
+        spots.append((*turn.spot, said(given.verb)))
         places = [
-            self.place_of(where, spot, cue.wanted)
+            self.place_of(where, spot, turn.wanted)
             for where, spot in zip((*given.past, last), spots, strict=True)
         ]
         z = [here.place, *(complex(place[0], place[1]) for place in places)]
@@ -50,17 +51,17 @@ class Aims:
         if facing is None and mark is not None:
             facing = mark.facing
         if facing is not None:
-            heading = self._heading(facing, goals[-1], cue, actor, "facing")
+            heading = self._heading(facing, goals[-1], turn, actor, "facing")
             goals[-1] = goals[-1].facing(heading)
         return goals
 
     def _heading(
-        self, given: float | str, there: Footing, cue: Cue, actor: Actor, key: str
+        self, given: float | str, there: Footing, turn: Turn, actor: Actor, key: str
     ) -> float:
-        direction = self._places.direction(given, (*cue.spot, key))
+        direction = self._places.direction(given, (*turn.spot, key))
         if not isinstance(direction, str):
             return direction
-        place = self.place_of(direction, (*cue.spot, key), cue.wanted)
+        place = self.place_of(direction, (*turn.spot, key), turn.wanted)
         z = complex(place[0], place[1])
         return there.towards(z) if abs(z - there.place) > _SAME else there.heading
 

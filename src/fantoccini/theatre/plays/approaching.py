@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from fantoccini.theatre.cast import Actor, CannotBe, Cue, Footing, Way, Wishes
-from fantoccini.theatre.gestures import Gesture, Spot, Step
+from fantoccini.theatre.cast import Actor, CannotBe, Footing, Turn, Way, Wishes
+from fantoccini.theatre.gestures import Gesture, Step
 from fantoccini.theatre.plays.acting import Repertory
 from fantoccini.theatre.plays.calming import NONE, calm_gesture
 from fantoccini.theatre.plays.doing import carry_pose, note, walk_along
 from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.script import Spot
 
 STEP, _STEP_TIME = 0.05, 1.0
 """Longest step of those that lead up to a thing or away from it [m], and its duration [s]."""
@@ -56,7 +57,7 @@ class Approaching:
 
     def come(
         self,
-        cue: Cue,
+        turn: Turn,
         actor: Actor,
         before: Footing,
         there: Footing,
@@ -88,13 +89,13 @@ class Approaching:
             )
             if way is None:
                 raise CannotBe(why)
-            self._walk(cue, actor, way)
+            self._walk(turn, actor, way)
             free = way.end
-        self.straight(cue, actor, there, free, beside=beside, step=step)
+        self.straight(turn, actor, there, free, beside=beside, step=step)
 
     def straight(
         self,
-        cue: Cue,
+        turn: Turn,
         actor: Actor,
         there: Footing,
         begin: float,
@@ -116,25 +117,25 @@ class Approaching:
             raise CannotBe(f"{actor.player.name} has no room: {who} is in the way")
         if not self._walks.is_inside(actor.player, there):
             raise CannotBe(f"{actor.player.name}'s hands would leave their space")
-        self._walk(cue, actor, way)
+        self._walk(turn, actor, way)
 
-    def _walk(self, cue: Cue, actor: Actor, way: Way) -> None:
+    def _walk(self, turn: Turn, actor: Actor, way: Way) -> None:
         carries = self._carries(actor.player.name)
         gesture, start = walk_along(actor, way, self._repertory, carries)
-        note(cue, actor, 0, gesture, start, {}, way.end)
+        note(turn, actor, 0, gesture, start, {}, way.end)
 
-    def do(self, cue: Cue, actor: Actor, gesture: Gesture, start: float) -> float:
+    def do(self, turn: Turn, actor: Actor, gesture: Gesture, start: float) -> float:
         """A gesture from a time on; its end [s]."""
         own = gesture.turned(actor.last.heading)
         begun = actor.add(0, own, start)
         actor.played.append((0, begun, begun + own.duration, own.named))
-        note(cue, actor, 0, own, begun)
+        note(turn, actor, 0, own, begun)
         return begun + own.duration
 
-    def calm(self, cue: Cue, begin: float, *actors: Actor) -> float:
+    def calm(self, turn: Turn, begin: float, *actors: Actor) -> float:
         """Takes out swing from a time on; when what is to be done can begin [s]."""
         for actor in actors:
-            key = cue.spot, actor.player.name
+            key = turn.spot, actor.player.name
             gesture = calm_gesture(actor.player.alone, self._wishes.calms.get(key, NONE))
             lane, start = actor.lane(gesture, begin)
             start = actor.add(lane, gesture, start)

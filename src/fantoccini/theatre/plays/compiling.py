@@ -5,25 +5,53 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from fantoccini.base import OnProgress, Progress, StateError
-from fantoccini.theatre.cast import WITH_PROPS, Cast, Cue, Kept, OutOfTime, Part, said, settled
-from fantoccini.theatre.gestures import END, START, Notes, Spot
+from fantoccini.theatre.cast import Kept, OutOfTime, Part, Placed, settled
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
-from fantoccini.theatre.plays.reading import read_script
-from fantoccini.theatre.plays.rounds import Round, Rounds
+from fantoccini.theatre.plays.reading import read_play
+from fantoccini.theatre.plays.rounds import (
+    Known,
+    Round,
+    Rule,
+    Stage,
+    hurry,
+    lates,
+    look,
+    make_round,
+    most_pause,
+    refuse_failures,
+    refuse_fast,
+    refuse_late,
+    refuse_stopped,
+    settle,
+)
 from fantoccini.theatre.plays.stage_run import SAMPLE, together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
+from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.plays.whole import whole_score
+from fantoccini.theatre.script import (
+    END,
+    START,
+    VERBS,
+    Cue,
+    DoesCue,
+    PlayCue,
+    PropCue,
+    SitsOnCue,
+    Spot,
+    said,
+)
 
 PATIENT = 10
 """Rounds in which free cues may still be let wait; later they are refused at once."""
 _WAIT = 0.4
-"""What a free cue waits longer where something touches [s]."""
+"""Extra wait of a free cue where something touches [s]."""
 _SMALLER = (0.75, 0.5)
 """Sizes that are tried where something touches."""
 _MOST_TRIED = 3
@@ -57,240 +85,249 @@ def load_play(
     until = math.inf if within is None else time.monotonic() + within
     tell = progress or (lambda progress: None)
     tell(Progress("casting", 0.0, 1.0))
-    script = read_script(path)
     kept = before.kept if before is not None else Kept()
-    script.repertory.kept = kept
+    script = read_play(path, kept)
     try:
-        cast = settled(script.cast, kept)
+        script = replace(script, cast=settled(script.cast, kept))
     except StateError as error:
         script.notes.mistake(("props",), f"what is held does not hang there: {error}")
         script.notes.refuse()
         raise
-    rounds = Rounds(cast, script.timeline, script.repertory, script.places, script.notes, kept)
-    return _Compiler(cast, rounds, script.notes, kept, tell).play(until)
-
-
-class _Compiler:
-    """Compiles one play."""
-
-    def __init__(self, cast: Cast, rounds: Rounds, notes: Notes, kept: Kept, tell: OnProgress):
-        self._cast, self._rounds, self._notes = cast, rounds, notes
-        self._kept, self._tell = kept, tell
-        self._touching: list[Cue] = []
-        self._count = 0
-
-    def play(self, until: float = math.inf) -> Play:
-        """The play, after as many rounds as needed, or as fit before a time [s].
-
-        Every round refuses or moves a cue, and no cue is moved without end. The first round is
-        always completed.
-        """
-        self._next_round()
-        self._kept.until = until
-        try:
-            found = self._settled()
-        except OutOfTime:
-            self._kept.until = math.inf
-            return self._stopped()
-        finally:
-            self._kept.until = math.inf
-        self._tell(Progress("compiled", 1.0, 1.0))
-        return self._made(found)
-
-    def _next_round(self) -> None:
-        """Makes a round, and keeps what it was made from."""
-        rounds = self._rounds
-        self._tell(Progress("rehearsing", 0.9 * (1.0 - 0.8 ** (self._count + 1)), 1.0))
-        before = rounds.wishes.copied(), dict(rounds.settled)
-        self._round, self._before = rounds.made(), before
-        self._count += 1
-
-    def _settled(self) -> list[Touch]:
-        """Makes rounds until no cue moves any more; returns the touches of the last round.
-
-        Raises:
-            OutOfTime: the time is over.
-        """
-        rounds, paused = self._rounds, False
-        while True:
-            made = self._round
-            moved = rounds.refuse_fast(made) or rounds.refuse_stopped(made)
-            moved = moved or rounds.look(made) or rounds.refuse_failures(made)
-            if not (moved or paused):
-                paused, moved = True, rounds.settle(made)
-            if not (moved or rounds.hurry(made) or rounds.refuse_late()):
-                found = self._touches(made)
-                if not self._mend(found, patient=self._count < PATIENT):
-                    break
-            self._kept.check()
-            self._next_round()
-        if self._touching and not found:
-            self._try_again()
-            self._next_round()
-            found = self._touches(self._round)
-        return found
-
-    def _stopped(self) -> Play:
-        """The play of the last complete round, with a list of what is not corrected."""
-        wishes, self._rounds.settled = self._before
-        self._rounds.back(wishes)
-        self._round = self._rounds.made()
-        self._notes.change(
+    stage = Stage(script, Walks(script.cast, script.notes), kept)
+    tell(Progress("rehearsing", _share(1), 1.0))
+    # The first round is always completed.
+    rounds = [make_round(stage, Known())]
+    try:
+        with kept.limited(until):
+            known, found = _improve(stage, rounds, tell)
+    except OutOfTime:
+        script.notes.change(
             ("acts",),
-            f"compiling was stopped after {_rounds(self._count)}: cues may be late, too "
+            f"compiling was stopped after {_rounds(len(rounds))}: cues may be late, too "
             "fast or swing; with more time (`within`) they are mended or refused",
         )
-        return self._made(self._touches(self._round))
+        known, found = rounds[-1].known, _touches(stage, rounds[-1], tell)
+    else:
+        tell(Progress("compiled", 1.0, 1.0))
+    return _play(stage, known, rounds[-1], found, len(rounds))
 
-    # -- touches -----------------------------------------------------------------------------
 
-    def _touches(self, made: Round) -> list[Touch]:
-        self._tell(Progress("looking for what touches", 0.97, 1.0))
-        # Only the samples that are measured.
-        run = together(self._cast, made.runs, EVERY * SAMPLE)
-        return touches(self._cast, run, made.meetings, every=1)
+def _share(count: int) -> float:
+    """Share of the work that is done when a round begins."""
+    return 0.9 * (1.0 - 0.8**count)
 
-    def _mend(self, found: list[Touch], patient: bool) -> bool:
-        """Lets the cues in which something touches first wait, or refuses them; whether any.
 
-        Args:
-            found: what touches.
-            patient: whether cues may wait.
-        """
-        rounds, seen, mended = self._rounds, set[str](), False
-        for touch in found:
-            owners = {self._cast.owner(_plain(one)) for one in (touch.what, touch.other)}
-            if seen & owners or touch.t <= 0.0:
-                continue
-            cue = rounds.blamed(touch.t, owners & {*self._cast.players})
-            if cue is None:
-                continue
-            waits = rounds.wishes.pauses.get(cue.spot, 0.0) + _WAIT
-            tried = rounds.wishes.approaches.get(cue.spot, 0) + 1
-            if patient and cue.given.sits_on and tried < len(APPROACHES):
-                rounds.wishes.approaches[cue.spot] = tried
-            elif patient and waits <= rounds.most_pause(cue):
-                rounds.wishes.pauses[cue.spot] = waits
-            elif rounds.refuse(cue, f"{touch} {self._rounds.said(touch.t)}"):
-                self._touching.append(cue)
-            else:
-                continue
-            mended = True
-            seen |= owners
-        return mended
+def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Known, list[Touch]]:
+    """Adds rounds until no cue moves any more; every one refuses or moves a cue.
 
-    def _try_again(self) -> None:
-        """Tries what was refused because something would touch.
+    Returns:
+        The results of all rounds, and the touches of the last one.
 
-        Once what comes later is refused as well, it may be done after all; otherwise a smaller
-        gesture may be, which the reason then says.
-        """
-        rounds = self._rounds
-        for cue in self._touching[:_MOST_TRIED]:
-            sizes = _SMALLER if cue.given.does is not None else ()
-            if cue is not self._touching[-1]:
-                sizes = (1.0, *sizes)
-            before = rounds.wishes.copied()
-            for size in sizes:
-                self._tell(Progress("looking for what can be done", 0.95, 1.0))
-                del rounds.wishes.refused[cue.spot]
-                rounds.wishes.smaller[cue.spot] = size
-                holds = self._holds(cue)
-                if holds and size == 1.0:
-                    del rounds.wishes.smaller[cue.spot]
-                    break
-                rounds.back(before.copied())
-                if holds:
-                    larger = f"; it can be done with larger: {size * cue.given.larger:.2g}"
-                    rounds.wishes.refused[cue.spot] += larger
-                    break
-
-    def _holds(self, cue: Cue) -> bool:
-        """Whether a cue can be done beside all others, in time and without touching."""
-        rounds = self._rounds
-        made = rounds.made()
-        while rounds.hurry(made) or rounds.look(made):
-            made = rounds.made()
-        in_time = all(abs(late) <= IN_TIME for late in rounds.late.values())
-        right = not made.runs.stops and not cue.refused and in_time
-        right = right and not failures(self._cast, made.meetings, made.runs)
-        return right and not self._touches(made)
-
-    # -- the result --------------------------------------------------------------------------
-
-    def _made(self, found: list[Touch]) -> Play:
-        notes, file, made = self._notes, self._cast.file, self._round
-        cues = tuple(self._cue(i, cue) for i, cue in enumerate(self._rounds.timeline.cues))
-        for cue, given in zip(cues, self._rounds.timeline.cues, strict=True):
-            if cue.refused:
-                notes.change(given.spot, cue.change)
-        at_once: set[frozenset[str]] = set()
-        for touch in found:
-            owners = frozenset(self._cast.owner(_plain(x)) for x in (touch.what, touch.other))
-            if touch.t <= 0.0 and owners in at_once:
-                continue
-            at_once |= {owners} if touch.t <= 0.0 else set()
-            spot: Spot = ("acts",) if touch.t > 0.0 else ("cast",)
-            notes.change(spot, f"{touch} {self._rounds.said(touch.t)}")
-        for failure in failures(self._cast, made.meetings, made.runs):
-            notes.change(("acts",), f"{failure.text} {self._rounds.said(failure.t)}")
-        for stop in made.runs.stops:
-            blamed = self._rounds.blamed(stop.t, {*stop.players})
-            spot = ("cast", stop.players[0]) if blamed is None else blamed.spot
-            during = "" if blamed is None else f"{described(blamed)}: "
-            notes.change(spot, during + stop.told(self._rounds.said(stop.t)))
-        score = whole_score(self._cast, made.motions, made.lanes, self._rounds.timeline, notes)
-        parts = tuple(
-            (number, part.who)
-            for number, cue in enumerate(self._rounds.timeline.cues, 1)
-            for part in cue.parts
+    Raises:
+        OutOfTime: the time is over; all rounds are complete.
+    """
+    paused = False
+    while True:
+        made = rounds[-1]
+        known = made.known
+        known, moved = _first(
+            stage, known, made, refuse_fast, refuse_stopped, look, refuse_failures
         )
-        acts = {
-            act.act: start for act, start in zip(file.acts, made.placing.act_starts, strict=True)
-        }
-        ways = {name: tuple(actor.ways) for name, actor in made.placing.actors.items()}
-        return Play(
-            file.play,
-            notes.located,
-            self._cast,
-            score,
-            parts,
-            cues,
-            tuple(notes.changes),
-            acts,
-            made.motions,
-            made.starts,
-            made.meetings,
-            ways,
-            self._rounds.settled,
-            self._count,
-            self._kept,
-        )
+        if not (moved or paused):
+            known, moved = settle(stage, known, made)
+            paused = True
+        if not moved:
+            late = lates(stage, made)
+            known, moved = hurry(known, late)
+            if not moved:
+                known, moved = refuse_late(known, made, late)
+        if not moved:
+            found = _touches(stage, made, tell)
+            known, moved = _mend(stage, known, made, found, patient=len(rounds) < PATIENT)
+            if not moved:
+                break
+        stage.kept.check()
+        tell(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
+        rounds.append(make_round(stage, known))
+    if known.touching and not found:
+        known = _try_again(stage, known, tell)
+        tell(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
+        rounds.append(make_round(stage, known))
+        found = _touches(stage, rounds[-1], tell)
+    return known, found
 
-    def _cue(self, i: int, cue: Cue) -> CueOfPlay:
-        given = cue.given
-        parts = cue.parts
-        start = min((part.start for part in parts), default=cue.wanted)
-        end = max((part.end for part in parts), default=cue.wanted)
-        return CueOfPlay(
-            i + 1,
-            self._cast.file.acts[cue.act].act,
-            cue.who,
-            described(cue),
-            cue.name,
-            self._notes.located.line(cue.spot) or 0,
-            cue.wanted,
-            cue.give(self._notes.beat),
-            start,
-            end,
-            next(iter(given.on)) if given.on is not None else "",
-            given.go,
-            given.says or "",
-            cue.refused,
-            given.optional,
-            given.verb in WITH_PROPS,
-            {who: _marks_of(parts, who) for who in dict.fromkeys(part.who for part in parts)},
-        )
+
+def _first(
+    stage: Stage, known: Known, made: Round, *rules: Callable[[Stage, Known, Round], Rule]
+) -> Rule:
+    """Results after the first rule by which cues move, or after all of them."""
+    for rule in rules:
+        known, moved = rule(stage, known, made)
+        if moved:
+            return known, True
+    return known, False
+
+
+# -- touches ---------------------------------------------------------------------------------
+
+
+def _touches(stage: Stage, made: Round, tell: OnProgress) -> list[Touch]:
+    tell(Progress("looking for what touches", 0.97, 1.0))
+    # Only the samples that are measured.
+    run = together(stage.script.cast, made.runs, EVERY * SAMPLE)
+    return touches(stage.script.cast, run, made.placement.meetings, every=1)
+
+
+def _mend(stage: Stage, known: Known, made: Round, found: list[Touch], patient: bool) -> Rule:
+    """Lets the cues in which something touches first wait, or refuses them.
+
+    Args:
+        stage: of the play.
+        known: so far.
+        made: the round.
+        found: what touches.
+        patient: whether cues may wait.
+    """
+    cast, seen, mended = stage.script.cast, set[str](), False
+    for touch in found:
+        owners = {cast.owner(_plain(one)) for one in (touch.what, touch.other)}
+        if seen & owners or touch.t <= 0.0:
+            continue
+        cue = made.blamed(touch.t, owners & {*cast.players})
+        if cue is None:
+            continue
+        wishes, given = known.wishes, cue.given
+        waits = wishes.pauses.get(cue.spot, 0.0) + _WAIT
+        tried = wishes.approaches.get(cue.spot, 0) + 1
+        if patient and isinstance(given, SitsOnCue) and tried < len(APPROACHES):
+            known = replace(known, wishes=wishes.setting("approaches", cue.spot, tried))
+        elif patient and waits <= most_pause(given, stage.beat):
+            known = replace(known, wishes=wishes.setting("pauses", cue.spot, waits))
+        else:
+            after = known.refusing(cue, f"{touch} {made.said(touch.t)}")
+            if after is None:
+                continue
+            known = replace(after, touching=(*after.touching, cue.spot))
+        mended = True
+        seen |= owners
+    return known, mended
+
+
+def _try_again(stage: Stage, known: Known, tell: OnProgress) -> Known:
+    """Tries what was refused because something would touch.
+
+    A refused cue is tried again when a later one is refused, otherwise with a smaller gesture; the
+    reason then says whether that can be done.
+    """
+    givens = {cue.spot: cue.given for cue in stage.script.timeline.cues}
+    for spot in known.touching[:_MOST_TRIED]:
+        given = givens[spot]
+        sizes = _SMALLER if isinstance(given, DoesCue) else ()
+        if spot != known.touching[-1]:
+            sizes = (1.0, *sizes)
+        before = known.wishes
+        for size in sizes:
+            tell(Progress("looking for what can be done", 0.95, 1.0))
+            wishes = before.setting("refused", spot, None).setting("smaller", spot, size)
+            tried, holds = _holds(stage, replace(known, wishes=wishes), spot, tell)
+            if holds and size == 1.0:
+                known = replace(tried, wishes=tried.wishes.setting("smaller", spot, None))
+                break
+            known = tried.back(before)
+            if holds and isinstance(given, DoesCue):
+                larger = f"; it can be done with larger: {size * given.larger:.2g}"
+                why = before.refused[spot] + larger
+                known = replace(known, wishes=before.setting("refused", spot, why))
+                break
+    return known
+
+
+def _holds(stage: Stage, known: Known, spot: Spot, tell: OnProgress) -> Rule:
+    """Results of trying a cue beside all others, and whether it can be done."""
+    while True:
+        made = make_round(stage, known)
+        late = lates(stage, made)
+        known, moved = hurry(made.known, late)
+        if not moved:
+            known, moved = look(stage, known, made)
+        if not moved:
+            break
+    refused = any(cue.refused for cue in made.placement.cues if cue.spot == spot)
+    in_time = all(abs(seconds) <= IN_TIME for seconds in late.values())
+    right = not made.runs.stops and not refused and in_time
+    right = right and not failures(stage.script.cast, made.placement.meetings, made.runs)
+    return known, right and not _touches(stage, made, tell)
+
+
+# -- the result ------------------------------------------------------------------------------
+
+
+def _play(stage: Stage, known: Known, made: Round, found: list[Touch], count: int) -> Play:
+    """The play of a round, with a list of what is not as it was written."""
+    script, placement = stage.script, made.placement
+    cast, notes, file = script.cast, script.notes, script.cast.file
+    cues = tuple(_cue(stage, cue) for cue in placement.cues)
+    for cue, placed in zip(cues, placement.cues, strict=True):
+        if cue.refused:
+            notes.change(placed.spot, cue.change)
+    at_once: set[frozenset[str]] = set()
+    for touch in found:
+        owners = frozenset(cast.owner(_plain(x)) for x in (touch.what, touch.other))
+        if touch.t <= 0.0 and owners in at_once:
+            continue
+        at_once |= {owners} if touch.t <= 0.0 else set()
+        spot: Spot = ("acts",) if touch.t > 0.0 else ("cast",)
+        notes.change(spot, f"{touch} {made.said(touch.t)}")
+    for failure in failures(cast, placement.meetings, made.runs):
+        notes.change(("acts",), f"{failure.text} {made.said(failure.t)}")
+    for stop in made.runs.stops:
+        blamed = made.blamed(stop.t, {*stop.players})
+        spot = ("cast", stop.players[0]) if blamed is None else blamed.spot
+        during = "" if blamed is None else f"{described(blamed.cue)}: "
+        notes.change(spot, during + stop.told(made.said(stop.t)))
+    score = whole_score(cast, placement.motions, placement.lanes, placement.cues, notes)
+    return Play(
+        file.play,
+        notes.located,
+        cast,
+        score,
+        tuple(
+            (number, part.who) for number, cue in enumerate(placement.cues, 1) for part in cue.parts
+        ),
+        cues,
+        tuple(notes.changes),
+        {act.act: start for act, start in zip(file.acts, placement.act_starts, strict=True)},
+        placement.motions,
+        placement.starts,
+        placement.meetings,
+        placement.ways,
+        known.settled,
+        count,
+        stage.kept,
+    )
+
+
+def _cue(stage: Stage, placed: Placed) -> CueOfPlay:
+    cue, given, parts = placed.cue, placed.given, placed.parts
+    return CueOfPlay(
+        cue.index + 1,
+        stage.script.cast.file.acts[cue.act].act,
+        cue.who,
+        described(cue),
+        cue.name,
+        stage.script.notes.located.line(cue.spot) or 0,
+        placed.wanted,
+        given.patience * stage.beat,
+        min((part.start for part in parts), default=placed.wanted),
+        max((part.end for part in parts), default=placed.wanted),
+        given.mark,
+        given.go,
+        given.says or "",
+        placed.refused,
+        given.optional,
+        isinstance(given, PropCue),
+        {who: _marks_of(parts, who) for who in dict.fromkeys(part.who for part in parts)},
+    )
 
 
 def _marks_of(parts: Sequence[Part], who: str) -> dict[str, float]:
@@ -305,16 +342,19 @@ def _rounds(n: int) -> str:
     return f"{n} round{'' if n == 1 else 's'}"
 
 
-def described(cue: Cue) -> str:
+def described(cue: Cue[PlayCue]) -> str:
     """A cue in words: ``columbine and pierrot: walks to centre``."""
-    given, verb = cue.given, cue.given.verb
-    what = getattr(given, verb)
-    if verb == "does":
+    given, verb, what = cue.given, cue.given.verb, cue.given.what
+    if isinstance(given, DoesCue):
         return f"{' and '.join(cue.who)}: {what}"
-    if verb in WITH_PROPS:
-        (who,), to = given.who, given.to or given.onto
-        with_what = f" {'to' if given.to else 'onto'} {to}" if to else ""
-        return f"{who}: {said(verb)} {what}{with_what}"
+    if isinstance(given, PropCue):
+        others = [key for key in VERBS[verb].names if key != verb]
+        return " ".join(
+            [
+                f"{given.who[0]}: {said(verb)} {what}",
+                *(f"{key} {getattr(given, key)}" for key in others),
+            ]
+        )
     if not isinstance(what, (str, float)):
         what = [round(float(x), 3) for x in what]
     return f"{' and '.join(cue.who)}: {said(verb)} {what}"

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fantoccini.base import UnknownNameError
-from fantoccini.theatre.cast import Actor, CannotBe, Cue, Part, Way
+from fantoccini.theatre.cast import Actor, CannotBe, Part, Turn, Way
 from fantoccini.theatre.gestures import Gesture
 from fantoccini.theatre.plays.acting import Repertory
 
@@ -69,7 +69,7 @@ def walk_along(
 
 
 def note(
-    cue: Cue,
+    turn: Turn,
     actor: Actor,
     lane: int,
     gesture: Gesture,
@@ -81,5 +81,5 @@ def note(
     end = start + gesture.duration if end is None else end
     own = gesture.marks if marks is None else marks
     placed = {mark: start + t for mark, t in own.items()}
-    cue.parts.append(Part(actor.player.name, lane, gesture, start, end, placed))
+    turn.parts.append(Part(actor.player.name, lane, gesture, start, end, placed))
     actor.done = max(actor.done, end)

@@ -9,9 +9,9 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.theatre.cast import Footing
-from fantoccini.theatre.gestures import Notes
 from fantoccini.theatre.plays.play import Play
 from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.script import Notes
 
 _FINE = 0.1
 """Time between places of a way [s]."""

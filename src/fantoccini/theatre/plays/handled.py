@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fantoccini.base import Array, Times
 from fantoccini.theatre.cast import SEATED, Cast, Footing, Meeting, top_of
-from fantoccini.theatre.gestures import Spot
 from fantoccini.theatre.plays.runs import Run, Runs
+from fantoccini.theatre.script import MeetingKind, Spot
 
 _EVERY = 0.05
 """Between looks [s]."""
@@ -50,7 +50,7 @@ def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failur
     for meeting in meetings:
         for run, begin, end in _runs(meeting, runs):
             t = np.append(np.arange(begin, end, _EVERY), end) - run.begin
-            check = {"hangs": _hangs, "put": _stands, "sits": _sits}.get(meeting.kind)
+            check = _CHECKS.get(meeting.kind)
             failure = check(cast, meeting, run, t) if check is not None else None
             if failure is not None:
                 found.append(failure)
@@ -61,7 +61,7 @@ def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failur
 def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[float, float] | None:
     """How far from the elbow a handle hangs at a time, and its height [m]; None if unknown."""
     (prop,), who = meeting.props, meeting.players[0]
-    run, handle = runs.with_prop(prop, t), cast.things[prop].handle
+    run, handle = runs.with_prop(prop, t), cast.props[prop].handle
     if run is None or handle is None:
         return None
     pose, arm = (_poses(run, x, np.array([t - run.begin]))[0] for x in (prop, _arm(meeting, who)))
@@ -92,7 +92,7 @@ def _runs(meeting: Meeting, runs: Runs) -> Iterator[tuple[Run, float, float]]:
 def _hangs(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     (prop,), (who,) = meeting.props, meeting.players
     forearm = _arm(meeting, who)
-    handle = cast.things[prop].handle
+    handle = cast.props[prop].handle
     assert handle is not None
     thing, arm = (_poses(run, name, t) for name in (prop, forearm))
     place = thing[:, :, 3] + handle * thing[:, :, 2] - arm[:, :, 3]
@@ -141,6 +141,14 @@ def _sits(cast: Cast, meeting: Meeting, run: Run, _: Times) -> Failure | None:
         return None
     text = f"{who} would not sit: the seat bears {bears / weight:.0%} of its weight"
     return Failure(run.begin + since, meeting.players, text, meeting.cue)
+
+
+_CHECKS: dict[MeetingKind, Callable[[Cast, Meeting, Run, Times], Failure | None]] = {
+    "hangs": _hangs,
+    "put": _stands,
+    "sits": _sits,
+}
+"""Kind of meeting -> what must hold in its run."""
 
 
 def _arm(meeting: Meeting, who: str) -> str:

@@ -17,16 +17,16 @@ from fantoccini.theatre.cast import (
     Actor,
     CannotBe,
     Cast,
-    Cue,
     Footing,
     Meeting,
+    Pair,
+    Turn,
     Wishes,
     hanging,
-    props,
+    prop_gestures,
     standing,
     top_of,
 )
-from fantoccini.theatre.gestures import END, START, Spot
 from fantoccini.theatre.plays import putting
 from fantoccini.theatre.plays.acting import Repertory
 from fantoccini.theatre.plays.approaching import CALM, Approaching, along
@@ -34,10 +34,22 @@ from fantoccini.theatre.plays.doing import carry_pose
 from fantoccini.theatre.plays.holdings import Hangs, Seated, Stands
 from fantoccini.theatre.plays.sitting import sit
 from fantoccini.theatre.plays.walks import Walks
+from fantoccini.theatre.script import (
+    END,
+    START,
+    VERBS,
+    GivesCue,
+    Moments,
+    PicksUpCue,
+    PutsDownCue,
+    SitsOnCue,
+    Spot,
+    StandsUpFromCue,
+)
 
 T = TypeVar("T")
 
-Known = tuple[
+Saved = tuple[
     list[Meeting], dict[str, Seated], dict[str, Hangs | Stands], dict[tuple[Spot, str], float]
 ]
 """Meetings, who sits, where props are, and when swing is taken out."""
@@ -83,7 +95,7 @@ class Handling:
         self.seated: dict[str, Seated] = {}
         self._steps = Approaching(walks, repertory, actors, wishes, self.carries)
         self.where: dict[str, Hangs | Stands] = {}
-        for name, thing in cast.things.items():
+        for name, thing in cast.props.items():
             if thing.held_by:
                 self.where[name] = Hangs(thing.held_by, thing.side, 0.0)
             else:
@@ -104,61 +116,65 @@ class Handling:
         found += [one.meeting(who, until, until) for who, one in self.seated.items()]
         return tuple(found)
 
-    def kept(self) -> Known:
+    def kept(self) -> Saved:
         """What is known now, to come back to with :meth:`back`."""
         return list(self._met), dict(self.seated), dict(self.where), dict(self._steps.calmed)
 
-    def back(self, kept: Known) -> None:
+    def back(self, kept: Saved) -> None:
         """Forgets what was added since."""
         self._met, self.seated, self.where, self._steps.calmed = kept
 
-    def place(self, cue: Cue, begin: float, wait: float) -> float:
-        """Places a cue with a prop; when its first step or gesture begins [s].
+    def place(self, turn: Turn, begin: float, wait: float) -> Moments:
+        """Places a cue with a prop; its moments.
 
         Args:
-            cue: which.
+            turn: the cue.
             begin: earliest time [s].
             wait: by how much later it may begin [s].
 
         Raises:
             CannotBe: it cannot be done.
         """
-        does: dict[str, Callable[[Cue, float, float], None]] = {
-            "gives": self._gives,
-            "sits_on": self._sits,
-            "stands_up_from": self._stands_up,
-            "puts_down": self._puts_down,
-            "picks_up": self._picks_up,
+        given = turn.given
+        match given:
+            case GivesCue():
+                self._gives(turn, given, begin, wait)
+            case SitsOnCue():
+                self._sits(turn, given, begin, wait)
+            case StandsUpFromCue():
+                self._stands_up(turn, given, begin)
+            case PutsDownCue():
+                self._puts_down(turn, given, begin, wait)
+            case PicksUpCue():
+                self._picks_up(turn, given, begin, wait)
+        moments = {
+            START: min(part.start for part in turn.parts),
+            END: max(part.end for part in turn.parts),
         }
-        does[cue.given.verb](cue, begin, wait)
-        cue.moments = {
-            START: min(part.start for part in cue.parts),
-            END: max(part.end for part in cue.parts),
-        }
-        for part in cue.parts:
-            cue.moments.update({m: t for m, t in part.marks.items() if m in cue.known})
-        return cue.moments[START]
+        for part in turn.parts:
+            moments.update({m: t for m, t in part.marks.items() if m in turn.cue.known})
+        return moments
 
     # -- one verb each -----------------------------------------------------------------------
 
-    def _gives(self, cue: Cue, begin: float, wait: float) -> None:
-        prop, given = str(cue.given.gives), cue.given
-        giver, receiver = (self._actors[name] for name in cue.who)
+    def _gives(self, turn: Turn, given: GivesCue, begin: float, wait: float) -> None:
+        prop = given.gives
+        giver, receiver = (self._actors[name] for name in turn.who)
         held = self._held(prop, giver)
         other = _OTHER[held.side]
         if (taken := self._on(receiver, other)) is not None:
             raise CannotBe(f"{given.to}'s {other} arm, which would take it, holds {taken}")
         self.check_stands(giver)
         self.check_stands(receiver)
-        lift, lifts = (self._cast.file.cast[name].lift for name in cue.who)
+        lift, lifts = (self._cast.file.cast[name].lift for name in turn.who)
         handing = self._made(
-            lambda: props.give(
+            lambda: prop_gestures.give(
                 giver.player.alone,
                 "",
                 "",
                 prop,
                 side=held.side,
-                along=self._along(cue),
+                along=self._along(turn),
                 carried=True,
                 higher=lift - lifts,
             ),
@@ -168,90 +184,89 @@ class Handling:
         x, y, heading = handing.place(here.x, here.y, here.heading)
         there = Footing(x, y, heading)
         before = self._steps.apart(there, receiver, here, giver)
-        self._steps.come(cue, receiver, before, there, begin, wait, beside=giver)
+        self._steps.come(turn, receiver, before, there, begin, wait, beside=giver)
         giver.rests()
-        soon = receiver.rests() - props.CARRY_TIME
+        soon = receiver.rests() - prop_gestures.CARRY_TIME
         posed = carry_pose(giver, held.side, max(begin, soon), self._repertory)
-        start = self._steps.calm(cue, max(receiver.rests(), posed), giver, receiver)
+        start = self._steps.calm(turn, max(receiver.rests(), posed), giver, receiver)
         ends = [
-            self._steps.do(cue, actor, gesture, start)
+            self._steps.do(turn, actor, gesture, start)
             for actor, gesture in ((giver, handing.giver), (receiver, handing.receiver))
         ]
         end = max(ends)
         self._close(prop, held, start)
         pairs = {
-            hanging(str(who), side, prop)
-            for who, side in ((cue.who[0], held.side), (given.to, other))
+            hanging(who, side, prop) for who, side in ((turn.who[0], held.side), (given.to, other))
         }
         pairs |= standing(prop, FLOOR)
-        self._met.append(Meeting(start, end, cue.who, (prop,), frozenset(pairs), "given", cue.spot))
-        self.where[prop] = Hangs(str(given.to), other, end, cue.spot)
+        self._meet(turn, prop, frozenset(pairs), start, end)
+        self.where[prop] = Hangs(given.to, other, end, turn.spot)
         retreat = self._steps.apart(here, giver, receiver.last, receiver)
-        self._steps.straight(cue, giver, retreat, end, beside=receiver)
+        self._steps.straight(turn, giver, retreat, end, beside=receiver)
 
-    def _sits(self, cue: Cue, begin: float, wait: float) -> None:
-        seat, (actor,) = str(cue.given.sits_on), (self._actors[name] for name in cue.who)
+    def _sits(self, turn: Turn, given: SitsOnCue, begin: float, wait: float) -> None:
+        seat, (actor,) = given.sits_on, (self._actors[name] for name in turn.who)
         self.check_stands(actor)
-        who = cue.who[0]
+        who = turn.who[0]
         for name, one in self.seated.items():
             if one.seat == seat:
                 raise CannotBe(f"{name} sits on {seat}")
-        middle, heading, height = self._seat(seat, actor, cue)
+        middle, heading, height = self._seat(seat, actor, turn)
         alone, hangs = actor.player.alone, actor.player.hangs
         sits = self._made(
             lambda: sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
         )
         there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
         clear = self._steps.clear_of(there, 1.0, actor)
-        room, step = APPROACHES[self._wishes.approaches.get(cue.spot, 0)]
+        room, step = APPROACHES[self._wishes.approaches.get(turn.spot, 0)]
         before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + room)
-        self._steps.come(cue, actor, before, there, begin, wait, step=step)
+        self._steps.come(turn, actor, before, there, begin, wait, step=step)
         since = actor.ways[-1].begin
-        end = self._steps.do(cue, actor, sits.down, self._steps.calm(cue, actor.rests(), actor))
+        end = self._steps.do(turn, actor, sits.down, self._steps.calm(turn, actor.rests(), actor))
         self.seated[who] = Seated(
-            seat, seat in self._cast.things, since, end, cue.spot, sits.up, before
+            seat, seat in self._cast.props, since, end, turn.spot, sits.up, before
         )
 
-    def _stands_up(self, cue: Cue, begin: float, wait: float) -> None:
-        (who,) = cue.who
+    def _stands_up(self, turn: Turn, given: StandsUpFromCue, begin: float) -> None:
+        (who,) = turn.who
         actor, one = self._actors[who], self.seated.get(who)
-        if one is None or one.seat != cue.given.stands_up_from:
+        if one is None or one.seat != given.stands_up_from:
             sits = f"sits on {one.seat}" if one else "stands"
-            raise CannotBe(f"{who} does not sit on {cue.given.stands_up_from}, but {sits}")
+            raise CannotBe(f"{who} does not sit on {given.stands_up_from}, but {sits}")
         start = max(begin, actor.rests())
-        up = self._steps.do(cue, actor, one.up, start)
-        self._steps.straight(cue, actor, one.ahead, up + CALM)
-        self._steps.calm(cue, actor.rests(), actor)
+        up = self._steps.do(turn, actor, one.up, start)
+        self._steps.straight(turn, actor, one.ahead, up + CALM)
+        self._steps.calm(turn, actor.rests(), actor)
         self._met.append(one.meeting(who, start, actor.ways[-1].end))
         del self.seated[who]
 
-    def _puts_down(self, cue: Cue, begin: float, wait: float) -> None:
-        prop, onto, (who,) = str(cue.given.puts_down), str(cue.given.onto), cue.who
+    def _puts_down(self, turn: Turn, given: PutsDownCue, begin: float, wait: float) -> None:
+        prop, onto, (who,) = given.puts_down, given.onto, turn.who
         actor = self._actors[who]
         held = self._held(prop, actor)
         self.check_stands(actor)
         top = top_of(self._cast.file, onto)
         assert top is not None  # or it is a mistake
-        hangs = self._hangs_at(cue, actor, prop, held)
-        puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(cue))
+        hangs = self._hangs_at(turn, actor, prop, held)
+        puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(turn))
         there = self._put_place(onto, puts, actor)
         before = self._steps.clear_of(there, -1.0, actor, _BACK)
-        self._steps.come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
-        start = self._steps.calm(cue, actor.rests(), actor)
-        end = self._steps.do(cue, actor, puts.gesture, start)
+        self._steps.come(turn, actor, before, there, begin, wait, step=_AT_TABLE)
+        start = self._steps.calm(turn, actor.rests(), actor)
+        end = self._steps.do(turn, actor, puts.gesture, start)
         self._close(prop, held, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
-        self._met.append(Meeting(start, end, (who,), (prop,), pairs, "put", cue.spot))
+        self._meet(turn, prop, pairs, start, end)
         z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
         self.where[prop] = Stands(Footing(z.real, z.imag, there.heading), top, onto)
-        self._steps.straight(cue, actor, before, end, step=_AT_TABLE)
+        self._steps.straight(turn, actor, before, end, step=_AT_TABLE)
 
-    def _picks_up(self, cue: Cue, begin: float, wait: float) -> None:
-        prop, (who,) = str(cue.given.picks_up), cue.who
+    def _picks_up(self, turn: Turn, given: PicksUpCue, begin: float, wait: float) -> None:
+        prop, (who,) = given.picks_up, turn.who
         actor, one, side = self._actors[who], self.where[prop], "right"
         if isinstance(one, Hangs):
             raise CannotBe(f"{one.player} holds {prop}")
-        if self._cast.things[prop].handle is None:
+        if self._cast.props[prop].handle is None:
             raise CannotBe(f"{prop} has no handle")
         if self._on(actor, side) is not None:
             side = _OTHER[side]
@@ -260,17 +275,17 @@ class Handling:
         self.check_stands(actor)
         hangs = self._would_hang(actor, prop, side)
         puts = self._putting(actor, prop, side, hangs, one.height, one.on, back=True)
-        stands = self._wishes.stands.get(cue.spot, one.place)
+        stands = self._wishes.stands.get(turn.spot, one.place)
         z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
         there = Footing(z.real, z.imag, stands.heading)
         before = self._steps.clear_of(there, -1.0, actor, _BACK)
-        self._steps.come(cue, actor, before, there, begin, wait, step=_AT_TABLE)
-        start = self._steps.calm(cue, actor.rests(), actor)
-        end = self._steps.do(cue, actor, puts.gesture, start)
+        self._steps.come(turn, actor, before, there, begin, wait, step=_AT_TABLE)
+        start = self._steps.calm(turn, actor.rests(), actor)
+        end = self._steps.do(turn, actor, puts.gesture, start)
         pairs = standing(prop, one.on) | {hanging(who, side, prop)}
-        self._met.append(Meeting(start, end, (who,), (prop,), pairs, "picked", cue.spot))
-        self.where[prop] = Hangs(who, side, end, cue.spot)
-        self._steps.straight(cue, actor, before, end, step=_AT_TABLE)
+        self._meet(turn, prop, pairs, start, end)
+        self.where[prop] = Hangs(who, side, end, turn.spot)
+        self._steps.straight(turn, actor, before, end, step=_AT_TABLE)
 
     # -- what is so --------------------------------------------------------------------------
 
@@ -332,10 +347,10 @@ class Handling:
 
     def _would_hang(self, actor: Actor, prop: str, side: str) -> float:
         """Height of a prop's bottom that a player carries on a forearm [m]."""
-        handle = self._cast.things[prop].handle
+        handle = self._cast.props[prop].handle
         assert handle is not None
         lift = self._cast.file.cast[actor.player.name].lift
-        return props.handle_place(side, raised=lift)[2] + putting.HIGHER - handle
+        return prop_gestures.handle_place(side, raised=lift)[2] + putting.HIGHER - handle
 
     def carries(self, who: str) -> str:
         """The forearm on which something hangs that a player carries; "" where nothing does."""
@@ -344,25 +359,25 @@ class Handling:
         ]
         return sides[0] if sides else ""
 
-    def _along(self, cue: Cue) -> float | None:
-        seen = self._wishes.hangs.get(cue.spot)
+    def _along(self, turn: Turn) -> float | None:
+        seen = self._wishes.hangs.get(turn.spot)
         return None if seen is None else seen[0]
 
-    def _hangs_at(self, cue: Cue, actor: Actor, prop: str, held: Hangs) -> float:
-        seen = self._wishes.hangs.get(cue.spot)
-        handle = self._cast.things[prop].handle
+    def _hangs_at(self, turn: Turn, actor: Actor, prop: str, held: Hangs) -> float:
+        seen = self._wishes.hangs.get(turn.spot)
+        handle = self._cast.props[prop].handle
         assert handle is not None
         return seen[1] - handle if seen else self._would_hang(actor, prop, held.side)
 
-    def _seat(self, name: str, actor: Actor, cue: Cue) -> tuple[complex, float, float]:
+    def _seat(self, name: str, actor: Actor, turn: Turn) -> tuple[complex, float, float]:
         """Middle of a seat [m], the direction in which one sits [rad], and its height [m]."""
         if name in self.where:
-            one, seat = self.where[name], self._cast.things[name].seat
+            one, seat = self.where[name], self._cast.props[name].seat
             if isinstance(one, Hangs):
                 raise CannotBe(f"{one.player} holds {name}")
             if seat is None:
                 raise CannotBe(f"{name} has no seat; needed: `seat:` of the prop")
-            place = self._wishes.stands.get(cue.spot, one.place)
+            place = self._wishes.stands.get(turn.spot, one.place)
             return place.place, place.heading, one.height + seat
         top = top_of(self._cast.file, name)
         assert top is not None  # or it is a mistake
@@ -381,6 +396,14 @@ class Handling:
         return min(found, key=lambda one: abs(one.place - actor.last.place))
 
     # -- who meets ---------------------------------------------------------------------------
+
+    def _meet(
+        self, turn: Turn, prop: str, pairs: frozenset[Pair], start: float, end: float
+    ) -> None:
+        """Notes that the players of a cue and a prop may touch for a while [s]."""
+        kind = VERBS[turn.given.verb].meets
+        assert kind is not None
+        self._met.append(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
 
     def _close(self, prop: str, held: Hangs, until: float) -> None:
         if until > held.since:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import Footing, Meeting, Pair, hanging, sitting, standing
-from fantoccini.theatre.gestures import Gesture, Spot
+from fantoccini.theatre.gestures import Gesture
+from fantoccini.theatre.script import Spot
 
 
 @dataclass(frozen=True)

@@ -73,8 +73,8 @@ def put_down(
 ) -> Putting:
     """The gesture by which a puppet stands a prop on something and takes its forearm away: 17.5 s.
 
-    It begins in the pose of :func:`~fantoccini.theatre.cast.props.carry` and ends where the puppet
-    hangs.
+    It begins in the pose of :func:`~fantoccini.theatre.cast.prop_gestures.carry` and ends where
+    the puppet hangs.
 
     Args:
         stage: the scene.

@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from fantoccini.base import FileError, Mistake, nearest
-from fantoccini.base.documents import read_file, validate
-from fantoccini.model.puppet import WORDS
-from fantoccini.theatre.cast import (
-    WALKS,
-    Cast,
-    CueFile,
-    Places,
-    PlayFile,
-    Timeline,
-    read_cast,
-    said,
-)
-from fantoccini.theatre.gestures import Notes, Spot
+from fantoccini.theatre.cast import Cast, Kept, Places, play_timeline, read_cast
 from fantoccini.theatre.plays.acting import Repertory
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.plays.whole import sounds_of
-
-_OTHERS = ("puppet", "scene", "score", "gesture")
-"""Keys of files of other kinds."""
-
+from fantoccini.theatre.script import (
+    VERBS,
+    GivesCue,
+    Notes,
+    PlayCue,
+    PlayFile,
+    Spot,
+    Timeline,
+    WalkCue,
+    read_script,
+    said,
+)
 
 _REPERTORY = Path(__file__).parent / "repertory"
 
@@ -50,17 +45,18 @@ class Script:
     """
 
     cast: Cast
-    timeline: Timeline
+    timeline: Timeline[PlayCue]
     repertory: Repertory
     places: Places
     notes: Notes
 
 
-def read_script(path: str | os.PathLike[str]) -> Script:
+def read_play(path: str | os.PathLike[str], kept: Kept) -> Script:
     """A play as it is written.
 
     Args:
         path: of the file, or the name of a bundled play.
+        kept: results of earlier versions of the play.
 
     Raises:
         FileError: with every mistake found and its location.
@@ -71,19 +67,12 @@ def read_script(path: str | os.PathLike[str]) -> Script:
             text = "found nothing here, and no bundled play of this name"
             raise FileError([Mistake(name, None, "", text + nearest(name, play_names()))])
         path = _REPERTORY / f"{name}.yaml"
-    located = read_file(path)
-    data = located.data if isinstance(located.data, dict) else {}
-    other = next((kind for kind in _OTHERS if kind in data and "play" not in data), None)
-    if other is not None:
-        text = f"this is a {other} file; a play has the keys `play`, `cast` and `acts`"
-        raise located.error([((), text)], FileError)
-    file = validate(PlayFile, located, words=WORDS)
-    notes = Notes(located, file.tempo)
+    file, notes = read_script(PlayFile, path)
     places = Places(file, notes)
     _check_names(file, places, notes)
     cast = read_cast(file, places, notes)
-    repertory = Repertory(cast, notes)
-    timeline = Timeline(file, repertory.marks, notes)
+    repertory = Repertory(cast, notes, kept)
+    timeline = play_timeline(file, repertory.marks, notes)
     sounds_of(file, notes)
     notes.refuse()
     return Script(cast, timeline, repertory, places, notes)
@@ -98,40 +87,31 @@ def _check_names(file: PlayFile, places: Places, notes: Notes) -> None:
         names.add(act.act)
         for i, cue in enumerate(act.cues):
             spot = "acts", a, "cues", i
-            for verb in (*WALKS, "looks_at", "points_at"):
-                where = getattr(cue, verb)
-                if where is None:
-                    continue
-                if verb == "turns_to":
-                    places.direction(where, (*spot, said(verb)))
-                else:
-                    places.check(where, (*spot, said(verb)))
-            _check_props(file, cue, spot, notes)
-            for k, where in enumerate(cue.past):
-                places.check(where, (*spot, "past", k))
-            if cue.facing is not None:
-                places.direction(cue.facing, (*spot, "facing"))
+            _check_named(file, cue, spot, places, notes)
 
 
-def _check_props(file: PlayFile, cue: CueFile, spot: Spot, notes: Notes) -> None:
-    """Notes names of props, and of what they are given, put and sat on, that are none."""
+def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, notes: Notes) -> None:
+    """Notes names of places, players, props, seats and tables that are none."""
     obstacles = [one.name for one in file.stage.obstacles]
-    seats = [*file.props, *obstacles]
-    kinds: dict[str, tuple[Sequence[str], str]] = {
-        "gives": (list(file.props), "prop"),
-        "puts_down": (list(file.props), "prop"),
-        "picks_up": (list(file.props), "prop"),
-        "sits_on": (seats, "prop or obstacle"),
-        "stands_up_from": (seats, "prop or obstacle"),
-        "onto": (obstacles, "obstacle"),
-        "to": (list(file.cast), "player"),
+    known = {
+        "player": ("player", [*file.cast]),
+        "prop": ("prop", [*file.props]),
+        "seat": ("prop or obstacle", [*file.props, *obstacles]),
+        "table": ("obstacle", obstacles),
     }
-    for key, (known, what) in kinds.items():
-        name = getattr(cue, key)
-        if name is not None and name not in known:
-            text = f"no {what} is called {name!r}{nearest(name, known)}"
-            notes.mistake((*spot, said(key)), text)
-    if cue.to is not None and cue.to in cue.who:
+    for key, kind in VERBS[cue.verb].names.items():
+        given, place = getattr(cue, key), (*spot, said(key))
+        if kind == "direction" and given is not None:
+            places.direction(given, place)
+        elif key == "past":
+            for k, where in enumerate(given):
+                places.check(where, (*place, k))
+        elif kind == "place":
+            places.check(given, place)
+        elif kind in known and given not in known[kind][1]:
+            what, names = known[kind]
+            notes.mistake(place, f"no {what} is called {given!r}{nearest(given, names)}")
+    if isinstance(cue, GivesCue) and cue.to in cue.who:
         notes.mistake((*spot, "to"), f"{cue.to} gives it to itself; needed: another player")
 
 
@@ -147,7 +127,7 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
     Raises:
         FileError: with every mistake found and its location.
     """
-    script = read_script(path)
+    script = read_play(path, Kept())
     _check_abilities(script)
     script.notes.refuse()
     return script.cast.file
@@ -161,9 +141,9 @@ def _check_abilities(script: Script) -> None:
         if given.optional:
             continue
         places: list[tuple[Spot, object]] = []
-        if cue.walks and given.turns_to is None and not given.near:
+        if isinstance(given, WalkCue) and not given.near:
             places = [((*cue.spot, "past", k), where) for k, where in enumerate(given.past)]
-            places.append((spot, getattr(given, given.verb)))
+            places.append((spot, given.what))
         for player in (cast.players[who] for who in cue.who):
             why = script.repertory.reason_unable(player, given)
             if why:

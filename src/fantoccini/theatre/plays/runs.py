@@ -32,7 +32,6 @@ from fantoccini.theatre.cast import (
     PropState,
     Span,
     Staged,
-    StageFile,
     Stop,
     asked_pairs,
     digest,
@@ -40,6 +39,7 @@ from fantoccini.theatre.cast import (
     staged,
 )
 from fantoccini.theatre.gestures import Gesture, Motion, piecewise
+from fantoccini.theatre.script import StageFile
 
 _REST = 1e-9
 """Rate below which hands are at rest [m/s or rad/s]."""

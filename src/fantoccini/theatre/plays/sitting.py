@@ -3,7 +3,7 @@
     q_K(t) = q_K0 + d(t)
 
 Offsets are those of the bundled marionette, relative to where it hangs, as in
-:mod:`fantoccini.theatre.cast.props`.
+:mod:`fantoccini.theatre.cast.prop_gestures`.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
     end = min(float(run.t[-1]) for run in runs.players.values())
     t = np.append(np.arange(0.0, end - 0.5 * sample, sample), end)
     whole = _Whole(cast, t)
-    for name in cast.things:
+    for name in cast.props:
         whole.stands(name, -1.0, cast.lie[name])
     for run in runs.companies:
         whole.add(run)

@@ -124,7 +124,7 @@ class _Rules:
         asked = {frozenset(map(cast.named, pair)) for one in now for pair in one.pairs}
         asked.update(always)
         floor = {pair for pair in every if FLOOR in pair}
-        kept = floor - asked - {frozenset((name, FLOOR)) for name in cast.things}
+        kept = floor - asked - {frozenset((name, FLOOR)) for name in cast.props}
         at_hand = {pair for pair in every - floor - asked if self._at_hand(*pair)}
         self._bodies = [(Clearance(whole, free=floor | asked | at_hand), clear)]
         for pairs, distance in ((at_hand, AT_HAND), (kept, 0.0)):

@@ -13,13 +13,14 @@ from fantoccini.base import FileError
 from fantoccini.dynamics.clearance import StringsApart, Winding
 from fantoccini.motion import EventKind, Trajectory
 from fantoccini.theatre.cast import CannotBegin, OutOfTime, Stop
-from fantoccini.theatre.gestures import LATE, START, lateness, limits
+from fantoccini.theatre.gestures import lateness, limits
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.rounds import PEAKS
 from fantoccini.theatre.plays.stage_run import together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
+from fantoccini.theatre.script import LATE, START
 
 _AT_REST = 1e-6
 """Rate of hands that are at rest [m/s or rad/s]."""
@@ -113,11 +114,10 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         FileError: a player's run cannot begin.
     """
     faults = []
-    play.kept.until = math.inf if within is None else time.monotonic() + within
     try:
-        runs = play.runs(exact=True)
+        with play.kept.limited(math.inf if within is None else time.monotonic() + within):
+            runs = play.runs(exact=True)
     except OutOfTime:
-        play.kept.until = math.inf
         faults.append(
             "not simulated event-driven: the time was over "
             + (f"after {within:.3g} s" if within else "before it began")
@@ -127,8 +127,6 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     except CannotBegin as error:
         text = _stops(play, error.stop)
         raise play.located.error([(("cast", error.stop.players[0]), text)], FileError) from None
-    finally:
-        play.kept.until = math.inf
     run = together(play.cast, runs)
     faults += [
         f"{one.text}, in {play.when(one.t)}" for one in failures(play.cast, play.meetings, runs)

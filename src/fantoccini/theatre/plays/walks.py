@@ -11,9 +11,10 @@ import numpy as np
 from fantoccini.base import Array, Times
 from fantoccini.base.documents import value_of
 from fantoccini.model.puppet import Box as BoxShape, Shape
-from fantoccini.theatre.cast import Cast, Footing, Player, Thing, Way, extent
-from fantoccini.theatre.gestures import SWAY, Notes
+from fantoccini.theatre.cast import Cast, Footing, Player, PlayProp, Way, extent
+from fantoccini.theatre.gestures import SWAY
 from fantoccini.theatre.plays.acting import step_time
+from fantoccini.theatre.script import Notes
 from fantoccini.theatre.ways import Box, Disk, NoWay, Other, Rectangle, Region, find_way
 
 _LONGEST_STEP = 0.1
@@ -54,7 +55,7 @@ class Walks:
         self.blocked: list[Region] = []
         for one in stage.obstacles:
             self.blocked += _regions(one.name, one)
-        for thing in cast.things.values():
+        for thing in cast.props.values():
             if not thing.held_by and cast.file.props[thing.name].on is None:
                 self.blocked.append(_around(thing))
         self._space = stage.space
@@ -270,7 +271,7 @@ def _turned(name: str, shape: Shape) -> Region | None:
     return Box(name, (float(shape.at[0]), float(shape.at[1])), (width, depth), yaw)
 
 
-def _around(thing: Thing) -> Region:
+def _around(thing: PlayProp) -> Region:
     """What a prop on the floor takes of the stage."""
     ends = np.array([extent(shape) for shape in thing.prop.shapes])
     low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from fantoccini.base import nearest
-from fantoccini.theatre.cast import WITH_PROPS, Cast, PlayFile, Timeline, lane_name, of_stage
-from fantoccini.theatre.gestures import (
-    Caption,
-    Gesture,
-    Notes,
-    Played,
-    Score,
-    Sound,
-    Spot,
-    Time,
-    Wait,
-    read_sounds,
-)
+from fantoccini.theatre.cast import Cast, Placed, lane_name, of_stage
+from fantoccini.theatre.gestures import Caption, Gesture, Played, Score, Sound, Wait, read_sounds
+from fantoccini.theatre.script import Notes, PlayFile, PropCue, Spot, Time
 
 
 def whole_score(
     cast: Cast,
     motions: Mapping[str, Gesture],
     lanes: Mapping[str, Mapping[str, Gesture]],
-    timeline: Timeline,
+    cues: Sequence[Placed],
     notes: Notes,
 ) -> Score:
     """All players' motions as one score of the stage."""
@@ -41,22 +31,23 @@ def whole_score(
     for other in others:
         whole += other
     played, captions, waits = [], [], []
-    for number, cue in enumerate(timeline.cues, 1):
-        for part in cue.parts:
+    for number, placed in enumerate(cues, 1):
+        cue = placed.cue
+        for part in placed.parts:
             name = cue.name if len(cue.who) == 1 else f"{cue.name} {part.who}"
             lane = lane_name(part.who, part.lane)
             played.append(Played(lane, cue.name, part.start, part.end, part.marks, name))
-        if not cue.parts:
+        if not placed.parts:
             continue
-        start = min(part.start for part in cue.parts)
+        start = min(part.start for part in placed.parts)
         if cue.given.says is not None:
-            end = max(part.end for part in cue.parts)
+            end = max(part.end for part in placed.parts)
             # Who takes part in what another does with a prop says nothing.
-            who = cue.given.who if cue.given.verb in WITH_PROPS else cue.who
+            who = cue.given.who if isinstance(cue.given, PropCue) else cue.who
             words = Caption(start, max(end, start + 1.0), cue.given.says, " and ".join(who))
             captions.append(words)
         if cue.given.go:
-            waits.append(Wait(f"cue {number}", min(start, cue.wanted)))
+            waits.append(Wait(f"cue {number}", min(start, placed.wanted)))
     sounds = sounds_of(file, notes)
     marks = {name: beat * notes.beat for name, beat in file.times.items()}
     return Score(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, UnknownNameError
+from fantoccini.base import Array, StateError, UnknownNameError, unit
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.tree import Role
 from fantoccini.motion import State
@@ -173,12 +173,6 @@ def axes_of(
     across = unit(shoulder_left - shoulder_right) + unit(hip_left - hip_right)
     forward = unit(np.cross(across, up))
     return np.stack([forward, np.cross(up, forward), up], axis=-1)
-
-
-def unit(x: Array) -> Array:
-    """(..., 3) directions; 0 stays 0."""
-    size = np.linalg.norm(x, axis=-1, keepdims=True)
-    return np.asarray(x / np.where(size > 0.0, size, 1.0))
 
 
 def _check_parent(

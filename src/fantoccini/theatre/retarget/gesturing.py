@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import ARRIVED, Array, StateError, Times, check_positive
+from fantoccini.base import ARRIVED, Array, StateError, Times, check_positive, polynomial
 from fantoccini.dynamics.clearance import Crossing
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
@@ -54,8 +54,6 @@ _EASE = 0.5
 """Time in which the clip's time begins to run, and comes to its end [s]."""
 _LEAD, _SHARES = 0.5, (0.5, 0.25)
 """Shortest way into a clip and back [s], and the shares of the bounds that ways use."""
-_MINIMUM_JERK = (1.875, 5.7735)
-"""Peak speed and acceleration of a minimum-jerk move, over those of 1 m in 1 s."""
 _BACK = 0.02
 """Of stillness at the end [s]."""
 _AFTER = 0.6
@@ -249,8 +247,9 @@ def _lead_times(
         times.append(
             max(
                 _LEAD,
-                _MINIMUM_JERK[0] * way / (_SHARES[0] * speed),
-                float(np.sqrt(_MINIMUM_JERK[1] * way / (_SHARES[1] * acceleration))),
+                polynomial.minimum_jerk_duration(
+                    way, _SHARES[0] * speed, _SHARES[1] * acceleration
+                ),
             )
         )
     return times[0], times[1]
@@ -271,7 +270,7 @@ def _joined(home: Array, clip: Array, t: Times, frames: slice) -> Array:
     into, back = t[: frames.start] / begins, (t[frames.stop :] - over) / (t[-1] - over)
 
     def way(a: Array, b: Array, s: Times) -> Array:
-        share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        share, _, _ = polynomial.minimum_jerk(s)
         return np.asarray(a + share[:, None] * (b - a))
 
     return np.concatenate([way(home, clip[0], into), clip, way(clip[-1], home, back)])

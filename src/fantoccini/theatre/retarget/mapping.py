@@ -7,12 +7,23 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import Field, field_validator
 
 from fantoccini.base import FileError, Mistake, nearest
-from fantoccini.base.documents import Model, Name, Place, mistake, read_file, validate
+from fantoccini.base.documents import (
+    Document,
+    Kind,
+    Model,
+    Name,
+    Place,
+    document_schema,
+    mistake,
+    read_document,
+    refuse,
+    unknown_names,
+)
 from fantoccini.theatre.capture import Skeleton
 
 _FOLDER = Path(__file__).parent / "mappings"
@@ -39,8 +50,10 @@ class BodyFile(Model):
     """The end in its frame, of the head, of forearms and shins: the hand, the foot [m]."""
 
 
-class MappingFile(Model):
+class MappingFile(Document):
     """Joints of a skeleton by what part of a person they are."""
+
+    kind: ClassVar = Kind("mapping", "a mapping has the keys `mapping` and `joints`", _FOLDER)
 
     mapping: Name
     """The mapping's name."""
@@ -54,7 +67,7 @@ class MappingFile(Model):
     @field_validator("joints")
     @classmethod
     def _are_parts(cls, joints: dict[str, str]) -> dict[str, str]:
-        _check_names(joints, PARTS)
+        refuse(unknown_names(joints, PARTS, "{} is no part"))
         if missing := [part for part in PARTS if part not in joints]:
             raise mistake(f"found no {', '.join(missing)}; needed: all of {', '.join(PARTS)}")
         for part, joint in joints.items():
@@ -65,7 +78,7 @@ class MappingFile(Model):
     @field_validator("puppet")
     @classmethod
     def _are_bodies(cls, puppet: dict[str, BodyFile]) -> dict[str, BodyFile]:
-        _check_names(puppet, BODIES)
+        refuse(unknown_names(puppet, BODIES, "{} is no part"))
         return puppet
 
     def find(self, skeleton: Skeleton) -> dict[str, int]:
@@ -83,13 +96,12 @@ class MappingFile(Model):
 
 def mapping_schema() -> dict[str, Any]:
     """JSON Schema of a mapping file, for editors."""
-    schema = MappingFile.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return document_schema(MappingFile)
 
 
 def mapping_names() -> tuple[str, ...]:
     """Names of the bundled mappings."""
-    return tuple(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+    return MappingFile.kind.bundled
 
 
 def load_mapping(path: str | os.PathLike[str]) -> MappingFile:
@@ -101,13 +113,7 @@ def load_mapping(path: str | os.PathLike[str]) -> MappingFile:
     Raises:
         FileError: with every mistake found and its location.
     """
-    name = os.fspath(path)
-    if not os.path.isfile(name):
-        if name not in mapping_names():
-            text = "found no file; a mapping file is needed, or the name of a bundled mapping"
-            raise FileError([Mistake(name, None, "", text + nearest(name, mapping_names()))])
-        path = _FOLDER / f"{name}.yaml"
-    return validate(MappingFile, read_file(path))
+    return read_document(path, MappingFile)
 
 
 def find_mapping(skeleton: Skeleton, name: str = "clip") -> MappingFile:
@@ -160,9 +166,3 @@ def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> d
     if mistakes:
         raise FileError(mistakes)
     return found
-
-
-def _check_names(given: dict[str, Any], known: tuple[str, ...]) -> None:
-    for name in given:
-        if name not in known:
-            raise mistake(f"{name!r} is no part{nearest(name, known)}")

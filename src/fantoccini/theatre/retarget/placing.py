@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, StateError
+from fantoccini.base import Array, StateError, rotation, unit
 from fantoccini.theatre.capture import Capture
-from fantoccini.theatre.retarget.figure import LIMBS, Figure, axes_of, unit
+from fantoccini.theatre.retarget.figure import LIMBS, Figure, axes_of
 from fantoccini.theatre.retarget.mapping import SIDES
 
 _STRAIGHT = 0.97
@@ -188,16 +188,7 @@ def _facing(axes: Array, head: Array) -> Array:
 def _along(trunk: Array, own: Array, to: Array) -> Array:
     """(T, 3, 3) the trunk's orientations, turned the shortest way until `own` points along `to`."""
     a, b = unit(trunk @ own), unit(to)
-    cross, cosine = np.cross(a, b), np.sum(a * b, axis=1)[:, None, None]
-    sine = np.linalg.norm(cross, axis=1)[:, None, None]
-    # Opposite directions: about an axis at right angles to both.
-    across = np.cross(a, np.eye(3)[np.argmin(np.abs(a), axis=1)])
-    axis = unit(np.where(sine[:, 0] > _OPPOSITE, cross, across))
-    skew = np.zeros((len(a), 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        skew[:, i, j], skew[:, j, i] = -axis[:, k], axis[:, k]
-    turn = np.eye(3) + sine * skew + (1.0 - cosine) * skew @ skew
-    return np.asarray(turn @ trunk)
+    return rotation.matrix(rotation.shortest(a, b)) @ trunk
 
 
 def _frame(turn: Array, origin: Array) -> Array:

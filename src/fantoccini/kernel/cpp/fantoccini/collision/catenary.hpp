@@ -3,7 +3,7 @@
 //   x(s) = a asinh(s / a),   z(s) = sqrt(a^2 + s^2) - a,   a = w / (2 u),   sinh(u) / u = r
 //
 // with s the arc length from the lowest point, w the ends' horizontal distance, v their difference
-// in height, L the length and r = sqrt(L^2 - v^2) / w; the same as in fantoccini.output.view.rope.
+// in height, L the length and r = sqrt(L^2 - v^2) / w; the same as in fantoccini.base.catenary.
 #pragma once
 
 #include <cmath>

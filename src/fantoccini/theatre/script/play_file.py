@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from fantoccini.base.documents import (
-    Model,
-    Name,
-    NotNegative,
-    Real,
-    Size,
-    described_schema,
-    entries,
-    has_key,
-    mistake,
-)
+from fantoccini.base.documents import Model, Name, NotNegative, Real, Size, entries, mistake
 from fantoccini.model.puppet import AnyObstacle, AnyShape, Mass, PoseValue
-from fantoccini.theatre.cast.cue_file import CueFile, Facing, Where
-from fantoccini.theatre.gestures import Factor, Length, SoundsFile
+from fantoccini.theatre.script.score_file import SoundsFile
+from fantoccini.theatre.script.unions import AnyPlayCue
+from fantoccini.theatre.script.values import Facing, Factor, Length, Where
 
 
 class MarkFile(Model):
@@ -127,7 +117,7 @@ class ActFile(Model):
     """Its name."""
     after: NotNegative = 0.0
     """Beats of pause before it."""
-    cues: Annotated[tuple[CueFile, ...], entries(1)]
+    cues: Annotated[tuple[AnyPlayCue, ...], entries(1)]
     """In the order in which they are told; each player does its own one after the other."""
 
 
@@ -152,13 +142,3 @@ class PlayFile(Model):
     """One after the other."""
     sound: SoundsFile = ()
     """A sound file, or several with the times at which they begin."""
-
-
-def is_play(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is a play: YAML with the key `play`."""
-    return has_key(path, "play")
-
-
-def play_schema() -> dict[str, Any]:
-    """JSON Schema of a play file, for editors."""
-    return described_schema(PlayFile, "fantoccini play")

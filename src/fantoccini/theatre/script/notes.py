@@ -1,17 +1,17 @@
-"""What is found while a score is compiled: mistakes, and what is not as it was written."""
+"""Mistakes of scores and plays, and what is not as it was written."""
 
 from __future__ import annotations
 
 from fantoccini.base import FileError, Mistake
 from fantoccini.base.documents import Located
-from fantoccini.theatre.gestures.timing import Spot
+from fantoccini.theatre.script.values import Spot
 
 LATE = 1e-6
 """Lateness that is reported [s]."""
 
 
 class Notes:
-    """Mistakes and changes of a score file.
+    """Mistakes and changes of a score or a play.
 
     Attributes:
         located: the file.

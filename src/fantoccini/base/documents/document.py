@@ -1,0 +1,192 @@
+'''One way to read the files that users write: a subclass of :class:`Document` for each kind.
+
+The fields of the subclass are the keys of the file::
+
+    class StandFile(Document):
+        """A stand."""
+
+        kind: ClassVar = Kind("stand", "a stand has the keys `stand` and `axes`", STANDS)
+
+        stand: Name
+        """The stand's name."""
+        axes: Annotated[dict[Name, AxisFile], entries(1)]
+        """Name -> axis."""
+        zero: dict[str, Angle] = Field(default_factory=dict)
+        """Coordinate -> value; `30 deg` has a unit."""
+
+        @model_validator(mode="after")
+        def _known(self) -> StandFile:
+            known = {name for axis in self.axes.values() for name in axis.moves}
+            refuse(unknown_names(self.zero, known, "no axis moves {}", ("zero",)))
+            return self
+
+    stand = read_document("stage.yaml", StandFile)  # or the name of a bundled stand
+    stand = parse_document(text, StandFile)
+    document_schema(StandFile)  # JSON Schema for editors
+
+A validator of a value raises ``mistake(text)``; one of a part or of the whole file lists mistakes
+at keys below it with ``refuse``. An error lists every mistake as ``file:line: key.path: found,
+allowed, nearest name``. Checks that need more than the file (a compiled puppet, other files) come
+after it: :class:`Refusals` runs them with ``document.located``, which has the lines and the folder.
+'''
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable
+from pathlib import Path as FilePath
+from typing import Any, ClassVar, NamedTuple, TypeVar
+
+from pydantic import GetCoreSchemaHandler, PrivateAttr, ValidationError
+from pydantic_core import core_schema
+
+from fantoccini.base import FileError, Mistake, nearest
+from fantoccini.base.documents.json_schema import described_schema
+from fantoccini.base.documents.located import (
+    NO_WORDS,
+    Finding,
+    Located,
+    Words,
+    findings,
+    read_file,
+    read_located,
+)
+from fantoccini.base.documents.values import Model
+
+DocumentT = TypeVar("DocumentT", bound="Document")
+
+_OWN_NAME = "scene gesture score play problem task mapping stand record"
+KEYS = {"bodies": "puppet", "coordinates": "inputs"} | {k: k for k in _OWN_NAME.split()}
+"""Key at the top of a file that tells its kind -> the kind."""
+
+
+class Kind(NamedTuple):
+    """A kind of file.
+
+    Attributes:
+        name: one of the values of :data:`KEYS`.
+        needs: keys that such a file has, as the end of the message "this is a puppet file; ...".
+        folder: of bundled files, which are read by their names; None where there are none.
+        error: raised with the mistakes.
+        words: names that other programs use, for hints.
+    """
+
+    name: str
+    needs: str
+    folder: FilePath | None = None
+    error: type[FileError] = FileError
+    words: Words = NO_WORDS
+
+    @property
+    def key(self) -> str:
+        """Key at the top of the file that tells its kind."""
+        return next(key for key, kind in KEYS.items() if kind == self.name)
+
+    @property
+    def bundled(self) -> tuple[str, ...]:
+        """Names of the bundled files."""
+        files = () if self.folder is None else self.folder.glob("*.yaml")
+        return tuple(sorted(path.stem for path in files))
+
+    def missing(self, name: str, names: Collection[str]) -> FileError:
+        """The error of a file that is not there, where bundled ones have these names."""
+        text = f"found nothing here; a {self.name} file is needed, or the name of a bundled "
+        return self.error([Mistake(name, None, "", f"{text}{self.name}{nearest(name, names)}")])
+
+
+class Document(Model):
+    """Base of the models of files that users write. Where they stand does not count in ``==``."""
+
+    kind: ClassVar[Kind]
+    """Kind of file."""
+
+    _located: Located = PrivateAttr(default_factory=Located)
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        # A wrap validator of this class would be inside the validators of subclasses.
+        return core_schema.with_info_wrap_validator_function(cls._all_mistakes, handler(source))
+
+    @classmethod
+    def _all_mistakes(cls, data: Any, handler: Any, info: core_schema.ValidationInfo) -> Any:
+        """The document; every mistake in an error of its kind, in Python as in files."""
+        located = info.context if isinstance(info.context, Located) else Located()
+        try:
+            made = handler(data)
+        except ValidationError as error:
+            found = findings(cls, data, error, cls.kind.words)
+            raise located.error(found, cls.kind.error) from None
+        if located.mistakes:
+            raise located.error((), cls.kind.error)
+        return made
+
+    @property
+    def located(self) -> Located:
+        """File, folder, and line of every key."""
+        return self._located
+
+    def refuse(self, found: Iterable[Finding]) -> None:
+        """Raises the error of this kind of file with these mistakes, if there are any."""
+        if mistakes := tuple(found):
+            raise self._located.error(mistakes, self.kind.error)
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Keeps where it was read."""
+        if isinstance(context, Located):
+            self._located = context
+
+
+def read_document(path: str | os.PathLike[str], *kinds: type[DocumentT]) -> DocumentT:
+    """Reads a file.
+
+    Args:
+        path: of a YAML file, or the name of a bundled file of the first kind.
+        kinds: possible kinds of the file.
+
+    Raises:
+        FileError: with every mistake and its location; the class is that of the first kind.
+    """
+    kind, name = kinds[0].kind, os.fspath(path)
+    if name in kind.bundled and not os.path.isfile(name):
+        path = FilePath(kind.folder or "", f"{name}.yaml")
+    elif kind.folder is not None and not os.path.exists(name):
+        raise kind.missing(name, kind.bundled)
+    return _validated(read_file(path, kind.error), kinds)
+
+
+def parse_document(
+    text: str | bytes,
+    *kinds: type[DocumentT],
+    name: str = "<string>",
+    folder: FilePath | None = None,
+) -> DocumentT:
+    """Reads a text.
+
+    Args:
+        text: YAML.
+        kinds: possible kinds of the document.
+        name: of the text, for messages.
+        folder: where relative paths begin; by default the current folder.
+
+    Raises:
+        FileError: as for :func:`read_document`.
+    """
+    return _validated(read_located(text, name, folder, kinds[0].kind.error), kinds)
+
+
+def document_schema(model: type[Document]) -> dict[str, Any]:
+    """JSON Schema of a kind of file, for completion and checks in editors."""
+    return described_schema(model, f"fantoccini {model.kind.name}")
+
+
+def _validated(located: Located, kinds: tuple[type[DocumentT], ...]) -> DocumentT:
+    """The document, of the kind that its keys tell."""
+    data = located.data if isinstance(located.data, dict) else {}
+    model = next((model for model in kinds if model.kind.key in data), None)
+    other = next((kind for key, kind in KEYS.items() if key in data), None)
+    if model is None and other is not None:
+        text = f"this is a {other} file; {kinds[0].kind.needs}"
+        raise located.error([((), text)], kinds[0].kind.error)
+    return (model or kinds[0]).model_validate(located.data, context=located)

@@ -1,0 +1,71 @@
+"""Catenaries: curves of threads that hang between two points.
+
+    x(s) = a asinh(s / a),   z(s) = sqrt(a^2 + s^2) - a,   a = w / (2 u),   sinh(u) / u = r
+
+with s the arc length from the lowest point, w the ends' horizontal distance, v their difference in
+height, L the length and r = sqrt(L^2 - v^2) / w. The form in arc length does not overflow, and
+becomes a vertical fold when the ends coincide.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fantoccini.base.arrays import Array, Vec3
+
+_FOLD = 1e-9
+"""Width per length that two legs of a fold keep: closer ones look like one line."""
+_MAX_STEPS = 60
+"""Steps of Newton's method."""
+_LAST_STEP = 1e-15
+"""Newton's last step, per u: rounding."""
+
+
+def catenary(along: Vec3, length: ArrayLike) -> tuple[Array, Array, Array]:
+    """The curve of a thread: a, and the arc lengths s of both ends.
+
+    Args:
+        along: (..., 3) from the first end to the last [m].
+        length: (...) of the thread, greater than the distance of the ends [m].
+
+    Returns:
+        Three arrays (...) [m].
+    """
+    L = np.asarray(length, dtype=float)
+    flat = np.hypot(along[..., 0], along[..., 1])
+    width, span = np.maximum(flat, _FOLD * L), np.sqrt(np.sum(along * along, axis=-1))
+    u = _half_angle(0.5 * np.log1p((L - span) * (L + span) / (width * width)))
+    middle = along[..., 2] / np.tanh(u)
+    return width / (2.0 * u), 0.5 * (middle - L), 0.5 * (middle + L)
+
+
+def _half_angle(log_r: Array) -> Array:
+    """Solves ln(sinh(u) / u) = ln r by Newton's method.
+
+    The left side is convex and increasing: after the first step all iterates lie right of the root.
+    """
+    # The first estimate is close for tight threads, the second for folds.
+    u = np.maximum(np.sqrt(6.0 * log_r), log_r + np.log1p(log_r) + 1.0)
+    for _ in range(_MAX_STEPS):
+        value, slope = _log_sinhc(u)
+        step = (value - log_r) / slope
+        u = u - step
+        if np.all(np.abs(step) <= _LAST_STEP * u):
+            break
+    return np.asarray(u)
+
+
+def _log_sinhc(u: Array) -> tuple[Array, Array]:
+    """ln(sinh(u) / u), and its slope; by their series for small u."""
+    near, uu = u < 0.05, u * u
+    return (
+        np.where(
+            near,
+            uu * (1.0 / 6.0 - uu * (1.0 / 180.0 - uu / 2835.0)),
+            u + np.log1p(-np.exp(-2.0 * u)) - np.log(2.0 * u),
+        ),
+        np.where(
+            near, u * (1.0 / 3.0 - uu * (1.0 / 45.0 - 2.0 * uu / 945.0)), 1.0 / np.tanh(u) - 1.0 / u
+        ),
+    )

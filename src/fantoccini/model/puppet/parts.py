@@ -1,0 +1,77 @@
+"""The names of a puppet's parts and of their twins, and the mistakes found in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from fantoccini.base import nearest
+from fantoccini.base.documents import LIMITS, Finding, Path, owner_of
+from fantoccini.model.puppet.mirror import twin_name
+
+_SECTIONS = ("bodies", "strings", "springs", "obstacles")
+
+
+def named(puppet: Any) -> Iterator[tuple[str, Path]]:
+    """Names of bodies, joints that have their own, strings, springs, obstacles; and where.
+
+    Args:
+        puppet: a :class:`Puppet`, perhaps with unclear parts.
+    """
+    for key in _SECTIONS:
+        for i, item in enumerate(getattr(puppet, key)):
+            if isinstance(item.name, str):
+                yield item.name, (key, i, "name")
+            joint = item.joint.name if key == "bodies" else None
+            if isinstance(joint, str) and joint != item.name:
+                yield joint, (key, i, "joint", "name")
+
+
+class Parts:
+    """A :class:`Puppet` whose invalid parts are unclear, its names and twins, and mistakes.
+
+    Attributes:
+        puppet: the puppet.
+        pose: its start values as written.
+        found: paths and messages.
+        owner: name -> its path; filled by the check of names.
+        rule: the mirror's two words, or None.
+        bodies: name of a body -> its index.
+        known: names of all bodies, twins included.
+        joint_of: body -> the name of its joint.
+    """
+
+    def __init__(self, puppet: Any, data: dict[str, Any]):
+        self.puppet, self._hints = puppet, 0
+        pose = data.get("pose")
+        self.pose: dict[str, Any] = pose if isinstance(pose, dict) else {}
+        self.found: list[Finding] = []
+        self.owner: dict[str, Path] = {}
+        rule = puppet.mirror
+        self.rule = (rule.from_, rule.to) if rule and rule.from_ and rule.to else None
+        self.bodies = {b.name: i for i, b in enumerate(puppet.bodies) if isinstance(b.name, str)}
+        self.known = set(self.bodies) | {self.twin(name) for name in self.bodies}
+        self.joint_of: dict[str, str] = {}
+        for name, i in self.bodies.items():
+            joint = puppet.bodies[i].joint.name
+            if isinstance(joint, str):
+                self.joint_of |= {self.twin(name): self.twin(joint), name: joint}
+
+    def say(self, path: Path, message: str) -> None:
+        """Notes a mistake."""
+        self.found.append((path, message))
+
+    def twin(self, name: str) -> str:
+        """The name of the twin, or the name itself if nothing mirrors it."""
+        return twin_name(name, *self.rule) if self.rule else name
+
+    def split(self, coordinate: str) -> tuple[str, str]:
+        """The owner of a coordinate, and what follows the dot after it."""
+        owner = owner_of(coordinate, tuple(self.puppet.members))
+        return owner, coordinate[len(owner) + 1 :]
+
+    def near(self, name: str, allowed: set[str]) -> str:
+        """Hint of the nearest name; empty beyond the limits, since the search is slow."""
+        self._hints += 1
+        few = self._hints <= LIMITS.max_hints and len(allowed) <= LIMITS.max_hint_names
+        return nearest(name[:64], allowed) if few else ""

@@ -1,0 +1,19 @@
+"""HTML of reports, displays in notebooks and the panels of the browser's pages.
+
+Texts are escaped where an element is written: no other module writes markup of its own.
+"""
+
+from fantoccini.output.html.elements import Content, Element, element, lines, picture, to_html
+from fantoccini.output.html.page import Page, Table, write_page
+
+__all__ = [
+    "Content",
+    "Element",
+    "Page",
+    "Table",
+    "element",
+    "lines",
+    "picture",
+    "to_html",
+    "write_page",
+]

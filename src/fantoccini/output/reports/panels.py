@@ -1,0 +1,70 @@
+"""Panels of the figures in reports: their frames, titles and colour bars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from fantoccini.base import Array
+from fantoccini.output.view import Theme, blank_figure, dress, plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+
+    Panels = tuple[Figure, list[Axes]]
+
+WIDTH = 1150
+"""Width of a figure [px]."""
+COLUMNS = 3
+"""Panels in a row of a grid."""
+
+T = TypeVar("T")
+
+
+def parts(items: Sequence[T], most: int) -> Iterator[Sequence[T]]:
+    """The items in order, ``most`` for each figure."""
+    return (items[begin : begin + most] for begin in range(0, len(items), most))
+
+
+def grid(count: int, height: int, theme: Theme, share_x: bool) -> Panels:
+    """A figure with ``count`` panels in rows of :data:`COLUMNS`, each row ``height`` high [px]."""
+    rows = -(-count // COLUMNS)
+    figure = blank_figure((WIDTH, 44 + height * rows), facecolor=theme.top)
+    figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.06)
+    panels = list(figure.subplots(rows, COLUMNS, sharex=share_x, squeeze=False).flat)
+    for panel in panels[count:]:
+        panel.set_visible(False)
+    for panel in panels[max(0, count - COLUMNS) : count]:
+        panel.tick_params(labelbottom=True)
+    return figure, panels[:count]
+
+
+def titled(axes: Axes, text: str, theme: Theme) -> None:
+    """Writes plain text above axes; nothing in it is a formula."""
+    title = plain(text, 60)
+    axes.set_title(title, fontsize=9, color=theme.ink, loc="left", parse_math=False, pad=4)
+
+
+def labelled(axes: Axes, theme: Theme, x: str = "", y: str = "") -> None:
+    """Writes plain text beside the axes; nothing in it is a formula."""
+    for axis, text in ((axes.xaxis, x), (axes.yaxis, y)):
+        if text:
+            axis.set_label_text(plain(text, 40), fontsize=8, color=theme.ink).set_parse_math(False)
+
+
+def timed(axes: Axes, t: Array, theme: Theme) -> None:
+    """Frame and grid of axes over time, from the first to the last."""
+    dress(axes, theme, "both")
+    axes.set_xlim(t[0], t[-1])
+
+
+def colour_bar(
+    figure: Figure, image: ScalarMappable, theme: Theme, text: str, **place: Any
+) -> None:
+    """Adds the bar that explains an image's colours; ``place`` as in matplotlib."""
+    bar = figure.colorbar(image, **place)
+    bar.ax.tick_params(labelsize=8, colors=theme.faint, labelcolor=theme.ink)
+    bar.outline.set_visible(False)
+    bar.set_label(text, fontsize=8, color=theme.ink)

@@ -1,0 +1,292 @@
+"""Gestures with props: carrying and handing over.
+
+    q_K(t) = q_K0 + d(t)
+
+Offsets are those of the bundled marionette, relative to where it hangs, so that they hold wherever
+it stands and whichever way it faces. A prop hangs by a handle across a forearm; nothing ties it
+there but friction. A handle is a stem and on it a bar whose ends are free: the arm lies under one
+half, beside the stem, and comes and goes sideways, so that strings never pass the bar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import State, pieces
+from fantoccini.theatre.gestures import STEP_TIME, Ends, Gesture, Step, steps
+
+Waypoints = list[tuple[float, float]]
+
+SIDES = {"right": "left", "left": "right"}
+BODY = ("head", "shoulder_left", "shoulder_right")
+_HANDLE = (0.061, 0.089, 0.324)
+"""Middle of the handle's bar on a forearm in the bundled pose: forward, to the arm's side, and
+above the floor [m]."""
+
+_ALONG = 0.061
+"""The handle hangs so far from the elbow along the forearm [m]."""
+_HELD = {"forward": 0.2, "in": 0.065, "up": 0.03}
+_HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.073), (0.986, 0.003)
+"""What moves the hand's string to hold something out; elbow and direction of the forearm then."""
+_TAKES, _TAKEN = 0.09, (0.083, 0.068)
+"""Inward, the string of the receiver's hand; middle of the forearm then: forward, aside [m]."""
+_LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
+"""Up: the receiver's hand before it takes, when it has taken; the giver's when it gives [m]."""
+_BESIDE, _STEP = 0.051, 0.24
+"""Distance of the two forearms, and the receiver's step to the side [m]."""
+_ROOM = 0.05
+"""Back, the string of the receiver's knee while the prop hangs before it [m]."""
+
+CARRIED = {"out": 0.1, "up": 0.035}
+"""What moves the hand's string to hold a prop away from the knees [m]."""
+CARRY_TIME = 1.5
+"""Duration of what takes up that pose [s]."""
+
+
+@dataclass(frozen=True)
+class Handing:
+    """A prop goes from one puppet's forearm to another's.
+
+    Attributes:
+        giver, receiver: their gestures, from a common start. The giver's has the marks ``offered``
+            and ``released``, the receiver's ``under`` and ``taken``.
+        forward, left: where the receiver stands, seen from the giver [m].
+        touching: pairs of bodies that may touch.
+        turned: how far the receiver's heading is from the giver's [rad].
+    """
+
+    giver: Gesture
+    receiver: Gesture
+    forward: float
+    left: float
+    touching: tuple[tuple[str, str], ...]
+    turned: float
+
+    def place(self, x: float, y: float, heading: float) -> tuple[float, float, float]:
+        """Place [m] and heading [rad] of the receiver for those of the giver."""
+        c, s = float(np.cos(heading)), float(np.sin(heading))
+        return (
+            x + c * self.forward - s * self.left,
+            y + s * self.forward + c * self.left,
+            heading + self.turned,
+        )
+
+
+def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, float, float]:
+    """Where a handle's middle hangs on a forearm: forward, left and up from the puppet's place [m].
+
+    Args:
+        side: of the forearm.
+        raised: height of the puppet above its bundled pose [m].
+
+    Raises:
+        ValueError: the side is neither left nor right.
+    """
+    forward, aside, up = _HANDLE
+    return forward, sign_of(side) * aside, up + raised
+
+
+def give(
+    stage: Marionette,
+    giver: str,
+    receiver: str,
+    prop: str,
+    *,
+    side: str = "right",
+    along: float | None = None,
+    carried: bool = False,
+    higher: float = 0.0,
+) -> Handing:
+    """The gestures by which a prop changes from one puppet's forearm to another's.
+
+    They stand side by side and face the same way. The giver holds it out; the receiver steps aside
+    to it with its forearm under the outer half of the bar, lifts it, and steps back with it when
+    the giver's arm has sunk. No string passes the bar. It takes 13.8 s. Both hang as before
+    afterwards; the stem is again on the outer side of the arm that holds it.
+
+    Args:
+        stage: the scene.
+        giver, receiver: its members.
+        prop: which hangs by its handle on the giver's forearm, the stem on its outer side.
+        side: of the giver's forearm; the receiver takes with the other.
+        along: how far from the elbow it hangs there: :func:`along_forearm` [m].
+        carried: whether the giver is in the pose of :func:`carry`.
+        higher: by how much the giver hangs higher than the receiver [m].
+
+    Raises:
+        InputError: the members have other strings than the bundled marionette.
+        ValueError: the side is neither left nor right.
+    """
+    other, held = SIDES[side], _HELD
+    begins = CARRIED if carried else {"up": 0.0, "out": 0.0}
+    gives: dict[str, Waypoints] = {
+        f"hand_{side}.up": [
+            (0, begins["up"]),
+            (2.0, held["up"]),
+            (7.4, held["up"]),
+            (8.8, _SUNK),
+            (11.8, _SUNK),
+            (13.8, 0),
+        ],
+        f"hand_{side}.forward": [
+            (0, 0),
+            (2.0, held["forward"]),
+            (7.4, held["forward"]),
+            (8.8, 0.3),
+            (11.8, 0.3),
+            (13.8, 0),
+        ],
+        f"hand_{side}.in": [(0, -begins["out"]), (2.0, held["in"]), (11.8, held["in"]), (13.8, 0)],
+    }
+    gets = aside_by(other, _STEP, [(0, 0), (2.0, 0), (5.2, 1), (9.0, 1), (12.0, 0), (13.8, 0)])
+    gets[f"hand_{other}.up"] = [
+        (0, 0),
+        (2.0, _LOW + higher),
+        (5.6, _LOW + higher),
+        (7.2, _LIFTED + higher),
+        (12.0, _LIFTED + higher),
+        (13.8, 0),
+    ]
+    forward, inward = _HELD["forward"], _TAKES
+    gets[f"hand_{other}.forward"] = [(0, 0), (2.0, forward), (12.0, forward), (13.8, 0)]
+    gets[f"hand_{other}.{other}"] = summed(
+        gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
+    )
+    # The string of the receiver's knee makes way for the prop.
+    gets[f"knee_{other}.back"] = [(0, 0), (2.0, 0), (4.0, _ROOM), (12.6, _ROOM), (13.8, 0)]
+    arms = of_member(giver, f"forearm_{side}"), of_member(receiver, f"forearm_{other}")
+    forward, left = _beside(side, _ALONG if along is None else along)
+    return Handing(
+        gesture_of(stage, giver, gives, "give", {"offered": 2.0, "released": 8.8}),
+        gesture_of(stage, receiver, gets, "take", {"under": 5.2, "taken": 7.2}),
+        forward,
+        left,
+        tuple((arm, prop) for arm in arms),
+        0.0,
+    )
+
+
+def _beside(side: str, along: float) -> tuple[float, float]:
+    """Where the receiver stands before it steps aside to the giver: forward and left [m]."""
+    held = np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
+    forward, aside = _TAKEN
+    return float(held[0]) - forward, sign_of(side) * (float(held[1]) + aside + _BESIDE + _STEP)
+
+
+def along_forearm(
+    stage: Marionette, state: State, who: str, prop: str, height: float, *, side: str = "right"
+) -> float:
+    """How far from the elbow a handle hangs on a forearm [m], for :func:`give`.
+
+    Args:
+        stage: the scene.
+        state: after a walk, say; it may swing.
+        who: a member.
+        prop: what hangs.
+        height: of its handle's bar above its origin [m].
+        side: of the forearm.
+    """
+    thing, arm = stage.pose(state, prop), stage.pose(state, of_member(who, f"forearm_{side}"))
+    return float(-arm[:3, 2] @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
+
+
+def aside_by(side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
+    """A whole puppet carried a step to a side [m]."""
+    strings = (*BODY, *(f"{limb}_{end}" for limb in ("hand", "knee") for end in SIDES))
+    return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in strings}
+
+
+def summed(one: Waypoints, other: Waypoints) -> Waypoints:
+    """Of two, at the times of both; straight between waypoints."""
+    times = sorted({t for t, _ in (*one, *other)})
+    values = np.array([np.interp(times, *np.transpose(x)) for x in (one, other)])
+    return list(zip(times, values.sum(axis=0).tolist(), strict=True))
+
+
+def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
+    """Holds what hangs on a forearm away from the knees, for a walk: 1.5 s.
+
+    Then :func:`steps_carrying` walks.
+
+    Args:
+        stage: the scene.
+        who: a member.
+        side: of the forearm.
+
+    Raises:
+        InputError: the member has other strings than the bundled marionette.
+        ValueError: the side is neither left nor right.
+    """
+    sign_of(side)
+    moves = {way: [(0, 0), (CARRY_TIME, offset)] for way, offset in CARRIED.items()}
+    return _of_string(stage, who, f"hand_{side}", moves, "carry", {"carried": CARRY_TIME})
+
+
+def steps_carrying(
+    pose: Gesture, start: State, who: str, given: Sequence[Step], step_time: float = STEP_TIME
+) -> Gesture:
+    """Steps in the pose of :func:`carry`, which turns along.
+
+    Args:
+        pose: made by :func:`carry`.
+        start: where the puppet hangs when it does not carry.
+        who: a member.
+        given, step_time: see :func:`fantoccini.theatre.gestures.walking.steps`.
+    """
+    table, of = pose.coordinates, f"{who}." if who else ""
+    q_K, by = np.array(start.q_K), {}
+    for name, (q, v) in pieces.channel_names(table).items():
+        if pose.named[v.start]:
+            by[name] = float(pose.ends[0][1, v.start])
+            q_K[q] += by[name]
+    walk = steps(Ends(table, start.replace(q_K=q_K), of), given, step_time).moved(by)
+    # What follows counts from where the strings would be without the pose.
+    return replace(walk, travel=steps(Ends(table, start, of), given, step_time).travel)
+
+
+def backwards(
+    moves: Mapping[str, Sequence[tuple[float, float]]], end: float
+) -> dict[str, Waypoints]:
+    """Waypoints backwards in time, on a clock that ends at a time [s]."""
+    return {
+        name: [(end - t, offset) for t, offset in reversed(points)]
+        for name, points in moves.items()
+    }
+
+
+def _of_string(
+    stage: Marionette,
+    who: str,
+    string: str,
+    moves: Mapping[str, Waypoints],
+    name: str,
+    marks: Mapping[str, float],
+) -> Gesture:
+    return gesture_of(stage, who, {f"{string}.{way}": x for way, x in moves.items()}, name, marks)
+
+
+def gesture_of(
+    stage: Marionette,
+    who: str,
+    moves: Mapping[str, Waypoints],
+    name: str,
+    marks: Mapping[str, float],
+) -> Gesture:
+    points = {of_member(who, channel): offsets for channel, offsets in moves.items()}
+    return Gesture.of(stage, points, name=name, marks=marks)
+
+
+def of_member(who: str, name: str) -> str:
+    """A name in the scene; in a scene of one puppet names have no member before them."""
+    return f"{who}.{name}" if who else name
+
+
+def sign_of(side: str) -> float:
+    """1 for left, -1 for right."""
+    if side not in SIDES:
+        raise ValueError(f"side is {side!r}; it must be 'left' or 'right'")
+    return 1.0 if side == "left" else -1.0

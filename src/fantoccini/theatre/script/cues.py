@@ -1,0 +1,413 @@
+"""Cues of scores and plays: what is done, by whom and when. The verb decides which keys there are.
+
+A cue has exactly one verb as a key: ``gesture: bow`` in a score, ``walks to: centre`` in a play.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from fantoccini.base.documents import Angle, Model, Name, NotNegative, mistake
+from fantoccini.theatre.script.values import (
+    END,
+    START,
+    Count,
+    Facing,
+    Factor,
+    How,
+    Length,
+    Mark,
+    Names,
+    Spot,
+    Time,
+    To,
+    When,
+    Where,
+)
+
+
+class CueFile(Model):
+    """A cue of a score or a play.
+
+    Attributes:
+        verb: the key that says what is done; "" in cues without a verb.
+        owns: sentence on which cues have the keys that the class declares.
+        lacks: sentence on all keys that a cue does not have, instead of that.
+        moment: the keys that exclude `on`.
+    """
+
+    verb: ClassVar[str] = ""
+    owns: ClassVar[str] = ""
+    lacks: ClassVar[str] = ""
+    moment: ClassVar[tuple[str, ...]] = ()
+
+    name: Name | None = None
+    """Name by which times refer to it; that of its gesture or verb by default."""
+
+    @property
+    def what(self) -> Any:
+        """Value of the verb's key."""
+        return getattr(self, self.verb)
+
+    @property
+    def delay(self) -> float:
+        """Time to wait from the time on by which it begins [beats]."""
+        return 0.0
+
+    @property
+    def waits_for_go(self) -> bool:
+        """True if a live show waits for GO before it."""
+        return False
+
+    @property
+    def mark(self) -> str:
+        """The mark of `on`; "" where there is none."""
+        return next(iter(getattr(self, "on", None) or ()), "")
+
+    @property
+    def begins(self) -> list[tuple[Spot, Time]]:
+        """Times by which it begins, or by which its mark is, each with its keys."""
+        on = getattr(self, "on", None) or {}
+        return [(("on", mark), time) for mark, time in on.items()]
+
+
+class MarkedCue(CueFile):
+    """A cue that may be timed by a mark."""
+
+    owns: ClassVar[str] = "needed: `when`"
+
+    on: dict[Mark, Time] | None = None
+    """A mark of the gesture -> when it is seen; of a walk: `arrives`."""
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuses what contradicts itself."""
+        if self.on is None:
+            return
+        if self.model_fields_set & {*self.moment}:
+            first, *others = self.moment
+            keys = f"`on` and `{first}` or `{others[0]}`" if others else f"`{first}` and `on`"
+            raise mistake(f"found both {keys}; needed: one of them")
+        if len(self.on) != 1:
+            raise mistake(f"found {len(self.on)} marks in `on`; needed: one")
+
+
+class Styled(MarkedCue):
+    """A cue whose gesture is varied."""
+
+    owns: ClassVar[str] = "only `does` has `{key}`"
+
+    larger: Factor = 1.0
+    """Factor of its size."""
+    faster: Factor = 1.0
+    """Factor of its speed."""
+    mirrored: bool = False
+    """Exchange left and right."""
+    repeat: Count = 1
+    """Number of repetitions, in a row."""
+    lasts: Factor | None = None
+    """Its duration, each time [beats]; as long as its file says by default."""
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuses what contradicts itself."""
+        super().model_post_init(context)
+        if self.lasts is not None and self.faster != 1.0:
+            raise mistake("found both `lasts` and `faster`; needed: one of them")
+
+
+# -- scores ----------------------------------------------------------------------------------
+
+
+class ScoreCue(CueFile):
+    """A cue in a lane of a score. Without `at` and `on` it follows the one before."""
+
+    moment: ClassVar[tuple[str, ...]] = ("at",)
+
+    at: Time | None = None
+    """Time at which it begins."""
+
+    @property
+    def begins(self) -> list[tuple[Spot, Time]]:
+        """Times by which it begins, or by which its mark is, each with its keys."""
+        return super().begins if self.at is None else [(("at",), self.at)]
+
+
+class HoldCue(ScoreCue):
+    """A rest: the lane stays where it is."""
+
+    verb: ClassVar[str] = "hold"
+    lacks: ClassVar[str] = "a hold has only `at` and `name`"
+
+    hold: Factor
+    """Duration of the rest."""
+
+
+class PlayedCue(ScoreCue, Styled):
+    """A gesture or a phrase."""
+
+    heading: Angle | None = None
+    """The direction of forward, from that at the start: after a walk that turns [rad]."""
+
+
+class PhraseCue(PlayedCue):
+    """A phrase, played like a gesture."""
+
+    verb: ClassVar[str] = "phrase"
+
+    phrase: Name
+    """A phrase of this file."""
+
+
+class GestureCue(PlayedCue):
+    """A gesture."""
+
+    verb: ClassVar[str] = "gesture"
+    owns: ClassVar[str] = "only a gesture has `{key}`"
+
+    gesture: str
+    """A gesture file or a take (.npz) in this file's folder, or the name of a bundled gesture."""
+    of: Name | None = None
+    """The member of a scene that does it."""
+    steps: Count | None = None
+    """Number of steps of `walk`."""
+    step: Length | None = None
+    """Length of a step of `walk` [m]."""
+    turn: Angle | None = None
+    """Angle by which `walk` turns to the left, in all [rad]."""
+    to: To | None = None
+    """The place that `point` and `look` are for [m], or a body that is there at the start."""
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuses what contradicts itself."""
+        if self.turn:
+            # Larger, it is no rigid motion; repeated, it needs another heading each time.
+            for key in self.model_fields_set & {"larger", "repeat"}:
+                raise mistake(f"found both `turn` and `{key}`; needed: other `steps` or cues")
+        super().model_post_init(context)
+
+
+# -- plays -----------------------------------------------------------------------------------
+
+
+class PlayCue(CueFile):
+    """A cue of players. Without a time it follows what the same player does before."""
+
+    moment: ClassVar[tuple[str, ...]] = ("when", "after")
+
+    who: Names
+    """A player, several, or `all`."""
+    when: When | None = None
+    """Time at which it begins: a beat of the act, a time of the play by name, a moment of a cue
+    (`bow.low`), `NAME arrives` or `NAME is done`, with an offset in beats; of several the last."""
+    after: NotNegative = 0.0
+    """Beats to wait from then on."""
+    may_wait: NotNegative | None = Field(None, alias="may wait")
+    """Time by which it may begin later, so that swing has settled or a way is free [beats]."""
+    optional: bool = False
+    """Leave it out where it cannot be done."""
+    go: bool = False
+    """A live show waits for GO before it, once all stand still."""
+    says: Annotated[str, Field(min_length=1)] | None = None
+    """A caption for as long as it lasts."""
+
+    @property
+    def begins(self) -> list[tuple[Spot, Time]]:
+        """Times by which it begins, or by which its mark is, each with its keys."""
+        if self.mark:
+            return super().begins
+        when = self.when or ()
+        return [(("when", i) if len(when) > 1 else ("when",), time) for i, time in enumerate(when)]
+
+    @property
+    def delay(self) -> float:
+        """Time to wait from the time on by which it begins [beats]."""
+        return self.after
+
+    @property
+    def waits_for_go(self) -> bool:
+        """True if a live show waits for GO before it."""
+        return self.go
+
+    @property
+    def is_free(self) -> bool:
+        """True if the play gives it no time."""
+        return self.when is None and not self.mark and not self.go
+
+    @property
+    def patience(self) -> float:
+        """Longest delay of its beginning [beats]; infinite where the play has no time."""
+        return inf if self.may_wait is None and self.is_free else self.may_wait or 0.0
+
+
+class TimedCue(PlayCue, MarkedCue):
+    """A cue of a play that may be timed by a mark."""
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuses what contradicts itself."""
+        super().model_post_init(context)
+        if self.mark in (START, END):
+            raise mistake(f"found `on: {{{self.mark}: ...}}`; needed: a mark, or `when`")
+
+
+class DoesCue(TimedCue, Styled):
+    """A gesture."""
+
+    verb: ClassVar[str] = "does"
+    owns: ClassVar[str] = "only `does` has `{key}`"
+
+    does: str
+    """A gesture: a file, a take (.npz) or a clip of motion capture (.bvh) beside this one, or a
+    bundled gesture or clip."""
+    how: How = ()
+    """Words that change a gesture."""
+
+
+class WalkCue(TimedCue):
+    """A walk to a mark or a place."""
+
+    owns: ClassVar[str] = "only walks have it"
+
+    past: tuple[Where, ...] = ()
+    """Marks or places that a walk leads by, in order, before its own."""
+    near: Length = 0.0
+    """Distance from its place at which a walk may end [m]."""
+    facing: Facing | None = None
+    """Direction in which it looks after a walk; as the mark says by default."""
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuses what contradicts itself."""
+        super().model_post_init(context)
+        if any(not isinstance(place, str) and len(place) != 2 for place in (self.what, *self.past)):
+            raise mistake(f"found a place of three numbers in `{said(self.verb)}`; needed: [x, y]")
+
+
+class WalksToCue(WalkCue):
+    """A walk."""
+
+    verb: ClassVar[str] = "walks_to"
+
+    walks_to: Where = Field(alias="walks to")
+    """A mark or a place."""
+
+
+class EntersToCue(WalkCue):
+    """A walk of one who has done nothing yet."""
+
+    verb: ClassVar[str] = "enters_to"
+
+    enters_to: Where = Field(alias="enters to")
+    """A mark or a place."""
+
+
+class ExitsToCue(WalkCue):
+    """A walk of one who does nothing any more."""
+
+    verb: ClassVar[str] = "exits_to"
+
+    exits_to: Where = Field(alias="exits to")
+    """A mark or a place."""
+
+
+class TurnsToCue(TimedCue):
+    """A turn where one stands."""
+
+    verb: ClassVar[str] = "turns_to"
+
+    turns_to: Facing = Field(alias="turns to")
+    """A direction, a mark, a player or an obstacle."""
+
+
+class LooksAtCue(TimedCue):
+    """A look."""
+
+    verb: ClassVar[str] = "looks_at"
+
+    looks_at: Where = Field(alias="looks at")
+    """A player, a mark, an obstacle or a place [x, y, z]."""
+
+
+class PointsAtCue(TimedCue):
+    """A pointing hand."""
+
+    verb: ClassVar[str] = "points_at"
+
+    points_at: Where = Field(alias="points at")
+    """A player, a mark, an obstacle or a place [x, y, z]."""
+
+
+class PropCue(PlayCue):
+    """A cue in which one player handles a prop or a seat."""
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuses several players."""
+        if len(self.who) != 1 or self.who == ("all",):
+            found = "`all`" if self.who == ("all",) else f"{len(self.who)} players"
+            raise mistake(f"found {found}; needed: one player, who `{said(self.verb)}`")
+
+
+class GivesCue(PropCue):
+    """A prop changes hands."""
+
+    verb: ClassVar[str] = "gives"
+    owns: ClassVar[str] = "`gives` has `to`, and only it"
+
+    gives: Name
+    """A prop that hangs on its arm, `to` another, who comes up to take it."""
+    to: Name
+    """The player who takes what is given."""
+
+
+class SitsOnCue(PropCue):
+    """A player sits down."""
+
+    verb: ClassVar[str] = "sits_on"
+
+    sits_on: Name = Field(alias="sits on")
+    """A prop or an obstacle with a seat."""
+
+
+class StandsUpFromCue(PropCue):
+    """A player stands up."""
+
+    verb: ClassVar[str] = "stands_up_from"
+
+    stands_up_from: Name = Field(alias="stands up from")
+    """The seat."""
+
+
+class PutsDownCue(PropCue):
+    """A prop is put on something."""
+
+    verb: ClassVar[str] = "puts_down"
+    owns: ClassVar[str] = "`puts down` has `onto`, and only it"
+
+    puts_down: Name = Field(alias="puts down")
+    """A prop that hangs on its arm, `onto` something."""
+    onto: Name
+    """The obstacle on which a prop is put."""
+
+
+class PicksUpCue(PropCue):
+    """A prop is taken from where it stands."""
+
+    verb: ClassVar[str] = "picks_up"
+
+    picks_up: Name = Field(alias="picks up")
+    """A prop that stands somewhere."""
+
+
+class VerblessScoreCue(ScoreCue):
+    """A cue without a verb: only its unknown keys are read, which are mistakes."""
+
+
+class VerblessPlayCue(PlayCue):
+    """Likewise, of a play."""
+
+    who: Names = ("all",)
+
+
+def said(key: str) -> str:
+    """A key as it is written: ``walks_to`` is ``walks to``."""
+    return key.replace("_", " ")

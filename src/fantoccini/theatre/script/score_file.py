@@ -1,0 +1,87 @@
+"""Schema of score files: gestures in lanes, on beats or seconds."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+
+from fantoccini.base.documents import Model, Name, Positive, Size
+from fantoccini.theatre.script.unions import AnyScoreCue
+from fantoccini.theatre.script.values import Factor, Time
+
+
+class CaptionFile(Model):
+    """Words for a while."""
+
+    at: Time
+    """Time at which they appear."""
+    until: Time
+    """Time at which they go."""
+    text: Annotated[str, Field(min_length=1)]
+    """The words."""
+
+
+class WaitFile(Model):
+    """Where a live performance waits for GO."""
+
+    at: Time
+    """When."""
+    loop: Time | None = None
+    """Start of the part that is repeated until then; it stands still by default."""
+
+
+class SoundFile(Model):
+    """A sound that is heard with the score."""
+
+    file: str
+    """A sound file in this file's folder."""
+    at: Time = 0.0
+    """Time at which it begins."""
+    gain: Annotated[Positive, Field(le=100.0)] = 1.0
+    """Factor of its loudness."""
+
+
+def _wait(value: Any) -> Any:
+    return value if isinstance(value, dict) else {"at": value}
+
+
+def _sounds(value: Any) -> Any:
+    if isinstance(value, str):
+        return ({"file": value},)
+    return (value,) if isinstance(value, dict) else value
+
+
+_AS_WAIT = BeforeValidator(_wait, json_schema_input_type=Time | WaitFile)
+_AS_SOUNDS = BeforeValidator(
+    _sounds, json_schema_input_type=str | SoundFile | tuple[SoundFile, ...]
+)
+SoundsFile = Annotated[tuple[SoundFile, ...], _AS_SOUNDS]
+Cues = Annotated[tuple[AnyScoreCue, ...], Field(min_length=1)]
+
+
+class ScoreFile(Model):
+    """A score: gestures of a puppet in lanes that add up."""
+
+    score: Name
+    """The score's name."""
+    tempo: Factor | None = None
+    """Beats in a minute; times are then in beats, otherwise in seconds."""
+    lanes: Annotated[dict[str, tuple[AnyScoreCue, ...]], Field(min_length=1)]
+    """Lane -> gestures, in order. Offsets of all lanes add up."""
+    phrases: dict[Name, Cues] = Field(default_factory=dict)
+    """Name -> gestures in order, to be played like one; times count from its beginning."""
+    marks: dict[Name, Time] = Field(default_factory=dict)
+    """Name -> time."""
+    waits: dict[Name, Annotated[WaitFile, _AS_WAIT]] = Field(default_factory=dict)
+    """Name -> when a live performance waits for GO."""
+    speed: Size | dict[str, Size] = 1.0
+    """Largest speed of driven coordinates, for all or by name [m/s or rad/s]."""
+    acceleration: Size | dict[str, Size] = 6.0
+    """Largest acceleration, likewise [m/s^2 or rad/s^2]."""
+    captions: tuple[CaptionFile, ...] = ()
+    """Words and when they are to be read."""
+    sound: SoundsFile = ()
+    """A sound file, or several with the times at which they begin."""
+    duration: Size | None = None
+    """Earliest end; that of the last gesture by default."""

@@ -1,0 +1,215 @@
+"""Cues in time: those that must be placed before others, and the order in which all are placed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from typing import Generic, TypeVar
+
+from fantoccini.base import nearest
+from fantoccini.theatre.script.cues import CueFile
+from fantoccini.theatre.script.notes import Notes
+from fantoccini.theatre.script.times import Ref, Reference, Times, circle
+from fantoccini.theatre.script.values import END, START, Spot, Time
+
+CueT = TypeVar("CueT", bound=CueFile)
+Moments = Mapping[str, float]
+"""Mark, ``start`` or ``end`` -> time [s]; of a mark of the file only ``""``."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cue(Generic[CueT]):
+    """A cue as it is written.
+
+    Attributes:
+        spot: where it is written.
+        index: its place in the file's order.
+        act: number of its act; 0 in a score.
+        given: what is written.
+        who: the players; in a score, its lane.
+        name: by which times refer to it; "" where nothing can.
+        known: its moments, by name.
+        before: the cues that its players do before.
+    """
+
+    spot: Spot
+    index: int
+    act: int
+    given: CueT
+    who: tuple[str, ...]
+    name: str
+    known: tuple[str, ...]
+    before: tuple[Cue[CueT], ...] = ()
+
+    @property
+    def is_named(self) -> bool:
+        """True if the file gives it a name of its own."""
+        return self.given.name is not None
+
+    @property
+    def times(self) -> list[tuple[Spot, Time]]:
+        """The times that it begins by, with their places."""
+        return [((*self.spot, *keys), time) for keys, time in self.given.begins]
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline(Generic[CueT]):
+    """All cues of a script, and the meaning of its times.
+
+    Attributes:
+        cues: in the file's order.
+        acts: (n,) numbers of the first cues of the acts, and of one after the last.
+        marks: places of the file's own marks.
+        names: meaning of names in times.
+        refs: where a time is written -> a number of beats, or what it refers to.
+        gos: place of a cue -> the cue before it in its act that waits for GO.
+        beat: duration of a beat [s].
+    """
+
+    cues: tuple[Cue[CueT], ...]
+    acts: tuple[int, ...]
+    marks: tuple[Spot, ...]
+    names: Times
+    refs: Mapping[Spot, Ref]
+    gos: Mapping[Spot, Cue[CueT]]
+    beat: float
+
+    def of_act(self, act: int) -> tuple[Cue[CueT], ...]:
+        """The cues of an act."""
+        return self.cues[self.acts[act] : self.acts[act + 1]]
+
+    def earlier(self, cue: Cue[CueT]) -> tuple[Cue[CueT], ...]:
+        """The cues of its act that are written before it."""
+        return self.cues[self.acts[cue.act] : cue.index]
+
+    def needs(self, cue: Cue[CueT]) -> list[Spot]:
+        """Places of the cues and marks that must be placed before a cue."""
+        found = [one.spot for one in cue.before]
+        if cue.given.waits_for_go:
+            found += [one.spot for one in self.earlier(cue)]
+        elif cue.spot in self.gos:
+            found.append(self.gos[cue.spot].spot)
+        refs = [self.refs[spot] for spot, _ in cue.times]
+        return found + [ref.spot for ref in refs if isinstance(ref, Reference)]
+
+    def graph(self, act: int | None = None) -> dict[Spot, list[Spot]]:
+        """Place of a cue or a mark -> those that come first; of one act or of all."""
+        cues = self.cues if act is None else self.of_act(act)
+        marks = {
+            spot: [ref.spot] if isinstance(ref := self.refs[spot], Reference) else []
+            for spot in self.marks
+        }
+        return marks | {cue.spot: self.needs(cue) for cue in cues}
+
+    def time(self, ref: Ref, start: float, placed: Mapping[Spot, Moments]) -> float:
+        """A time, once what it refers to is placed [s].
+
+        Args:
+            ref: the time.
+            start: of the act from which beats count [s].
+            placed: moments of what is placed.
+        """
+        if not isinstance(ref, Reference):
+            return start + ref * self.beat
+        base = placed[ref.spot][ref.moment]
+        return (max(base, start) if ref.in_act else base) + ref.offset * self.beat
+
+    def wanted(self, cue: Cue[CueT], start: float, placed: Mapping[Spot, Moments]) -> float:
+        """Time at which a cue, or its mark of `on`, is to be [s]: else after what comes before."""
+        times = [self.time(self.refs[spot], start, placed) for spot, _ in cue.times]
+        if not times:
+            times = [placed[one.spot][END] for one in cue.before if one.act == cue.act]
+            times += [start] if len(times) < len(cue.who) else []
+        t = max(times) + cue.given.delay * self.beat
+        if cue.given.waits_for_go:
+            return max([t, start, *(placed[one.spot][END] for one in self.earlier(cue))])
+        go = self.gos.get(cue.spot)
+        return t if go is None or cue.times else max(t, placed[go.spot][START])
+
+    def place(
+        self,
+        act: int,
+        start: float,
+        placed: dict[Spot, Moments],
+        perform: Callable[[Cue[CueT], float], Moments],
+    ) -> None:
+        """Places the cues of an act, in the order of the times at which they are to be.
+
+        Args:
+            act: number of the act.
+            start: of the act [s].
+            placed: moments of what is placed; those of the act are added.
+            perform: places one cue that is to be at a time [s], and gives its moments.
+        """
+        graph, of_spot = self.graph(act), {cue.spot: cue for cue in self.of_act(act)}
+        waiting = {
+            spot: {one for one in needs if one not in placed}
+            for spot, needs in graph.items()
+            if spot not in placed
+        }
+        followers: dict[Spot, list[Spot]] = {}
+        for spot, needs in waiting.items():
+            for one in needs:
+                followers.setdefault(one, []).append(spot)
+        marks, cues = list[Spot](), list[tuple[float, int, Spot]]()
+        free = [spot for spot, needs in waiting.items() if not needs]
+        while free or marks or cues:
+            for spot in free:
+                if spot in of_spot:
+                    cue = of_spot[spot]
+                    heappush(cues, (self.wanted(cue, start, placed), cue.index, spot))
+                else:
+                    marks.append(spot)
+            if marks:
+                done = marks.pop()
+                placed[done] = {"": self.time(self.refs[done], 0.0, placed)}
+            else:
+                t, _, done = heappop(cues)
+                placed[done] = perform(of_spot[done], t)
+            free = []
+            for follower in followers.get(done, ()):
+                waiting[follower].discard(done)
+                if not waiting[follower]:
+                    free.append(follower)
+
+
+def make_timeline(
+    acts: Sequence[Iterable[Cue[CueT]]],
+    marks: Mapping[Spot, Time],
+    notes: Notes,
+    special: Callable[[Cue[CueT], Spot, Time], Ref | None] = lambda cue, spot, time: None,
+) -> Timeline[CueT]:
+    """The timeline of acts of cues; notes mistakes in its times.
+
+    Args:
+        acts: of the script, each with its cues in the file's order.
+        marks: place of a mark of the file -> its time.
+        notes: take mistakes.
+        special: reads the times of cues that refer neither to marks nor to moments of cues by
+            name; None for all others.
+    """
+    cues = tuple(cue for act in acts for cue in act)
+    names = {str(spot[-1]): spot for spot in marks}
+    times = Times(names, cues, notes)
+    refs: dict[Spot, Ref] = {spot: times.read(time, spot) for spot, time in marks.items()}
+    gos, go = dict[Spot, Cue[CueT]](), None
+    for cue in cues:
+        if go is not None and go.act == cue.act:
+            gos[cue.spot] = go
+        go = cue if cue.given.waits_for_go else go
+        for spot, time in cue.times:
+            other = special(cue, spot, time)
+            refs[spot] = times.read(time, spot) if other is None else other
+        mark = cue.given.mark
+        if mark and mark not in cue.known:
+            text = f"{cue.name} has no mark {mark!r}{nearest(mark, cue.known)}"
+            notes.mistake((*cue.spot, "on"), text)
+    firsts = [0]
+    for act in acts:
+        firsts.append(firsts[-1] + len([*act]))
+    made = Timeline(cues, tuple(firsts), tuple(marks), times, refs, gos, notes.beat)
+    mistake = circle(made.graph(), notes.located)
+    if mistake is not None:
+        notes.mistake(*mistake)
+    return made

@@ -1,0 +1,172 @@
+"""Times of scores and plays: numbers, or marks and moments of cues with an offset.
+
+t = (mark or moment) + offset * beat
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from typing import Protocol
+
+from fantoccini.base import nearest
+from fantoccini.base.documents import NAME, Located, shown
+from fantoccini.theatre.script.notes import Notes
+from fantoccini.theatre.script.values import Spot, Time
+
+_OFFSET = r"(?: *([-+]) *(\d+\.?\d*|\.\d+))?"
+_SHORT = NAME.replace("{0,63}", "{0,63}?")
+# A dash may belong to a name: what is a name as a whole is one.
+_FORMS = [
+    re.compile(rf"({name})(?:\.({name}(?: \d+)?))?{_OFFSET}", re.ASCII) for name in (NAME, _SHORT)
+]
+
+
+class Timed(Protocol):
+    """A cue that times may refer to."""
+
+    @property
+    def spot(self) -> Spot:
+        """Keys that lead to it."""
+
+    @property
+    def name(self) -> str:
+        """Name by which times refer to it; "" where nothing can."""
+
+    @property
+    def is_named(self) -> bool:
+        """True if the file gives it a name of its own."""
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Its moments, by name."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A time by name.
+
+    Attributes:
+        spot: where the mark or the cue is written.
+        moment: of the cue; "" of a mark.
+        offset: [beats].
+        in_act: a time in an earlier act counts as the start of the cue's own act.
+    """
+
+    spot: Spot
+    moment: str
+    offset: float
+    in_act: bool = False
+
+
+Ref = float | Reference
+"""A number of beats, or a time by name."""
+
+
+class Times:
+    """Meaning of names in the times of a script, or of a phrase of it.
+
+    Args:
+        marks: mark of the file -> where it is written.
+        cues: all cues.
+        notes: take mistakes.
+    """
+
+    def __init__(self, marks: Mapping[str, Spot], cues: Iterable[Timed], notes: Notes):
+        self._marks, self._notes = marks, notes
+        self._cues: dict[str, list[Timed]] = {}
+        self._own: dict[str, Timed] = {}
+        for cue in cues:
+            if not cue.is_named:
+                if cue.name:
+                    self._cues.setdefault(cue.name, []).append(cue)
+            elif cue.name in self._own or cue.name in marks:
+                text = f"another cue or mark is called {cue.name!r}; needed: a name of its own"
+                notes.mistake((*cue.spot, "name"), text)
+            else:
+                self._own[cue.name] = cue
+
+    def read(self, given: Time, spot: Spot) -> Ref:
+        """A time of the file: a number [beats] or what it refers to; 0 after a mistake."""
+        if not isinstance(given, str):
+            return given
+        matches = [match for form in _FORMS if (match := form.fullmatch(given.strip()))]
+        if not matches:
+            self._miss(spot, given, "")
+            return 0.0
+        names = {*self._marks, *self._own, *self._cues}
+        match = next((one for one in matches if one[1] in names), matches[-1])
+        # `wave.end-1` is a beat before the end, unless a mark is called `end-1`.
+        cues = [self._own[match[1]]] if match[1] in self._own else self._cues.get(match[1], [])
+        if match[2] and not any(match[2] in cue.known for cue in cues):
+            match = next(
+                (
+                    one
+                    for one in matches
+                    if one[1] == match[1] and any(one[2] in cue.known for cue in cues)
+                ),
+                match,
+            )
+        name, moment = match[1], match[2]
+        offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
+        if moment is None and name in self._marks:
+            return Reference(self._marks[name], "", offset)
+        if name not in self._own and name not in self._cues:
+            self._miss(spot, given, name if moment is None else f"{name}.{moment}")
+            return 0.0
+        cue = self._the(name, spot)
+        if cue is None:
+            return 0.0
+        if moment is None:
+            text = f"found {shown(given)}; needed: which moment of {name}, as in {name}."
+            self._notes.mistake(spot, f"{text}{cue.known[0]}")
+        elif moment not in cue.known:
+            text = f"{name} has no mark {moment!r}{nearest(moment, cue.known)}"
+            self._notes.mistake(spot, text)
+        else:
+            return Reference(cue.spot, moment, offset)
+        return 0.0
+
+    def _the(self, name: str, spot: Spot) -> Timed | None:
+        """The one cue of a name."""
+        if name in self._own:
+            return self._own[name]
+        first, *others = self._cues[name]
+        if not others:
+            return first
+        lines = [str(self._notes.located.line(cue.spot)) for cue in (first, *others)]
+        text = f"{len(lines)} cues play {name!r}, on lines {', '.join(lines)}; give one of them a "
+        self._notes.mistake(spot, text + "name: and use that")
+        return None
+
+    def _miss(self, spot: Spot, given: str, found: str) -> None:
+        moments = [
+            f"{cue.name}.{moment}"
+            for cue in (*self._own.values(), *(one for same in self._cues.values() for one in same))
+            for moment in cue.known
+        ]
+        text = f"found {shown(given)}; needed: a time, a mark, or a moment of a cue, with an offset"
+        self._notes.mistake(spot, text + nearest(found or given, [*self._marks, *moments]))
+
+
+def circle(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, str] | None:
+    """A mistake where cues and marks wait for themselves; None where there is an order.
+
+    Args:
+        needs: place -> those that come first.
+        located: the file.
+    """
+    try:
+        TopologicalSorter(needs).prepare()
+    except CycleError as error:
+        found = error.args[1][:-1]
+    else:
+        return None
+    first = min(found, key=lambda spot: located.line(spot) or 0)
+    others = [one for one in found if one != first]
+    if not others:
+        return first, "waits for itself"
+    said = ", ".join(f"{located.problem(one, '').key} (line {located.line(one)})" for one in others)
+    return first, f"waits for itself, by way of {said}"

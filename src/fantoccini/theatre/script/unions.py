@@ -1,0 +1,115 @@
+"""Unions of the cues of scores and plays, discriminated by the verb.
+
+A cue has exactly one verb, and only the keys of that verb.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Union
+
+from pydantic import BeforeValidator, Discriminator, Tag
+from pydantic.json_schema import SkipJsonSchema
+
+from fantoccini.base.documents import mistake
+from fantoccini.theatre.script.cues import (
+    CueFile,
+    PlayCue,
+    ScoreCue,
+    VerblessPlayCue,
+    VerblessScoreCue,
+    said,
+)
+from fantoccini.theatre.script.verbs import VERBS
+
+_VERBLESS = "<none>"
+"""Names no class: hints for unknown keys are then those of the whole union."""
+
+
+def _keys(cue: type[CueFile]) -> dict[str, str]:
+    """Keys of a cue as they are written -> the sentence on which cues have them."""
+    return {
+        said(key): next(
+            base.owns
+            for base in cue.__mro__
+            if issubclass(base, CueFile) and key in base.__annotations__
+        )
+        for key in cue.model_fields
+    }
+
+
+class _ByVerb:
+    """Chooses a cue's class by its verb, and refuses keys of other verbs.
+
+    Args:
+        kind: of cues: those of scores, or of plays.
+        verbless: such a cue without a verb.
+        none: phrase for the message on a cue without a verb.
+        needed: the verbs in words; a list of all by default.
+    """
+
+    def __init__(self, kind: type[CueFile], verbless: type[CueFile], none: str, needed: str = ""):
+        own = [verb.cue for verb in VERBS.values() if issubclass(verb.cue, kind)]
+        self._cues = {said(cue.verb): cue for cue in own}
+        self._keys = {cue: _keys(cue) for cue in own}
+        self._needed = needed or ", ".join(f"`{verb}`" for verb in self._cues)
+        self._none, self._verbless = none, verbless
+
+    @property
+    def union(self) -> Any:
+        """The union, for a file."""
+        members: list[Any] = [Annotated[cue, Tag(_tag(cue))] for cue in self._keys]
+        hidden: Any = SkipJsonSchema
+        members.append(Annotated[hidden[self._verbless], Tag(_VERBLESS)])
+        either: Any = Union[tuple(members)]  # noqa: UP007
+        return Annotated[either, Discriminator(self.tag), BeforeValidator(self.check)]
+
+    def tag(self, data: Any) -> str:
+        """The tag of the cue's class."""
+        if isinstance(data, CueFile):
+            return _tag(type(data))
+        verbs = self._verbs(data) if isinstance(data, dict) else []
+        return _tag(self._cues[verbs[0]]) if verbs else _VERBLESS
+
+    def check(self, data: Any) -> Any:
+        """Refuses several verbs, keys of other verbs, and what a verb needs and does not have."""
+        if not isinstance(data, dict):
+            return data
+        given, verbs = {said(str(key)) for key in data}, self._verbs(data)
+        known = {key for keys in self._keys.values() for key in keys}
+        if len(verbs) > 1:
+            both = " and ".join(f"`{verb}`" for verb in verbs)
+            raise mistake(f"found both {both}; needed: one of {self._needed}")
+        if not verbs:
+            if given <= known:
+                raise mistake(f"found {self._none}; needed: one of {self._needed}")
+            return {key: value for key, value in data.items() if said(str(key)) not in known}
+        cue = self._cues[verbs[0]]
+        own = self._keys[cue]
+        strange = {key: value for key, value in data.items() if said(str(key)) in known - {*own}}
+        for key in sorted(said(key) for key, value in strange.items() if value is not None):
+            owns = next(keys[key] for keys in self._keys.values() if key in keys)
+            sentence = cue.lacks or owns.format(key=key)
+            raise mistake(f"found `{verbs[0]}` with `{key}`; {sentence}")
+        for key, sentence in own.items():
+            needed = cue.model_fields[key.replace(" ", "_")].is_required()
+            if needed and sentence and key not in given | {*verbs}:
+                raise mistake(f"found no `{key}`; {sentence}")
+        return {key: value for key, value in data.items() if key not in strange}
+
+    def _verbs(self, data: dict[Any, Any]) -> list[str]:
+        given = {said(str(key)) for key, value in data.items() if value is not None}
+        return [verb for verb in self._cues if verb in given]
+
+
+def _tag(cue: type[CueFile]) -> str:
+    """The tag by which mistakes of a cue are assigned to its class."""
+    return f"<{cue.__name__.lower()}>"
+
+
+if TYPE_CHECKING:
+    AnyScoreCue = ScoreCue
+    AnyPlayCue = PlayCue
+else:
+    _VERBS_OF_SCORES = "`gesture`, `phrase` and `hold`"
+    AnyScoreCue = _ByVerb(ScoreCue, VerblessScoreCue, "none of them", _VERBS_OF_SCORES).union
+    AnyPlayCue = _ByVerb(PlayCue, VerblessPlayCue, "no verb").union

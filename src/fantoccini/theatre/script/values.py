@@ -1,0 +1,174 @@
+"""Values of scores and plays: factors, lengths, times, marks, places and directions."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+from fantoccini.base import nearest
+from fantoccini.base.documents import (
+    NAME,
+    SIZED,
+    Name,
+    Place,
+    Real,
+    mistake,
+    read_angle,
+    read_real,
+    shown,
+)
+
+Spot = tuple[str | int, ...]
+"""Keys and indices that lead to a place of the file."""
+
+START, END = "start", "end"
+"""Moments that every cue has, beside the marks of its gesture."""
+
+DIRECTIONS = {"audience": 0.0, "left": 90.0, "back": 180.0, "right": -90.0}
+"""Direction on the stage -> angle from the audience, which is along x [deg]."""
+
+HOW: dict[str, dict[str, Any]] = {
+    "timidly": {"larger": 0.6, "faster": 0.8},
+    "boldly": {"larger": 1.25},
+    "slowly": {"faster": 0.7},
+    "quickly": {"faster": 1.3},
+    "smaller": {"larger": 0.7},
+    "larger": {"larger": 1.3},
+    "mirrored": {"mirrored": True},
+    "twice": {"repeat": 2},
+    "thrice": {"repeat": 3},
+}
+"""Word -> what it does to a gesture; factors multiply."""
+
+_FACTORS = (1e-3, 1e3)
+"""Least and largest factor of sizes, speeds and durations."""
+_LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(mm|cm|m)", re.ASCII)
+_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+_MARK = rf"{NAME}( \d+)?"
+
+
+def metres(value: Any) -> Any:
+    """A length with its unit (``12 cm``) in metres; anything else as it is."""
+    if isinstance(value, str) and (match := _LENGTH.fullmatch(value.strip())):
+        return float(match[1]) * _METRES[match[2]]
+    return value
+
+
+def _factor(number: float) -> float:
+    low, high = _FACTORS
+    if not low <= number <= high:
+        raise mistake(f"found {number:g}; needed: a number from {low:g} to {high:g}")
+    return number
+
+
+def _time(value: Any) -> float | str:
+    if isinstance(value, str):
+        return value
+    try:
+        number = read_real(value)
+    except PydanticCustomError:
+        number = -1.0
+    if not 0.0 <= number <= 1e6:
+        raise mistake(f"found {shown(value)}; needed: a time, or one by name: turn + 2, wave.up")
+    return number
+
+
+def _length(value: Any) -> float:
+    number = metres(value)
+    if isinstance(number, str):
+        raise mistake(f"found {shown(value)}; needed: a length, as 0.06, 6 cm or 60 mm")
+    return read_real(number)
+
+
+def _to(value: Any) -> Any:
+    if isinstance(value, str):
+        return value
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise mistake(f"found {shown(value)}; needed: three numbers, or the name of a body")
+    return tuple(read_real(number) for number in value)
+
+
+def _mark(text: str) -> str:
+    if not re.fullmatch(_MARK, text, re.ASCII):
+        raise mistake(f"found {shown(text)}; needed: a mark of the gesture, such as up or left 2")
+    return text
+
+
+def _listed(value: Any) -> Any:
+    return (value,) if isinstance(value, str) else value
+
+
+def _times(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list | tuple) else (value,)
+
+
+def _facing(value: Any) -> Any:
+    if isinstance(value, str) and not value.lstrip()[:1].isdigit() and value[:1] not in "+-.":
+        return value
+    return read_angle(value)
+
+
+def _where(value: Any) -> Any:
+    if isinstance(value, str):
+        return value
+    if not isinstance(value, list | tuple) or len(value) not in (2, 3):
+        raise mistake(f"found {shown(value)}; needed: a mark, a player, or a place [x, y] in m")
+    return tuple(value)
+
+
+def _word(value: str) -> str:
+    if value not in HOW:
+        raise mistake(f"found {shown(value)}; allowed: {', '.join(HOW)}{nearest(value, HOW)}")
+    return value
+
+
+Mark = Annotated[
+    str, AfterValidator(_mark), WithJsonSchema({"type": "string", "pattern": f"^{_MARK}$"})
+]
+"""A mark of a gesture; of those of one name the second is called `left 2`."""
+Length = Annotated[
+    float,
+    BeforeValidator(_length),
+    SIZED,
+    WithJsonSchema(
+        {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^.+ *(mm|cm|m)$"}]}
+    ),
+]
+To = Annotated[
+    tuple[float, float, float] | str,
+    BeforeValidator(_to, json_schema_input_type=Place | str),
+    SIZED,
+]
+"""A place, or the name of a body."""
+Factor = Annotated[Real, AfterValidator(_factor)]
+Count = Annotated[int, Field(ge=1, le=1000)]
+Time = Annotated[
+    float | str,
+    BeforeValidator(_time),
+    WithJsonSchema({"anyOf": [{"type": "number", "minimum": 0}, {"type": "string"}]}),
+]
+"""A time, or a mark or a moment of a cue with an offset: `chorus + 2`, `wave.up`, `bow.end - 1`."""
+When = Annotated[
+    tuple[Time, ...], BeforeValidator(_times, json_schema_input_type=Time | tuple[Time, ...])
+]
+Where = Annotated[str | tuple[Real, Real] | tuple[Real, Real, Real], BeforeValidator(_where), SIZED]
+"""A mark, a player or an obstacle, or a place: x towards the audience, y to its right [m]."""
+Facing = Annotated[
+    float | str,
+    BeforeValidator(_facing),
+    SIZED,
+    WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
+]
+"""An angle from the audience to the left, or `audience`, `left`, `right`, `back`, or a name."""
+Names = Annotated[
+    tuple[Name, ...],
+    BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...]),
+    Field(min_length=1),
+]
+_Word = Annotated[str, AfterValidator(_word), WithJsonSchema({"type": "string", "enum": list(HOW)})]
+How = Annotated[
+    tuple[_Word, ...], BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...])
+]

@@ -1,0 +1,138 @@
+"""What control needs stands once: a second one of a kind fails here."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from pathlib import Path
+
+import pytest
+
+import fantoccini as fan
+from fantoccini.base import FileError
+from fantoccini.control.problems import load_problem
+from fantoccini.control.problems.problem_file import ProblemFile
+from fantoccini.control.tasks import Answer, ControlFile, load_task
+from fantoccini.control.tasks.schema import TaskFile
+
+PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
+SOLVERS = {"solve", "cho_factor", "cholesky"}
+
+
+def functions(folder: Path = PACKAGE) -> dict[str, ast.FunctionDef]:
+    """``file: name`` of every function and method."""
+    return {
+        f"{file.relative_to(folder)}: {node.name}": node
+        for file in sorted(folder.rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+    }
+
+
+def factors_a_stage(function: ast.FunctionDef) -> bool:
+    """Whether it solves with a sum R + B'P B, also by a name for it, or asks SciPy to."""
+    named = {
+        target.id: node.value
+        for node in ast.walk(function)
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    for call in (node for node in ast.walk(function) if isinstance(node, ast.Call)):
+        name = ast.unparse(call.func).rsplit(".", 1)[-1]
+        if name.startswith("solve_discrete"):
+            return True
+        if name not in SOLVERS or not call.args:
+            continue
+        matrix = call.args[0]
+        matrix = named.get(matrix.id, matrix) if isinstance(matrix, ast.Name) else matrix
+        if not (isinstance(matrix, ast.BinOp) and isinstance(matrix.op, ast.Add)):
+            continue
+        later = [named.get(x.id, x) if isinstance(x, ast.Name) else x for x in operands(matrix)]
+        if any(isinstance(x, ast.BinOp) and isinstance(x.op, ast.MatMult) for x in later):
+            return True
+    return False
+
+
+def operands(matrix: ast.BinOp) -> tuple[ast.expr, ast.expr]:
+    return matrix.left, matrix.right
+
+
+def test_one_function_factors_a_stage_of_riccatis_recursion():
+    """Doubling has a sum of its own, which is of no stage."""
+    found = {name for name, function in functions().items() if factors_a_stage(function)}
+    assert found == {"base/riccati.py: step", "base/riccati.py: stationary_gain"}
+    second = "def gain(A, B, Q, R, P):\n    M = R + B.T @ P @ B\n    return np.linalg.solve(M, A)"
+    (function,) = ast.parse(second).body
+    assert isinstance(function, ast.FunctionDef) and factors_a_stage(function)
+
+
+def test_compiled_stages_are_factored_in_one_file():
+    """Programs and clamped motions have their stages eliminated by ``StageRiccati``."""
+    folder = PACKAGE / "kernel" / "cpp" / "fantoccini"
+    headers = {p.name: p.read_text(encoding="utf-8") for p in folder.rglob("*.hpp")}
+    assert [name for name, text in headers.items() if "bool eliminate(int" in text] == [
+        "stage_riccati.hpp"
+    ]
+    for name in ("stage_program.hpp", "stage_clamped.hpp"):
+        assert "StageRiccati riccati_;" in headers[name]
+
+
+def test_one_reader_opens_the_files_of_control():
+    """Tasks and problems share the keys of their start, their reader and their messages."""
+    folder = PACKAGE / "control"
+    opens = [
+        str(file.relative_to(folder))
+        for file in sorted(folder.rglob("*.py"))
+        if "read_file(" in file.read_text(encoding="utf-8")
+    ]
+    assert opens == ["tasks/control_file.py"]
+    assert issubclass(TaskFile, ControlFile) and issubclass(ProblemFile, ControlFile)
+
+
+@pytest.mark.parametrize(
+    ("load", "text", "message"),
+    [
+        (load_task, "problem: p\npuppet: arm2d", "problem file; a task file .* `task`"),
+        (load_problem, "task: t\npuppet: arm2d", "task file; a problem file .* `problem`"),
+    ],
+)
+def test_a_file_of_the_other_kind_is_named(load, text: str, message: str, tmp_path: Path):
+    (tmp_path / "other.yaml").write_text(text)
+    with pytest.raises(FileError, match=f"other.yaml:.*this is a {message}"):
+        load(tmp_path / "other.yaml")
+
+
+def test_options_are_a_few_objects():
+    """No function takes them one by one: at most 13 arguments, ``self`` included."""
+    folder = PACKAGE / "control"
+    longest = {
+        name: len([*(a := function.args).posonlyargs, *a.args, *a.kwonlyargs])
+        for name, function in functions(folder).items()
+    }
+    assert {name: n for name, n in longest.items() if n > 13} == {}
+
+
+def test_plans_and_optimisations_have_the_same_bounds():
+    for function in (fan.follow, fan.Task.__init__, fan.Problem.__init__):
+        (bounds,) = (
+            x for x in inspect.signature(function).parameters.values() if x.name == "bounds"
+        )
+        assert bounds.annotation.removesuffix(" | None") == "Bounds"
+    folder = PACKAGE / "control"
+    assert sum("class Bounds:" in p.read_text("utf-8") for p in folder.rglob("*.py")) == 1
+
+
+def test_answers_have_one_truth():
+    """Classes of control leave theirs to ``Answer``; that of many poses is the truth of all."""
+    folder = PACKAGE / "control"
+    own = [
+        f"{file.relative_to(folder)}: {node.name}"
+        for file in sorted(folder.rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+        and any(isinstance(x, ast.FunctionDef) and x.name == "__bool__" for x in node.body)
+    ]
+    assert own == ["optimal/reached.py: Reach", "tasks/answer.py: Answer"]
+    for kind in (fan.PlanResult, fan.Optimum, fan.ReachedPose, fan.Tuned):
+        assert issubclass(kind, Answer)

@@ -1,0 +1,133 @@
+"""Files that users write are read in one way."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import pkgutil
+import re
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel, Field, ValidationError, field_validator
+
+import fantoccini
+from fantoccini.base import FileError
+from fantoccini.base.documents import (
+    KEYS,
+    UNCLEAR,
+    Document,
+    Kind,
+    Located,
+    Model,
+    Positive,
+    document_schema,
+    mistake,
+    parse_document,
+    read_document,
+    refuse,
+    valid_parts,
+)
+
+SOURCE = Path(fantoccini.__file__).parent
+LAYER = SOURCE / "base" / "documents"
+OWN_READERS = {"score", "play", "problem", "task"}
+"""Kinds of files whose models are not yet documents."""
+
+
+def subclasses(cls: type) -> set[type]:
+    return {sub for own in cls.__subclasses__() for sub in {own, *subclasses(own)}}
+
+
+@pytest.fixture(scope="module")
+def models() -> set[type]:
+    """Every pydantic model of the package."""
+    for module in pkgutil.walk_packages([str(SOURCE)], "fantoccini."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+    return {m for m in subclasses(BaseModel) if m.__module__.startswith("fantoccini.")}
+
+
+def test_yaml_is_parsed_in_one_place():
+    readers = re.compile(r"^\s*(import|from) (ruamel|yaml)\b", re.MULTILINE)
+    found = {p for p in SOURCE.rglob("*.py") if readers.search(p.read_text(encoding="utf-8"))}
+    assert found and all(path.is_relative_to(LAYER) for path in found), found
+
+
+def test_every_schema_has_one_base(models):
+    assert {m for m in models if not issubclass(m, Model)} == set()
+
+
+def test_every_kind_of_file_is_one_document_with_a_schema(models):
+    kinds = [m for m in models if issubclass(m, Document) and m is not Document]
+    assert sorted(m.kind.name for m in kinds) == sorted(set(KEYS.values()) - OWN_READERS)
+    for model in kinds:
+        schema = json.loads(json.dumps(document_schema(model)))
+        assert schema["title"] == f"fantoccini {model.kind.name}"
+        assert schema["additionalProperties"] is False
+        assert model.kind.key in schema["properties"]
+
+
+class Part(Model):
+    size: Positive = 1.0
+    label: str = ""
+    below: tuple[Part, ...] = ()
+
+    @field_validator("below")
+    @classmethod
+    def _differ(cls, below: tuple[Part, ...]) -> tuple[Part, ...]:
+        refuse(((i, "size"), "twice") for i in range(1, len(below)) if below[i] == below[i - 1])
+        return below
+
+
+class Stage(Document):
+    kind = Kind("stand", "a stand has `stand` and `parts`")
+
+    stand: str
+    parts: dict[str, Part] = Field(default_factory=dict)
+
+
+def test_mistakes_of_validators_stand_at_their_keys():
+    text = "stand: s\nparts:\n  a:\n    below:\n    - {size: 1}\n    - {size: 1}\n  b: {size: 0}\n"
+    with pytest.raises(FileError) as error:
+        parse_document(text, Stage, name="s.yaml")
+    assert [str(m) for m in error.value.mistakes] == [
+        "s.yaml:6: parts.a.below[1].size: twice",
+        "s.yaml:7: parts.b.size: found 0; needed: a positive number",
+    ]
+
+
+def test_a_document_is_the_same_from_a_file_a_text_and_python(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text("stand: s\n\nparts: {a: {}}\n", encoding="utf-8")
+    read = read_document(path, Stage)
+    assert (
+        read
+        == parse_document("parts: {a: {}}\nstand: s\n", Stage)
+        == Stage(stand="s", parts={"a": {}})
+    )
+    assert read.located.line(("parts", "a")) == 3 and read.located.folder == tmp_path
+    with pytest.raises(FileError, match=r"<python>: parts\.a\.size: found -1"):
+        Stage(stand="s", parts={"a": {"size": -1}})
+
+
+def test_a_file_of_another_kind_is_named():
+    with pytest.raises(FileError, match="this is a puppet file; a stand has `stand` and `parts`"):
+        parse_document("puppet: p\nbodies: []\n", Stage)
+
+
+def test_the_valid_parts_of_data_with_mistakes_can_be_checked():
+    data = {"size": 2, "label": "a", "below": [{"size": -1, "label": "b"}, 5, {"label": 3}]}
+    whole = valid_parts(Part, data, Located())
+    assert (whole.size, whole.label) == (2.0, "a")
+    first, second, third = whole.below
+    assert (first.size, first.label) == (UNCLEAR, "b")
+    assert second is UNCLEAR and second.below.label is UNCLEAR and not list(second.below)
+    assert (third.size, third.label) == (1.0, UNCLEAR)
+
+
+def test_refuse_does_nothing_without_mistakes():
+    refuse([])
+    with pytest.raises(ValidationError):
+        refuse([((), "wrong")])
+    assert mistake("wrong").message() == "wrong"

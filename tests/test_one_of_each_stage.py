@@ -1,0 +1,122 @@
+"""The theatre has one language: one kind of cue, one table of verbs, one timeline."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import importlib
+import pkgutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from fantoccini import theatre
+from fantoccini.base.documents import Model
+from fantoccini.theatre.cast import Placed, Wishes
+from fantoccini.theatre.plays.placing import Placement
+from fantoccini.theatre.plays.rounds import Known, Round
+from fantoccini.theatre.script import HOW, VERBS, CueFile, PlayFile, ScoreFile, Timeline, said
+
+
+def models() -> Iterator[type[Model]]:
+    """Every part of a file of the theatre."""
+    for found in pkgutil.walk_packages(theatre.__path__, f"{theatre.__name__}."):
+        module = importlib.import_module(found.name)
+        own = [part for part in vars(module).values() if isinstance(part, type)]
+        yield from (
+            part for part in own if issubclass(part, Model) and part.__module__ == module.__name__
+        )
+
+
+def members(annotation: object) -> Iterator[type[CueFile]]:
+    if isinstance(annotation, type):
+        if issubclass(annotation, CueFile):
+            yield annotation
+        return
+    for part in get_args(annotation):
+        yield from members(part)
+
+
+def test_each_verb_is_a_key_of_one_kind_of_cue():
+    """Of files besides, only a gesture file has such a key, for its name."""
+    parts = {key: [part for part in models() if key in part.model_fields] for key in VERBS}
+    parts["gesture"] = [part for part in parts["gesture"] if part.__name__ != "GestureFile"]
+    assert parts == {key: [verb.cue] for key, verb in VERBS.items()}
+
+
+def test_all_cues_are_of_the_table():
+    with_verbs = {part for part in models() if issubclass(part, CueFile) and part.verb}
+    assert with_verbs == {verb.cue for verb in VERBS.values()}
+
+
+def test_only_cues_are_timed_by_marks_or_moments():
+    timed = {part for part in models() if {"on", "when", "may_wait"} & {*part.model_fields}}
+    assert {part.__name__ for part in timed if not issubclass(part, CueFile)} == {"PropFile"}
+
+
+def test_scores_and_plays_take_the_verbs_of_the_table():
+    (lanes,) = [ScoreFile.model_fields["lanes"].annotation]
+    acts = PlayFile.model_fields["acts"].annotation
+    (act,) = [part for part in get_args(acts) if isinstance(part, type)]
+    found = [*members(lanes), *members(act.model_fields["cues"].annotation)]
+    assert sorted(part.verb for part in found if part.verb) == sorted(VERBS)
+
+
+@pytest.mark.parametrize("key", VERBS)
+def test_what_a_verb_names_are_keys_of_its_cues(key: str):
+    verb = VERBS[key]
+    assert {*verb.names} <= {*verb.cue.model_fields}
+    assert verb.cue.verb == key and said(key) not in HOW
+
+
+def sources() -> Iterator[tuple[str, ast.Module]]:
+    """Every file of the theatre, with its path there."""
+    root = Path(theatre.__path__[0])
+    for path in sorted(root.rglob("*.py")):
+        yield path.relative_to(root).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def calls(tree: ast.AST, name: str) -> list[ast.Call]:
+    return [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and (getattr(node.func, "id", "") == name or getattr(node.func, "attr", "") == name)
+    ]
+
+
+def test_scores_and_plays_have_one_reader():
+    """Nothing else validates their files."""
+    readers = {
+        name
+        for name, tree in sources()
+        for call in calls(tree, "validate")
+        if {"kind", "ScoreFile", "PlayFile"} & {getattr(arg, "id", "") for arg in call.args}
+    }
+    assert readers == {"script/reading.py"}
+
+
+def test_there_is_one_timeline_and_one_order_of_placing():
+    timelines = {name for name, tree in sources() if calls(tree, "Timeline")}
+    assert timelines == {"script/timeline.py"}
+    orders = {name for name, tree in sources() if calls(tree, "TopologicalSorter")}
+    assert orders <= {"script/times.py"}
+    placed = {name for name, tree in sources() if calls(tree, "heappop")}
+    assert {name for name in placed if not name.startswith("ways/")} == {"script/timeline.py"}
+
+
+def test_lines_are_led_to_motions_in_one_place():
+    """How long the way to a motion takes decides when it begins: `Line.wait`, and free lanes."""
+    led = {name for name, tree in sources() if calls(tree, "lead_time")}
+    assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
+        "cast/actors.py",
+        "gestures/joining.py",
+        "gestures/placing.py",
+    }
+
+
+def test_what_rounds_know_and_what_is_placed_is_not_changed():
+    for kind in (Known, Placed, Placement, Round, Timeline, Wishes):
+        assert dataclasses.fields(kind) and kind.__dataclass_params__.frozen, kind
