@@ -46,7 +46,7 @@ def test_accelerations_agree(seed):
     """Without strings and limits; driven joints have the accelerations that are set."""
     model = tree(seed, 6 + seed)
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
-    puppet.opt.disableflags |= FLAGS.mjDSBL_LIMIT
+    puppet.model.opt.disableflags |= FLAGS.mjDSBL_LIMIT
     data, acc = evaluated(puppet, x), model.acceleration(x)
     assert np.abs(data.qacc[puppet.v_D] - acc).max() < 1e-7 * max(1.0, np.abs(acc).max())
     # The puppet's forces accelerate a driven joint by about a millionth of its own acceleration.
@@ -60,12 +60,12 @@ def test_tendons_have_the_gaps_of_strings_and_limits(seed):
     puppet, x = MuJoCoPuppet(fan.Marionette(model.puppet), 1e-3), model.random(seed)
     data, parts = evaluated(puppet, x), model.tree
     h, later = (model.call("rows", at)["h"] for at in (x, model.moved(x, speed)))
-    most, hdot = puppet.tendon_range[:, 1], (later - h) / speed
+    most, hdot = puppet.model.tendon_range[:, 1], (later - h) / speed
     beyond = data.ten_length - most
     assert np.allclose(beyond[puppet.strings], h[: len(parts.strings)], atol=1e-10)
     for i, limit in enumerate(parts.limits, len(parts.strings)):
         if limit.side == "cone":
-            t = puppet.tendon(limit.name).id
+            t = puppet.model.tendon(limit.name).id
             assert (data.ten_length[t] ** 2 - most[t] ** 2) / 2 == pytest.approx(h[i], abs=1e-12)
     for i, t, scale in zip(
         puppet.twists.places, puppet.twists.tendons, puppet.twists.scale, strict=True

@@ -257,7 +257,7 @@ def test_weights_as_wrenches_are_gravity(seed):
     state, twin = model.random(seed), mjcf.mirror(model.description)
     wrench = np.zeros((6, len(model.tree.links)))
     for i, link in enumerate(model.tree.links):
-        mass = twin.body(link.name).mass[0]
+        mass = twin.model.body(link.name).mass[0]
         wrench[:3, i] = mass * np.array(model.tree.gravity)
     u_D = model.one("wrench_forces", state, wrench=wrench)[:, 0]
     close(u_D, -model.one("gravity", state)[:, 0], 1e-12)
