@@ -21,19 +21,19 @@ ROUNDS = 8
 """Sweeps for every figure; the fastest is printed, the one that neighbours disturbed least."""
 
 
-def nothing(case: fan.Case) -> dict:
+def nothing(case: fan.lab.Case) -> dict:
     """What handing out a case costs."""
     return {"x": case["k"]}
 
 
-def short(case: fan.Case) -> dict:
+def short(case: fan.lab.Case) -> dict:
     """0.3 s of the two-link arm, event-driven: some milliseconds, most of them Python's."""
     x0, lift = case["start"]
     run = fan.simulate(case.marionette, x0, lift, t_end=0.3)
     return {"peak": run.tension["hand"].max()}
 
 
-def long(case: fan.Case) -> dict:
+def long(case: fan.lab.Case) -> dict:
     """The 25-DOF marionette's greeting, time-stepped: compiled code nearly all the time."""
     x0, greeting = case["start"]
     run = fan.simulate(

@@ -272,7 +272,7 @@ def draw(piece: Piece, marionette: fan.Marionette, run: Trajectory) -> None:
 def draw_play(name: str) -> None:
     """Writes strip and film of a bundled play."""
     play = fan.load_play(name)
-    run = fan.verify_play(play).run
+    run = fan.theatre.verify_play(play).run
     _, times = PLAYS[name]
     times = tuple(t for t in times if t < run.t[-1])
     view.strip(
@@ -294,7 +294,7 @@ def draw_play(name: str) -> None:
 
 def draw_plan() -> None:
     """Writes picture and film of the bundled plan."""
-    plan = fan.solve(fan.load_problem(ROOT / PROBLEM), seed=0).polish()
+    plan = fan.control.solve(fan.control.load_problem(ROOT / PROBLEM), seed=0).polish()
     plan.plot(PICTURES / "arm3d_boxes.png", size=(640, 640), scale=1.0)
     plan.animate(PICTURES / "arm3d_boxes.gif", fps=FPS, size=(320, 320))
 

@@ -19,7 +19,7 @@ wrong = out / "wrong_bird.yaml"
 wrong.write_text(file.read_text().replace("parent: body", "parent: bodi"))
 try:
     fan.load(wrong)
-except fan.PuppetError as error:
+except fan.errors.PuppetError as error:
     print(error)
 wrong.unlink()
 

@@ -26,7 +26,7 @@ PULL = {"left.x": [(0, -1.0), (2, -2.0), (4, -1.0)]}
 stiff = fan.loads(LOAD.format(winch=""))
 try:
     fan.simulate(stiff, stiff.rest(), fan.Input.waypoints(stiff, PULL))
-except fan.SimulationError as error:
+except fan.errors.SimulationError as error:
     print(f"without a slipping winch: {error}")
     print(f"  kept: {len(error.trajectory)} rows; to blame: {', '.join(error.trajectory.blamed)}")
 

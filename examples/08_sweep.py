@@ -16,7 +16,7 @@ out = Path("out")
 out.mkdir(exist_ok=True)
 
 
-def lifted(case: fan.Case) -> dict:
+def lifted(case: fan.lab.Case) -> dict:
     """Lifts the arm by 0.2 m while it swings a little."""
     arm = case.marionette
     swing = 0.3 * case.rng.standard_normal()
@@ -42,7 +42,7 @@ peak = result["peak"]  # (masses, seconds, repetitions)
 for mass, row in zip(result.axes["p:m2"], peak.mean(axis=2), strict=True):
     print(f"m2 = {mass:.2f} kg: mean peak tension " + ", ".join(f"{x:.2f}" for x in row) + " N")
 
-slow = fan.Trial(
+slow = fan.lab.Trial(
     t_end=1.0, inputs={"hand.length": [(0, 0.8), (0.8, 0.6)]}, keep=["max energy:work"]
 )
 drawn = fan.sweep(slow, puppet=asked["puppet"], draw={"p:m2": (0.05, 0.12)}, seeds=20)

@@ -12,8 +12,8 @@ import fantoccini as fan
 out = Path("out")
 out.mkdir(exist_ok=True)
 
-problem = fan.load_problem("arm3d_boxes")
-plan = fan.solve(problem, seed=3)
+problem = fan.control.load_problem("arm3d_boxes")
+plan = fan.control.solve(problem, seed=3)
 print(plan)
 better = plan.grow(0.4).polish(1e-3)
 again = better.verify(method="event")
@@ -23,7 +23,7 @@ print(
 )
 better.plot(out / "plan_arm.png")
 
-bell = fan.solve(fan.load_problem("marionette_bell"), seed=4)
+bell = fan.control.solve(fan.control.load_problem("marionette_bell"), seed=4)
 print(bell)
 bell.plot(out / "plan_bell.png")
 bell.trajectory.save(out / "plan_bell.npz")

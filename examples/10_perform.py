@@ -28,7 +28,7 @@ recording = live.stop()
 recording.save(out / "performance.npz")
 print(f"recorded {recording.duration:g} s, {len(recording)} ticks")
 
-read = fan.Recording.load(out / "performance.npz")
+read = fan.theatre.Recording.load(out / "performance.npz")
 again = read.replay()
 print("replayed to the last bit:", np.array_equal(again.q_D, recording.trajectory.q_D))
 event = fan.simulate(read.marionette, read.start, read.inputs)

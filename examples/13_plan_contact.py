@@ -53,8 +53,8 @@ def touch() -> None:
     held = arm(0.6, (0.2, 0.0), 0.6, 0.6) | {"contact": True, "obstacles": [table]}
     puppet = fan.loads(str(held))
     x0 = puppet.rest({"wrist.length": 0.55})
-    goal = fan.Goal.touch(puppet, [("hand", "table")])
-    plan = fan.plan(puppet, x0, goal, [post], bounds=fan.Bounds(clearance=0.005), seed=0)
+    goal = fan.control.Goal.touch(puppet, [("hand", "table")])
+    plan = fan.plan(puppet, x0, goal, [post], bounds=fan.control.Bounds(clearance=0.005), seed=0)
     print(plan)
     for met in plan.verify().touches:
         print(met)
@@ -76,7 +76,7 @@ def push() -> None:
     )
     stage = fan.Marionette(scene)
     x0 = stage.rest({"wrist.length": 1.12, "sleeve.length": 0.87})
-    goal = fan.Goal.moved(stage, "crate", [0.1, 0, 0], x0)
+    goal = fan.control.Goal.moved(stage, "crate", [0.1, 0, 0], x0)
     plan = fan.plan(stage, x0, goal, contact={"touch": [("hand", "crate")]}, tolerance=0.05, seed=0)
     print(plan)
     for met in plan.verify().touches:

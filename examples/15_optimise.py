@@ -12,11 +12,11 @@ import fantoccini as fan
 out = Path("out")
 out.mkdir(exist_ok=True)
 
-crane = fan.optimise(fan.load_task("crane"), tolerance=1e-3)
+crane = fan.optimise(fan.control.load_task("crane"), tolerance=1e-3)
 print(f"crane: {crane.t[-1]:.2f} s, {crane.status.name}, {crane.end_gap:.1e} from its end")
 crane.plot(out / "optimal_crane.png")
 
-circle = fan.optimise(fan.load_task("circle"), tolerance=1e-3)
+circle = fan.optimise(fan.control.load_task("circle"), tolerance=1e-3)
 off = 1e3 * circle.rms()["forearm_right"]
 print(f"circle: {off:.2f} mm from it, {circle.iterations} iterations, KKT {circle.kkt:.1e}")
 circle.plot(out / "optimal_circle.png")

@@ -22,7 +22,7 @@ place = pose[:3, 3] + pose[:3, :3] @ hand[1]
 held = tuple(name for name in puppet.coordinates.v_K if not name.startswith("hand_right"))
 higher = np.linspace(0.0, 0.6, 61)
 above = place + higher[:, None] * [0.0, 0.0, 1.0]
-found = fan.reach(puppet, {hand: above}, start, bounds=fan.Bounds(held=held))
+found = fan.reach(puppet, {hand: above}, start, bounds=fan.control.Bounds(held=held))
 
 print(found)
 print(f"straight up it rises by {100 * higher[found.reached][-1]:.0f} cm")

@@ -1,7 +1,7 @@
 """Hands that balance the marionette while somebody pushes it.
 
 A push of a tenth of a second sends the torso forward. Hands that stay where they are let it swing;
-hands under model predictive control (fan.Balance) bring it back. In the browser:
+hands under model predictive control (fan.theatre.Balance) bring it back. In the browser:
 `fantoccini show marionette --balance`. Writes out/balance.png, how far the torso is away.
 """
 
@@ -20,7 +20,7 @@ fig, axes = plt.subplots(figsize=(6, 3), layout="constrained")
 for balanced in (False, True):
     live = fan.Performance(puppet, tick=0.01)
     home = puppet.pose(live.state, "torso")[:3, 3]
-    law = fan.Balance(live) if balanced else None
+    law = fan.theatre.Balance(live) if balanced else None
     live.let(law)
     live.push("torso", [0.5, 0.2, 0.0])
     t, away, speed = [], [], 0.0

@@ -81,7 +81,7 @@ puppet = fan.puppets.marionette()
 score = fan.load_score(puppet, out / "number.yaml")
 for change in score.changes:
     print(change)
-found = fan.rehearse(score, rounds=36)
+found = fan.theatre.rehearse(score, rounds=36)
 print(found)
 for cue in score.cues:
     late = [f"{one.mark} {1e3 * one.seconds:.0f} ms" for one in found.late if one.cue is cue]

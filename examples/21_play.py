@@ -36,7 +36,7 @@ out.mkdir(exist_ok=True)
 play = fan.load_play(out / "play.yaml", progress=lambda at: print(f"{at.share:4.0%} {at.what}"))
 for change in play.changes:
     print(change)
-found = fan.verify_play(play)
+found = fan.theatre.verify_play(play)
 for one in found.cues:
     print(f"{one.cue.words}: {one.who} at {one.seen:.2f} s, {1e3 * one.late:+.0f} ms")
 print(play, found, sep="\n")

@@ -19,7 +19,7 @@ puppet = fan.puppets.stand6()
 moves = fan.puppets.path("stand6").parent / "performances" / "conduct.yaml"
 run = fan.simulate(puppet, puppet.rest(), fan.Input.load(puppet, moves), 5.0)
 
-strong = fan.check_stand("six_winches", run, puppet)
+strong = fan.stand.check_stand("six_winches", run, puppet)
 print(strong.summary())
 reports.stand_report(strong, out / "strong.html")
 
@@ -29,7 +29,7 @@ text = text.replace(
     "[[0, 0.88], [11, 0.88], [16, 0.60], [22, 0.44], [33, 0.29]]",
     "[[0, 0.50], [1, 0.42], [3, 0.10], [4, 0.015]]",
 )
-weak = fan.check_stand(loads_stand(text), run, puppet)
+weak = fan.stand.check_stand(loads_stand(text), run, puppet)
 print(weak.summary())
 for line in (*lost_lines(weak), *remedies(weak)):
     print(line)

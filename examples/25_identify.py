@@ -57,8 +57,8 @@ seen = run.resample(t - 0.025)  # the camera is 25 ms late
 poses = true.poses(seen.q_D, seen.q_K)
 links = [link.name for link in true.tree.links]
 markers = [
-    fan.Marker("sleeve", "upper", (0, 0.015, -0.2)),
-    fan.Marker("wrist", "lower", (0.012, 0, -0.2)),
+    fan.lab.Marker("sleeve", "upper", (0, 0.015, -0.2)),
+    fan.lab.Marker("wrist", "lower", (0.012, 0, -0.2)),
 ]
 columns = {}
 for marker in markers:
@@ -70,7 +70,7 @@ for marker in markers:
 tension = seen.tension["hand"] + 0.02 * rng.standard_normal(len(t))
 write_table({"time": t} | columns | {"hand.tension": tension}, out / "record.csv")
 
-record = fan.Record(arm, played, t, columns, markers, tuple(truth), find_delay=True)
+record = fan.lab.Record(arm, played, t, columns, markers, tuple(truth), find_delay=True)
 print("markers:", *fan.identify(record).combinations)
 weighed = replace(record, columns=columns | {"hand.tension": tension})
 found = fan.identify(weighed)
@@ -78,6 +78,6 @@ reports.identified_report(found, out / "record.html")
 for name in found.names:
     low, high = found.interval(name)
     print(f"{name:18s} {low:.5g} to {high:.5g}, truth {truth.get(name, 0.025):.5g}")
-best = fan.suggest_motion(weighed, duration=8.0, reach=0.1, draws=1)
+best = fan.lab.suggest_motion(weighed, duration=8.0, reach=0.1, draws=1)
 print("would tell most:", best[0].name, f"{best[0].gain:.0f} bits")
 best[0].save(out / "next.csv")

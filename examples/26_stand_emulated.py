@@ -83,8 +83,8 @@ for stand, puppet, given, duration, kind, ending in (
     ("gantry21", marionette, performance(marionette, "greeting"), 10.0, "osc", "cfg"),
 ):
     run = fan.simulate(puppet, puppet.rest(), given, duration)
-    print(fan.check_stand(stand, run, puppet).summary())
-    points = fan.set_points(stand, run, puppet, controller=kind)
+    print(fan.stand.check_stand(stand, run, puppet).summary())
+    points = fan.stand.set_points(stand, run, puppet, controller=kind)
     t, p = over_a_network(points) if kind == "osc" else on_grbl(points)
     planned = points.map.motion_of(run, t)
     counts = np.array([axis.counts for axis in points.axes])
@@ -94,5 +94,5 @@ for stand, puppet, given, duration, kind, ending in (
         f"  motors within {steps:.0f} steps; puppet {np.median(away):.2f} mm from its run, at "
         f"most {away.max():.2f} mm"
     )
-    stored = fan.set_points(stand, run, puppet) if kind == "osc" else points
+    stored = fan.stand.set_points(stand, run, puppet) if kind == "osc" else points
     save_points(stored, out / f"{stand}.{ending}")

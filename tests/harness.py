@@ -190,7 +190,7 @@ pose: {line.length: 1.0}
     return bob, Input(bob.coordinates, breaks, coef, base, named)
 
 
-def method_of(name: str, **options) -> fan.Method:
+def method_of(name: str, **options) -> fan.dynamics.Method:
     """A method by its name, with those of the options that it has."""
     known = METHODS[name].__dataclass_fields__
     return METHODS[name](**{key: value for key, value in options.items() if key in known})

@@ -107,7 +107,7 @@ def test_a_time_or_number_that_no_float_can_be_is_refused_by_name(tmp_path):
         lambda x: fan.Input.samples(arm, [0, x], {"hand.length": [0.8, 0.7]}),
         lambda x: fan.Input.segments(arm, [0, x], x0.q_K, x0.v_K, [zeros]),
         lambda x: fan.Task(arm, x0, x, []),
-        lambda x: fan.Recording(arm, x0, [zeros], x, 1),
+        lambda x: fan.theatre.Recording(arm, x0, [zeros], x, 1),
     ):
         for given in (BIG, float("inf"), float("nan")):
             with pytest.raises((ValueError, errors.InputError)):

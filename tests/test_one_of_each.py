@@ -5,11 +5,18 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
+from collections import Counter
 from collections.abc import Iterator
+from functools import partial
+from types import ModuleType
+
+import pytest
 
 import fantoccini
 from fantoccini.dynamics import Marionette
 from fantoccini.dynamics.compiled import CompiledPuppet
+
+PACKAGES = ("control", "dynamics", "lab", "model", "motion", "output", "stand", "theatre")
 
 
 def _classes() -> Iterator[type]:
@@ -35,6 +42,35 @@ def test_a_marionette_is_the_object_that_algorithms_take(arm):
     others = (arm.with_p(arm.p + 0.0), arm.with_winches(arm.winches), arm.with_obstacles(()))
     assert all(type(other) is Marionette for other in others)
     assert not any(isinstance(part, CompiledPuppet) for part in vars(arm).values())
+
+
+def test_the_public_face_is_small():
+    """Some 30 names and the packages; every other name is in its package."""
+    names = [n for n in fantoccini.__all__ if not inspect.ismodule(getattr(fantoccini, n))]
+    assert len(names) <= 36
+
+
+def test_no_two_public_names_differ_in_case_alone():
+    packages = [m for m in map(partial(getattr, fantoccini), PACKAGES) if inspect.ismodule(m)]
+    public = {name for package in (fantoccini, *packages) for name in _offered(package)}
+    twice = Counter(name.lower() for name in public)
+    assert [name for name in public if twice[name.lower()] > 1] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "path"), [("Track", "control.Track"), ("StateError", "errors.StateError")]
+)
+def test_a_name_that_moved_says_where_it_is(name, path):
+    with pytest.raises(AttributeError, match=rf"it is fantoccini\.{path}$"):
+        getattr(fantoccini, name)
+    with pytest.raises(AttributeError, match=r"no attribute 'nothing'$"):
+        _ = fantoccini.nothing
+
+
+def _offered(package: ModuleType) -> set[str]:
+    """Functions, classes and constants that a package offers."""
+    names = getattr(package, "__all__", ())
+    return {n for n in names if not inspect.ismodule(getattr(package, n))}
 
 
 def _annotated(kind: type) -> set[str]:

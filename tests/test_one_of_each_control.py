@@ -114,7 +114,7 @@ def test_options_are_a_few_objects():
 
 
 def test_plans_and_optimisations_have_the_same_bounds():
-    for function in (fan.follow, fan.Task.__init__, fan.Problem.__init__):
+    for function in (fan.follow, fan.Task.__init__, fan.control.Problem.__init__):
         (bounds,) = (
             x for x in inspect.signature(function).parameters.values() if x.name == "bounds"
         )
@@ -133,8 +133,13 @@ def test_answers_have_one_truth():
         if isinstance(node, ast.ClassDef)
         and any(isinstance(x, ast.FunctionDef) and x.name == "__bool__" for x in node.body)
     ]
-    assert own == ["optimal/reached.py: Reach", "tasks/answer.py: Answer"]
-    for kind in (fan.PlanResult, fan.Optimum, fan.ReachedPose, fan.Tuned):
+    assert own == ["optimal/reached.py: ReachedPoses", "tasks/answer.py: Answer"]
+    for kind in (
+        fan.control.PlanResult,
+        fan.control.Optimum,
+        fan.control.ReachedPose,
+        fan.control.Tuned,
+    ):
         assert issubclass(kind, Answer)
 
 

@@ -63,13 +63,13 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
             puppet.loads(json.dumps(joined(first.model_dump(exclude_unset=True), block)))
         elif re.search("^gesture:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
-            assert fan.load_gesture(fan.puppets.marionette(), folder / title[1]).uses
+            assert fan.theatre.load_gesture(fan.puppets.marionette(), folder / title[1]).uses
         elif re.search("^score:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert fan.load_score(fan.puppets.marionette(), folder / title[1])
         elif re.search("^play:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
-            assert fan.verify_play(fan.load_play(folder / title[1]))
+            assert fan.theatre.verify_play(fan.load_play(folder / title[1]))
         elif re.search("^mapping:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
             assert load_mapping(folder / title[1]).joints
@@ -78,14 +78,14 @@ def test_the_files_of_a_page_are_read_and_run(page, folder):
             assert validate(RecordFile, read_file(folder / title[1])).unknown
         elif re.search("^stand:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
-            stand = fan.load_stand(folder / title[1])
+            stand = fan.stand.load_stand(folder / title[1])
             assert AxisMap.of(stand, fan.load(stand.puppet_path).coordinates).axes
         elif re.search("^problem:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
-            assert fan.solve(fan.load_problem(folder / title[1]), seed=0)
+            assert fan.control.solve(fan.control.load_problem(folder / title[1]), seed=0)
         elif re.search("^task:", block, flags=re.MULTILINE):
             (folder / title[1]).write_text(block, encoding="utf-8")
-            assert fan.optimise(fan.load_task(folder / title[1])).holds
+            assert fan.optimise(fan.control.load_task(folder / title[1])).holds
         elif title[2]:
             (folder / title[1]).write_text(block, encoding="utf-8")
             marionette = getattr(fan.puppets, title[2])()

@@ -97,7 +97,7 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         for path in given.files or write(Path(folder), given.convention):
-            clip = retarget_clip(puppet, fan.load_bvh(path))
+            clip = retarget_clip(puppet, fan.theatre.load_bvh(path))
             for label, (feed_forward, lag) in variants.items():
                 motion = kinematic_inputs(clip, feed_forward, lag=lag)
                 report, remark = measured(clip, motion.t, motion.inputs, motion.start, lag > 0.0)

@@ -38,7 +38,7 @@ def main() -> None:
             "feet        trunk      speed acceleration"
         )
         for path in files:
-            clip = fan.load_bvh(path)
+            clip = fan.theatre.load_bvh(path)
             retarget_clip(puppet, clip)
             begun = time.thread_time()
             found = retarget_clip(puppet, clip)

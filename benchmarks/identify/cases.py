@@ -28,7 +28,7 @@ class Case:
 
     puppet: fan.Marionette
     truth: Mapping[str, float]
-    markers: Sequence[fan.Marker]
+    markers: Sequence[fan.lab.Marker]
     signed: Sequence[str] = ()
     tensions: Sequence[str] = ()
     beat: float = 0.8
@@ -57,7 +57,7 @@ def record(
     gaps: float = 0.0,
     outliers: float = 0.0,
     known: Mapping[str, float] | None = None,
-) -> fan.Record:
+) -> fan.lab.Record:
     """A record of a case: 60 Hz, markers with noise [m], tensions with noise [N].
 
     Args:
@@ -116,10 +116,10 @@ def record(
     for name in case.tensions:
         columns[f"{name}.tension"] = seen.tension[name] + force_noise * rng.standard_normal(len(t))
     unknown = [
-        fan.Unknown(name, known=(known or {}).get(name), positive=name not in case.signed)
+        fan.lab.Unknown(name, known=(known or {}).get(name), positive=name not in case.signed)
         for name in own
     ]
-    return fan.Record(
+    return fan.lab.Record(
         case.puppet,
         inputs,
         t,
@@ -157,9 +157,9 @@ pose: {elbow: 90 deg, hand.length: 1.0}
 """
 
 _ARM_MARKERS = (
-    fan.Marker("middle", "upper", (0.0, 0.015, -0.15)),
-    fan.Marker("wrist", "lower", (0.012, 0.0, -0.1)),
-    fan.Marker("tip", "lower", (0.0, 0.0, -0.25), find=True),
+    fan.lab.Marker("middle", "upper", (0.0, 0.015, -0.15)),
+    fan.lab.Marker("wrist", "lower", (0.012, 0.0, -0.1)),
+    fan.lab.Marker("tip", "lower", (0.0, 0.0, -0.25), find=True),
 )
 
 _ARM_TRUTH = {
@@ -231,17 +231,17 @@ def marionette() -> Case:
         assert old in text, old
         text = text.replace(old, new, 1)
     markers = [
-        fan.Marker("chest_left", "torso", (0.04, 0.03, 0.08)),
-        fan.Marker("chest_right", "torso", (0.04, -0.03, 0.08)),
-        fan.Marker("back", "torso", (-0.04, 0.0, -0.05)),
-        fan.Marker("nose", "skull", (0.05, 0.0, 0.06)),
-        fan.Marker("ear", "skull", (0.0, 0.04, 0.08)),
+        fan.lab.Marker("chest_left", "torso", (0.04, 0.03, 0.08)),
+        fan.lab.Marker("chest_right", "torso", (0.04, -0.03, 0.08)),
+        fan.lab.Marker("back", "torso", (-0.04, 0.0, -0.05)),
+        fan.lab.Marker("nose", "skull", (0.05, 0.0, 0.06)),
+        fan.lab.Marker("ear", "skull", (0.0, 0.04, 0.08)),
     ]
     for side, y in (("left", 1.0), ("right", -1.0)):
         markers += [
-            fan.Marker(f"sleeve_{side}", f"upper_arm_{side}", (0.0, 0.015 * y, -0.08)),
-            fan.Marker(f"hand_{side}", f"forearm_{side}", (0.01, 0.0, -0.1)),
-            fan.Marker(f"thigh_{side}", f"thigh_{side}", (0.02, 0.0, -0.1)),
-            fan.Marker(f"foot_{side}", f"shin_{side}", (0.02, 0.01 * y, -0.13)),
+            fan.lab.Marker(f"sleeve_{side}", f"upper_arm_{side}", (0.0, 0.015 * y, -0.08)),
+            fan.lab.Marker(f"hand_{side}", f"forearm_{side}", (0.01, 0.0, -0.1)),
+            fan.lab.Marker(f"thigh_{side}", f"thigh_{side}", (0.02, 0.0, -0.1)),
+            fan.lab.Marker(f"foot_{side}", f"shin_{side}", (0.02, 0.01 * y, -0.13)),
         ]
     return Case(fan.loads(text), _MARIONETTE_TRUTH, markers, ("knee_tie",), beat=2.0, reach=0.06)

@@ -18,7 +18,7 @@ from fantoccini.lab.identification.judging import doubts
 from fantoccini.output import reports
 
 
-def turned(one: fan.Record, degrees: float) -> fan.Record:
+def turned(one: fan.lab.Record, degrees: float) -> fan.lab.Record:
     """A record seen by a camera that is turned about the y axis."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     columns = dict(one.columns)

@@ -49,7 +49,7 @@ def main() -> None:
     parser.add_argument("--kicks", type=int, default=20)
     parser.add_argument("--size", type=float, default=2.0, help="[rad/s]")
     arguments = parser.parse_args()
-    task = fan.load_task("circle")
+    task = fan.control.load_task("circle")
     free = replace(task, bounds=replace(task.bounds, held=(), speed=1.5))
     best = fan.optimise(task)
     print(best)

@@ -97,7 +97,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--methods", action="store_true", help="compare methods instead")
     arguments = parser.parse_args()
-    task = fan.load_task("swing_up")
+    task = fan.control.load_task("swing_up")
     cold = fan.optimise(replace(task, explore=0), iterations=LIMITS.iterations)
     print(f"without exploration: {cold}")
     (by_method if arguments.methods else by_seed)(task, arguments.seeds)

@@ -111,10 +111,13 @@ class Problem:
         hand = dict(zip(t.q_K, self.goal, strict=True))
         hinges = dict.fromkeys((one.name for one in self.links), 0.0)
         tracks = [
-            fan.Track.coordinate(name, value, weight=0.0, end_weight=END)
+            fan.control.Track.coordinate(name, value, weight=0.0, end_weight=END)
             for name, value in {**hand, **hinges}.items()
-        ] + [fan.Track.velocity(name, 0.0, weight=0.0, end_weight=END) for name in (*hand, *hinges)]
-        bounds = fan.Bounds(acceleration=self.acceleration)
+        ] + [
+            fan.control.Track.velocity(name, 0.0, weight=0.0, end_weight=END)
+            for name in (*hand, *hinges)
+        ]
+        bounds = fan.control.Bounds(acceleration=self.acceleration)
         if self.rope:
             weight = 9.81 * sum(one.mass for one in self.links)
             bounds = replace(bounds, tension={"rope": (0.01 * weight, np.inf)})
@@ -124,7 +127,7 @@ class Problem:
             x0,
             self.duration,
             tracks,
-            fan.Smooth(SMOOTH, 0.0),
+            fan.control.Smooth(SMOOTH, 0.0),
             bounds,
             interval=self.interval,
             dt=dt,

@@ -95,7 +95,7 @@ def score(task: fan.Task, u: Array) -> tuple[float, bool]:
     return of_u + 0.5 * END * float(np.square(left).sum()), taut
 
 
-def ours(task: fan.Task) -> fan.Optimum:
+def ours(task: fan.Task) -> fan.control.Optimum:
     """As tight as Crocoddyl: no early end where steps save little."""
     return fan.optimise(task, tolerance=TOLERANCE, cost_tolerance=0.0, threads=1)
 

@@ -18,7 +18,7 @@ import fantoccini as fan
 PER_SECOND = 2000.0
 """Least wanted number of poses in a second."""
 HAND = ("forearm_right", (0.0, 0.0, -0.09))
-HELD = fan.Bounds(held=("shoulder_left.length", "shoulder_right.length"))
+HELD = fan.control.Bounds(held=("shoulder_left.length", "shoulder_right.length"))
 TURNS = 5
 
 

@@ -59,7 +59,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--turns", type=int, default=10)
     turns = parser.parse_args().turns
-    circle = fan.load_task("circle")
+    circle = fan.control.load_task("circle")
     free = replace(circle.bounds, held=())
     tasks = {
         "circle": circle,

@@ -54,14 +54,16 @@ def take(arm: fan.Marionette) -> tuple[fan.State, fan.Input, fan.Trajectory]:
 def task(arm: fan.Marionette, weight: float = 1e4) -> fan.Task:
     """Follow the take with calm inputs."""
     x0, rough, run = take(arm)
-    track = fan.Track.point("lower", fan.Clip(run), at=TIP, weight=weight, end_weight=100.0)
+    track = fan.control.Track.point(
+        "lower", fan.control.Clip(run), at=TIP, weight=weight, end_weight=100.0
+    )
     return fan.Task(
         arm,
         x0,
         DURATION,
         [track],
-        fan.Smooth(1e-3, 1e-5),
-        fan.Bounds(position={"hand.length": (0.3, 1.2)}),
+        fan.control.Smooth(1e-3, 1e-5),
+        fan.control.Bounds(position={"hand.length": (0.3, 1.2)}),
         interval=INTERVAL,
         guess=rough,
     )
@@ -69,7 +71,7 @@ def task(arm: fan.Marionette, weight: float = 1e4) -> fan.Task:
 
 def catches(run: fan.Trajectory) -> int:
     """How often the string is caught."""
-    return sum(event.kind is fan.EventKind.CATCH for event in run.events)
+    return sum(event.kind is fan.motion.EventKind.CATCH for event in run.events)
 
 
 def main() -> None:

@@ -150,7 +150,7 @@ def cost(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> 
 
 def searched(
     stage: fan.Marionette, first: Gait, share: float, seconds: float, seed: int
-) -> fan.Tuned:
+) -> fan.control.Tuned:
     """Numbers of a walk of 20 steps, drawn around the first ones by that share of ``SPREADS``."""
     steps, x0, start = 20, stage.rest(), asdict(first)
 

@@ -15,7 +15,7 @@ def chapter(seeds: int) -> tuple[Section, list[Mark]]:
     Args:
         seeds: plans.
     """
-    problem = fan.load_problem("arm3d_boxes")
+    problem = fan.control.load_problem("arm3d_boxes")
     rows = feedback.measure(problem, range(seeds))
     section = Section("Plans in MuJoCo, and feedback")
     section.parts += [

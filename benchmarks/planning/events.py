@@ -126,7 +126,7 @@ def compared(
 
 def slack_plans(n: int, seconds: float = 0.5) -> list[PlanResult]:
     """Plans on which the string goes slack, of the first seeds that have some."""
-    problem, found = slackened(fan.load_problem("arm3d_boxes")), []
+    problem, found = slackened(fan.control.load_problem("arm3d_boxes")), []
     for seed in itertools.count():
         plan = solve(problem, seed=seed, improve=seconds, objective="time")
         if plan and not np.all(plan.feedback(window=0).active):
@@ -145,7 +145,7 @@ def slackened(problem: Problem) -> Problem:
         problem.goal,
         rollouts.clearance.obstacles,
         tolerance=problem.tolerance,
-        bounds=fan.Bounds(
+        bounds=fan.control.Bounds(
             speed=dict(zip(names, rollouts.bounds.speed, strict=True)),
             acceleration=dict(zip(names, rollouts.bounds.acceleration, strict=True)),
             clearance=rollouts.margin,
@@ -156,7 +156,7 @@ def slackened(problem: Problem) -> Problem:
 
 def bell(kicks: int) -> tuple[list[Row], float]:
     """The full marionette's bell, kicked, in fantoccini; and how long its law takes to make [s]."""
-    plan = fan.solve(fan.load_problem("marionette_bell"), seed=0, time_limit=60.0)
+    plan = fan.control.solve(fan.control.load_problem("marionette_bell"), seed=0, time_limit=60.0)
     began = time.perf_counter()
     plan.feedback()
     taken = time.perf_counter() - began

@@ -150,7 +150,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--improve", type=float, default=0.5, help="seconds of improving [s]")
     arguments = parser.parse_args()
-    problem = fan.load_problem(arguments.problem)
+    problem = fan.control.load_problem(arguments.problem)
     rows = measure(problem, range(arguments.seeds), arguments.improve)
     print(*rows, sep="\n")
     for name in ("open loop, MuJoCo", "feedback, MuJoCo"):

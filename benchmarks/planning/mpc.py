@@ -50,13 +50,15 @@ def task_along(law: Feedback) -> fan.Task:
         path = Rotation.from_matrix(turned).as_quat(scalar_first=True)
         signs = np.sign(np.sum(path[1:] * path[:-1], axis=1))
         path[1:] *= np.cumprod(signs)[:, None]
-        tracks.append(fan.Track.orientation(link.name, (t, path), weight=10.0, end_weight=10.0))
+        tracks.append(
+            fan.control.Track.orientation(link.name, (t, path), weight=10.0, end_weight=10.0)
+        )
     for v, name in enumerate(table.v_D):
         path = run.v_D[at, v]
-        tracks.append(fan.Track.velocity(name, (t, path), weight=0.3, end_weight=0.3))
+        tracks.append(fan.control.Track.velocity(name, (t, path), weight=0.3, end_weight=0.3))
     for q, v in table.scalars_K:
-        tracks.append(fan.Track.coordinate(table.q_K[q], (t, run.q_K[at, q]), weight=0.01))
-        tracks.append(fan.Track.velocity(table.v_K[v], (t, run.v_K[at, v]), weight=0.003))
+        tracks.append(fan.control.Track.coordinate(table.q_K[q], (t, run.q_K[at, q]), weight=0.01))
+        tracks.append(fan.control.Track.velocity(table.v_K[v], (t, run.v_K[at, v]), weight=0.003))
     # A kick costs time that the plan does not have: arriving counts more than its way there.
     end = t[-1] - 0.5 * INTERVAL
     tracks = [
@@ -65,7 +67,7 @@ def task_along(law: Feedback) -> fan.Task:
     ]
     most = dict(zip(table.v_K, bounds.acceleration, strict=True))
     fastest = dict(zip(table.v_K, bounds.speed, strict=True))
-    limits = fan.Bounds(
+    limits = fan.control.Bounds(
         acceleration={name: float(a) for name, a in most.items() if a > 0.0},
         speed={name: float(s) for name, s in fastest.items() if s > 0.0},
         position={
@@ -75,11 +77,11 @@ def task_along(law: Feedback) -> fan.Task:
         },
         held=tuple(name for name, a in most.items() if not a > 0.0),
     )
-    smooth = fan.Smooth(acceleration=3e-5, jerk=1e-7)
+    smooth = fan.control.Smooth(acceleration=3e-5, jerk=1e-7)
     return fan.Task(marionette, plan.start, HORIZON, tracks, smooth, limits, interval=INTERVAL)
 
 
-def weighed(track: fan.Track, by: float, **more: float) -> fan.Track:
+def weighed(track: fan.control.Track, by: float, **more: float) -> fan.control.Track:
     """A track with other weights."""
     weights = {"weight": by * track.weight, "end_weight": by * track.end_weight}
     return replace(track, **weights, **more)
@@ -142,7 +144,7 @@ def main() -> None:
     parser.add_argument("--improve", type=float, default=0.5, help="[s]")
     arguments = parser.parse_args()
     rollouts = RolloutOptions(reserve=arguments.reserve)
-    problem = fan.load_problem(arguments.problem, rollouts=rollouts)
+    problem = fan.control.load_problem(arguments.problem, rollouts=rollouts)
     seeds = range(arguments.seed, arguments.seed + arguments.plans)
     found = [solve(problem, seed=s, improve=arguments.improve) for s in seeds]
     laws = [plan.feedback() for plan in found if plan]

@@ -168,7 +168,7 @@ def easier(problem: Problem) -> Problem:
         problem.start,
         problem.goal,
         tolerance=2.0 * problem.tolerance,
-        bounds=fan.Bounds(
+        bounds=fan.control.Bounds(
             speed=dict(zip(names, bounds.speed, strict=True)),
             acceleration=dict(zip(names, bounds.acceleration, strict=True)),
         ),
@@ -196,7 +196,7 @@ def main() -> None:
             subprocess.run([sys.executable, "-m", __spec__.name, *sys.argv[1:], *one], check=True)
         return
     changed = {} if options.tolerance is None else {"tolerance": options.tolerance}
-    problem = fan.load_problem(options.problem, **changed)
+    problem = fan.control.load_problem(options.problem, **changed)
     problem = easier(problem) if options.easy else problem
     arguments = options.planner, options.propagator, options.first, options.time_limit
     print(json.dumps(asdict(solve(problem, *arguments))), flush=True)

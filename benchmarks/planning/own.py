@@ -40,27 +40,31 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
     )
     rows, held, marks = [], [], []
     for tolerance, (median, most, found) in ASKED.items():
-        read = fan.load_problem("arm3d_boxes", tolerance=tolerance)
+        read = fan.control.load_problem("arm3d_boxes", tolerance=tolerance)
         obstacles = read.rollouts.clearance.obstacles
 
-        def make(tolerance: float = tolerance, read=read, obstacles=obstacles) -> fan.Problem:
-            return fan.Problem(
+        def make(
+            tolerance: float = tolerance, read=read, obstacles=obstacles
+        ) -> fan.control.Problem:
+            return fan.control.Problem(
                 read.marionette,
                 read.start,
                 read.goal,
                 obstacles,
                 tolerance=tolerance,
-                bounds=fan.Bounds(clearance=0.005),
+                bounds=fan.control.Bounds(clearance=0.005),
                 slack=False,
             )
 
         whole, alone, unsure, plans = [], [], [], []
         for seed in range(seeds):
             prepared, problem = timed(make)
-            searched, plan = timed(lambda seed=seed, p=problem: fan.solve(p, seed=seed))
+            searched, plan = timed(lambda seed=seed, p=problem: fan.control.solve(p, seed=seed))
             whole.append(prepared + searched)
             alone.append(searched)
-            unsure.append(timed(lambda s=seed, p=problem: fan.solve(p, seed=s, confirm=False))[0])
+            unsure.append(
+                timed(lambda s=seed, p=problem: fan.control.solve(p, seed=s, confirm=False))[0]
+            )
             plans.append(plan)
         there = [bool(p) and t <= 1.0 for p, t in zip(plans, whole, strict=True)]
         rows += [
@@ -108,11 +112,12 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
 
 def boxes_matter(seeds: int) -> tuple[Section, list[Mark]]:
     """How many first plans without the boxes pass through where they stood."""
-    read = fan.load_problem("arm3d_boxes")
-    free = fan.Problem(read.marionette, read.start, read.goal, tolerance=0.25, slack=False)
+    read = fan.control.load_problem("arm3d_boxes")
+    free = fan.control.Problem(read.marionette, read.start, read.goal, tolerance=0.25, slack=False)
     clearance = read.rollouts.clearance
     through = [
-        float(np.min(clearance.of(fan.solve(free, seed=s).trajectory))) < 0.0 for s in range(seeds)
+        float(np.min(clearance.of(fan.control.solve(free, seed=s).trajectory))) < 0.0
+        for s in range(seeds)
     ]
     section = Section("Whether the boxes matter")
     section.parts.append(
@@ -123,8 +128,8 @@ def boxes_matter(seeds: int) -> tuple[Section, list[Mark]]:
 
 def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     """What a second makes of a first plan."""
-    problem = fan.load_problem("arm3d_boxes")
-    plans = [fan.solve(problem, seed=s, improve=0.98) for s in range(seeds)]
+    problem = fan.control.load_problem("arm3d_boxes")
+    plans = [fan.control.solve(problem, seed=s, improve=0.98) for s in range(seeds)]
     plans = [p for p in plans if p]
     ratios = [p.duration / p.curve[0][2] for p in plans]
     near = [p.distance <= 1e-3 for p in plans]
@@ -166,24 +171,24 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
     ]
 
 
-def _slackens(plan: fan.PlanResult) -> bool:
+def _slackens(plan: fan.control.PlanResult) -> bool:
     """Whether a string that pulls goes slack on the way."""
     return bool(np.any(np.diff((_tensions(plan) > 0.0).astype(int), axis=0) < 0))
 
 
-def _tensions(plan: fan.PlanResult) -> np.ndarray:
+def _tensions(plan: fan.control.PlanResult) -> np.ndarray:
     """(T, n_strings) [N]."""
     run = plan.trajectory
     return np.stack([run.tension[s.name] for s in plan.problem.marionette.tree.strings], axis=1)
 
 
-def _roughness(plan: fan.PlanResult) -> float:
+def _roughness(plan: fan.control.PlanResult) -> float:
     """Squares of what the driven accelerations change from segment to segment [m^2/s^4]."""
     return float(np.sum(np.diff(plan.tree.acceleration[list(plan.path[1:])], axis=0) ** 2))
 
 
-def _first_roughness(problem: fan.Problem, seeds: int) -> list[float]:
-    found = [fan.solve(problem, seed=s) for s in range(seeds)]
+def _first_roughness(problem: fan.control.Problem, seeds: int) -> list[float]:
+    found = [fan.control.solve(problem, seed=s) for s in range(seeds)]
     return [_roughness(p) for p in found]
 
 
@@ -191,8 +196,8 @@ def full_marionette(seeds: int) -> tuple[Section, list[Mark]]:
     """Confirmed plans of the 25-DOF puppet among obstacles."""
     rows, whole, verified = [], [], []
     for seed in range(seeds):
-        prepared, problem = timed(lambda: fan.load_problem("marionette_bell"))
-        searched, plan = timed(lambda p=problem, s=seed: fan.solve(p, seed=s))
+        prepared, problem = timed(lambda: fan.control.load_problem("marionette_bell"))
+        searched, plan = timed(lambda p=problem, s=seed: fan.control.solve(p, seed=s))
         check = plan.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
         whole.append(prepared + searched)
         verified.append(bool(plan) and check.arrives)

@@ -29,7 +29,7 @@ def section(seeds: int, limit: float) -> Section:
         seeds: of each.
         limit: of a search [s].
     """
-    problem = fan.load_problem("arm3d_boxes")
+    problem = fan.control.load_problem("arm3d_boxes")
     whole, easy = _rows(problem, seeds, limit, []), _rows(easier(problem), seeds, limit, ["--easy"])
     if not whole or not easy:
         return Section("Compared with OMPL", ["OMPL was not installed."])
@@ -49,13 +49,16 @@ def section(seeds: int, limit: float) -> Section:
     return Section("Compared with OMPL", [text, Table(HEADER, whole), more, Table(HEADER, easy)])
 
 
-def _rows(problem: fan.Problem, seeds: int, limit: float, changes: list[str]) -> list[list[str]]:
+def _rows(
+    problem: fan.control.Problem, seeds: int, limit: float, changes: list[str]
+) -> list[list[str]]:
     """Table lines of OMPL's planners and ours; none if OMPL is not installed."""
     ours = {
         planner: [
             {"found": bool(p), "seconds": p.seconds, "distance": p.distance}
             for p in (
-                fan.solve(problem, planner=planner, seed=s, time_limit=limit) for s in range(seeds)
+                fan.control.solve(problem, planner=planner, seed=s, time_limit=limit)
+                for s in range(seeds)
             )
         ]
         for planner in ("est-2007", "explore")

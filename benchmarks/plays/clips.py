@@ -47,7 +47,7 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
     cue_of_play = play.cues[-1]
     if cue_of_play.refused:
         return f"| {path.stem} | refused: {cue_of_play.refused} |"
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     player, bounds = play.cast.players["pierrot"], play.cast.file.stage
     made = clip_gesture(
         place_on_spot(player.alone, path, start=player.hangs),

@@ -38,11 +38,11 @@ def main() -> None:
         print(f"the changed play is {'' if same else 'not '}the one compiled from nothing")
 
 
-def _measured(what: str, path: Path, before: fan.Play | None = None) -> fan.Play:
+def _measured(what: str, path: Path, before: fan.theatre.Play | None = None) -> fan.theatre.Play:
     begun = time.perf_counter()
     play = fan.load_play(path, before=before)
     compiled = time.perf_counter()
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     verified = time.perf_counter()
     table = play.marionette.coordinates
     print(

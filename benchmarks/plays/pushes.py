@@ -61,7 +61,7 @@ class Pushes:
     """Times [s] and players."""
     jobs: list[tuple[float, Callable[[], None]]] = field(default_factory=list)
 
-    def plan(self, show: fan.Show) -> None:
+    def plan(self, show: fan.theatre.LivePlay) -> None:
         rng = np.random.default_rng(self.seed)
         live, players = show.performance, show.play.cast.players
         for t in np.sort(rng.uniform(1.0, show.play.duration - 1.0, PUSHES)):
@@ -99,9 +99,9 @@ def impulse(live: fan.Performance, body: str, force: np.ndarray, t: float):
     return [(t, lambda: live.push(body, force)), (t + SLIP_TIME, lambda: live.push(body, None))]
 
 
-def performed(play: fan.Play, steady: bool, pushes: Pushes | None = None) -> Run:
+def performed(play: fan.theatre.Play, steady: bool, pushes: Pushes | None = None) -> Run:
     """A show from GO to its end; GO comes wherever it waits."""
-    show = fan.Show(play)
+    show = fan.theatre.LivePlay(play)
     if not steady:
         show.steady = None
     if pushes is not None:
@@ -122,7 +122,7 @@ def performed(play: fan.Play, steady: bool, pushes: Pushes | None = None) -> Run
     return Run(clock, CubicSpline(clock, q_D), CubicSpline(clock, q_K))
 
 
-def turns(play: fan.Play, run: Run) -> dict[tuple[int, str, str, str], float]:
+def turns(play: fan.theatre.Play, run: Run) -> dict[tuple[int, str, str, str], float]:
     """(cue, player, mark, string) -> how late its limb is [s]."""
     parts = {id(one): part for one, part in zip(play.score.cues, play.parts, strict=True)}
     return {
@@ -131,7 +131,7 @@ def turns(play: fan.Play, run: Run) -> dict[tuple[int, str, str, str], float]:
     }
 
 
-def far(play: fan.Play, run: Run, still: Run, cue: CueOfPlay) -> float:
+def far(play: fan.theatre.Play, run: Run, still: Run, cue: CueOfPlay) -> float:
     """How far a body of the cue's players is from where it is in the other run, at most [m]."""
     most, links = 0.0, play.marionette.tree.links
     for who in cue.who:
@@ -158,14 +158,14 @@ def main() -> None:
             count(play, still, usual, kind, seeds, steady)
 
 
-def settling(play: fan.Play, steady: bool, seeds: int = 6) -> None:
+def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
     """Prints how long a player's centre of mass is off by a centimetre after an impulse."""
     members, found = Members(play), []
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         who = int(rng.integers(len(members.names)))
         begins = float(rng.uniform(3.0, 20.0))
-        shows = [fan.Show(play), fan.Show(play)]
+        shows = [fan.theatre.LivePlay(play), fan.theatre.LivePlay(play)]
         for show in shows:
             show.steady = show.steady if steady else None
             show.go()

@@ -125,7 +125,7 @@ def main() -> int:
             begun = time.perf_counter()
             try:
                 play = fan.load_play(path)
-                found = fan.verify_play(play)
+                found = fan.theatre.verify_play(play)
             except Exception as error:  # whatever it is: the play and the seed are told
                 failed += 1
                 print(f"{seed:4}: {type(error).__name__}: {error}", flush=True)

@@ -39,9 +39,9 @@ def main() -> None:
         measure(play, Path(folder))
 
 
-def measure(play: fan.Play, folder: Path) -> None:
+def measure(play: fan.theatre.Play, folder: Path) -> None:
     """Prints the latencies of a play's first cue."""
-    show = fan.Show(play)
+    show = fan.theatre.LivePlay(play)
     speed(show)
     show.reset()
     ears = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -87,7 +87,7 @@ def measure(play: fan.Play, folder: Path) -> None:
     line("/go sent -> /cue/N/start is heard [ms]", whole)
 
 
-def speed(show: fan.Show) -> None:
+def speed(show: fan.theatre.LivePlay) -> None:
     """Prints how much faster than real time the stage is simulated."""
     show.go()
     began = time.perf_counter()

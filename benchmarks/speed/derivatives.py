@@ -71,7 +71,7 @@ def main() -> None:
     run, found = least(
         arguments.turns,
         lambda: fan.simulate(puppet, x0, inputs, duration, effort=False),
-        lambda: fan.sensitivity(puppet, x0, inputs, duration, along=along),
+        lambda: fan.dynamics.sensitivity(puppet, x0, inputs, duration, along=along),
     )
     print(
         f"sensitivity by the start and along {len(along)} inputs: {1e3 * found / duration:.1f} ms "
@@ -79,11 +79,11 @@ def main() -> None:
         f"{1e3 * run / duration:.2f} ms"
     )
     shakes = shaken(puppet, x0, duration)
-    passages = len(fan.sensitivity(puppet, x0, shakes, duration, along=along).passages)
+    passages = len(fan.dynamics.sensitivity(puppet, x0, shakes, duration, along=along).passages)
     run, found = least(
         min(arguments.turns, 5),
         lambda: fan.simulate(puppet, x0, shakes, duration, effort=False),
-        lambda: fan.sensitivity(puppet, x0, shakes, duration, along=along),
+        lambda: fan.dynamics.sensitivity(puppet, x0, shakes, duration, along=along),
     )
     print(
         f"the same of a run with {passages} catches: {1e3 * found / duration:.0f} ms for a "

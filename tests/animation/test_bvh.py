@@ -70,7 +70,7 @@ def test_pybvh_finds_the_bodies_where_the_run_has_them(
 
 
 def test_our_reader_finds_them_too_in_metres(greeting: fan.Trajectory, tmp_path: Path) -> None:
-    clip = fan.load_bvh(fan.export(greeting, tmp_path / "greeting.bvh"))
+    clip = fan.theatre.load_bvh(fan.export(greeting, tmp_path / "greeting.bvh"))
     assert check(clip, greeting, 60) == BODIES
     assert clip.t == pytest.approx(np.arange(601) / 60, abs=1e-8)
     assert (clip.unit, clip.up) == (("m", 1.0), 1)
@@ -85,7 +85,7 @@ def test_our_reader_finds_them_too_in_metres(greeting: fan.Trajectory, tmp_path:
 def test_the_skeleton_is_the_puppet_with_joints_at_zero(
     greeting: fan.Trajectory, tmp_path: Path
 ) -> None:
-    clip = fan.load_bvh(fan.export(greeting, tmp_path / "greeting.bvh", fps=1))
+    clip = fan.theatre.load_bvh(fan.export(greeting, tmp_path / "greeting.bvh", fps=1))
     still = still_of(greeting)
     start = np.zeros_like(greeting.q_D[0])
     names = list(still.coordinates.q_D)
@@ -109,13 +109,13 @@ def test_angles_do_not_jump(greeting: fan.Trajectory, tmp_path: Path) -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_members_and_whatever_slides_have_places_under_one_root(tmp_path: Path) -> None:
     bvhio = pytest.importorskip("bvhio")
-    two = fan.verify_play(fan.load_play(write_play(tmp_path))).run
+    two = fan.theatre.verify_play(fan.load_play(write_play(tmp_path))).run
     crane = fan.puppets.crane()
     drive = fan.Input.waypoints(crane, {"trolley": [(0, 0), (1.0, 0.6)]})
     carried = fan.simulate(crane, crane.rest(), drive, t_end=1.0)
     for run, bodies in ((two, {"one.ball", "two.ball"}), (carried, {"rail", "trolley", "load"})):
         path = fan.export(run, tmp_path / "run.bvh", fps=10)
-        clip, other = fan.load_bvh(path), bvhio.readAsHierarchy(str(path))
+        clip, other = fan.theatre.load_bvh(path), bvhio.readAsHierarchy(str(path))
         assert clip.skeleton.names[0] == run.puppet.name
         assert clip.skeleton.parents.count(-1) == 1
         assert check(clip, run, 10) == bodies
@@ -134,7 +134,7 @@ def test_named_bodies_hang_under_their_nearest_ancestor(
     greeting: fan.Trajectory, tmp_path: Path
 ) -> None:
     path = fan.export(greeting, tmp_path / "part.bvh", fps=12, bodies=["torso", "shin_left"])
-    clip = fan.load_bvh(path)
+    clip = fan.theatre.load_bvh(path)
     assert clip.skeleton.names[:2] == ("torso", "shin_left")
     assert check(clip, greeting, 12) == {"torso", "shin_left"}
 
@@ -142,7 +142,7 @@ def test_named_bodies_hang_under_their_nearest_ancestor(
 def test_one_sample_is_one_frame(tmp_path: Path) -> None:
     arm = fan.puppets.arm2d()
     run = fan.simulate(arm, arm.rest(), t_end=0.5).resample(np.array([0.2]))
-    clip = fan.load_bvh(fan.export(run, tmp_path / "run.bvh"))
+    clip = fan.theatre.load_bvh(fan.export(run, tmp_path / "run.bvh"))
     assert len(clip.t) == 1 and check(clip, run, 60) == {"upper", "lower"}
 
 

@@ -25,13 +25,15 @@ def test_an_unknown_ending_lists_the_known_ones(thrown: fan.Trajectory, tmp_path
 
 
 def test_an_unknown_body_is_told_the_nearest(thrown: fan.Trajectory, tmp_path: Path) -> None:
-    with pytest.raises(fan.UnknownNameError, match="no body is called 'bop'; did you mean 'bob'"):
+    with pytest.raises(
+        fan.errors.UnknownNameError, match="no body is called 'bop'; did you mean 'bob'"
+    ):
         fan.export(thrown, tmp_path / "run.glb", bodies=["bop"])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_mirrored_twin_is_a_body(greeting: fan.Trajectory, tmp_path: Path) -> None:
-    with pytest.raises(fan.UnknownNameError, match="did you mean 'shin_right'"):
+    with pytest.raises(fan.errors.UnknownNameError, match="did you mean 'shin_right'"):
         fan.export(greeting, tmp_path / "run.bvh", bodies=["shin_rigt"])
 
 
@@ -78,8 +80,8 @@ def test_a_recording_is_exported_as_its_run(tmp_path: Path) -> None:
 
 
 def test_a_plan_is_exported_among_its_obstacles(tmp_path: Path) -> None:
-    problem = fan.load_problem("arm3d_boxes")
-    found = fan.solve(problem, time_limit=20.0, confirm=False)
+    problem = fan.control.load_problem("arm3d_boxes")
+    found = fan.control.solve(problem, time_limit=20.0, confirm=False)
     path = fan.export(found, tmp_path / "plan.glb")
     run, player = found.trajectory, Player(path)
     assert max(errors(path, run).values()) < TOLERANCE
@@ -89,7 +91,7 @@ def test_a_plan_is_exported_among_its_obstacles(tmp_path: Path) -> None:
 
 def test_a_play_is_exported_from_python_and_from_the_command_line(tmp_path: Path) -> None:
     play = write_play(tmp_path)
-    verified = fan.verify_play(fan.load_play(play))
+    verified = fan.theatre.verify_play(fan.load_play(play))
     path = fan.export(verified, tmp_path / "python.glb")
     player = Player(path)
     assert {"one.ball", "two.ball", "one.hold", "two.hold"} <= set(player.names)

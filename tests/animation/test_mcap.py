@@ -239,7 +239,7 @@ def test_a_missing_library_is_named(
     thrown: fan.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(formats, "find_spec", lambda name: None)
-    with pytest.raises(fan.MissingLibraryError, match=r"fantoccini\[mcap\]"):
+    with pytest.raises(fan.errors.MissingLibraryError, match=r"fantoccini\[mcap\]"):
         fan.export(thrown, tmp_path / "run.mcap")
     assert list(tmp_path.iterdir()) == []
 

@@ -102,7 +102,7 @@ def test_without_the_library_it_is_told_how_to_install_it(
     thrown: fan.Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(formats, "find_spec", lambda name: None)
-    with pytest.raises(fan.MissingLibraryError, match=r"pip install 'fantoccini\[usd\]'"):
+    with pytest.raises(fan.errors.MissingLibraryError, match=r"pip install 'fantoccini\[usd\]'"):
         fan.export(thrown, tmp_path / "thrown.usda")
     assert list(tmp_path.iterdir()) == []
     assert util.find_spec("pxr") is not None

@@ -48,7 +48,7 @@ def written(tmp_path, text: str):
 
 
 def test_joints_are_where_their_channels_put_them(tmp_path):
-    clip = fan.load_bvh(written(tmp_path, ARM))
+    clip = fan.theatre.load_bvh(written(tmp_path, ARM))
     assert clip.skeleton.names == ("hips", "upper arm", "hand", "hand.end")
     assert clip.skeleton.parents == (-1, 0, 1, 2) and clip.name == "clip"
     assert clip.t == pytest.approx([0.0, 0.025])
@@ -114,7 +114,7 @@ def test_random_trees_agree_with_scipy(tmp_path):
     rng = np.random.default_rng(0)
     for _ in range(20):
         tree = RandomTree(rng, common=False)
-        clip = fan.load_bvh(written(tmp_path, tree.text))
+        clip = fan.theatre.load_bvh(written(tmp_path, tree.text))
         for f in range(tree.frames):
             where, turned = {}, {}
             for i in range(tree.n):
@@ -145,7 +145,7 @@ def test_common_files_agree_with_pybvh(tmp_path):
     rng = np.random.default_rng(1)
     for _ in range(10):
         path = written(tmp_path, RandomTree(rng, common=True).text)
-        clip, other = fan.load_bvh(path), pybvh.read_bvh_file(path, world_up="+y")
+        clip, other = fan.theatre.load_bvh(path), pybvh.read_bvh_file(path, world_up="+y")
         theirs = pybvh.frames_to_node_positions(other)
         names = [node.name for node in other.nodes]
         for k, name in enumerate(names):
@@ -161,7 +161,7 @@ def test_common_files_agree_with_bvhio(tmp_path):
     rng = np.random.default_rng(2)
     for _ in range(5):
         path = written(tmp_path, RandomTree(rng, common=True).text)
-        clip, root = fan.load_bvh(path), bvhio.readAsHierarchy(str(path))
+        clip, root = fan.theatre.load_bvh(path), bvhio.readAsHierarchy(str(path))
         for f in range(len(clip.t)):
             root.loadPose(f)
             for joint, _, _ in root.layout():
@@ -191,7 +191,7 @@ Frames: 1
 Frame Time: 0.01
 {1 / size} 0 0 10
 """
-    clip = fan.load_bvh(written(tmp_path, text))
+    clip = fan.theatre.load_bvh(written(tmp_path, text))
     assert clip.unit == (unit, size) and clip.up == {"y": 1, "z": 2}[up]
     upright = clip.upright()
     np.testing.assert_allclose(upright.positions[0], [[1, 0, 0], [1, 0, 1.75]], atol=1e-12)
@@ -227,7 +227,7 @@ def test_mistakes_have_lines(tmp_path, change, line, message):
     assert change[0] in ARM
     path = written(tmp_path, ARM.replace(change[0], change[1], 1))
     with pytest.raises(FileError, match=message) as caught:
-        fan.load_bvh(path)
+        fan.theatre.load_bvh(path)
     assert f"clip.bvh:{line}:" in str(caught.value)
 
 
@@ -240,7 +240,7 @@ ROWS = ARM.splitlines(keepends=True)[-2:]
 )
 def test_one_frame_less_or_more_than_the_header_says_is_read_and_told(tmp_path, said, rows, frames):
     text = "".join([*ARM.splitlines(keepends=True)[:-2], *(2 * ROWS)[:rows]])
-    clip = fan.load_bvh(written(tmp_path, text.replace("Frames: 2", f"Frames: {said}")))
+    clip = fan.theatre.load_bvh(written(tmp_path, text.replace("Frames: 2", f"Frames: {said}")))
     assert len(clip.t) == frames and np.all(np.diff(clip.t) == pytest.approx(0.025))
     np.testing.assert_allclose(clip.positions[0, 3], [1, 19, 3], atol=1e-12)
     told = [f"{tmp_path / 'clip.bvh'}: has {frames} frames; its header says {said}"]
@@ -251,7 +251,7 @@ def test_one_frame_less_or_more_than_the_header_says_is_read_and_told(tmp_path, 
 @pytest.mark.parametrize("interval", ["0.025", "0", "0.0000000", "-1"])
 def test_a_single_pose_has_no_use_for_the_time_of_a_frame(tmp_path, interval):
     text = "".join(ARM.splitlines(keepends=True)[:-1]).replace("Frames: 2", "Frames: 1")
-    clip = fan.load_bvh(written(tmp_path, text.replace("0.025", interval)))
+    clip = fan.theatre.load_bvh(written(tmp_path, text.replace("0.025", interval)))
     assert clip.t == pytest.approx([0.0]) and not clip.notes
     held = clip.held(1.0)
     assert held.t == pytest.approx([0.0, 1.0]) and held.held(2.0) is held
@@ -260,7 +260,7 @@ def test_a_single_pose_has_no_use_for_the_time_of_a_frame(tmp_path, interval):
 
 def test_without_frames_nothing_turns(tmp_path):
     text = "".join(ARM.splitlines(keepends=True)[:-2]).replace("Frames: 2", "Frames: 0")
-    clip = fan.load_bvh(written(tmp_path, text.replace("0 0 0", "3 2 1", 1)))
+    clip = fan.theatre.load_bvh(written(tmp_path, text.replace("0 0 0", "3 2 1", 1)))
     np.testing.assert_array_equal(clip.positions[0, 0], [3, 2, 1])
     np.testing.assert_array_equal(clip.positions[0] - clip.positions[0, 0], clip.skeleton.rest)
     assert "has no frames; read as one pose with all angles 0" in str(clip.notes)
@@ -287,7 +287,7 @@ def test_names_are_read_in_their_encoding(tmp_path, encoding, names):
         text = text.replace(plain, name)
     path, mark = tmp_path / "clip.bvh", "\ufeff" if encoding == "utf-16-le" else ""
     path.write_bytes((mark + text).encode(encoding))
-    assert fan.load_bvh(path).skeleton.names == (*names, f"{names[2]}.end")
+    assert fan.theatre.load_bvh(path).skeleton.names == (*names, f"{names[2]}.end")
 
 
 @pytest.mark.parametrize("encoding", ["gbk", "euc_kr", "big5", "cp932"])
@@ -297,30 +297,30 @@ def test_names_in_other_encodings_stay_apart(tmp_path, encoding):
         text = text.replace(plain, name)
     path = tmp_path / "clip.bvh"
     path.write_bytes(text.encode(encoding))
-    assert len(set(fan.load_bvh(path).skeleton.names)) == 4
+    assert len(set(fan.theatre.load_bvh(path).skeleton.names)) == 4
 
 
 @pytest.mark.parametrize("end", ["\r\n", "\r", "\n\n", " \t\n"])
 def test_line_ends_may_be_lf_crlf_or_cr(tmp_path, end):
     path = tmp_path / "clip.bvh"
     path.write_bytes(ARM.replace("\n", end).encode())
-    clip, plain = fan.load_bvh(path), fan.load_bvh(written(tmp_path, ARM))
+    clip, plain = fan.theatre.load_bvh(path), fan.theatre.load_bvh(written(tmp_path, ARM))
     assert np.array_equal(clip.positions, plain.positions) and not clip.notes
 
 
 def test_damaged_files_end_in_one_error(tmp_path):
     for n in range(0, len(ARM) - 25, 7):
         with pytest.raises(FileError, match=r"clip\.bvh"):
-            fan.load_bvh(written(tmp_path, ARM[:n]))
+            fan.theatre.load_bvh(written(tmp_path, ARM[:n]))
     with pytest.raises(FileError, match="cannot be read"):
-        fan.load_bvh(tmp_path / "none.bvh")
+        fan.theatre.load_bvh(tmp_path / "none.bvh")
     deep = "".join(f"JOINT j{i}\n{{\nOFFSET 0 1 0\n" for i in range(400))
     with pytest.raises(FileError, match="200 deep"):
-        fan.load_bvh(written(tmp_path, f"HIERARCHY\nROOT r\n{{\nOFFSET 0 0 0\n{deep}"))
+        fan.theatre.load_bvh(written(tmp_path, f"HIERARCHY\nROOT r\n{{\nOFFSET 0 0 0\n{deep}"))
 
 
 def test_joints_go_by_name(tmp_path):
-    clip = fan.load_bvh(written(tmp_path, ARM))
+    clip = fan.theatre.load_bvh(written(tmp_path, ARM))
     with pytest.raises(UnknownNameError, match="did you mean 'hand'"):
         clip.skeleton.index("hnd")
 
@@ -345,8 +345,10 @@ def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, conven
     text = clips.clip("walk", convention)
     size = clips.CONVENTIONS[convention].unit
     away = tuple(0.01 * x / size for x in away)
-    plain = fan.load_bvh(written(tmp_path, text)).without_calibration()
-    rooted = fan.load_bvh(written(tmp_path, with_fixed_root(text, away))).without_calibration()
+    plain = fan.theatre.load_bvh(written(tmp_path, text)).without_calibration()
+    rooted = fan.theatre.load_bvh(
+        written(tmp_path, with_fixed_root(text, away))
+    ).without_calibration()
     assert (rooted.up, rooted.unit) == (plain.up, plain.unit) == (1, rooted.unit)
     assert rooted.unit[1] == size and rooted.height == pytest.approx(plain.height)
     heads = [
@@ -358,7 +360,7 @@ def test_a_root_that_stays_at_the_origin_is_no_part_of_the_body(tmp_path, conven
     assert heads[0] == pytest.approx(heads[1], abs=1e-3) and heads[0] > 1.3
 
 
-def turned(take: fan.Capture, turn: Rotation) -> fan.Capture:
+def turned(take: fan.theatre.Capture, turn: Rotation) -> fan.theatre.Capture:
     """A clip whose motion is turned, but not its rest pose."""
     matrix = turn.as_matrix()
     return dataclasses.replace(
@@ -368,7 +370,7 @@ def turned(take: fan.Capture, turn: Rotation) -> fan.Capture:
 
 def test_up_is_that_of_the_rest_pose_while_a_person_crawls(tmp_path):
     """Somebody who sits on air and leans forward by 90 degrees is on hands and knees."""
-    take = fan.load_bvh(written(tmp_path, clips.clip("sit", "mixamo")))
+    take = fan.theatre.load_bvh(written(tmp_path, clips.clip("sit", "mixamo")))
     sits = slice(int(0.45 * len(take.t)), int(0.55 * len(take.t)))
     take = dataclasses.replace(
         take, t=take.t[sits], positions=take.positions[sits], rotations=take.rotations[sits]
@@ -381,7 +383,7 @@ def test_up_is_that_of_the_rest_pose_while_a_person_crawls(tmp_path):
 
 
 def test_up_is_the_axis_along_which_a_person_stands_in_a_file_with_a_turned_root(tmp_path):
-    take = fan.load_bvh(written(tmp_path, clips.clip("walk", "mixamo")))
+    take = fan.theatre.load_bvh(written(tmp_path, clips.clip("walk", "mixamo")))
     stands = turned(take, Rotation.from_euler("x", 90.0, degrees=True))
     assert stands.up == 2 and stands.unit == ("cm", 0.01)
 
@@ -389,7 +391,7 @@ def test_up_is_the_axis_along_which_a_person_stands_in_a_file_with_a_turned_root
 @pytest.mark.parametrize("axes", [[2, 0, 1], [0, 2, 1], [2, 1, 0]])
 def test_arms_spread_in_the_rest_pose_are_not_taken_for_its_height(tmp_path, axes):
     """This holds for either facing direction, and with y or z up."""
-    take = fan.load_bvh(written(tmp_path, clips.clip("wave", "mixamo")))
+    take = fan.theatre.load_bvh(written(tmp_path, clips.clip("wave", "mixamo")))
     skeleton = dataclasses.replace(take.skeleton, offsets=take.skeleton.offsets[:, axes])
     other = dataclasses.replace(take, skeleton=skeleton, positions=take.positions[..., axes])
     assert "xyz"[other.up] == "xyz"[axes.index(1)]

@@ -20,7 +20,7 @@ def places(tmp_path_factory):
     for name, kind in CONVENTIONS.items():
         prefix, toe = ROLES[name]
         for path in write(tmp_path_factory.mktemp(name), name):
-            clip = fan.load_bvh(path)
+            clip = fan.theatre.load_bvh(path)
             positions = clip.positions[int(kind.t_pose) :: round(kind.rate / 30.0)] * kind.unit
             joints = {"Hips": "Hips", "Head": "Head"}
             for side in ("Left", "Right"):

@@ -102,7 +102,7 @@ def test_a_lag_makes_the_puppet_late(conduct):
 
 
 def test_bounds_too_tight_to_follow_are_refused(conduct):
-    with pytest.raises(fan.StateError, match="cannot follow"):
+    with pytest.raises(fan.errors.StateError, match="cannot follow"):
         kinematic_inputs(conduct, speed=1e-6)
 
 

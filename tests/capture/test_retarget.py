@@ -88,7 +88,7 @@ def test_the_bundled_mappings_name_all_parts_of_the_three_conventions(tmp_path):
     assert mapping_names() == ("biovision", "makehuman", "motionbuilder", "poser")
     for convention in ("cmu", "mixamo", "lafan1"):
         path = clip(tmp_path, convention, "wave")
-        skeleton = fan.load_bvh(path).skeleton
+        skeleton = fan.theatre.load_bvh(path).skeleton
         joints = joints_of(find_mapping(skeleton), skeleton)
         assert set(joints) == set(PARTS)
         assert skeleton.names[joints["elbow_left"]].endswith("LeftForeArm")
@@ -184,8 +184,8 @@ def test_lengths_are_the_puppets_and_directions_the_persons(marionette):
 
 def test_hanging_poses_hang_and_keep_off_the_clip_no_more_than_stated(marionette, tmp_path):
     path = clip(tmp_path, "lafan1", "wave")
-    found = fan.retarget_clip(marionette, path)
-    assert len(found.t) == len(found.reach) == fan.load_bvh(path).positions.shape[0]
+    found = fan.theatre.retarget_clip(marionette, path)
+    assert len(found.t) == len(found.reach) == fan.theatre.load_bvh(path).positions.shape[0]
     for i in range(0, len(found.t), 30):
         state = found.reach[i].state
         force = marionette.forward_dynamics(state)
@@ -206,7 +206,7 @@ def test_more_steps_bring_no_path_astray(marionette, monkeypatch):
     costs = []
     for iterations in (10, 100):
         monkeypatch.setattr(retargeting, "ITERATIONS", iterations)
-        found = fan.retarget_clip(marionette, "walk_up")
+        found = fan.theatre.retarget_clip(marionette, "walk_up")
         costs.append(sum(np.mean(np.square(e)) for e in found.errors.values()))
         for i in range(0, len(found.t), 7):
             force = marionette.forward_dynamics(found.reach[i].state)
@@ -218,7 +218,7 @@ def test_more_steps_bring_no_path_astray(marionette, monkeypatch):
 def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
     path = clip(tmp_path, "cmu", "wave")
     done = []
-    found = fan.follow_clip(marionette, path, progress=lambda at: done.append(at.share))
+    found = fan.theatre.follow_clip(marionette, path, progress=lambda at: done.append(at.share))
     assert found and found.run.t[-1] > found.t[-1]
     assert np.max(np.abs(found.run.v_K)) <= SPEED * (1 + 1e-9)
     assert np.max(np.abs(found.acc_K)) <= ACCELERATION * (1 + 1e-9)
@@ -235,7 +235,7 @@ def test_a_waving_person_is_followed_within_the_bounds(marionette, tmp_path):
 @pytest.mark.slow
 def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
     path = clip(tmp_path, "mixamo", "wave")
-    found = fan.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
+    found = fan.theatre.follow_clip(marionette, path, speed=0.2, acceleration=2.0)
     assert np.max(np.abs(found.run.v_K)) <= 0.2 * (1 + 1e-9)
     assert np.max(np.abs(found.acc_K)) <= 2.0 * (1 + 1e-9)
     assert {one.name: one.above for one in found.report}["hands"] > 0.02
@@ -244,14 +244,14 @@ def test_slow_hands_follow_worse_and_keep_their_bounds(marionette, tmp_path):
 @pytest.mark.slow
 def test_a_run_that_begins_later_follows_as_well(marionette, tmp_path):
     path = clip(tmp_path, "lafan1", "wave")
-    begun = fan.retarget_clip(marionette, path, start=marionette.rest().replace(t=5.0))
-    found = fan.follow_clip(marionette, begun)
+    begun = fan.theatre.retarget_clip(marionette, path, start=marionette.rest().replace(t=5.0))
+    found = fan.theatre.follow_clip(marionette, begun)
     assert found.run.t[0] == 5.0 == found.t[0]
     assert all(one.above < 0.02 for one in found.report)
     speeds = np.abs(found.run.v_K[-1])
     assert np.max(speeds) < 1e-9, "the hands are at rest in the end"
     with pytest.raises(StateError, match="has its mapping, start, travel, up and of already"):
-        fan.follow_clip(marionette, begun, travel=0.5)
+        fan.theatre.follow_clip(marionette, begun, travel=0.5)
 
 
 def test_a_run_that_breaks_off_is_told(marionette, tmp_path, monkeypatch):
@@ -268,7 +268,7 @@ def test_a_run_that_breaks_off_is_told(marionette, tmp_path, monkeypatch):
         return made
 
     monkeypatch.setattr(Stepper, "advance", stops)
-    found = fan.follow_clip(marionette, path)
+    found = fan.theatre.follow_clip(marionette, path)
     assert found.status is FollowStatus.STOPPED and not found
     assert len(found.acc_K) in (20, 21) and found.run.t[-1] < 1.1
 
@@ -282,8 +282,8 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
         return np.zeros((int(np.ceil(until / 0.05)) + 1, puppet.coordinates.n_vK)), True
 
     monkeypatch.setattr("fantoccini.theatre.retarget.following.lead_along", still)
-    hung = fan.retarget_clip(marionette, "walk_up")
-    lost = fan.follow_clip(marionette, hung, speed=1.0, acceleration={"head.length": 4.0})
+    hung = fan.theatre.retarget_clip(marionette, "walk_up")
+    lost = fan.theatre.follow_clip(marionette, hung, speed=1.0, acceleration={"head.length": 4.0})
     assert lost.status is FollowStatus.ASTRAY and not lost
     assert lost.far > 0.15 > lost.hanging_far
     assert bounds == [(1.0, 4.0), (0.5, 2.0), (0.25, 1.0)]
@@ -296,22 +296,24 @@ def test_a_run_far_from_its_clip_does_not_follow(marionette, monkeypatch):
 def test_strings_that_pass_through_one_another_are_counted_and_avoided_where_leaning_helps(
     marionette,
 ):
-    upright = fan.follow_clip(marionette, fan.retarget_clip(marionette, "walk_up"))
-    followed = fan.follow_clip(marionette, "walk_up")
+    upright = fan.theatre.follow_clip(marionette, fan.theatre.retarget_clip(marionette, "walk_up"))
+    followed = fan.theatre.follow_clip(marionette, "walk_up")
     assert followed and len(followed.crossings) < len(upright.crossings)
 
 
 def test_a_clip_of_somebody_who_crawls_is_remarked_on(marionette):
     """A clip of a lying person cannot be told from one imported with the wrong vertical axis."""
     stands = np.repeat(STANDS[None], 3, axis=0)
-    assert fan.retarget_clip(marionette, captured(stands)).remarks == ()
-    lies = fan.retarget_clip(marionette, captured(stands[..., [0, 2, 1]] * [1, 1, -1]), up="z")
+    assert fan.theatre.retarget_clip(marionette, captured(stands)).remarks == ()
+    lies = fan.theatre.retarget_clip(
+        marionette, captured(stands[..., [0, 2, 1]] * [1, 1, -1]), up="z"
+    )
     (remark,) = lies.remarks
     assert "the trunk is 90 degrees off the vertical" in remark
 
 
 def test_a_single_pose_is_held(marionette):
-    found = fan.retarget_clip(marionette, captured(STANDS[None]))
+    found = fan.theatre.retarget_clip(marionette, captured(STANDS[None]))
     assert found.t == pytest.approx([0.0, 1.0])
     np.testing.assert_allclose(*found.reach.q_K, atol=1e-3)
 
@@ -327,15 +329,17 @@ puppets:
 def test_a_member_of_a_scene_follows(marionette):
     scene = fan.loads(SCENE)
     for of in ("", "anna"):
-        found = fan.retarget_clip(scene, captured(np.repeat(STANDS[None], 2, axis=0)), of=of)
+        found = fan.theatre.retarget_clip(
+            scene, captured(np.repeat(STANDS[None], 2, axis=0)), of=of
+        )
         assert found.figure.points["trunk"][0] == "anna.torso"
-        alone = fan.retarget_clip(marionette, captured(np.repeat(STANDS[None], 2, axis=0)))
+        alone = fan.theatre.retarget_clip(marionette, captured(np.repeat(STANDS[None], 2, axis=0)))
         for part, places in alone.hung.items():
             np.testing.assert_allclose(found.hung[part], places, atol=2e-3)
     with pytest.raises(fan.errors.UnknownNameError, match="no member of a scene is called 'otta'"):
-        fan.retarget_clip(scene, captured(STANDS[None]), of="otta")
+        fan.theatre.retarget_clip(scene, captured(STANDS[None]), of="otta")
     with pytest.raises(StateError, match=r"has no body 'otto\.torso'"):
-        fan.retarget_clip(scene, captured(STANDS[None]), of="otto")
+        fan.theatre.retarget_clip(scene, captured(STANDS[None]), of="otto")
 
 
 def test_clips_that_show_no_person_are_refused(marionette):
@@ -343,18 +347,18 @@ def test_clips_that_show_no_person_are_refused(marionette):
     lost = standing.copy()
     lost[2, NAMES.index("LeftHand")] = np.nan
     with pytest.raises(StateError, match="hand_left is nowhere in frame 2"):
-        fan.retarget_clip(marionette, captured(lost))
+        fan.theatre.retarget_clip(marionette, captured(lost))
     short = standing.copy()
     short[:, NAMES.index("LeftHand")] = short[:, NAMES.index("LeftForeArm")]
     with pytest.raises(StateError, match="no length from elbow_left to hand_left"):
-        fan.retarget_clip(marionette, captured(short))
+        fan.theatre.retarget_clip(marionette, captured(short))
     lying = standing[..., [2, 1, 0]]
     with pytest.raises(StateError, match="trunks point along x"):
-        fan.retarget_clip(marionette, captured(lying))
+        fan.theatre.retarget_clip(marionette, captured(lying))
     with pytest.raises(StateError, match="up is 'x'"):
-        fan.retarget_clip(marionette, captured(standing), up="x")
+        fan.theatre.retarget_clip(marionette, captured(standing), up="x")
     with pytest.raises(StateError, match="follow"):
-        fan.retarget_clip(fan.puppets.promenade(), captured(standing))
+        fan.theatre.retarget_clip(fan.puppets.promenade(), captured(standing))
 
 
 def test_two_people_in_one_file_are_told_apart():
@@ -390,14 +394,14 @@ def test_a_calibration_pose_is_left_out():
 
 def test_puppets_without_a_persons_bodies_are_refused(marionette):
     with pytest.raises(StateError, match="arm2d has no body 'torso', the trunk of a person"):
-        fan.retarget_clip(fan.puppets.arm2d(), "jumps")
+        fan.theatre.retarget_clip(fan.puppets.arm2d(), "jumps")
 
 
 def test_bundled_clips_come_with_their_notice():
     folder = Path(fan.theatre.capture.__file__).parent / "clips"
     assert "NSF EIA-0196217" in (folder / "NOTICE").read_text()
-    for name in fan.clip_names():
-        read = fan.load_bvh(name)
+    for name in fan.theatre.clip_names():
+        read = fan.theatre.load_bvh(name)
         assert read.name == name and read.unit[0] == "CMU"
         assert 1.3 < read.upright().height < 1.9
 
@@ -409,6 +413,6 @@ def test_the_command_follows_and_writes(tmp_path):
     assert done.exit_code == 0, done.stderr
     assert "hands" in done.stdout and "trunk" in done.stdout
     assert fan.Trajectory.load(tmp_path / "bow.npz").t[-1] > 6.0
-    assert fan.Recording.load(tmp_path / "take.npz").duration > 6.0
+    assert fan.theatre.Recording.load(tmp_path / "take.npz").duration > 6.0
     wrong = fantoccini("follow", str(path), "marionette", "--mapping", "posr")
     assert wrong.exit_code == 2 and "did you mean 'poser'" in wrong.stderr

@@ -13,7 +13,7 @@ import fantoccini as fan
 def balls(n: int) -> fan.Marionette:
     """n balls on the strings s0, s1, ..."""
     return fan.Marionette(
-        fan.Puppet.model_validate(
+        fan.model.Puppet.model_validate(
             {
                 "puppet": "balls",
                 "bodies": [

@@ -197,7 +197,7 @@ def test_thickness_counts_for_each_string():
 def test_strings_through_one_point_are_left_out():
     puppet = balls(2).puppet.model_dump(mode="json", exclude_unset=True, by_alias=True)
     puppet["strings"][1]["path"][0] = {"body": "ball0"}
-    marionette = fan.Marionette(fan.Puppet.model_validate(puppet))
+    marionette = fan.Marionette(fan.model.Puppet.model_validate(puppet))
     pairs = string_pairs(marionette, [0, 1], np.array([0.01, 0.01]), 0.0)
     assert pairs.names == (("s0", "ball1"), ("s1", "ball1"))
 

@@ -176,19 +176,19 @@ def test_a_name_that_no_file_can_have_is_one_mistake_for_every_reader(name, tmp_
     arm = fan.puppets.arm2d().coordinates
     readers = (
         fan.load,
-        fan.load_bvh,
-        fan.load_task,
-        fan.load_problem,
+        fan.theatre.load_bvh,
+        fan.control.load_task,
+        fan.control.load_problem,
         fan.load_play,
-        fan.load_stand,
-        fan.load_record,
+        fan.stand.load_stand,
+        fan.lab.load_record,
         fan.import_model,
         fan.theatre.retarget.load_mapping,
         fan.model.load,
         partial(fan.Input.load, arm),
-        partial(fan.load_gesture, arm),
+        partial(fan.theatre.load_gesture, arm),
         fan.Trajectory.load,
-        fan.Recording.load,
+        fan.theatre.Recording.load,
         partial(fan.load_score, arm),
     )
     for read in readers:

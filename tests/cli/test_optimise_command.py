@@ -81,7 +81,7 @@ def test_a_task_is_solved_drawn_and_written(task, tmp_path) -> None:
     assert result.exit_code == 0, result.stderr
     for part in ("solved", "lower", "root mean square", "hand"):
         assert part in result.stdout
-    run, inputs = fan.Trajectory.load("run.npz"), fan.Recording.load("best.npz").inputs
+    run, inputs = fan.Trajectory.load("run.npz"), fan.theatre.Recording.load("best.npz").inputs
     # The recording holds the inputs as they are, and simulate repeats the motion.
     again = fan.simulate(fan.puppets.arm2d(), run.state(0), inputs, 1.5)
     assert again.q_D[-1] == pytest.approx(run.q_D[-1], abs=1e-9)
@@ -144,7 +144,7 @@ def test_ctrl_c_keeps_the_best_motion(task, monkeypatch) -> None:
     result = fantoccini("optimise", task, "--save", "best.npz")
     assert result.exit_code == 130
     assert "stopped" in result.stdout
-    assert len(fan.Recording.load("best.npz")) == 30
+    assert len(fan.theatre.Recording.load("best.npz")) == 30
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ def test_a_bundled_problem_is_planned_verified_and_written(tmp_path) -> None:
     assert "exact" in result.stdout and "event-driven" in result.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(paths)
     run = fan.Trajectory.load(paths["run.npz"])
-    found = fan.PlanResult.load(paths["plan.npz"], fan.load_problem("arm3d_boxes"))
+    found = fan.control.PlanResult.load(paths["plan.npz"], fan.control.load_problem("arm3d_boxes"))
     assert found and found.replay()
     assert np.array_equal(run.q_D, found.trajectory.q_D)
     for picture in (paths["run.png"], paths["tree.png"]):

@@ -84,7 +84,7 @@ def test_the_verdict_is_told_before_the_report_and_the_film_are_made(tmp_path, m
     """Regression: it was printed only after them, and not at all if one failed."""
 
     def fails(*_, **__):
-        raise fan.PictureError("no room on the disk")
+        raise fan.errors.PictureError("no room on the disk")
 
     monkeypatch.setattr(reports, "play_report", fails)
     result = fantoccini("play", write_play(tmp_path, TOUCHES), "--report", tmp_path / "page.html")

@@ -104,7 +104,7 @@ def test_a_recording_is_whole_however_the_program_ends(by, tmp_path):
     (path,) = tmp_path.iterdir()  # nothing half-written beside it
     assert code == (0 if by == "SIGINT" else 128 + number), said
     assert "Traceback" not in said and f"wrote {path}" in said
-    recording = fan.Recording.load(path)
+    recording = fan.theatre.Recording.load(path)
     assert recording.duration >= 0.45
     assert np.array_equal(recording.replay().q_D, recording.trajectory.q_D)
 

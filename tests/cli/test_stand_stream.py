@@ -56,7 +56,7 @@ def files(tmp_path_factory):
 
 def points_of(files, kind):
     run = fan.Trajectory.load(files / "run.npz")
-    return fan.set_points(files / "stand.yaml", run, controller=kind)
+    return fan.stand.set_points(files / "stand.yaml", run, controller=kind)
 
 
 class Process:

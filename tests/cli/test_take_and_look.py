@@ -27,7 +27,7 @@ def take(tmp_path_factory):
 
 def test_a_recording_is_inputs(take):
     """17.13: `t: found the shape ()`."""
-    recording = fan.Recording.load(take)
+    recording = fan.theatre.Recording.load(take)
     made = fan.Input.load(fan.puppets.arm2d(), take)
     t = np.linspace(made.start, made.end, 50)
     for mine, theirs in zip(made.evaluate(t), recording.inputs.evaluate(t), strict=True):
@@ -40,7 +40,7 @@ def test_a_recording_moves_the_puppet_from_its_start_on_its_winches(take, tmp_pa
     result = fantoccini("simulate", "arm2d", "--inputs", take, "--out", out)
     assert result.exit_code == 0, result.stderr
     assert "another puppet" not in result.stderr
-    recording, run = fan.Recording.load(take), fan.Trajectory.load(out)
+    recording, run = fan.theatre.Recording.load(take), fan.Trajectory.load(out)
     assert recording.start.v_K.any()  # nothing that hangs at rest starts so
     assert np.array_equal(run.q_D[0], recording.start.q_D)
     assert np.array_equal(run.v_K[0], recording.start.v_K)
@@ -66,12 +66,14 @@ def test_a_file_that_is_neither_says_what_it_is(tmp_path):
     """17.13: a run is no input, and a damaged recording is told."""
     m = fan.puppets.string_pendulum()
     fan.simulate(m, m.rest(), t_end=0.1).save(tmp_path / "run.npz")
-    with pytest.raises(fan.InputError, match=r"has the format 'fantoccini\.trajectory\.1'; needed"):
+    with pytest.raises(
+        fan.errors.InputError, match=r"has the format 'fantoccini\.trajectory\.1'; needed"
+    ):
         fan.Input.load(m, tmp_path / "run.npz")
     about = np.frombuffer(b'{"format": "fantoccini.recording.3"}', dtype=np.uint8)
     for parts in ({}, {"about": about}, {"about": about, "acc_K": np.zeros(3)}):
         np.savez(tmp_path / "bad.npz", **(parts or {"about": np.zeros(3)}))
-        with pytest.raises(fan.InputError, match=r"cannot be read|damaged recording"):
+        with pytest.raises(fan.errors.InputError, match=r"cannot be read|damaged recording"):
             fan.Input.load(m, tmp_path / "bad.npz")
 
 

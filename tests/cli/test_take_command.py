@@ -35,8 +35,8 @@ def test_edits_are_those_of_python(take, tmp_path):
     out = tmp_path / "new.npz"
     words = ("--trim", "0.5:1.5", "--smooth", "0.1", "--stretch", "2", "--out", str(out))
     assert fantoccini("take", str(take), *words).exit_code == 0
-    made = fan.Recording.load(out)
-    same = fan.Recording.load(take).trimmed(0.5, 1.5).smoothed(0.1).stretched(2.0)
+    made = fan.theatre.Recording.load(out)
+    same = fan.theatre.Recording.load(take).trimmed(0.5, 1.5).smoothed(0.1).stretched(2.0)
     assert made.duration == pytest.approx(2.0)
     assert np.array_equal(made.acc_K, same.acc_K)
     assert np.array_equal(made.trajectory.q_D, same.trajectory.q_D)
@@ -47,7 +47,7 @@ def test_a_loop_goes_back_to_the_start_each_time(take, tmp_path):
     out = tmp_path / "loop.npz"
     words = ("--trim", "0.2:0.9", "--loop", "3", "--out", str(out))
     assert fantoccini("take", str(take), *words).exit_code == 0
-    made, part = fan.Recording.load(out), fan.Recording.load(take).trimmed(0.2, 0.9)
+    made, part = fan.theatre.Recording.load(out), fan.theatre.Recording.load(take).trimmed(0.2, 0.9)
     assert np.array_equal(made.acc_K, part.looped(3).acc_K)
     assert made.duration > 3 * part.duration
 
@@ -56,7 +56,7 @@ def test_the_ends_of_a_part_may_be_left_out(take, tmp_path):
     for text, duration in ((":0.5", 0.5), ("1.5:", 0.5)):
         out = tmp_path / "part.npz"
         assert fantoccini("take", str(take), "--trim", text, "--out", str(out)).exit_code == 0
-        assert fan.Recording.load(out).duration == pytest.approx(duration)
+        assert fan.theatre.Recording.load(out).duration == pytest.approx(duration)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ CLOSE = 1e-8
 """What the issue of contact asks for."""
 
 
-def of(run: fan.Trajectory, *kinds: str) -> list[fan.EventRecord]:
+def of(run: fan.Trajectory, *kinds: str) -> list[fan.motion.EventRecord]:
     """The events of some kinds."""
     return [event for event in run.events if event.kind in kinds]
 

@@ -97,10 +97,10 @@ def test_a_hanging_puppet_s_modes_are_named():
 def test_what_has_no_derivative_says_so():
     box = fan.loads(BOX)
     assert box.linearise(box.state({"body.z": 0.05})).sharp
-    with pytest.raises(fan.StateError, match="share force among"):
+    with pytest.raises(fan.errors.StateError, match="share force among"):
         box.linearise(thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5}))
     ball = fan.loads(BALL)
-    with pytest.raises(fan.StateError, match="strike at this state"):
+    with pytest.raises(fan.errors.StateError, match="strike at this state"):
         ball.linearise(thrown(ball, {"body.z": 0.07}, {"body.z": -1.0}))
     lift = np.zeros(6)
     lift[2] = 9.81

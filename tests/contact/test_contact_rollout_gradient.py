@@ -38,14 +38,14 @@ class Case:
         inputs = rng.normal(size=(n, t.n_vK)), rng.normal(size=(n, t.n_vD))
         return cls(puppet, x, size * acc * inputs[0], 0.1 * size * inputs[1])
 
-    def rollout(self, extrapolate: bool = True) -> fan.Rollout:
+    def rollout(self, extrapolate: bool = True) -> fan.dynamics.Rollout:
         run = self.puppet.rollout(self.x, self.acc, self.force, dt=DT, extrapolate=extrapolate)
         assert run.status is fan.Status.DONE
         assert run.sharp.all()
         return run
 
 
-def weights(run: fan.Rollout) -> tuple[list[np.ndarray], np.ndarray]:
+def weights(run: fan.dynamics.Rollout) -> tuple[list[np.ndarray], np.ndarray]:
     """Of a linear cost: of the states (q_D, v_D, q_K, v_K) and of the tensions."""
     t, rng = run.coordinates, np.random.default_rng(2)
     widths = (t.n_vD, t.n_vD, t.n_vK, t.n_vK)
@@ -53,7 +53,7 @@ def weights(run: fan.Rollout) -> tuple[list[np.ndarray], np.ndarray]:
     return [rng.normal(size=(len(run.q_D), w)) for w in widths], tension
 
 
-def check_products(case: Case) -> fan.Rollout:
+def check_products(case: Case) -> fan.dynamics.Rollout:
     """A sweep is the product of the derivatives of all steps."""
     run = case.rollout(extrapolate=False)
     own, by_tension = weights(run)
@@ -77,7 +77,7 @@ class Steps:
     p: float = 1e-6
 
 
-def check_differences(case: Case, steps: Steps = Steps()) -> fan.Rollout:
+def check_differences(case: Case, steps: Steps = Steps()) -> fan.dynamics.Rollout:
     """Along random directions to 1e-7, with the time-stepper's extrapolation.
 
     In each step the same rows are held, and as many points push and slide, in all rollouts.
@@ -87,7 +87,7 @@ def check_differences(case: Case, steps: Steps = Steps()) -> fan.Rollout:
     found = run.gradient(*own, by_tension)
     rng = np.random.default_rng(3)
 
-    def cost(at: fan.Rollout) -> float:
+    def cost(at: fan.dynamics.Rollout) -> float:
         dq_D = puppet.difference(run.q_D, at.q_D)
         dq_K = puppet.difference(run.q_K, at.q_K, driven=True)
         parts = zip(own, (dq_D, at.v_D - run.v_D, dq_K, at.v_K - run.v_K), strict=True)
@@ -254,7 +254,7 @@ def test_a_rollout_without_a_gradient_says_at_which_step_and_pair():
     run = box.rollout(x, np.zeros((3, 0)))
     reason = r"step 2, at 2.004 s, .* body\|floor: solids slide on more points than the law can"
     for _ in range(2):
-        with pytest.raises(fan.StateError, match=reason):
+        with pytest.raises(fan.errors.StateError, match=reason):
             run.gradient()
     assert run.edges_of(2) == ("solids slide on more points than the law can share force among",)
 

@@ -83,7 +83,7 @@ def test_forces_of_contact_carry_the_weight_and_obey_the_cone(box):
     last = contact.at(len(run) - 1)
     assert len(last) == 4
     assert np.allclose(last.point[:, 2], 0.0, atol=1e-9)
-    with pytest.raises(fan.UnknownNameError, match="flor"):
+    with pytest.raises(fan.errors.UnknownNameError, match="flor"):
         contact.of("flor")
 
 
@@ -108,7 +108,7 @@ def test_a_damaged_file_of_contact_is_refused(box, tmp_path):
         arrays = dict(file)
     arrays["contact:pair"] = arrays["contact:pair"] + 7
     np.savez(tmp_path / "bad.npz", **arrays)
-    with pytest.raises(fan.FileError, match="pair"):
+    with pytest.raises(fan.errors.FileError, match="pair"):
         fan.Trajectory.load(tmp_path / "bad.npz")
 
 
@@ -126,17 +126,17 @@ def test_copies_of_a_stepper_go_on_to_the_same_bits(box):
 
 def test_methods_that_know_no_contact_say_so(box):
     x = box.state({"body.z": 0.5})
-    with pytest.raises(fan.StateError, match="take method='event' or 'timestepping'"):
+    with pytest.raises(fan.errors.StateError, match="take method='event' or 'timestepping'"):
         fan.simulate(box, x, t_end=0.1, method="variational")
-    with pytest.raises(fan.StateError, match="contact: false"):
+    with pytest.raises(fan.errors.StateError, match="contact: false"):
         fan.simulate_batch(box, [x], t_end=0.1, method="variational")
-    with pytest.raises(fan.StateError, match="external integrators does not know"):
+    with pytest.raises(fan.errors.StateError, match="external integrators does not know"):
         box.flow(x)
 
 
 def test_the_advice_to_leave_contact_out_names_a_file_that_can_be_copied(tmp_path):
     scene = fan.load(puppets.path("promenade"))
-    with pytest.raises(fan.StateError, match="in a copy of it") as caught:
+    with pytest.raises(fan.errors.StateError, match="in a copy of it") as caught:
         refuse_contact(scene, "follow")
     named = re.search(r"contact: false in (\S+), or in a copy", str(caught.value))[1]
     text = Path(named).read_text(encoding="utf-8")
@@ -160,7 +160,7 @@ def test_a_plan_keeps_clear_of_what_a_puppet_with_contact_may_touch():
 
 
 def test_a_start_in_which_solids_overlap_is_refused_by_name(box):
-    with pytest.raises(fan.StateError, match=r"body\|floor by 0.02 m"):
+    with pytest.raises(fan.errors.StateError, match=r"body\|floor by 0.02 m"):
         stepped(box, box.state({"body.z": 0.03}), 0.1, DT)
 
 
@@ -171,7 +171,7 @@ def test_rest_is_what_the_puppet_comes_to_on_what_carries_it(box):
     assert np.max(np.abs(run.q_D - x.q_D)) < 1e-6
     assert np.isclose(run.contact.force_on("body", len(run))[-1, 2], G * np.cos(0.2))
     slides = on_slope(0.5, 0.3)
-    with pytest.raises(fan.StateError, match="still moves"):
+    with pytest.raises(fan.errors.StateError, match="still moves"):
         slides.rest({"body.z": 0.05})
 
 
@@ -337,14 +337,14 @@ def test_damaged_contacts_of_a_recording_are_refused(box, tmp_path):
     performance.advance(0.2)
     take = performance.stop()
     arrays = arrays_before(take, tmp_path / "take.npz")
-    again = fan.Recording.load(tmp_path / "take.npz")
+    again = fan.theatre.Recording.load(tmp_path / "take.npz")
     assert len(again.trajectory.contact) > 0
     assert np.array_equal(again.trajectory.contact.force, take.trajectory.contact.force)
     arrays["contacts"] = arrays["contacts"].copy()
     arrays["contacts"][0, 1] = 99.0
     np.savez(tmp_path / "bad.npz", **arrays)
-    with pytest.raises(fan.FileError, match="pair"):
-        fan.Recording.load(tmp_path / "bad.npz")
+    with pytest.raises(fan.errors.FileError, match="pair"):
+        fan.theatre.Recording.load(tmp_path / "bad.npz")
 
 
 def test_the_residual_of_the_law_is_a_column(box, tmp_path):

@@ -79,7 +79,7 @@ def check(
     bound: float = 1e-7,
 ):
     """The last x0 is a difference of runs, but along the directions ``drop``."""
-    found = fan.sensitivity(puppet, x, t_end=t_end)
+    found = fan.dynamics.sensitivity(puppet, x, t_end=t_end)
     assert [event.kind for event in found.run.events] == events
     assert found.sharp
     kept = np.setdiff1d(np.arange(2 * puppet.coordinates.n_vD), drop)
@@ -103,7 +103,7 @@ def bounced(z, v, t_end: float, e: float):
 def test_a_ball_that_bounces_by_complex_steps_through_its_closed_form():
     puppet = fan.loads(BOUNCE)
     x = thrown(puppet, {"ball": 0.6}, {"ball": 0.2})
-    found = fan.sensitivity(puppet, x, t_end=0.9)
+    found = fan.dynamics.sensitivity(puppet, x, t_end=0.9)
     assert len(found.passages) == 2 and found.sharp
     wanted = np.array(
         [bounced(0.6 + 1e-30j * a, 0.2 + 1e-30j * b, 0.9, 0.6).imag / 1e-30 for a, b in np.eye(2)]
@@ -145,7 +145,7 @@ def test_a_ball_thrown_sliding_comes_to_roll():
     """At 5/7 of its speed."""
     puppet = on_slope(0.0, 0.3, "sphere")
     x = thrown(puppet, {"body.z": 0.1}, {"body.x": 1.0})
-    found = fan.sensitivity(puppet, x, t_end=0.2)
+    found = fan.dynamics.sensitivity(puppet, x, t_end=0.2)
     assert found.x0[-1][6, 6] == pytest.approx(5 / 7, rel=1e-8)
     curved = {"body.x": 1.0, "body.y": 0.3, "body.wx": 5.0, "body.wz": 2.0}
     check(puppet, thrown(puppet, {"body.z": 0.1}, curved), 0.3, ["slide", "stick"], (2, 8))
@@ -180,7 +180,7 @@ bodies: [{name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mas
     c, s = np.cos(0.5), np.sin(0.5)
     speed = {"b.x": 0.8 * c, "b.z": -0.8 * s, "b.y": 0.2}
     x = thrown(puppet, {"b.x": 0.6 * s, "b.z": 0.6 * c}, speed)
-    found = fan.sensitivity(puppet, x, t_end=0.45)
+    found = fan.dynamics.sensitivity(puppet, x, t_end=0.45)
     assert [event.kind for event in found.run.events] == ["slide", "lift"]
     assert found.sharp and not found.passages
     directions = np.zeros((12, 4))
@@ -199,7 +199,7 @@ def test_a_ladder_leaves_its_wall():
         ends = [ladder(angle + d)[1].q_D for d in (-1e-5, 1e-5)]
         return apart(ends[0], ends[1], 6, t.scalars_D, t.quaternions_D) / 2e-5
 
-    found = fan.sensitivity(puppet, x, t_end=0.4)
+    found = fan.dynamics.sensitivity(puppet, x, t_end=0.4)
     assert [event.kind for event in found.run.events] == ["lift"]
     base = last(puppet, x, 0.4)
 
@@ -238,8 +238,8 @@ def test_a_puppet_lands_slides_and_is_caught(acrobat):
     """By its start, its parameters, and the waypoints of rope and tray."""
     puppet, x, points = acrobat
     inputs, n = fan.Input.waypoints(puppet, points), puppet.coordinates.n_vD
-    along = fan.InputDerivative.of_waypoints(puppet, points)
-    found = fan.sensitivity(puppet, x, inputs, 0.25, along=along)
+    along = fan.motion.InputDerivative.of_waypoints(puppet, points)
+    found = fan.dynamics.sensitivity(puppet, x, inputs, 0.25, along=along)
     kinds = [event.kind for event in found.run.events]
     assert {"touch", "slide", "catch"} <= set(kinds) and found.sharp
     assert worst(found.x0[-1], by_start(puppet, x, 0.25, np.eye(2 * n), 1e-5, inputs)) < 1e-7
@@ -275,8 +275,8 @@ def test_the_bundled_marionette_lifts_a_hand_while_it_stands():
         return fan.Input.waypoints(puppet, points)
 
     points = {"hand_left.length": [(0.0, length), (0.2, length - 0.05)]}
-    along = fan.InputDerivative.of_waypoints(puppet, points)
-    found = fan.sensitivity(puppet, x, lift(0.0), 0.1, along=along[1:])
+    along = fan.motion.InputDerivative.of_waypoints(puppet, points)
+    found = fan.dynamics.sensitivity(puppet, x, lift(0.0), 0.1, along=along[1:])
     assert found.sharp and found.run.contact is not None and len(found.run.contact)
     base = last(puppet, x, 0.1, lift(0.0))
     wanted = difference(lambda d: tangent(puppet, base, last(puppet, x, 0.1, lift(d[0]))), 1, 1e-5)
@@ -286,15 +286,15 @@ def test_the_bundled_marionette_lifts_a_hand_while_it_stands():
 def test_what_has_no_derivative_says_so():
     """Four corners strike at once; bounces accumulate; a box that slides askew."""
     box = fan.loads(BOX)
-    found = fan.sensitivity(box, box.state({"body.z": 0.2}), t_end=0.2)
+    found = fan.dynamics.sensitivity(box, box.state({"body.z": 0.2}), t_end=0.2)
     assert not found.sharp
     assert [(p.rows, p.sharp) for p in found.passages] == [(("body|floor",), False)]
     ball = fan.loads(BOUNCE)
-    with pytest.raises(fan.StateError, match=r"bounces accumulate at t = 1\.2"):
-        fan.sensitivity(ball, ball.state({"ball": 0.6}), t_end=1.5)
+    with pytest.raises(fan.errors.StateError, match=r"bounces accumulate at t = 1\.2"):
+        fan.dynamics.sensitivity(ball, ball.state({"ball": 0.6}), t_end=1.5)
     askew = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5})
-    with pytest.raises(fan.StateError, match="share force among"):
-        fan.sensitivity(box, askew, t_end=0.1)
+    with pytest.raises(fan.errors.StateError, match="share force among"):
+        fan.dynamics.sensitivity(box, askew, t_end=0.1)
 
 
 def test_two_feet_that_always_land_together_are_one_touch():

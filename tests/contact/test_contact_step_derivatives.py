@@ -102,7 +102,7 @@ def check_step(
 
 
 def check_compiled(
-    puppet: fan.Marionette, lin: fan.StepLinearisation, acc_K: np.ndarray, u_D: np.ndarray
+    puppet: fan.Marionette, lin: fan.dynamics.StepLinearisation, acc_K: np.ndarray, u_D: np.ndarray
 ):
     """The compiled derivatives are those of one step at a time; parts that fail are not settled."""
     x, t = lin.x, puppet.coordinates
@@ -183,7 +183,9 @@ def test_a_box_on_one_edge(box):
 def test_a_box_that_slides_askew_has_none_and_says_so(box):
     """How it would turn depends on how its four corners share its weight."""
     x = thrown(box, {"body.z": 0.05}, {"body.x": 1.0, "body.y": 0.5})
-    with pytest.raises(fan.StateError, match=r"body\|floor slide on more points than the law"):
+    with pytest.raises(
+        fan.errors.StateError, match=r"body\|floor slide on more points than the law"
+    ):
         box.linearise_step(x)
     many = box.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
     assert not many.settled.any() and not many.sharp.any()

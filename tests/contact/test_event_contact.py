@@ -299,7 +299,7 @@ bodies:
     )
     run = fan.simulate(marionette, x0, t_end=1.0, throw=False)
     assert run.status is Status.NO_UNIQUE_MOTION
-    with pytest.raises(fan.SimulationError, match="Painlev"):
+    with pytest.raises(fan.errors.SimulationError, match="Painlev"):
         fan.simulate(marionette, x0, t_end=1.0)
 
 

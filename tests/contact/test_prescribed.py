@@ -59,7 +59,7 @@ def test_a_driven_body_that_passes_through_the_floor_is_reported(hands, method):
     assert touch[0] == "touch"
     t = touch[1]
     assert down.evaluate(t)[0][hands.coordinates.q_K.index("box.z")] == pytest.approx(0.1, abs=2e-6)
-    with pytest.raises(fan.SimulationError, match=r"box\|floor overlap by 0\.4 m") as error:
+    with pytest.raises(fan.errors.SimulationError, match=r"box\|floor overlap by 0\.4 m") as error:
         fan.simulate(hands, hands.state(), down, method=method)
     assert error.value.trajectory.t[-1] == pytest.approx(1.0)
 

@@ -162,7 +162,7 @@ def gradient_of_last(puppet: fan.Marionette, x: fan.State, n: int, more: dict[st
     t, rng = puppet.coordinates, np.random.default_rng(5)
     by_q, by_v = rng.normal(size=(2, t.n_vD))
 
-    def made(change: dict[str, np.ndarray]) -> fan.Rollout:
+    def made(change: dict[str, np.ndarray]) -> fan.dynamics.Rollout:
         there = x.replace(
             q_D=moved(x.q_D, change.get("q_D", np.zeros(t.n_vD)), t.scalars_D, t.quaternions_D),
             v_D=x.v_D + change.get("v_D", 0.0),

@@ -61,5 +61,5 @@ def test_batches_move_overlaps_apart_too(press):
 def test_deep_overlaps_are_refused_by_name(press):
     x0 = press.state({"light.z": 0.0485, "heavy.z": 0.2485})
     for method in ("event", "timestepping"):
-        with pytest.raises(fan.StateError, match=r"light\|floor by 0.0015"):
+        with pytest.raises(fan.errors.StateError, match=r"light\|floor by 0.0015"):
             fan.simulate(press, x0, t_end=0.1, method=method)

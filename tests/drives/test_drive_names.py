@@ -94,15 +94,17 @@ def test_a_plan_winds_a_winch():
     """Its bounds go by either name, and what it finds arrives when it is simulated anew."""
     bob = fan.loads(BOB)
     x0, goal = bob.rest({"line.length": 0.8}), bob.rest({"line.length": 0.7})
-    asked = fan.Bounds({"line.command.length": (0.5, 0.9)}, {"line.length": 0.4}, 1.5)
+    asked = fan.control.Bounds({"line.command.length": (0.5, 0.9)}, {"line.length": 0.4}, 1.5)
     found = fan.plan(bob, x0, goal, bounds=asked, tolerance=0.05, seed=1)
     assert found and found.verify().arrives
     length = bob.coordinates.q_K.index("line.command.length")
     bounds = found.problem.rollouts.bounds
     assert (bounds.low[length], bounds.high[length]) == (0.5, 0.9)
     assert bounds.moves.tolist() == [i == length for i in range(2)]
-    assert DrivenBounds.of(bob, fan.Bounds()).low[length] == 1e-3
+    assert DrivenBounds.of(bob, fan.control.Bounds()).low[length] == 1e-3
     with pytest.raises(StateError, match=r"given twice: as line\.length and line\.command\.length"):
-        DrivenBounds.of(bob, fan.Bounds(speed={"line.length": 0.4, "line.command.length": 0.4}))
+        DrivenBounds.of(
+            bob, fan.control.Bounds(speed={"line.length": 0.4, "line.command.length": 0.4})
+        )
     with pytest.raises(UnknownNameError, match="did you mean"):
-        DrivenBounds.of(bob, fan.Bounds(speed={"line.lenght": 0.4}))
+        DrivenBounds.of(bob, fan.control.Bounds(speed={"line.lenght": 0.4}))

@@ -310,13 +310,13 @@ def test_a_catch_shares_its_impulse_with_the_rotor(rotor):
 
 
 def test_rest_names_the_drive_that_gives_way(bob):
-    with pytest.raises(fan.StateError, match=r"the drive of line\.length has no control"):
+    with pytest.raises(fan.errors.StateError, match=r"the drive of line\.length has no control"):
         fan.loads(FREE).rest()
     motor = "motor: {type: servo, torque: {parameter: T, value: 1.0}}\n    gear: 3"
     puppet = fan.loads(BOB.replace("gear: 3", motor))
     names, x = puppet.coordinates.q_D, puppet.rest({"line.length": 0.8})
     assert x.q_D[names.index("line.length")] == pytest.approx(0.8 + 0.4 * 9.81 / 800, rel=1e-9)
-    with pytest.raises(fan.StateError, match=r"the motor of line\.length may be too weak"):
+    with pytest.raises(fan.errors.StateError, match=r"the motor of line\.length may be too weak"):
         puppet.with_parameters({"T": 0.02}).rest({"line.length": 0.8})
 
 
@@ -408,7 +408,7 @@ def test_derivatives_are_those_of_differences(machines):
 
 def test_lanes_are_the_scalar_run(bob):
     x0 = bob.rest({"line.length": 0.8})
-    inputs = fan.Inputs.random(bob, n=9, seed=1).bound(x0.q_K)
+    inputs = fan.motion.Inputs.random(bob, n=9, seed=1).bound(x0.q_K)
     many = fan.simulate_batch(bob, x0, inputs, t_end=0.1, method="timestepping")
     one = fan.simulate(bob, x0, inputs[4], t_end=0.1, method="timestepping")
     np.testing.assert_allclose(many.q_D[4, -1], one.q_D[-1], rtol=1e-11, atol=1e-13)

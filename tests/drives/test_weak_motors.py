@@ -44,7 +44,7 @@ SOFT_WITHOUT_MOTOR = "    control: {type: pd, stiffness: 0.01, damping: 0.001}\n
 METHODS = ("event", "timestepping", "variational")
 
 
-def fine(method: str) -> fan.Method:
+def fine(method: str) -> fan.dynamics.Method:
     """A method with short steps."""
     return method_of(method, dt=1e-4)
 

@@ -520,8 +520,8 @@ def test_the_mass_of_an_open_mesh_is_that_of_its_convex_hull(tmp_path):
 def test_a_density_is_positive_and_of_urdf(tmp_path):
     (tmp_path / "r.urdf").write_text(hinged(f"<visual>{BALL}</visual>"))
     for density in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(fan.StateError, match="the density is"):
+        with pytest.raises(fan.errors.StateError, match="the density is"):
             import_model(tmp_path / "r.urdf", density=density)
     (tmp_path / "r.xml").write_text("<mujoco><worldbody><body><geom/></body></worldbody></mujoco>")
-    with pytest.raises(fan.StateError, match="density applies to URDF"):
+    with pytest.raises(fan.errors.StateError, match="density applies to URDF"):
         import_model(tmp_path / "r.xml", density=1000.0)

@@ -24,18 +24,18 @@ lanes:
 """
 
 
-def load(marionette, folder, text: str = NUMBER) -> fan.Score:
+def load(marionette, folder, text: str = NUMBER) -> fan.theatre.Score:
     path = folder / "number.yaml"
     path.write_text(text, encoding="utf-8")
     return fan.load_score(marionette, path)
 
 
 @pytest.fixture(scope="module")
-def score(marionette, tmp_path_factory) -> fan.Score:
+def score(marionette, tmp_path_factory) -> fan.theatre.Score:
     return load(marionette, tmp_path_factory.mktemp("scores"))
 
 
-def pass_by(conductor: fan.Conductor, seconds: float, dt: float = 0.01) -> np.ndarray:
+def pass_by(conductor: fan.theatre.Conductor, seconds: float, dt: float = 0.01) -> np.ndarray:
     return np.array([conductor.advance(dt) for _ in range(round(seconds / dt))])
 
 
@@ -49,7 +49,7 @@ def test_waits_are_in_the_score_and_take_no_time_offline(score):
 
 
 def test_time_stands_until_go(score):
-    conductor = fan.Conductor(score)
+    conductor = fan.theatre.Conductor(score)
     assert not conductor.go() and conductor.waiting is None
     assert pass_by(conductor, 3.0)[-1] == 1.0
     assert conductor.waiting is score.waits[0] and conductor.standing
@@ -59,14 +59,14 @@ def test_time_stands_until_go(score):
 
 
 def test_go_shortly_before_a_wait_counts(score):
-    conductor = fan.Conductor(score)
+    conductor = fan.theatre.Conductor(score)
     pass_by(conductor, 0.8)
     assert conductor.go()
     assert pass_by(conductor, 0.6)[-1] == pytest.approx(1.4)
 
 
 def test_a_loop_goes_round_until_go_and_ends_its_round(score):
-    conductor = fan.Conductor(score)
+    conductor = fan.theatre.Conductor(score)
     conductor.seek(3.0)
     times = pass_by(conductor, 12.0)  # 5 s to its end, a round of 4 s and 3 s of the next
     assert times.max() < 8.0 and times[-1] == pytest.approx(7.0)
@@ -78,7 +78,7 @@ def test_a_loop_goes_round_until_go_and_ends_its_round(score):
 
 
 def test_the_hands_do_not_jump_where_a_loop_closes(score):
-    conductor = fan.Conductor(score)
+    conductor = fan.theatre.Conductor(score)
     conductor.seek("marching")
     conductor.seek(7.9)
     dt = 1e-3
@@ -92,13 +92,13 @@ def test_the_hands_do_not_jump_where_a_loop_closes(score):
 
 
 def test_a_long_pause_between_two_looks_ends_inside_the_loop(score):
-    conductor = fan.Conductor(score)
+    conductor = fan.theatre.Conductor(score)
     conductor.seek(5.0)
     assert conductor.advance(1003.0) == pytest.approx(4.0 + (1.0 + 1003.0) % 4.0)
 
 
 def test_seeking_waits_again(score):
-    conductor = fan.Conductor(score)
+    conductor = fan.theatre.Conductor(score)
     assert conductor.seek("second") == 9.0 and conductor.upcoming is None
     assert conductor.seek("curtain") == 1.0
     assert pass_by(conductor, 1.0)[-1] == 1.0 and conductor.waiting is score.waits[0]

@@ -29,7 +29,7 @@ def twins() -> fan.Marionette:
     return fan.loads(TWINS)
 
 
-def offset(gesture: fan.Gesture, name: str, t: float) -> float:
+def offset(gesture: fan.theatre.Gesture, name: str, t: float) -> float:
     """d(t) of a coordinate."""
     i = gesture.coordinates.v_K.index(name)
     k = int(np.clip(np.searchsorted(gesture.breaks, t, "right") - 1, 0, len(gesture.coef) - 1))
@@ -45,7 +45,7 @@ def test_directions_are_coordinates_with_signs(twins):
         "line_right.back": 0.02,
         "line_right.out": 0.03,
     }
-    found = fan.Gesture.of(twins, {name: [(0, 0), (1, by)] for name, by in points.items()})
+    found = fan.theatre.Gesture.of(twins, {name: [(0, 0), (1, by)] for name, by in points.items()})
     expected = {
         "line_left.length": -0.1,
         "line_left.x": 0.02,
@@ -61,7 +61,7 @@ def test_directions_are_coordinates_with_signs(twins):
 
 
 def test_lengths_may_have_units(twins):
-    found = fan.Gesture.of(twins, {"line_left.up": [(0, "0 mm"), (1, "12 cm"), (2, 0.05)]})
+    found = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, "0 mm"), (1, "12 cm"), (2, 0.05)]})
     assert offset(found, "line_left.length", 1.0) == pytest.approx(-0.12)
     assert offset(found, "line_left.length", 2.0) == pytest.approx(-0.05)
 
@@ -82,11 +82,11 @@ def test_lengths_may_have_units(twins):
 )
 def test_mistakes_are_told(twins, points, message):
     with pytest.raises(InputError, match=message):
-        fan.Gesture.of(twins, points)
+        fan.theatre.Gesture.of(twins, points)
 
 
 def test_a_mirror_exchanges_left_and_right(twins):
-    one = fan.Gesture.of(
+    one = fan.theatre.Gesture.of(
         twins,
         {
             "line_left.up": [(0, 0), (1, 0.1)],
@@ -105,13 +105,15 @@ def test_a_mirror_exchanges_left_and_right(twins):
 
 def test_without_a_twin_there_is_no_mirror():
     puppet = fan.loads(TWINS.replace("line_right", "cord"))
-    lone = fan.Gesture.of(puppet, {"line_left.up": [(0, 0), (1, 0.1)]})
+    lone = fan.theatre.Gesture.of(puppet, {"line_left.up": [(0, 0), (1, 0.1)]})
     with pytest.raises(UnknownNameError, match="line_right"):
         lone.mirrored()
 
 
 def test_gestures_are_scaled_sped_up_delayed_and_moved(twins):
-    one = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0})
+    one = fan.theatre.Gesture.of(
+        twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0}
+    )
     assert offset(one.scaled(1.5), "line_left.length", 1.0) == pytest.approx(-0.15)
     fast = one.faster(2.0)
     assert fast.duration == 1.0 and fast.marks == {"up": 0.5}
@@ -139,24 +141,26 @@ bodies:
 - {name: bob, parent: post, joint: {name: pin, type: revolute, axis: [0, 1, 0]}, mass: 1.0,
    com: [0, 0, -0.5], inertia: [0.1, 0.1, 0.01]}
 """)
-    lift = fan.Gesture.of(puppet, {"lever_left": [(0, 0), (1, "30 deg")]})
+    lift = fan.theatre.Gesture.of(puppet, {"lever_left": [(0, 0), (1, "30 deg")]})
     assert offset(lift.mirrored(), "lever_right", 1.0) == pytest.approx(np.radians(30))
     with pytest.raises(StateError, match="mirror image of the joint yaw"):
-        fan.Gesture.of(puppet, {"yaw": [(0, 0), (1, 0.1)]}).mirrored()
+        fan.theatre.Gesture.of(puppet, {"yaw": [(0, 0), (1, 0.1)]}).mirrored()
 
 
 def test_marks_of_repetitions_are_numbered(twins):
-    one = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0})
+    one = fan.theatre.Gesture.of(
+        twins, {"line_left.up": [(0, 0), (1, 0.1), (2, 0)]}, marks={"up": 1.0}
+    )
     assert one.repeated(3).marks == {"up": 1.0, "up 2": 3.0, "up 3": 5.0}
     with pytest.raises(ValueError, match="the mark 'up' is at 7 s"):
-        fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]}, marks={"up": 7.0})
+        fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]}, marks={"up": 7.0})
     with pytest.raises(ValueError, match="a whole number"):
         one.repeated(1.5)
 
 
 def test_peaks_are_those_of_the_motion(marionette):
     for name in ("wave", "bow", "jump"):
-        one = fan.load_gesture(marionette, name)
+        one = fan.theatre.load_gesture(marionette, name)
         t = np.linspace(0.0, one.duration, 40_001)
         _, v_K, acc_K = one.inputs(marionette.rest()).evaluate(t)
         speed, acceleration = one.peaks
@@ -166,14 +170,14 @@ def test_peaks_are_those_of_the_motion(marionette):
 
 
 def test_two_at_once_add_up(twins):
-    up = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
-    more = fan.Gesture.of(twins, {"line_left.up": [(0.25, 0), (0.75, 0.02), (1.5, 0)]})
+    up = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    more = fan.theatre.Gesture.of(twins, {"line_left.up": [(0.25, 0), (0.75, 0.02), (1.5, 0)]})
     both = up + more
     assert both.duration == 1.5
     for t in np.linspace(0.0, 1.5, 31):
         alone = offset(up, "line_left.length", min(t, 1.0)) + offset(more, "line_left.length", t)
         assert offset(both, "line_left.length", t) == pytest.approx(alone, abs=1e-15)
-    moving = fan.Gesture.of_input(
+    moving = fan.theatre.Gesture.of_input(
         fan.Input.segments(twins, [0.0, 1.0], twins.rest().q_K, np.zeros(12), 0.01 * np.eye(12)[:1])
     )
     with pytest.raises(StateError, match="ends in motion"):
@@ -182,8 +186,8 @@ def test_two_at_once_add_up(twins):
 
 def test_what_follows_is_led_to_as_fast_as_the_bounds_allow(twins):
     """From rest to rest 1.875 d/T and 5.7735 d/T^2 are the largest speed and acceleration."""
-    up = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
-    again = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    up = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    again = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
     for speed, acceleration in ((0.5, 100.0), (100.0, 4.0)):
         whole = up.then(again, speed=speed, acceleration=acceleration)
         lead = whole.duration - 2.0
@@ -193,26 +197,26 @@ def test_what_follows_is_led_to_as_fast_as_the_bounds_allow(twins):
 
 
 def test_what_is_not_named_stays_and_a_way_is_kept(twins):
-    walk = fan.Gesture.of(
+    walk = fan.theatre.Gesture.of(
         twins,
         {f"line_{side}.forward": [(0, 0), (1, 0.2)] for side in ("left", "right")},
         travels=True,
     )
-    lift = fan.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
-    sway = fan.Gesture.of(twins, {"line_left.forward": [(0, 0), (1, 0.05), (2, 0)]})
+    lift = fan.theatre.Gesture.of(twins, {"line_left.up": [(0, 0), (1, 0.1)]})
+    sway = fan.theatre.Gesture.of(twins, {"line_left.forward": [(0, 0), (1, 0.05), (2, 0)]})
     whole = walk.then(lift, sway, walk)
     assert whole.duration == 5.0  # nothing has to be led over
     assert offset(whole, "line_left.x", 3.0) == pytest.approx(0.25)
     assert offset(whole, "line_left.x", 5.0) == pytest.approx(0.4)
     assert offset(whole, "line_left.length", 5.0) == pytest.approx(-0.1)
     assert whole.travel[twins.coordinates.v_K.index("line_right.x")] == pytest.approx(0.4)
-    assert lift.then(fan.Gesture.rest(twins)).ends[0][1] == pytest.approx(np.zeros(12))
+    assert lift.then(fan.theatre.Gesture.rest(twins)).ends[0][1] == pytest.approx(np.zeros(12))
 
 
 def test_a_recording_is_a_gesture(twins):
     x0 = twins.rest()
     inputs = fan.Input.waypoints(twins, {"line_left.length": [(1, 1.0), (2, 0.9), (3, 1.0)]})
-    made = fan.Gesture.of_input(inputs)
+    made = fan.theatre.Gesture.of_input(inputs)
     assert made.duration == 2.0
     back = made.inputs(x0)
     t = np.linspace(0.0, 2.0, 41)
@@ -236,7 +240,7 @@ def test_turns_of_a_recorded_bar_are_those_of_its_hands():
     live.move("bar", there, level)
     live.advance(0.7)
     take = live.stop()
-    gesture = fan.Gesture.of_input(take.inputs)
+    gesture = fan.theatre.Gesture.of_input(take.inputs)
     t = np.linspace(0.0, take.duration, 1001)
     found = gesture.inputs(take.start).evaluate(t)
     wanted = take.inputs.evaluate(t + take.start.t)
@@ -260,19 +264,21 @@ def test_turns_of_a_recorded_bar_are_those_of_its_hands():
         take.marionette, {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 2]), (2, [0, 0, 3.5])]}
     )
     with pytest.raises(StateError, match="deg at most"):
-        fan.Gesture.of_input(far)
+        fan.theatre.Gesture.of_input(far)
 
 
 def test_a_thousand_in_any_order_never_jump_nor_break_bounds(marionette):
     speed, acceleration, x0 = 1.2, 11.0, marionette.rest()
-    library = [fan.load_gesture(marionette, name) for name in gesture_names()]
+    library = [fan.theatre.load_gesture(marionette, name) for name in gesture_names()]
     library += [one.mirrored() for one in library]
     # Parts of pieces begin and end in motion.
     for one in library[:10]:
         k = int(np.argmax(one.peaks_of_pieces[:, 0].max(axis=1)))
         h = 0.25 * (one.breaks[k + 1] - one.breaks[k])
         part = polynomial.shifted(one.coef[k : k + 1], np.array([h]))
-        cut = fan.Gesture(one.coordinates, [0.0, h], part, one.named, np.zeros(21), one.name)
+        cut = fan.theatre.Gesture(
+            one.coordinates, [0.0, h], part, one.named, np.zeros(21), one.name
+        )
         library.append(cut)
     assert sum(np.abs(one.ends[1]).max() > 0.1 for one in library) >= 6
     for one in library:
@@ -282,7 +288,10 @@ def test_a_thousand_in_any_order_never_jump_nor_break_bounds(marionette):
     for _ in range(100):
         chosen = [library[i] for i in rng.integers(len(library), size=10)]
         whole = chosen[0].then(
-            *chosen[1:], fan.Gesture.rest(marionette), speed=speed, acceleration=acceleration
+            *chosen[1:],
+            fan.theatre.Gesture.rest(marionette),
+            speed=speed,
+            acceleration=acceleration,
         )
         fastest, hardest = whole.peaks
         assert fastest.max() <= speed * 1.001 and hardest.max() <= acceleration * 1.001
@@ -294,7 +303,7 @@ def test_a_thousand_in_any_order_never_jump_nor_break_bounds(marionette):
 
 def test_the_right_hand_waves(marionette):
     x0 = marionette.rest()
-    wave = fan.load_gesture(marionette, "wave")
+    wave = fan.theatre.load_gesture(marionette, "wave")
     run = fan.simulate(marionette, x0, wave.inputs(x0), t_end=8.0, method="timestepping")
     hand = np.array(
         [marionette.pose(run.state(i), "forearm_right")[:3, 3] for i in range(0, len(run.t), 20)]

@@ -35,7 +35,9 @@ def written(tmp_path, text: str):
     return path
 
 
-def check_hand(marionette: fan.Marionette, x0: fan.State, gesture: fan.Gesture) -> fan.State:
+def check_hand(
+    marionette: fan.Marionette, x0: fan.State, gesture: fan.theatre.Gesture
+) -> fan.State:
     """Where the puppet hangs after a second; its hand is where POSED says."""
     q_K, _, _ = gesture.inputs(x0).evaluate(1.0)
     hangs = marionette.rest(dict(zip(marionette.coordinates.q_K, q_K, strict=True)))
@@ -65,15 +67,15 @@ def test_bundled_gestures_move_what_they_say(marionette):
         "wave",
     }
     for name in gesture_names():
-        found = fan.load_gesture(marionette, name)
+        found = fan.theatre.load_gesture(marionette, name)
         assert found.name == name and found.uses
         assert all(0.0 <= t <= found.duration for t in found.marks.values())
-    assert fan.load_gesture(marionette, "wave").uses == ("hand_right",)
+    assert fan.theatre.load_gesture(marionette, "wave").uses == ("hand_right",)
 
 
 def test_a_file_says_what_python_says(marionette, tmp_path):
-    read = fan.load_gesture(marionette, written(tmp_path, GOOD))
-    made = fan.Gesture.of(
+    read = fan.theatre.load_gesture(marionette, written(tmp_path, GOOD))
+    made = fan.theatre.Gesture.of(
         marionette,
         {
             "hand_right.length": [(0, 0), (1, -0.2), (2, 0)],
@@ -86,7 +88,7 @@ def test_a_file_says_what_python_says(marionette, tmp_path):
 
 
 def test_at_key_poses_the_puppet_hangs_where_they_say(marionette, tmp_path):
-    found = fan.load_gesture(marionette, written(tmp_path, POSED))
+    found = fan.theatre.load_gesture(marionette, written(tmp_path, POSED))
     assert found.uses == ("hand_right",)
     x0 = marionette.rest()
     check_hand(marionette, x0, found)
@@ -102,7 +104,7 @@ def test_key_poses_count_on_what_else_moves(marionette, tmp_path):
             for name in ("head", "shoulder_left", "shoulder_right")
         )
     )
-    found = fan.load_gesture(marionette, written(tmp_path, text))
+    found = fan.theatre.load_gesture(marionette, written(tmp_path, text))
     x0 = marionette.rest()
     hangs = check_hand(marionette, x0, found)
     assert marionette.pose(hangs, "torso")[2, 3] < marionette.pose(x0, "torso")[2, 3] - 5e-3
@@ -111,7 +113,7 @@ def test_key_poses_count_on_what_else_moves(marionette, tmp_path):
 def test_a_folder_of_its_name_hides_no_bundled_gesture(marionette, tmp_path, monkeypatch):
     (tmp_path / "wave").mkdir()
     monkeypatch.chdir(tmp_path)
-    assert fan.load_gesture(marionette, "wave").uses == ("hand_right",)
+    assert fan.theatre.load_gesture(marionette, "wave").uses == ("hand_right",)
 
 
 def test_the_schema_takes_gestures_and_refuses_others(tmp_path):
@@ -143,10 +145,10 @@ def test_mistakes_have_places(marionette, tmp_path, text, change, line, message)
     assert change[0] in text
     path = written(tmp_path, text.replace(*change))
     with pytest.raises(FileError, match=message) as caught:
-        fan.load_gesture(marionette, path)
+        fan.theatre.load_gesture(marionette, path)
     assert f"gesture.yaml:{line}" in str(caught.value)
 
 
 def test_a_file_that_is_not_there_is_told(marionette):
     with pytest.raises(FileError, match="did you mean 'wave'"):
-        fan.load_gesture(marionette, "wawe")
+        fan.theatre.load_gesture(marionette, "wawe")

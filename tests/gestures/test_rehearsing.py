@@ -42,7 +42,7 @@ def outermost(t: np.ndarray, y: np.ndarray, mark: float) -> float:
     return float(t[near[np.argmin(y[near])]])
 
 
-def load(marionette, folder, text: str) -> fan.Score:
+def load(marionette, folder, text: str) -> fan.theatre.Score:
     path = folder / "number.yaml"
     path.write_text(text, encoding="utf-8")
     return fan.load_score(marionette, path)
@@ -50,7 +50,7 @@ def load(marionette, folder, text: str) -> fan.Score:
 
 @pytest.fixture(scope="module")
 def found(marionette, tmp_path_factory):
-    return fan.rehearse(load(marionette, tmp_path_factory.mktemp("scores"), NUMBER))
+    return fan.theatre.rehearse(load(marionette, tmp_path_factory.mktemp("scores"), NUMBER))
 
 
 def test_walk_in_place_wave_and_bow_are_on_the_beat(found):
@@ -93,4 +93,4 @@ def test_the_bounds_hold_and_the_inputs_are_those_of_the_run(found):
 
 def test_what_cannot_be_rehearsed_is_told(marionette, tmp_path):
     with pytest.raises(StateError, match="contact"):
-        fan.rehearse(load(fan.puppets.promenade(), tmp_path, NUMBER))
+        fan.theatre.rehearse(load(fan.puppets.promenade(), tmp_path, NUMBER))

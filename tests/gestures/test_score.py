@@ -52,7 +52,7 @@ def written(tmp_path, text: str):
     return path
 
 
-def of(score: fan.Score, gesture: str):
+def of(score: fan.theatre.Score, gesture: str):
     return next(cue for cue in score.cues if cue.gesture == gesture)
 
 
@@ -140,7 +140,7 @@ lanes:
     lines = sorted({one.line for one in changes})
     assert lines == [8, 10] and all("knee_" in str(one) for one in changes)
     # A bound just above the largest acceleration is none that is passed.
-    bow = fan.load_gesture(marionette, "bow")
+    bow = fan.theatre.load_gesture(marionette, "bow")
     most = 1.003 * bow.peaks[1].max()
     text = f"score: near\nacceleration: {most}\nlanes: {{body: [{{gesture: bow}}]}}\n"
     assert fan.load_score(marionette, written(tmp_path, text))

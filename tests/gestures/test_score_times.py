@@ -56,7 +56,7 @@ marks: {up: hello.up 3}
 """
 
 
-def load(marionette, folder, text: str) -> fan.Score:
+def load(marionette, folder, text: str) -> fan.theatre.Score:
     path = folder / "number.yaml"
     path.write_text(text, encoding="utf-8")
     return fan.load_score(marionette, path)
@@ -117,7 +117,10 @@ def test_a_phrase_is_played_like_a_gesture(marionette, tmp_path):
     assert score, score.changes
     hello, both = score.cues
     assert hello.gesture == "hello" and hello.start == pytest.approx(2.0)
-    wave, nod = fan.load_gesture(marionette, "wave"), fan.load_gesture(marionette, "nod")
+    wave, nod = (
+        fan.theatre.load_gesture(marionette, "wave"),
+        fan.theatre.load_gesture(marionette, "nod"),
+    )
     once = 0.1 + wave.duration + 1.0 + nod.duration + 1.0  # its hand is up after 0.9 s
     assert hello.end - hello.start == pytest.approx(3 * once)
     assert score.marks["up"] == pytest.approx(2.0 + 2 * once + 1.0)

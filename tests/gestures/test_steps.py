@@ -33,11 +33,11 @@ def hanging(marionette: fan.Marionette) -> fan.State:
     return marionette.rest()
 
 
-def made(marionette: fan.Marionette, given=GIVEN, step_time: float = 0.5) -> fan.Gesture:
+def made(marionette: fan.Marionette, given=GIVEN, step_time: float = 0.5) -> fan.theatre.Gesture:
     return steps(Ends(marionette.coordinates, hanging(marionette)), given, step_time)
 
 
-def ends_at(marionette: fan.Marionette, gesture: fan.Gesture, t: float) -> np.ndarray:
+def ends_at(marionette: fan.Marionette, gesture: fan.theatre.Gesture, t: float) -> np.ndarray:
     x0, (d, _), v_K = hanging(marionette), gesture.offsets(t), marionette.coordinates.v_K
     x, y = (
         np.array([float(x0[f"{s}.{p}"]) + d[v_K.index(f"{s}.{p}")] for s in STRINGS]) for p in "xy"
@@ -126,7 +126,7 @@ def test_knees_go_up_in_turn_but_not_where_it_stands(marionette):
 
 
 def test_equal_steps_are_a_walk(marionette):
-    walk = fan.load_gesture(marionette, "walk", steps=5, step=0.07, turn=0.9)
+    walk = fan.theatre.load_gesture(marionette, "walk", steps=5, step=0.07, turn=0.9)
     same = made(marionette, [Step(0.07, 0.9 / 5)] * 5, 0.6)
     np.testing.assert_allclose(same.coef, walk.coef, atol=1e-12)
     assert same.marks == walk.marks

@@ -54,8 +54,8 @@ def test_what_is_no_gesture_is_told(take, tmp_path):
         ("reach.npz", fan.puppets.arm2d(), "reach.npz"),
         ("none.npz", puppet, "no file"),
     ):
-        with pytest.raises(fan.FileError, match=why):
-            fan.load_gesture(puppet_of, tmp_path / path)
+        with pytest.raises(fan.errors.FileError, match=why):
+            fan.theatre.load_gesture(puppet_of, tmp_path / path)
     (tmp_path / "a.yaml").write_text("gesture: a\nmoves: {head.up: [[0, 0], [1, 1 cm]]}\n")
     (tmp_path / "b.yaml").write_text("score: b\n")
     found = [is_gesture(tmp_path / name) for name in ("a.yaml", "b.yaml", "reach.npz", "c.yaml")]

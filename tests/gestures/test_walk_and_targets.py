@@ -81,7 +81,7 @@ def angle(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
-def played(puppet: fan.Marionette, gesture: fan.Gesture) -> fan.Trajectory:
+def played(puppet: fan.Marionette, gesture: fan.theatre.Gesture) -> fan.Trajectory:
     x0 = puppet.rest()
     return fan.simulate(puppet, x0, gesture.inputs(x0), method="timestepping")
 
@@ -91,7 +91,7 @@ def played(puppet: fan.Marionette, gesture: fan.Gesture) -> fan.Trajectory:
 )
 def test_all_ends_of_a_walk_move_as_one_body_along_an_arc(marionette, steps, step, turn):
     x0 = marionette.rest()
-    walk = fan.load_gesture(marionette, "walk", steps=steps, step=step, turn=turn)
+    walk = fan.theatre.load_gesture(marionette, "walk", steps=steps, step=step, turn=turn)
     assert walk.duration == pytest.approx(steps * STEP_TIME)
     first = ends_at(marionette, x0, walk.offsets(0.0)[0])
     home = 0.5 * (first[1] + first[2])
@@ -114,7 +114,7 @@ def test_all_ends_of_a_walk_move_as_one_body_along_an_arc(marionette, steps, ste
 
 
 def test_knees_go_up_in_turn_at_the_marks(marionette):
-    walk = fan.load_gesture(marionette, "walk", steps=4)
+    walk = fan.theatre.load_gesture(marionette, "walk", steps=4)
     assert list(walk.marks) == ["left", "right", "left 2", "right 2"]
     v_K = marionette.coordinates.v_K
     for mark, t in walk.marks.items():
@@ -125,14 +125,14 @@ def test_knees_go_up_in_turn_at_the_marks(marionette):
 
 
 def test_a_mirrored_walk_turns_to_the_other_side(marionette):
-    walk = fan.load_gesture(marionette, "walk", turn=0.5).mirrored()
-    other = fan.load_gesture(marionette, "walk", turn=-0.5)
+    walk = fan.theatre.load_gesture(marionette, "walk", turn=0.5).mirrored()
+    other = fan.theatre.load_gesture(marionette, "walk", turn=-0.5)
     np.testing.assert_allclose(walk.travel, other.travel, atol=1e-12)
 
 
 def test_bounds_hold_where_walks_are_joined(marionette):
-    walk = fan.load_gesture(marionette, "walk", steps=3, turn=0.6)
-    wave = fan.load_gesture(marionette, "wave").turned(0.6)
+    walk = fan.theatre.load_gesture(marionette, "walk", steps=3, turn=0.6)
+    wave = fan.theatre.load_gesture(marionette, "wave").turned(0.6)
     speed, acceleration = 0.5, 4.0
     row = walk.then(wave, walk.turned(0.6), speed=speed, acceleration=acceleration)
     own = np.maximum(np.maximum(walk.peaks, wave.peaks), walk.turned(0.6).peaks)
@@ -143,8 +143,8 @@ def test_bounds_hold_where_walks_are_joined(marionette):
 def test_a_second_walk_goes_on_in_the_new_direction(marionette):
     """Two walks, the second turned as the first has turned, are one rigid motion."""
     x0 = marionette.rest()
-    walk = fan.load_gesture(marionette, "walk", steps=3, step=0.05, turn=0.4)
-    once = fan.load_gesture(marionette, "walk", steps=6, step=0.05, turn=0.8)
+    walk = fan.theatre.load_gesture(marionette, "walk", steps=3, step=0.05, turn=0.4)
+    once = fan.theatre.load_gesture(marionette, "walk", steps=6, step=0.05, turn=0.8)
     both = walk.then(walk.turned(0.4))
     np.testing.assert_allclose(both.travel, once.travel, atol=1e-9)
     ends = ends_at(marionette, x0, both.offsets(both.duration)[0])
@@ -155,7 +155,7 @@ def test_a_second_walk_goes_on_in_the_new_direction(marionette):
 
 
 def test_turning_a_gesture_turns_its_directions(marionette):
-    forward = fan.Gesture.of(marionette, {"head.forward": [(0, 0), (1, 0.1)]}, travels=True)
+    forward = fan.theatre.Gesture.of(marionette, {"head.forward": [(0, 0), (1, 0.1)]}, travels=True)
     turned = forward.turned(np.radians(30.0))
     v = [marionette.coordinates.v_K.index(f"head.{part}") for part in "xy"]
     expected = [0.1 * np.cos(np.pi / 6), 0.1 * np.sin(np.pi / 6)]
@@ -164,8 +164,8 @@ def test_turning_a_gesture_turns_its_directions(marionette):
 
 
 def test_the_puppet_walks_where_its_ends_do(marionette):
-    walk = fan.load_gesture(marionette, "walk", steps=4, step=0.06, turn=0.5)
-    run = played(marionette, walk.then(fan.Gesture.rest(marionette, 3.0, everything=False)))
+    walk = fan.theatre.load_gesture(marionette, "walk", steps=4, step=0.06, turn=0.5)
+    run = played(marionette, walk.then(fan.theatre.Gesture.rest(marionette, 3.0, everything=False)))
     before, after = (marionette.pose(run.at(t), "torso") for t in (0.0, run.t[-1]))
     moved = after[:2, 3] - before[:2, 3]
     way = 0.24 * (np.exp(0.5j) - 1.0) / 0.5j
@@ -179,7 +179,7 @@ def test_hands_point_at_places_in_front(marionette):
     worst = 0.0
     for _ in range(10):
         to = rng.uniform([0.3, -1.0, 0.1], [1.5, 1.0, 1.0])
-        gesture = fan.load_gesture(marionette, "point", to=to)
+        gesture = fan.theatre.load_gesture(marionette, "point", to=to)
         (string,) = gesture.uses
         side = "left" if to[1] > 0.0 else "right"
         assert string == f"hand_{side}"
@@ -200,7 +200,7 @@ def test_hands_point_at_places_in_front(marionette):
     ],
 )
 def test_a_face_turns_to_a_place(marionette, to, before, after):
-    gesture = fan.load_gesture(marionette, "look", to=to)
+    gesture = fan.theatre.load_gesture(marionette, "look", to=to)
     run, there = played(marionette, gesture), gesture.marks["there"]
     found = []
     for t in (0.0, *np.linspace(there, there + 1.5, 7)):
@@ -218,20 +218,20 @@ def test_a_face_turns_with_all_ends(marionette, strings, turned):
         d = (np.exp(1j * angle) - 1.0) * home
         for part, offsets in (("x", d.real), ("y", d.imag)):
             points[f"{string}.{part}"] = list(zip(3.0 * angle, offsets, strict=True))
-    rest = fan.Gesture.rest(marionette, 3.0, everything=False)
-    run = played(marionette, fan.Gesture.of(marionette, points).then(rest))
+    rest = fan.theatre.Gesture.rest(marionette, 3.0, everything=False)
+    run = played(marionette, fan.theatre.Gesture.of(marionette, points).then(rest))
     face = marionette.pose(run.at(run.t[-1]), "skull")[:3, 0]
     assert np.degrees(np.arctan2(face[1], face[0])) == pytest.approx(turned, abs=2.0)
 
 
 def test_members_have_the_bundled_gestures(marionette, visit):
-    alone = fan.load_gesture(marionette, "wave")
-    wave = fan.load_gesture(visit, "wave", of="columbine")
+    alone = fan.theatre.load_gesture(marionette, "wave")
+    wave = fan.theatre.load_gesture(visit, "wave", of="columbine")
     assert wave.uses == ("columbine.hand_right",)
     assert wave.mirrored().uses == ("columbine.hand_left",)
     np.testing.assert_allclose(wave.peaks.max(axis=1), alone.peaks.max(axis=1))
-    walk = fan.load_gesture(visit, "walk", of="columbine", turn=0.5)
-    own = fan.load_gesture(marionette, "walk", turn=0.5)
+    walk = fan.theatre.load_gesture(visit, "walk", of="columbine", turn=0.5)
+    own = fan.theatre.load_gesture(marionette, "walk", turn=0.5)
     first = visit.coordinates.v_K.index("columbine.head.x")
     np.testing.assert_allclose(walk.travel[first:], own.travel, atol=1e-12)
     assert not walk.travel[:first].any()
@@ -240,7 +240,7 @@ def test_members_have_the_bundled_gestures(marionette, visit):
 def test_a_member_points_at_places_of_the_world(visit):
     """She looks towards -x: what is left in the world is on her right."""
     for to, side in (([0.0, 0.9, 0.5], "right"), ([-0.2, -0.8, 0.4], "left")):
-        gesture = fan.load_gesture(visit, "point", of="columbine", to=to)
+        gesture = fan.theatre.load_gesture(visit, "point", of="columbine", to=to)
         assert gesture.uses == (f"columbine.hand_{side}",)
         run, there = played(visit, gesture), gesture.marks["points"]
         for s in np.linspace(0.0, 1.5, 4):
@@ -252,8 +252,8 @@ def test_scores_take_them(marionette, visit, tmp_path):
     score = fan.load_score(marionette, written(tmp_path, SCORE))
     assert score, score.changes
     assert [cue.gesture for cue in score.cues] == ["walk", "walk", "look", "point"]
-    made = fan.load_gesture(marionette, "walk", steps=4, step=0.06, turn=np.pi / 6).then(
-        fan.load_gesture(marionette, "walk", steps=2).turned(np.pi / 6)
+    made = fan.theatre.load_gesture(marionette, "walk", steps=4, step=0.06, turn=np.pi / 6).then(
+        fan.theatre.load_gesture(marionette, "walk", steps=2).turned(np.pi / 6)
     )
     np.testing.assert_allclose(score.lanes["body"].travel, made.travel, atol=1e-12)
     text = SCENE.replace("score: scene", "score: scene\nacceleration: 12")
@@ -304,19 +304,19 @@ def test_keys_of_gestures_are_not_for_phrases(marionette, tmp_path):
 
 def test_wrong_arguments_are_told(marionette, visit):
     with pytest.raises(InputError, match="wave has no 'steps'"):
-        fan.load_gesture(marionette, "wave", steps=3)
+        fan.theatre.load_gesture(marionette, "wave", steps=3)
     with pytest.raises(UnknownNameError, match="did you mean 'pierrot'"):
-        fan.load_gesture(visit, "wave", of="pierot")
+        fan.theatre.load_gesture(visit, "wave", of="pierot")
     with pytest.raises(TypeError, match="takes a Marionette"):
-        fan.load_gesture(marionette.coordinates, "walk")
+        fan.theatre.load_gesture(marionette.coordinates, "walk")
     with pytest.raises(UnknownNameError, match=r"head\.x"):
-        fan.load_gesture(fan.puppets.arm2d(), "walk")
+        fan.theatre.load_gesture(fan.puppets.arm2d(), "walk")
 
 
 def test_a_files_mistakes_keep_their_lines_for_members(visit, tmp_path):
     path = written(tmp_path, "gesture: g\nmoves:\n  hand_rigt.up: [[0, 0], [1, 1 cm]]\n")
     with pytest.raises(FileError, match=r"number.yaml:3"):
-        fan.load_gesture(visit, path, of="pierrot")
+        fan.theatre.load_gesture(visit, path, of="pierrot")
 
 
 @pytest.mark.parametrize(

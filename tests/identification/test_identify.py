@@ -188,12 +188,12 @@ def test_a_pendulum_is_found_as_scipy_finds_it():
 
     peer = least_squares(misfit, [centre, 0.03, np.radians(40.0), 0.0])
     errors = np.sqrt(np.diag(np.linalg.inv(peer.jac.T @ peer.jac)))
-    one = fan.Record(
+    one = fan.lab.Record(
         puppet,
         fan.Input.hold(puppet, float(t[-1])),
         t,
         {"pin": angle},
-        unknown=[fan.Unknown("centre", positive=False), "damping"],
+        unknown=[fan.lab.Unknown("centre", positive=False), "damping"],
         noise={"pin": 0.01},
     )
     found = fan.identify(one, drift=(1e-4, 1e-3))
@@ -207,12 +207,12 @@ def test_what_a_pendulum_cannot_tell_apart_is_named():
     rng = np.random.default_rng(6)
     text = PENDULUM.replace("inertia: [0.01, 0.01, 0.0001]", "inertia: [1.0e-9, 1.0e-9, 1.0e-9]")
     t, angle, _ = swing(rng)
-    one = fan.Record(
+    one = fan.lab.Record(
         fan.loads(text),
         fan.Input.hold(fan.loads(text), float(t[-1])),
         t,
         {"pin": angle},
-        unknown=["mass", "damping", fan.Unknown("centre", positive=False)],
+        unknown=["mass", "damping", fan.lab.Unknown("centre", positive=False)],
     )
     found = fan.identify(one)
     assert len(found.combinations) == 1
@@ -298,7 +298,7 @@ drives:
     run = fan.simulate(true, true.rest(), inputs, 8.0)
     t = np.arange(0.1, 7.9, 1 / 60)
     angle = run.resample(t)["turn"] + 0.01 * rng.standard_normal(len(t))
-    found = fan.identify(fan.Record(puppet, inputs, t, {"turn": angle}, unknown=["k", "c"]))
+    found = fan.identify(fan.lab.Record(puppet, inputs, t, {"turn": angle}, unknown=["k", "c"]))
     for name, value in truth.items():
         assert abs(found[name] - value) < 4 * found.deviation(name), name
         assert found.deviation(name) < 0.1 * value, name
@@ -308,7 +308,7 @@ def test_motions_that_move_tell_more(case):
     """A candidate that stands still tells least; the best one's predicted errors are met."""
     one = record(case, 10.0, 4)
     still = fan.Input.hold(case.puppet, 10.0)
-    best = fan.suggest_motion(one, {"still": still, "moving": one.inputs})
+    best = fan.lab.suggest_motion(one, {"still": still, "moving": one.inputs})
     assert [c.name for c in best] == ["moving", "still"]
     assert best[1].combinations and not best[0].combinations
     found = fan.identify(one)
@@ -319,7 +319,7 @@ def test_motions_that_move_tell_more(case):
 
 def test_random_motions_are_tried_and_written(case, tmp_path):
     one = record(case, 5.0, 4)
-    best = fan.suggest_motion(one, duration=5.0, reach=0.1, draws=1, seed=1)
+    best = fan.lab.suggest_motion(one, duration=5.0, reach=0.1, draws=1, seed=1)
     assert len(best) == 6 and best[0].gain >= best[-1].gain
     best[0].save(tmp_path / "best.csv")
     again = fan.Input.load(case.puppet, tmp_path / "best.csv")
@@ -350,13 +350,13 @@ def test_a_length_between_joints_is_found():
     columns = {f"joint.{axis}": place[:, i] for i, axis in enumerate("xyz")} | {
         "tail": seen["tail"] + 0.01 * rng.standard_normal(len(t))
     }
-    one = fan.Record(
+    one = fan.lab.Record(
         puppet,
         hold,
         t,
         columns,
-        [fan.Marker("joint", "tail")],
-        [fan.Unknown("reach", positive=False), "damping"],
+        [fan.lab.Marker("joint", "tail")],
+        [fan.lab.Unknown("reach", positive=False), "damping"],
         start={"pin": 0.1},
     )
     found = fan.identify(one)
@@ -368,12 +368,12 @@ def free(about, **options):
     """A record of a pendulum that swings freely, in which the damping is looked for."""
     t, angle, _ = swing(np.random.default_rng(3), seconds=3.0, noise=0.05)
     puppet = fan.loads(PENDULUM).with_parameters({"mass": 0.4, "centre": -0.3})
-    return fan.Record(
+    return fan.lab.Record(
         puppet,
         fan.Input.hold(puppet, float(t[-1])),
         t,
         {"pin": angle},
-        unknown=[fan.Unknown("damping", about)],
+        unknown=[fan.lab.Unknown("damping", about)],
         noise={"pin": 0.05},
         **options,
     )
@@ -428,7 +428,7 @@ def test_a_record_checks_its_numbers(change, message):
 @pytest.mark.parametrize("known", [0.0, -1.0, np.nan])
 def test_what_is_known_beforehand_is_positive(known):
     with pytest.raises(ValueError, match="known of damping"):
-        fan.Unknown("damping", known=known)
+        fan.lab.Unknown("damping", known=known)
 
 
 def test_sensors_whose_rows_take_turns_all_count(case):
@@ -447,8 +447,10 @@ def test_sensors_whose_rows_take_turns_all_count(case):
 def test_a_positive_number_does_not_begin_at_zero(case):
     one = record(case, 3.0, 1)
     for about in (0.0, -0.1):
-        with pytest.raises(fan.StateError, match=r"upper_mass begins at .* let it begin above 0"):
-            replace(one, unknown=[fan.Unknown("upper_mass", about=about)])
+        with pytest.raises(
+            fan.errors.StateError, match=r"upper_mass begins at .* let it begin above 0"
+        ):
+            replace(one, unknown=[fan.lab.Unknown("upper_mass", about=about)])
 
 
 def test_what_does_not_move_by_itself_is_refused():
@@ -458,12 +460,12 @@ bodies:
 - {name: cart, joint: {name: rail, type: prismatic, axis: [1, 0, 0], driven: true}, mass: 1}
 """)
     t = np.linspace(0.1, 1.9, 60)
-    with pytest.raises(fan.StateError, match="no dynamic coordinates"):
-        fan.Record(
+    with pytest.raises(fan.errors.StateError, match="no dynamic coordinates"):
+        fan.lab.Record(
             rail,
             fan.Input.hold(rail, 2.0),
             t,
             {"dot.x": 0.0 * t},
-            [fan.Marker("dot", "cart")],
+            [fan.lab.Marker("dot", "cart")],
             find_delay=True,
         )

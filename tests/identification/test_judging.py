@@ -79,8 +79,8 @@ def test_a_missing_acceleration_is_told():
     cart = fan.loads(CART)
     t, rng = np.arange(0.2, 7.8, 1 / 60), np.random.default_rng(0)
     x = 0.5 * 0.05 * t**2 + 1e-4 * rng.standard_normal(len(t))
-    known = fan.Unknown("d", about=1e-6, known=1e-6)
-    one = fan.Record(cart, fan.Input.hold(cart, 8.0), t, {"rail": x}, unknown=[known])
+    known = fan.lab.Unknown("d", about=1e-6, known=1e-6)
+    one = fan.lab.Record(cart, fan.Input.hold(cart, 8.0), t, {"rail": x}, unknown=[known])
     first = leaning(fan.identify(one))[0]
     assert first.name == "velocity of rail" and first.unit == "m/s²"
     assert abs(first.acceleration - 0.05) < 0.2 * 0.05

@@ -148,7 +148,7 @@ def test_mistakes_have_their_place(folder, old, new, message):
     path.write_text(TEXT.replace(old, new, 1), encoding="utf-8")
     try:
         with pytest.raises(FileError, match=message):
-            fan.load_record(path)
+            fan.lab.load_record(path)
     finally:
         path.write_text(TEXT, encoding="utf-8")
 
@@ -167,7 +167,7 @@ def test_a_wrong_time_has_its_line(folder, time, message):
     (folder / "bad.csv").write_text("\n".join(lines), encoding="utf-8")
     (folder / "bad.yaml").write_text(TEXT.replace("swing.csv", "bad.csv"), encoding="utf-8")
     with pytest.raises(FileError, match=rf"bad\.csv:5: time\[3\]: {message}"):
-        fan.load_record(folder / "bad.yaml")
+        fan.lab.load_record(folder / "bad.yaml")
 
 
 def test_samples_beyond_the_inputs_are_refused(folder):
@@ -177,7 +177,7 @@ def test_samples_beyond_the_inputs_are_refused(folder):
     text = TEXT.replace("samples:", "inputs: short.yaml\nsamples:")
     (folder / "cut.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(FileError, match=r"cut\.yaml:3: inputs: .* 7\.78.* from 0 s to 5 s"):
-        fan.load_record(folder / "cut.yaml")
+        fan.lab.load_record(folder / "cut.yaml")
 
 
 def test_coordinates_that_nothing_moves_are_known(folder):
@@ -185,9 +185,9 @@ def test_coordinates_that_nothing_moves_are_known(folder):
     (folder / "hung.yaml").write_text(text, encoding="utf-8")
     rows = "\n".join(f"{0.1 * i:.1f},{0.01 * i:.2f}" for i in range(20))
     (folder / "hung.csv").write_text(f"time,elbow\n{rows}\n", encoding="utf-8")
-    one = fan.load_record(folder / "hung.yaml")
+    one = fan.lab.load_record(folder / "hung.yaml")
     assert set(one.still) == {"hand.x", "hand.y", "hand.length"}
-    assert fan.load_record(folder / "swing.yaml").still == ()
+    assert fan.lab.load_record(folder / "swing.yaml").still == ()
 
 
 def test_a_place_never_takes_the_name_of_a_parameter(folder):
@@ -195,7 +195,7 @@ def test_a_place_never_takes_the_name_of_a_parameter(folder):
     assert text != PLAIN
     (folder / "clash.yaml").write_text(text, encoding="utf-8")
     (folder / "both.yaml").write_text(TEXT.replace("arm.yaml", "clash.yaml"), encoding="utf-8")
-    one = fan.load_record(folder / "both.yaml")
+    one = fan.lab.load_record(folder / "both.yaml")
     assert one.unknowns[0].name == "upper_mass_" and one.labels[0] == "upper.mass"
     assert dict(one.marionette.tree.parameters)["upper_mass"] == 0.1
 
@@ -206,7 +206,7 @@ columns: {hand.length: {unit: mm}}
 delay: {about: 0.02}
 """
     (folder / "units.yaml").write_text(TEXT.replace("delay: find\n", new), encoding="utf-8")
-    plain, one = (fan.load_record(folder / f"{name}.yaml") for name in ("swing", "units"))
+    plain, one = (fan.lab.load_record(folder / f"{name}.yaml") for name in ("swing", "units"))
     assert one.noise == {"wrist.x": 0.01, "middle": 0.004}
     given = dict(zip(one.channels.names, Noise.of(one).given.tolist(), strict=True))
     assert given["wrist.x"] == 0.01 and np.isnan(given["wrist.y"]) and given["middle.z"] == 0.004
@@ -362,7 +362,7 @@ def test_a_wrong_cell_has_its_line(folder):
     (folder / "bad.csv").write_text("\n".join([*lines[:4], ",".join(cells)]), encoding="utf-8")
     (folder / "bad.yaml").write_text(TEXT.replace("swing.csv", "bad.csv"), encoding="utf-8")
     with pytest.raises(FileError, match=r"bad\.csv:5: tip\.z\[3\]: found 'lots'; needed: a number"):
-        fan.load_record(folder / "bad.yaml")
+        fan.lab.load_record(folder / "bad.yaml")
 
 
 def test_units_and_names_of_columns(folder):
@@ -382,6 +382,6 @@ unknown: {elbow_damping: }
     )
     rows = "\n".join(f"{0.1 * i:.1f},{90 - i},{1.5 if i % 2 else ''}" for i in range(10))
     (folder / "angles.csv").write_text(f"time,bend,cell\n{rows}\n", encoding="utf-8")
-    one = fan.load_record(folder / "angles.yaml")
+    one = fan.lab.load_record(folder / "angles.yaml")
     assert np.isclose(one.columns["elbow"][0], np.pi / 2)
     assert np.isnan(one.columns["hand.tension"][0]) and one.columns["hand.tension"][1] == 1.5

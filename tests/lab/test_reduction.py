@@ -161,7 +161,7 @@ def test_drives_of_the_file_are_replaced():
 
 def test_what_has_no_mechanism_is_a_mistake():
     with pytest.raises(PuppetError, match="no coordinate is driven"):
-        fan.validate_reduction(puppets.string_pendulum())
+        fan.lab.validate_reduction(puppets.string_pendulum())
 
 
 def test_a_drive_keeps_the_part_of_its_acceleration_that_the_bob_leaves():
@@ -178,7 +178,7 @@ def test_a_drive_keeps_the_part_of_its_acceleration_that_the_bob_leaves():
 @pytest.mark.parametrize("name", ["arm2d", "arm3d", "crane", "marionette_bar", "stand6"])
 def test_bundled_puppets_are_separate_and_their_drives_track(name, monkeypatch):
     monkeypatch.setattr(reduction, "N_STATES", 2)
-    report = fan.validate_reduction(getattr(puppets, name)())
+    report = fan.lab.validate_reduction(getattr(puppets, name)())
     assert [c.holds for c in report.claims] == [True, True, True, True, False]
     assert report.valid and report.answer.startswith("yes")
 
@@ -195,6 +195,6 @@ CLAIMS = {
 
 @pytest.mark.parametrize(("text", "holds", "answer"), CLAIMS.values(), ids=CLAIMS)
 def test_the_claims_say_what_fails(text, holds, answer):
-    report = fan.validate_reduction(fan.loads(text))
+    report = fan.lab.validate_reduction(fan.loads(text))
     assert [c.holds for c in report.claims] == holds
     assert answer in report.answer

@@ -186,7 +186,7 @@ def test_mujoco_agrees_on_the_pull_of_the_springs():
 def test_mujoco_cannot_wind_a_chain():
     from fantoccini.dynamics.mujoco.mjcf_model import mjcf
 
-    with pytest.raises(fan.ExchangeError, match="a chain that is wound"):
+    with pytest.raises(fan.errors.ExchangeError, match="a chain that is wound"):
         mjcf(rope())
 
 
@@ -200,11 +200,11 @@ def test_a_step_too_long_for_the_springs_is_refused_before_it_blows_up():
     run = fan.simulate(puppet, moved, t_end=2.0, method=fan.TimeStepping(dt=0.95 * longest))
     assert np.max(np.abs(run.q_D - x.q_D)) < 2e-3
     for run, start in ((fan.simulate, moved), (fan.simulate_batch, [moved, moved])):
-        with pytest.raises(fan.StateError, match="is too long for the chain line: with"):
+        with pytest.raises(fan.errors.StateError, match="is too long for the chain line: with"):
             run(puppet, start, t_end=2.0, method=fan.TimeStepping(dt=1.01 * longest))
-    with pytest.raises(fan.StateError, match="too long for the chain line"):
+    with pytest.raises(fan.errors.StateError, match="too long for the chain line"):
         puppet.stepper(moved, method=fan.TimeStepping(dt=1.01 * longest))
-    with pytest.raises(fan.StateError, match="too long for the chain line"):
+    with pytest.raises(fan.errors.StateError, match="too long for the chain line"):
         fan.Performance(puppet, moved, dt=1.01 * longest, tick=1.01 * longest)
 
 
@@ -218,7 +218,7 @@ def test_damping_shortens_the_longest_step(c):
     longest = 2 * (np.sqrt(1 + zeta**2) - zeta) / omega
     own = np.linalg.eigvals(puppet.linearise_step(x, dt=(1 - 1e-9) * longest).A[:30, :30])
     assert np.min(own.real) == pytest.approx(-1.0, abs=1e-6)
-    with pytest.raises(fan.StateError, match="too long for the chain line"):
+    with pytest.raises(fan.errors.StateError, match="too long for the chain line"):
         fan.simulate(puppet, x, t_end=0.1, method=fan.TimeStepping(dt=1.001 * longest))
 
 

@@ -73,7 +73,7 @@ def test_tangent_vectors_are_those_of_linearise():
 def test_what_is_no_configuration_is_refused(puppet):
     """17.18: sizes are told."""
     q = puppet.state().q_D
-    with pytest.raises(fan.StateError, match="q has the shape"):
+    with pytest.raises(fan.errors.StateError, match="q has the shape"):
         puppet.difference(q[:-1], q)
-    with pytest.raises(fan.StateError, match="dq has the shape"):
+    with pytest.raises(fan.errors.StateError, match="dq has the shape"):
         puppet.integrate(q, np.zeros(puppet.coordinates.n_vD + 1))

@@ -83,7 +83,7 @@ def test_intervals_with_catches_beside_differences(caught):
 def test_intervals_make_up_the_run(caught):
     arm, x0, acc = caught
     inputs = fan.Input.segments(arm, TIMES, x0.q_K, x0.v_K, acc)
-    whole = fan.sensitivity(arm, x0, inputs, TIMES[-1])
+    whole = fan.dynamics.sensitivity(arm, x0, inputs, TIMES[-1])
     found = interval_derivatives(arm, whole.run, inputs)
     n = arm.coordinates.n_vD
     z = np.eye(len(found.A[0]))
@@ -100,9 +100,9 @@ def test_runs_without_intervals_are_refused(caught):
     arm, x0, acc = caught
     inputs = fan.Input.segments(arm, TIMES, x0.q_K, x0.v_K, acc)
     run = fan.simulate(arm, x0, inputs, TIMES[-2] - 0.01)
-    with pytest.raises(fan.InputError, match="no sample"):
+    with pytest.raises(fan.errors.InputError, match="no sample"):
         interval_derivatives(arm, run, inputs)
     smooth = fan.Input.waypoints(arm, {"hand.length": [(0, 0.95), (0.6, 0.9)]})
     run = fan.simulate(arm, x0, smooth, 0.6)
-    with pytest.raises(fan.InputError, match="acceleration that is not constant"):
+    with pytest.raises(fan.errors.InputError, match="acceleration that is not constant"):
         interval_derivatives(arm, run, smooth.bound(x0.q_K, 0.0))

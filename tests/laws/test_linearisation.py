@@ -176,7 +176,7 @@ def test_derivatives_of_quadratic_drag_exist_at_rest(rig):
 
 
 def test_an_unknown_row_is_named(arm):
-    with pytest.raises(fan.UnknownNameError, match="did you mean 'hand'"):
+    with pytest.raises(fan.errors.UnknownNameError, match="did you mean 'hand'"):
         arm.linearise(arm.rest(), rows=["hnad"])
 
 

@@ -49,7 +49,7 @@ def bob() -> fan.Marionette:
     return fan.loads(BOB)
 
 
-def frequencies(modes: fan.Modes) -> np.ndarray:
+def frequencies(modes: fan.dynamics.Modes) -> np.ndarray:
     return np.array([mode.frequency for mode in modes.swinging]) * 2.0 * np.pi
 
 
@@ -129,7 +129,7 @@ pose: {bob.z: 1.0}
     x = chained.rest()
     modes = chained.modes(x)
     assert frequencies(modes)[:2] == pytest.approx([np.sqrt(G), np.sqrt(G)], rel=1e-3)
-    with pytest.raises(fan.StateError, match="does not rest there"):
+    with pytest.raises(fan.errors.StateError, match="does not rest there"):
         chained.modes(x.replace(q_D=x.q_D + 1e-4))
 
 
@@ -188,5 +188,5 @@ def test_the_frequency_is_that_of_the_simulated_swing():
 
 
 def test_what_is_not_at_rest_has_no_modes(bob):
-    with pytest.raises(fan.StateError, match=r"marionette\.rest"):
+    with pytest.raises(fan.errors.StateError, match=r"marionette\.rest"):
         bob.modes(bob.state({"bob.x": 0.3, "bob.z": -0.5}))

@@ -52,7 +52,7 @@ def test_a_bob_that_bounces_on_its_string():
         end, bounces = fallen(*(values + step), t_end=0.9)
         wanted[:, i] = end.imag / 1e-30
     assert bounces == 3
-    found = fan.sensitivity(drop, x0, t_end=0.9)
+    found = fan.dynamics.sensitivity(drop, x0, t_end=0.9)
     assert len(found.passages) == 3 and found.sharp
     assert worst(found.x0[-1], wanted[:, :2]) < 1e-9
     assert worst(found.p[-1][:, order], wanted[:, 2:]) < 1e-9
@@ -86,7 +86,7 @@ def test_a_run_through_catches_and_releases(swing):
         arm,
         {"hand.length": [(0, 0.96), (0.6, 0.75), (0.75, 0.99)], "hand.x": [(0, 0.45), (0.75, 0.7)]},
     )
-    found = fan.sensitivity(arm, x0, lift, 0.6, toward=[other], save_at=[0.05, 0.3])
+    found = fan.dynamics.sensitivity(arm, x0, lift, 0.6, toward=[other], save_at=[0.05, 0.3])
     assert [event.kind for event in found.run.events] == ["catch", "release"] * 2
     assert len(found.passages) == 2 and found.sharp
     assert {0.05, 0.3} <= set(found.t) and found.t[0] == 0.0 and found.t[-1] == 0.6
@@ -124,9 +124,9 @@ def test_a_run_by_the_values_of_its_waypoints(swing):
     # The second point's slope is a mean, not linear in the values.
     lengths = [(0, 0.95), (0.2, 0.9), (0.5, 0.70), (0.75, 0.95)]
     points = {"hand.length": lengths, "hand.x": [(0, 0.45), (0.3, 0.5), (0.75, 0.6)]}
-    by = fan.InputDerivative.of_waypoints(arm, points)
+    by = fan.motion.InputDerivative.of_waypoints(arm, points)
     inputs = fan.Input.waypoints(arm, points)
-    found = fan.sensitivity(arm, x0, inputs, 0.6, along=by, save_at=[0.3])
+    found = fan.dynamics.sensitivity(arm, x0, inputs, 0.6, along=by, save_at=[0.3])
     assert found.sharp and len(found.passages) >= 2
     assert found.toward.shape[-1] == 0 and found.along.shape[1:] == (4, len(by))
 
@@ -159,7 +159,7 @@ def test_a_start_on_a_taut_string(swing):
     x0 = arm.rest({"hand.length": 0.8})
     lift = fan.Input.waypoints(arm, {"hand.length": [(0, 0.8), (0.3, 0.7)]})
     slower = fan.Input.waypoints(arm, {"hand.length": [(0, 0.81), (0.3, 0.72)]})
-    found = fan.sensitivity(arm, x0, lift, 0.25, toward=[slower])
+    found = fan.dynamics.sensitivity(arm, x0, lift, 0.25, toward=[slower])
     A, M = arm.A_D(x0), arm.mass_matrix(x0)
     P = np.eye(2) - np.linalg.solve(M, A.T) @ np.linalg.solve(A @ np.linalg.solve(M, A.T), A)
     assert worst(found.x0[0][:2, :2], P) < 1e-12 and worst(found.x0[0][2:, 2:], P) < 1e-12
@@ -207,7 +207,7 @@ def test_a_tumbling_box(bounce, t_end, catches):
     box = fan.loads(TUMBLER).with_parameters({"bounce": bounce})
     t = box.coordinates
     x0 = box.state({"box.z": 0.3, "v:box.wx": 2.0, "v:box.wy": 1.0, "v:box.x": 0.5, "v:box.z": 1.0})
-    found = fan.sensitivity(box, x0, t_end=t_end)
+    found = fan.dynamics.sensitivity(box, x0, t_end=t_end)
     caught = [passage.rows for passage in found.passages]
     assert set(caught) == {("left",), ("right",)} and len(caught) == catches and found.sharp
 
@@ -244,7 +244,7 @@ def test_the_marionettes_catches():
     x0, inputs, _ = performance(puppet)
     x0 = fan.simulate(puppet, x0, inputs, 3.755, **FINE).state(-1)
     t, taut, t_end = puppet.coordinates, np.flatnonzero(x0.taut), 3.7655
-    found = fan.sensitivity(puppet, x0, inputs, t_end)
+    found = fan.dynamics.sensitivity(puppet, x0, inputs, t_end)
     assert len(found.passages) == 5 and found.passages[0].rows == ("knee_left",)
     change = found.x0[0] @ np.random.default_rng(1).normal(size=2 * t.n_vD)
 
@@ -273,6 +273,6 @@ def test_the_marionettes_catches():
 
 def test_what_slips_has_no_sensitivity():
     text = DROP.replace("restitution: {parameter: bounce, value: 0.6}", "max_tension: 8")
-    with pytest.raises(fan.StateError, match="line slips"):
+    with pytest.raises(fan.errors.StateError, match="line slips"):
         winch = fan.loads(text)
-        fan.sensitivity(winch, winch.state(), t_end=0.6)
+        fan.dynamics.sensitivity(winch, winch.state(), t_end=0.6)

@@ -11,7 +11,7 @@ import pytest
 from fantoccini.base import rotation
 from fantoccini.base.errors import InputError
 from fantoccini.motion import Input, inputs_schema
-from fantoccini.motion.archive import RECORDING
+from fantoccini.motion.archive import RECORDING_FORMAT
 
 pytestmark = pytest.mark.own_puppets
 
@@ -309,7 +309,7 @@ def test_a_number_from_python_that_no_float_is(table):
 
 def taken(table, **changes) -> dict:
     """What a take's file holds for :func:`numpy.savez`; None leaves out."""
-    about = {"format": RECORDING, "coordinates": [*table.q_D, *table.q_K]}
+    about = {"format": RECORDING_FORMAT, "coordinates": [*table.q_D, *table.q_K]}
     about |= changes.pop("about", {})
     arrays = {
         "start_q_K": np.where(np.arange(10) == 0, 0.8, table.start_K),

@@ -93,9 +93,9 @@ def test_mistakes_are_told(table):
     """17.5: rotations, unknown names and sides are refused."""
     points = {"bar.rotation": [(0, [0, 0, 0]), (1, [0, 0, 1])], "crank": [(0, 0.0), (1, 1.0)]}
     assert len(InputDerivative.of_waypoints(table, points, only=["crank"])) == 2
-    with pytest.raises(fan.InputError, match="rotation"):
+    with pytest.raises(fan.errors.InputError, match="rotation"):
         InputDerivative.of_waypoints(table, points)
-    with pytest.raises(fan.UnknownNameError, match="crank"):
+    with pytest.raises(fan.errors.UnknownNameError, match="crank"):
         InputDerivative.of_waypoints(table, points, only=["crnk"])
     with pytest.raises(ValueError, match="above"):
         InputDerivative.of_waypoints(table, points, side="left")

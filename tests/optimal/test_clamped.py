@@ -35,10 +35,12 @@ def task_of(arm: fan.Marionette, by: float, **bounds: object) -> fan.Task:
     pose = arm.pose(arm.rest(), "lower")
     place = pose[:3, 3] + pose[:3, :3] @ np.array(TIP) + [by, 0.0, 0.0]
     tracks = [
-        fan.Track.point("lower", place, at=TIP, weight=1e3, end_weight=10.0),
-        fan.Track.velocity("*", weight=1e-2),
+        fan.control.Track.point("lower", place, at=TIP, weight=1e3, end_weight=10.0),
+        fan.control.Track.velocity("*", weight=1e-2),
     ]
-    return fan.Task(arm, x0, N * INTERVAL, tracks, bounds=fan.Bounds(**bounds), interval=INTERVAL)
+    return fan.Task(
+        arm, x0, N * INTERVAL, tracks, bounds=fan.control.Bounds(**bounds), interval=INTERVAL
+    )
 
 
 def both(arm: fan.Marionette, task: fan.Task, nodes: Nodes):
@@ -143,7 +145,7 @@ def test_bounds_of_jerks_are_kept_by_the_interior_point_method(arm):
 def test_a_tracked_tension_is_part_of_the_program(arm):
     task = task_of(arm, 0.0, acceleration=5.0)
     pull = float(arm.forward_dynamics(arm.rest()).tension[0])
-    more = fan.Track.tension("hand", 1.2 * pull, weight=1.0)
+    more = fan.control.Track.tension("hand", 1.2 * pull, weight=1.0)
     task = replace(task, x0=arm.rest(), tracks=[*task.tracks, more])
     found, _, solution, objective = both(arm, task, motion(arm, task))
     _, u, _ = objective.widened(solution)

@@ -50,11 +50,11 @@ def lowering(ball_arm: fan.Marionette, clearance: float | None = None) -> fan.Ta
     at = (ball_arm.pose(x0, "ball") @ [0, 0, -0.2, 1])[:3]
     goal = at + np.array([0.12, 0.0, -0.25])
     tracks = [
-        fan.Track.point("ball", goal, at=(0, 0, -0.2), weight=10, end_weight=1e3),
-        fan.Track.velocity("*", 0.0, weight=0.1, end_weight=10.0),
+        fan.control.Track.point("ball", goal, at=(0, 0, -0.2), weight=10, end_weight=1e3),
+        fan.control.Track.velocity("*", 0.0, weight=0.1, end_weight=10.0),
     ]
-    limits = fan.Bounds(acceleration=10.0, clearance=clearance).staying_taut(ball_arm, x0)
-    smooth = fan.Smooth(1e-2, 1e-5)
+    limits = fan.control.Bounds(acceleration=10.0, clearance=clearance).staying_taut(ball_arm, x0)
+    smooth = fan.control.Smooth(1e-2, 1e-5)
     return fan.Task(ball_arm, x0, 2.0, tracks, smooth, limits, interval=0.04, dt=0.01)
 
 
@@ -110,7 +110,7 @@ def test_a_ball_goes_round_a_post(ball_arm: fan.Marionette):
 
 def test_a_motion_that_begins_too_near_is_violated(ball_arm: fan.Marionette):
     best = fan.optimise(lowering(ball_arm, clearance=0.4), iterations=5)
-    assert not best and best.status is fan.OptimalStatus.VIOLATED
+    assert not best and best.status is fan.control.OptimalStatus.VIOLATED
     assert best.violation > 0.01
 
 

@@ -28,36 +28,40 @@ def tip_of(arm: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
     return pose[..., 3] + pose[..., :3] @ np.array(TIP)
 
 
-def path(arm: fan.Marionette, track: fan.Track, t: np.ndarray) -> np.ndarray:
+def path(arm: fan.Marionette, track: fan.control.Track, t: np.ndarray) -> np.ndarray:
     return track.path.values(arm, track.kind, track.name, track.at, t)
 
 
 def test_a_clip_is_what_the_run_did(arm: fan.Marionette, take: fan.Trajectory):
     t = np.linspace(0.0, 1.0, 41)
     run = take.resample(t)
-    clip = fan.Clip(take)
-    assert path(arm, fan.Track.point("lower", clip, at=TIP), t) == pytest.approx(
+    clip = fan.control.Clip(take)
+    assert path(arm, fan.control.Track.point("lower", clip, at=TIP), t) == pytest.approx(
         tip_of(arm, run), abs=1e-14
     )
-    assert path(arm, fan.Track.coordinate("elbow", clip), t)[:, 0] == pytest.approx(run.q_D[:, 1])
-    assert path(arm, fan.Track.coordinate("hand.length", clip), t)[:, 0] == pytest.approx(
+    assert path(arm, fan.control.Track.coordinate("elbow", clip), t)[:, 0] == pytest.approx(
+        run.q_D[:, 1]
+    )
+    assert path(arm, fan.control.Track.coordinate("hand.length", clip), t)[:, 0] == pytest.approx(
         run.q_K[:, 1]
     )
-    assert path(arm, fan.Track.velocity("*", clip), t) == pytest.approx(run.v_D)
-    assert path(arm, fan.Track.tension("hand", clip), t)[:, 0] == pytest.approx(run.tension["hand"])
-    q = path(arm, fan.Track.orientation("lower", clip), t)
+    assert path(arm, fan.control.Track.velocity("*", clip), t) == pytest.approx(run.v_D)
+    assert path(arm, fan.control.Track.tension("hand", clip), t)[:, 0] == pytest.approx(
+        run.tension["hand"]
+    )
+    q = path(arm, fan.control.Track.orientation("lower", clip), t)
     pose = arm.poses(run.q_D, run.q_K)[:, 1]
     assert rotation.matrix(q) == pytest.approx(pose[..., :3], abs=1e-14)
 
 
 def test_a_clip_begins_later_runs_faster_and_is_moved(arm: fan.Marionette, take: fan.Trajectory):
-    clip = fan.Clip(take, begin=0.2, speed=2.0, by=(0.0, 0.0, 0.1))
+    clip = fan.control.Clip(take, begin=0.2, speed=2.0, by=(0.0, 0.0, 0.1))
     t = np.array([0.0, 0.2, 0.35, 0.7, 1.0])
     then = np.array([0.0, 0.0, 0.3, 1.0, 1.0])  # its ends hold
     run = take.resample(then)
-    moved = path(arm, fan.Track.point("lower", clip, at=TIP), t)
+    moved = path(arm, fan.control.Track.point("lower", clip, at=TIP), t)
     assert moved - tip_of(arm, run) == pytest.approx(np.tile([0.0, 0.0, 0.1], (5, 1)))
-    speed = path(arm, fan.Track.velocity("elbow", clip), t)[:, 0]
+    speed = path(arm, fan.control.Track.velocity("elbow", clip), t)[:, 0]
     assert speed[2] == pytest.approx(2.0 * run.v_D[2, 1])
     assert speed[0] == speed[4] == 0.0
 
@@ -69,10 +73,10 @@ def test_the_residual_of_a_puppet_on_its_own_clip_is_none(
     at = take.resample(still.t)
     nodes = Nodes(arm.coordinates, 0.0, 0.1, at.q_D, at.v_D, at.q_K, at.v_K, still.acc_K)
     for track in (
-        fan.Track.point("lower", fan.Clip(take), at=TIP),
-        fan.Track.velocity("*", fan.Clip(take)),
-        fan.Track.orientation("lower", fan.Clip(take)),
-        fan.Track.coordinate("elbow", fan.Clip(take)),
+        fan.control.Track.point("lower", fan.control.Clip(take), at=TIP),
+        fan.control.Track.velocity("*", fan.control.Clip(take)),
+        fan.control.Track.orientation("lower", fan.control.Clip(take)),
+        fan.control.Track.coordinate("elbow", fan.control.Clip(take)),
     ):
         r = residual_of(arm, track, nodes).value(Looks(arm, nodes))
         assert r == pytest.approx(0.0 * r, abs=1e-8)
@@ -80,7 +84,7 @@ def test_the_residual_of_a_puppet_on_its_own_clip_is_none(
 
 def test_a_puppet_follows_a_run(arm: fan.Marionette, take: fan.Trajectory):
     """The inputs that made the run are among those that may follow it, so it comes near."""
-    best = fan.follow(arm, {("lower", TIP): fan.Clip(take)}, duration=1.0)
+    best = fan.follow(arm, {("lower", TIP): fan.control.Clip(take)}, duration=1.0)
     assert best.holds, best.summary()
     off = tip_of(arm, best.run.resample(best.t)) - tip_of(arm, take.resample(best.t))
     assert np.max(np.linalg.norm(off, axis=1)) < 1e-3
@@ -98,28 +102,28 @@ strings:
 pose: {ball.x: 0.3, ball.z: 0.1, line.length: 0.9}
 """)
     t = np.linspace(0.0, 1.0, 11)
-    clip = fan.Clip(take, of="lower", by=(0.0, 0.0, 0.2))
-    track = fan.Track.point("ball", clip, at=TIP)
+    clip = fan.control.Clip(take, of="lower", by=(0.0, 0.0, 0.2))
+    track = fan.control.Track.point("ball", clip, at=TIP)
     lifted = path(ball, track, t) - tip_of(arm, take.resample(t))
     assert lifted == pytest.approx(np.tile([0.0, 0.0, 0.2], (11, 1)), abs=1e-12)
 
 
 def test_clips_that_are_none(arm: fan.Marionette, take: fan.Trajectory):
     with pytest.raises(ValueError, match="speed is 0"):
-        fan.Clip(take, speed=0.0)
-    with pytest.raises(fan.StateError, match="3 finite numbers"):
-        fan.Clip(take, by=(0.0, 1.0))
+        fan.control.Clip(take, speed=0.0)
+    with pytest.raises(fan.errors.StateError, match="3 finite numbers"):
+        fan.control.Clip(take, by=(0.0, 1.0))
     t = np.array([0.0])
     for track in (
-        fan.Track.point("lower", fan.Clip(take, of="lowr")),
-        fan.Track.coordinate("elbow", fan.Clip(take, of="elbo")),
-        fan.Track.velocity("elbow", fan.Clip(take, of="elbo")),
-        fan.Track.tension("hand", fan.Clip(take, of="hnd")),
+        fan.control.Track.point("lower", fan.control.Clip(take, of="lowr")),
+        fan.control.Track.coordinate("elbow", fan.control.Clip(take, of="elbo")),
+        fan.control.Track.velocity("elbow", fan.control.Clip(take, of="elbo")),
+        fan.control.Track.tension("hand", fan.control.Clip(take, of="hnd")),
     ):
-        with pytest.raises(fan.UnknownNameError):
+        with pytest.raises(fan.errors.UnknownNameError):
             path(arm, track, t)
-    with pytest.raises(fan.StateError, match="paths must be values"):
-        track = fan.Track.coordinate("elbow", fan.Clip(take))
+    with pytest.raises(fan.errors.StateError, match="paths must be values"):
+        track = fan.control.Track.coordinate("elbow", fan.control.Clip(take))
         fan.optimise(fan.Task(arm, arm.rest(), (1.0, 2.0), [track]))
 
 
@@ -136,10 +140,12 @@ tracks:
 def test_a_file_follows_a_saved_run(tmp_path, arm: fan.Marionette, take: fan.Trajectory):
     take.save(tmp_path / "take.npz")
     (tmp_path / "t.yaml").write_text(TASK, encoding="utf-8")
-    tip, elbow = fan.load_task(tmp_path / "t.yaml").tracks
-    clip = fan.Clip(take, begin=0.1, by=(0.0, 0.0, 0.01))
+    tip, elbow = fan.control.load_task(tmp_path / "t.yaml").tracks
+    clip = fan.control.Clip(take, begin=0.1, by=(0.0, 0.0, 0.01))
     t = np.linspace(0.0, 1.0, 21)
-    assert np.array_equal(path(arm, tip, t), path(arm, fan.Track.point("lower", clip, at=TIP), t))
+    assert np.array_equal(
+        path(arm, tip, t), path(arm, fan.control.Track.point("lower", clip, at=TIP), t)
+    )
     assert elbow.path.speed == 2.0
 
 
@@ -158,7 +164,7 @@ def test_mistakes_have_places(
     take.save(tmp_path / "take.npz")
     path = tmp_path / "t.yaml"
     path.write_text(TASK.replace(*change, 1), encoding="utf-8")
-    with pytest.raises(fan.FileError) as caught:
-        fan.load_task(path)
+    with pytest.raises(fan.errors.FileError) as caught:
+        fan.control.load_task(path)
     (said,) = (str(one) for one in caught.value.mistakes)
     assert f"t.yaml:{line}: {key}" in said and words in said

@@ -40,11 +40,11 @@ def pulled(block: fan.Marionette, dt: float, **options) -> fan.Task:
         block.rest(),
         T,
         [
-            fan.Track.coordinate("body.x", WAY, weight=0.0, end_weight=place),
-            fan.Track.velocity("body.x", SPEED, weight=0.0, end_weight=speed),
+            fan.control.Track.coordinate("body.x", WAY, weight=0.0, end_weight=place),
+            fan.control.Track.velocity("body.x", SPEED, weight=0.0, end_weight=speed),
         ],
-        fan.Smooth(1.0, 0.0),
-        fan.Bounds(tension={"line": (0.1, np.inf)}),
+        fan.control.Smooth(1.0, 0.0),
+        fan.control.Bounds(tension={"line": (0.1, np.inf)}),
         interval=T / N,
         dt=dt,
         guess=fan.Input.waypoints(block, {"line.x": [(0, 0.65), (2 * T, 0.65 + 2 * WAY)]}),
@@ -63,14 +63,14 @@ def closed_form() -> tuple[np.ndarray, float]:
 
 
 @pytest.fixture(scope="module", params=[0.01, 0.005])
-def found(request, block: fan.Marionette) -> tuple[float, fan.Optimum]:
+def found(request, block: fan.Marionette) -> tuple[float, fan.control.Optimum]:
     return request.param, fan.optimise(pulled(block, request.param), cost_tolerance=0.0)
 
 
 def test_a_block_is_pulled_with_least_effort(found):
     dt, best = found
     acc, cost = closed_form()
-    assert best.status is fan.OptimalStatus.SOLVED, best.summary()
+    assert best.status is fan.control.OptimalStatus.SOLVED, best.summary()
     # The motion is event-driven, so no cost is below the least; derivatives are of time steps.
     assert -1e-9 < best.cost / cost - 1.0 < 2.0 * dt**2
     assert np.max(np.abs(best.nodes.acc_K[:, 0] - acc)) < 5.0 * dt
@@ -98,7 +98,7 @@ def test_an_answer_whose_event_driven_run_does_not_end_is_not_confirmed(
 
     monkeypatch.setattr(shooting, "uninterrupted", late)
     best = fan.optimise(pulled(block, 0.01), iterations=3)
-    assert best.status is fan.OptimalStatus.UNCONFIRMED
+    assert best.status is fan.control.OptimalStatus.UNCONFIRMED
     assert not best
     assert best.run.method == "timestepping"
 
@@ -134,12 +134,12 @@ def test_periodic_ends_are_the_start_moved(block: fan.Marionette):
 
 
 def test_mistakes_of_periodic_tasks(block: fan.Marionette):
-    with pytest.raises(fan.StateError, match="needed: one of them"):
+    with pytest.raises(fan.errors.StateError, match="needed: one of them"):
         pulled(block, 0.01, periodic={}, end=block.rest())
-    with pytest.raises(fan.UnknownNameError, match=r"body\.u.*did you mean"):
+    with pytest.raises(fan.errors.UnknownNameError, match=r"body\.u.*did you mean"):
         pulled(block, 0.01, periodic={"body.u": 1.0})
 
 
 def test_exact_derivatives_are_refused(block: fan.Marionette):
-    with pytest.raises(fan.StateError, match="without contact"):
+    with pytest.raises(fan.errors.StateError, match="without contact"):
         fan.optimise(pulled(block, 0.01), exact=True)

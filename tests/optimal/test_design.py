@@ -55,8 +55,8 @@ def lifting(lever: fan.Marionette, parameters: Mapping[str, Interval] | None = N
         lever.pose(hanging.replace(q_D=hanging.q_D - [x, 0]), "rod") @ [0, 0, -1, 1] for x in down
     ]
     path = (s, np.array(places)[:, :3])
-    track = fan.Track.point("rod", path, at=(0, 0, -1), weight=100.0, end_weight=100.0)
-    smooth = fan.Smooth(1e-2, 1e-6)
+    track = fan.control.Track.point("rod", path, at=(0, 0, -1), weight=100.0, end_weight=100.0)
+    smooth = fan.control.Smooth(1e-2, 1e-6)
     return fan.Task(
         lever, hanging, 1.0, [track], smooth, interval=0.05, dt=0.005, parameters=parameters or {}
     )
@@ -65,7 +65,7 @@ def lifting(lever: fan.Marionette, parameters: Mapping[str, Interval] | None = N
 @pytest.mark.parametrize("dt", [0.001, 0.00025])
 def test_the_cost_changes_with_parameters_as_its_program_says(lever: fan.Marionette, dt: float):
     task = lifting(lever, parameters={"tie": TIE, "load": (0.1, 2.0), "hinge": (-0.1, 0.1)})
-    bob = fan.Track.point("bob", (0.4, 0, -0.8), at=(0, 0, -0.2), weight=10.0)
+    bob = fan.control.Track.point("bob", (0.4, 0, -0.8), at=(0, 0, -0.2), weight=10.0)
     task = replace(task, tracks=[*task.tracks, bob], dt=dt)
     chosen = Chosen(lever, task.x0, task.parameters)
     runs, objective = EventRuns(TimeSteps(lever, task.dt, 1, chosen), chosen), Objective(task)

@@ -24,10 +24,10 @@ def reaching(arm: fan.Marionette, x0: fan.State) -> fan.Task:
     pose = arm.pose(arm.rest(), "lower")
     goal = pose[:3, 3] + pose[:3, :3] @ np.array(TIP) + np.array([0.0, 0.0, 0.03])
     tracks = [
-        fan.Track.point("lower", goal, at=TIP, weight=100.0, end_weight=100.0),
-        fan.Track.velocity("*", 0.0, weight=0.1, end_weight=1.0),
+        fan.control.Track.point("lower", goal, at=TIP, weight=100.0, end_weight=100.0),
+        fan.control.Track.velocity("*", 0.0, weight=0.1, end_weight=1.0),
     ]
-    return fan.Task(arm, x0, 0.8, tracks, fan.Smooth(1e-3, 1e-6), interval=0.05)
+    return fan.Task(arm, x0, 0.8, tracks, fan.control.Smooth(1e-3, 1e-6), interval=0.05)
 
 
 def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette):
@@ -35,7 +35,7 @@ def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette
     values = {"shoulder": -0.2, "elbow": 0.6, "hand.length": 0.95, "v:elbow": 0.5}
     x0 = arm.project(arm.state(values | {"v:shoulder": -0.3}))
     task = reaching(arm, x0)
-    pull = fan.Track.tension("hand", 2.0, weight=0.01)
+    pull = fan.control.Track.tension("hand", 2.0, weight=0.01)
     task = replace(task, duration=(0.6, 1.0), tracks=[*task.tracks, pull])
     chosen = Chosen(arm, x0, {})
     runs, objective = ExactRuns(TimeSteps(arm, 0.005, 1, chosen), chosen), Objective(task)
@@ -50,7 +50,7 @@ def test_the_gradient_through_catches_is_that_of_differences(arm: fan.Marionette
 
     made = runs.run(first)
     assert made is not None
-    caught = [event for event in made[1].events if event.kind is fan.EventKind.CATCH]
+    caught = [event for event in made[1].events if event.kind is fan.motion.EventKind.CATCH]
     assert len(caught) >= 2
     nodes, ends = made[0], runs.ends(*made)
     program = objective.program(nodes, runs.linearise(nodes, ends), 0.0, 0.0)
@@ -79,7 +79,7 @@ def test_it_ends_at_the_optimum_of_the_run_itself(arm: fan.Marionette):
     task = reaching(arm, arm.rest())
     steps = fan.optimise(task, cost_tolerance=0.0)
     best = fan.optimise(task, cost_tolerance=0.0, exact=True)
-    assert best.status is fan.OptimalStatus.SOLVED
+    assert best.status is fan.control.OptimalStatus.SOLVED
     assert best.cost < steps.cost
     # Where the run is optimal, its cost rises with the square of any change.
     random = np.random.default_rng(0)
@@ -107,13 +107,18 @@ bodies:
 """)
     goal = {"cart.x": 1.0, "rod": 0.0}
     tracks = [
-        *(fan.Track.coordinate(n, q, weight=0.0, end_weight=100.0) for n, q in goal.items()),
-        *(fan.Track.velocity(n, weight=0.0, end_weight=100.0) for n in goal),
+        *(
+            fan.control.Track.coordinate(n, q, weight=0.0, end_weight=100.0)
+            for n, q in goal.items()
+        ),
+        *(fan.control.Track.velocity(n, weight=0.0, end_weight=100.0) for n in goal),
     ]
-    bounds = fan.Bounds(acceleration=2.0)
-    task = fan.Task(puppet, puppet.state(), 2.0, tracks, fan.Smooth(1.0, 0.0), bounds, interval=0.1)
+    bounds = fan.control.Bounds(acceleration=2.0)
+    task = fan.Task(
+        puppet, puppet.state(), 2.0, tracks, fan.control.Smooth(1.0, 0.0), bounds, interval=0.1
+    )
     best = fan.optimise(task, tolerance=1e-9, cost_tolerance=0.0, threads=1, exact=True)
-    assert best.status is fan.OptimalStatus.SOLVED
+    assert best.status is fan.control.OptimalStatus.SOLVED
 
     def cost(u: np.ndarray) -> float:
         inputs = replace(best.nodes, acc_K=u[:, None]).inputs()
@@ -133,6 +138,6 @@ def test_driven_rotations_are_refused():
     puppet = fan.puppets.marionette_bar()
     if not puppet.coordinates.rotations:
         pytest.skip("its bar does not turn")
-    task = fan.Task(puppet, puppet.rest(), 0.1, [fan.Track.velocity("*", 0.0)])
+    task = fan.Task(puppet, puppet.rest(), 0.1, [fan.control.Track.velocity("*", 0.0)])
     with pytest.raises(fan.errors.StateError, match="scalars"):
         fan.optimise(task, exact=True)

@@ -69,8 +69,8 @@ def test_a_hoist_is_as_fast_as_its_force_allows(hoist: fan.Marionette, most: flo
         hoist.rest(),
         (0.3, 2.0),
         [],
-        fan.Smooth(1e-9, 0.0),
-        fan.Bounds(force={"lift": (0.0, most)}),
+        fan.control.Smooth(1e-9, 0.0),
+        fan.control.Bounds(force={"lift": (0.0, most)}),
         end=hoist.rest({"lift": WAY}),
         interval=2.0 / 40,
     )
@@ -88,24 +88,24 @@ def test_a_winch_pulls_with_the_tension(arm: fan.Marionette):
     low, high = 0.9 * pull, 1.05 * pull
     found = []
     for bounds in (
-        fan.Bounds(tension={"hand": (low, high)}),
-        fan.Bounds(tension={"hand": (1e-3, np.inf)}, force={"hand.length": (-high, -low)}),
+        fan.control.Bounds(tension={"hand": (low, high)}),
+        fan.control.Bounds(tension={"hand": (1e-3, np.inf)}, force={"hand.length": (-high, -low)}),
     ):
         task = fan.Task(
             arm,
             x0,
             1.0,
-            [fan.Track.coordinate("hand.length", x0.q_K[1] - 0.05, weight=100.0)],
-            fan.Smooth(1e-2, 1e-5),
+            [fan.control.Track.coordinate("hand.length", x0.q_K[1] - 0.05, weight=100.0)],
+            fan.control.Smooth(1e-2, 1e-5),
             bounds,
             interval=0.05,
         )
         # Derivatives of time steps, not being those of tensions at nodes, end a percent above: the
         # search goes on with exact ones.
         found.append(fan.optimise(task, cost_tolerance=0.0, iterations=100))
-    free = fan.optimise(replace(found[0].task, bounds=fan.Bounds()), cost_tolerance=0.0)
+    free = fan.optimise(replace(found[0].task, bounds=fan.control.Bounds()), cost_tolerance=0.0)
     assert all(found) and free.cost < 0.99 * found[0].cost  # the bounds count
-    assert all(one.status is fan.OptimalStatus.SOLVED for one in found)
+    assert all(one.status is fan.control.OptimalStatus.SOLVED for one in found)
     assert found[1].cost == pytest.approx(found[0].cost, rel=1e-6)
 
 
@@ -120,7 +120,7 @@ def test_forces_change_with_motions_as_their_rows_say(cart: fan.Marionette):
         x0,
         0.5,
         [],
-        bounds=fan.Bounds(force={name: (-50.0, 50.0) for name in names}),
+        bounds=fan.control.Bounds(force={name: (-50.0, 50.0) for name in names}),
         interval=0.1,
         dt=0.001,
         parameters={"load": (0.2, 0.8)},
@@ -159,12 +159,12 @@ def test_forces_change_with_motions_as_their_rows_say(cart: fan.Marionette):
 def test_the_force_of_a_cart_holds_its_bounds(cart: fan.Marionette):
     x0 = cart.rest()
     tracks = [
-        fan.Track.coordinate("rail", 0.3, weight=0.0, end_weight=1e3),
-        fan.Track.velocity("*", weight=0.1),
+        fan.control.Track.coordinate("rail", 0.3, weight=0.0, end_weight=1e3),
+        fan.control.Track.velocity("*", weight=0.1),
     ]
-    bounds = fan.Bounds(force={"rail": (-0.6, 0.6)}, held=("line.length",))
-    task = fan.Task(cart, x0, 1.0, tracks, fan.Smooth(1e-3, 1e-6), bounds, interval=0.04)
-    free = fan.optimise(replace(task, bounds=fan.Bounds(held=("line.length",))))
+    bounds = fan.control.Bounds(force={"rail": (-0.6, 0.6)}, held=("line.length",))
+    task = fan.Task(cart, x0, 1.0, tracks, fan.control.Smooth(1e-3, 1e-6), bounds, interval=0.04)
+    free = fan.optimise(replace(task, bounds=fan.control.Bounds(held=("line.length",))))
     kept = fan.optimise(task)
     assert kept.holds, kept.summary()
     most = []
@@ -189,12 +189,17 @@ drives:
     )
     x0 = lift.rest()
     tracks = [
-        fan.Track.coordinate("lift", x0.q_D[0] + 0.2, weight=0.0, end_weight=1e3),
-        fan.Track.velocity("lift", weight=0.0, end_weight=1e2),
+        fan.control.Track.coordinate("lift", x0.q_D[0] + 0.2, weight=0.0, end_weight=1e3),
+        fan.control.Track.velocity("lift", weight=0.0, end_weight=1e2),
     ]
     most = []
-    for bounds in (fan.Bounds(), fan.Bounds(force={"lift.command": (0.0, 1.15 * MASS * g)})):
-        task = fan.Task(lift, x0, 0.6, tracks, fan.Smooth(1e-3, 1e-6), bounds, interval=0.02)
+    for bounds in (
+        fan.control.Bounds(),
+        fan.control.Bounds(force={"lift.command": (0.0, 1.15 * MASS * g)}),
+    ):
+        task = fan.Task(
+            lift, x0, 0.6, tracks, fan.control.Smooth(1e-3, 1e-6), bounds, interval=0.02
+        )
         best = fan.optimise(task)
         run = fan.simulate(lift, x0, best.inputs, 0.6, save_at=best.t)
         most.append(float(np.max(run.effort["lift.command"])))
@@ -206,15 +211,15 @@ def test_what_has_no_force_is_refused(arm: fan.Marionette, tmp_path):
     x0 = arm.rest()
 
     def task(force: dict, **more) -> fan.Task:
-        return fan.Task(arm, x0, 1.0, [], bounds=fan.Bounds(force=force), **more)
+        return fan.Task(arm, x0, 1.0, [], bounds=fan.control.Bounds(force=force), **more)
 
-    with pytest.raises(fan.UnknownNameError, match=r"hand\.length"):
+    with pytest.raises(fan.errors.UnknownNameError, match=r"hand\.length"):
         fan.optimise(task({"hand.lenght": (-1.0, 1.0)}))
-    with pytest.raises(fan.StateError, match=r"the force of hand\.length is bounded by"):
+    with pytest.raises(fan.errors.StateError, match=r"the force of hand\.length is bounded by"):
         fan.optimise(task({"hand.length": (1.0, -1.0)}))
-    with pytest.raises(fan.StateError, match="explore and bounds of forces"):
+    with pytest.raises(fan.errors.StateError, match="explore and bounds of forces"):
         task({"hand.length": (-50.0, 0.0)}, explore=1)
-    with pytest.raises(fan.StateError, match="bounds of forces"):
+    with pytest.raises(fan.errors.StateError, match="bounds of forces"):
         fan.MPC(arm, task({"hand.length": (-50.0, 0.0)}), horizon=0.5, nodes=10)
     stage = fan.loads("""
 puppet: block
@@ -228,13 +233,15 @@ strings:
   length: 0.5
 pose: {body.z: 0.05}
 """)
-    bounds = fan.Bounds(force={"line.x": (0.0, 1.0)})
-    with pytest.raises(fan.StateError, match="without contact"):
+    bounds = fan.control.Bounds(force={"line.x": (0.0, 1.0)})
+    with pytest.raises(fan.errors.StateError, match="without contact"):
         fan.optimise(fan.Task(stage, stage.rest(), 1.0, [], bounds=bounds))
     path = tmp_path / "t.yaml"
     text = "task: t\npuppet: arm2d\nduration: 1\nbounds:\n  force: {hand.length: [-50, 0]}\n"
     path.write_text(text, encoding="utf-8")
-    assert fan.load_task(path).bounds.force == {"hand.length": (-50.0, 0.0)}
+    assert fan.control.load_task(path).bounds.force == {"hand.length": (-50.0, 0.0)}
     path.write_text(text.replace("hand.length", "hand.long"), encoding="utf-8")
-    with pytest.raises(fan.FileError, match=r"t\.yaml:5: bounds\.force\.hand\.long.*hand\.length"):
-        fan.load_task(path)
+    with pytest.raises(
+        fan.errors.FileError, match=r"t\.yaml:5: bounds\.force\.hand\.long.*hand\.length"
+    ):
+        fan.control.load_task(path)

@@ -40,10 +40,12 @@ def chain(lengths: tuple[float, ...], masses: tuple[float, ...], on: str = "stri
     return fan.loads("\n".join([*lines, *strings, f"pose: {{{', '.join(pose)}}}"]))
 
 
-def optimum(problem: Problem, interval: float, step: float, on: str = "string") -> fan.Optimum:
+def optimum(
+    problem: Problem, interval: float, step: float, on: str = "string"
+) -> fan.control.Optimum:
     puppet = chain(problem.lengths, problem.masses, on)
     trolley = "trolley.x" if on == "rod" else "line0.x"
-    bounds = fan.Bounds(speed=problem.speed, acceleration=problem.acceleration)
+    bounds = fan.control.Bounds(speed=problem.speed, acceleration=problem.acceleration)
     x0, end = puppet.rest(), puppet.rest({trolley: problem.way})
     if on == "string":
         bounds = bounds.staying_taut(puppet, x0)
@@ -52,7 +54,7 @@ def optimum(problem: Problem, interval: float, step: float, on: str = "string") 
         x0,
         problem.duration,
         [],
-        fan.Smooth(problem.weight, 0.0),
+        fan.control.Smooth(problem.weight, 0.0),
         bounds,
         end=end,
         interval=interval,
@@ -88,5 +90,5 @@ def test_the_least_time_is_that_of_collocation_on_the_same_grid(name: str):
     best = optimum(problem, interval, step, on)
     found = best.run.t[-1]
     least = least_time(problem, guess=0.5 * sum(duration))
-    assert best.status is fan.OptimalStatus.SOLVED, best.summary()
+    assert best.status is fan.control.OptimalStatus.SOLVED, best.summary()
     assert found == pytest.approx(least, rel=TOLERANCE)

@@ -36,8 +36,8 @@ def thrown(arm: fan.Marionette) -> tuple[HybridRuns, Nodes]:
 
 
 @pytest.fixture(scope="module")
-def swing_up() -> fan.Optimum:
-    task = fan.load_task("swing_up")
+def swing_up() -> fan.control.Optimum:
+    task = fan.control.load_task("swing_up")
     return fan.optimise(task, iterations=100, cost_tolerance=1e-7, time_limit=300.0)
 
 
@@ -50,15 +50,15 @@ def few_runs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def elbow_straight(explore: int) -> fan.Task:
     """The arm, to be stretched for a while."""
-    tracks = [fan.Track.coordinate("elbow", 0.5, weight=100.0)]
+    tracks = [fan.control.Track.coordinate("elbow", 0.5, weight=100.0)]
     return replace(
-        fan.load_task("swing_up"), duration=0.5, end=None, tracks=tracks, explore=explore
+        fan.control.load_task("swing_up"), duration=0.5, end=None, tracks=tracks, explore=explore
     )
 
 
 def events(run: fan.Trajectory) -> list[str]:
     """Releases and catches, in order."""
-    kinds = (fan.EventKind.RELEASE, fan.EventKind.CATCH)
+    kinds = (fan.motion.EventKind.RELEASE, fan.motion.EventKind.CATCH)
     return [event.kind.value for event in run.events if event.kind in kinds]
 
 
@@ -116,13 +116,13 @@ def test_tensions_change_as_derivatives_say(thrown: tuple[HybridRuns, Nodes]):
 
 def test_driven_rotations_are_refused_by_name():
     bar = fan.puppets.marionette_bar()
-    with pytest.raises(fan.StateError, match="driven rotation"):
+    with pytest.raises(fan.errors.StateError, match="driven rotation"):
         fan.optimise(fan.Task(bar, bar.rest(), 0.1, [], interval=0.05, explore=1))
 
 
-def test_the_arm_is_thrown_up_on_a_slack_string_and_caught(swing_up: fan.Optimum):
+def test_the_arm_is_thrown_up_on_a_slack_string_and_caught(swing_up: fan.control.Optimum):
     assert swing_up.holds, swing_up.summary()
-    assert swing_up.status in (fan.OptimalStatus.SOLVED, fan.OptimalStatus.SETTLED)
+    assert swing_up.status in (fan.control.OptimalStatus.SOLVED, fan.control.OptimalStatus.SETTLED)
     task, run = swing_up.task, swing_up.run
     slack = np.sum(np.diff(run.t) * (run.tension["hand"][:-1] == 0.0))
     assert slack > 0.2
@@ -143,13 +143,13 @@ def test_the_arm_is_thrown_up_on_a_slack_string_and_caught(swing_up: fan.Optimum
 
 
 def test_without_exploration_it_is_not_found_and_the_status_says_so():
-    task = replace(fan.load_task("swing_up"), explore=0)
+    task = replace(fan.control.load_task("swing_up"), explore=0)
     found = fan.optimise(task, iterations=30)
-    assert found.status is fan.OptimalStatus.VIOLATED
+    assert found.status is fan.control.OptimalStatus.VIOLATED
     assert found.end_gap > 0.1
 
 
-def test_another_optimiser_comes_to_the_same_motion_from_beside_it(swing_up: fan.Optimum):
+def test_another_optimiser_comes_to_the_same_motion_from_beside_it(swing_up: fan.control.Optimum):
     """SciPy's, over event-driven runs alone, with gradients of its own differences."""
     task, nodes = swing_up.task, swing_up.nodes
     arm, h, t = task.marionette, nodes.interval, nodes.t
@@ -211,7 +211,7 @@ def test_the_best_of_several_explorations_is_kept(few_runs: None):
 
 def test_a_free_duration_ends_where_it_is_best():
     """The same cost with time at a price: shorter than the longest, and the price is paid."""
-    task = replace(fan.load_task("swing_up"), duration=(0.7, 1.1), time_weight=20.0)
+    task = replace(fan.control.load_task("swing_up"), duration=(0.7, 1.1), time_weight=20.0)
     found = fan.optimise(task, iterations=60, time_limit=300.0, seed=1)
     assert found.holds, found.summary()
     assert 0.7 <= found.run.t[-1] < 1.1 - 1e-3
@@ -226,13 +226,13 @@ def test_ctrl_c_while_it_explores_keeps_the_best_so_far():
             raise KeyboardInterrupt
 
     found = fan.optimise(elbow_straight(1), progress=interrupt)
-    assert found.status is fan.OptimalStatus.STOPPED
+    assert found.status is fan.control.OptimalStatus.STOPPED
     assert found.cost < found.curve[0][1]
 
 
 def test_random_inputs_keep_within_their_bounds(arm: fan.Marionette):
     """And can stop there: motions that would go on for ever come to rest at the bound."""
-    task = fan.load_task("swing_up")
+    task = fan.control.load_task("swing_up")
     driven, h = Driven.of(task), 0.03
     rng = np.random.default_rng(0)
     wild = 60.0 * rng.standard_normal((50, 80, 2))
@@ -258,10 +258,10 @@ def test_random_inputs_keep_within_their_bounds(arm: fan.Marionette):
 
 @pytest.mark.parametrize("explore", [-1, 1.5])
 def test_explorations_are_counted_in_whole_numbers(arm: fan.Marionette, explore: float):
-    with pytest.raises(fan.StateError, match="a whole number"):
+    with pytest.raises(fan.errors.StateError, match="a whole number"):
         fan.Task(arm, arm.rest(), 1.0, [], explore=explore)  # type: ignore[arg-type]
 
 
 def test_parameters_are_not_chosen_while_it_explores(arm: fan.Marionette):
-    with pytest.raises(fan.StateError, match="do not go together"):
+    with pytest.raises(fan.errors.StateError, match="do not go together"):
         fan.Task(arm, arm.rest(), 1.0, [], parameters={"m1": (0.1, 0.2)}, explore=1)

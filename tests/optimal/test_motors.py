@@ -91,8 +91,11 @@ def cart() -> fan.Marionette:
 
 
 def least_time(
-    hoist: fan.Marionette, bounds: fan.Bounds, intervals: int, guess: fan.Input | None = None
-) -> fan.Optimum:
+    hoist: fan.Marionette,
+    bounds: fan.control.Bounds,
+    intervals: int,
+    guess: fan.Input | None = None,
+) -> fan.control.Optimum:
     """From rest to rest over WAY."""
     end = hoist.rest({"lift.command": WAY})
     task = fan.Task(
@@ -100,7 +103,7 @@ def least_time(
         hoist.rest(),
         (0.3, 2.0),
         [],
-        fan.Smooth(1e-9, 0.0),
+        fan.control.Smooth(1e-9, 0.0),
         bounds,
         end=end,
         interval=2.0 / intervals,
@@ -171,7 +174,7 @@ def test_a_hoist_is_as_fast_as_its_voltage_allows(hoist: fan.Marionette):
     """Beside linear programs over the same intervals, and the closed form in their limit."""
     times = []
     for intervals in (40, 80):
-        best = least_time(hoist, fan.Bounds(voltage={"lift.command": 12.0}), intervals)
+        best = least_time(hoist, fan.control.Bounds(voltage={"lift.command": 12.0}), intervals)
         times.append(best.run.t[-1])
         assert times[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, intervals), rel=1e-7)
         run = fan.simulate(hoist, hoist.rest(), best.inputs, times[-1])
@@ -186,7 +189,7 @@ def test_a_hoist_is_as_fast_as_its_voltage_allows(hoist: fan.Marionette):
 
 @pytest.mark.parametrize(("current", "voltage"), [(6.0, np.inf), (4.0, 12.0), (8.0, 20.0)])
 def test_a_hoist_is_as_fast_as_its_current_and_voltage_allow(hoist, current, voltage):
-    best = least_time(hoist, fan.Bounds(current=current, voltage=voltage), 40)
+    best = least_time(hoist, fan.control.Bounds(current=current, voltage=voltage), 40)
     assert best.run.t[-1] == pytest.approx(by_linear_programs(current, voltage, 40), rel=1e-7)
     run = fan.simulate(hoist, hoist.rest(), best.inputs, best.run.t[-1])
     i = run.effort["lift.command"] / (TURNS * CONSTANT)
@@ -198,13 +201,13 @@ def test_a_search_from_a_motor_at_its_limit_finds_the_way_back():
     """With a bound at the supply's voltage, from a motion that asks for far more."""
     weak = fan.loads(HOIST.replace("voltage: 48", "voltage: 12"))
     hurried = fan.Input.waypoints(weak, {"lift.command": [(0, 0.0), (0.25, WAY)]})
-    best = least_time(weak, fan.Bounds(voltage=12.0), 40, hurried)
+    best = least_time(weak, fan.control.Bounds(voltage=12.0), 40, hurried)
     assert best.run.t[-1] == pytest.approx(by_linear_programs(np.inf, 12.0, 40), rel=1e-7)
 
 
 def test_a_drive_that_follows_takes_the_least_time_of_its_command(hoist: fan.Marionette):
     """T = 2 sqrt(way / a), which derivatives of time steps miss behind a stiff controller."""
-    best = least_time(hoist, fan.Bounds(acceleration=8.0), 20)
+    best = least_time(hoist, fan.control.Bounds(acceleration=8.0), 20)
     assert best.run.t[-1] == pytest.approx(2.0 * np.sqrt(WAY / 8.0), rel=1e-6)
 
 
@@ -225,11 +228,13 @@ def test_a_spring_behind_a_command_keeps_its_voltage():
     lift = fan.loads(HOIST.replace(FOLLOWS, "{type: pd, stiffness: 2000, damping: 120}"))
     x0, most = lift.rest(), []
     tracks = [
-        fan.Track.coordinate("lift", x0.q_D[0] + 0.3, weight=0.0, end_weight=1e3),
-        fan.Track.velocity("lift", weight=0.0, end_weight=1e2),
+        fan.control.Track.coordinate("lift", x0.q_D[0] + 0.3, weight=0.0, end_weight=1e3),
+        fan.control.Track.velocity("lift", weight=0.0, end_weight=1e2),
     ]
-    for bounds in (fan.Bounds(), fan.Bounds(voltage=9.0)):
-        task = fan.Task(lift, x0, 0.5, tracks, fan.Smooth(1e-4, 1e-7), bounds, interval=0.02)
+    for bounds in (fan.control.Bounds(), fan.control.Bounds(voltage=9.0)):
+        task = fan.Task(
+            lift, x0, 0.5, tracks, fan.control.Smooth(1e-4, 1e-7), bounds, interval=0.02
+        )
         best = fan.optimise(task)
         run = fan.simulate(lift, x0, best.inputs, 0.5, save_at=best.t)
         most.append(float(np.max(np.abs(voltages(run)))))
@@ -250,7 +255,7 @@ def test_voltages_change_with_motions_as_their_rows_say(cart: fan.Marionette):
         x0,
         0.4,
         [],
-        bounds=fan.Bounds(voltage=20.0, current={"line.command.length": 9.0}),
+        bounds=fan.control.Bounds(voltage=20.0, current={"line.command.length": 9.0}),
         interval=0.1,
         parameters=spans,
     )
@@ -285,18 +290,22 @@ def test_voltages_change_with_motions_as_their_rows_say(cart: fan.Marionette):
 
 def test_what_has_no_motor_is_refused(hoist: fan.Marionette, tmp_path):
     def found(puppet: fan.Marionette, **bounds) -> None:
-        fan.optimise(fan.Task(puppet, puppet.rest(), 1.0, [], bounds=fan.Bounds(**bounds)))
+        fan.optimise(fan.Task(puppet, puppet.rest(), 1.0, [], bounds=fan.control.Bounds(**bounds)))
 
-    with pytest.raises(fan.UnknownNameError, match=r"voltage.*'lift'; the names are lift\.command"):
+    with pytest.raises(
+        fan.errors.UnknownNameError, match=r"voltage.*'lift'; the names are lift\.command"
+    ):
         found(hoist, voltage={"lift": 12.0})
     arm = fan.puppets.arm2d()
-    with pytest.raises(fan.UnknownNameError, match=r"current.*'hand\.length'.*there are none"):
+    with pytest.raises(
+        fan.errors.UnknownNameError, match=r"current.*'hand\.length'.*there are none"
+    ):
         found(arm, current={"hand.length": 1.0})
-    with pytest.raises(fan.StateError, match=r"voltage is 12\.0.*a puppet with a dc motor"):
+    with pytest.raises(fan.errors.StateError, match=r"voltage is 12\.0.*a puppet with a dc motor"):
         found(arm, voltage=12.0)
-    with pytest.raises(fan.StateError, match=r"voltage of lift\.command is 0\.0"):
+    with pytest.raises(fan.errors.StateError, match=r"voltage of lift\.command is 0\.0"):
         found(hoist, voltage={"lift.command": 0.0})
-    with pytest.raises(fan.StateError, match=r"voltage of lift\.command is \(0, 12\)"):
+    with pytest.raises(fan.errors.StateError, match=r"voltage of lift\.command is \(0, 12\)"):
         found(hoist, voltage={"lift.command": (0, 12)})
     servo = fan.loads(
         HOIST.replace(
@@ -305,15 +314,15 @@ def test_what_has_no_motor_is_refused(hoist: fan.Marionette, tmp_path):
             "{type: servo, torque: 3}",
         )
     )
-    with pytest.raises(fan.UnknownNameError, match="there are none"):
+    with pytest.raises(fan.errors.UnknownNameError, match="there are none"):
         found(servo, voltage={"lift.command": 12.0})
-    task = fan.Task(hoist, hoist.rest(), 1.0, [], bounds=fan.Bounds(voltage=12.0))
-    with pytest.raises(fan.StateError, match="explore and bounds of forces, voltages"):
+    task = fan.Task(hoist, hoist.rest(), 1.0, [], bounds=fan.control.Bounds(voltage=12.0))
+    with pytest.raises(fan.errors.StateError, match="explore and bounds of forces, voltages"):
         replace(task, explore=1)
-    with pytest.raises(fan.StateError, match="bounds of forces, voltages"):
+    with pytest.raises(fan.errors.StateError, match="bounds of forces, voltages"):
         fan.MPC(hoist, task, horizon=0.5, nodes=10)
     stage = HOIST.replace("bodies:", "floor: -1\ncontact: {friction: 0.3}\nbodies:")
-    with pytest.raises(fan.StateError, match="voltages want a puppet without contact"):
+    with pytest.raises(fan.errors.StateError, match="voltages want a puppet without contact"):
         found(fan.loads(stage), voltage=12.0)
 
 
@@ -333,7 +342,7 @@ def test_task_files_bound_motors(tmp_path):
 
     def load(text: str) -> fan.Task:
         path.write_text(text.lstrip(), encoding="utf-8")
-        return fan.load_task(path)
+        return fan.control.load_task(path)
 
     bounds = load(TASK).bounds
     assert bounds.voltage == {"lift.command": 12.0} and bounds.current == 6.0
@@ -345,5 +354,5 @@ def test_task_files_bound_motors(tmp_path):
         (("hoist.yaml", "arm2d"), r"t\.yaml:6: bounds\.current: .*a puppet with a dc motor"),
         (("duration: 1", "duration: 1\nslack: true\nexplore: 1"), r"explore: .*bounds\.voltage"),
     ):
-        with pytest.raises(fan.FileError, match=words):
+        with pytest.raises(fan.errors.FileError, match=words):
             load(TASK.replace(*change))

@@ -58,7 +58,7 @@ def test_an_undisturbed_arm_that_hangs_in_place_is_left_alone(arm):
 
 
 def test_bounds_of_inputs_are_never_left(arm):
-    bounds = fan.Bounds(acceleration=0.2, speed=0.08)
+    bounds = fan.control.Bounds(acceleration=0.2, speed=0.08)
     mpc = holding(arm, bounds=bounds)
     stepper, most = arm.stepper(kicked(arm, 2.0)), []
     for _ in range(40):
@@ -102,15 +102,15 @@ def test_a_task_goes_along_with_time(arm):
         s = min(max(t, 0.0), 1.0)
         return place + np.array([0.05 * s**3 * (10.0 + s * (6.0 * s - 15.0)), 0.0, 0.0])
 
-    late = fan.Track.velocity("*", 0.0, weight=1e-3, start=1.0)
-    tracks = [fan.Track.point("lower", path, at=TIP, weight=1e4), late]
-    task = fan.Task(arm, arm.rest(), 1.5, tracks, bounds=fan.Bounds(acceleration=10.0))
+    late = fan.control.Track.velocity("*", 0.0, weight=1e-3, start=1.0)
+    tracks = [fan.control.Track.point("lower", path, at=TIP, weight=1e4), late]
+    task = fan.Task(arm, arm.rest(), 1.5, tracks, bounds=fan.control.Bounds(acceleration=10.0))
     x = followed(arm, fan.MPC(arm, task, horizon=0.4, nodes=20), arm.rest(), 75)
     assert np.linalg.norm(tip(arm, x) - path(1.5)) < 2e-3
 
 
 def test_mistakes_are_named(arm):
-    task = fan.Task(arm, arm.rest(), 1.0, [fan.Track.velocity("*")])
+    task = fan.Task(arm, arm.rest(), 1.0, [fan.control.Track.velocity("*")])
     with pytest.raises(StateError, match="another puppet"):
         fan.MPC(fan.puppets.arm2d(), task)
     with pytest.raises(StateError, match="free"):
@@ -119,13 +119,13 @@ def test_mistakes_are_named(arm):
         fan.MPC(arm, replace(task, end=arm.rest()))
     with pytest.raises(StateError, match="before the state's time"):
         fan.MPC(arm, task).step(arm.rest().replace(t=1.0), 0.5)
-    with pytest.raises(fan.UnknownNameError):
+    with pytest.raises(fan.errors.UnknownNameError):
         fan.MPC(arm, {"lowr": (0.0, 0.0, 0.0)})
 
 
 def test_a_marionette_draws_its_circle_after_a_kick():
     """25 degrees of freedom, 21 inputs, 50 nodes; strings go slack on the way."""
-    task = fan.load_task("circle")
+    task = fan.control.load_task("circle")
     puppet = task.marionette
     free = replace(task, bounds=replace(task.bounds, held=(), speed=1.5))
     mpc = fan.MPC(puppet, free)

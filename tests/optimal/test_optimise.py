@@ -27,7 +27,7 @@ def circle(arm: fan.Marionette) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def round_trip(arm: fan.Marionette, circle: np.ndarray) -> fan.Optimum:
+def round_trip(arm: fan.Marionette, circle: np.ndarray) -> fan.control.Optimum:
     return fan.follow(arm, {("lower", TIP): circle}, 2.0)
 
 
@@ -54,8 +54,8 @@ def shortest() -> float:
 
 @pytest.mark.parametrize("name", ["crane", pytest.param("circle", marks=pytest.mark.slow)])
 def test_the_bundled_tasks_converge(name: str):
-    best = fan.optimise(fan.load_task(name), time_limit=600.0)
-    assert best.status is fan.OptimalStatus.SOLVED and best.is_exact, best.summary()
+    best = fan.optimise(fan.control.load_task(name), time_limit=600.0)
+    assert best.status is fan.control.OptimalStatus.SOLVED and best.is_exact, best.summary()
     assert best.kkt <= 1e-6 and not best.reason
     assert f"{len(best.nodes)} intervals" in best.summary(), "the summary tells of the grid"
 
@@ -67,8 +67,8 @@ def test_a_crane_goes_from_rest_to_rest_in_the_least_time(small_crane: fan.Mario
         small_crane.rest(),
         (0.5, 3.0),
         [],
-        fan.Smooth(1e-8, 0.0),
-        fan.Bounds(acceleration=MOST, held=("line.length",)),
+        fan.control.Smooth(1e-8, 0.0),
+        fan.control.Bounds(acceleration=MOST, held=("line.length",)),
         end=there,
         interval=0.03,
         dt=0.002,
@@ -85,9 +85,12 @@ def test_a_crane_goes_from_rest_to_rest_in_the_least_time(small_crane: fan.Mario
 
 
 def test_the_tip_follows_a_circle_event_driven(
-    arm: fan.Marionette, circle: np.ndarray, round_trip: fan.Optimum
+    arm: fan.Marionette, circle: np.ndarray, round_trip: fan.control.Optimum
 ):
-    assert round_trip.status in (fan.OptimalStatus.SOLVED, fan.OptimalStatus.SETTLED)
+    assert round_trip.status in (
+        fan.control.OptimalStatus.SOLVED,
+        fan.control.OptimalStatus.SETTLED,
+    )
     run = fan.simulate(arm, arm.rest(), round_trip.inputs, 2.0, save_at=np.linspace(0, 2, 81))
     at = run.resample(np.linspace(0, 2, 81))
     pose = arm.poses(at.q_D, at.q_K)[:, 1]
@@ -98,7 +101,7 @@ def test_the_tip_follows_a_circle_event_driven(
 
 
 def test_the_cost_is_the_integral_of_the_run(
-    arm: fan.Marionette, circle: np.ndarray, round_trip: fan.Optimum
+    arm: fan.Marionette, circle: np.ndarray, round_trip: fan.control.Optimum
 ):
     run, h = round_trip.run, round_trip.nodes.interval
     at = run.resample(round_trip.t)
@@ -106,7 +109,7 @@ def test_the_cost_is_the_integral_of_the_run(
     path = np.stack([np.interp(round_trip.t, np.linspace(0, 2, 81), c) for c in circle.T], axis=1)
     off = np.sum((pose[..., 3] + pose[..., :3] @ np.array(TIP) - path) ** 2, axis=1)
     total = 0.5 * 1e4 * np.trapezoid(off, round_trip.t)
-    smooth, acc = fan.Smooth(), round_trip.nodes.acc_K
+    smooth, acc = fan.control.Smooth(), round_trip.nodes.acc_K
     total += 0.5 * smooth.acceleration * h * np.sum(acc**2)
     jumps = np.diff(acc, axis=0, prepend=0.0, append=0.0)
     total += 0.5 * smooth.jerk / h * np.sum(jumps**2)
@@ -116,9 +119,11 @@ def test_the_cost_is_the_integral_of_the_run(
 def test_another_optimiser_finds_no_lower_cost(small_crane: fan.Marionette):
     """Few accelerations, each tried by differences of event-driven runs."""
     x0, N, T = small_crane.rest(), 6, 1.2
-    tracks = [fan.Track.coordinate("bob.x", lambda t: 0.1 * t**2, weight=50.0, end_weight=20.0)]
-    bounds = fan.Bounds(held=("line.length",), acceleration={"line.x": 0.4})
-    smooth = fan.Smooth(1e-2, 1e-4)
+    tracks = [
+        fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t**2, weight=50.0, end_weight=20.0)
+    ]
+    bounds = fan.control.Bounds(held=("line.length",), acceleration={"line.x": 0.4})
+    smooth = fan.control.Smooth(1e-2, 1e-4)
     task = fan.Task(small_crane, x0, T, tracks, smooth, bounds, interval=0.2, dt=0.001)
     best = fan.optimise(task, cost_tolerance=1e-9)
     h = T / N
@@ -152,7 +157,7 @@ def test_bounds_of_tensions_jerks_and_joints_hold(arm: fan.Marionette, circle: n
     least = 0.5 * (np.min(tension) + tension[0])
     elbow = free.run.q_D[:, 1]
     lowest = float(np.min(elbow)) + 0.02
-    bounds = fan.Bounds(
+    bounds = fan.control.Bounds(
         tension={"hand": (least, np.inf)}, joint={"elbow": (lowest, 3.0)}, jerk=10.0
     )
     kept = fan.follow(arm, {("lower", TIP): circle}, 2.0, bounds=bounds)
@@ -165,25 +170,27 @@ def test_bounds_of_tensions_jerks_and_joints_hold(arm: fan.Marionette, circle: n
 
 
 def test_a_start_beyond_its_bounds_is_named(arm: fan.Marionette):
-    bounds = fan.Bounds(joint={"elbow": (-1.0, 1.0)})
-    with pytest.raises(fan.StateError, match=r"elbow is 2\.13.* at the start, beyond its bounds"):
+    bounds = fan.control.Bounds(joint={"elbow": (-1.0, 1.0)})
+    with pytest.raises(
+        fan.errors.StateError, match=r"elbow is 2\.13.* at the start, beyond its bounds"
+    ):
         fan.follow(arm, {"elbow": 0.5}, 1.0, bounds=bounds)
 
 
 def test_an_end_that_cannot_be_reached_is_told(small_crane: fan.Marionette):
-    bounds = fan.Bounds(acceleration=0.01, held=("line.length",))
+    bounds = fan.control.Bounds(acceleration=0.01, held=("line.length",))
     end = small_crane.rest({"line.x": 0.5})
     task = fan.Task(small_crane, small_crane.rest(), 1.0, [], bounds=bounds, end=end, interval=0.1)
     found = fan.optimise(task, iterations=10)
     assert not found
-    assert found.status is fan.OptimalStatus.VIOLATED
+    assert found.status is fan.control.OptimalStatus.VIOLATED
     assert found.end_gap > 0.4
     assert "does not reach its end" in found.summary()
 
 
 def test_it_goes_on_from_what_was_found(arm: fan.Marionette, circle: np.ndarray):
     first = fan.follow(arm, {("lower", TIP): circle}, 2.0, iterations=2)
-    assert first.status is fan.OptimalStatus.ITERATIONS
+    assert first.status is fan.control.OptimalStatus.ITERATIONS
     again = fan.optimise(first.task, first)
     assert again.cost < first.cost
     from_inputs = fan.optimise(first.task, first.inputs, iterations=0)
@@ -202,11 +209,11 @@ def test_ctrl_c_keeps_the_best_so_far(arm: fan.Marionette, circle: np.ndarray):
         raise KeyboardInterrupt
 
     found = fan.follow(arm, {("lower", TIP): circle}, 2.0, progress=interrupt)
-    assert found.status is fan.OptimalStatus.STOPPED
+    assert found.status is fan.control.OptimalStatus.STOPPED
     assert found.cost < found.curve[0][1]
 
 
-def test_gains_bring_a_disturbed_arm_back(arm: fan.Marionette, round_trip: fan.Optimum):
+def test_gains_bring_a_disturbed_arm_back(arm: fan.Marionette, round_trip: fan.control.Optimum):
     nodes, K = round_trip.nodes, round_trip.gains
     x0 = arm.rest()
     pushed = x0.replace(v_D=x0.v_D + np.array([0.3, 0.0]))
@@ -251,17 +258,17 @@ def test_targets_that_are_none(arm: fan.Marionette, targets: dict, words: str):
 @pytest.mark.parametrize(
     ("bounds", "words"),
     [
-        (fan.Bounds(speed=0.0), "greater than 0"),
-        (fan.Bounds(speed={"hand.y": 1.0}), r"hand\.x"),
-        (fan.Bounds(position={"hand.x": (1.0, 0.0)}), "the first must be less"),
-        (fan.Bounds(tension={"hnd": (0.0, 1.0)}), "hand"),
-        (fan.Bounds(tension={"hand": (np.nan, 1.0)}), "a lower and a higher one"),
-        (fan.Bounds(tension={"hand": 1.0}), "a lower and a higher one"),  # type: ignore[dict-item]
-        (fan.Bounds(joint={"elbo": (0.0, 1.0)}), "elbow"),
-        (fan.Bounds(held=("hand.z",)), r"hand\.x"),
+        (fan.control.Bounds(speed=0.0), "greater than 0"),
+        (fan.control.Bounds(speed={"hand.y": 1.0}), r"hand\.x"),
+        (fan.control.Bounds(position={"hand.x": (1.0, 0.0)}), "the first must be less"),
+        (fan.control.Bounds(tension={"hnd": (0.0, 1.0)}), "hand"),
+        (fan.control.Bounds(tension={"hand": (np.nan, 1.0)}), "a lower and a higher one"),
+        (fan.control.Bounds(tension={"hand": 1.0}), "a lower and a higher one"),  # type: ignore[dict-item]
+        (fan.control.Bounds(joint={"elbo": (0.0, 1.0)}), "elbow"),
+        (fan.control.Bounds(held=("hand.z",)), r"hand\.x"),
     ],
 )
-def test_bounds_that_are_none(arm: fan.Marionette, bounds: fan.Bounds, words: str):
+def test_bounds_that_are_none(arm: fan.Marionette, bounds: fan.control.Bounds, words: str):
     with pytest.raises(fan.FantocciniError, match=words):
         fan.follow(arm, {"elbow": 0.5}, 1.0, bounds=bounds)
 
@@ -270,9 +277,9 @@ def test_the_motion_does_not_depend_on_the_unit_of_the_cost(arm: fan.Marionette)
     x0 = arm.rest()
     found = []
     for unit in (1.0, 1e-4):
-        tracks = [fan.Track.coordinate("elbow", 2.1, weight=unit)]
-        smooth = fan.Smooth(1e-4 * unit, 1e-6 * unit)
-        bounds = fan.Bounds().staying_taut(arm, x0)
+        tracks = [fan.control.Track.coordinate("elbow", 2.1, weight=unit)]
+        smooth = fan.control.Smooth(1e-4 * unit, 1e-6 * unit)
+        bounds = fan.control.Bounds().staying_taut(arm, x0)
         task = fan.Task(arm, x0, 1.0, tracks, smooth, bounds, interval=0.05)
         found.append(fan.optimise(task))
     assert found[1].iterations > 3
@@ -282,53 +289,58 @@ def test_the_motion_does_not_depend_on_the_unit_of_the_cost(arm: fan.Marionette)
 def test_a_guess_is_of_the_task_that_is_asked_for(small_crane: fan.Marionette):
     """Its own duration and start, held inputs that do not move, accelerations within bounds."""
     x0 = small_crane.rest()
-    tracks = [fan.Track.coordinate("bob.x", 0.1)]
+    tracks = [fan.control.Track.coordinate("bob.x", 0.1)]
     short = fan.optimise(fan.Task(small_crane, x0, 1.0, tracks, interval=0.1), iterations=2)
-    bounds = fan.Bounds(acceleration={"line.x": 0.2}, held=("line.length",))
-    task = fan.Task(small_crane, x0.replace(t=5.0), 2.0, tracks, fan.Smooth(), bounds, interval=0.2)
+    bounds = fan.control.Bounds(acceleration={"line.x": 0.2}, held=("line.length",))
+    task = fan.Task(
+        small_crane, x0.replace(t=5.0), 2.0, tracks, fan.control.Smooth(), bounds, interval=0.2
+    )
     found = fan.optimise(task, short, iterations=0)
     assert found.run.t[[0, -1]] == pytest.approx([5.0, 7.0])
     assert np.max(np.abs(found.nodes.acc_K[:, 0])) <= 0.2
     assert np.all(found.run.q_K[:, 1] == x0.q_K[1])
-    bounds = fan.Bounds(speed={"line.x": 1e-3})
-    fast = fan.Task(small_crane, x0, 1.0, tracks, fan.Smooth(), bounds, interval=0.1)
+    bounds = fan.control.Bounds(speed={"line.x": 1e-3})
+    fast = fan.Task(small_crane, x0, 1.0, tracks, fan.control.Smooth(), bounds, interval=0.1)
     assert not fan.optimise(fast, short, iterations=0)  # what is beyond its bounds does not hold
 
 
 def test_what_is_not_differentiated_is_refused(small_crane: fan.Marionette):
     x0 = small_crane.rest()
-    moving = [fan.Track.coordinate("bob.x", lambda t: 0.1 * t)]
-    with pytest.raises(fan.StateError, match="paths must be values"):
+    moving = [fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t)]
+    with pytest.raises(fan.errors.StateError, match="paths must be values"):
         fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), moving))
-    with pytest.raises(fan.StateError, match="a bound of jerk"):
-        fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), [], bounds=fan.Bounds(jerk=1.0)))
+    with pytest.raises(fan.errors.StateError, match="a bound of jerk"):
+        fan.optimise(fan.Task(small_crane, x0, (1.0, 2.0), [], bounds=fan.control.Bounds(jerk=1.0)))
     winch = fan.loads(SMALL_CRANE.replace("length: driven", "length: driven\n    max_tension: 9.0"))
-    with pytest.raises(fan.StateError, match="the winch of line may slip"):
+    with pytest.raises(fan.errors.StateError, match="the winch of line may slip"):
         fan.optimise(fan.Task(winch, winch.rest(), 1.0, []))
     pushed = x0.replace(v_K=np.array([0.0, 0.1]))
-    with pytest.raises(fan.StateError, match=r"line\.length is held, and moves"):
-        held = fan.Bounds(held=("line.length",))
+    with pytest.raises(fan.errors.StateError, match=r"line\.length is held, and moves"):
+        held = fan.control.Bounds(held=("line.length",))
         fan.optimise(fan.Task(small_crane, pushed, 1.0, [], bounds=held))
 
 
 @pytest.mark.parametrize(
     ("track", "words"),
     [
-        (lambda: fan.Track.coordinate("bob.x", 0.1, start=0.61, end=0.69), "no node lies there"),
-        (lambda: fan.Track.coordinate("bob.x", 0.1, start=0.6, end=0.2), "must be less"),
-        (lambda: fan.Track.tension("line", 4.0, end_weight=1.0), "end_weight"),
+        (
+            lambda: fan.control.Track.coordinate("bob.x", 0.1, start=0.61, end=0.69),
+            "no node lies there",
+        ),
+        (lambda: fan.control.Track.coordinate("bob.x", 0.1, start=0.6, end=0.2), "must be less"),
+        (lambda: fan.control.Track.tension("line", 4.0, end_weight=1.0), "end_weight"),
     ],
 )
 def test_tracks_that_are_none(small_crane: fan.Marionette, track, words: str):
-    with pytest.raises(fan.StateError, match=words):
+    with pytest.raises(fan.errors.StateError, match=words):
         fan.optimise(fan.Task(small_crane, small_crane.rest(), 1.0, [track()], interval=0.1))
 
 
 def test_tasks_that_are_none(arm: fan.Marionette):
     x0 = arm.rest()
-    with pytest.raises(fan.StateError, match="a lower and a higher one"):
+    with pytest.raises(fan.errors.StateError, match="a lower and a higher one"):
         fan.Task(arm, x0, (2.0, 1.0), [])
-    with pytest.raises(fan.StateError, match="a list of Track"):
+    with pytest.raises(fan.errors.StateError, match="a list of Track"):
         fan.Task(arm, x0, 1.0, ["elbow"])  # type: ignore[list-item]
     with pytest.raises(ValueError, match="interval"):
         fan.Task(arm, x0, 1.0, [], interval=0.0)

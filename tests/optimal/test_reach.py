@@ -75,20 +75,26 @@ def test_a_plumb_bob_hangs_straight_below_its_end():
 def test_what_keeps_a_bob_from_its_place_is_named():
     plumb = fan.loads(PLUMB)
     high = fan.reach(
-        plumb, {"bob": [0.0, 0.0, 2.5]}, bounds=fan.Bounds(position={"line.length": (0.02, 3.0)})
+        plumb,
+        {"bob": [0.0, 0.0, 2.5]},
+        bounds=fan.control.Bounds(position={"line.length": (0.02, 3.0)}),
     )[0]
-    assert high.status is fan.ReachStatus.OUT_OF_REACH and not high
+    assert high.status is fan.control.ReachStatus.OUT_OF_REACH and not high
     assert high.distance == pytest.approx(0.52, abs=1e-6)
     assert high.limits == ("the string line would have to be shorter than 0.02 m",)
     assert "bob comes no nearer than 520 mm" in high.summary()
-    held = fan.reach(plumb, {"bob": [0.4, 0.3, 1.0]}, bounds=fan.Bounds(held=("line.x",)))[0]
+    held = fan.reach(plumb, {"bob": [0.4, 0.3, 1.0]}, bounds=fan.control.Bounds(held=("line.x",)))[
+        0
+    ]
     assert held.distance == pytest.approx(0.4, abs=1e-6)
     assert held.limits == ("nothing that is driven moves bob any further along (1.00, 0.00, 0.00)",)
 
 
 def test_a_free_direction_does_not_count():
     plumb = fan.loads(PLUMB)
-    found = fan.reach(plumb, {"bob": [np.nan, 0.3, 0.8]}, bounds=fan.Bounds(held=("line.x",)))
+    found = fan.reach(
+        plumb, {"bob": [np.nan, 0.3, 0.8]}, bounds=fan.control.Bounds(held=("line.x",))
+    )
     assert found and found.q_D[0] == pytest.approx([0.0, 0.3, 0.8], abs=1e-6)
 
 
@@ -114,7 +120,7 @@ def test_places_that_contradict_are_weighed():
     assert found.distances == pytest.approx(
         {"bob": 0.75 * apart, "bob at (0, 0, 0.1)": 0.25 * apart}, abs=1e-5
     )
-    with pytest.raises(fan.UnknownNameError, match="no target is called 'bib'"):
+    with pytest.raises(fan.errors.UnknownNameError, match="no target is called 'bib'"):
         fan.reach(plumb, targets, weights={"bib": 1.0})
     with pytest.raises(ValueError, match="weight is 0"):
         fan.reach(plumb, targets, weights={"bob": 0.0})
@@ -128,7 +134,7 @@ def test_what_weighs_nothing_is_not_reached():
     assert not one and one.distance > 0.1
     rod = fan.loads(ROD)
     tip = ("rod", (0.0, 0.0, -1.0))
-    held = fan.Bounds(joint={"pin": (0.5, 0.8)})
+    held = fan.control.Bounds(joint={"pin": (0.5, 0.8)})
     place = [np.sin(0.85), 0.0, -np.cos(0.85)]
     for once in (False, True):
         found = fan.reach(rod, {tip: place}, bounds=held, once=once, tolerance=0.06)
@@ -214,8 +220,8 @@ def test_the_marionettes_hand_is_as_near_as_scipy_brings_it(marionette):
     columns = [marionette.coordinates.q_K.index(name) for name in own]
     held = tuple(name for name in marionette.coordinates.v_K if name not in own)
     place = hand_of(marionette, x) + np.array([0.0, 0.15, 0.05])
-    one = fan.reach(marionette, {HAND: place}, x, bounds=fan.Bounds(held=held))[0]
-    assert one.status is fan.ReachStatus.OUT_OF_REACH and one.distance > 0.05
+    one = fan.reach(marionette, {HAND: place}, x, bounds=fan.control.Bounds(held=held))[0]
+    assert one.status is fan.control.ReachStatus.OUT_OF_REACH and one.distance > 0.05
 
     def away(u: np.ndarray) -> float:
         q_K = x.q_K.copy()
@@ -254,7 +260,7 @@ def test_a_knee_rises_when_its_slack_string_comes_taut(marionette):
         marionette,
         {"shin_left": [np.nan, np.nan, knee[2] + 0.05]},
         x,
-        bounds=fan.Bounds(
+        bounds=fan.control.Bounds(
             held=tuple(n for n in marionette.coordinates.v_K if not n.startswith("knee_left"))
         ),
     )[0]
@@ -294,7 +300,7 @@ def test_the_place_of_a_knees_string_is_confirmed_by_a_sweep():
         made,
         {"shin_left": [np.nan, np.nan, 9.0]},
         start,
-        bounds=fan.Bounds(held=held),
+        bounds=fan.control.Bounds(held=held),
         parameters={"tie": span},
     )[0]
     ties, heights = np.linspace(*span, 17), []
@@ -308,7 +314,7 @@ def test_the_place_of_a_knees_string_is_confirmed_by_a_sweep():
 
 def test_follow_tells_first_what_is_out_of_reach():
     plumb = fan.loads(PLUMB)
-    bounds = fan.Bounds(position={"line.x": (-0.1, 0.1)})
+    bounds = fan.control.Bounds(position={"line.x": (-0.1, 0.1)})
     told = r"bob hangs no nearer than 200 mm .* line.x would have to be above 0.1"
     with pytest.warns(UserWarning, match=told):
         fan.follow(plumb, {"bob": [0.3, 0.0, 1.0]}, 0.4, bounds=bounds, iterations=1)
@@ -319,20 +325,20 @@ def test_follow_tells_first_what_is_out_of_reach():
 
 def test_mistakes_are_named():
     plumb = fan.loads(PLUMB)
-    with pytest.raises(fan.UnknownNameError, match="bobb"):
+    with pytest.raises(fan.errors.UnknownNameError, match="bobb"):
         fan.reach(plumb, {"bobb": [0, 0, 1]})
-    with pytest.raises(fan.StateError, match="has the shape"):
+    with pytest.raises(fan.errors.StateError, match="has the shape"):
         fan.reach(plumb, {"bob": [0, 0]})
-    with pytest.raises(fan.StateError, match="infinite"):
+    with pytest.raises(fan.errors.StateError, match="infinite"):
         fan.reach(plumb, {"bob": [0, 0, np.inf]})
-    with pytest.raises(fan.UnknownNameError, match="tie"):
+    with pytest.raises(fan.errors.UnknownNameError, match="tie"):
         fan.reach(plumb, {"bob": [0, 0, 1]}, parameters={"tie": (0, 1)})
     falling = plumb.state({"bob.x": 0.3, "line.length": np.hypot(0.3, 1.0)})
-    with pytest.raises(fan.StateError, match="does not hang"):
+    with pytest.raises(fan.errors.StateError, match="does not hang"):
         fan.reach(
             plumb,
             {"bob": [0, 0, 1]},
             falling.replace(taut=np.array([False])),
-            bounds=fan.Bounds(held=("line.x",)),
+            bounds=fan.control.Bounds(held=("line.x",)),
             slack=True,
         )

@@ -62,13 +62,13 @@ def written(folder, text: str, name: str = "task.yaml"):
 
 def test_bundled_tasks_are_as_they_say():
     assert set(task_names()) == {"circle", "crane", "swing_up"}
-    crane = fan.load_task("crane")
+    crane = fan.control.load_task("crane")
     assert crane.name == "crane" and crane.is_free and crane.end is not None
     assert crane.x0.q_K[0] == -1.0 and crane.end.q_K[0] == 1.0
-    swing_up = fan.load_task("swing_up")
+    swing_up = fan.control.load_task("swing_up")
     assert swing_up.explore == 1 and not swing_up.bounds.tension
     assert np.degrees(swing_up.end.q_D) == pytest.approx([151.6, -107.5], abs=0.1)
-    circle = fan.load_task("circle")
+    circle = fan.control.load_task("circle")
     path = np.array([circle.tracks[0].path(t) for t in np.linspace(0.0, 2.0, 101)])
     assert np.ptp(path[:, 1]) == pytest.approx(0.1, rel=1e-3)
     assert set(circle.bounds.held) == {
@@ -79,7 +79,7 @@ def test_bundled_tasks_are_as_they_say():
 
 
 def test_a_file_says_what_python_says(tmp_path):
-    read = fan.load_task(written(tmp_path, TRACK))
+    read = fan.control.load_task(written(tmp_path, TRACK))
     arm = fan.puppets.arm2d()
     x0 = arm.rest({"hand.length": 0.8})
     poses = arm.poses(x0.q_D[None], x0.q_K[None])[0]
@@ -98,13 +98,13 @@ def test_a_file_says_what_python_says(tmp_path):
         x0,
         0.4,
         [
-            fan.Track.point("lower", circle, at=(0.3, 0.0, 0.0), weight=1e4),
-            fan.Track.coordinate("elbow", elbow, start=0.1),
-            fan.Track.tension("hand", 1.0, weight=0.5, end=0.3),
-            fan.Track.velocity("*", weight=0.01),
+            fan.control.Track.point("lower", circle, at=(0.3, 0.0, 0.0), weight=1e4),
+            fan.control.Track.coordinate("elbow", elbow, start=0.1),
+            fan.control.Track.tension("hand", 1.0, weight=0.5, end=0.3),
+            fan.control.Track.velocity("*", weight=0.01),
         ],
-        fan.Smooth(acceleration=1e-3),
-        fan.Bounds(
+        fan.control.Smooth(acceleration=1e-3),
+        fan.control.Bounds(
             position={"hand.length": (0.5, np.inf)},
             joint={"elbow": (0.0, np.radians(120))},
             tension={"hand": (0.1, 50.0)},
@@ -125,13 +125,13 @@ def test_a_file_says_what_python_says(tmp_path):
 
 
 def test_free_durations_ends_and_slack(tmp_path):
-    task = fan.load_task(written(tmp_path, CRANE))
+    task = fan.control.load_task(written(tmp_path, CRANE))
     crane = task.marionette
     assert task.durations == (1.0, 5.0) and task.time_weight == 2.0
     wanted = crane.rest({"trolley": 0.5, "hoist.length": 2.4})
     assert task.end.q_K == pytest.approx(wanted.q_K) and task.end.q_D == pytest.approx(wanted.q_D)
     assert task.bounds.tension == {}
-    firm = fan.load_task(written(tmp_path, CRANE.replace("slack: true\n", "")))
+    firm = fan.control.load_task(written(tmp_path, CRANE.replace("slack: true\n", "")))
     low, high = firm.bounds.tension["hoist"]
     assert 0.0 < low < 0.1 * crane.weight and high == np.inf
 
@@ -146,7 +146,7 @@ def test_paths_from_csv(tmp_path):
         "  - {orientation: upper, value: [0, 90 deg, 0]}\n"
     )
     points, numbers, turns, turned = (
-        track.path for track in fan.load_task(written(tmp_path, text)).tracks
+        track.path for track in fan.control.load_task(written(tmp_path, text)).tracks
     )
     assert np.array_equal(points[0], [0.0, 0.4])
     assert np.array_equal(points[1], [[0.5, 0.0, -0.1], [0.5, 0.0, 0.0]])
@@ -219,7 +219,7 @@ MISTAKES = [
 def test_mistakes_have_places(tmp_path, text, change, line, key, message):
     assert change[0] in text
     with pytest.raises(FileError) as caught:
-        fan.load_task(written(tmp_path, text.replace(*change, 1)))
+        fan.control.load_task(written(tmp_path, text.replace(*change, 1)))
     (said,) = (str(one) for one in caught.value.mistakes)
     assert f"task.yaml:{line}: {key}" in said and message in said
 
@@ -227,7 +227,7 @@ def test_mistakes_have_places(tmp_path, text, change, line, key, message):
 def test_all_mistakes_are_told_at_once(tmp_path):
     text = TRACK.replace("hand.length: 0.8", "hnd: 1").replace("held: [hand.x]", "held: [x]")
     with pytest.raises(FileError) as caught:
-        fan.load_task(written(tmp_path, text))
+        fan.control.load_task(written(tmp_path, text))
     assert [one.line for one in caught.value.mistakes] == [3, 23]
 
 
@@ -235,20 +235,20 @@ def test_a_table_is_told_its_own_lines(tmp_path):
     written(tmp_path, "t,value\n0,1\n1,two\n2,three\n", "numbers.csv")
     text = TRACK.replace("value: 1.0", "csv: numbers.csv")
     with pytest.raises(FileError) as caught:
-        fan.load_task(written(tmp_path, text))
+        fan.control.load_task(written(tmp_path, text))
     assert [one.line for one in caught.value.mistakes] == [14, 14]
     assert "numbers.csv:3: value[1]: found 'two'" in str(caught.value)
     written(tmp_path, "t,v\n0,1\n", "numbers.csv")
     with pytest.raises(FileError, match="no column value"):
-        fan.load_task(written(tmp_path, text))
+        fan.control.load_task(written(tmp_path, text))
 
 
 def test_circles_of_free_durations_need_an_end(tmp_path):
     circle = "tracks: [{point: load, circle: {by: [0, 0, 1], normal: [0, 1, 0]}}]\n"
     with pytest.raises(FileError, match="duration is free"):
-        fan.load_task(written(tmp_path, CRANE + circle))
+        fan.control.load_task(written(tmp_path, CRANE + circle))
     ended = circle.replace("load,", "load, end: 2.0,")
-    assert fan.load_task(written(tmp_path, CRANE + ended)).tracks[0].path.end == 2.0
+    assert fan.control.load_task(written(tmp_path, CRANE + ended)).tracks[0].path.end == 2.0
 
 
 STAGE = "task: t\npuppet: promenade\nduration: 1\n"
@@ -258,7 +258,7 @@ def test_puppets_with_contact_have_tasks_with_periodic_ends_and_guesses(tmp_path
     moves = "coordinates: {head.x: [[0, 0], [1, 0.03]]}"
     written(tmp_path, f"name: g\nduration: 1\n{moves}\n", "g.yaml")
     more = "periodic: {torso.x: 0.03, head.x: 0.03}\nguess: g.yaml\n"
-    task = fan.load_task(written(tmp_path, STAGE + more))
+    task = fan.control.load_task(written(tmp_path, STAGE + more))
     assert task.goal.q_K[0] - task.x0.q_K[0] == pytest.approx(0.03)
     assert task.guess.evaluate(1.0)[0][0] == pytest.approx(0.03)
 
@@ -273,7 +273,7 @@ def test_puppets_with_contact_have_tasks_with_periodic_ends_and_guesses(tmp_path
 )
 def test_mistakes_of_periodic_ends_and_guesses(tmp_path, line, words):
     with pytest.raises(FileError, match=words):
-        fan.load_task(written(tmp_path, f"{STAGE}{line}\n"))
+        fan.control.load_task(written(tmp_path, f"{STAGE}{line}\n"))
 
 
 @pytest.mark.parametrize("text", [TRACK, CRANE])

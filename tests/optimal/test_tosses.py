@@ -18,14 +18,14 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def followed() -> fan.Optimum:
+def followed() -> fan.control.Optimum:
     return fan.optimise(
         tosses.task(fan.loads(tosses.ARM)), exact=True, cost_tolerance=0.0, tolerance=tosses.KKT
     )
 
 
 def test_it_is_solved_with_its_catches(followed):
-    assert followed.status is fan.OptimalStatus.SOLVED and followed.kkt <= tosses.KKT
+    assert followed.status is fan.control.OptimalStatus.SOLVED and followed.kkt <= tosses.KKT
     assert tosses.catches(followed.run) >= tosses.TOSSES
     assert followed.run.t[-1] == tosses.DURATION
 

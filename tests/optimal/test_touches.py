@@ -34,10 +34,10 @@ bodies:
 """)
 
 
-def drawing(pen: fan.Marionette, touches: list[fan.Touch], duration=T) -> fan.Task:
+def drawing(pen: fan.Marionette, touches: list[fan.control.Touch], duration=T) -> fan.Task:
     """The pen goes from rest at (0, 0) to rest at (1, 0)."""
     tracks = [
-        getattr(fan.Track, kind)(name, value, weight=0.0, end_weight=END)
+        getattr(fan.control.Track, kind)(name, value, weight=0.0, end_weight=END)
         for kind, name, value in (
             ("coordinate", "pen.x", 1.0),
             ("coordinate", "pen.z", 0.0),
@@ -50,7 +50,7 @@ def drawing(pen: fan.Marionette, touches: list[fan.Touch], duration=T) -> fan.Ta
         pen.rest(),
         duration,
         tracks,
-        fan.Smooth(1.0, 0.0),
+        fan.control.Smooth(1.0, 0.0),
         interval=np.max(duration) / N,
         touches=touches,
     )
@@ -79,7 +79,9 @@ def least_cost(times: np.ndarray, places: np.ndarray, duration: float = T) -> fl
 
 def test_the_time_of_a_touch_is_the_best_one(pen: fan.Marionette):
     best = fan.optimise(
-        drawing(pen, [fan.Touch("pen", (0.3, 0.0, 0.2))]), cost_tolerance=0.0, tolerance=1e-8
+        drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2))]),
+        cost_tolerance=0.0,
+        tolerance=1e-8,
     )
     other = minimize_scalar(
         lambda t: least_cost([t], [[0.3, 0.2]]),
@@ -87,7 +89,7 @@ def test_the_time_of_a_touch_is_the_best_one(pen: fan.Marionette):
         method="bounded",
         options={"xatol": 1e-10},
     )
-    assert best.status is fan.OptimalStatus.SOLVED
+    assert best.status is fan.control.OptimalStatus.SOLVED
     (found,) = best.touched
     assert found.t == pytest.approx(other.x, abs=1e-7)
     assert best.cost == pytest.approx(other.fun, rel=1e-10)
@@ -100,7 +102,8 @@ def test_the_time_of_a_touch_is_the_best_one(pen: fan.Marionette):
 @pytest.mark.parametrize(("between", "t"), [((0.5, 0.8), 0.5), ((0.1, 0.3), 0.3)])
 def test_the_time_stays_in_its_window(pen: fan.Marionette, between: tuple, t: float):
     best = fan.optimise(
-        drawing(pen, [fan.Touch("pen", (0.3, 0.0, 0.2), between=between)]), cost_tolerance=0.0
+        drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2), between=between)]),
+        cost_tolerance=0.0,
     )
     assert best.holds, best.summary()
     assert best.touched[0].t == pytest.approx(t, abs=1e-9)
@@ -109,7 +112,7 @@ def test_the_time_stays_in_its_window(pen: fan.Marionette, between: tuple, t: fl
 
 def test_touches_in_turn_come_in_their_order(pen: fan.Marionette):
     places = [[0.6, 0.15], [0.35, 0.1]]
-    touches = [fan.Touch("pen", (x, 0.0, z)) for x, z in places]
+    touches = [fan.control.Touch("pen", (x, 0.0, z)) for x, z in places]
     free = fan.optimise(drawing(pen, touches[::-1]), cost_tolerance=0.0)
     assert free.holds, free.summary()
     assert free.touched[0].t < free.touched[1].t
@@ -129,7 +132,9 @@ def test_touches_in_turn_come_in_their_order(pen: fan.Marionette):
 
 
 def test_the_duration_may_be_free_as_well(pen: fan.Marionette):
-    task = replace(drawing(pen, [fan.Touch("pen", (0.3, 0.0, 0.2))], (0.5, 4.0)), time_weight=20.0)
+    task = replace(
+        drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2))], (0.5, 4.0)), time_weight=20.0
+    )
     best = fan.optimise(task, cost_tolerance=0.0, iterations=200)
     other = minimize(
         lambda x: least_cost(x[:1] * x[1], [[0.3, 0.2]], x[1]) + 20.0 * x[1],
@@ -150,19 +155,19 @@ def test_an_arm_passes_a_place_at_the_best_time(arm: fan.Marionette):
     pose = arm.pose(x0, "lower")
     place = pose[:3, 3] + pose[:3, :3] @ np.array(TIP) + [0.05, 0.0, 0.05]
     tracks = [
-        fan.Track.velocity("*", 0.0, weight=0.01),
-        fan.Track.coordinate("hand.length", x0.q_K[1], weight=0.0, end_weight=100.0),
+        fan.control.Track.velocity("*", 0.0, weight=0.01),
+        fan.control.Track.coordinate("hand.length", x0.q_K[1], weight=0.0, end_weight=100.0),
     ]
     task = fan.Task(
         arm,
         x0,
         end,
         tracks,
-        fan.Smooth(1e-2, 0.0),
-        fan.Bounds().staying_taut(arm, x0),
+        fan.control.Smooth(1e-2, 0.0),
+        fan.control.Bounds().staying_taut(arm, x0),
         interval=end / n,
         dt=0.001,
-        touches=[fan.Touch("lower", place, TIP, (0.1, end))],
+        touches=[fan.control.Touch("lower", place, TIP, (0.1, end))],
     )
     best = fan.optimise(task, cost_tolerance=0.0, iterations=100)
     assert best.holds, best.summary()
@@ -218,10 +223,10 @@ pose: {pin: 60 deg, line.length: 0.5}
         lever,
         x0,
         0.6,
-        [fan.Track.velocity("*", weight=0.1)],
-        fan.Smooth(1e-2, 1e-6),
+        [fan.control.Track.velocity("*", weight=0.1)],
+        fan.control.Smooth(1e-2, 1e-6),
         interval=0.05,
-        touches=[fan.Touch("rod", place[:3], (0, 0, -1))],
+        touches=[fan.control.Touch("rod", place[:3], (0, 0, -1))],
         parameters={"tie": (-0.75, -0.5)},
     )
 
@@ -240,7 +245,7 @@ pose: {pin: 60 deg, line.length: 0.5}
 
 
 def test_it_goes_on_from_what_was_found_and_has_gains(pen: fan.Marionette):
-    first = fan.optimise(drawing(pen, [fan.Touch("pen", (0.3, 0.0, 0.2))]), iterations=6)
+    first = fan.optimise(drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2))]), iterations=6)
     again = fan.optimise(first.task, first)
     assert again.cost <= first.cost + 1e-2 and again.kkt < first.kkt
     assert first.gains.shape == (N, 2, 6) and np.all(np.isfinite(first.gains))
@@ -253,12 +258,12 @@ def test_a_place_that_is_missed_is_violated(arm: fan.Marionette):
         x0,
         1.0,
         [],
-        bounds=fan.Bounds(acceleration=0.1),
+        bounds=fan.control.Bounds(acceleration=0.1),
         interval=0.1,
-        touches=[fan.Touch("lower", (3.0, 0.0, 0.0), TIP)],
+        touches=[fan.control.Touch("lower", (3.0, 0.0, 0.0), TIP)],
     )
     found = fan.optimise(task, iterations=10)
-    assert not found and found.status is fan.OptimalStatus.VIOLATED
+    assert not found and found.status is fan.control.OptimalStatus.VIOLATED
     assert found.touched[0].distance > 1.0
     assert "does not reach its end or a place" in found.summary()
 
@@ -280,7 +285,7 @@ strings:
 pose: {hand.x: 0.1, hand.z: -0.31}
 """)
     x0 = puppet.rest()
-    touch = fan.Touch("rod", (0.2, 0.1, 0.4), (0.1, 0.2, -1.0), between=(0.13, 0.13 + 1e-9))
+    touch = fan.control.Touch("rod", (0.2, 0.1, 0.4), (0.1, 0.2, -1.0), between=(0.13, 0.13 + 1e-9))
     task = fan.Task(
         puppet, x0, (0.2, 0.4), [], interval=0.1, touches=[touch], parameters={"height": (0, 1)}
     )
@@ -300,7 +305,7 @@ pose: {hand.x: 0.1, hand.z: -0.31}
 
 
 def test_equally_near_moments_are_spread(pen: fan.Marionette):
-    touches = [fan.Touch("pen", (0.3, 0.0, 0.2), in_turn=k > 0) for k in range(3)]
+    touches = [fan.control.Touch("pen", (0.3, 0.0, 0.2), in_turn=k > 0) for k in range(3)]
     found = fan.optimise(drawing(pen, touches), iterations=0)
     assert [one.t for one in found.touched] == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
 
@@ -317,19 +322,19 @@ def test_equally_near_moments_are_spread(pen: fan.Marionette):
 )
 def test_touches_that_are_none(pen: fan.Marionette, options: dict, words: str):
     with pytest.raises(fan.FantocciniError, match=words):
-        drawing(pen, [fan.Touch(**{"body": "pen", "place": (0.3, 0.0, 0.2), **options})])
+        drawing(pen, [fan.control.Touch(**{"body": "pen", "place": (0.3, 0.0, 0.2), **options})])
 
 
 def test_what_does_not_go_with_touches_is_refused(pen: fan.Marionette):
-    late = fan.Touch("pen", (0.3, 0.0, 0.2), between=(0.6, 0.9))
-    early = fan.Touch("pen", (0.5, 0.0, 0.2), between=(0.1, 0.5), in_turn=True)
-    with pytest.raises(fan.StateError, match=r"in turn, and by 0\.5 s"):
+    late = fan.control.Touch("pen", (0.3, 0.0, 0.2), between=(0.6, 0.9))
+    early = fan.control.Touch("pen", (0.5, 0.0, 0.2), between=(0.1, 0.5), in_turn=True)
+    with pytest.raises(fan.errors.StateError, match=r"in turn, and by 0\.5 s"):
         drawing(pen, [late, early])
-    with pytest.raises(fan.StateError, match="a list of Touch"):
+    with pytest.raises(fan.errors.StateError, match="a list of Touch"):
         drawing(pen, ["pen"])  # type: ignore[list-item]
-    with pytest.raises(fan.StateError, match="explore and touches"):
+    with pytest.raises(fan.errors.StateError, match="explore and touches"):
         replace(drawing(pen, [late]), explore=1)
-    with pytest.raises(fan.StateError, match="the task has touches"):
+    with pytest.raises(fan.errors.StateError, match="the task has touches"):
         fan.MPC(pen, drawing(pen, [late]), horizon=0.5, nodes=10)
 
 
@@ -351,7 +356,7 @@ interval: 0.05
 def test_a_file_says_what_python_says(tmp_path, arm: fan.Marionette):
     path = tmp_path / "dab.yaml"
     path.write_text(FILE, encoding="utf-8")
-    first, second = fan.load_task(path).touches
+    first, second = fan.control.load_task(path).touches
     pose = arm.pose(arm.rest({"hand.length": 0.8}), "lower")
     start = pose[:3, 3] + pose[:3, :3] @ np.array(TIP)
     assert np.array(first.place) - start == pytest.approx([0.05, 0.0, 0.05])
@@ -374,20 +379,22 @@ def test_a_file_says_what_python_says(tmp_path, arm: fan.Marionette):
 def test_mistakes_in_a_file_have_places(tmp_path, change, line: int, key: str, words: str):
     path = tmp_path / "dab.yaml"
     path.write_text(FILE.replace(*change, 1), encoding="utf-8")
-    with pytest.raises(fan.FileError) as caught:
-        fan.load_task(path)
+    with pytest.raises(fan.errors.FileError) as caught:
+        fan.control.load_task(path)
     (said,) = (str(one) for one in caught.value.mistakes)
     assert f"dab.yaml:{line}: {key}" in said and words in said
 
 
 def test_the_picture_shows_the_places(tmp_path, pen: fan.Marionette):
-    found = fan.optimise(drawing(pen, [fan.Touch("pen", (0.3, 0.0, 0.2))]), iterations=5)
+    found = fan.optimise(drawing(pen, [fan.control.Touch("pen", (0.3, 0.0, 0.2))]), iterations=5)
     without = replace(found, touched=())
     shown = found.plot(tmp_path / "with.png").read_bytes()
     assert shown != without.plot(tmp_path / "without.png").read_bytes()
 
 
 def test_a_place_beyond_reach_is_told_before(arm: fan.Marionette):
-    task = fan.Task(arm, arm.rest(), 1.0, [], touches=[fan.Touch("lower", (3.0, 0.0, 0.0), TIP)])
+    task = fan.Task(
+        arm, arm.rest(), 1.0, [], touches=[fan.control.Touch("lower", (3.0, 0.0, 0.0), TIP)]
+    )
     (text,) = out_of_reach(task)
     assert text.startswith("lower hangs no nearer than") and "to the place it touches" in text

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini import TunedStatus
-from fantoccini.control import Draws
+from fantoccini.control import Draws, TunedStatus
 
 pytestmark = pytest.mark.own_puppets
 
@@ -103,7 +102,7 @@ def test_the_users_random_numbers_stay(trolley):
 
 
 def test_the_same_seed_gives_the_same(trolley):
-    def found(seed: int) -> fan.Tuned:
+    def found(seed: int) -> fan.control.Tuned:
         return fan.tune(
             trolley,
             lambda v: two_moves(trolley, max(v["delay"], 0.11)),
@@ -122,7 +121,7 @@ def test_motions_that_fail_are_passed_by(trolley):
 
     def family(v: dict[str, float]) -> fan.Input:
         if v["delay"] < 0.5:
-            raise fan.StateError("too early")
+            raise fan.errors.StateError("too early")
         if v["delay"] > 0.9:
             return fan.Input.waypoints(trolley, {"trolley.x": [(0.0, 1.0), (2.0, 1.1)]})
         return two_moves(trolley, v["delay"])
@@ -155,7 +154,7 @@ def test_two_numbers(trolley):
 
 
 def test_what_makes_no_sense_is_refused(trolley):
-    def tune(numbers=None, cost=swing, **options) -> fan.Tuned:
+    def tune(numbers=None, cost=swing, **options) -> fan.control.Tuned:
         return fan.tune(
             trolley,
             lambda v: two_moves(trolley, 0.5),
@@ -190,7 +189,7 @@ def test_what_makes_no_sense_is_refused(trolley):
         trolley, longer, {"a": (0.5, 0.1)}, swing, t_end=2.0, draws=Draws(runs=4, generations=1)
     )
     assert ends.run.t[-1] == 2.0
-    with pytest.raises(fan.StateError, match=r"none of the first 8 runs.*ended with DONE"):
+    with pytest.raises(fan.errors.StateError, match=r"none of the first 8 runs.*ended with DONE"):
         tune(cost=lambda run: np.inf)
 
 

@@ -14,7 +14,7 @@ from fantoccini.control.optimal import shooting
 from fantoccini.control.optimal.sqp import Filter
 
 
-def task(small_crane: fan.Marionette, bounds: fan.Bounds, **options) -> fan.Task:
+def task(small_crane: fan.Marionette, bounds: fan.control.Bounds, **options) -> fan.Task:
     given = {"duration": 1.0, "end": small_crane.rest({"line.x": 0.2}), "interval": 0.1} | options
     return fan.Task(small_crane, small_crane.rest(), tracks=[], bounds=bounds, **given)
 
@@ -23,83 +23,88 @@ def task(small_crane: fan.Marionette, bounds: fan.Bounds, **options) -> fan.Task
     ("bounds", "words"),
     [
         (
-            fan.Bounds(position={"line.x": (-0.1, 0.15)}),
+            fan.control.Bounds(position={"line.x": (-0.1, 0.15)}),
             r"line\.x is 0\.2 at the end, beyond its bounds -0\.1 to 0\.15",
         ),
-        (fan.Bounds(joint={"bob.x": (-1.0, 0.1)}), r"bob\.x is 0\.2 at the end"),
-        (fan.Bounds(held=("line.x",)), r"line\.x is held, but the end is off its start by 0\.2"),
+        (fan.control.Bounds(joint={"bob.x": (-1.0, 0.1)}), r"bob\.x is 0\.2 at the end"),
+        (
+            fan.control.Bounds(held=("line.x",)),
+            r"line\.x is held, but the end is off its start by 0\.2",
+        ),
     ],
 )
 def test_an_end_outside_its_bounds_is_refused_at_once(small_crane, bounds, words):
-    with pytest.raises(fan.StateError, match=words):
+    with pytest.raises(fan.errors.StateError, match=words):
         fan.optimise(task(small_crane, bounds))
 
 
 def test_an_end_faster_than_its_bound_is_refused_at_once(small_crane):
     end = small_crane.rest({"line.x": 0.2})
     end = end.replace(v_K=np.array([0.6, 0.0]), v_D=np.array([0.6, 0.0]))
-    with pytest.raises(fan.StateError, match=r"the speed of line\.x is 0\.6 at the end"):
-        fan.optimise(task(small_crane, fan.Bounds(speed=0.5), end=end))
+    with pytest.raises(fan.errors.StateError, match=r"the speed of line\.x is 0\.6 at the end"):
+        fan.optimise(task(small_crane, fan.control.Bounds(speed=0.5), end=end))
 
 
 def test_an_end_that_strings_do_not_allow_is_refused_at_once(small_crane):
     end = small_crane.rest({"line.x": 0.2})
     end = end.replace(q_D=end.q_D + np.array([0.0, -0.1]))
-    with pytest.raises(fan.StateError, match=r"the state at the end violates line by 0\.1"):
-        fan.optimise(task(small_crane, fan.Bounds(), end=end))
+    with pytest.raises(fan.errors.StateError, match=r"the state at the end violates line by 0\.1"):
+        fan.optimise(task(small_crane, fan.control.Bounds(), end=end))
 
 
 def test_a_periodic_end_outside_its_bounds_is_refused_at_once(small_crane):
-    bounds = fan.Bounds(position={"line.x": (-0.1, 0.15)})
+    bounds = fan.control.Bounds(position={"line.x": (-0.1, 0.15)})
     ways = {"line.x": 0.2, "bob.x": 0.2}
-    with pytest.raises(fan.StateError, match=r"line\.x is 0\.2 at the end"):
+    with pytest.raises(fan.errors.StateError, match=r"line\.x is 0\.2 at the end"):
         fan.optimise(task(small_crane, bounds, end=None, periodic=ways))
 
 
 def test_a_task_that_holds_everything_is_refused_at_once(small_crane):
-    held = fan.Bounds(held=("line.x", "line.length"))
-    with pytest.raises(fan.StateError, match="all driven coordinates are held"):
+    held = fan.control.Bounds(held=("line.x", "line.length"))
+    with pytest.raises(fan.errors.StateError, match="all driven coordinates are held"):
         fan.optimise(task(small_crane, held, end=None))
 
 
 def test_files_name_the_line_of_an_end_outside_bounds_and_of_what_holds_everything(tmp_path):
     text = "task: t\npuppet: crane\nstart: {trolley: 0}\nend: {trolley: 2}\nduration: 3\n"
     (tmp_path / "t.yaml").write_text(text + "bounds: {position: {trolley: [-1, 1]}}\n")
-    with pytest.raises(fan.FileError, match=r"t\.yaml:4: end: trolley is 2 at the end, beyond"):
-        fan.load_task(tmp_path / "t.yaml")
+    with pytest.raises(
+        fan.errors.FileError, match=r"t\.yaml:4: end: trolley is 2 at the end, beyond"
+    ):
+        fan.control.load_task(tmp_path / "t.yaml")
     held = text.replace("end: {trolley: 2}\n", "") + "bounds: {held: [trolley, hoist.length]}\n"
     (tmp_path / "t.yaml").write_text(held)
-    with pytest.raises(fan.FileError, match=r"t\.yaml:5: bounds\.held: all driven"):
-        fan.load_task(tmp_path / "t.yaml")
+    with pytest.raises(fan.errors.FileError, match=r"t\.yaml:5: bounds\.held: all driven"):
+        fan.control.load_task(tmp_path / "t.yaml")
 
 
 def test_a_violated_bound_is_named_with_its_coordinate_and_time(small_crane):
-    bounds = fan.Bounds(acceleration=0.01, held=("line.length",))
+    bounds = fan.control.Bounds(acceleration=0.01, held=("line.length",))
     found = fan.optimise(task(small_crane, bounds), iterations=6)
-    assert found.status is fan.OptimalStatus.VIOLATED
+    assert found.status is fan.control.OptimalStatus.VIOLATED
     assert "x ends 0." in found.reason and "at 1 s" in found.reason, found.reason
     assert found.reason in found.summary()
     # A tension that no motion reaches, from the first node on.
-    strong = fan.Bounds(tension={"line": (9.0, np.inf)}, acceleration=0.5)
+    strong = fan.control.Bounds(tension={"line": (9.0, np.inf)}, acceleration=0.5)
     found = fan.optimise(task(small_crane, strong, end=None), iterations=6)
-    assert found.status is fan.OptimalStatus.VIOLATED
+    assert found.status is fan.control.OptimalStatus.VIOLATED
     assert "the tension of line is" in found.reason and "beyond its bounds 9 to inf" in found.reason
 
 
 def test_a_search_without_progress_names_what_is_left(small_crane, monkeypatch):
     monkeypatch.setattr(Filter, "accepts", lambda self, before, now, falls: False)
-    bounds = fan.Bounds(acceleration=1.0, held=("line.length",))
-    track = fan.Track.coordinate("bob.x", 0.2)
+    bounds = fan.control.Bounds(acceleration=1.0, held=("line.length",))
+    track = fan.control.Track.coordinate("bob.x", 0.2)
     found = fan.optimise(replace(task(small_crane, bounds, end=None), tracks=[track]))
-    assert found.status is fan.OptimalStatus.STALLED
+    assert found.status is fan.control.OptimalStatus.STALLED
     assert "the acceleration of line.x at " in found.reason and "within -1 to 1" in found.reason
 
 
 def test_a_stationary_motion_that_is_no_minimum_is_not_the_answer(small_crane):
     """At rest the bob's height does not change, to first order, whatever the trolley does."""
-    bounds = fan.Bounds(acceleration=3.0, held=("line.length",))
+    bounds = fan.control.Bounds(acceleration=3.0, held=("line.length",))
     bounds = bounds.staying_taut(small_crane, small_crane.rest())
-    high = fan.Track.coordinate("bob.z", -0.95, weight=100.0)
+    high = fan.control.Track.coordinate("bob.z", -0.95, weight=100.0)
     rocked = replace(task(small_crane, bounds, end=None, duration=1.5), tracks=[high])
     found = fan.optimise(rocked, time_limit=600.0)
     assert found.curve[0][1] > 0.18
@@ -113,12 +118,12 @@ def test_an_end_that_no_input_reaches_is_explained():
     turn = np.zeros(len(end.v_D))
     turn[5] = 2e-4
     end = end.replace(q_D=crane.integrate(end.q_D, turn))
-    bounds = fan.Bounds(acceleration=1.0, held=("hoist.length",))
+    bounds = fan.control.Bounds(acceleration=1.0, held=("hoist.length",))
     found = fan.optimise(
-        fan.Task(crane, x0, 3.0, [], fan.Smooth(1e-3, 0.0), bounds, end=end, interval=0.1),
+        fan.Task(crane, x0, 3.0, [], fan.control.Smooth(1e-3, 0.0), bounds, end=end, interval=0.1),
         iterations=30,
     )
-    assert found.status is not fan.OptimalStatus.SOLVED
+    assert found.status is not fan.control.OptimalStatus.SOLVED
     assert "ends 0.0002 from" in found.reason and "no input moves it" in found.reason, found.reason
 
 
@@ -130,7 +135,7 @@ def test_ctrl_c_in_the_first_motion_is_no_mistake_of_the_task(small_crane, monke
 
     monkeypatch.setattr(shooting, "simulate", stopped)
     with pytest.raises(KeyboardInterrupt):
-        fan.optimise(task(small_crane, fan.Bounds()))
+        fan.optimise(task(small_crane, fan.control.Bounds()))
 
 
 def test_ctrl_c_in_a_later_motion_keeps_the_best(small_crane, monkeypatch):
@@ -143,23 +148,23 @@ def test_ctrl_c_in_a_later_motion_keeps_the_best(small_crane, monkeypatch):
     monkeypatch.setattr(shooting, "simulate", stopped)
     found = fan.optimise(
         replace(
-            task(small_crane, fan.Bounds(), end=None),
-            tracks=[fan.Track.coordinate("bob.x", lambda t: 0.1 * t**2)],
+            task(small_crane, fan.control.Bounds(), end=None),
+            tracks=[fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t**2)],
         )
     )
-    assert found.status is fan.OptimalStatus.STOPPED
+    assert found.status is fan.control.OptimalStatus.STOPPED
     assert found.cost < found.curve[0][1]
 
 
 @pytest.mark.slow
 def test_ctrl_c_at_any_time_is_either_raised_or_kept(small_crane):
-    goal = task(small_crane, fan.Bounds(acceleration=1.0), interval=0.02)
+    goal = task(small_crane, fan.control.Bounds(acceleration=1.0), interval=0.02)
     for delay in np.linspace(0.0005, 0.08, 60):
         found = interrupted_after(delay, goal)  # early it may not reach its end yet
         assert found is None or found.run.t[-1] == pytest.approx(1.0)
 
 
-def interrupted_after(delay: float, goal: fan.Task) -> fan.Optimum | None:
+def interrupted_after(delay: float, goal: fan.Task) -> fan.control.Optimum | None:
     """The optimum where Ctrl-C comes after some time [s]; None where it was raised."""
     timer = threading.Timer(delay, signal.raise_signal, (signal.SIGINT,))
     try:

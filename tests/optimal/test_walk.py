@@ -61,7 +61,7 @@ def test_steps_begin_where_and_when_they_are_told(promenade):
 def test_what_cannot_walk_is_refused(promenade):
     with pytest.raises(ValueError, match="at least 2"):
         Gait().inputs(promenade, 1)
-    with pytest.raises(fan.UnknownNameError, match=r"head\.x"):
+    with pytest.raises(fan.errors.UnknownNameError, match=r"head\.x"):
         Gait().inputs(fan.puppets.arm2d(), 4)
     with pytest.raises(ValueError, match="duration"):
         Gait(duration=0.0)

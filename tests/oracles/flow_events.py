@@ -34,7 +34,7 @@ NODES = np.linspace(0.0, 1.0, 9)[1:]
 
 @dataclass(frozen=True)
 class Happened:
-    """An event, as of ``fan.EventRecord``."""
+    """An event, as of ``fan.motion.EventRecord``."""
 
     t: float
     kind: str

@@ -9,7 +9,7 @@ import fantoccini as fan
 
 def swept(
     puppet: fan.Marionette,
-    run: fan.Rollout,
+    run: fan.dynamics.Rollout,
     acc: np.ndarray,
     force: np.ndarray,
     own: list[np.ndarray],

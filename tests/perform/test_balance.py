@@ -64,7 +64,7 @@ def test_hands_calm_a_kicked_arm(arm):
     for balanced in (False, True):
         live = fan.Performance(arm, kicked(arm))
         if balanced:
-            live.let(fan.Balance(live))
+            live.let(fan.theatre.Balance(live))
         left.append(settled(arm, live))
     assert left[1] < 0.2 * left[0]
 
@@ -72,7 +72,7 @@ def test_hands_calm_a_kicked_arm(arm):
 def test_hands_stay_within_their_bounds_and_bring_it_back(arm):
     live = fan.Performance(arm, speed=0.3, acceleration=3.0)
     place = live.state.q_D
-    live.let(fan.Balance(live))
+    live.let(fan.theatre.Balance(live))
     live.push("lower", [2.0, 0.0, 0.0])
     bounds, before, far = live.bounds, live.state.v_K, 0.0
     for k in range(240):
@@ -91,7 +91,7 @@ def test_hands_stay_within_their_bounds_and_bring_it_back(arm):
 def test_hands_that_balance_take_no_targets(arm):
     live = fan.Performance(arm)
     name = live.handles[0].name
-    live.let(fan.Balance(live))
+    live.let(fan.theatre.Balance(live))
     with pytest.raises(StateError, match="a law moves the hands"):
         live.move(name, [0.0, 0.0, 2.0])
     live.advance(0.1)
@@ -103,14 +103,14 @@ def test_hands_that_balance_take_no_targets(arm):
 
 def test_a_reset_gives_the_hands_back(arm):
     live = fan.Performance(arm)
-    live.let(fan.Balance(live))
+    live.let(fan.theatre.Balance(live))
     live.reset()
     assert live.law is None
 
 
 def test_a_thread_makes_the_updates_and_counts_those_that_are_late(arm):
     live = fan.Performance(arm, kicked(arm, 1.0))
-    law = fan.Balance(live, nodes=20, threaded=True)
+    law = fan.theatre.Balance(live, nodes=20, threaded=True)
     live.let(law)
     end = time.monotonic() + 60.0
     while law.mpc is None or law.mpc.updates < 20:

@@ -132,7 +132,7 @@ def test_hands_bring_back_a_puppet_that_stands():
         live = fan.Performance(fan.puppets.promenade())
         begin = place(live, "torso")[:, 3]
         if balanced:
-            law = fan.Balance(live)
+            law = fan.theatre.Balance(live)
             live.let(law)
         live.push("torso", [1.5, 0.5, 0.0])
         live.advance(0.4)

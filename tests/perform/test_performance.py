@@ -221,7 +221,7 @@ def test_parameters_change_while_it_goes_on(bridge_crane):
     live.advance(6.0)
     assert live.tension[0] == pytest.approx(2 * 9.81, rel=0.05)
     assert live.tension[0] > 1.5 * pull
-    with pytest.raises(fan.UnknownNameError):
+    with pytest.raises(fan.errors.UnknownNameError):
         live.set_parameters({"mass": 1.0})
     live.reset()
     live.advance(0.1)
@@ -246,7 +246,7 @@ def test_a_changed_puppet_goes_on_where_names_were_kept(bridge_crane):
     assert np.allclose(live.target("bridge")[0], [0, 0.3, 3.0])
     live.advance(3.0)
     assert np.allclose(live.place("bridge")[0], [0, 0.3, 3.0], atol=1e-13)
-    with pytest.raises(fan.UnknownNameError, match="skull"):
+    with pytest.raises(fan.errors.UnknownNameError, match="skull"):
         live.place("head")
 
 
@@ -265,19 +265,19 @@ def test_a_puppet_whose_strings_became_too_short_is_wound_up(bridge_crane):
 
 def test_mistakes_are_told_and_change_nothing(bridge_crane):
     live = fan.Performance(bridge_crane)
-    with pytest.raises(fan.UnknownNameError, match="trolley"):
+    with pytest.raises(fan.errors.UnknownNameError, match="trolley"):
         live.move("troley", [0, 0, 0])
-    with pytest.raises(fan.StateError, match="three finite numbers"):
+    with pytest.raises(fan.errors.StateError, match="three finite numbers"):
         live.move("trolley", [0, np.nan, 0])
-    with pytest.raises(fan.StateError, match="quaternion"):
+    with pytest.raises(fan.errors.StateError, match="quaternion"):
         live.move("head", None, [0, 0, 0, 0])
-    with pytest.raises(fan.StateError, match="finite"):
+    with pytest.raises(fan.errors.StateError, match="finite"):
         live.wind("hoist", np.inf)
-    with pytest.raises(fan.UnknownNameError, match="hoist"):
+    with pytest.raises(fan.errors.UnknownNameError, match="hoist"):
         live.wind("hoists", 1.0)
     with pytest.raises(ValueError, match="speed"):
         fan.Performance(bridge_crane, speed=0.0)
-    with pytest.raises(fan.StateError, match="recorded"):
+    with pytest.raises(fan.errors.StateError, match="recorded"):
         live.stop()
     before = live.state
     live.advance(0.2)

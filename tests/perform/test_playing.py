@@ -18,7 +18,9 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def gestures(marionette):
-    return {name: fan.load_gesture(marionette, name) for name in fan.gesture_names()}
+    return {
+        name: fan.theatre.load_gesture(marionette, name) for name in fan.theatre.gesture_names()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +36,7 @@ def take(marionette):
     return live.stop()
 
 
-def within_bounds(live: fan.Performance, made: fan.Recording) -> None:
+def within_bounds(live: fan.Performance, made: fan.theatre.Recording) -> None:
     """Accelerations, and so jumps of velocity over a tick, and speeds."""
     hands, v_K = hands_of(live), made.trajectory.v_K
     for values, most in ((made.acc_K, hands.acceleration), (v_K, hands.speed)):
@@ -173,7 +175,7 @@ def test_what_begins_again_ends_when_told(marionette, gestures):
 
 def test_a_walk_takes_home_along(marionette):
     live = fan.Performance(marionette)
-    step = fan.Gesture.of(marionette, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True)
+    step = fan.theatre.Gesture.of(marionette, {"head.forward": [(0, 0), (1, "3 cm")]}, travels=True)
     x = live.target("head")[0][0]
     for _ in range(2):
         live.play(step)
@@ -268,11 +270,11 @@ def test_what_cannot_be_played_is_told(marionette, gestures, take):
         with pytest.raises(ValueError, match="puppet"):
             do()
     live = fan.Performance(marionette)
-    with pytest.raises(fan.UnknownNameError, match="hand_right"):
+    with pytest.raises(fan.errors.UnknownNameError, match="hand_right"):
         live.play_take(take, armed=["hand_rihgt"])
     live.let(still_law(marionette))
     for do in (lambda: live.play(gestures["wave"]), lambda: live.play_take(take)):
-        with pytest.raises(fan.StateError, match="law"):
+        with pytest.raises(fan.errors.StateError, match="law"):
             do()
 
 

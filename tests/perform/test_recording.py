@@ -70,7 +70,7 @@ def test_a_replay_is_the_recording_to_the_last_bit(gentle, rough):
 def test_a_file_gives_the_same_recording_back(rough, tmp_path):
     rough.save(tmp_path / "rough.npz")
     assert [p.name for p in tmp_path.iterdir()] == ["rough.npz"]
-    read = fan.Recording.load(tmp_path / "rough.npz")
+    read = fan.theatre.Recording.load(tmp_path / "rough.npz")
     same(read.trajectory, rough.trajectory)
     same(read.replay(), rough.trajectory)
     assert (read.tick, read.steps, read.ended) == (rough.tick, rough.steps, rough.ended)
@@ -91,7 +91,7 @@ def test_a_file_of_another_machine_keeps_its_samples(gentle, rough, tmp_path):
         place = layout.places["v_D"]
         arrays["checks"][1:, place] *= 1.0 + 1e-9
         np.savez(other, **arrays)
-        there, here = fan.Recording.load(other).trajectory, recording.trajectory
+        there, here = fan.theatre.Recording.load(other).trajectory, recording.trajectory
         assert len(there) == len(here) and there.status == here.status
         assert np.array_equal(there.t, here.t)
         # The first second is the same; then it begins at what was saved, without the memory that
@@ -109,7 +109,7 @@ def test_a_file_of_another_machine_keeps_its_samples(gentle, rough, tmp_path):
 def test_a_file_of_the_format_before_is_read(rough, tmp_path):
     """It has every sample, and events."""
     np.savez(tmp_path / "old.npz", **arrays_before(rough, tmp_path / "new.npz"))
-    read = fan.Recording.load(tmp_path / "old.npz")
+    read = fan.theatre.Recording.load(tmp_path / "old.npz")
     assert read.written is not None
     same(read.trajectory, rough.trajectory)
     fan.Input.load(rough.marionette, tmp_path / "old.npz")
@@ -136,7 +136,7 @@ def test_parameters_and_scenes_are_kept(tmp_path):
     live.advance(0.5)
     recording = live.stop()
     recording.save(tmp_path / "two.npz")
-    read = fan.Recording.load(tmp_path / "two.npz")
+    read = fan.theatre.Recording.load(tmp_path / "two.npz")
     assert np.array_equal(read.marionette.p, world.p)
     same(read.replay(), recording.trajectory)
 
@@ -158,7 +158,7 @@ def test_meshes_travel_with_a_recording(tmp_path):
     made = live.stop()
     made.save(tmp_path / "stone.npz")
     shutil.rmtree(folder)
-    same(fan.Recording.load(tmp_path / "stone.npz").replay(), made.trajectory)
+    same(fan.theatre.Recording.load(tmp_path / "stone.npz").replay(), made.trajectory)
 
 
 def test_damaged_and_foreign_files_are_named(gentle, tmp_path):
@@ -176,17 +176,17 @@ def test_damaged_and_foreign_files_are_named(gentle, tmp_path):
     for name in arrays:
         np.savez(tmp_path / "less.npz", **{n: x for n, x in arrays.items() if n != name})
         with pytest.raises(fan.FantocciniError, match=r"less\.npz"):
-            fan.Recording.load(tmp_path / "less.npz")
+            fan.theatre.Recording.load(tmp_path / "less.npz")
     wrongs = {"checks": arrays["checks"][:, 1:], "start_q_D": np.zeros(3)}
     wrongs["ticks"] = arrays["ticks"][::-1]
     wrongs["acc_K"] = np.where(np.arange(len(arrays["acc_K"])) == 7, np.nan, arrays["acc_K"].T).T
     for name, wrong in wrongs.items():
         np.savez(tmp_path / "wrong.npz", **{**arrays, name: wrong})
         with pytest.raises(fan.FantocciniError, match=r"wrong\.npz"):
-            fan.Recording.load(tmp_path / "wrong.npz")
+            fan.theatre.Recording.load(tmp_path / "wrong.npz")
     for path in (foreign, tmp_path / "none.npz", *(tmp_path / name for name in cut)):
         with pytest.raises(fan.FantocciniError, match=path.name):
-            fan.Recording.load(path)
+            fan.theatre.Recording.load(path)
 
 
 def test_what_the_hands_did_is_an_input(gentle):
@@ -223,7 +223,7 @@ def test_a_recording_ends_when_something_else_than_the_hands_changes(gentle):
         made = live.stop()
         assert why in made.ended and len(made) == 36
         same(made.replay(), made.trajectory)
-        with pytest.raises(fan.StateError, match="recorded"):
+        with pytest.raises(fan.errors.StateError, match="recorded"):
             live.stop()
 
 
@@ -279,4 +279,4 @@ def test_a_smoothed_recording_has_gentler_hands_and_the_same_ends(gentle):
 def test_an_edited_recording_is_kept_with_what_it_gives(gentle, tmp_path):
     edited = gentle.smoothed(0.1).stretched(1.5).trimmed(0.2, 2.0)
     edited.save(tmp_path / "edited.npz")
-    same(fan.Recording.load(tmp_path / "edited.npz").trajectory, edited.replay())
+    same(fan.theatre.Recording.load(tmp_path / "edited.npz").trajectory, edited.replay())

@@ -33,7 +33,7 @@ class Stage:
     """A show that is measured: the largest shares of bounds that its hands have used."""
 
     def __init__(self, play):
-        self.show = fan.Show(play)
+        self.show = fan.theatre.LivePlay(play)
         self.hands = hands_of(self.show.performance)
         self.told = []
         self.show.listen(lambda what: self.told.append((what.kind, what.number or what.name)))
@@ -204,9 +204,11 @@ def test_players_are_steadied_as_pendulums_in_the_gravity_of_their_own_files(pla
     cast = "{pierrot: {at: west}, columbine: {at: east}}"
     lunar = "{pierrot: {puppet: lunar.yaml, at: west}, columbine: {puppet: lunar.yaml, at: east}}"
     (tmp_path / "play.yaml").write_text(PLAY.replace(cast, lunar), encoding="utf-8")
-    moon = fan.Show(fan.load_play(tmp_path / "play.yaml")).steady.frequencies
+    moon = fan.theatre.LivePlay(fan.load_play(tmp_path / "play.yaml")).steady.frequencies
     ratio = np.sqrt(9.81 / 1.62)
-    np.testing.assert_allclose(fan.Show(play).steady.frequencies / moon, ratio, rtol=1e-3)
+    np.testing.assert_allclose(
+        fan.theatre.LivePlay(play).steady.frequencies / moon, ratio, rtol=1e-3
+    )
 
 
 def test_a_taken_player_stays_out_of_skips_and_all_hands_stop_and_go_on(stage):

@@ -8,6 +8,6 @@ import fantoccini as fan
 
 
 @pytest.fixture(scope="module")
-def boxes() -> fan.Problem:
+def boxes() -> fan.control.Problem:
     """The bundled problem of the spatial arm among boxes."""
-    return fan.load_problem("arm3d_boxes")
+    return fan.control.load_problem("arm3d_boxes")

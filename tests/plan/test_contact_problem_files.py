@@ -62,35 +62,35 @@ def written(folder, text: str):
 
 
 def test_a_file_asks_for_a_touch_as_python_does(folder):
-    read = fan.load_problem(written(folder, TOUCH))
+    read = fan.control.load_problem(written(folder, TOUCH))
     arm, start = over_table()
     shelf = {"name": "shelf", "type": "box", "size": [0.2, 0.3, 0.02], "at": [0.4, 0, 0.45]}
-    made = fan.Problem(
+    made = fan.control.Problem(
         arm,
         start,
-        fan.Goal.touch(arm, [("hand", "shelf")]),
+        fan.control.Goal.touch(arm, [("hand", "shelf")]),
         [shelf],
-        bounds=fan.Bounds(clearance=0.005),
+        bounds=fan.control.Bounds(clearance=0.005),
     )
     assert read.hold == made.hold > 0.0 and read.fingerprint == made.fingerprint
-    a, b = fan.solve(read, seed=1), fan.solve(made, seed=1)
+    a, b = fan.control.solve(read, seed=1), fan.control.solve(made, seed=1)
     assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
     assert LEVEL["wrist.length"] == start.q_K[arm.coordinates.q_K.index("wrist.length")]
 
 
 def test_a_file_asks_for_a_push(folder):
-    problem = fan.load_problem(written(folder, PUSH))
+    problem = fan.control.load_problem(written(folder, PUSH))
     assert problem.push.prop == "crate" and problem.push.pusher == "hand"
     assert problem.push.place - problem.push.first == pytest.approx([0.1, 0.0, 0.0])
-    assert fan.solve(problem, seed=0, time_limit=60.0)
-    short = fan.load_problem(written(folder, PUSH + "hold: 0.25\n"))
+    assert fan.control.solve(problem, seed=0, time_limit=60.0)
+    short = fan.control.load_problem(written(folder, PUSH + "hold: 0.25\n"))
     assert short.hold == 0.25 and short.fingerprint != problem.fingerprint
 
 
 def test_a_file_asks_for_a_stance():
-    problem = fan.load_problem("marionette_stand")
+    problem = fan.control.load_problem("marionette_stand")
     assert problem.goal.share == 0.1 and problem.goal.numbers.driven_weight == 1.0
-    plan = fan.solve(problem, seed=0, time_limit=120.0)
+    plan = fan.control.solve(problem, seed=0, time_limit=120.0)
     assert plan and plan.verify().share >= 0.1
 
 
@@ -124,7 +124,7 @@ def test_mistakes_have_places(folder, text, change, line, message):
     assert change[0] in text
     path = written(folder, text.replace(*change))
     with pytest.raises(FileError, match=message) as caught:
-        fan.load_problem(path)
+        fan.control.load_problem(path)
     assert f"problem.yaml:{line}" in str(caught.value)
 
 

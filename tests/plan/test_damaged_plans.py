@@ -12,8 +12,8 @@ pytestmark = pytest.mark.own_puppets
 
 def test_a_damaged_plan_is_a_located_error(tmp_path):
     """17.28: byte flips, cut ends, swapped and changed entries and headers."""
-    problem = fan.load_problem("arm3d_boxes")
+    problem = fan.control.load_problem("arm3d_boxes")
     whole = tmp_path / "plan.npz"
-    fan.solve(problem, seed=1, time_limit=0.5).save(whole)
-    fan.PlanResult.load(whole, problem)
-    assert fuzz(lambda path: fan.PlanResult.load(path, problem), whole, 60, seed=2) > 30
+    fan.control.solve(problem, seed=1, time_limit=0.5).save(whole)
+    fan.control.PlanResult.load(whole, problem)
+    assert fuzz(lambda path: fan.control.PlanResult.load(path, problem), whole, 60, seed=2) > 30

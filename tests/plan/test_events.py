@@ -26,9 +26,11 @@ def dropped(lift: float, segments: int) -> PlanResult:
         arm, start, t_end=duration, method=fan.TimeStepping(dt=0.004, extrapolate=False)
     )
     end = made.q_D[-1]
-    goal = fan.Goal.pose(arm, dict(zip(arm.coordinates.q_D, end, strict=True)), speed_weight=0.0)
+    goal = fan.control.Goal.pose(
+        arm, dict(zip(arm.coordinates.q_D, end, strict=True)), speed_weight=0.0
+    )
     problem = Problem(
-        arm, start, goal, tolerance=0.001, bounds=fan.Bounds(speed=5.0, acceleration=10.0)
+        arm, start, goal, tolerance=0.001, bounds=fan.control.Bounds(speed=5.0, acceleration=10.0)
     )
 
     def still(tree, rollouts, rng):

@@ -24,17 +24,17 @@ from fantoccini.motion import State
 @pytest.fixture(scope="module")
 def plan() -> PlanResult:
     """No clock ends its search. It ends at rest, where the arm hangs."""
-    read = fan.load_problem("arm3d_boxes")
+    read = fan.control.load_problem("arm3d_boxes")
     arm, obstacles = read.marionette, read.rollouts.clearance.obstacles
     pose = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}
-    goal = fan.Goal.pose(arm, pose, driven_weight=0.5)
+    goal = fan.control.Goal.pose(arm, pose, driven_weight=0.5)
     problem = Problem(
         arm,
         read.start,
         goal,
         obstacles,
         tolerance=0.25,
-        bounds=fan.Bounds(clearance=0.005, speed=0.5),
+        bounds=fan.control.Bounds(clearance=0.005, speed=0.5),
         slack=False,
     )
     return first_plan(problem, near, polished)
@@ -113,7 +113,7 @@ def test_derivatives_hold_what_a_catch_does_to_neighbours(plan, slack):
     x = x.replace(q_K=x.q_K + np.array([0.0, 0.0, slack]))
     options = dataclasses.replace(plan.rollouts.run_options, dt=4e-4, save_every=50)
     A, _ = segment_derivatives(arm, StateArrays.of(x), np.zeros((1, 3)), options, 5, apart=1e-3)
-    exact = fan.sensitivity(arm, x, t_end=0.1)
+    exact = fan.dynamics.sensitivity(arm, x, t_end=0.1)
     assert [event.kind.value for event in exact.run.events] == ["catch"]
     wrong = np.linalg.norm(A[0][:8, :8] - exact.x0[-1]) / np.linalg.norm(exact.x0[-1])
     assert wrong < 0.05
@@ -207,7 +207,7 @@ def test_ranges_are_kept_whatever_is_asked(plan, law):
         plan.goal,
         tolerance=0.25,
         slack=False,
-        bounds=fan.Bounds(position=spans),
+        bounds=fan.control.Bounds(position=spans),
     )
     found = solve(narrow, seed=0)
     law = dataclasses.replace(found.feedback(), gains=-30.0 * found.feedback().gains)
@@ -277,7 +277,7 @@ def test_plans_begin_at_time_stepped_states(plan):
         problem.goal,
         problem.rollouts.clearance.obstacles,
         tolerance=0.25,
-        bounds=fan.Bounds(clearance=0.005, speed=0.5),
+        bounds=fan.control.Bounds(clearance=0.005, speed=0.5),
         slack=False,
     )
     found = solve(again, seed=3)

@@ -19,7 +19,13 @@ BOX = {"name": "low", "type": "box", "size": [0.14, 0.4, 0.12], "at": [0.25, 0.0
 @pytest.fixture(scope="module")
 def problem() -> Problem:
     return Problem(
-        ARM, START, RAISED, [BOX], tolerance=0.25, bounds=fan.Bounds(clearance=0.005), slack=False
+        ARM,
+        START,
+        RAISED,
+        [BOX],
+        tolerance=0.25,
+        bounds=fan.control.Bounds(clearance=0.005),
+        slack=False,
     )
 
 
@@ -30,7 +36,7 @@ def test_plans_become_shorter(problem):
     search.find_better(60.0, iterations=4000)
     times = [t for _, _, t in search.curve]
     assert times[0] == first and np.all(np.diff(times) < 0) and len(times) > 1
-    found = fan.PlanResult.of(search)
+    found = fan.control.PlanResult.of(search)
     assert found and found.duration == times[-1] and found.replay()
     seconds = [s for s, _, _ in found.curve]
     assert np.all(np.diff(seconds) >= 0.0) and seconds[-1] <= found.seconds
@@ -83,7 +89,7 @@ def test_an_objective_of_ones_own(problem, tmp_path):
     catches = found.tree.catches[path].sum()
     assert found.cost == pytest.approx(found.duration + 0.5 * catches + 0.25 * effort)
     found.save(tmp_path / "plan.npz")
-    again = fan.PlanResult.load(tmp_path / "plan.npz", problem)
+    again = fan.control.PlanResult.load(tmp_path / "plan.npz", problem)
     assert again.search.objective == own and again.cost == found.cost
     for wrong in (-1.0, np.inf, np.nan):
         with pytest.raises(ValueError, match="acceleration"):
@@ -103,7 +109,7 @@ def test_time_is_not_what_effort_saves(problem):
         search = Search(problem, SearchOptions(seed=seed))
         search.find_first(60.0)
         search.find_better(60.0, iterations=3000)
-        found = fan.PlanResult.of(search)
+        found = fan.control.PlanResult.of(search)
         shorter.append(found.polish(1e-3, seconds=20.0).duration / found.duration)
     assert min(shorter) < 0.9
 
@@ -139,7 +145,7 @@ def test_puppets_with_nothing_to_constrain_are_polished():
     start = arm.rest({"hand.x": 0.3, "hand.length": 1.2})
     found = first_plan(Problem(arm, start, {"elbow": start.q_D[1] + 0.3}), near, polished)
     assert found.distance <= 1e-3
-    close = fan.Goal.pose(ARM, {"elbow": float(START.q_D[4]) + 0.03}, speed_weight=0.0)
+    close = fan.control.Goal.pose(ARM, {"elbow": float(START.q_D[4]) + 0.03}, speed_weight=0.0)
     asked = Problem(ARM, START, close, tolerance=0.025)
     found = first_plan(asked, near, lambda plan: plan.polish(1e-4, seconds=0.0))
     assert found.distance <= 1e-4
@@ -164,7 +170,7 @@ def test_iterations_decide_what_is_found(problem):
             RAISED,
             [BOX],
             tolerance=0.25,
-            bounds=fan.Bounds(clearance=0.005),
+            bounds=fan.control.Bounds(clearance=0.005),
             rollouts=RolloutOptions(threads=threads),
             slack=False,
         )
@@ -172,7 +178,7 @@ def test_iterations_decide_what_is_found(problem):
         search.find_first(60.0)
         search.find_better(60.0, iterations=1500)
         found.append(search)
-    a, b = (fan.PlanResult.of(s) for s in found)
+    a, b = (fan.control.PlanResult.of(s) for s in found)
     assert a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
 
 
@@ -188,9 +194,15 @@ def test_a_polished_plan_ends_at_the_goal(problem):
 
 
 def test_inputs_end_at_rest_where_that_is_asked():
-    goal = fan.Goal.pose(ARM, RAISED, driven_weight=0.5)
+    goal = fan.control.Goal.pose(ARM, RAISED, driven_weight=0.5)
     asked = Problem(
-        ARM, START, goal, [BOX], tolerance=0.25, bounds=fan.Bounds(clearance=0.005), slack=False
+        ARM,
+        START,
+        goal,
+        [BOX],
+        tolerance=0.25,
+        bounds=fan.control.Bounds(clearance=0.005),
+        slack=False,
     )
     assert asked.equilibrium
     made = first_plan(asked, near, polished)

@@ -12,8 +12,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 
 def test_the_marionette_touches_the_bell_past_the_lamp():
-    problem = fan.load_problem("marionette_bell")
-    found = fan.solve(problem, seed=0, time_limit=60.0)
+    problem = fan.control.load_problem("marionette_bell")
+    found = fan.control.solve(problem, seed=0, time_limit=60.0)
     assert found and found.replay()
     again = found.verify(method=fan.Event(rtol=1e-9, atol=1e-9))
     assert again.arrives and again.clearance > 0.0
@@ -24,23 +24,23 @@ def test_the_marionette_touches_the_bell_past_the_lamp():
     assert np.linalg.norm(hand - [0.14, -0.14, 0.55]) < 0.02
     assert max(float(t.max()) for _, t in run.tension.items()) < 2.0 * problem.marionette.weight
     # Without the lamp the straight way is open, and goes through where it stood.
-    free = fan.Problem(
+    free = fan.control.Problem(
         problem.marionette,
         problem.start,
         problem.goal,
         tolerance=0.02,
-        bounds=fan.Bounds(speed=0.4, acceleration=1.0),
+        bounds=fan.control.Bounds(speed=0.4, acceleration=1.0),
         slack=False,
     )
-    straight = [fan.solve(free, seed=s) for s in range(4)]
+    straight = [fan.control.solve(free, seed=s) for s in range(4)]
     hits = [float(problem.rollouts.clearance.of(p.trajectory).min()) < 0.0 for p in straight]
     assert all(straight) and sum(hits) >= 3
 
 
 def test_feedback_along_the_bell_absorbs_kicks():
     """Kicks of half a radian a second, over 25 degrees of freedom together."""
-    problem = fan.load_problem("marionette_bell")
-    plan = fan.solve(problem, seed=0, time_limit=60.0)
+    problem = fan.control.load_problem("marionette_bell")
+    plan = fan.control.solve(problem, seed=0, time_limit=60.0)
     law, random, within = plan.feedback(), np.random.default_rng(0), []
     assert law.run().arrives
     for _ in range(4):
@@ -51,7 +51,7 @@ def test_feedback_along_the_bell_absorbs_kicks():
 
 
 def test_where_it_hangs_at_the_goal_is_a_stable_equilibrium():
-    problem = fan.load_problem("marionette_bell")
+    problem = fan.control.load_problem("marionette_bell")
     puppet, moves = problem.marionette, problem.rollouts.bounds.moves
     q_D, q_K, left = balanced(puppet, problem.goal, problem.start, moves)
     assert left < 1e-9 * puppet.weight

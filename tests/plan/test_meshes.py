@@ -282,7 +282,7 @@ def test_slack_strings_keep_clear_of_meshes_as_of_boxes():
 
 def test_a_plan_goes_through_a_notch():
     about = {"name": "about", "type": "box", "size": [0.5, 0.2, 0.5], "at": [0.35, 0.0, -0.5]}
-    refused = fan.Problem(ARM, HANGING, RAISED, [about])
+    refused = fan.control.Problem(ARM, HANGING, RAISED, [about])
     assert "string hand meets about" in refused.reason
     plan = fan.plan(
         ARM,
@@ -290,7 +290,7 @@ def test_a_plan_goes_through_a_notch():
         RAISED,
         [SHELF],
         tolerance=0.25,
-        bounds=fan.Bounds(clearance=0.005),
+        bounds=fan.control.Bounds(clearance=0.005),
         rollouts=RolloutOptions(threads=1),
         iterations=40000,
         time_limit=120.0,
@@ -299,18 +299,20 @@ def test_a_plan_goes_through_a_notch():
     assert plan, str(plan)
     clear = plan.problem.rollouts.clearance
     assert np.min(clear.of(plan.trajectory)) > 0.0
-    assert np.min(fan.Clearance(ARM, [about]).of(plan.trajectory)) < -1e-3
+    assert np.min(fan.dynamics.Clearance(ARM, [about]).of(plan.trajectory)) < -1e-3
     assert plan.replay()
     np.testing.assert_allclose(
-        clear.of(plan.trajectory), fan.Clearance(ARM, LEGS).of(plan.trajectory), atol=1e-9
+        clear.of(plan.trajectory), fan.dynamics.Clearance(ARM, LEGS).of(plan.trajectory), atol=1e-9
     )
-    other = fan.Problem(ARM, HANGING, RAISED, [SHELF | {"scale": [-1.25, 1.01, 1.25]}])
-    assert other.fingerprint != fan.Problem(ARM, HANGING, RAISED, [SHELF]).fingerprint
+    other = fan.control.Problem(ARM, HANGING, RAISED, [SHELF | {"scale": [-1.25, 1.01, 1.25]}])
+    assert other.fingerprint != fan.control.Problem(ARM, HANGING, RAISED, [SHELF]).fingerprint
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_what_fails_while_meshes_are_measured_is_told(monkeypatch, threads):
-    problem = fan.Problem(ARM, HANGING, RAISED, [SHELF], rollouts=RolloutOptions(threads=threads))
+    problem = fan.control.Problem(
+        ARM, HANGING, RAISED, [SHELF], rollouts=RolloutOptions(threads=threads)
+    )
     for error in (RuntimeError("no distance"), KeyboardInterrupt()):
 
         def fails(*solids, error=error):
@@ -350,7 +352,7 @@ def test_an_interrupt_is_not_lost_while_meshes_are_measured():
 def test_coal_is_loaded_where_there_is_a_mesh_only():
     code = (
         "import sys, fantoccini as fan; arm = fan.puppets.arm3d(); x = arm.rest();"
-        "fan.Clearance(arm, [{'name': 'b', 'type': 'box', 'size': [1, 1, 1]}]).of(x);"
+        "fan.dynamics.Clearance(arm, [{'name': 'b', 'type': 'box', 'size': [1, 1, 1]}]).of(x);"
         "assert 'coal' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -29,23 +29,23 @@ LIMIT = 120.0
 """Seconds: far more than a search takes, so that iterations decide."""
 
 
-def bounds(**given) -> dict[str, fan.Bounds]:
-    return {"bounds": fan.Bounds(**given)}
+def bounds(**given) -> dict[str, fan.control.Bounds]:
+    return {"bounds": fan.control.Bounds(**given)}
 
 
-def raised(seed: int = 0, obstacles=(), **options) -> fan.PlanResult:
+def raised(seed: int = 0, obstacles=(), **options) -> fan.control.PlanResult:
     asked = {"tolerance": 0.25, "iterations": 40_000, "time_limit": LIMIT} | options
     return fan.plan(ARM, HANGING, RAISED, obstacles, seed=seed, **asked)
 
 
 @pytest.fixture(scope="module")
-def among_boxes() -> fan.PlanResult:
+def among_boxes() -> fan.control.PlanResult:
     return raised(seed=1, obstacles=BOXES)
 
 
 def test_a_plan_among_boxes_arrives_and_stays_clear(among_boxes):
     found = among_boxes
-    assert found and found.status is fan.PlanStatus.EXACT
+    assert found and found.status is fan.control.PlanStatus.EXACT
     assert found.distance <= 0.25
     assert found.clearance.min() > -1e-3, "between looks it may come a little nearer"
     end = found.trajectory.state(-1)
@@ -58,7 +58,7 @@ def test_a_plan_among_boxes_arrives_and_stays_clear(among_boxes):
 
 def test_the_boxes_are_in_the_way(among_boxes):
     """Without them the first plans pass through where they stood."""
-    clear = fan.Clearance(ARM, BOXES)
+    clear = fan.dynamics.Clearance(ARM, BOXES)
     through = [np.min(clear.of(raised(seed).trajectory)) < 0.0 for seed in range(5)]
     assert sum(through) >= 4
 
@@ -112,7 +112,7 @@ def test_the_papers_planner_comes_nearer():
     )
     for found in biased:
         assert 400 <= found.tried < 464 and not found
-        assert found.status is fan.PlanStatus.APPROXIMATE
+        assert found.status is fan.control.PlanStatus.APPROXIMATE
     nearest, other = (np.median([p.distance for p in plans]) for plans in (biased, uniform))
     assert nearest < 0.9 * float(biased[0].tree.distance[0])
     assert nearest < other, "the distance bias helps, as the paper says"
@@ -123,7 +123,7 @@ def test_the_papers_planner_solves_the_papers_problem():
 
     In 200,000 rollouts, that is seconds; with rollouts of 40 to 200 ms there were none in 400,000.
     """
-    problem = fan.load_problem("arm3d_boxes")
+    problem = fan.control.load_problem("arm3d_boxes")
     found = [
         solve(problem, planner="est-2007", seed=seed, time_limit=LIMIT, iterations=200_000)
         for seed in range(3)
@@ -134,7 +134,7 @@ def test_the_papers_planner_solves_the_papers_problem():
 def test_goals_of_other_kinds():
     elbow = fan.plan(ARM, ARM.rest(), {"elbow": 1.2}, tolerance=0.05, iterations=20_000)
     assert elbow and abs(elbow.trajectory.q_D[-1, 4] - 1.2) < 0.05
-    up = fan.Goal.point(ARM, "lower", [0.35, 0.05, 0.0], at=[0, 0, -0.3])
+    up = fan.control.Goal.point(ARM, "lower", [0.35, 0.05, 0.0], at=[0, 0, -0.3])
     hand = fan.plan(ARM, ARM.rest(), up, tolerance=0.03, iterations=20_000)
     assert hand
     end = hand.trajectory.state(-1)
@@ -158,20 +158,22 @@ def test_a_goal_that_is_met_needs_no_motion():
 def test_a_start_in_collision_is_told():
     inside = [{"name": "stone", "type": "sphere", "radius": 0.2, "at": [0, 0, -0.3]}]
     found = fan.plan(ARM, HANGING, RAISED, inside)
-    assert not found and found.status is fan.PlanStatus.INFEASIBLE_START
+    assert not found and found.status is fan.control.PlanStatus.INFEASIBLE_START
     assert "inside stone" in found.reason and found.tried == 0
-    far = fan.plan(ARM, HANGING, RAISED, bounds=fan.Bounds(position={"hand.length": (0.2, 1.0)}))
+    far = fan.plan(
+        ARM, HANGING, RAISED, bounds=fan.control.Bounds(position={"hand.length": (0.2, 1.0)})
+    )
     assert "hand.length starts at 1.34, outside of its range 0.2 to 1" in far.reason
 
 
 def test_a_goal_out_of_reach_is_told():
     bent = fan.plan(ARM, HANGING, {"elbow": 3.0})
-    assert bent.status is fan.PlanStatus.INFEASIBLE_GOAL and not bent and bent.tried == 0
+    assert bent.status is fan.control.PlanStatus.INFEASIBLE_GOAL and not bent and bent.tried == 0
     assert "elbow is to be at 3, beyond its upper limit 2.6" in bent.reason
     assert fan.plan(ARM, HANGING, {"elbow": (2.0, 3.0)}, iterations=64).tried > 0
-    far = fan.Goal.point(ARM, "lower", [0.5, 0.0, -0.5], at=[0, 0, -0.3])
+    far = fan.control.Goal.point(ARM, "lower", [0.5, 0.0, -0.5], at=[0, 0, -0.3])
     found = fan.plan(ARM, HANGING, far, tolerance=0.05)
-    assert found.status is fan.PlanStatus.INFEASIBLE_GOAL
+    assert found.status is fan.control.PlanStatus.INFEASIBLE_GOAL
     assert "0.707 m from shoulder, and lower reaches no farther than 0.6 m" in found.reason
     assert fan.plan(ARM, HANGING, far, tolerance=0.11, iterations=64).tried > 0
 
@@ -183,32 +185,32 @@ def test_an_end_of_the_search_returns_the_nearest():
         return Explore()(tree, rollouts, rng)
 
     stopped = raised(planner=interrupted, tolerance=1e-9)
-    assert not stopped and stopped.status is fan.PlanStatus.APPROXIMATE
+    assert not stopped and stopped.status is fan.control.PlanStatus.APPROXIMATE
     assert stopped.distance == stopped.tree.distance.min() < stopped.tree.distance[0]
     late = raised(tolerance=1e-9, time_limit=0.2, iterations=10**9)
-    assert late.status is fan.PlanStatus.TIMEOUT and not late
+    assert late.status is fan.control.PlanStatus.TIMEOUT and not late
     assert late.tried < 10**6, "work, not seconds: a busy machine does less of it"
 
 
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
-        ({"goal": {"elbo": 1.0}}, fan.UnknownNameError, "did you mean 'elbow'"),
-        ({"goal": 3}, fan.StateError, "the goal is 3"),
+        ({"goal": {"elbo": 1.0}}, fan.errors.UnknownNameError, "did you mean 'elbow'"),
+        ({"goal": 3}, fan.errors.StateError, "the goal is 3"),
         ({"planner": "rrt"}, ValueError, "explore, est-2007"),
         ({"tolerance": 0.0}, ValueError, "tolerance is 0"),
-        (bounds(speed=-1.0), fan.StateError, "the speed of hand.x is -1"),
-        (bounds(speed=1e7), fan.StateError, "hand.x is 10000000.0; .* at most 1e.06"),
-        (bounds(speed={"hand.z": 1.0}), fan.UnknownNameError, "hand.z"),
-        (bounds(speed=0.0), fan.StateError, "no driven coordinate may move"),
-        (bounds(position={"hand.x": (1.0, 0.0)}), fan.StateError, "must not be empty"),
+        (bounds(speed=-1.0), fan.errors.StateError, "the speed of hand.x is -1"),
+        (bounds(speed=1e7), fan.errors.StateError, "hand.x is 10000000.0; .* at most 1e.06"),
+        (bounds(speed={"hand.z": 1.0}), fan.errors.UnknownNameError, "hand.z"),
+        (bounds(speed=0.0), fan.errors.StateError, "no driven coordinate may move"),
+        (bounds(position={"hand.x": (1.0, 0.0)}), fan.errors.StateError, "must not be empty"),
         ({"obstacles": [{"name": "o", "type": "sphere", "radius": 0}]}, FileError, "radius"),
         (bounds(clearance=-1.0), ValueError, "clearance"),
-        (bounds(jerk=1.0), fan.StateError, "no bounds of jerk; give position, speed"),
+        (bounds(jerk=1.0), fan.errors.StateError, "no bounds of jerk; give position, speed"),
         ({"iterations": 0}, ValueError, "iterations is 0"),
         ({"obstacles": [3]}, FileError, r"obstacles\[0\]: found 3"),
-        ({"goal": lambda rows: 1.0}, fan.StateError, "finite distances of the shape"),
-        ({"goal": fan.puppets.arm2d().state()}, fan.StateError, "another puppet"),
+        ({"goal": lambda rows: 1.0}, fan.errors.StateError, "finite distances of the shape"),
+        ({"goal": fan.puppets.arm2d().state()}, fan.errors.StateError, "another puppet"),
     ],
 )
 def test_mistakes_are_told(options, error, message):
@@ -267,7 +269,7 @@ def test_a_start_that_moves_may_be_the_goal():
 
 
 def test_a_start_that_no_string_allows_is_told():
-    with pytest.raises(fan.StateError, match="hand"):
+    with pytest.raises(fan.errors.StateError, match="hand"):
         fan.plan(ARM, HANGING.replace(q_K=[0.3, 0.0, 1.0]), RAISED)
 
 
@@ -281,12 +283,12 @@ def test_compiling_does_not_count(tmp_path, monkeypatch):
 
 
 def test_a_goal_at_which_the_ends_cannot_be_is_searched_without_a_law():
-    out = fan.Problem(
+    out = fan.control.Problem(
         ARM,
         ARM.rest({"hand.x": 0.3, "hand.length": 1.32}),
         RAISED,
         tolerance=0.25,
-        bounds=fan.Bounds(position={"hand.length": (1.25, 1.6)}),
+        bounds=fan.control.Bounds(position={"hand.length": (1.25, 1.6)}),
     )
     assert not out.rollouts.funnels and not out.equilibrium
     assert solve(out, iterations=200).tried >= 200
@@ -319,12 +321,12 @@ def stop(number, frame):
 signal.signal(signal.SIGINT, stop)
 arm = fan.puppets.arm3d()
 x = arm.rest({"hand.x": 0.3, "hand.length": 1.32, "elbow": 0.1})
-problem = fan.Problem(arm, x, {"elbow": 1.0}, tolerance=1e-7)
+problem = fan.control.Problem(arm, x, {"elbow": 1.0}, tolerance=1e-7)
 for k in range(25):
     found = None
     try:
         threading.Timer(0.02 + 0.003 * k, os.kill, (os.getpid(), signal.SIGINT)).start()
-        found = fan.solve(problem, seed=k, time_limit=60.0)
+        found = fan.control.solve(problem, seed=k, time_limit=60.0)
         while len(told) <= k:
             time.sleep(0.01)
         time.sleep(0.3)
@@ -343,11 +345,11 @@ print("whole")
 def test_a_fork_plans_too():
     script = """
 import os, fantoccini as fan
-problem = fan.load_problem("arm3d_boxes")
-assert fan.solve(problem, seed=0)
+problem = fan.control.load_problem("arm3d_boxes")
+assert fan.control.solve(problem, seed=0)
 child = os.fork()
 if child == 0:
-    os._exit(0 if fan.solve(problem, seed=1) else 1)
+    os._exit(0 if fan.control.solve(problem, seed=1) else 1)
 assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 """
     subprocess.run([sys.executable, "-c", script], check=True, timeout=60)

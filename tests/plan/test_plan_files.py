@@ -15,9 +15,9 @@ NO_PLAN = r"is not a plan that this version can read|is not an npz file"
 
 
 def test_a_plan_comes_back_whole_and_goes_on_as_if_nothing_had_been(boxes, tmp_path):
-    found = fan.solve(boxes, seed=4)
+    found = fan.control.solve(boxes, seed=4)
     found.save(tmp_path / "plan.npz")
-    again = fan.PlanResult.load(tmp_path / "plan.npz", boxes)
+    again = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes)
     assert again and again.path == found.path and again.replay()
     assert (again.tried, again.curve, again.status) == (found.tried, found.curve, found.status)
     for name, a in found.tree.arrays.items():
@@ -30,38 +30,38 @@ def test_a_plan_comes_back_whole_and_goes_on_as_if_nothing_had_been(boxes, tmp_p
 
 def test_a_planner_without_a_name_is_given_again(boxes, tmp_path):
     planner = Explore(batch=32)
-    fan.solve(boxes, planner=planner, seed=1).save(tmp_path / "plan.npz")
-    again = fan.PlanResult.load(tmp_path / "plan.npz", boxes, planner)
+    fan.control.solve(boxes, planner=planner, seed=1).save(tmp_path / "plan.npz")
+    again = fan.control.PlanResult.load(tmp_path / "plan.npz", boxes, planner)
     assert again.search.options.planner is planner
 
 
 def test_what_is_no_plan_is_told(boxes, tmp_path):
     path = tmp_path / "plan.npz"
     with pytest.raises(FileError, match="no such file"):
-        fan.PlanResult.load(path, boxes)
+        fan.control.PlanResult.load(path, boxes)
     path.write_bytes(b"not a plan")
     with pytest.raises(FileError, match=NO_PLAN):
-        fan.PlanResult.load(path, boxes)
+        fan.control.PlanResult.load(path, boxes)
     fan.simulate(boxes.marionette, boxes.start, t_end=0.1).save(path)
     with pytest.raises(FileError, match="has the format"):
-        fan.PlanResult.load(path, boxes)
-    fan.solve(boxes, seed=0).save(path)
+        fan.control.PlanResult.load(path, boxes)
+    fan.control.solve(boxes, seed=0).save(path)
     arm = boxes.marionette
-    other = fan.Problem(arm, arm.rest({"hand.x": 0.2}), {"elbow": 1.0})
+    other = fan.control.Problem(arm, arm.rest({"hand.x": 0.2}), {"elbow": 1.0})
     with pytest.raises(FileError, match="another problem"):
-        fan.PlanResult.load(path, other)
+        fan.control.PlanResult.load(path, other)
     with pytest.raises(FileError, match="another problem"):
-        fan.PlanResult.load(path, fan.load_problem("arm3d_boxes", tolerance=0.2))
+        fan.control.PlanResult.load(path, fan.control.load_problem("arm3d_boxes", tolerance=0.2))
     raw = path.read_bytes()
     path.write_bytes(raw[: len(raw) // 2])
     with pytest.raises(FileError, match=NO_PLAN):
-        fan.PlanResult.load(path, boxes)
+        fan.control.PlanResult.load(path, boxes)
 
 
 def test_pictures_and_films_of_plans(boxes, tmp_path):
     from matplotlib.image import imread
 
-    found = fan.solve(boxes, seed=0, improve=0.2)
+    found = fan.control.solve(boxes, seed=0, improve=0.2)
     pixels = imread(found.plot(tmp_path / "plan.png", size=(400, 400)))
     assert pixels.shape[:2] == (800, 800) and pixels[..., :3].std() > 0.02
     blue = (pixels[..., 2] > pixels[..., 0] + 0.3).sum()
@@ -83,10 +83,10 @@ def test_pictures_and_films_of_plans(boxes, tmp_path):
 )
 def test_damaged_arrays_are_told(boxes, tmp_path, name, change):
     path = tmp_path / "plan.npz"
-    fan.solve(boxes, seed=0).save(path)
+    fan.control.solve(boxes, seed=0).save(path)
     with np.load(path) as file:
         arrays = {key: file[key] for key in file.files}
     arrays[name] = change(arrays[name])
     np.savez(path, **arrays)
     with pytest.raises(FileError, match=NO_PLAN):
-        fan.PlanResult.load(path, boxes)
+        fan.control.PlanResult.load(path, boxes)

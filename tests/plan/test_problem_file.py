@@ -37,56 +37,56 @@ def written(tmp_path, text: str):
 
 def test_bundled_problems_are_as_they_say():
     assert set(problem_names()) >= {"arm3d_boxes", "marionette_bell", "marionette_stand"}
-    arm = fan.load_problem("arm3d_boxes")
+    arm = fan.control.load_problem("arm3d_boxes")
     assert arm.name == "arm3d_boxes" and not arm.reason and arm.tolerance == 0.25
     assert np.array_equal(arm.rollouts.bounds.speed, [0.5] * 3)
     assert [o.name for o in arm.rollouts.clearance.obstacles] == ["low", "high"]
-    assert fan.load_problem("arm3d_boxes", tolerance=0.1).tolerance == 0.1
+    assert fan.control.load_problem("arm3d_boxes", tolerance=0.1).tolerance == 0.1
 
 
 def test_a_file_says_what_python_says(tmp_path):
-    read = fan.load_problem(written(tmp_path, GOOD))
+    read = fan.control.load_problem(written(tmp_path, GOOD))
     arm = fan.puppets.arm3d()
-    made = fan.Problem(
+    made = fan.control.Problem(
         arm,
         arm.rest({"hand.x": 0.3, "hand.length": 1.3}),
-        fan.Goal.pose(arm, {"elbow": np.radians(60)}, weights={"elbow": 2.0}),
+        fan.control.Goal.pose(arm, {"elbow": np.radians(60)}, weights={"elbow": 2.0}),
         [{"name": "stone", "type": "sphere", "radius": 0.05, "at": [0.4, 0, -0.5]}],
-        bounds=fan.Bounds(position={"hand.x": (-1.0, 1.0)}),
+        bounds=fan.control.Bounds(position={"hand.x": (-1.0, 1.0)}),
     )
-    a, b = fan.solve(read, seed=3), fan.solve(made, seed=3)
+    a, b = fan.control.solve(read, seed=3), fan.control.solve(made, seed=3)
     assert a and a.path == b.path and np.array_equal(a.tree.q_D, b.tree.q_D)
 
 
 def test_a_file_chooses_segments_and_an_objective(tmp_path):
     """Accelerations hold for a whole number of segments, and better plans cost less of it."""
     text = GOOD + "segment: 0.06\nobjective: acceleration\n"
-    problem = fan.load_problem(written(tmp_path, text))
+    problem = fan.control.load_problem(written(tmp_path, text))
     assert problem.rollouts.options.looks == 3 and problem.objective.acceleration > 0.0
-    found = fan.solve(problem, seed=3)
+    found = fan.control.solve(problem, seed=3)
     assert found and found.replay()
     looks = found.tree.looks[list(found.path[1:])]
     assert np.all(looks[:-1] == 3) and 1 <= looks[-1] <= 3
     assert found.search.objective == problem.objective
-    assert fan.solve(problem, seed=3, objective="time").search.objective.acceleration == 0.0
-    slow = fan.solve(problem, seed=3, planner="est-2007", iterations=400)
+    assert fan.control.solve(problem, seed=3, objective="time").search.objective.acceleration == 0.0
+    slow = fan.control.solve(problem, seed=3, planner="est-2007", iterations=400)
     assert set(slow.tree.looks[1:]) <= set(range(1, 16)) and np.max(slow.tree.looks) > 3
-    other = fan.load_problem(written(tmp_path, GOOD + "segment: 0.2\n"))
-    assert fan.solve(other, seed=3) and other.fingerprint != problem.fingerprint
+    other = fan.control.load_problem(written(tmp_path, GOOD + "segment: 0.2\n"))
+    assert fan.control.solve(other, seed=3) and other.fingerprint != problem.fingerprint
 
 
 def test_a_reserve_is_left_to_feedback(tmp_path):
-    problem = fan.load_problem(written(tmp_path, GOOD + "reserve: 0.25\n"))
+    problem = fan.control.load_problem(written(tmp_path, GOOD + "reserve: 0.25\n"))
     assert np.array_equal(problem.bounds.speed, [0.5] * 3)
     assert np.array_equal(problem.bounds.acceleration, [2.0] * 3)
     assert np.array_equal(problem.rollouts.bounds.low, problem.bounds.low)
-    plan = fan.solve(problem, seed=3, improve=0.2)
+    plan = fan.control.solve(problem, seed=3, improve=0.2)
     assert plan
     assert np.abs(plan.acceleration).max() <= 0.75 * 2.0 + 1e-12
     assert np.abs(plan.trajectory.v_K).max() <= 0.75 * 0.5 + 1e-12
     # Feedback has other bounds than where the plan's are all there are.
     text = GOOD + "speed: 0.375\nacceleration: 1.5\n"
-    assert problem.fingerprint != fan.load_problem(written(tmp_path, text)).fingerprint
+    assert problem.fingerprint != fan.control.load_problem(written(tmp_path, text)).fingerprint
     # Far off the plan, feedback asks for all that there is.
     law, x = plan.feedback(), problem.start
     far = [law.acceleration(0, x.replace(q_D=[*x.q_D[:-1], x.q_D[-1] + by])) for by in (-2.0, 2.0)]
@@ -98,19 +98,19 @@ def test_a_reserve_is_left_to_feedback(tmp_path):
 def test_a_reserve_is_part_of_the_bounds(tmp_path, reserve):
     path = written(tmp_path, f"{GOOD}reserve: {reserve}\n")
     with pytest.raises(FileError, match=rf"problem.yaml:11:.*reserve is {float(reserve)!r}"):
-        fan.load_problem(path)
+        fan.control.load_problem(path)
 
 
 @pytest.mark.parametrize("segment", ["0.05", "0.01", "-0.1", ".inf", "soon", "1e6", "1e300"])
 def test_a_segment_that_is_none_is_told_with_its_line(tmp_path, segment):
     with pytest.raises(FileError, match=r"problem\.yaml:11: segment"):
-        fan.load_problem(written(tmp_path, GOOD + f"segment: {segment}\n"))
+        fan.control.load_problem(written(tmp_path, GOOD + f"segment: {segment}\n"))
 
 
 def test_a_puppet_may_lie_beside_its_problem(tmp_path):
     text = fan.puppets.path("arm3d").read_text(encoding="utf-8")
     (tmp_path / "mine.yaml").write_text(text)
-    found = fan.load_problem(written(tmp_path, GOOD.replace("arm3d", "mine.yaml")))
+    found = fan.control.load_problem(written(tmp_path, GOOD.replace("arm3d", "mine.yaml")))
     file, line = found.marionette.puppet.locate("lower")
     assert file.endswith("mine.yaml") and line is not None
 
@@ -159,17 +159,17 @@ def test_mistakes_have_places(tmp_path, change, line, message):
     assert change[0] in GOOD
     path = written(tmp_path, GOOD.replace(*change))
     with pytest.raises(FileError, match=message) as caught:
-        fan.load_problem(path)
+        fan.control.load_problem(path)
     assert f"problem.yaml:{line}" in str(caught.value)
 
 
 def test_several_mistakes_are_told_at_once(tmp_path):
     text = GOOD.replace("hand.x: 0.3", "hand.z: 0.3").replace("elbow: 60", "elbo: 60")
     with pytest.raises(FileError) as caught:
-        fan.load_problem(written(tmp_path, text))
+        fan.control.load_problem(written(tmp_path, text))
     assert len(caught.value.mistakes) >= 2
 
 
 def test_there_is_no_such_problem():
     with pytest.raises(FileError, match="found nothing here"):
-        fan.load_problem("arm3d_boxse")
+        fan.control.load_problem("arm3d_boxse")

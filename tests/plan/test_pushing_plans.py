@@ -33,7 +33,7 @@ def moved(scene: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
 def test_an_arm_pushes_a_crate_further(crates, seed):
     """10 cm on, where it stays: simulated by other steps than the planner's."""
     scene, x0 = crates
-    goal = fan.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
+    goal = fan.control.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
     plan = fan.plan(scene, x0, goal, contact=MAY, tolerance=0.05, seed=seed, time_limit=60.0)
     assert plan and plan.problem.hold > 0.0 and plan.touches[0].parts == ("hand", "crate")
     method = fan.TimeStepping(dt=1e-3)
@@ -57,7 +57,7 @@ def test_a_ball_is_pushed_past_its_place():
     """It would roll on: hold=0 asks for no more than that it comes there."""
     scene = before_prop(HANGING_ARM, BALL, 0.05)
     x0 = scene.rest(DRAWN)
-    goal = fan.Goal.point(scene, "crate", [0.25, 0.0, 0.05])
+    goal = fan.control.Goal.point(scene, "crate", [0.25, 0.0, 0.05])
     plan = fan.plan(scene, x0, goal, contact=MAY, tolerance=0.05, hold=0.0, seed=0, time_limit=60.0)
     run = plan.verify().run
     assert plan and np.linalg.norm(moved(scene, run)[-1] - [0.1, 0.0, 0.0]) < 0.05
@@ -92,26 +92,28 @@ def test_a_crate_that_is_too_heavy_says_how_far_it_came(mass, goes):
     # As a parameter, so that both crates share what is compiled.
     scene = before_prop(BOB, CRATE | {"mass": {"parameter": "load", "value": mass}}, 0.08)
     x0 = scene.rest()
-    goal = fan.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
+    goal = fan.control.Goal.moved(scene, "crate", [0.1, 0.0, 0.0], x0)
     problem = Problem(
         scene,
         x0,
         goal,
         contact={"touch": [("bob", "crate")]},
         tolerance=0.05,
-        bounds=fan.Bounds(speed=0.3, acceleration=0.5),
+        bounds=fan.control.Bounds(speed=0.3, acceleration=0.5),
     )
     plan = solve(problem, seed=0, iterations=None if goes else 1000, time_limit=60.0)
     assert bool(plan) == goes
     if goes:
         return
-    assert plan.status is fan.PlanStatus.APPROXIMATE
+    assert plan.status is fan.control.PlanStatus.APPROXIMATE
     came = float(plan.message.split("crate came ")[1].split(" m of 0.1 m")[0])
     assert -0.01 < came < 0.05
 
 
 def test_what_nothing_may_push_cannot_be_pushed(crates):
     scene, x0 = crates
-    plan = fan.plan(scene, x0, fan.Goal.moved(scene, "crate", [0.1, 0, 0], x0), tolerance=0.05)
-    assert plan.status is fan.PlanStatus.INFEASIBLE_GOAL
+    plan = fan.plan(
+        scene, x0, fan.control.Goal.moved(scene, "crate", [0.1, 0, 0], x0), tolerance=0.05
+    )
+    assert plan.status is fan.control.PlanStatus.INFEASIBLE_GOAL
     assert "nothing may touch crate" in plan.message

@@ -25,7 +25,7 @@ def rows(*states: fan.State) -> StateArrays:
     return StateArrays(*(np.array([getattr(x, name) for x in states]) for name in names))
 
 
-FAST = fan.Bounds(speed=1.0, acceleration=5.0)
+FAST = fan.control.Bounds(speed=1.0, acceleration=5.0)
 
 
 def problem(**options) -> Problem:
@@ -71,7 +71,11 @@ def test_a_motion_does_not_depend_on_its_neighbours_or_on_threads():
 
 def test_none_is_made_after_the_first_that_arrives():
     near = Problem(
-        ARM, START, {"elbow": 0.35}, tolerance=0.1, bounds=fan.Bounds(speed=1.0, acceleration=5.0)
+        ARM,
+        START,
+        {"elbow": 0.35},
+        tolerance=0.1,
+        bounds=fan.control.Bounds(speed=1.0, acceleration=5.0),
     )
     rng = np.random.default_rng(2)
     acceleration = rng.uniform(-2.0, 2.0, (64, 12, 3))
@@ -208,7 +212,7 @@ def test_a_goal_counts_with_the_parameters_of_the_puppet_that_plans():
     goal = Goal.point(ARM, "lower", [0.3, 0.0, -0.4], at=[0, 0, -0.3])
     assert Goal.of(ARM, goal).marionette is ARM
     other = fan.loads(text)
-    with pytest.raises(fan.StateError, match="another puppet"):
+    with pytest.raises(fan.errors.StateError, match="another puppet"):
         Goal.of(other, goal)
 
 

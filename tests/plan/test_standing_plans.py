@@ -44,7 +44,9 @@ def share_by_hand(marionette: fan.Marionette, run: fan.Trajectory) -> float:
 
 
 def test_from_the_air_to_both_feet(promenade, hanging):
-    plan = fan.plan(promenade, hanging, fan.Goal.stand(promenade, FEET), seed=0, time_limit=120.0)
+    plan = fan.plan(
+        promenade, hanging, fan.control.Goal.stand(promenade, FEET), seed=0, time_limit=120.0
+    )
     assert plan, plan.message
     # From outside of the planner, by other steps, and for longer.
     run = fan.simulate(
@@ -62,7 +64,7 @@ def test_from_the_air_to_both_feet(promenade, hanging):
 
 
 def test_from_one_stance_to_another(promenade, standing):
-    goal = fan.Goal.stand(promenade, FEET, pose={"elbow_left": 1.9})
+    goal = fan.control.Goal.stand(promenade, FEET, pose={"elbow_left": 1.9})
     assert abs(standing.q_D[promenade.coordinates.q_D.index("elbow_left")] - 1.9) > 0.5
     plan = fan.plan(promenade, standing, goal, seed=0, time_limit=120.0)
     made = plan.verify()
@@ -72,7 +74,7 @@ def test_from_one_stance_to_another(promenade, standing):
 
 
 def test_a_share_that_is_asked_for(promenade, hanging):
-    problem = Problem(promenade, hanging, fan.Goal.stand(promenade, FEET, share=0.25))
+    problem = Problem(promenade, hanging, fan.control.Goal.stand(promenade, FEET, share=0.25))
     plan = solve(problem, seed=0, time_limit=120.0)
     assert plan and plan.verify().share >= 0.25
     light = problem.goal.touching([])
@@ -82,7 +84,7 @@ def test_a_share_that_is_asked_for(promenade, hanging):
 
 def test_a_share_that_no_stance_has_is_told(promenade, hanging):
     """The shoulders' strings hold the torso up: legs with loose knees do not carry it alone."""
-    problem = Problem(promenade, hanging, fan.Goal.stand(promenade, FEET, share=0.97))
+    problem = Problem(promenade, hanging, fan.control.Goal.stand(promenade, FEET, share=0.97))
     plan = solve(problem, seed=0, iterations=20, time_limit=120.0)
-    assert not plan and plan.status is fan.PlanStatus.APPROXIMATE
+    assert not plan and plan.status is fan.control.PlanStatus.APPROXIMATE
     assert "the largest share of the weight that was found is 0." in plan.message

@@ -40,7 +40,7 @@ def problem(thickness: float, *, margin: float = 0.0, strings: bool = False) -> 
         bob().rest(),
         {"bob.x": 1.0},
         [wall(thickness)],
-        bounds=fan.Bounds(clearance=margin, speed=3.0, acceleration=30.0),
+        bounds=fan.control.Bounds(clearance=margin, speed=3.0, acceleration=30.0),
         rollouts=RolloutOptions(strings=strings, threads=2),
         tolerance=0.3,
     )
@@ -64,7 +64,7 @@ def test_verification_sees_what_a_plan_passes_through(thickness, method):
         bob(),
         bob().rest(),
         {"bob.x": 1.0},
-        bounds=fan.Bounds(speed=3.0, acceleration=30.0),
+        bounds=fan.control.Bounds(speed=3.0, acceleration=30.0),
         rollouts=RolloutOptions(threads=2),
         tolerance=0.3,
     )
@@ -82,7 +82,7 @@ def test_a_plan_chosen_by_a_time_limit_says_that_a_second_run_may_differ():
         bob(),
         bob().rest(),
         {"bob.x": 1.0},
-        bounds=fan.Bounds(speed=1.0),
+        bounds=fan.control.Bounds(speed=1.0),
         rollouts=RolloutOptions(threads=2),
         tolerance=0.3,
     )

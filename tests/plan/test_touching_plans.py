@@ -18,12 +18,12 @@ from fantoccini.dynamics.clearance import Clearance
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
 
 ARM, START = over_table()
-ON_TABLE = fan.Goal.touch(ARM, [("hand", "table")])
+ON_TABLE = fan.control.Goal.touch(ARM, [("hand", "table")])
 
 
 @pytest.fixture(scope="module")
 def past_post() -> Problem:
-    return Problem(ARM, START, ON_TABLE, [POST], bounds=fan.Bounds(clearance=0.005))
+    return Problem(ARM, START, ON_TABLE, [POST], bounds=fan.control.Bounds(clearance=0.005))
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def touch(past_post) -> PlanResult:
 
 @pytest.mark.parametrize("method", ["timestepping", "event"])
 def test_the_hand_touches_the_table_and_keeps_off_the_post(past_post, touch, method):
-    assert touch and touch.status is fan.PlanStatus.EXACT
+    assert touch and touch.status is fan.control.PlanStatus.EXACT
     made = touch.verify(method=method)
     assert made.arrives and made.distance < 1e-5 and not made.fault
     assert float(Clearance(ARM, [POST], free=[frozenset({"hand", "table"})]).of(made.run).min()) > 0
@@ -60,7 +60,9 @@ def test_a_plan_that_touches_is_kept_and_replayed(past_post, touch, tmp_path):
     touch.save(tmp_path / "plan.npz")
     again = PlanResult.load(tmp_path / "plan.npz", past_post)
     assert again and again.path == touch.path
-    other = Problem(ARM, START, ON_TABLE, [POST], bounds=fan.Bounds(clearance=0.005), hold=0.5)
+    other = Problem(
+        ARM, START, ON_TABLE, [POST], bounds=fan.control.Bounds(clearance=0.005), hold=0.5
+    )
     with pytest.raises(fan.errors.FileError, match="another problem"):
         PlanResult.load(tmp_path / "plan.npz", other)
 
@@ -76,7 +78,7 @@ def test_what_knows_nothing_of_contact_says_so(past_post, touch):
 
 
 def test_a_goal_may_ask_for_a_pose_and_a_touch():
-    goal = fan.Goal.touch(ARM, [("hand", "table")], pose={"shoulder": (0.3, 0.4)})
+    goal = fan.control.Goal.touch(ARM, [("hand", "table")], pose={"shoulder": (0.3, 0.4)})
     plan = fan.plan(ARM, START, goal, tolerance=0.02, seed=0, time_limit=60.0)
     made = plan.verify()
     assert plan and made.touches and 0.28 < made.run.q_D[-1, 0] < 0.42
@@ -91,8 +93,8 @@ def test_keeping_off_is_the_default():
     on_table = solve(Problem(ARM, START, ON_TABLE), seed=0).verify().run.state(-1)
     resting = ARM.rest(on_table)
     for contact, status in (
-        ("keep off", fan.PlanStatus.INFEASIBLE_START),
-        ({"touch": [("hand", "table")]}, fan.PlanStatus.EXACT),
+        ("keep off", fan.control.PlanStatus.INFEASIBLE_START),
+        ({"touch": [("hand", "table")]}, fan.control.PlanStatus.EXACT),
     ):
         lift = fan.plan(ARM, resting, {"elbow": 0.0}, contact=contact, seed=0)
         assert lift.status is status
@@ -141,9 +143,9 @@ def test_rollouts_end_where_something_touches_that_is_kept_off(past_post, touch)
 
 def test_a_table_out_of_reach_is_recognised():
     far = {"name": "shelf", "type": "box", "size": [0.2, 0.3, 0.02], "at": [1.0, 0, 0.4]}
-    goal = fan.Goal.touch(ARM, [("hand", "shelf")])
+    goal = fan.control.Goal.touch(ARM, [("hand", "shelf")])
     plan = fan.plan(ARM, START, goal, [far], time_limit=60.0)
-    assert plan.status is fan.PlanStatus.INFEASIBLE_GOAL and not plan
+    assert plan.status is fan.control.PlanStatus.INFEASIBLE_GOAL and not plan
     assert "shelf is at least" in plan.message and "hand reaches no farther than" in plan.message
 
 
@@ -153,11 +155,13 @@ def test_a_search_that_does_not_touch_says_how_far_it_is():
         ARM,
         START,
         ON_TABLE,
-        bounds=fan.Bounds(position={"wrist.length": (0.5, 0.6), "sleeve.length": (0.5, 0.61)}),
+        bounds=fan.control.Bounds(
+            position={"wrist.length": (0.5, 0.6), "sleeve.length": (0.5, 0.61)}
+        ),
         iterations=200,
         time_limit=60.0,
     )
-    assert not plan and plan.status is fan.PlanStatus.APPROXIMATE
+    assert not plan and plan.status is fan.control.PlanStatus.APPROXIMATE
     assert "hand is 0." in plan.message and "m from table" in plan.message
 
 
@@ -183,9 +187,9 @@ def test_mistakes_in_what_may_touch(contact, error, message):
 def test_a_puppet_without_contact_touches_nothing():
     bare = fan.Marionette(ARM.puppet.model_copy(update={"contact": None}))
     with pytest.raises(StateError, match="says nothing of contact"):
-        Problem(bare, bare.rest(START), fan.Goal.touch(bare, [("hand", "table")]))
+        Problem(bare, bare.rest(START), fan.control.Goal.touch(bare, [("hand", "table")]))
     with pytest.raises(StateError, match="never touch"):
         Touches(ARM, {"touch": [("table", "table")]})
     with pytest.raises(StateError, match="a function cannot ask for touches"):
-        goal = fan.Goal.of(ARM, lambda x: x.q_D[..., 0]).touching([("hand", "table")])
+        goal = fan.control.Goal.of(ARM, lambda x: x.q_D[..., 0]).touching([("hand", "table")])
         Problem(ARM, START, goal)

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def plan() -> PlanResult:
     """One on which nothing is caught: catches are soft in MuJoCo."""
-    problem = fan.load_problem("arm3d_boxes")
+    problem = fan.control.load_problem("arm3d_boxes")
     return first_plan(problem, lambda plan: near(plan) and calm(plan), polished)
 
 
@@ -63,7 +63,7 @@ def test_the_marionettes_plan_arrives_with_its_limits():
     pushes back once a limit is passed: one that is struck may be passed for a step. Catches are
     soft in MuJoCo: on the plan that is looked at none is hard.
     """
-    problem = fan.load_problem("marionette_bell")
+    problem = fan.control.load_problem("marionette_bell")
 
     def touched(run: fan.Trajectory, least: float) -> set[str]:
         return {name for name, force in run.limit_force.items() if force.max() > least}
@@ -106,6 +106,6 @@ def test_what_does_not_go_with_mujoco_is_told(plan, options, message):
 
 def test_without_mujoco_the_extra_is_named(plan, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(fan.MissingLibraryError, match=r"pip install 'fantoccini\[mujoco\]'"):
+    with pytest.raises(fan.errors.MissingLibraryError, match=r"pip install 'fantoccini\[mujoco\]'"):
         plan.verify(backend="mujoco")
     assert plan.verify().arrives

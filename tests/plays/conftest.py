@@ -39,7 +39,7 @@ class Plays:
         path.write_text(head + acts)
         return path
 
-    def compiled(self, cues: str, **options: object) -> fan.Play:
+    def compiled(self, cues: str, **options: object) -> fan.theatre.Play:
         """A play of one act."""
         lines = "".join(f"      - {line.strip()}\n" for line in cues.strip().splitlines())
         return fan.load_play(self.written(f"acts:\n  - act: one\n    cues:\n{lines}"), **options)

@@ -62,7 +62,7 @@ def _short(wave: Path, plays: Plays) -> Path:
 
 
 @pytest.fixture(scope="module", name="waving")
-def _waving(wave: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[fan.Play, Path]:
+def _waving(wave: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[fan.theatre.Play, Path]:
     """A play in which one walks and turns first, and each waves as in a clip."""
     plays = Plays(tmp_path_factory.mktemp("waving"))
     shutil.copy(wave, plays.folder)
@@ -75,18 +75,18 @@ def _waving(wave: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[fan.P
 
 
 @pytest.fixture(scope="module", name="verified")
-def _verified(waving: tuple[fan.Play, Path]) -> fan.Verification:
-    return fan.verify_play(waving[0])
+def _verified(waving: tuple[fan.theatre.Play, Path]) -> fan.theatre.Verification:
+    return fan.theatre.verify_play(waving[0])
 
 
 @pytest.fixture(scope="module", name="made")
-def _made(waving: tuple[fan.Play, Path]) -> ClipGesture:
+def _made(waving: tuple[fan.theatre.Play, Path]) -> ClipGesture:
     player = waving[0].cast.players["pierrot"]
     return clip_gesture(place_on_spot(player.alone, waving[1], start=player.hangs), **BOUNDS)
 
 
 def test_a_play_with_a_clip_compiles_and_holds(
-    waving: tuple[fan.Play, Path], verified: fan.Verification
+    waving: tuple[fan.theatre.Play, Path], verified: fan.theatre.Verification
 ):
     play, _ = waving
     assert play.changes == ()
@@ -106,8 +106,8 @@ def test_a_play_with_a_clip_compiles_and_holds(
     [("columbine", 3, 0.025), ("pierrot", 2, 0.09)],
 )
 def test_the_limbs_are_seen_to_do_the_clip(
-    waving: tuple[fan.Play, Path],
-    verified: fan.Verification,
+    waving: tuple[fan.theatre.Play, Path],
+    verified: fan.theatre.Verification,
     made: ClipGesture,
     who: str,
     number: int,
@@ -210,7 +210,7 @@ def test_a_player_that_is_no_person_is_told(plays: Plays, short: Path):
     path = plays.written(
         "acts:\n  - act: one\n    cues:\n      - {who: pierrot, does: clips/up.bvh}\n", head
     )
-    with pytest.raises(fan.FileError, match="has no body 'torso', the trunk of a person"):
+    with pytest.raises(fan.errors.FileError, match="has no body 'torso', the trunk of a person"):
         check_play(path)
 
 
@@ -253,7 +253,7 @@ def test_clips_are_changed_as_gestures_are(plays: Plays, short: Path):
         "{who: columbine, does: clips/up.bvh, larger: 1.05, repeat: 2, when: 0}"
     )
     assert play.changes == ()
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     assert found, found.faults
     one, two = (cue.marks[who] for cue, who in zip(play.cues, play.cast.players, strict=True))
     assert one["end"] - one["start"] == pytest.approx(9 * 0.6, abs=1e-9)

@@ -96,7 +96,7 @@ def test_a_ball_is_given_in_a_play(gift):
         ("given", ("pierrot", "columbine")),
         ("hangs", ("columbine",)),
     ]
-    found = fan.verify_play(gift)
+    found = fan.theatre.verify_play(gift)
     assert found, found.faults
     pushed = {
         frozenset(names)
@@ -151,7 +151,7 @@ def test_the_run_of_the_stage_is_that_of_its_companies(gift):
 def test_mistakes_of_cues_with_props_have_their_line(tmp_path, cue, text):
     path = tmp_path / "gift.yaml"
     path.write_text(PLAY.replace("{who: pierrot, gives: ball, to: columbine}", cue))
-    with pytest.raises(fan.FileError) as error:
+    with pytest.raises(fan.errors.FileError) as error:
         fan.theatre.plays.check_play(path)
     assert text in str(error.value)
     assert "gift.yaml:16" in str(error.value)
@@ -172,7 +172,7 @@ def test_mistakes_of_cues_with_props_have_their_line(tmp_path, cue, text):
 def test_mistakes_of_props_have_their_line(tmp_path, prop, text):
     path = tmp_path / "gift.yaml"
     path.write_text(PLAY.replace("ball: {held by: pierrot}", f"ball: {prop}"))
-    with pytest.raises(fan.FileError) as error:
+    with pytest.raises(fan.errors.FileError) as error:
         fan.theatre.plays.check_play(path)
     assert text in str(error.value)
     assert "gift.yaml:12" in str(error.value)
@@ -192,7 +192,7 @@ def test_who_does_not_hold_a_prop_cannot_give_it(tmp_path):
 
 def test_a_ball_is_given_live(gift):
     """In time steps of the whole stage, with feedback against swing."""
-    show = fan.Show(gift)
+    show = fan.theatre.LivePlay(gift)
     show.go()
     while not show.done:
         x = show.advance(0.5)

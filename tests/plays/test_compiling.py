@@ -19,7 +19,7 @@ from plays.tiny import TOUCHES, write_play
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
 
-def refused(play: fan.Play) -> list[str]:
+def refused(play: fan.theatre.Play) -> list[str]:
     """Why cues cannot be done."""
     return [cue.refused for cue in play.cues if cue.refused]
 
@@ -39,7 +39,7 @@ def test_a_play_is_done_as_it_is_written(plays: Plays):
     assert look.start == pytest.approx(walk.end + 2 * 0.6, abs=1e-9)
     assert both.start >= max(look.end, walk.end) + 0.6 - 1e-9
     assert [str(one) for one in play.score.captions] == ["pierrot: Good evening"]
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     assert found, found.faults
     assert {one.cue.number for one in found.cues} == {1, 2, 3, 4}
     # The limb turns on the beat: its hand leads by as much as it lags.
@@ -51,7 +51,7 @@ def test_a_play_is_done_as_it_is_written(plays: Plays):
 
 def test_hands_keep_their_bounds_and_their_space(plays: Plays):
     play = plays.compiled("{who: all, walks to: centre, near: 1, past: [[0.6, 0]]}")
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     assert found, found.faults
     for speed, most_speed, acceleration, most in found.peaks.values():
         assert speed <= most_speed * 1.002
@@ -100,7 +100,7 @@ def test_a_cue_that_cannot_be_done_is_named_and_the_rest_is_played(
     else:
         assert not reasons
     assert not play.cues[-1].refused
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     assert found, found.faults
 
 
@@ -129,7 +129,7 @@ def test_a_wave_goes_on_while_one_walks(plays: Plays):
     assert play, play.changes
     assert set(play.score.lanes) == {"pierrot", "pierrot 2", "columbine"}
     assert play.cues[0].start < play.cues[1].start < play.cues[1].end < play.cues[0].end + 4.0
-    assert fan.verify_play(play)
+    assert fan.theatre.verify_play(play)
 
 
 def test_all_stand_where_a_show_waits(plays: Plays):
@@ -170,7 +170,9 @@ CUES = """
 def test_the_same_play_is_the_same_to_the_bit(plays: Plays):
     one, two = plays.compiled(CUES), plays.compiled(CUES)
     assert np.array_equal(one.score.gesture.coef, two.score.gesture.coef)
-    assert np.array_equal(fan.verify_play(one).run.q_D, fan.verify_play(two).run.q_D)
+    assert np.array_equal(
+        fan.theatre.verify_play(one).run.q_D, fan.theatre.verify_play(two).run.q_D
+    )
 
 
 def test_a_changed_play_uses_what_is_kept_and_is_as_from_nothing(plays: Plays):
@@ -202,7 +204,7 @@ AHEAD = 0.04
 
 def test_who_handles_a_prop_may_be_near_only_meanwhile(plays: Plays):
     play = plays.compiled("{who: pierrot, does: nod}")
-    run, clearance = fan.verify_play(play).run, Clearance(play.marionette, strings=False)
+    run, clearance = fan.theatre.verify_play(play).run, Clearance(play.marionette, strings=False)
     still = dataclasses.replace(run, q_D=run.q_D[[0] * len(run)], q_K=run.q_K[[0] * len(run)])
 
     def off(y: float, wanted: float) -> float:
@@ -229,7 +231,7 @@ def test_who_handles_a_prop_may_be_near_only_meanwhile(plays: Plays):
 def test_what_touches_is_told_where_a_cue_is_forced(plays: Plays):
     """Two runs of players that stand in one place: bodies and strings are found."""
     play = plays.compiled("{who: pierrot, does: nod}")
-    found = touches(play.cast, beside(fan.verify_play(play).run, 0.15))
+    found = touches(play.cast, beside(fan.theatre.verify_play(play).run, 0.15))
     kinds = {("string" in one.what, "string" in one.other) for one in found}
     assert (False, False) in kinds
     assert any("string" in one.what for one in found)
@@ -268,7 +270,7 @@ def test_nothing_later_begins_before_a_go(plays: Plays):
     assert "before the GO of line" in reason
     (wait,) = play.score.waits
     assert np.max(np.abs(play.score.offsets(wait.t)[1])) < 1e-6
-    assert fan.verify_play(play)
+    assert fan.theatre.verify_play(play)
 
 
 def test_what_follows_a_refused_cue_waits_for_the_one_before(plays: Plays):
@@ -288,7 +290,7 @@ def test_a_walk_that_stands_first_is_late(plays: Plays):
     """
     play = plays.compiled(cues)
     assert play, play.changes
-    run = fan.verify_play(play).run
+    run = fan.theatre.verify_play(play).run
     for cue in play.cues:
         ends = [f"{cue.who[0]}.shoulder_left.{part}" for part in "xy"]
         way = sum(np.abs(run[name] - run[name][0]) for name in ends)
@@ -302,7 +304,7 @@ def test_who_leaves_is_passed_while_it_goes(plays: Plays):
         {who: pierrot, walks to: [0.3, -0.6], when: 0, may wait: 30}
     """)
     assert play, play.changes
-    assert fan.verify_play(play)
+    assert fan.theatre.verify_play(play)
 
 
 def test_compiling_stops_in_time_with_what_there_is(tmp_path):
@@ -326,6 +328,6 @@ def test_an_edited_puppet_is_read_again(plays: Plays):
     (plays.folder / "mine.yaml").write_text(text.replace("density: 1500", "density: 2500"))
     again = fan.load_play(plays.written(acts, head), before=first)
     anew = fan.load_play(plays.written(acts, head))
-    one, two = fan.verify_play(again).run, fan.verify_play(anew).run
+    one, two = fan.theatre.verify_play(again).run, fan.theatre.verify_play(anew).run
     assert np.array_equal(one.q_D, two.q_D)
-    assert not np.array_equal(one.q_D, fan.verify_play(first).run.q_D)
+    assert not np.array_equal(one.q_D, fan.theatre.verify_play(first).run.q_D)

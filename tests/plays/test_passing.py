@@ -16,7 +16,7 @@ from plays.tiny import write_play
 @pytest.mark.slow
 def test_a_ball_that_is_thrown_through_another_and_through_a_block_is_seen(tmp_path):
     play = fan.load_play(write_play(tmp_path))
-    run = fan.verify_play(play).run
+    run = fan.theatre.verify_play(play).run
     names = run.coordinates.q_D
     x, y, z = (names.index(f"one.ball.{axis}") for axis in "xyz")
     still = np.repeat(run.q_D[:1], len(run), axis=0)

@@ -16,7 +16,7 @@ ACT = "acts:\n  - act: one\n    cues:\n      - {cue}\n"
 def mistakes(plays: Plays, cue: str, head: str = HEAD) -> list[str]:
     """What is wrong with a cue, with its line in the file."""
     path = plays.written(ACT.format(cue=cue), head)
-    with pytest.raises(fan.FileError) as caught:
+    with pytest.raises(fan.errors.FileError) as caught:
         fan.load_play(path)
     line = read_file(path).lines["acts", 0, "cues", 0]
     assert [one.line for one in caught.value.mistakes] == [line] * len(caught.value.mistakes)
@@ -72,19 +72,19 @@ def test_a_stage_and_a_cast_that_are_wrong_are_told(
     plays: Plays, before: str, after: str, said: str
 ):
     path = plays.written(ACT.format(cue="{who: all, does: nod}"), HEAD.replace(before, after))
-    with pytest.raises(fan.FileError, match=said.replace("?", r"\?")):
+    with pytest.raises(fan.errors.FileError, match=said.replace("?", r"\?")):
         fan.load_play(path)
 
 
 def test_keys_may_be_written_with_a_space_or_an_underline(plays: Plays):
     for key in ("walks to", "walks_to"):
         path = plays.written(ACT.format(cue=f"{{who: nobody, {key}: centre}}"))
-        with pytest.raises(fan.FileError, match="no player is called 'nobody'"):
+        with pytest.raises(fan.errors.FileError, match="no player is called 'nobody'"):
             fan.load_play(path)
 
 
 def test_the_schema_takes_what_compiles_and_refuses_two_verbs(plays: Plays):
-    schema = fan.play_schema()
+    schema = fan.theatre.play_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
     good = read_file(plays.written(ACT.format(cue="{who: all, walks to: centre, near: 40 cm}")))
     jsonschema.validate(good.data, schema)
@@ -102,7 +102,7 @@ acts:
       - {who: pierrot, does: wave, when: nod.end}
       - {who: columbine, does: nod, when: wave.end}
 """
-    with pytest.raises(fan.FileError, match="waits for itself, by way of"):
+    with pytest.raises(fan.errors.FileError, match="waits for itself, by way of"):
         fan.load_play(plays.written(acts))
 
 
@@ -114,7 +114,7 @@ acts:
   - act: two
     cues: [{who: columbine, does: nod}]
 """
-    with pytest.raises(fan.FileError, match="a cue of a later act"):
+    with pytest.raises(fan.errors.FileError, match="a cue of a later act"):
         fan.load_play(plays.written(acts))
 
 
@@ -126,8 +126,8 @@ acts:
   - act: one
     cues: [{who: pierrot, enters to: west}]
 """
-    with pytest.raises(fan.FileError, match="another act is called 'one'"):
+    with pytest.raises(fan.errors.FileError, match="another act is called 'one'"):
         fan.load_play(plays.written(acts))
     first, second = acts.rsplit("act: one", 1)
-    with pytest.raises(fan.FileError, match="on the stage already"):
+    with pytest.raises(fan.errors.FileError, match="on the stage already"):
         fan.load_play(plays.written(f"{first}act: two{second}"))

@@ -47,7 +47,7 @@ def write(
     return path
 
 
-def stood(play: fan.Play, prop: str) -> np.ndarray:
+def stood(play: fan.theatre.Play, prop: str) -> np.ndarray:
     """(4,) place of a prop's bottom and height of its axis, between the two cues of a play."""
     run = together(play.cast, play.runs())
     t = 0.5 * (play.cues[0].end + play.cues[1].start)

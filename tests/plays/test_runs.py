@@ -17,7 +17,7 @@ from plays.conftest import Plays
 
 def test_players_together_move_as_in_a_run_of_the_whole_stage(plays: Plays):
     play = plays.compiled("{who: pierrot, does: wave}\n{who: columbine, does: clap, when: 1}")
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     whole = fan.simulate(play.marionette, play.x0, play.inputs)
     t = np.linspace(0.0, found.run.t[-1], 200)
     one, other = found.run.resample(t), whole.resample(t)
@@ -33,7 +33,7 @@ def test_players_together_move_as_in_a_run_of_the_whole_stage(plays: Plays):
 
 
 @pytest.fixture(scope="module", name="after_a_walk")
-def _after_a_walk() -> tuple[fan.Marionette, fan.State, fan.Gesture]:
+def _after_a_walk() -> tuple[fan.Marionette, fan.State, fan.theatre.Gesture]:
     puppet = fan.puppets.marionette()
     hangs = puppet.rest()
     walk = steps(Ends(puppet.coordinates, hangs), [Step(0.1)] * 3)
@@ -47,7 +47,7 @@ def test_the_gradient_of_swing_by_the_pause_is_that_of_differences():
     hangs = puppet.rest()
     # So gentle that no string snaps taut: the cost is smooth.
     ends = [name for name in puppet.coordinates.q_K if name.endswith(".x")]
-    push = fan.Gesture.of(puppet, {name: [(0, 0), (1.0, 0.01)] for name in ends})
+    push = fan.theatre.Gesture.of(puppet, {name: [(0, 0), (1.0, 0.01)] for name in ends})
     run = fan.simulate(puppet, hangs, push.inputs(hangs), method="timestepping")
     x = run.state(len(run) - 1).replace(t=0.0)
     swing = Swing(puppet, x, push.motion, 1.0)
@@ -59,7 +59,7 @@ def test_the_gradient_of_swing_by_the_pause_is_that_of_differences():
 
 
 def test_a_pause_uses_the_swing_of_the_walk_before(
-    after_a_walk: tuple[fan.Marionette, fan.State, fan.Gesture],
+    after_a_walk: tuple[fan.Marionette, fan.State, fan.theatre.Gesture],
 ):
     puppet, x, walk = after_a_walk
     waited, before, after = pause(puppet, x, walk.motion, 1.0)
@@ -75,7 +75,7 @@ def test_a_random_play_compiles_and_holds(plays: Plays, seed: int):
     path = plays.folder / "random.yaml"
     YAML().dump(random_play(seed), path)
     play = fan.load_play(path)
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     assert found, found.faults
     assert all(cue.refused or cue.marks for cue in play.cues)
     assert len(play.changes) == sum(bool(cue.refused) for cue in play.cues)

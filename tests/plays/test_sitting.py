@@ -40,7 +40,7 @@ def made(
     props: str = "",
     obstacles: str = "",
     cast: str = "",
-) -> fan.Play:
+) -> fan.theatre.Play:
     path = folder / "rest.yaml"
     lines = "\n".join(f"      - {cue.replace('SEAT', seat)}" for cue in cues)
     path.write_text(
@@ -49,10 +49,10 @@ def made(
     return fan.load_play(path)
 
 
-def check_sits(play: fan.Play) -> None:
+def check_sits(play: fan.theatre.Play) -> None:
     """Nothing is refused or touches, and the trunk is upright, the feet are on the floor."""
     assert not play.changes
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     assert found.faults == ()
     run, stage = found.run, play.marionette
     cues = {cue.name: cue for cue in play.cues}
@@ -103,7 +103,7 @@ def test_she_sits_on_an_obstacle(tmp_path, height):
     check_sits(made(tmp_path, SITS, WAVES, STANDS, BOWS, seat="bench", obstacles=bench))
 
 
-def reasons(play: fan.Play) -> str:
+def reasons(play: fan.theatre.Play) -> str:
     return "\n".join(map(str, play.changes))
 
 

@@ -36,8 +36,8 @@ def failing(monkeypatch, when, error: Exception) -> None:
 
 
 ERRORS = [
-    fan.StateError("hold is at its bound and moves past it"),
-    fan.SimulationError(fan.Status.NOT_SETTLED),
+    fan.errors.StateError("hold is at its bound and moves past it"),
+    fan.errors.SimulationError(fan.Status.NOT_SETTLED),
     ValueError("t_end is 0; it must be later than the start"),
     ZeroDivisionError("division by zero"),
 ]
@@ -56,7 +56,7 @@ def test_an_error_of_the_simulator_refuses_its_cue_and_the_rest_is_played(
     assert change.message.startswith("one: hop.yaml cannot be done: one's run stops on beat 3.0")
     assert str(error) in change.message
     assert [bool(cue.refused) for cue in play.cues] == [False, True, False]
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     assert found, found.faults
 
 
@@ -69,9 +69,11 @@ def moves_again(x: fan.State, inputs: fan.Input) -> bool:
 
 def test_an_error_at_the_very_start_is_told_with_player_and_line(tmp_path, monkeypatch):
     path = write_play(tmp_path)
-    error = fan.StateError("nothing can begin here")
+    error = fan.errors.StateError("nothing can begin here")
     failing(monkeypatch, lambda x, *_: x["hold.y"] < 0.0, error)
-    with pytest.raises(fan.FileError, match=r"tiny.yaml:9: cast.one: one's run stops at the star"):
+    with pytest.raises(
+        fan.errors.FileError, match=r"tiny.yaml:9: cast.one: one's run stops at the star"
+    ):
         fan.load_play(path)
 
 
@@ -79,15 +81,17 @@ def test_an_error_in_the_verification_is_a_fault_with_line_player_and_cue(tmp_pa
     play = fan.load_play(write_play(tmp_path, TWICE))
     play = dataclasses.replace(play, kept=Kept())
     failing(monkeypatch, lambda x, inputs, _: moves_again(x, inputs), ERRORS[0])
-    found = fan.verify_play(play)
+    found = fan.theatre.verify_play(play)
     assert not found
     (fault,) = [one for one in found.faults if "run stops" in one]
     assert fault.startswith("line 15: one: hop.yaml: one's run stops in First <act>, beat 3.0")
     assert found.run.status is not fan.Status.DONE
     failing(monkeypatch, lambda x, inputs, _: x["hold.y"] < 0.0, ERRORS[0])
     play = dataclasses.replace(play, kept=Kept())
-    with pytest.raises(fan.FileError, match=r"tiny\.yaml:9: cast\.one: line 14: one: hop\.yaml: "):
-        fan.verify_play(play)
+    with pytest.raises(
+        fan.errors.FileError, match=r"tiny\.yaml:9: cast\.one: line 14: one: hop\.yaml: "
+    ):
+        fan.theatre.verify_play(play)
 
 
 def test_a_play_that_is_out_of_time_is_that_of_its_last_whole_round(tmp_path, monkeypatch):
@@ -125,12 +129,12 @@ def test_a_verification_out_of_time_says_so_and_measures_what_there_is(tmp_path,
 
     whole = type(play).runs
     monkeypatch.setattr(type(play), "runs", stopped)
-    found = fan.verify_play(play, within=3.0)
+    found = fan.theatre.verify_play(play, within=3.0)
     assert not found
     assert "the time was over after 3 s" in found.faults[0]
     assert found.run.t[-1] == pytest.approx(play.duration)
     monkeypatch.undo()
-    assert fan.verify_play(play, within=0.0)  # all is kept
+    assert fan.theatre.verify_play(play, within=0.0)  # all is kept
 
 
 def test_nothing_is_made_once_the_time_is_over():
@@ -161,7 +165,7 @@ def test_check_refuses_what_no_player_of_such_a_puppet_can_do(tmp_path, cue, say
     if says is None:
         assert check_play(path).play == "tiny"
         return
-    with pytest.raises(fan.FileError) as caught:
+    with pytest.raises(fan.errors.FileError) as caught:
         check_play(path)
     assert f"{path}:14: {says}" in str(caught.value)
     assert "no driven coordinate is called" in str(caught.value)
@@ -178,7 +182,9 @@ def test_check_refuses_a_gesture_that_cannot_be_mirrored(tmp_path):
     (tmp_path / "lean.yaml").write_text(lean)
     ball = (tmp_path / "bob.yaml").read_text().replace("hold", "arm_left")
     (tmp_path / "bob.yaml").write_text(ball)
-    with pytest.raises(fan.FileError, match=r"tiny.yaml:14: acts\[0\].cues\[0\].does: .*arm_right"):
+    with pytest.raises(
+        fan.errors.FileError, match=r"tiny.yaml:14: acts\[0\].cues\[0\].does: .*arm_right"
+    ):
         check_play(path)
     assert check_play(write_play_again(path, "mirrored: true", "how: twice"))
 
@@ -200,7 +206,7 @@ def test_check_refuses_walks_to_where_nobody_can_stand(plays: Plays):
       - {who: columbine, walks to: pierrot, name: near_him}
 """
     path = plays.written(acts)
-    with pytest.raises(fan.FileError) as caught:
+    with pytest.raises(fan.errors.FileError) as caught:
         check_play(path)
     first, second = str(caught.value).splitlines()
     assert "cues[0]['walks to']: pierrot cannot get there: the place is" in first

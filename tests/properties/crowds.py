@@ -78,7 +78,7 @@ class Crowd:
 
     marionette: fan.Marionette
     starts: list[fan.State]
-    inputs: fan.Inputs | None
+    inputs: fan.motion.Inputs | None
     t_end: float
     method: fan.TimeStepping | fan.Event
 
@@ -135,7 +135,7 @@ def crowd(name: str, seed: int, method: str) -> Crowd | None:
         return None
     inputs = None
     if made.coordinates.n_vK and rng.random() < 0.6:
-        inputs = fan.Inputs.random(
+        inputs = fan.motion.Inputs.random(
             made,
             len(starts),
             seed,
@@ -210,7 +210,7 @@ def one_of(given: Crowd, i: int) -> Crowd:
     inputs = given.inputs
     if inputs is not None:
         bound = inputs.bound(np.array([x.q_K for x in given.starts]))
-        inputs = fan.Inputs.of([bound[i]])
+        inputs = fan.motion.Inputs.of([bound[i]])
     return Crowd(given.marionette, [given.starts[i]], inputs, given.t_end, given.method)
 
 

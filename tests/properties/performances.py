@@ -83,13 +83,13 @@ def stock(name: str) -> tuple[fan.State, ...]:
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     try:
         states = [puppet.rest()]
-    except fan.StateError:
+    except fan.errors.StateError:
         # Not every puppet hangs stably below its strings: then it starts from its pose.
         states = [puppet.project(puppet.state())]
     while len(states) < STOCK:
         try:
             states.append(_moved(rng, puppet, states[0]))
-        except fan.StateError:
+        except fan.errors.StateError:
             # No state fits these ends: move it elsewhere.
             continue
     return tuple(states)

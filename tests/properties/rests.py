@@ -232,7 +232,7 @@ def broken(found: Case) -> str:
     marionette, energy = found.marionette, lambda x: marionette.energies(x)[1]
     try:
         x = marionette.rest(found.start)
-    except fan.StateError as error:
+    except fan.errors.StateError as error:
         return f"not found: {error}"
     acc, tension = marionette.forward_dynamics(x)
     weight, h = marionette.weight, Evaluation.of(marionette, x).h

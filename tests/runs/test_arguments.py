@@ -77,7 +77,7 @@ def test_segments_check_the_shapes_of_their_arrays(arm, field, t, q_K, v_K, acc_
         known = {"n": (2, n_K), "1": (n_K,), (1,): (1, n_K), (3,): (3, n_K), (): (2,)}
         return np.zeros(known[shape]) + 0.8
 
-    with pytest.raises(fan.InputError, match=f"{field}: has the shape"):
+    with pytest.raises(fan.errors.InputError, match=f"{field}: has the shape"):
         fan.Input.segments(arm, np.arange(float(t)), zeros(q_K), zeros(v_K), zeros(acc_K))
 
 
@@ -104,7 +104,7 @@ def refused(arm, x0):
     for t_end in ("1", True, np.nan, 1j, [1.0]):
         yield lambda t=t_end: fan.simulate(arm, x0, t_end=t), end
         yield lambda t=t_end: fan.simulate_batch(arm, [x0], t_end=t), end
-        yield lambda t=t_end: fan.sensitivity(arm, x0, t_end=t), end
+        yield lambda t=t_end: fan.dynamics.sensitivity(arm, x0, t_end=t), end
         yield lambda t=t_end: arm.stepper(x0).run(t, lambda x: {}, 20), end
     yield lambda: fan.simulate(arm, x0, t_end=1.0, save_at=["0.5"]), "found text"
 
@@ -162,7 +162,7 @@ def test_a_stepper_under_feedback_keeps_its_states_where_it_stops(arm):
     stepper = arm.stepper(x0)
     states = stepper.run(5.0, lambda x: {"hand.length": -1.0}, 20, throw=False)
     assert not stepper.arrived and len(states) > 2 and states[-1].t == stepper.state.t < 5.0
-    with pytest.raises(fan.SimulationError):
+    with pytest.raises(fan.errors.SimulationError):
         arm.stepper(x0).run(5.0, lambda x: {"hand.length": -1.0}, 20)
 
 

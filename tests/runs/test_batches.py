@@ -15,8 +15,8 @@ X0 = ARM.rest()
 END = 0.4
 
 
-def wandering(n: int, seed: int = 1, **how) -> fan.Inputs:
-    return fan.Inputs.random(ARM, n=n, seed=seed, t_end=1.0, reach=0.1, **how)
+def wandering(n: int, seed: int = 1, **how) -> fan.motion.Inputs:
+    return fan.motion.Inputs.random(ARM, n=n, seed=seed, t_end=1.0, reach=0.1, **how)
 
 
 def stepped(inputs, x0=X0, **how) -> fan.Trajectories:
@@ -38,7 +38,7 @@ def test_a_lane_is_the_run_by_itself(puppet):
     """marionette_bar hangs from a bar that turns: rotations are driven too."""
     marionette = getattr(fan.puppets, puppet)()
     x0 = marionette.rest()
-    inputs = fan.Inputs.random(marionette, n=11, seed=3, t_end=0.5, reach=0.12, turn=0.2)
+    inputs = fan.motion.Inputs.random(marionette, n=11, seed=3, t_end=0.5, reach=0.12, turn=0.2)
     how = {"t_end": 0.4, "method": "timestepping"}
     many, bound = (
         fan.simulate_batch(marionette, x0, inputs, save="all", **how),
@@ -171,7 +171,7 @@ def test_ctrl_c_keeps_what_was_reached(method):
     def interrupt(_: object) -> None:
         raise KeyboardInterrupt
 
-    inputs = fan.Inputs.random(ARM, n=64, seed=0, t_end=30.0, reach=0.1)
+    inputs = fan.motion.Inputs.random(ARM, n=64, seed=0, t_end=30.0, reach=0.1)
     # Far longer than the first look at the batch takes to come: some seconds of work.
     t_end = 3000.0
     many = fan.simulate_batch(
@@ -200,11 +200,11 @@ def test_progress_goes_to_the_end():
 
 def test_mistakes_name_the_run():
     bad = X0.replace(q_K=X0.q_K * 0.9)
-    with pytest.raises(fan.StateError, match=r"states\[2] violates"):
+    with pytest.raises(fan.errors.StateError, match=r"states\[2] violates"):
         stepped(None, [X0, X0, bad])
     far = fan.Input.waypoints(ARM, {"hand.length": [(0, 0.3), (1, 0.4)]})
     near = fan.Input.waypoints(ARM, {"hand.length": [(0, X0.q_K[-1]), (1, 0.4)]})
-    with pytest.raises(fan.InputError, match=r"\[1\]\.hand\.length"):
+    with pytest.raises(fan.errors.InputError, match=r"\[1\]\.hand\.length"):
         stepped([near, far])
     with pytest.raises(TypeError, match="or a list of one or more of them"):
         stepped([1, 2])
@@ -253,10 +253,10 @@ def test_each_run_may_have_its_own_parameters(method):
 @pytest.mark.parametrize(
     ("parameters", "error", "says"),
     [
-        ({"m3": 1.0}, fan.UnknownNameError, "m3"),
-        ({"m2": [1.0, np.nan]}, fan.StateError, "parameter m2: found nan"),
+        ({"m3": 1.0}, fan.errors.UnknownNameError, "m3"),
+        ({"m2": [1.0, np.nan]}, fan.errors.StateError, "parameter m2: found nan"),
         ({"m2": [[1.0]]}, ValueError, r"shape \(1, 1\)"),
-        ({"m2": [0.1, -0.1, 0.2]}, fan.PuppetError, "mass"),
+        ({"m2": [0.1, -0.1, 0.2]}, fan.errors.PuppetError, "mass"),
         ({"m1": [0.1, 0.2], "m2": [0.1, 0.2, 0.3]}, ValueError, "2 of m1, 3 of m2"),
     ],
 )
@@ -281,7 +281,7 @@ strings:
 """
     )
     x0 = arm.state({"bob.z": 0.5})
-    with pytest.raises(fan.StateError, match="grip belongs to the winch of line"):
+    with pytest.raises(fan.errors.StateError, match="grip belongs to the winch of line"):
         fan.simulate_batch(arm, x0, t_end=0.1, parameters={"grip": [2.0, 3.0]})
     fan.simulate_batch(arm, x0, t_end=0.1, parameters={"grip": 3.0})
 

@@ -96,7 +96,9 @@ def test_a_run_that_writes_too_much_ends_and_keeps_what_it_has():
     assert run.status is Status.TOO_MANY_SAMPLES
     assert 100 < len(run) < len(whole_run) // 2
     assert np.array_equal(run.q_D, whole_run.q_D[: len(run)])
-    with pytest.raises(fan.SimulationError, match=r"after \d+ samples; write fewer with save_at"):
+    with pytest.raises(
+        fan.errors.SimulationError, match=r"after \d+ samples; write fewer with save_at"
+    ):
         simulated(x0, max_memory=3e5, **how)
 
 

@@ -19,7 +19,7 @@ METHODS = ("event", "timestepping", "variational")
 def test_lengths_that_contradict_one_another_are_named(eight, method):
     """17.10: rounding between samples is enough; no method goes on, or gives up without a word."""
     x0, inputs = moved(eight)
-    with pytest.raises(fan.SimulationError) as caught:
+    with pytest.raises(fan.errors.SimulationError) as caught:
         fan.simulate(eight, x0, inputs, method=method)
     run, text = caught.value.trajectory, str(caught.value)
     assert run.status is Status.REDUNDANT_STRINGS and run.blamed == NAMES
@@ -132,11 +132,11 @@ def test_redundant_strings_stop_a_stepper(eight, method):
     """17.10: a stepper says what a single run says."""
     x0, inputs = moved(eight)
     stepper = eight.stepper(x0, method)
-    with pytest.raises(fan.SimulationError, match="are 8 strings on 6 degrees of freedom"):
+    with pytest.raises(fan.errors.SimulationError, match="are 8 strings on 6 degrees of freedom"):
         stepper.advance(0.5, inputs=inputs)
     assert stepper.status is Status.REDUNDANT_STRINGS
     assert stepper.contradiction.names == NAMES
-    with pytest.raises(fan.SimulationError, match="contradict one another"):
+    with pytest.raises(fan.errors.SimulationError, match="contradict one another"):
         stepper.advance(0.1)
 
 

@@ -54,8 +54,8 @@ def test_a_flow_ends_where_its_inputs_next_piece_begins(arm_reference):
 
 def test_a_flow_starts_where_a_run_could(arm_reference):
     (marionette, x0, _, _), _ = arm_reference
-    with pytest.raises(fan.StateError, match="hand is violated"):
+    with pytest.raises(fan.errors.StateError, match="hand is violated"):
         marionette.flow(x0.replace(q_D=x0.q_D + np.array([-0.2, 0.0])))
     elsewhere = fan.Input.waypoints(marionette, {"hand.length": [(0, 0.7), (1, 0.6)]})
-    with pytest.raises(fan.InputError, match=r"hand\.length"):
+    with pytest.raises(fan.errors.InputError, match=r"hand\.length"):
         marionette.flow(x0, elsewhere)

@@ -68,7 +68,7 @@ def test_two_hands_that_pull_a_line_apart(points):
     between = fan.loads(BETWEEN)
     inputs = fan.Input.waypoints(between, {"left.x": points})
     x0 = between.rest()
-    with pytest.raises(fan.SimulationError, match="because of left, right") as caught:
+    with pytest.raises(fan.errors.SimulationError, match="because of left, right") as caught:
         fan.simulate(between, x0, inputs)
     run = caught.value.trajectory
     assert run.status in GIVES_UP

@@ -122,15 +122,15 @@ def test_what_has_no_gradient_says_why():
     arm = fan.puppets.arm2d()
     x, acc = arm.rest(), np.zeros((3, arm.coordinates.n_vK))
     run = arm.rollout(x.replace(v_D=np.array([3000.0, -3000.0])), acc)
-    with pytest.raises(fan.StateError, match="step 0 was cut short"):
+    with pytest.raises(fan.errors.StateError, match="step 0 was cut short"):
         run.gradient()
-    with pytest.raises(fan.StateError, match="v_D has the shape"):
+    with pytest.raises(fan.errors.StateError, match="v_D has the shape"):
         arm.rollout(x, acc).gradient(v_D=np.zeros((3, 2)))
-    with pytest.raises(fan.StateError, match="u_D has 2 rows"):
+    with pytest.raises(fan.errors.StateError, match="u_D has 2 rows"):
         arm.rollout(x, acc, np.zeros((2, 2)))
     acc[1] = -1e7
     run = arm.rollout(x, acc, throw=False)
-    with pytest.raises(fan.StateError, match="was stopped"):
+    with pytest.raises(fan.errors.StateError, match="was stopped"):
         run.gradient()
 
 
@@ -139,7 +139,7 @@ def test_a_rollout_that_stopped_raises_or_is_cut_at_the_stop():
     arm = fan.puppets.arm2d()
     x, acc = arm.rest().replace(t=1.0), np.zeros((5, arm.coordinates.n_vK))
     acc[2:] = -1e7
-    with pytest.raises(fan.SimulationError, match=r"at step 2 of 5, t = 1.004 s") as stopped:
+    with pytest.raises(fan.errors.SimulationError, match=r"at step 2 of 5, t = 1.004 s") as stopped:
         arm.rollout(x, acc)
     assert stopped.value.status is fan.Status.LENGTH_NOT_POSITIVE
     run = arm.rollout(x, acc, throw=False)
@@ -155,8 +155,8 @@ def test_accelerations_of_a_rollout_have_a_row_for_each_step():
     arm = fan.puppets.arm2d()
     x, n = arm.rest(), arm.coordinates.n_vK
     for shape in ((n,), (2, 3, n)):
-        with pytest.raises(fan.StateError, match="a row for each step"):
+        with pytest.raises(fan.errors.StateError, match="a row for each step"):
             arm.rollout(x, np.zeros(shape))
-    with pytest.raises(fan.StateError, match="p has the shape"):
+    with pytest.raises(fan.errors.StateError, match="p has the shape"):
         arm.rollout(x, np.zeros((1, n)), p=np.tile(arm.p, (2, 1)))
     assert arm.rollout(x, np.zeros((2, n))).steps == 2

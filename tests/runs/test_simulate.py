@@ -21,7 +21,7 @@ def jerk(arm):
 
 def test_a_string_too_long_at_the_start_is_named(arm, hanging):
     q_D = hanging.q_D + np.array([-0.2, 0.0])
-    with pytest.raises(fan.StateError, match=r"hand is violated by .*project"):
+    with pytest.raises(fan.errors.StateError, match=r"hand is violated by .*project"):
         fan.simulate(arm, hanging.replace(q_D=q_D), t_end=1.0)
 
 
@@ -34,13 +34,13 @@ def test_projecting_repairs_it(arm, hanging):
 
 def test_a_velocity_past_the_string_is_named(arm, hanging):
     moving = hanging.replace(v_D=np.array([-1.0, 0.0]))
-    with pytest.raises(fan.StateError, match="hand is at its bound and moves past it"):
+    with pytest.raises(fan.errors.StateError, match="hand is at its bound and moves past it"):
         fan.simulate(arm, moving, t_end=1.0)
 
 
 def test_inputs_that_start_elsewhere_are_refused(arm, hanging):
     inputs = fan.Input.waypoints(arm, {"hand.length": [(0, 0.7), (1, 0.6)]})
-    with pytest.raises(fan.InputError, match=r"hand\.length.*0\.7.*0\.8"):
+    with pytest.raises(fan.errors.InputError, match=r"hand\.length.*0\.7.*0\.8"):
         fan.simulate(arm, hanging, inputs)
 
 
@@ -117,7 +117,7 @@ def test_a_length_driven_through_zero_stops_the_run(arm, method):
     coef[0, 0, 0], coef[0, 1, 0] = x0.q_K[0], 0.8
     coef[0, 1, 2] = -0.1
     inputs = fan.Input(arm.coordinates, breaks, coef, np.array([x0.q_K]), np.ones(2, dtype=bool))
-    with pytest.raises(fan.SimulationError, match="hand") as caught:
+    with pytest.raises(fan.errors.SimulationError, match="hand") as caught:
         fan.simulate(arm, x0, inputs, method=method)
     # Before the string is gone the arm cannot follow it: only `event` finds that out by itself.
     assert caught.value.status in (fan.Status.TENSION_CAP, fan.Status.LENGTH_NOT_POSITIVE)
@@ -126,7 +126,7 @@ def test_a_length_driven_through_zero_stops_the_run(arm, method):
 def test_a_pull_that_nothing_can_follow_stops_with_what_was_reached(arm, hanging):
     """The tip reaches 0.6 m from the shoulder; the string's end goes on beyond that."""
     inputs = fan.Input.waypoints(arm, {"hand.x": [(0, hanging.q_K[0]), (2, 3.0)]})
-    with pytest.raises(fan.SimulationError) as caught:
+    with pytest.raises(fan.errors.SimulationError) as caught:
         fan.simulate(arm, hanging, inputs)
     error = caught.value
     assert error.status in (
@@ -215,7 +215,7 @@ def test_times_to_save_increase_inside_the_run(arm, hanging, times):
 
 def test_inputs_of_another_puppet_are_refused(arm, hanging):
     other = fan.Input.hold(fan.puppets.crane())
-    with pytest.raises(fan.InputError, match="made for a puppet"):
+    with pytest.raises(fan.errors.InputError, match="made for a puppet"):
         fan.simulate(arm, hanging, other, 1.0)
 
 
@@ -223,7 +223,9 @@ def test_inputs_that_stop_dead_within_the_run_are_refused(arm, hanging):
     inputs = fan.Input.segments(arm, [0.0, 0.5], hanging.q_K, [0.0, 0.0], [[0.5, 0.0]])
     run = fan.simulate(arm, hanging, inputs)
     assert run.v_K[-1, 0] == pytest.approx(0.25)
-    with pytest.raises(fan.InputError, match=r"hand\.x.*end at t = 0\.5 s with the velocity 0\.25"):
+    with pytest.raises(
+        fan.errors.InputError, match=r"hand\.x.*end at t = 0\.5 s with the velocity 0\.25"
+    ):
         fan.simulate(arm, hanging, inputs, 1.0)
 
 

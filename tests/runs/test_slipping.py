@@ -111,7 +111,7 @@ def test_a_state_carries_its_slip():
 
 def test_a_puppet_too_heavy_for_its_winch_does_not_rest():
     weight = fan.loads(WEIGHT).with_parameters({"most": 8.0})
-    with pytest.raises(fan.StateError, match=r"line \(8 N\) does not hold it"):
+    with pytest.raises(fan.errors.StateError, match=r"line \(8 N\) does not hold it"):
         weight.rest()
     strong = fan.loads(WEIGHT).with_parameters({"most": 9.9})
     assert strong.rest().q_D[1] == pytest.approx(0.0, abs=1e-9)
@@ -150,7 +150,9 @@ def test_late_clocks_do_not_stall_a_winch(t):
 @pytest.mark.parametrize("slip", [[0.1, 0.2], [np.nan], [-0.1]])
 def test_a_slip_is_a_length_for_every_string(slip):
     weight = fan.loads(WEIGHT)
-    with pytest.raises(fan.StateError, match=r"^slip(: found .* a length >= 0|\[0\] is nan)"):
+    with pytest.raises(
+        fan.errors.StateError, match=r"^slip(: found .* a length >= 0|\[0\] is nan)"
+    ):
         fan.simulate(weight, weight.state().replace(slip=slip), t_end=0.1)
 
 

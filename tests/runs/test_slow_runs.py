@@ -35,7 +35,9 @@ def test_a_time_limit_ends_a_run_with_what_it_has():
     assert 0.0 < run.t[-1] < 1e5
     whole_run = fan.simulate(ARM, SWINGING, t_end=1.0, time_limit=1e3)
     assert whole_run.status is Status.DONE
-    with pytest.raises(fan.SimulationError, match="time limit on computing ended the run: at t ="):
+    with pytest.raises(
+        fan.errors.SimulationError, match="time limit on computing ended the run: at t ="
+    ):
         fan.simulate(ARM, SWINGING, t_end=1e5, save_at=[1e5], time_limit=0.1)
 
 

@@ -136,7 +136,7 @@ def test_energy_made_out_of_nothing_ends_with_a_status():
     """17.20: a spin that the step cannot follow is told, with the trajectory to its end."""
     puppet = fan.loads(CAPSULE)
     x = spun(puppet, [0, 0, 0, 300, 30, 300])
-    with pytest.raises(fan.SimulationError, match=r"shorter than 0\.002 s") as caught:
+    with pytest.raises(fan.errors.SimulationError, match=r"shorter than 0\.002 s") as caught:
         fan.simulate(puppet, x, t_end=5.0, method="timestepping")
     run = caught.value.trajectory
     assert run.status is fan.Status.GAINED_ENERGY
@@ -194,7 +194,9 @@ def test_a_ledger_that_does_not_balance_ends_with_a_status():
     """
     puppet = fan.loads(CAPSULE)
     x = spun(puppet, [0, 0, 0, 113, 11, 113])
-    with pytest.raises(fan.SimulationError, match=r"% of the energy exch.* arose from t") as caught:
+    with pytest.raises(
+        fan.errors.SimulationError, match=r"% of the energy exch.* arose from t"
+    ) as caught:
         fan.simulate(puppet, x, t_end=5.0, method="timestepping")
     run = caught.value.trajectory
     assert run.status is fan.Status.UNBALANCED and run.t[-1] == 5.0
@@ -213,7 +215,7 @@ def test_what_the_last_step_leaves_is_looked_at():
     puppet = fan.loads(STICK)
     turn = (np.cos(np.radians(25)), 0.0, -np.sin(np.radians(25)), 0.0)
     x = spun(puppet.state({"stick.z": 0.14, "stick.rotation": turn}), [0, 0, 0, 0, 1200, 0])
-    with pytest.raises(fan.SimulationError, match=r"stick\|floor by .* after the last step"):
+    with pytest.raises(fan.errors.SimulationError, match=r"stick\|floor by .* after the last step"):
         fan.simulate(puppet, x, t_end=0.002, method="timestepping")
     many = fan.simulate_batch(puppet, [x], t_end=0.002, method="timestepping")
     assert many.status[0] == fan.Status.OVERSTEPPED
@@ -252,7 +254,7 @@ def test_springs_too_stiff_for_the_step_are_refused(k, c, longest):
     method = "timestepping"
     puppet = fan.loads(SPRUNG).with_parameters({"k": k, "c": c})
     x = puppet.state().replace(q_D=np.array([0.0, 0.0, 0.11]))
-    with pytest.raises(fan.StateError, match=f"for the spring coil.*above {longest} s"):
+    with pytest.raises(fan.errors.StateError, match=f"for the spring coil.*above {longest} s"):
         fan.simulate(puppet, x, t_end=1.0, method=method)
     run = fan.simulate(puppet, x, t_end=0.5, method=method_of(method, dt=0.33 * float(longest)))
     assert np.max(np.abs(run.q_D[:, 2] - 0.1)) < 0.1
@@ -272,7 +274,7 @@ def test_strings_that_vibrate_faster_than_the_step_are_told():
     puppet = fan.loads(UNEQUAL)
     x = spun(puppet, [0, 0, 0.3, 0])
     omega = np.sqrt(2 * 1000 * 9.81 / 0.001)
-    with pytest.raises(fan.SimulationError, match="overstepped") as caught:
+    with pytest.raises(fan.errors.SimulationError, match="overstepped") as caught:
         fan.simulate(puppet, x, t_end=1.0, method="timestepping")
     run = caught.value.trajectory
     assert run.status is fan.Status.OVERSTEPPED and run.t[-1] == 1.0

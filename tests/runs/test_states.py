@@ -22,7 +22,7 @@ def lift(arm):
 def wandering(marionette):
     """A second of the marionette with its strings in wandering hands, by method."""
     x0 = marionette.rest()
-    inputs = fan.Inputs.random(marionette, 1, seed=1, t_end=1.0).bound(x0.q_K)[0]
+    inputs = fan.motion.Inputs.random(marionette, 1, seed=1, t_end=1.0).bound(x0.q_K)[0]
     runs = {m: fan.simulate(marionette, x0, inputs, method=alone(m)) for m in FIXED}
     return inputs, runs
 
@@ -110,9 +110,9 @@ def test_an_active_set_that_is_wrong_is_refused(arm):
     """17.1: what is said to be taut and hangs slack is no state."""
     x = arm.state({"hand.length": 0.8, "shoulder": 0.9, "elbow": 0.3})
     x = x.replace(q_K=[0.45, 1.5], taut=[True])
-    with pytest.raises(fan.StateError, match=r"range: hand by"):
+    with pytest.raises(fan.errors.StateError, match=r"range: hand by"):
         arm.forward_dynamics(x)
-    with pytest.raises(fan.StateError, match="hand is marked taut and slack by"):
+    with pytest.raises(fan.errors.StateError, match="hand is marked taut and slack by"):
         check_start(arm, x)
     assert not arm.project(x).taut[0]
     free = x.replace(taut=[False])
@@ -218,7 +218,7 @@ def test_exact_lengths_are_asked_for_with_the_remedy(arm, lift):
     run = fan.simulate(arm, arm.rest({"hand.length": 0.8}), lift, method="timestepping")
     gaps = [Evaluation.of(arm, run.state(i)).h[0] for i in range(len(run))]
     for i, says in ((int(np.argmin(gaps)), "slack by"), (int(np.argmax(gaps)), "violated by")):
-        with pytest.raises(fan.StateError, match=rf"hand .*{says}.*marionette.project"):
+        with pytest.raises(fan.errors.StateError, match=rf"hand .*{says}.*marionette.project"):
             fan.simulate(arm, run.state(i), lift)
 
 
@@ -226,7 +226,7 @@ def test_far_too_short_is_refused_by_time_stepping_too(arm):
     """17.7: what no step leaves is a mistake."""
     x = arm.rest({"hand.length": 0.8})
     short = x.replace(q_K=[x.q_K[0], 0.79])
-    with pytest.raises(fan.StateError, match=r"hand is violated by 0.01"):
+    with pytest.raises(fan.errors.StateError, match=r"hand is violated by 0.01"):
         fan.simulate(arm, short, t_end=0.1, method="timestepping")
 
 
@@ -283,9 +283,9 @@ def test_a_state_of_another_puppet_is_named(arm, marionette):
             lambda x: Evaluation.of(arm, x),
             lambda x: fan.simulate(arm, x, t_end=0.1),
             lambda x: fan.simulate_batch(arm, [x, x], t_end=0.1),
-            lambda x: fan.sensitivity(arm, x, t_end=0.1),
+            lambda x: fan.dynamics.sensitivity(arm, x, t_end=0.1),
         ):
-            with pytest.raises(fan.StateError, match="another puppet"):
+            with pytest.raises(fan.errors.StateError, match="another puppet"):
                 ask(given)
 
 
@@ -307,7 +307,7 @@ strings:
   - {name: rod, path: [{body: bob}, {world: [0, 0, 1]}], length: 0.5, wire: true}
 """
     puppet = fan.Marionette(loads(text))
-    with pytest.raises(fan.StateError, match=r"lengths: rod is too short by 500 mm"):
+    with pytest.raises(fan.errors.StateError, match=r"lengths: rod is too short by 500 mm"):
         puppet.project(puppet.state())
 
 
@@ -318,7 +318,7 @@ def test_nan_is_in_no_state(arm, part):
     value = np.array(getattr(x, part), dtype=float)
     for number in (np.nan, np.inf):
         wrong = number if part == "t" else np.where(np.arange(value.size) == 0, number, value)
-        with pytest.raises(fan.StateError, match=rf"{part}.* is {number}"):
+        with pytest.raises(fan.errors.StateError, match=rf"{part}.* is {number}"):
             x.replace(**{part: wrong})
 
 
@@ -343,8 +343,8 @@ def test_nan_is_in_no_argument(arm):
         lambda: arm.with_parameters({"m2": nan}),
         lambda: arm.with_winches([[nan, 0.0, 0.0]]),
         lambda: arm.difference([nan, 0.0], [0.0, 0.0]),
-        lambda: fan.sensitivity(arm, x, t_end=0.1, rtol=nan),
-        lambda: fan.sensitivity(arm, x, t_end=0.1, save_at=[nan]),
+        lambda: fan.dynamics.sensitivity(arm, x, t_end=0.1, rtol=nan),
+        lambda: fan.dynamics.sensitivity(arm, x, t_end=0.1, save_at=[nan]),
         lambda: fan.simulate(arm, x, t_end=0.1, method=fan.Event(rtol=nan)),
         lambda: fan.simulate(arm, x, t_end=0.1, method="timestepping", save_every=nan),
         lambda: fan.Input.hold(arm, nan),
@@ -352,7 +352,7 @@ def test_nan_is_in_no_argument(arm):
         lambda: hold.extended(nan),
         lambda: hold.with_forces({"elbow": [(0.0, nan)]}),
         lambda: fan.Input.segments(arm, [0.0, 1.0], [0.45, 0.8], [0.0, 0.0], [[nan, 0.0]]),
-        lambda: fan.Inputs.random(arm, 2, reach=nan),
+        lambda: fan.motion.Inputs.random(arm, 2, reach=nan),
         lambda: arm.state({"elbow": nan}),
     ):
         with pytest.raises((ValueError, fan.FantocciniError), match=r"nan|finite|increase"):

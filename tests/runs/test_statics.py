@@ -73,7 +73,7 @@ bodies:
     joint: {type: free}
     shapes: [{type: sphere, radius: 0.1, mass: 1.0}]
 """
-    with pytest.raises(fan.StateError, match="no equilibrium"):
+    with pytest.raises(fan.errors.StateError, match="no equilibrium"):
         fan.loads(text).rest()
 
 
@@ -81,7 +81,9 @@ def test_a_bar_that_nobody_holds_is_seen_in_the_file():
     """It was let fall for 72 s before there was "no equilibrium"."""
     text = fan.puppets.path("marionette_bar").read_text()
     free = fan.loads(text.replace("joint: {type: free, driven: true}", "joint: {type: free}"))
-    with pytest.raises(fan.StateError, match=r"nothing holds bar, torso, .* make bar driven"):
+    with pytest.raises(
+        fan.errors.StateError, match=r"nothing holds bar, torso, .* make bar driven"
+    ):
         free.rest()
     assert "library" not in vars(free.libraries)  # nothing is compiled for it
 
@@ -121,7 +123,7 @@ def test_lengths_that_do_not_fit_are_named():
     crane = fan.puppets.crane()
     arm = fan.puppets.arm2d()
     assert crane is not None
-    with pytest.raises(fan.StateError, match="hand"):
+    with pytest.raises(fan.errors.StateError, match="hand"):
         arm.rest({"hand.length": 0.05, "hand.x": 2.0})
 
 
@@ -248,7 +250,7 @@ strings:
   - {name: right, path: [{body: bob}, {world: [0.6, 0, 0]}], length: 0.5}
 """)
     for search in (bob.rest, lambda: bob.project(bob.state())):
-        with pytest.raises(fan.StateError, match=r"left is too short by 100 mm.*Tried"):
+        with pytest.raises(fan.errors.StateError, match=r"left is too short by 100 mm.*Tried"):
             search()
 
 

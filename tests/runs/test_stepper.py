@@ -51,7 +51,7 @@ def test_a_law_is_asked_at_its_rate(arm):
 
 def test_an_unknown_driven_name_is_an_error(arm):
     stepper = arm.stepper(arm.rest({"hand.length": 0.8}))
-    with pytest.raises(fan.UnknownNameError, match=r"hand\.length"):
+    with pytest.raises(fan.errors.UnknownNameError, match=r"hand\.length"):
         stepper.advance(0.1, {"hand.lenght": 1.0})
 
 
@@ -62,7 +62,7 @@ def test_a_law_that_gives_no_number_is_refused(arm, method, number):
     x0 = arm.rest({"hand.length": 0.8})
     for asked in ({"acc_K": {"hand.x": number}}, {"u_D": [number, 0.0]}):
         stepper = arm.stepper(x0, method)
-        with pytest.raises(fan.StateError, match=rf"(acc_K|u_D)\[0\] is {number}"):
+        with pytest.raises(fan.errors.StateError, match=rf"(acc_K|u_D)\[0\] is {number}"):
             stepper.advance(0.1, **asked, throw=False)
         assert stepper.state == x0
         assert stepper.advance(0.1).t == pytest.approx(0.1)

@@ -50,7 +50,7 @@ def test_a_winch_that_runs_out_is_a_status(winches, method, parts):
     assert run.q_D[-1][2] == pytest.approx(1.0, abs=0.01)
     assert np.all(np.isfinite(run.v_D)) and np.max(run.violation.values) < 1e-6
     assert run.blamed == ("line",)
-    with pytest.raises(fan.SimulationError, match="driven to zero"):
+    with pytest.raises(fan.errors.SimulationError, match="driven to zero"):
         fan.simulate(winches, x0, inputs, method=method)
 
 
@@ -75,7 +75,7 @@ def test_one_lane_that_runs_out_stops_no_other(winches, method):
     assert many.reached == pytest.approx([1.5, ENDS, 1.5, ENDS / 2], abs=0.0021)
     blame = many.blame.values
     assert blame[[1, 3]].tolist() == [[1.0, 0.0], [1.0, 0.0]] and not np.any(blame[[0, 2]])
-    wide = fan.Inputs.random(winches, n=8, seed=0, t_end=1.5, every=0.5, reach=0.9)
+    wide = fan.motion.Inputs.random(winches, n=8, seed=0, t_end=1.5, every=0.5, reach=0.9)
     ended = fan.simulate_batch(winches, x0, wide, 1.5, method=method).counts()
     assert ended[gone] >= 1 and ended[Status.DONE] >= 1 and sum(ended.values()) == 8
 
@@ -90,7 +90,7 @@ def test_a_stepper_runs_out(winches, method):
             break
     assert stepper.status is Status.LENGTH_NOT_POSITIVE
     assert x.t == pytest.approx(ENDS, abs=0.0021)
-    with pytest.raises(fan.SimulationError, match="driven to zero"):
+    with pytest.raises(fan.errors.SimulationError, match="driven to zero"):
         stepper.advance(0.05)
 
 
@@ -114,5 +114,5 @@ def test_a_flow_ends_where_its_winch_runs_out(winches):
 
 def test_a_mistake_in_waypoints_is_still_one(winches):
     """17.8: a length that somebody writes down is refused where it is written."""
-    with pytest.raises(fan.InputError, match=r"line\.length: .* must stay above 0"):
+    with pytest.raises(fan.errors.InputError, match=r"line\.length: .* must stay above 0"):
         fan.Input.waypoints(winches, {"line.length": [(0, 0.5), (1, 0.0)]})

@@ -31,5 +31,5 @@ def test_a_bundled_scene_runs_event_driven(name, performance, duration):
 @pytest.mark.parametrize("name", fan.puppets.scenes())
 def test_methods_that_know_no_contact_refuse_them_by_name(name):
     stage = getattr(fan.puppets, name)()
-    with pytest.raises(fan.StateError, match="has contact, which method='variational'"):
+    with pytest.raises(fan.errors.StateError, match="has contact, which method='variational'"):
         fan.simulate(stage, stage.rest(), t_end=0.1, method="variational")

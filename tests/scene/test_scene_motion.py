@@ -113,9 +113,9 @@ bodies:
 pose: {one.z: 0.1}
 """
     slide = fan.loads(text)
-    with pytest.raises(fan.StateError, match="let go, the puppet still moves"):
+    with pytest.raises(fan.errors.StateError, match="let go, the puppet still moves"):
         slide.rest()
-    with pytest.raises(fan.StateError, match=r"one\|floor by 0.05 m. Move them apart"):
+    with pytest.raises(fan.errors.StateError, match=r"one\|floor by 0.05 m. Move them apart"):
         slide.rest({"one.z": 0.05})
 
 

@@ -60,7 +60,7 @@ def test_a_plan_keeps_a_puppet_away_from_the_other(scene) -> None:
         goal,
         tolerance=0.2,
         seed=0,
-        bounds=fan.Bounds(
+        bounds=fan.control.Bounds(
             speed=1.0,
             acceleration=4.0,
             position={"one.cord.x": (-0.5, 1.5), "two.cord.x": (-1.0, 1.5)},

@@ -26,7 +26,7 @@ def report(puppet: fan.Marionette) -> SectionReport:
         runs.append(TrackingRun(w, Deviation(t, t / w**2, 0.1 * t / w**2)))
     exact = ("event", 1e-8, 1e-9), ("event", 1e-12, 0.0), ("variational", 0.004, 1e-5)
     return SectionReport(
-        reduction=fan.validate_reduction(puppet),
+        reduction=fan.lab.validate_reduction(puppet),
         symbolic=symbolic(puppet),
         mass=puppet.mass,
         duration=1.0,

@@ -182,7 +182,7 @@ def test_a_recording_is_whole_on_disk_and_replays(scene):
     press(scene.browser, "Stop recording")
     path = until(lambda: next(iter(scene.folder.glob("toy-*.npz")), None), "a file")
     until(lambda: path.name in words(scene.browser), "the page says where")
-    recording = fan.Recording.load(path)
+    recording = fan.theatre.Recording.load(path)
     assert recording.duration > 0.4
     again = recording.replay()
     assert np.array_equal(again.q_D, recording.trajectory.q_D)

@@ -206,8 +206,8 @@ def test_what_keeps_a_recording_from_disk_is_told(tmp_path, monkeypatch):
     (path,) = spare.iterdir()  # nothing is lost where its folder is gone
     assert "there is no folder" in taken.status and f"; wrote {path} (0.1 s)" in taken.status
     assert taken.status.count("cannot be written") == 1
-    assert fan.Recording.load(path).duration == pytest.approx(0.05)
-    monkeypatch.setattr(fan.Recording, "save", lambda *_: 1 / 0)
+    assert fan.theatre.Recording.load(path).duration == pytest.approx(0.05)
+    monkeypatch.setattr(fan.theatre.Recording, "save", lambda *_: 1 / 0)
     taken.begin()
     live.advance(0.05)
     taken.finish()
@@ -247,7 +247,7 @@ def test_what_cannot_be_shown_is_said():
         fan.show(3)
     with pytest.raises(ValueError, match="live puppet cannot be written as a file"):
         page.write(page.Subject(fan.puppets.string_pendulum()), "x.html", "light")
-    with pytest.raises(fan.UnknownNameError, match="no theme is called 'green'"):
+    with pytest.raises(fan.errors.UnknownNameError, match="no theme is called 'green'"):
         fan.show("string_pendulum", theme="green", port=0, wait=False)
     with pytest.raises(fan.FantocciniError, match="there is no such folder"):
         fan.show("string_pendulum", port=0, wait=False, record_to="no/such/folder")

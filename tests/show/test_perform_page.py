@@ -180,7 +180,7 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     scene.viewer.press("Make a gesture of it")
     until(lambda: "reach" in scene.stage.instrument.gestures, "it is a gesture")
     until((scene.folder / "reach.npz").is_file, "its file")
-    gesture = fan.load_gesture(scene.performance.marionette, scene.folder / "reach.npz")
+    gesture = fan.theatre.load_gesture(scene.performance.marionette, scene.folder / "reach.npz")
     assert gesture.uses == ("hand_left",)
     assert gesture.duration == pytest.approx(1.0)
     until(lambda: "reach" in str(list(scene.viewer.controls.values())), "its button")
@@ -195,7 +195,7 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     scene.viewer.pick("Save as", "New take")
     until(lambda: scene.live.panel.takes.part_of == f"{name}-edited", "the edited take")
     until((scene.folder / f"{name}-edited.npz").is_file, "its file")
-    kept = fan.Recording.load(scene.folder / f"{name}-edited.npz")
+    kept = fan.theatre.Recording.load(scene.folder / f"{name}-edited.npz")
     np.testing.assert_array_equal(kept.acc_K, same.acc_K)
     scene.viewer.choose("Take", name)
     until(lambda: scene.stage.takes.chosen == name, "the first take")
@@ -353,7 +353,7 @@ def test_a_score_is_for_live_puppets_and_without_mistakes(folder, tmp_path):
     with pytest.raises(ValueError, match="live"):
         fan.show(run, score=folder / "number.yaml", port=0, browser=False, wait=False)
     (tmp_path / "wrong.yaml").write_text("score: wrong\nlanes: {a: [{gesture: nodd}]}\n")
-    with pytest.raises(fan.FileError, match="nodd"):
+    with pytest.raises(fan.errors.FileError, match="nodd"):
         fan.show(
             fan.puppets.marionette(),
             score=tmp_path / "wrong.yaml",

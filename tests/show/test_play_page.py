@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 def scene(tmp_path_factory):
     folder = tmp_path_factory.mktemp("show")
     (folder / "short.yaml").write_text(PLAY, encoding="utf-8")
-    show = fan.Show(fan.load_play(folder / "short.yaml"))
+    show = fan.theatre.LivePlay(fan.load_play(folder / "short.yaml"))
     with open_show(show, "light", "127.0.0.1", 0, folder) as page, Viewer(page.url) as viewer:
         yield SimpleNamespace(page=page, show=show, viewer=viewer)
 

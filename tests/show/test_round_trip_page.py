@@ -181,7 +181,7 @@ def test_keys_are_heard_after_clicks(scene):
 
     instrument = scene.stage.instrument
     instrument.add(
-        fan.Gesture.of(
+        fan.theatre.Gesture.of(
             scene.performance.marionette, {"line.up": [(0, 0), (1, 0.05), (2, 0)]}, name="hop"
         )
     )

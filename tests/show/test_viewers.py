@@ -249,7 +249,7 @@ def test_abuse_leaves_a_puppet_a_page_and_a_whole_recording(tmp_path):
             until(lambda: scene.live.paused, "the page still answers")
     finally:
         scene.page.close()
-    recording = fan.Recording.load(path)
+    recording = fan.theatre.Recording.load(path)
     assert recording.duration > 1.5
     again, first = recording.replay(), recording.trajectory
     for name in ("t", "q_D", "v_D", "q_K", "v_K"):

@@ -138,7 +138,7 @@ def test_a_mistake_is_named(asked, said):
 
 
 def test_a_parameter_that_no_puppet_has_is_a_mistake(arm):
-    with pytest.raises(fan.UnknownNameError, match="did you mean 'm2'"):
+    with pytest.raises(fan.errors.UnknownNameError, match="did you mean 'm2'"):
         design({"p:m22": [0.1]}, puppet=arm)
-    with pytest.raises(fan.UnknownNameError, match="no value of the sweep is called 'b'"):
+    with pytest.raises(fan.errors.UnknownNameError, match="no value of the sweep is called 'b'"):
         design({"a": [1]}).cases[0]["b"]

@@ -55,7 +55,7 @@ def test_ray_gives_the_same_bits_as_threads(cluster, arm, tmp_path):
 
 def test_a_study_may_close_over_a_puppet(cluster, arm):
     arm.compile()  # what is loaded stays behind
-    trial = fan.Trial(t_end=0.05, method="timestepping", keep=["last elbow"])
+    trial = fan.lab.Trial(t_end=0.05, method="timestepping", keep=["last elbow"])
 
     def study(case):
         return {"mass": arm.mass * case["k"]}
@@ -120,7 +120,7 @@ def test_an_interrupt_keeps_what_is_finished(cluster, tmp_path):
             raise KeyboardInterrupt
 
     asked = {"over": {"k": range(40)}, "on": "ray", "store": tmp_path}
-    with pytest.raises(fan.SweepStopped, match="run the same sweep again"):
+    with pytest.raises(fan.errors.SweepStopped, match="run the same sweep again"):
         fan.sweep(study, **asked, progress=interrupt)
     assert ray.is_initialized()
     whole = fan.sweep(study, **asked)

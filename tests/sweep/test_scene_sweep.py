@@ -43,7 +43,7 @@ def stage(tmp_path_factory):
 
 
 def trial():
-    return fan.Trial(
+    return fan.lab.Trial(
         inputs={"two.line.length": [(0.0, HIGH), (0.6, LOW)]},
         t_end=1.0,
         method=fan.TimeStepping(dt=2e-3),
@@ -85,7 +85,7 @@ def test_bundled_scenes_are_swept_side_by_side():
     puppets = {"promenade": fan.puppets.promenade(), "marionette": fan.puppets.marionette()}
     over = {"puppet": puppets}
     keep = ["last torso.z", "max tension:head"]
-    study = fan.Trial(t_end=0.3, method="timestepping", keep=keep)
+    study = fan.lab.Trial(t_end=0.3, method="timestepping", keep=keep)
     found = fan.sweep(study, over)
     assert list(found["status"]) == ["DONE", "DONE"]
     stands, hangs = found["last torso.z"]

@@ -73,7 +73,9 @@ def test_an_interrupted_sweep_goes_on(study, tmp_path):
             raise KeyboardInterrupt
 
     asked = {"over": {"n": range(20)}, "store": tmp_path / "s", "workers": 2}
-    with pytest.raises(fan.SweepStopped, match="run the same sweep again to resume") as caught:
+    with pytest.raises(
+        fan.errors.SweepStopped, match="run the same sweep again to resume"
+    ) as caught:
         fan.sweep(study, **asked, progress=interrupt)
     kept = len(files(tmp_path / "s"))
     assert kept == 7 == caught.value.result.done.sum()
@@ -183,7 +185,7 @@ def test_another_sweeps_store_is_refused(study, tmp_path):
         ({"version": "2"}, "version is None there and '2' here"),
     ):
         asked = {"study": study, "over": {"n": [0]}, "store": tmp_path, **changed}
-        with pytest.raises(fan.StoreError, match=f"holds another sweep.*{said}"):
+        with pytest.raises(fan.errors.StoreError, match=f"holds another sweep.*{said}"):
             fan.sweep(**asked)
     assert {f: f.read_bytes() for f in tmp_path.rglob("*") if f.is_file()} == before
 
@@ -199,7 +201,7 @@ def test_a_study_whose_code_changed_is_refused_unless_its_version_vouches_for_it
     two = make("def study(case):\n    return {'x': 2.0}\n")
     fan.sweep(one, store=tmp_path / "a")
     fan.sweep(moved, store=tmp_path / "a")
-    with pytest.raises(fan.StoreError, match="code or the settings"):
+    with pytest.raises(fan.errors.StoreError, match="code or the settings"):
         fan.sweep(two, store=tmp_path / "a")
     fan.sweep(one, store=tmp_path / "b", version="1")
     assert fan.sweep(two, store=tmp_path / "b", version="1")["x"] == 1.0
@@ -214,21 +216,21 @@ def test_a_study_whose_code_changed_is_refused_unless_its_version_vouches_for_it
 
 def test_a_trial_with_other_settings_is_another_study(tmp_path):
     arm = fan.puppets.arm2d()
-    trials = [fan.Trial(t_end=t, method="timestepping") for t in (0.01, 0.02)]
+    trials = [fan.lab.Trial(t_end=t, method="timestepping") for t in (0.01, 0.02)]
     fan.sweep(trials[0], puppet=arm, store=tmp_path)
-    with pytest.raises(fan.StoreError, match="code or the settings"):
+    with pytest.raises(fan.errors.StoreError, match="code or the settings"):
         fan.sweep(trials[1], puppet=arm, store=tmp_path)
 
 
 def test_a_folder_with_other_things_is_left_alone(study, tmp_path):
     (tmp_path / "thesis.tex").write_text("all my work")
-    with pytest.raises(fan.StoreError, match="not empty and holds no sweep"):
+    with pytest.raises(fan.errors.StoreError, match="not empty and holds no sweep"):
         fan.sweep(study, {"n": [0]}, store=tmp_path)
     assert [f.name for f in tmp_path.iterdir()] == ["thesis.tex"]
     (tmp_path / "thesis.tex").unlink()
     for text in ("nonsense", "[1]", json.dumps({"format": "later"})):
         (tmp_path / "sweep.json").write_text(text)
-        with pytest.raises(fan.StoreError):
+        with pytest.raises(fan.errors.StoreError):
             fan.sweep(study, {"n": [0]}, store=tmp_path)
-    with pytest.raises(fan.StoreError, match="cannot be used"):
+    with pytest.raises(fan.errors.StoreError, match="cannot be used"):
         fan.sweep(study, {"n": [0]}, store=tmp_path / "sweep.json")

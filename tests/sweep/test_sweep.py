@@ -13,7 +13,7 @@ import fantoccini as fan
 LENGTHS = [0.78, 0.8, 0.85]
 
 
-def swing(case: fan.Case) -> dict:
+def swing(case: fan.lab.Case) -> dict:
     """A push that is drawn, and how the arm swings after it."""
     arm = case.marionette
     x0 = arm.project(arm.state({"hand.length": case["length"], "v:elbow": case.rng.normal()}))
@@ -87,7 +87,7 @@ def test_a_puppet_that_cannot_be_built_fails_its_own_cases(arm):
     class Broken(fan.Marionette):
         def compile(self):
             tried.append(1)
-            raise fan.BuildError("no compiler here")
+            raise fan.errors.BuildError("no compiler here")
 
     broken = Broken(arm.puppet)
     result = fan.sweep(swing, {"puppet": {"good": arm, "bad": broken}, "length": [0.8, 0.81]})
@@ -124,7 +124,7 @@ def test_the_table_goes_to_csv(tmp_path):
     lines = (tmp_path / "table.csv").read_text().splitlines()
     assert lines[0] == "a,b,repeat,x[0],x[1],s,error"
     assert lines[1] == "1,u,0,1.0,10.0,u," and len(lines) == 9
-    with pytest.raises(fan.UnknownNameError, match="did you mean 'x'"):
+    with pytest.raises(fan.errors.UnknownNameError, match="did you mean 'x'"):
         result["xx"]
 
 
@@ -136,7 +136,9 @@ def test_progress_is_told_and_may_interrupt():
         if at.done == 4:
             signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(fan.SweepStopped, match="of 50 cases; the error carries them") as caught:
+    with pytest.raises(
+        fan.errors.SweepStopped, match="of 50 cases; the error carries them"
+    ) as caught:
         fan.sweep(lambda case: {"x": case["k"]}, {"k": range(50)}, workers=2, progress=progress)
     assert told[:5] == [(k, 50, 0) for k in range(5)]
     result = caught.value.result
@@ -155,7 +157,7 @@ def test_an_interrupt_does_not_wait_for_what_is_running():
         return {}
 
     try:
-        with pytest.raises(fan.SweepStopped):
+        with pytest.raises(fan.errors.SweepStopped):
             fan.sweep(study, {"k": range(10)}, workers=1)
         assert begun.is_set()
     finally:

@@ -14,7 +14,7 @@ FAST = {"method": "timestepping", "t_end": 0.2}
 def test_a_trial_is_the_run_one_would_have_written(arm):
     times = np.linspace(0, 0.3, 7)
     keep = ("max tension:hand", "last elbow", "mean hand.length", "elbow", "first energy:kinetic")
-    trial = fan.Trial(inputs=LIFT, t_end=0.25, keep=keep, times=times)
+    trial = fan.lab.Trial(inputs=LIFT, t_end=0.25, keep=keep, times=times)
     result = fan.sweep(trial, {"p:m2": [0.08, 0.1]}, puppet=arm)
     heavy = arm.with_parameters({"m2": 0.1})
     run = fan.simulate(
@@ -37,7 +37,7 @@ def test_names_say_where_values_go(arm):
         "v:elbow": [0.0, 1.0],
         "dt": [0.002, 0.001],
     }
-    trial = fan.Trial(**FAST, keep=["first v:elbow", "last hand.length", "max t"])
+    trial = fan.lab.Trial(**FAST, keep=["first v:elbow", "last hand.length", "max t"])
     result = fan.sweep(trial, over, puppet=arm)
     assert result.failures == ()
     assert result.axes["inputs"].tolist() == ["none", "lift"]
@@ -47,7 +47,7 @@ def test_names_say_where_values_go(arm):
 
 
 def test_start_and_driven_coordinates(arm):
-    trial = fan.Trial(**FAST, start={"hand.x": 0.4}, keep=["first hand.x", "first hand.length"])
+    trial = fan.lab.Trial(**FAST, start={"hand.x": 0.4}, keep=["first hand.x", "first hand.length"])
     result = fan.sweep(trial, {"hand.length": [0.78, 0.8]}, puppet=arm)
     assert result["first hand.x"].tolist() == [0.4, 0.4]
     assert result["first hand.length"].tolist() == [0.78, 0.8]
@@ -55,7 +55,7 @@ def test_start_and_driven_coordinates(arm):
 
 def test_a_run_that_stops_is_a_result(arm):
     pull = {"hand.length": [(0, 0.8), (0.5, 0.05)]}
-    result = fan.sweep(fan.Trial(inputs=pull), puppet=arm)
+    result = fan.sweep(fan.lab.Trial(inputs=pull), puppet=arm)
     assert result.failures == () and result["status"] != "DONE" and 0 < result["end"] < 0.5
 
 
@@ -66,20 +66,20 @@ def test_a_puppet_without_strings_has_figures():
         "  - {name: rod, joint: {type: revolute, axis: [0, 1, 0]}, mass: 1, com: [0, 0, -1],"
         " inertia: [1, 1, 1]}\n"
     )
-    result = fan.sweep(fan.Trial(**FAST), {"rod": [0.1, 0.2]}, puppet=pendulum)
+    result = fan.sweep(fan.lab.Trial(**FAST), {"rod": [0.1, 0.2]}, puppet=pendulum)
     assert result.failures == () and result["max_tension"].tolist() == [0.0, 0.0]
 
 
 def test_mistakes_are_named(arm):
-    with pytest.raises(fan.UnknownNameError, match="no statistic is called 'peak'"):
-        fan.Trial(keep=["peak elbow"])
+    with pytest.raises(fan.errors.UnknownNameError, match="no statistic is called 'peak'"):
+        fan.lab.Trial(keep=["peak elbow"])
     with pytest.raises(ValueError, match="'last elbow'"):
-        fan.Trial(keep=["elbow"])
+        fan.lab.Trial(keep=["elbow"])
     for trial, over, said in (
-        (fan.Trial(**FAST), {"hand.lenght": [0.8]}, "did you mean 'hand.length'"),
-        (fan.Trial(), {"hand.length": [0.8]}, "needs t_end"),
-        (fan.Trial(**FAST, keep=["max tension:foot"]), None, "no column of the run"),
+        (fan.lab.Trial(**FAST), {"hand.lenght": [0.8]}, "did you mean 'hand.length'"),
+        (fan.lab.Trial(), {"hand.length": [0.8]}, "needs t_end"),
+        (fan.lab.Trial(**FAST, keep=["max tension:foot"]), None, "no column of the run"),
     ):
         result = fan.sweep(trial, over, puppet=arm)
         assert said in result.failures[0].failure.message
-    assert "needs a puppet" in fan.sweep(fan.Trial(**FAST)).failures[0].failure.message
+    assert "needs a puppet" in fan.sweep(fan.lab.Trial(**FAST)).failures[0].failure.message

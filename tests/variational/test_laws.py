@@ -39,7 +39,7 @@ def test_it_is_of_second_order_between_catches(damped, moving):
     x = rigs.gentle(0.1) if damped else rigs.swinging(puppet, puppet.rest(), v_D)
     inputs = sway(puppet, x) if moving else None
     exact = fan.simulate(puppet, x, inputs, 0.4, method=fan.Event(rtol=1e-12, atol=1e-12))
-    assert not [e for e in exact.events if e.kind is fan.EventKind.CATCH]
+    assert not [e for e in exact.events if e.kind is fan.motion.EventKind.CATCH]
     off = []
     for dt in STEPS:
         run = fan.simulate(puppet, x, inputs, 0.4, method=fan.Variational(dt=dt))

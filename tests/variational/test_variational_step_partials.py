@@ -103,7 +103,7 @@ def test_what_is_not_known_is_refused_by_name():
     bar = fan.puppets.marionette_bar()
     x = bar.rest()
     state = (x.q_D, x.v_D, x.q_K, x.v_K)
-    with pytest.raises(fan.StateError, match="driven rotations"):
+    with pytest.raises(fan.errors.StateError, match="driven rotations"):
         bar.linearise_steps(*state, method="variational")
-    with pytest.raises(fan.StateError, match="method is 'event'"):
+    with pytest.raises(fan.errors.StateError, match="method is 'event'"):
         bar.linearise_steps(*state, method="event")

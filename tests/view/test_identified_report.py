@@ -176,7 +176,7 @@ def test_long_pauses_break_lines():
 def test_what_is_not_told_is_said(tmp_path):
     """Without a known mass the scale of masses and damping is free."""
     one = record(arm(), 6.0, 4)
-    free = replace(one, unknown=[*one.unknown, fan.Unknown("lower_mass")])
+    free = replace(one, unknown=[*one.unknown, fan.lab.Unknown("lower_mass")])
     found = fan.identify(free)
     page = Page(reports.identified_report(found, tmp_path / "x.html").read_text(encoding="utf-8"))
     rows = page.rows(0)

@@ -45,9 +45,9 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def verification(tmp_path_factory) -> fan.Verification:
+def verification(tmp_path_factory) -> fan.theatre.Verification:
     play = fan.load_play(write_play(tmp_path_factory.mktemp("play")))
-    return fan.verify_play(play)
+    return fan.theatre.verify_play(play)
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_the_least_clearances_are_those_of_the_run(verification, page):
 
 
 def test_a_play_that_fails_says_so_first(tmp_path):
-    verification = fan.verify_play(fan.load_play(write_play(tmp_path, TOUCHES)))
+    verification = fan.theatre.verify_play(fan.load_play(write_play(tmp_path, TOUCHES)))
     text = reports.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
     assert 'class="verdict fails">1 of 2 cues cannot be done as written' in text
     assert f"{tmp_path / 'tiny.yaml'}:15: acts[0].cues[1]: one: sway.yaml cannot be done" in text
@@ -131,7 +131,7 @@ def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
     """The report said that a cue cannot be done where the terminal said that all can."""
     path = write_play(tmp_path, TOUCHES)
     play = fan.load_play(path, within=0.0)
-    verification = fan.verify_play(play)
+    verification = fan.theatre.verify_play(play)
     assert not play.refused and len(play.remarks) >= 2  # it was stopped, and something touches
     assert play.remarks == play.lacking == play.changes
     text = reports.play_report(verification, tmp_path / "page.html").read_text(encoding="utf-8")
@@ -140,7 +140,7 @@ def test_remarks_are_not_counted_as_cues_that_cannot_be_done(tmp_path):
     assert "cues cannot be done" not in text
     left = fan.load_play(write_play(tmp_path, MAY_TOUCH))
     assert left.counts == "1 of 2 cues can be done, 1 left out" and not left.remarks
-    text = reports.play_report(fan.verify_play(left), tmp_path / "page.html").read_text()
+    text = reports.play_report(fan.theatre.verify_play(left), tmp_path / "page.html").read_text()
     assert 'class="verdict holds">1 of 2 cues can be done, 1 left out' in text
 
 
@@ -192,5 +192,5 @@ def test_words_are_cut_to_what_fits():
 def test_a_report_elsewhere_is_refused(verification, tmp_path):
     with pytest.raises(ValueError, match=r"a report ends in \.html, not in '\.pdf'"):
         reports.play_report(verification, tmp_path / "page.pdf")
-    with pytest.raises(fan.PictureError, match="there is no folder"):
+    with pytest.raises(fan.errors.PictureError, match="there is no folder"):
         reports.play_report(verification, tmp_path / "no" / "page.html")

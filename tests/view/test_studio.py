@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from fantoccini import MissingLibraryError
+from fantoccini.base.errors import MissingLibraryError
 from fantoccini.output import view
 from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.drawing import Look, layout_of

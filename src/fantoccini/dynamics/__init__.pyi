@@ -43,7 +43,7 @@ from .mujoco import (
 )
 from .simulation import (
     Passage as Passage,
-    Sensitivity as Sensitivity,
+    RunSensitivity as RunSensitivity,
     sensitivity as sensitivity,
     simulate as simulate,
     simulate_batch as simulate_batch,

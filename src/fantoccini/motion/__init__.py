@@ -1,7 +1,7 @@
 """Motion as data: states, inputs, trajectories and events."""
 
 from fantoccini.motion import binding, joints, pieces, reading
-from fantoccini.motion.archive import RECORDING, RECORDINGS, mesh_files, restored
+from fantoccini.motion.archive import RECORDING_FORMAT, RECORDING_FORMATS, mesh_files, restored
 from fantoccini.motion.binding import check_same_puppet
 from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.columns import Columns
@@ -20,8 +20,8 @@ from fantoccini.motion.trajectory import LEDGER, Trajectory
 
 __all__ = [
     "LEDGER",
-    "RECORDING",
-    "RECORDINGS",
+    "RECORDING_FORMAT",
+    "RECORDING_FORMATS",
     "RESIDUAL",
     "SAME_TIME",
     "SAVED",

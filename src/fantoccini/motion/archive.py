@@ -18,9 +18,9 @@ from fantoccini.motion.contacts import ContactPoints
 from fantoccini.motion.state import EventKind, EventRecord
 
 FORMAT = "fantoccini.trajectory.1"
-RECORDING = "fantoccini.recording.3"
+RECORDING_FORMAT = "fantoccini.recording.3"
 """Format of a recorded performance, which is written by ``fantoccini.theatre.perform``."""
-RECORDINGS = (RECORDING, "fantoccini.recording.2")
+RECORDING_FORMATS = (RECORDING_FORMAT, "fantoccini.recording.2")
 """Formats that are read."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _TABLES = (

@@ -26,7 +26,7 @@ from fantoccini.base.documents import (
 )
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import pieces, reading
-from fantoccini.motion.archive import RECORDING, RECORDINGS
+from fantoccini.motion.archive import RECORDING_FORMAT, RECORDING_FORMATS
 from fantoccini.motion.channel import Channel, Points
 from fantoccini.motion.findings import Findings
 
@@ -292,8 +292,8 @@ def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> 
         form = str(about["format"])
     except npz.UNREADABLE as error:
         raise _file_error(path, f"its `about` cannot be read: {error}") from None
-    if form not in RECORDINGS:
-        message = f"has the format {form!r}; needed: samples, or a recording ({RECORDING})"
+    if form not in RECORDING_FORMATS:
+        message = f"has the format {form!r}; needed: samples, or a recording ({RECORDING_FORMAT})"
         raise _file_error(path, message)
     try:
         q_K, v_K = (npz.finite(arrays, f"start_{name}", (None,)) for name in ("q_K", "v_K"))

@@ -223,7 +223,7 @@ class Input:
     def load(cls, table: Table, path: str | Path) -> Input:
         """Reads an inputs file: YAML waypoints, CSV or npz samples, or a recording.
 
-        A recording (:class:`fantoccini.Recording`) gives the motion of its hands;
+        A recording (:class:`fantoccini.theatre.Recording`) gives the motion of its hands;
         ``Recording.load(path)`` gives the winches and the start as well.
 
         Args:

@@ -29,7 +29,7 @@ from fantoccini.stand.streaming import (
     serial_port,
     stream,
 )
-from fantoccini.stand.tempo import Slowed, inputs_of, slowed, slower
+from fantoccini.stand.tempo import SlowedRun, inputs_of, slowed, slower
 
 __all__ = [
     "ENDINGS",
@@ -50,7 +50,7 @@ __all__ = [
     "Receiver",
     "Sending",
     "SetPoints",
-    "Slowed",
+    "SlowedRun",
     "Stand",
     "StandCheck",
     "axes_of",

@@ -32,7 +32,7 @@ _LEAST_STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Slowed:
+class SlowedRun:
     """A run at a slower tempo.
 
     Attributes:
@@ -88,7 +88,7 @@ def inputs_of(run: Trajectory, factor: float = 1.0) -> Input:
     return Input(table, breaks, coef, base, np.ones(table.n_vK, dtype=bool))
 
 
-def slowed(check: StandCheck, factor: float) -> Slowed:
+def slowed(check: StandCheck, factor: float) -> SlowedRun:
     """The run of a check ``factor`` times as long, simulated and checked again.
 
     Raises:
@@ -109,10 +109,10 @@ def slowed(check: StandCheck, factor: float) -> Slowed:
     )
     apart, body, t, rms = distances(marionette, run, made, factor)
     again = check_stand(check.map.stand, made, marionette)
-    return Slowed(factor, made, again, apart, body, t, rms)
+    return SlowedRun(factor, made, again, apart, body, t, rms)
 
 
-def slower(check: StandCheck) -> tuple[Slowed | None, str]:
+def slower(check: StandCheck) -> tuple[SlowedRun | None, str]:
     """The fastest tempo tried at which a stand can do it, and what was found, in words."""
     if any(limit.quantity == "travel" for limit in check.broken):
         return None, "slower does not help: the travel is too short at any tempo"

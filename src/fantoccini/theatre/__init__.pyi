@@ -29,9 +29,9 @@ from .gestures import (
 from .perform import (
     Balance as Balance,
     Handle as Handle,
+    LivePlay as LivePlay,
     Performance as Performance,
     Recording as Recording,
-    Show as Show,
 )
 from .plays import (
     Play as Play,

@@ -21,7 +21,7 @@ def perform_play(request: PerformRequest) -> None:
     if hear is not None and hear == send:
         fail(f"found {hear} for --osc-in as well; needed: two addresses", "--osc-out")
     from fantoccini.app.web import open_show
-    from fantoccini.theatre.perform import Show
+    from fantoccini.theatre.perform import LivePlay
     from fantoccini.theatre.plays import load_play
     from fantoccini.theatre.script import is_play
 
@@ -30,7 +30,7 @@ def perform_play(request: PerformRequest) -> None:
         raise FileError([Mistake(str(request.file), None, "", message)])
     with Steps(request.quiet) as steps:
         steps.step(f"compiling {request.file}")
-        show = Show(load_play(request.file))
+        show = LivePlay(load_play(request.file))
         steps.step("opening the page")
         page = open_show(
             show, request.theme.value, request.host, request.port, request.record_to, hear, send

@@ -15,7 +15,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.stand import (
     QUANTITIES,
-    Slowed,
+    SlowedRun,
     StandCheck,
     check_stand,
     load_stand,
@@ -45,7 +45,7 @@ def check_run(
         made, moved = motion_of(run, puppet, steps)
         steps.step("checking")
         found = check_stand(read, moved, made)
-        tempo: tuple[Slowed | None, str] | None = None
+        tempo: tuple[SlowedRun | None, str] | None = None
         if slower and not found.ok:
             steps.step("simulating slower tempos")
             tempo = found_slower(found)
@@ -81,7 +81,7 @@ def motion_of(path: Path, puppet: str | None, steps: Steps) -> tuple[Marionette,
     return Marionette(run.puppet, steps.named), run
 
 
-def _print(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> None:
+def _print(found: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> None:
     used = _columns(found)
     lines = []
     for axis in found.axes:
@@ -108,7 +108,7 @@ def _columns(found: StandCheck) -> list[str]:
     return [quantity for quantity in QUANTITIES if quantity in told]
 
 
-def as_data(found: StandCheck, tempo: tuple[Slowed | None, str] | None) -> dict[str, Any]:
+def as_data(found: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> dict[str, Any]:
     """What is printed, as plain data."""
     slow = None if tempo is None else tempo[0]
     return {

@@ -58,7 +58,7 @@ def _number(name: str, text: str) -> float:
 
 
 def start_state(marionette: Marionette, inputs: Input | None, given: Values, quiet: bool) -> State:
-    """The start state of :class:`fantoccini.Trial`; reports a projection unless ``quiet``."""
+    """The start state of :class:`fantoccini.lab.Trial`; reports a projection unless ``quiet``."""
     x = trial.start_state(marionette, inputs, given)
     table = marionette.coordinates
     if not quiet and not {*given} <= {*table.q_K, *table.rotations, *table.commands}:

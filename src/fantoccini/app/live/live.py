@@ -25,7 +25,7 @@ from fantoccini.app.pages import REFRESH, Handler, Moment, PageLoop, SceneNodes,
 from fantoccini.base import FantocciniError
 from fantoccini.dynamics.derivatives import motion_at
 from fantoccini.output.view import Geometry, Theme, force_arrows, geometry_at
-from fantoccini.theatre.perform import Balance, Performance, Show
+from fantoccini.theatre.perform import Balance, LivePlay, Performance
 
 if TYPE_CHECKING:
     import viser
@@ -86,7 +86,7 @@ class Live(PageLoop):
         record_to: Path,
         file: Path | None = None,
         score: Path | None = None,
-        show: Show | None = None,
+        show: LivePlay | None = None,
     ):
         super().__init__("live")
         self.performance, self.theme = performance, theme

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from fantoccini.app.live.perform_tabs import StageActions
 from fantoccini.output.html import element, lines, to_html
-from fantoccini.theatre.perform import Show
+from fantoccini.theatre.perform import LivePlay
 from fantoccini.theatre.plays import CueOfPlay
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class PlayTab:
         gui: viser.GuiApi,
         tab: Any,
         command: Callable[[str, str, Callable[[], None]], Any],
-        show: Show,
+        show: LivePlay,
     ):
         self._live, self._show = live, show
         acts: tuple[tuple[str, str, str, str, str, Callable[[], None]], ...] = (
@@ -112,7 +112,7 @@ def _listed(cue: CueOfPlay) -> str:
     return f"{cue.number} {cue.what}"[:_NAME]
 
 
-def _about(show: Show, messages: str) -> str:
+def _about(show: LivePlay, messages: str) -> str:
     """Time, act, what is on and what stands by, and the caption, as HTML."""
     t, play = show.t, show.play
     act = [name for name, start in play.acts.items() if start <= t]
@@ -138,7 +138,7 @@ def _about(show: Show, messages: str) -> str:
     return to_html(element("div", *rows, style="padding:0 0.5em;font-size:0.85em;line-height:1.45"))
 
 
-def _cues(show: Show) -> str:
+def _cues(show: LivePlay) -> str:
     """All acts and cues with their times, as HTML."""
     on, waits = {cue.number for cue in show.on}, show.standing_by
     rows, act = [], ""

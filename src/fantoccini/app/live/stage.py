@@ -15,7 +15,7 @@ from fantoccini.app.live.worker import Worker
 from fantoccini.base import FantocciniError, StateError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.theatre.gestures import Score, load_score
-from fantoccini.theatre.perform import Osc, Performance, Recording, ScoreVoice, Show
+from fantoccini.theatre.perform import LivePlay, Osc, Performance, Recording, ScoreVoice
 
 
 class Stage:
@@ -51,7 +51,7 @@ class Stage:
         folder: Path,
         file: Path | None = None,
         score: Path | None = None,
-        show: Show | None = None,
+        show: LivePlay | None = None,
     ):
         self.performance, self._score_file, self.show = performance, score, show
         beside = () if file is None else (file.absolute().parent,)

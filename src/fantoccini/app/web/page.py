@@ -25,7 +25,7 @@ from fantoccini.model.puppet import Puppet, bundled_files
 from fantoccini.model.scene import Scene
 from fantoccini.motion import Trajectory
 from fantoccini.output.view import theme_of
-from fantoccini.theatre.perform import Address, Osc, Performance, Recording, Show
+from fantoccini.theatre.perform import Address, LivePlay, Osc, Performance, Recording
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,7 +294,7 @@ def _check_folder(record_to: Path) -> None:
 
 
 def open_show(
-    show: Show,
+    show: LivePlay,
     theme: str,
     host: str,
     port: int,

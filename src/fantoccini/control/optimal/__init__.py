@@ -3,7 +3,7 @@
 from fantoccini.control.optimal.api import follow, optimise, refuse_winches
 from fantoccini.control.optimal.mpc import MPC, MPCStatus
 from fantoccini.control.optimal.outlook import out_of_reach
-from fantoccini.control.optimal.reached import Reach, ReachedPose, ReachStatus
+from fantoccini.control.optimal.reached import ReachedPose, ReachedPoses, ReachStatus
 from fantoccini.control.optimal.reaching import What, reach
 from fantoccini.control.optimal.result import OptimalStatus, Optimum
 from fantoccini.control.optimal.tuning import Draws, Tuned, TunedStatus, tune
@@ -14,9 +14,9 @@ __all__ = [
     "MPCStatus",
     "OptimalStatus",
     "Optimum",
-    "Reach",
     "ReachStatus",
     "ReachedPose",
+    "ReachedPoses",
     "Tuned",
     "TunedStatus",
     "What",

@@ -113,7 +113,7 @@ class ReachedPose(Answer):
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class ReachedPoses:
     """Hanging poses nearest to places, one for each. True where all are reached.
 
     Attributes:
@@ -134,7 +134,7 @@ class Reach:
 
     def __repr__(self) -> str:
         return (
-            f"<Reach: {int(self.reached.sum())} of {len(self)} reached, at most "
+            f"<ReachedPoses: {int(self.reached.sum())} of {len(self)} reached, at most "
             f"{length(float(self.distance.max()))} away>"
         )
 

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError, check_positive
-from fantoccini.control.optimal.reached import Reach, ReachProblem
+from fantoccini.control.optimal.reached import ReachedPoses, ReachProblem
 from fantoccini.control.tasks import Bounds, Interval
 from fantoccini.dynamics.compiled import refuse_contact, relations
 from fantoccini.dynamics.marionette import Marionette
@@ -41,7 +41,7 @@ def reach(
     iterations: int = 200,
     weights: Mapping[What, float] | None = None,
     once: bool = False,
-) -> Reach:
+) -> ReachedPoses:
     """min sum_i w_i |place_i(q_D, q_K) - target_i|^2 over the q_K with which the puppet hangs.
 
     The pose hangs: forces balance, strings that pull have their length, the others are slack, and
@@ -114,7 +114,7 @@ def reach(
         max_iterations=iterations,
         once=once,
     )
-    made = Reach(problem, found)
+    made = ReachedPoses(problem, found)
     if made.is_lost:
         raise StateError(
             "reach: the puppet does not hang stably at the start: a push would make it fall; "

@@ -7,11 +7,11 @@ from fantoccini.dynamics.simulation.intervals import interval_derivatives
 from fantoccini.dynamics.simulation.pace import SlowRunWarning
 from fantoccini.dynamics.simulation.run import simulate, trajectory_of_samples
 from fantoccini.dynamics.simulation.saltation import Passage
-from fantoccini.dynamics.simulation.sensitivities import Sensitivity, sensitivity
+from fantoccini.dynamics.simulation.sensitivities import RunSensitivity, sensitivity
 
 __all__ = [
     "Passage",
-    "Sensitivity",
+    "RunSensitivity",
     "SlowRunWarning",
     "contact_effort",
     "interval_derivatives",

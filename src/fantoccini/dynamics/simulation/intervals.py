@@ -49,7 +49,7 @@ class IntervalDerivatives:
 
     @property
     def sharp(self) -> bool:
-        """Whether the derivatives exist; see :class:`fantoccini.dynamics.Sensitivity`."""
+        """Whether the derivatives exist; see :class:`fantoccini.dynamics.RunSensitivity`."""
         return all(passage.sharp for passages in self.passages for passage in passages)
 
 
@@ -72,7 +72,7 @@ def interval_derivatives(
     Raises:
         InputError: accelerations are not constant, rotations are driven, or the run has no sample
             at a break.
-        StateError: there is no derivative; see :func:`fantoccini.sensitivity`.
+        StateError: there is no derivative; see :func:`fantoccini.dynamics.sensitivity`.
     """
     check_positive(rtol=rtol, atol=atol)
     table = marionette.coordinates

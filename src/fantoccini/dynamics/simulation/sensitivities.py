@@ -22,7 +22,7 @@ SAME_ROTATION = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivity:
+class RunSensitivity:
     """Derivatives of the state of an event-driven run, at some of its times.
 
     A record is d(dq_D, dv_D) at ``t``, with tangent vectors dq_D: a scalar adds, an orientation
@@ -67,7 +67,7 @@ def sensitivity(
     save_at: Times | None = None,
     rtol: float = 1e-10,
     atol: float = 1e-10,
-) -> Sensitivity:
+) -> RunSensitivity:
     """dx(t)/dx0, dx(t)/dp and along changes of the inputs, through releases, catches and contact.
 
     The run is that of ``fan.simulate`` with its default tolerances. The derivative holds for
@@ -111,7 +111,7 @@ def sensitivity(
     n, n_p = marionette.coordinates.n_vD, len(marionette.p)
     Z = np.array([Z for _, Z in records])
     last = 2 * n + n_p + len(toward)
-    return Sensitivity(
+    return RunSensitivity(
         run=run,
         t=np.array([t for t, _ in records]),
         x0=Z[:, :, : 2 * n],

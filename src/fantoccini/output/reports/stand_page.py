@@ -12,14 +12,16 @@ from fantoccini.output.reports import stand_plots
 from fantoccini.stand import QUANTITIES, lost_lines, remedies
 
 if TYPE_CHECKING:
-    from fantoccini.stand import Slowed, StandCheck
+    from fantoccini.stand import SlowedRun, StandCheck
 
 MAX_NAMED = 12
 """Broken limits that are listed."""
 
 
 def stand_report(
-    check: StandCheck, path: str | os.PathLike[str], slower: tuple[Slowed | None, str] | None = None
+    check: StandCheck,
+    path: str | os.PathLike[str],
+    slower: tuple[SlowedRun | None, str] | None = None,
 ) -> Path:
     """Writes the report of a stand's check: one HTML file, pictures included.
 
@@ -27,7 +29,7 @@ def stand_report(
     torque over time, and torque against speed with what the motors give.
 
     Args:
-        check: as :func:`fantoccini.check_stand` gives it.
+        check: as :func:`fantoccini.stand.check_stand` gives it.
         path: ends in ``.html``.
         slower: what :func:`fantoccini.stand.slower` found; left out when not given.
 
@@ -41,7 +43,7 @@ def stand_report(
     return write_page(path, lambda: _page(check, slower))
 
 
-def _page(check: StandCheck, slower: tuple[Slowed | None, str] | None) -> Page:
+def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Page:
     stand = check.map.stand
     page = Page(f"{stand.name}: can it do it?", stand.name)
     page.text(stand.about)
@@ -144,7 +146,7 @@ def margin_table(check: StandCheck) -> Table:
     return Table(header, tuple(lines), frozenset(wrong))
 
 
-def _slower_table(check: StandCheck, slow: Slowed) -> Table:
+def _slower_table(check: StandCheck, slow: SlowedRun) -> Table:
     rows: list[Sequence[str]] = []
     for axis in check.axes:
         before, after = check.of(axis.name), slow.check.of(axis.name)

@@ -21,7 +21,7 @@ class Conductor:
 
     ::
 
-        conductor = fan.Conductor(score)
+        conductor = fan.theatre.Conductor(score)
         while not conductor.done:
             offsets, rates = score.offsets(conductor.advance(dt))
 

@@ -46,8 +46,8 @@ class Gesture:
 
     ::
 
-        wave = fan.load_gesture(puppet, "wave")
-        bow = fan.Gesture.of(puppet, {"head.down": [(0, 0), (0.8, 0.1), (1.6, 0)]})
+        wave = fan.theatre.load_gesture(puppet, "wave")
+        bow = fan.theatre.Gesture.of(puppet, {"head.down": [(0, 0), (0.8, 0.1), (1.6, 0)]})
         both = wave.mirrored().then(bow, bow.scaled(0.5).faster(1.5))
         run = fan.simulate(puppet, x0, both.inputs(x0))
 

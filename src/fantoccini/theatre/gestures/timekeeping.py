@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, Indices, StateError, Times
-from fantoccini.control.optimal import Reach, What, reach
+from fantoccini.control.optimal import ReachedPoses, What, reach
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, Trajectory, pieces
 from fantoccini.theatre.gestures.score import Played, Score
@@ -87,7 +87,7 @@ def places(marionette: Marionette, q_D: Array, q_K: Array, points: Mapping[str, 
     return found
 
 
-def hanging(marionette: Marionette, q_K: Array, x0: State, t: Times) -> Reach:
+def hanging(marionette: Marionette, q_K: Array, x0: State, t: Times) -> ReachedPoses:
     """The poses in which a puppet hangs with its strings at q_K (T, n_qK).
 
     Raises:

@@ -7,7 +7,7 @@ from fantoccini.theatre.perform.osc import Address, Osc
 from fantoccini.theatre.perform.performance import Performance
 from fantoccini.theatre.perform.recording import Recording
 from fantoccini.theatre.perform.score_voice import ScoreVoice
-from fantoccini.theatre.perform.show import Happening, Show
+from fantoccini.theatre.perform.show import Happening, LivePlay
 from fantoccini.theatre.perform.tempo import RANGE, Tempo
 
 __all__ = [
@@ -17,11 +17,11 @@ __all__ = [
     "Balance",
     "Handle",
     "Happening",
+    "LivePlay",
     "Osc",
     "Performance",
     "Recording",
     "ScoreVoice",
-    "Show",
     "Tempo",
     "walk",
 ]

@@ -19,7 +19,7 @@ from fantoccini.dynamics.compiled import PortablePuppet
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.contract import CONTACT, EVENT_AT, EventCode, width
 from fantoccini.kernel.runtime import Piece
-from fantoccini.motion import RECORDING as FORMAT, State, restored
+from fantoccini.motion import RECORDING_FORMAT as FORMAT, State, restored
 
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
 _MESH = "mesh:"

@@ -53,7 +53,7 @@ class Balance:
     ::
 
         live = fan.Performance(fan.puppets.marionette())
-        live.let(fan.Balance(live))
+        live.let(fan.theatre.Balance(live))
         live.push("torso", [0.5, 0.0, 0.0])
         live.advance(0.2)
 

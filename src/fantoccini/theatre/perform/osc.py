@@ -21,7 +21,7 @@ from fantoccini.base import (
     socket_at,
     socket_to,
 )
-from fantoccini.theatre.perform.show import Happening, Show
+from fantoccini.theatre.perform.show import Happening, LivePlay
 
 _LARGEST = 65536
 """Of a datagram [bytes]."""
@@ -121,7 +121,7 @@ class Osc:
         StateError: an address cannot be used.
     """
 
-    def __init__(self, show: Show, hear: Address | None, send: Address | None, later: Later):
+    def __init__(self, show: LivePlay, hear: Address | None, send: Address | None, later: Later):
         self._show, self._send, self._later = show, send, later
         self.counts = Counts()
         self._packet, self._builder = _library()

@@ -39,12 +39,12 @@ class Happening:
     t: float
 
 
-class Show:
+class LivePlay:
     """A play that is performed live: hands do what is compiled, and people direct them.
 
     ::
 
-        show = fan.Show(fan.load_play("bows.yaml"))
+        show = fan.theatre.LivePlay(fan.load_play("bows.yaml"))
         show.go()                # begins
         show.advance(2.0)
         show.take("pierrot")     # the others play on
@@ -85,7 +85,7 @@ class Show:
         self._act, self._waits, self._halted = "", "", False
 
     def __repr__(self) -> str:
-        return f"<Show of {self.play.name!r} at {self.t:.2f} s>"
+        return f"<LivePlay of {self.play.name!r} at {self.t:.2f} s>"
 
     def listen(self, tell: Callable[[Happening], None]) -> None:
         """Tells somebody what happens from now on, in the tick in which it happens."""

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, StateError, Times, check_not_negative
-from fantoccini.control.optimal import Reach, ReachStatus, What, reach
+from fantoccini.control.optimal import ReachedPoses, ReachStatus, What, reach
 from fantoccini.dynamics.compiled import refuse_contact
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
@@ -72,7 +72,7 @@ class Retargeted:
     clip: Capture
     t: Times
     places: Placing
-    reach: Reach
+    reach: ReachedPoses
 
     def __repr__(self) -> str:
         worst = max(float(np.sqrt(np.mean(e**2))) for e in self.errors.values())
