@@ -7,7 +7,7 @@ from pathlib import Path
 from fantoccini.app.console.terminal import number, say
 from fantoccini.base import npz
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.motion import RECORDINGS, State
+from fantoccini.motion import RECORDING_FORMATS, State
 from fantoccini.theatre.perform import Recording
 
 
@@ -19,7 +19,7 @@ def load_recording(path: Path | None) -> Recording | None:
         form = npz.about_of(npz.read(path, only="about"))["format"]
     except npz.UNREADABLE:
         return None
-    return Recording.load(path) if form in RECORDINGS else None
+    return Recording.load(path) if form in RECORDING_FORMATS else None
 
 
 def with_recorded_winches(marionette: Marionette, recording: Recording, quiet: bool) -> Marionette:

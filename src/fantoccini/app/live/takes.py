@@ -11,7 +11,7 @@ from fantoccini.app.live.recorder import unused
 from fantoccini.app.live.worker import Worker
 from fantoccini.base import StateError, npz
 from fantoccini.base.documents import NAME
-from fantoccini.motion import RECORDINGS
+from fantoccini.motion import RECORDING_FORMATS
 from fantoccini.theatre.gestures import Gesture, gesture_names, gesture_of_take
 from fantoccini.theatre.perform import Performance, Recording
 
@@ -199,7 +199,7 @@ def _takes_in(folder: Path) -> list[str]:
     """Names of the recordings in a folder, the newest first."""
     files = [(path.stat().st_mtime, path) for path in folder.glob("*.npz") if path.is_file()]
     newest = [path for _, path in sorted(files, reverse=True)[:_MOST_FILES]]
-    return [path.stem for path in newest if _form(path) in RECORDINGS]
+    return [path.stem for path in newest if _form(path) in RECORDING_FORMATS]
 
 
 def _form(path: Path) -> str:

@@ -18,7 +18,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import trajectory_of_samples
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.kernel.runtime import Piece
-from fantoccini.motion import RECORDINGS, Input, State, Trajectory
+from fantoccini.motion import RECORDING_FORMATS, Input, State, Trajectory
 from fantoccini.theatre.perform import archive, change
 from fantoccini.theatre.perform.archive import Checks, Written
 from fantoccini.theatre.perform.looping import way_back
@@ -192,7 +192,7 @@ class Recording:
         Raises:
             FileError: the file is damaged or not a recording.
         """
-        with npz.opened(path, RECORDINGS, "a recording") as (arrays, about):
+        with npz.opened(path, RECORDING_FORMATS, "a recording") as (arrays, about):
             return cls(**archive.fields_of(arrays, about))
 
     # -- inside ------------------------------------------------------------------------------
