@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from fantoccini.base import OnProgress
 from fantoccini.base.documents import (
     SIZED,
+    Kind,
     Model,
     Name,
     NotNegative,
@@ -22,6 +23,7 @@ from fantoccini.base.documents import (
     Size,
     Sized,
     Value,
+    document_schema,
     entries,
     mistake,
 )
@@ -29,9 +31,10 @@ from fantoccini.control.problems.goals import Goal
 from fantoccini.control.problems.problem import Problem
 from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, whole_looks
 from fantoccini.control.problems.touches import touching
-from fantoccini.control.tasks import Bounds, ControlFile, Kind, Reading, check_one_of
+from fantoccini.control.tasks import Bounds, ControlFile, Reading, check_one_of, read_control_file
 from fantoccini.dynamics.clearance import HalfSpace, Standing
 from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.puppet import WORDS
 from fantoccini.motion import State
 
 
@@ -101,6 +104,13 @@ class GoalFile(Model):
 class ProblemFile(ControlFile):
     """A planning problem."""
 
+    kind: ClassVar = Kind(
+        "problem",
+        "a problem file has the keys `puppet`, `problem` and `goal`",
+        Path(__file__).parent / "bundled",
+        words=WORDS,
+    )
+
     problem: Name
     """The problem's name."""
     goal: GoalFile
@@ -137,18 +147,14 @@ class ProblemFile(ControlFile):
     """In addition to the world's."""
 
 
-PROBLEM = Kind("problem", ProblemFile, Path(__file__).parent / "bundled")
-"""Problem files."""
-
-
 def problem_schema() -> dict[str, Any]:
     """JSON Schema of a problem file, for editors."""
-    return PROBLEM.json_schema
+    return document_schema(ProblemFile)
 
 
 def problem_names() -> tuple[str, ...]:
     """Names of the bundled problems."""
-    return PROBLEM.bundled
+    return ProblemFile.kind.bundled
 
 
 def load_problem(
@@ -169,7 +175,7 @@ def load_problem(
     Raises:
         FileError: with every mistake found and its location.
     """
-    reading = PROBLEM.read(path, progress)
+    reading = read_control_file(path, ProblemFile, progress)
     file, marionette, check = reading.file, reading.marionette, reading.check
     goal = _goal(reading, marionette.state())
     _check_touches(reading)

@@ -4,7 +4,12 @@ from fantoccini.control.tasks.answer import Answer
 from fantoccini.control.tasks.bounds import Bounds, Interval, Most
 from fantoccini.control.tasks.chosen import Chosen
 from fantoccini.control.tasks.clip import Clip
-from fantoccini.control.tasks.control_file import ControlFile, Kind, Reading, check_one_of
+from fantoccini.control.tasks.control_file import (
+    ControlFile,
+    Reading,
+    check_one_of,
+    read_control_file,
+)
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.drawn_inputs import Driven, hats
 from fantoccini.control.tasks.nodes import Nodes, number_names
@@ -29,7 +34,6 @@ __all__ = [
     "ControlFile",
     "Driven",
     "Interval",
-    "Kind",
     "Looks",
     "Most",
     "Nodes",
@@ -47,6 +51,7 @@ __all__ = [
     "load_task",
     "number_names",
     "path_of",
+    "read_control_file",
     "residual_of",
     "share",
     "task_names",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
@@ -10,6 +11,7 @@ from fantoccini.base.documents import (
     SIZED,
     Angle,
     Direction,
+    Kind,
     Model,
     Name,
     NotNegative,
@@ -26,6 +28,7 @@ from fantoccini.base.documents import (
 )
 from fantoccini.control.tasks.control_file import ControlFile, check_one_of
 from fantoccini.control.tasks.costs import KINDS
+from fantoccini.model.puppet import WORDS
 
 PATHS = ("value", "values", "csv", "circle", "run")
 """Keys of which a track has one: its path."""
@@ -216,6 +219,13 @@ Duration = Annotated[
 
 class TaskFile(ControlFile):
     """A task of optimal control."""
+
+    kind: ClassVar = Kind(
+        "task",
+        "a task file has the keys `puppet`, `task` and `duration`",
+        Path(__file__).parent / "bundled",
+        words=WORDS,
+    )
 
     task: Name
     """The task's name."""

@@ -11,11 +11,17 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, OnProgress, StateError, nearest, rotation
-from fantoccini.base.documents import Located, Refusals, rotation_vector_quaternion, shown
+from fantoccini.base.documents import (
+    Located,
+    Refusals,
+    document_schema,
+    rotation_vector_quaternion,
+    shown,
+)
 from fantoccini.control.tasks.bounds import Bounds, Interval, Most
 from fantoccini.control.tasks.chosen import Chosen
 from fantoccini.control.tasks.clip import Clip
-from fantoccini.control.tasks.control_file import Kind, Reading
+from fantoccini.control.tasks.control_file import Reading, read_control_file
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.nodes import Nodes
 from fantoccini.control.tasks.residuals import residual_of
@@ -27,8 +33,6 @@ from fantoccini.control.tasks.touch import Touch, check_windows
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory, csv_columns
 
-TASK = Kind("task", TaskFile, Path(__file__).parent / "bundled")
-"""Task files."""
 _COLUMNS = {"point": ("x", "y", "z"), "orientation": ("qw", "qx", "qy", "qz")}
 """Columns of a CSV file by the kind of a track; `value` for the others."""
 _MAX_INTERVALS = 10_000
@@ -40,12 +44,12 @@ Spot = tuple[str | int, ...]
 
 def task_names() -> tuple[str, ...]:
     """Names of the bundled tasks."""
-    return TASK.bundled
+    return TaskFile.kind.bundled
 
 
 def task_schema() -> dict[str, Any]:
     """JSON Schema of a task file, for editors."""
-    return TASK.json_schema
+    return document_schema(TaskFile)
 
 
 def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = None) -> Task:
@@ -58,7 +62,7 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
     Raises:
         FileError: with every mistake found and its location.
     """
-    reading = TASK.read(path, progress)
+    reading = read_control_file(path, TaskFile, progress)
     file, marionette, check = reading.file, reading.marionette, reading.check
     reading.states("end", file.end or {})
     _check_intervals(reading)
@@ -120,7 +124,7 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
 
 def _guess(reading: Reading[TaskFile]) -> Input:
     """The motion of a performance file beside a task file."""
-    return Input.load(reading.marionette, _beside(reading.located, str(reading.file.guess)))
+    return Input.load(reading.marionette, _beside(reading.file.located, str(reading.file.guess)))
 
 
 def _beside(located: Located, name: str) -> Path:
@@ -141,7 +145,7 @@ class _Reader:
 
     def __init__(self, reading: Reading[TaskFile], x0: State):
         self._marionette, self._x0 = reading.marionette, x0
-        self._duration, self._located = reading.file.duration, reading.located
+        self._duration, self._located = reading.file.duration, reading.file.located
         self._check = reading.check
         self._touches: list[Touch] = []
 

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from fantoccini.base.documents import Model, Name, NotNegative, Real, Size, entries, mistake
-from fantoccini.model.puppet import AnyObstacle, AnyShape, Mass, PoseValue
+from fantoccini.base.documents import (
+    Document,
+    Kind,
+    Model,
+    Name,
+    NotNegative,
+    Real,
+    Size,
+    entries,
+    mistake,
+)
+from fantoccini.model.puppet import WORDS, AnyObstacle, AnyShape, Mass, PoseValue
 from fantoccini.theatre.script.score_file import SoundsFile
 from fantoccini.theatre.script.unions import AnyPlayCue
 from fantoccini.theatre.script.values import Facing, Factor, Length, Where
@@ -121,8 +131,10 @@ class ActFile(Model):
     """In the order in which they are told; each player does its own one after the other."""
 
 
-class PlayFile(Model):
+class PlayFile(Document):
     """A play."""
+
+    kind: ClassVar = Kind("play", "a play has the keys `play`, `cast` and `acts`", words=WORDS)
 
     play: Name
     """The play's name."""

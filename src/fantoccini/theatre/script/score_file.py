@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field
 
-from fantoccini.base.documents import Model, Name, Positive, Size
+from fantoccini.base.documents import Document, Kind, Model, Name, Positive, Size
+from fantoccini.model.puppet import WORDS
 from fantoccini.theatre.script.unions import AnyScoreCue
 from fantoccini.theatre.script.values import Factor, Time
 
@@ -60,8 +61,10 @@ SoundsFile = Annotated[tuple[SoundFile, ...], _AS_SOUNDS]
 Cues = Annotated[tuple[AnyScoreCue, ...], Field(min_length=1)]
 
 
-class ScoreFile(Model):
+class ScoreFile(Document):
     """A score: gestures of a puppet in lanes that add up."""
+
+    kind: ClassVar = Kind("score", "a score has the keys `score` and `lanes`", words=WORDS)
 
     score: Name
     """The score's name."""
