@@ -59,7 +59,7 @@ def operands(matrix: ast.BinOp) -> tuple[ast.expr, ast.expr]:
 
 
 def test_one_function_factors_a_stage_of_riccatis_recursion():
-    """Doubling has a sum of its own, which is of no stage."""
+    """``stationary_gain`` solves with a sum as well, but factors no stage."""
     found = {name for name, function in functions().items() if factors_a_stage(function)}
     assert found == {"base/riccati.py: step", "base/riccati.py: stationary_gain"}
     second = "def gain(A, B, Q, R, P):\n    M = R + B.T @ P @ B\n    return np.linalg.solve(M, A)"
@@ -124,7 +124,7 @@ def test_plans_and_optimisations_have_the_same_bounds():
 
 
 def test_answers_have_one_truth():
-    """Classes of control leave theirs to ``Answer``; that of many poses is the truth of all."""
+    """Only ``Answer`` defines ``__bool__``; ``ReachedPoses`` is true if all of its poses are."""
     folder = PACKAGE / "control"
     own = [
         f"{file.relative_to(folder)}: {node.name}"

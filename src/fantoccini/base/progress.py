@@ -73,7 +73,7 @@ def reporting(
         title: of the bar.
         callback: the caller's.
         counted: show "3/10" instead of a percentage.
-        delay: time without a bar, which then is removed at the end [s].
+        delay: time before the bar appears [s]; if positive, the bar is removed at the end.
     """
     if callback is not None:
         yield callback

@@ -66,9 +66,9 @@ def gains(
 def stationary_gain(A: Array, B: Array, Q: Array, R: Array, doublings: int) -> Array:
     """The gain of the first of 2^doublings equal stages.
 
-    By the structure-preserving doubling of Chu, Fan and Lin (2005): exact for that horizon, also
-    where a mode cannot be stabilised. SciPy's solution for an infinite horizon needs that it can,
-    and takes 7 to 17 times as long.
+    By the structure-preserving doubling of Chu, Fan and Lin (2005): exact for that horizon, even if
+    some modes cannot be stabilised. SciPy's solution for an infinite horizon requires that they
+    can, and takes 7 to 17 times as long.
 
     Args:
         A, B: (n_z, n_z), (n_z, n_u).

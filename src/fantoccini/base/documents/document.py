@@ -89,7 +89,7 @@ class Kind(NamedTuple):
         return tuple(sorted(path.stem for path in files))
 
     def missing(self, name: str, names: Collection[str]) -> FileError:
-        """The error of a file that is not there, where bundled ones have these names."""
+        """The error of a missing file, with the nearest of the bundled names as a hint."""
         text = f"found nothing here; a {self.name} file is needed, or the name of a bundled "
         return self.error([Mistake(name, None, "", f"{text}{self.name}{nearest(name, names)}")])
 

@@ -49,7 +49,7 @@ NO_WORDS = Words()
 
 @dataclass(frozen=True)
 class Located:
-    """Plain data that remembers where it was written. All are equal, so that equal documents are.
+    """Plain data and where it was written. All compare equal: documents do not differ by place.
 
     Attributes:
         data: dicts, lists and scalars.

@@ -1,4 +1,4 @@
-"""The valid parts of data with mistakes, so that one reading reports what they contradict, too."""
+"""The valid parts of invalid data: checks run on these, so one reading reports all mistakes."""
 
 from __future__ import annotations
 

@@ -8,9 +8,9 @@ from abc import ABC, abstractmethod
 class Answer(ABC):
     """The answer to a problem of control.
 
-    True where it is solved: it holds, and where the search minimised something, it is at a minimum.
-    An answer that only holds is feasible; of any other, a bound or the goal is violated. Each has a
-    ``status`` that says how the search ended.
+    It is true if it is solved: it holds, and it is at a minimum if the search minimised a cost. An
+    answer that only holds is feasible; one that does not violates a bound or misses the goal. Its
+    ``status`` says how the search ended.
     """
 
     @property

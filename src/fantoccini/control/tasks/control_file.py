@@ -68,7 +68,7 @@ class Reading(Generic[FileT]):
 def read_control_file(
     path: str | os.PathLike[str], schema: type[FileT], progress: OnProgress | None
 ) -> Reading[FileT]:
-    """A file with its puppet; whether its start is of the puppet is noted.
+    """Reads a file and loads its puppet; notes start values that the puppet cannot have.
 
     Args:
         path: of the file, or the name of a bundled one.

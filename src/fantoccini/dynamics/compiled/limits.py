@@ -10,12 +10,12 @@ class Limits:
     """Bounds of a run, and sizes that a puppet's forces and lengths are measured with."""
 
     least_gravity: float = 1.0
-    """Stands in for a smaller gravity [m/s^2], so that forces have a size without one."""
+    """Smallest gravity used in force scales [m/s^2], so that they are never zero."""
     least_share: float = 1e-6  # Part of the largest share from which a row is named as contributing
     first_step: float = 1e-4
     """First step of the event-driven integrator [s]; it adapts within a few steps."""
     recovery_speed: float = 1.0
-    """Fastest that time-stepping takes back a violation [m/s], so that no string kicks."""
+    """Largest speed at which time-stepping corrects violations [m/s], so that no string kicks."""
     max_steps: int = 50_000_000
     max_events: int = 1_000_000
 

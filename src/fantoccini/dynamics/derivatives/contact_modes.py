@@ -19,10 +19,10 @@ from fantoccini.motion import State
 
 @dataclass(frozen=True)
 class ModeTolerances:
-    """What counts as nothing where modes are told apart."""
+    """Tolerances by which contact modes are determined: smaller values count as zero."""
 
     speed: float = 1e-8
-    """Speed that is none, relative to 1 m/s or the largest: the law's residual lies below."""
+    """Speed that counts as zero, relative to the largest or 1 m/s; above the law's residual."""
     force: float = 1e-8  # Force that is none, relative to the weight
     cone: float = 1e-6  # Part of its cone by which a force that sticks must stay inside
     acceleration: float = 1e-6  # Of a point that stays where it is [m/s^2]
@@ -99,7 +99,7 @@ def closed_without_force(
     open_points: Sequence[tuple[str, PairGeometry, int, float]],
     still: float,
 ) -> list[str]:
-    """Edges of points that close without force, but where those that push close them anyway.
+    """Edges of points that close without force, unless the pushing points already close them.
 
     Args:
         screws: of the links.
@@ -128,9 +128,9 @@ def closed_without_force(
 def _slides_askew(
     u: Array, normal: Array, pair: int, held: Sequence[HeldPoint], still: float
 ) -> bool:
-    """Whether a point with velocity u would have friction in another direction than those held.
+    """Whether friction at velocity u would have another direction than at the held points.
 
-    A motion near by may then put force on it instead of on them, which turns it otherwise.
+    A nearby motion may then load this point instead of those, and turn differently.
     """
     across = u - normal * (normal @ u)
     speed = float(np.linalg.norm(across))

@@ -208,9 +208,9 @@ def _refuse(
         pairs = np.flatnonzero(touches.pair_edges[0] & StepEdge.LEAVES_LAW)
         wedged = dict.fromkeys(pair_name(marionette.contacts.names[pair]) for pair in pairs)
         raise StateError(
-            f"{', '.join(wedged)} moves after this step as the law of contact alone does not say: "
-            "bodies are wedged in, or restitution is scaled down so that no energy is added; such "
-            "a step has no derivative"
+            f"{', '.join(wedged)} moves after this step in a way that the contact law does not "
+            "determine: bodies are wedged in, or restitution is scaled down so that no energy is "
+            "added; such a step has no derivative"
         )
     if shortened:
         raise StateError(

@@ -41,7 +41,7 @@ from fantoccini.model.tree import CoordinateTable
 SHORTENED = 1e-9
 """Relative difference between the step's velocity and its equations' at which it was cut short."""
 AT_CAP = 1.0 - 1e-9
-"""Part of its largest tension from which a string counts as pulling with it."""
+"""Share of its largest tension from which a string counts as at its largest tension."""
 
 
 @dataclass(frozen=True, eq=False)

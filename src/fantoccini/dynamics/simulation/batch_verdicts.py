@@ -77,7 +77,7 @@ class BatchVerdicts:
                 batch.blame[i, [names.index(name) for name in found.contradiction.names]] = 1.0
 
     def _contradiction(self, i: int) -> Contradiction | None:
-        """Of redundant strings that stopped a run, or whose tensions are in excess."""
+        """Contradiction of the redundant strings that stopped a run or carry excess tension."""
         batch, parts = self._batch, self._batch.parts
         if not self._redundant:
             return None
@@ -100,7 +100,7 @@ class BatchVerdicts:
     def _motion(self, i: int, t: float, q_D: Array, v_D: Array) -> tuple[State, Array]:
         """The state of a run and the accelerations of its inputs at a time [s]."""
         q_K, v_K, acc_K = self._inputs[self._own(i)].evaluate(t)
-        # Winches that slip are no rigid strings, so their slip does not matter here.
+        # Only rigid strings are examined, so the slip of winches does not matter here.
         none = np.zeros(self._marionette.tree.n_rows, dtype=bool)
         table = self._marionette.coordinates
         return State(float(t), q_D, v_D, q_K, v_K, none, coordinates=table), acc_K
@@ -109,7 +109,7 @@ class BatchVerdicts:
         return i if len(self._inputs) > 1 else 0
 
     def _energies(self) -> tuple[Array, Array]:
-        """(n,) energies without a source and unbooked, as :mod:`soundness` has them."""
+        """(n,) relative energy gains and unbooked energies; see :mod:`soundness`."""
         batch, done = self._batch, self._at_end
         gain, share = np.zeros(batch.n), np.zeros(batch.n)
         if "books" in batch.parts and np.any(done):

@@ -40,15 +40,15 @@ from fantoccini.kernel.contract import WINCH_AT
 from fantoccini.motion import State
 
 VELOCITY_ERROR = 1e-4
-"""Difference from the run's velocities after an impulse, relative to 1 or to them: beyond it the
-equations are not the run's."""
+"""Largest accepted difference of velocities after an impulse, the equations' from the run's,
+relative to 1 + |v|."""
 NEGLIGIBLE = 1e-9
 """Impulses and speeds that are rounding, relative to the largest."""
 
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A catch of a run, a touch, or a point of contact that stops; and its saltation matrix.
+    """An event of a run and its saltation matrix: a catch, an impact, or sliding that stops.
 
     Attributes:
         t: time [s].
@@ -76,7 +76,7 @@ def normal_speed(screws: Screws, point: HeldPoint) -> float:
 
 
 class Guard:
-    """What decides the time of an impact: a gap that closes.
+    """The guard of an impact: the gap whose closing decides its time.
 
     Args:
         by: (n_columns,) changes of -gap.

@@ -9,7 +9,7 @@ from fantoccini.kernel.contract.samples import SUMS
 from fantoccini.kernel.contract.structure import IN, OUT, Field
 
 Width = str | int | None
-"""Numbers of a trajectory: sizes of a puppet, added with +, or a number; None for one number."""
+"""Width per trajectory: names of sizes joined by " + ", or a number; None for a scalar."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,9 @@ class LanePart:
 
 
 LANE: tuple[LanePart, ...] = (
-    LanePart(
-        "fresh", None, "unsigned char*", "those that begin anew where the arrays say; cleared"
-    ),
+    LanePart("fresh", None, "unsigned char*", "whether to restart from the arrays; cleared"),
     LanePart("p", "n_p", IN),
-    LanePart("q_D", "n_qD", OUT, "the present state, and then that reached; so the others"),
+    LanePart("q_D", "n_qD", OUT, "state before the piece, then after it; so are the others"),
     LanePart("v_D", "n_vD", OUT),
     LanePart("q_K", "n_qK", OUT),
     LanePart("v_K", "n_vK", OUT),

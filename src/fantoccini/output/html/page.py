@@ -94,7 +94,7 @@ class Page:
         self._paragraph(text, "note")
 
     def verdict(self, text: str, holds: bool) -> None:
-        """Adds what the report comes to, green where it holds and red where it does not."""
+        """Adds the conclusion of the report, green if it holds and red if not."""
         self._paragraph(text, f"verdict {'holds' if holds else 'fails'}")
 
     def items(self, texts: Iterable[str]) -> None:

@@ -31,7 +31,8 @@ _ALONG = 0.061
 """The handle hangs so far from the elbow along the forearm [m]."""
 _HELD = {"forward": 0.2, "in": 0.065, "up": 0.03}
 _HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.073), (0.986, 0.003)
-"""What moves the hand's string to hold something out; elbow and direction of the forearm then."""
+"""Offset of the hand's string that holds out a prop [m]; then the elbow's place [m] and the
+forearm's direction, each forward and aside."""
 _TAKES, _TAKEN = 0.09, (0.083, 0.068)
 """Inward, the string of the receiver's hand; middle of the forearm then: forward, aside [m]."""
 _LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
@@ -39,7 +40,7 @@ _LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
 _BESIDE, _STEP = 0.051, 0.24
 """Distance of the two forearms, and the receiver's step to the side [m]."""
 _ROOM = 0.05
-"""Back, the string of the receiver's knee while the prop hangs before it [m]."""
+"""Distance by which the receiver's knee string moves back to make way for the prop [m]."""
 
 CARRIED = {"out": 0.1, "up": 0.035}
 """What moves the hand's string to hold a prop away from the knees [m]."""
@@ -201,7 +202,7 @@ def aside_by(side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
 
 
 def summed(one: Waypoints, other: Waypoints) -> Waypoints:
-    """Of two, at the times of both; straight between waypoints."""
+    """Sum of two sets of waypoints at the times of both, interpolated linearly."""
     times = sorted({t for t, _ in (*one, *other)})
     values = np.array([np.interp(times, *np.transpose(x)) for x in (one, other)])
     return list(zip(times, values.sum(axis=0).tolist(), strict=True))

@@ -117,7 +117,7 @@ def _share(count: int) -> float:
 
 
 def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Known, list[Touch]]:
-    """Adds rounds until no cue moves any more; every one refuses or moves a cue.
+    """Adds rounds until no cue moves; each added round follows from a cue moved or refused.
 
     Returns:
         The results of all rounds, and the touches of the last one.
@@ -178,7 +178,7 @@ def _touches(stage: Stage, made: Round, tell: OnProgress) -> list[Touch]:
 
 
 def _mend(stage: Stage, known: Known, made: Round, found: list[Touch], patient: bool) -> Rule:
-    """Lets the cues in which something touches first wait, or refuses them.
+    """Delays or refuses the cues in which the first touches occur.
 
     Args:
         stage: of the play.

@@ -61,7 +61,7 @@ IN_TIME = 1.0 / 60.0
 _SAME_HEADING = 1e-3
 """Change of a heading that a gesture does not notice [rad]."""
 _RINGS = 1.0
-"""After the last cue, in which the puppets still swing [s]."""
+"""Time simulated after the last cue, in which the puppets swing out [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,7 +317,7 @@ class _Placing:
         note(turn, actor, 0, gesture, starts, marks, way.end)
 
     def _turns_under(self, actor: Actor, way: Way) -> float | None:
-        """End of the gestures that go on while a way turns [s]; None where there are none."""
+        """Latest end of the gestures during which a walk would turn [s]; None without any."""
         ends = []
         for _, start, end, _ in actor.played:
             since, until = max(start, way.begin), min(end, way.end)

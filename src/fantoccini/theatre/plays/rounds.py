@@ -1,6 +1,7 @@
-"""Rounds of compiling: cues are placed, every player is simulated, and what is late is moved.
+"""Rounds of compiling a play: place all cues, simulate all players, correct what is wrong.
 
-A rule takes what is known and a round, and gives what is known then, and whether cues move by it.
+A rule takes the results so far and a round. It returns the new results, and whether any cue
+must be placed again.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ _CALMS = 6
 _SEEN = 1e-3
 """Error of a place above which cues are placed anew [m]."""
 _JUST_BEFORE = 1e-6
-"""Before a prop is handled, in which it is located [s]."""
+"""Time by which a prop is located before it is handled [s]."""
 _MOST_EARLY = 0.6
 """Longest time by which hands lead limbs [s]."""
 
@@ -83,7 +84,10 @@ class Known:
     touching: tuple[Spot, ...] = ()
 
     def refusing(self, placed: Placed | None, why: str) -> Known | None:
-        """A cue refused, the others moved anew; None where it is none, or refused already."""
+        """The results with a cue refused and the retry counts reset.
+
+        None if there is no such cue, or it is refused already.
+        """
         if placed is None or placed.spot in self.wishes.refused:
             return None
         wishes = self.wishes.setting("refused", placed.spot, why).setting(
@@ -92,13 +96,13 @@ class Known:
         return replace(self, wishes=wishes, tried={}, looked={}, calmed={})
 
     def back(self, wishes: Wishes) -> Known:
-        """Earlier wishes, from which props and swing are seen anew."""
+        """The results with earlier wishes; props and swing are measured again."""
         return replace(self, wishes=wishes, looked={}, calmed={})
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A play, as all of its rounds share it.
+    """A play, and what all rounds of compiling it share.
 
     Attributes:
         script: the play; its cast is settled.
@@ -118,12 +122,12 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """Cues as they are placed, and the runs of that.
+    """One placement of all cues, and its simulation.
 
     Attributes:
-        known: what it was made from.
-        placement: the cues.
-        runs: of all.
+        known: results from which the cues were placed.
+        placement: the placed cues.
+        runs: of all players and props.
         beat: duration of a beat [s].
     """
 
@@ -188,11 +192,11 @@ def refuse_stopped(_: Stage, known: Known, made: Round) -> Rule:
 
 
 def refuse_failures(stage: Stage, known: Known, made: Round) -> Rule:
-    """Refuses the first cue by which a prop does not come where it should."""
+    """Refuses the first cue that fails to bring a prop to its place."""
     of_spot = {placed.spot: placed for placed in made.placement.cues}
     for one in failures(stage.script.cast, made.placement.meetings, made.runs):
         cue = of_spot.get(one.cue) if one.cue else made.blamed(one.t, {*one.players})
-        # What comes later may be otherwise without it.
+        # Without it, later cues may succeed.
         after = known.refusing(cue, f"{one.text} {made.said(one.t)}")
         if after is not None:
             return after, True
@@ -221,7 +225,7 @@ def refuse_fast(stage: Stage, known: Known, made: Round) -> Rule:
 
 
 def look(stage: Stage, known: Known, made: Round) -> Rule:
-    """Sees where props are that are handled, and takes out swing."""
+    """Locates the props that are handled, and computes motions that damp swing."""
     known, changed = _calm(stage, known, made)
     for meeting in made.placement.meetings:
         spot, located = meeting.cue, _LOCATED.get(meeting.kind)
@@ -245,14 +249,14 @@ def look(stage: Stage, known: Known, made: Round) -> Rule:
 
 
 def _elsewhere(before: Footing | None, there: Footing | None) -> bool:
-    """True if a prop stands elsewhere than was thought."""
+    """True if a prop does not stand where the cue was placed for."""
     if before is None or there is None:
         return before is not there
     return abs(there.place - before.place) > _SEEN
 
 
 def _otherwise(before: tuple[float, float] | None, seen: tuple[float, float] | None) -> bool:
-    """True if a prop hangs otherwise than was thought."""
+    """True if a prop does not hang as the cue was placed for."""
     if before is None or seen is None:
         return before is not seen
     return not np.allclose(seen, before, rtol=0.0, atol=_SEEN)
@@ -283,7 +287,7 @@ def _calm(stage: Stage, known: Known, made: Round) -> Rule:
 
 
 def settle(stage: Stage, known: Known, made: Round) -> Rule:
-    """Finds pauses of the cues that begin when they like."""
+    """Finds the pauses that let swing settle before cues that may be delayed."""
     jobs: dict[str, Callable[[], tuple[float, float, float]]] = {}
     cues: dict[str, tuple[int, Placed]] = {}
     for number, cue in enumerate(made.placement.cues, 1):
@@ -310,7 +314,7 @@ def settle(stage: Stage, known: Known, made: Round) -> Rule:
 
 
 def most_pause(given: PlayCue, beat: float) -> float:
-    """Longest time by which a cue may begin later for swing's sake [s]."""
+    """Longest delay of a cue that lets swing settle [s]."""
     if given.may_wait is not None:
         return given.may_wait * beat
     return PAUSE if given.is_free else 0.0

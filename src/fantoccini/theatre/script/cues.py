@@ -182,7 +182,7 @@ class GestureCue(PlayedCue):
     def model_post_init(self, context: Any, /) -> None:
         """Refuses what contradicts itself."""
         if self.turn:
-            # Larger, it is no rigid motion; repeated, it needs another heading each time.
+            # Scaled, a turn is no rigid motion; each repetition starts from another heading.
             for key in self.model_fields_set & {"larger", "repeat"}:
                 raise mistake(f"found both `turn` and `{key}`; needed: other `steps` or cues")
         super().model_post_init(context)
@@ -293,7 +293,7 @@ class WalksToCue(WalkCue):
 
 
 class EntersToCue(WalkCue):
-    """A walk of one who has done nothing yet."""
+    """A walk onto the stage, by a player who is off it."""
 
     verb: ClassVar[str] = "enters_to"
 
@@ -302,7 +302,7 @@ class EntersToCue(WalkCue):
 
 
 class ExitsToCue(WalkCue):
-    """A walk of one who does nothing any more."""
+    """A walk off the stage; the next cue of the player can only be an entrance."""
 
     verb: ClassVar[str] = "exits_to"
 

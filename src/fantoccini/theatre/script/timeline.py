@@ -1,4 +1,4 @@
-"""Cues in time: those that must be placed before others, and the order in which all are placed."""
+"""Timeline of a script: dependencies between cues, and the order in which they are placed."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class Timeline(Generic[CueT]):
         return (max(base, start) if ref.in_act else base) + ref.offset * self.beat
 
     def wanted(self, cue: Cue[CueT], start: float, placed: Mapping[Spot, Moments]) -> float:
-        """Time at which a cue, or its mark of `on`, is to be [s]: else after what comes before."""
+        """Wanted time of a cue or its mark of `on` [s]; by default when the previous ones end."""
         times = [self.time(self.refs[spot], start, placed) for spot, _ in cue.times]
         if not times:
             times = [placed[one.spot][END] for one in cue.before if one.act == cue.act]

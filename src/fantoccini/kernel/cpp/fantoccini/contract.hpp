@@ -291,9 +291,9 @@ struct StepperArrays {
   const double* winches;  // of all
   Shared acc_K;  // (n_vK,) held over the piece
   Shared u_D;  // (n_vD,) held over the piece, or null
-  unsigned char* fresh;  // (n,) those that begin anew where the arrays say; cleared
+  unsigned char* fresh;  // (n,) whether to restart from the arrays; cleared
   const double* p;  // (n, n_p)
-  double* q_D;  // (n, n_qD) the present state, and then that reached; so the others
+  double* q_D;  // (n, n_qD) state before the piece, then after it; so are the others
   double* v_D;  // (n, n_vD)
   double* q_K;  // (n, n_qK)
   double* v_K;  // (n, n_vK)
