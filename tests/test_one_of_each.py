@@ -58,7 +58,8 @@ def test_no_two_public_names_differ_in_case_alone():
 
 
 @pytest.mark.parametrize(
-    ("name", "path"), [("Track", "control.Track"), ("StateError", "errors.StateError")]
+    ("name", "path"),
+    [("Track", "control.Track"), ("StateError", "errors.StateError"), ("Show", "theatre.LivePlay")],
 )
 def test_a_name_that_moved_says_where_it_is(name, path):
     with pytest.raises(AttributeError, match=rf"it is fantoccini\.{path}$"):

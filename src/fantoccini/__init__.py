@@ -16,6 +16,11 @@ __version__ = "0.1.0"
 
 # The public names stand in __init__.pyi; each is imported when it is first asked for.
 _getattr, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_RENAMED = {
+    "Reach": "control.ReachedPoses",
+    "Sensitivity": "dynamics.RunSensitivity",
+    "Show": "theatre.LivePlay",
+}
 _PACKAGES = (
     "errors",
     "control",
@@ -36,7 +41,8 @@ def __getattr__(name: str) -> Any:
         if name.startswith("_"):
             raise
         owners = [package for package in _PACKAGES if name in dir(_getattr(package))]
-        hint = f"; it is fantoccini.{owners[0]}.{name}" if owners else ""
+        path = _RENAMED.get(name) or (f"{owners[0]}.{name}" if owners else "")
+        hint = f"; it is fantoccini.{path}" if path else ""
         raise AttributeError(f"module 'fantoccini' has no attribute {name!r}{hint}") from None
 
 

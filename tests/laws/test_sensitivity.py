@@ -276,3 +276,27 @@ def test_what_slips_has_no_sensitivity():
     with pytest.raises(fan.errors.StateError, match="line slips"):
         winch = fan.loads(text)
         fan.dynamics.sensitivity(winch, winch.state(), t_end=0.6)
+
+
+def test_strings_that_catch_together_for_every_state_may_part_for_an_input():
+    """Two parallel strings catch as one after any change of the state, not of one's own length."""
+    twins = fan.loads("""
+puppet: twins
+bodies:
+  - {name: load, joint: {type: prismatic, axis: [0, 0, 1]}, mass: 1}
+strings:
+  - {name: left, path: [{body: load, at: [-1, 0, 0]}, {world: [-1, 0, 1]}], length: driven}
+  - {name: right, path: [{body: load, at: [1, 0, 0]}, {world: [1, 0, 1]}], length: driven}
+""")
+    both = fan.Input.hold(twins, 0.5)
+    x0 = twins.state({"load": 0.2, "left.length": 1.0, "right.length": 1.0})
+    longer = {"left.length": [(0, 1.0), (0.5, 1.01)]}
+    one = fan.Input.waypoints(twins, longer)
+    two = fan.Input.waypoints(twins, longer | {"right.length": longer["left.length"]})
+
+    def sharp(other: fan.Input | None) -> list[bool]:
+        toward = [] if other is None else [other]
+        answer = fan.dynamics.sensitivity(twins, x0, both, 0.5, toward=toward)
+        return [passage.sharp for passage in answer.passages if "left" in passage.rows]
+
+    assert sharp(None) == [True] and sharp(two) == [True] and sharp(one) == [False]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.runs.cable_robot import LIMITED, NAMES, REWOUND, moved, robot
+from tests.runs.cable_robot import LIMITED, NAMES, REWOUND, lengths, moved, robot
 
 import fantoccini as fan
 from fantoccini import Status
@@ -172,3 +172,15 @@ strings:
         run = fan.simulate(between, between.rest(), inputs, method=method, throw=False)
         assert run.status in (Status.IMPOSSIBLE_INPUT, Status.TENSION_CAP)
         assert set(run.blamed) == {"left", "right"}
+
+
+def test_a_step_that_fails_is_refused_as_a_stepper_refuses_it(eight):
+    start = zip(NAMES, lengths(np.zeros(3)), strict=True)
+    x0 = eight.state({f"{name}.length": length for name, length in start})
+    acc_K = np.full(8, -1e7)
+    with pytest.raises(fan.errors.SimulationError) as of_stepper:
+        eight.stepper(x0).advance(0.002, acc_K)
+    with pytest.raises(fan.errors.SimulationError) as of_step:
+        eight.linearise_step(x0, acc_K)
+    assert of_step.value.status is of_stepper.value.status
+    assert str(of_step.value) == str(of_stepper.value)

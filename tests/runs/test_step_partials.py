@@ -115,3 +115,10 @@ def test_threads_make_no_difference():
     args = batch.q_D, batch.v_D, batch.q_K, batch.v_K
     one, two = (puppet.linearise_steps(*args, threads=n) for n in (1, 2))
     assert np.array_equal(one.motion, two.motion)
+
+
+@pytest.mark.parametrize("slip", [[0.5, 0.5], [-0.1]])
+def test_a_slip_that_no_string_has_is_refused(slip):
+    arm = fan.puppets.arm2d()
+    with pytest.raises(fan.errors.StateError, match="slip: found"):
+        arm.linearise_step(arm.rest().replace(slip=slip))

@@ -18,8 +18,8 @@ _FOLD = 1e-9
 """Width per length that two legs of a fold keep: closer ones look like one line."""
 _MAX_STEPS = 60
 """Steps of Newton's method."""
-_LAST_STEP = 1e-15
-"""Newton's last step, per u: rounding."""
+_LAST_STEP = 1e-9
+"""Newton's last step, per u: what is left then is its square, which is below rounding."""
 
 
 def catenary(along: Vec3, length: ArrayLike) -> tuple[Array, Array, Array]:

@@ -33,7 +33,7 @@ class Predictions:
     """
 
     def __init__(self, marionette: Marionette, dt: float, lanes: int):
-        self._marionette, self._n, marionette = marionette, lanes, marionette
+        self._marionette, self._n = marionette, lanes
         options = marionette.run_options(dt=dt, extrapolate=False)
         library = marionette.libraries.lanes
         self._record = LaneRecord(lanes, library.sizes)

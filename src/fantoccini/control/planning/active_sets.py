@@ -248,7 +248,7 @@ def event_derivatives(
 
     Returns:
         (n_z, n_z) and (n_z, n_vK), over changes that leave taut strings taut; None where the run
-        has no derivative: it stops, winches slip, or two rows are caught at once.
+        has no derivative: it stops, winches slip, or rows are caught at once by chance.
     """
     taut = np.zeros(marionette.tree.n_rows, dtype=bool)
     taut[: len(active)] = active

@@ -169,7 +169,7 @@ def load_problem(
     Args:
         path: of the file, or the name of a bundled problem (``arm3d_boxes``).
         threads: that share the work; all processors by default.
-        progress: called with a description of each slow step.
+        progress: called as each slow step begins; ``what`` describes it.
         options: of :class:`Problem`, in place of the file's: ``tolerance=0.1``.
 
     Raises:

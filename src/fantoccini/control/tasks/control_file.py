@@ -73,7 +73,7 @@ def read_control_file(
     Args:
         path: of the file, or the name of a bundled one.
         schema: its model.
-        progress: called with a description of each slow step.
+        progress: called as each slow step begins; ``what`` describes it.
 
     Raises:
         FileError: with every mistake found and its location.

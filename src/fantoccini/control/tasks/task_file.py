@@ -57,7 +57,7 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
 
     Args:
         path: of the file, or the name of a bundled task (``crane``).
-        progress: called with a description of each slow step.
+        progress: called as each slow step begins; ``what`` describes it.
 
     Raises:
         FileError: with every mistake found and its location.

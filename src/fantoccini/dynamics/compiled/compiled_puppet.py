@@ -58,7 +58,7 @@ class CompiledPuppet:
 
     Args:
         what: a puppet or a scene.
-        progress: called with the stage that begins ("deriving", "compiling").
+        progress: called with the stage that begins (``what``: "deriving", "compiling").
     """
 
     puppet: Puppet

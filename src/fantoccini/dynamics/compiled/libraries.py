@@ -44,7 +44,7 @@ class Libraries:
     Attributes:
         puppet: as its file describes it.
         tree: its links, strings, limits and coordinates.
-        progress: called with the stage that begins ("deriving", "compiling").
+        progress: called with the stage that begins (``what``: "deriving", "compiling").
 
     Raises:
         BuildError: on access to a library: no compiler, or it failed.

@@ -31,7 +31,7 @@ def checked_winches(tree: Tree, winches: Array) -> Array:
     Raises:
         StateError: numbers that no winch can have.
     """
-    table, shape = floats(winches), (len(tree.strings), len(WINCH_AT))
+    table, shape = np.array(floats(winches)), (len(tree.strings), len(WINCH_AT))
     if table.shape != shape:
         raise StateError(
             f"winches have the shape {table.shape}; it must be {shape}: largest tension, rewinding "

@@ -17,6 +17,7 @@ from fantoccini.dynamics.derivatives.contact_rows import ContactMode, ContactRow
 from fantoccini.dynamics.derivatives.driven_step import DrivenStep
 from fantoccini.dynamics.derivatives.linearisation import Partials
 from fantoccini.dynamics.derivatives.step_partials import StepInputs, linearised
+from fantoccini.dynamics.steppers import CONTRADICTION_STATUSES, contradiction, decide
 from fantoccini.kernel.contract import StepEdge
 from fantoccini.kernel.runtime import LaneRecord, StepTouches
 from fantoccini.model.tree import CoordinateTable
@@ -85,15 +86,13 @@ def linearise_step(
     t = marionette.coordinates
     n, k, n_p = t.n_vD, t.n_vK, len(marionette.p)
     acc_K, u_D = vector("acc_K", acc_K, k), vector("u_D", u_D, n)
-    marionette.check_state(x)
+    slip = marionette.states([x]).slip[0]
     check_positive(dt=dt)
     motion = x.q_D, x.v_D, x.q_K, x.v_K
-    given = StepInputs.of(marionette, motion, acc_K, u_D, None, dt, x.slip)
+    given = StepInputs.of(marionette, motion, acc_K, u_D, None, dt, slip)
     found = linearised(marionette, given, forces=True, pull=True, shares=True)
     steps, made = found.steps, found.made
-    status = Status(int(made.status[0]))
-    if status not in ARRIVED:
-        raise SimulationError(status, f"at t = {x.t:.6g} s")
+    _check_arrived(marionette, x, made, acc_K, dt)
     touches = made if isinstance(made, StepTouches) else None
     points = () if touches is None else _held_points(marionette, touches)
     _refuse(marionette, touches, points, int(steps.edges[0]), bool(found.shortened[0]))
@@ -127,6 +126,18 @@ def linearise_step(
         edges=() if touches is None else _named_edges(marionette, touches),
         coordinates=t,
     )
+
+
+def _check_arrived(
+    marionette: CompiledPuppet, x: State, made: LaneRecord | StepTouches, acc_K: Array, dt: float
+) -> None:
+    """Raises SimulationError unless the step reached its end."""
+    status, cause = Status(int(made.status[0])), None
+    if status in CONTRADICTION_STATUSES:
+        cause = contradiction(marionette, _after(marionette, x, made, dt), acc_K)
+    status = decide(status, cause).status
+    if status is Status.RUNAWAY or status not in ARRIVED:
+        raise SimulationError(status, f"at t = {x.t:.6g} s{f': {cause}' if cause else ''}")
 
 
 def _after(

@@ -265,7 +265,8 @@ def linearised(
         | {"slip": given.slip, "tension": tension}
         | along,
         held,
-        marionette.cap_parameters,
+        # Beyond the puppet's cap of tensions, a winch's largest tension is never reached.
+        np.where(marionette.upper <= marionette.tension_cap, marionette.cap_parameters, -1),
         given.p,
         given.u_D,
         dt=dt,

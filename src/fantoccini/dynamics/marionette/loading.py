@@ -23,7 +23,7 @@ def load(
 
     Args:
         path: a YAML file.
-        progress: called with the stage that begins ("deriving", "compiling").
+        progress: called with the stage that begins (``what``: "deriving", "compiling").
         string_model: ``constraint`` for the massless strings of the file; ``chain`` for chains of
             point masses joined by springs, as :meth:`Puppet.with_chains` makes them.
 

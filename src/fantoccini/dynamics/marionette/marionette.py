@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -41,9 +41,6 @@ from fantoccini.dynamics.equilibrium import (
 from fantoccini.dynamics.steppers import Stepper, StepperBatch
 from fantoccini.motion import Input, State
 
-if TYPE_CHECKING:
-    pass
-
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Marionette(CompiledPuppet):
@@ -54,7 +51,7 @@ class Marionette(CompiledPuppet):
 
     Args:
         what: a puppet or a scene.
-        progress: called with the stage that begins ("deriving", "compiling").
+        progress: called with the stage that begins (``what``: "deriving", "compiling").
     """
 
     def __repr__(self) -> str:

@@ -66,10 +66,10 @@ class BatchVerdicts:
         every = self._redundant or self._marionette.prescribed is not None
         for i in map(int, np.flatnonzero(np.isfinite(batch.reached) & (self._doubtful | every))):
             reported = Status(int(batch.status[i]))
-            checks = [partial(self._prescribed, i)]
-            if self._fixed:
+            checks = [partial(self._prescribed, i)] if self._at_end[i] else []
+            if self._fixed and self._at_end[i]:
                 checks.insert(0, partial(self._sound, i))
-            found = decide(reported, self._contradiction(i), checks, bool(self._at_end[i]))
+            found = decide(reported, self._contradiction(i), checks)
             if found.status is reported:
                 continue
             batch.status[i], batch.blame[i] = found.status, 0.0

@@ -194,10 +194,10 @@ def simulate(
         events_of = tuple(_event(marionette, event) for event in _in_order(kept))
         made = dataclasses.replace(made, events=events_of)
     checks: list[Check] = [lambda: prescribed_verdict(overlaps)]
-    if name != "event":
+    if name != "event" and made.t[-1] >= t_end:
         worst = float(run.progress.violation)
         checks.insert(0, lambda: judged(marionette, made, options.dt, worst))
-    verdict = decide(status, contradicted, checks, bool(made.t[-1] >= t_end))
+    verdict = decide(status, contradicted, checks)
     if verdict.status is not status:
         blamed = contradicted.names if contradicted else ()
         made = dataclasses.replace(made, status=verdict.status, blamed=blamed)

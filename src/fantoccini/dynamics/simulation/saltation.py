@@ -161,7 +161,7 @@ class Saltation:
         m, n = Z.shape[1], len(Z)
         both = np.concatenate([Z, np.eye(n)], axis=1)
         found = self._carried(both, by_input.widened(n), acc, acc_K)
-        changes = stacked(Z, InputVariation.none(self.marionette, m))
+        changes = stacked(Z, by_input)
         lates = np.array([guard.late(changes)[0] for guard in self.guards])
         apart = float(np.max(np.abs(lates - lates[:1]), initial=0.0))
         together = apart <= AGREE * float(np.max(np.abs(lates), initial=1e-9))

@@ -28,27 +28,23 @@ class Verdict:
 
 
 def decide(
-    reported: Status,
-    contradiction: Contradiction | None = None,
-    checks: Iterable[Check] = (),
-    at_end: bool = False,
+    reported: Status, contradiction: Contradiction | None = None, checks: Iterable[Check] = ()
 ) -> Verdict:
     """The verdict on a run.
 
     Redundant strings whose lengths contradict one another explain whatever the steps report. A run
-    that arrived at its end has the status of the first check that it fails; others of the same
+    that the steps completed has the status of the first check that it fails; others of the same
     status add their reasons.
 
     Args:
         reported: by the steps, or by what interrupted them.
         contradiction: of redundant strings, if there is one.
-        checks: of a run that reached its end, in this order.
-        at_end: whether it did.
+        checks: of a run that the steps completed, in this order.
     """
     if contradiction:
         return Verdict(Status.REDUNDANT_STRINGS, contradiction)
     status, reasons = reported, list[str]()
-    for check in checks if at_end and reported in ARRIVED else ():
+    for check in checks if reported in ARRIVED else ():
         found, reason = check()
         if found is not Status.DONE and status in (*ARRIVED, found):
             status = found

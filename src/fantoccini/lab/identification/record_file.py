@@ -39,7 +39,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
 
     Args:
         path: of the YAML file.
-        progress: called with a description of each slow step.
+        progress: called as each slow step begins; ``what`` describes it.
 
     Raises:
         FileError: with every mistake found and its location.
