@@ -84,7 +84,7 @@ def test_one_reader_opens_the_files_of_control():
     opens = [
         str(file.relative_to(folder))
         for file in sorted(folder.rglob("*.py"))
-        if "read_file(" in file.read_text(encoding="utf-8")
+        if "read_document(" in file.read_text(encoding="utf-8")
     ]
     assert opens == ["tasks/control_file.py"]
     assert issubclass(TaskFile, ControlFile) and issubclass(ProblemFile, ControlFile)

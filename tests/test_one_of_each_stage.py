@@ -88,11 +88,11 @@ def calls(tree: ast.AST, name: str) -> list[ast.Call]:
 
 
 def test_scores_and_plays_have_one_reader():
-    """Nothing else validates their files."""
+    """Nothing else reads their files."""
     readers = {
         name
         for name, tree in sources()
-        for call in calls(tree, "validate")
+        for call in calls(tree, "read_document")
         if {"kind", "ScoreFile", "PlayFile"} & {getattr(arg, "id", "") for arg in call.args}
     }
     assert readers == {"script/reading.py"}
