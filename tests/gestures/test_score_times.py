@@ -169,6 +169,9 @@ def test_a_phrase_is_played_like_a_gesture(marionette, tmp_path):
         (PHRASES, ("gesture: nod", "gesture: nodd"), 8, "did you mean 'nod'"),
         (PHRASES, ("on: {low: 40}", "on: {lower: 40}"), 14, "did you mean 'low'"),
         (PHRASES, ("[{phrase: hello}, {gesture: bow}]", "[]"), 10, "at least 1 item"),
+        (NUMBER, ("on: {low: after}", "on: {start: 3}"), 10, "bow has no mark 'start'"),
+        (NUMBER, ("on: {up: 4}", "on: {end: 4}"), 13, "wave has no mark 'end'"),
+        (NUMBER, ("on: {up: 4}", "repeat: 2, on: {up 2: 9}"), 13, "wave has no mark 'up 2'"),
     ],
 )
 def test_mistakes_have_places(marionette, tmp_path, text, change, line, message):
@@ -176,6 +179,14 @@ def test_mistakes_have_places(marionette, tmp_path, text, change, line, message)
     with pytest.raises(FileError, match=message) as caught:
         load(marionette, tmp_path, text.replace(*change, 1))
     assert f"number.yaml:{line}" in str(caught.value)
+
+
+def test_a_time_before_the_score_is_reported_once(marionette, tmp_path):
+    marks = "marks: {after: hello.end - 9, later: after + 1}"
+    text = NUMBER.replace("marks: {after: hello.end + 2}", marks)
+    with pytest.raises(FileError) as caught:
+        load(marionette, tmp_path, text)
+    assert str(caught.value).count("comes") == 1
 
 
 def test_a_dash_may_belong_to_a_name(marionette, tmp_path):

@@ -385,3 +385,12 @@ unknown: {elbow_damping: }
     one = fan.lab.load_record(folder / "angles.yaml")
     assert np.isclose(one.columns["elbow"][0], np.pi / 2)
     assert np.isnan(one.columns["hand.tension"][0]) and one.columns["hand.tension"][1] == 1.5
+
+
+def test_an_empty_last_column_is_left_out(folder):
+    """Spreadsheets write a delimiter at the end of each line."""
+    lines = (folder / "swing.csv").read_text(encoding="utf-8").splitlines()
+    (folder / "trailing.csv").write_text("".join(f"{line},\n" for line in lines), encoding="utf-8")
+    text = TEXT.replace("swing.csv", "trailing.csv")
+    (folder / "trailing.yaml").write_text(text, encoding="utf-8")
+    assert len(fan.lab.load_record(folder / "trailing.yaml").t) == len(lines) - 1

@@ -158,3 +158,19 @@ def test_a_puppet_with_one_line_damaged_ends_in_a_puppet_or_a_file_error(data) -
         loads("\n".join(lines))
     except PuppetError as error:
         assert error.mistakes
+
+
+DRIVEN = """puppet: p
+bodies:
+  - {name: a, joint: {type: prismatic, axis: [1, 0, 0], driven: true}, mass: 1}
+strings:
+  - {name: s, path: [{body: a}, {driven: [x, 3], at: [0, 0, 1]}], length: 1}
+drives: [{on: [VALUE], mass: 1}]
+"""
+
+
+@pytest.mark.parametrize("value", ["3", "null", "{a: 1}", "zzz.qqqqq"])
+def test_names_of_driven_coordinates_that_are_no_texts(value) -> None:
+    with pytest.raises(PuppetError, match=r"drives\[0\]\.on\[0\]") as caught:
+        loads(DRIVEN.replace("VALUE", value))
+    assert "object at" not in str(caught.value)

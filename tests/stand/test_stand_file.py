@@ -142,3 +142,9 @@ def test_a_puppet_that_is_not_there(tmp_path):
         _ = load_stand(tmp_path / "s.yaml").puppet_path
     with pytest.raises(FileError, match="did you mean 'six_winches'"):
         load_stand("six_winch")
+
+
+def test_a_stand_prints_in_a_line_and_has_a_hash():
+    stand = fan.stand.load_stand("desktop6")
+    assert str(stand) == repr(stand) and len(str(stand)) < 100
+    assert stand in {stand}

@@ -162,26 +162,31 @@ def _csv(table: CoordinateTable, path: Path) -> Waypoints:
     return _samples(table, *csv_columns(path))
 
 
-def csv_columns(path: Path, *, gaps: bool = False) -> tuple[dict[str, Array], Located]:
+def csv_columns(
+    path: Path, *, gaps: bool = False, name: str | None = None
+) -> tuple[dict[str, Array], Located]:
     """The columns of a CSV file by their names, and the lines of the samples.
 
     Args:
         path: of the file.
-        gaps: whether cells may be empty, which are NaN then.
+        gaps: whether cells may be empty, which are NaN then; empty columns without a name are
+            left out.
+        name: of the file in messages; by default its path.
 
     Raises:
         InputError: with every mistake found.
         OSError: the file cannot be read.
     """
+    shown_as = Path(name or path)
     raw = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
     if raw is None:
-        raise _file_error(path, f"is larger than {MAX_BYTES / 1e6:g} MB, the most that is read")
+        raise _file_error(shown_as, f"is larger than {MAX_BYTES / 1e6:g} MB, the most that is read")
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
         message = f"found the byte 0x{raw[error.start]:02x}; the file must be UTF-8"
-        raise _file_error(path, message, line) from None
+        raise _file_error(shown_as, message, line) from None
     header: list[str] = []
     lines: list[int] = []
     numbers, findings = array("d"), Findings()
@@ -196,17 +201,20 @@ def csv_columns(path: Path, *, gaps: bool = False) -> tuple[dict[str, Array], Lo
             numbers.extend(_numbers(header, cells, len(lines), findings, gaps))
             lines.append(reader.line_num)
     except StateError as error:
-        raise _file_error(path, str(error), reader.line_num) from None
+        raise _file_error(shown_as, str(error), reader.line_num) from None
     if not header:
-        raise _file_error(path, "the file is empty", 1)
-    located = _Lines(data=lines, file=str(path), folder=path.parent)
-    for name in sorted({name for name in header if header.count(name) > 1}):
-        findings.add((name,), "two columns have this name")
+        raise _file_error(shown_as, "the file is empty", 1)
+    located = _Lines(data=lines, file=str(shown_as), folder=path.parent)
+    columns = np.array([]) if findings.found else np.array(numbers).reshape(-1, len(header)).T
+    if gaps and len(lines) and not findings.found:
+        own = [i for i, x in enumerate(columns) if header[i] or not np.all(np.isnan(x))]
+        header, columns = [header[i] for i in own], columns[own]
+    for title in sorted({title for title in header if header.count(title) > 1}):
+        findings.add((title,), "two columns have this name")
     if "" in header:
         findings.add((), f"column {header.index('') + 1} has no name")
     findings.raise_any(located)
-    values = np.array(numbers).reshape(len(lines), len(header))
-    return dict(zip(header, values.T, strict=True)), located
+    return dict(zip(header, columns, strict=True)), located
 
 
 def csv_reader(text: str) -> CsvRows:

@@ -188,8 +188,13 @@ class Stand(Document):
         )
         return self
 
+    def __hash__(self) -> int:
+        return hash((self.stand, self.puppet, *self.axes))
+
     def __repr__(self) -> str:
         return f"<Stand {self.name}: {len(self.axes)} axes, for {self.puppet}>"
+
+    __str__ = __repr__
 
     @property
     def name(self) -> str:

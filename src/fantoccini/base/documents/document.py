@@ -184,7 +184,8 @@ def document_schema(model: type[Document]) -> dict[str, Any]:
 def _validated(located: Located, kinds: tuple[type[DocumentT], ...]) -> DocumentT:
     """The document, of the kind that its keys tell."""
     data = located.data if isinstance(located.data, dict) else {}
-    model = next((model for model in kinds if model.kind.key in data), None)
+    # The last one wins: a scene with a stray `bodies` is a scene.
+    model = next((model for model in reversed(kinds) if model.kind.key in data), None)
     other = next((kind for key, kind in KEYS.items() if key in data), None)
     if model is None and other is not None:
         text = f"this is a {other} file; {kinds[0].kind.needs}"

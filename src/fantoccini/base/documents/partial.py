@@ -15,7 +15,7 @@ ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
 class Unclear:
-    """Stands for an invalid value: every attribute is unclear, it is false, empty and not equal."""
+    """Stands for an invalid value: every attribute is unclear, it is false and empty."""
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):

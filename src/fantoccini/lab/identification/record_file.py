@@ -139,7 +139,7 @@ def _refuse(text: str) -> None:
 
 def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
     """The times and the other columns of a CSV file; empty cells are NaN."""
-    columns, lines = csv_columns(located.required(name), gaps=True)
+    columns, lines = csv_columns(located.required(name), gaps=True, name=name)
     clock = next((column for column in _TIMES if column in columns), None)
     if clock is None:
         raise lines.error(
@@ -152,7 +152,7 @@ def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
     last = -np.inf
     for k, now in enumerate(t):
         if not now > last:
-            text = "found no time" if np.isnan(now) else f"found {now:g} after {last:g}"
+            text = "found no time" if np.isnan(now) else f"found {now:.12g} after {last:.12g}"
             found.append(((clock, k), text if np.isnan(now) else f"{text}; times must rise"))
         else:
             last = now

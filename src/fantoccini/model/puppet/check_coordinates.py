@@ -56,7 +56,7 @@ def check_drives(parts: Parts) -> None:
         own: list[tuple[str, Path]] = []
         for k, name in enumerate(drive.on):
             path: Path = ("drives", i, "on", k)
-            if parts.split(name)[0] in unclear:
+            if not isinstance(name, str) or parts.split(name)[0] in unclear:
                 continue
             if name not in units:
                 hint = _hint(parts, name, known)
@@ -146,7 +146,8 @@ def _driven(parts: Parts) -> dict[str, str]:
     for string in parts.puppet.strings:
         if not isinstance(string.name, str):
             continue
-        ends = [f".{axis}" for point in string.path for axis in point.driven or ()]
+        axes = [axis for point in string.path for axis in point.driven or ()]
+        ends = [f".{axis}" for axis in axes if isinstance(axis, str)]
         ends += [".length"] if string.length == "driven" else []
         found |= {n + end: "m" for n in (string.name, parts.twin(string.name)) for end in ends}
     return found

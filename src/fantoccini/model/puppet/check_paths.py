@@ -68,4 +68,5 @@ def _check_body(parts: Parts, name: str, path: Path, others: set[str]) -> bool:
 
 def _place(point: Any) -> tuple[float, ...] | None:
     """Coordinates of a point; None if unclear."""
-    return None if point is UNCLEAR or UNCLEAR in point else tuple(map(value_of, point))
+    values = (UNCLEAR,) if point is UNCLEAR else tuple(map(value_of, point))
+    return None if any(value is UNCLEAR for value in values) else values

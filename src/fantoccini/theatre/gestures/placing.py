@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array
+from fantoccini.base import Array, nearest
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Line, Motion
 from fantoccini.theatre.gestures.score import Played
@@ -88,7 +88,7 @@ def place_lanes(
         phrase: whether it is one.
     """
     made: dict[Spot, Made] = {}
-    cues = _cues(lanes, gestures, made)
+    cues = _cues(lanes, gestures, made, notes)
     if notes.found:
         return None
     spots: dict[Spot, Time] = {("marks", name): time for name, time in marks.items()}
@@ -96,13 +96,11 @@ def place_lanes(
     if notes.found:
         return None
     placing = _Placing(timeline, made, {lane: _Lane(Line(most)) for lane in lanes}, notes, phrase)
-    timeline.place(0, 0.0, placing.moments, placing.place)
+    timeline.place(0, 0.0, placing.moments, placing.place, lambda spot, t: _within(t, spot, notes))
     for lane in placing.lanes.values():
         lane.line.rest()
         lane.line.hold(lane.free)
-    times = {
-        name: _within(placing.moments["marks", name][""], ("marks", name), notes) for name in marks
-    }
+    times = {name: placing.moments["marks", name][""] for name in marks}
     played = [(cue, placing.played[cue.spot]) for cue in cues if cue.spot in placing.played]
     return PlacedLanes(
         timeline,
@@ -114,7 +112,9 @@ def place_lanes(
     )
 
 
-def _cues(lanes: ScoreCues, gestures: Gestures, made: dict[Spot, Made]) -> list[Cue[ScoreCue]]:
+def _cues(
+    lanes: ScoreCues, gestures: Gestures, made: dict[Spot, Made], notes: Notes
+) -> list[Cue[ScoreCue]]:
     """The cues of lanes, and their gestures by place."""
     cues: list[Cue[ScoreCue]] = []
     for lane, (start, written) in lanes.items():
@@ -124,6 +124,10 @@ def _cues(lanes: ScoreCues, gestures: Gestures, made: dict[Spot, Made]) -> list[
             found = gestures(given, spot) if isinstance(given, PlayedCue) else None
             if found is not None:
                 made[spot] = found
+                mark, own = given.mark, found[0].marks
+                if mark and mark not in own:
+                    text = f"{found[0].name} has no mark {mark!r}{nearest(mark, own)}"
+                    notes.mistake((*spot, "on"), text)
                 name, marks = given.name or found[0].name, tuple(found[1].marks)
             cue = Cue(spot, len(cues), 0, given, (lane,), name, (*marks, START, END), before)
             before = (cue,)

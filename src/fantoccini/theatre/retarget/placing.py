@@ -24,8 +24,6 @@ _STRAIGHT = 0.97
 """A limb is stretched to this share of its length: straight ones only hang in one way."""
 _LEAST = 1e-3
 """Length of a part of a person, at least [m]."""
-_OPPOSITE = 1e-9
-"""Sine of the angle below which directions are parallel, or opposite."""
 _UPRIGHT = 0.3
 """Sine of the angle of the line across a trunk to the vertical, above which it has a heading."""
 _ON_FLOOR = 2.0

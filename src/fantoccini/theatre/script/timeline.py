@@ -133,6 +133,7 @@ class Timeline(Generic[CueT]):
         start: float,
         placed: dict[Spot, Moments],
         perform: Callable[[Cue[CueT], float], Moments],
+        mark: Callable[[Spot, float], float] = lambda spot, t: t,
     ) -> None:
         """Places the cues of an act, in the order of the times at which they are to be.
 
@@ -141,6 +142,7 @@ class Timeline(Generic[CueT]):
             start: of the act [s].
             placed: moments of what is placed; those of the act are added.
             perform: places one cue that is to be at a time [s], and gives its moments.
+            mark: gives the time of a mark of the file, from the one that is written [s].
         """
         graph, of_spot = self.graph(act), {cue.spot: cue for cue in self.of_act(act)}
         waiting = {
@@ -163,7 +165,7 @@ class Timeline(Generic[CueT]):
                     marks.append(spot)
             if marks:
                 done = marks.pop()
-                placed[done] = {"": self.time(self.refs[done], 0.0, placed)}
+                placed[done] = {"": mark(done, self.time(self.refs[done], 0.0, placed))}
             else:
                 t, _, done = heappop(cues)
                 placed[done] = perform(of_spot[done], t)
