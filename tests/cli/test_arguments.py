@@ -296,5 +296,5 @@ def test_a_file_of_another_kind_is_named(tmp_path, monkeypatch) -> None:
         said = mistake(command, "run.npz")
         assert "run.npz: found a motion; needed: a puppet. `fantoccini show run.npz`" in said
     puppet = fan.puppets.path("arm2d")
-    assert "this is a puppet file; a problem file names one" in mistake("plan", puppet)
-    assert "this is a puppet file; a task file has" in mistake("optimise", puppet)
+    assert "this is a puppet file; a problem file has the keys" in mistake("plan", puppet)
+    assert "this is a puppet file; a task file has the keys" in mistake("optimise", puppet)
