@@ -52,7 +52,7 @@ def test_what_is_no_gesture_is_told(take, tmp_path):
     for path, puppet_of, why in (
         ("still.npz", puppet, "nothing moves"),
         ("reach.npz", fan.puppets.arm2d(), "reach.npz"),
-        ("none.npz", puppet, "no file"),
+        ("none.npz", puppet, "found nothing here"),
     ):
         with pytest.raises(fan.errors.FileError, match=why):
             fan.theatre.load_gesture(puppet_of, tmp_path / path)
