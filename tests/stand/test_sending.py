@@ -402,4 +402,4 @@ def test_two_axes_do_not_share_a_channel():
 
 
 def load_controller(kind):
-    return loads_stand(f"{SIX}controller: {{type: {kind}}}\n").file.controller
+    return loads_stand(f"{SIX}controller: {{type: {kind}}}\n").controller
