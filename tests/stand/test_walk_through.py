@@ -88,7 +88,7 @@ def compared(stand, path, run):
     table = np.genfromtxt(path, delimiter=",", names=True)
     t, names = table["t_s"], table.dtype.names[1:]
     bound = fan.stand.set_points(stand, run, controller="csv").map
-    assert names == tuple(load_stand(stand).file.axes)
+    assert names == tuple(load_stand(stand).axes)
     at = np.column_stack([table[name] for name in names])
     wanted = bound.motion_of(run, run.t[0] + np.arange(0.0, run.duration, 0.01)).position * 1e3
     if stand == "gantry21":
