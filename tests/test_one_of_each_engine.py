@@ -53,6 +53,7 @@ def test_one_place_decides_the_status_of_a_run():
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "decide"
     }
     assert calling == {
+        "dynamics/derivatives/step_linearisation.py",
         "dynamics/simulation/batch_verdicts.py",
         "dynamics/simulation/run.py",
         "dynamics/steppers/stepper.py",
