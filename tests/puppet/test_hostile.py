@@ -174,3 +174,14 @@ def test_names_of_driven_coordinates_that_are_no_texts(value) -> None:
     with pytest.raises(PuppetError, match=r"drives\[0\]\.on\[0\]") as caught:
         loads(DRIVEN.replace("VALUE", value))
     assert "object at" not in str(caught.value)
+
+
+def test_unclear_points_are_not_the_same_point() -> None:
+    bad = "[{parameter: NAME, value: x}, 0, 0]"
+    point = "{body: bob, at: " + bad + "}"
+    twice = ", ".join(point.replace("NAME", name) for name in ("u", "w"))
+    text = "puppet: p\nbodies:\n  - {name: bob, joint: {type: free}, mass: 1}\n"
+    path = "[" + twice + ", {world: [0, 0, 1]}]"
+    with pytest.raises(PuppetError) as caught:
+        loads(text + "strings:\n  - {name: s, path: " + path + ", length: 2}\n")
+    assert "same point" not in str(caught.value)

@@ -68,5 +68,6 @@ def _check_body(parts: Parts, name: str, path: Path, others: set[str]) -> bool:
 
 def _place(point: Any) -> tuple[float, ...] | None:
     """Coordinates of a point; None if unclear."""
-    values = (UNCLEAR,) if point is UNCLEAR else tuple(map(value_of, point))
-    return None if any(value is UNCLEAR for value in values) else values
+    if point is UNCLEAR or any(UNCLEAR in (x, getattr(x, "value", x)) for x in point):
+        return None
+    return tuple(map(value_of, point))
