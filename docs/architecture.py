@@ -307,7 +307,7 @@ TASKS = (
         "a verb of plays",
         (
             ("its keys, and their messages", ("theatre/script/cues.py",)),
-            ("what it needs, moves and is verified by", ("theatre/script/verbs.py",)),
+            ("what it needs, what it moves, and how it is verified", ("theatre/script/verbs.py",)),
             ("place it: a gesture or a walk, or with props", _PLACING),
             ("its gesture, if it is no bundled one", ("theatre/plays/sitting.py",)),
             ("check its run", ("theatre/plays/handled.py",)),
