@@ -91,7 +91,11 @@ def lane_source() -> build.Source:
     """Likewise as the library of its lanes is made of it."""
     generated = generate(marionette().equations, "lanes")
     return build.Source(
-        generated.files, generated.main, {}, generated.units, generated.shared_units
+        generated.files,
+        generated.main,
+        units=generated.units,
+        pieces=generated.pieces,
+        shared_units=generated.shared_units,
     )
 
 

@@ -148,8 +148,22 @@ def test_units_are_compiled_apart_and_linked(key):
     entry = build.obtain(key, lambda: parts("int two() { return 4; }\n"))
     assert ctypes.CDLL(str(entry / build.LIBRARY)).answer() == 7
     commands = json.loads((entry / "complete.json").read_text())["commands"]
-    assert [command[-1] for command in commands] == ["main.o", "one.o", "two.o", build.LIBRARY]
+    outputs = [command[-1] for command in commands]
+    assert outputs == [build.LIBRARY, "one.o", "two.o", build.LIBRARY]  # main's object comes first
     assert not list(entry.glob("*.o"))
+
+
+def test_the_main_file_is_compiled_once_for_libraries_whose_units_differ(key):
+    """A puppet with other numbers compiles its numbers alone."""
+
+    def compiled(number: int) -> list[str]:
+        entry = build.obtain(f"{number:064x}", lambda: parts(f"int two() {{ return {number}; }}\n"))
+        assert ctypes.CDLL(str(entry / build.LIBRARY)).answer() == 3 + number
+        commands = json.loads((entry / "complete.json").read_text())["commands"]
+        return [command[-1] for command in commands]
+
+    assert compiled(5) == [build.LIBRARY, "one.o", "two.o", build.LIBRARY]
+    assert compiled(6) == ["one.o", "two.o", build.LIBRARY]
 
 
 def test_a_unit_that_does_not_compile_shows_its_line(key, cache):
@@ -162,7 +176,7 @@ def test_compilers_beside_one_that_fails_are_ended(tmp_path, program):
     failing, late = program("failing", "exit 1"), tmp_path / "late"
     hanging = program("hanging", f"(sleep 3; touch {late}) & wait")
     with pytest.raises(BuildError, match="exit code 1"):
-        run_compilers([[str(failing), "a.o"], [str(hanging), "b.o"]], tmp_path)
+        run_compilers([([str(failing), "a.o"], tmp_path), ([str(hanging), "b.o"], tmp_path)])
     time.sleep(3.2)
     assert not late.exists()
 

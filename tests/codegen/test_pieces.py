@@ -10,7 +10,7 @@ import fantoccini as fan
 from cpp.toolchain import compile_program, equations, run_program
 from fantoccini import puppets
 from fantoccini.kernel.codegen import generate, model_text
-from fantoccini.kernel.codegen.straight import pieces, program, together
+from fantoccini.kernel.codegen.straight import Table, pieces, program, together
 from fantoccini.model.puppet import load
 from harness import Model
 
@@ -136,11 +136,11 @@ def test_pieces_are_no_longer_than_asked():
     assert max(text.count("\n") for text in made.pieces) < 4 * 500
 
 
-def test_small_models_are_one_file_and_large_ones_several():
-    assert generate(equations("arm2d")).units == ()
-    large = generate(equations("marionette"))
-    assert len(large.units) > 1
-    assert set(large.units) <= set(large.files)
+def test_numbers_stand_in_units_and_those_of_large_models_are_several():
+    small, large = generate(equations("arm2d")), generate(equations("marionette"))
+    assert small.units == ("numbers.cpp", "unit0.cpp")
+    assert len(large.units) > 2
+    assert {*large.units, *large.pieces} <= set(large.files)
 
 
 def test_pushes_are_forth_on_the_way_of_a_link():
@@ -165,11 +165,16 @@ def test_what_is_linear_in_x_may_be_called_for_several_x(tmp_path):
     rng, n = np.random.default_rng(0), of.tree.coordinates.n_vD
     L, x = rng.normal(size=of.n_packed), rng.normal(size=(n, 4))
     rows = ", ".join("{" + ", ".join(map(repr, row)) + "}" for row in x.tolist())
+    table = Table("numbers")
+    functions = [
+        together(program(of["forth"]), "one", 10**9, table),
+        together(program(of["forth"]), "many", 40, table),
+    ]
     lines = [
         "#include <cstdio>",
         "typedef double Four __attribute__((vector_size(32)));",
-        together(program(of["forth"]), "one", 10**9),
-        together(program(of["forth"]), "many", 40),
+        f"static const double numbers[] = {{{', '.join(map(repr, table.values)) or '0'}}};",
+        *functions,
         f"static const double L[] = {{{', '.join(map(repr, L.tolist()))}}};",
         f"static const Four x[] = {{{rows}}};",
         f"static Four y[2][{n}];",

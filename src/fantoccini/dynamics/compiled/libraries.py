@@ -149,7 +149,8 @@ class Libraries:
         check_mass_matrix(self.puppet, self.tree)
         made = codegen.generate(self.equations, library)
         facts = {"operations": made.operations}
-        return build.Source(made.files, made.main, facts, made.units, made.shared_units)
+        more = {"units": made.units, "pieces": made.pieces, "shared_units": made.shared_units}
+        return build.Source(made.files, made.main, facts, **more)
 
     def _lanes(self, file: Path) -> BatchLibrary:
         return BatchLibrary(Loaded(file, self.sized.sizes))

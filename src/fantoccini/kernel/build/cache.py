@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import json
 import logging
 import os
 import re
@@ -17,6 +18,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -28,6 +30,7 @@ from fantoccini.kernel.build.compiler import (
     default_flags,
     find_compiler,
     first_build_notice,
+    object_command,
     run_compiler,
     run_compilers,
 )
@@ -161,22 +164,13 @@ def _obtain_in(
     afresh: bool,
 ) -> Path:
     """:func:`obtain` in one cache folder; raises UnusableError if the folder cannot be used."""
-    group = root / key[:2]
-    entry = group / key
-    if trouble := distrust(root) or distrust(group):
+    entry = root / key[:2] / key
+    if trouble := distrust(root) or distrust(entry.parent):
         raise UnusableError(trouble)
-    if trouble := distrust_entry(entry, READ):
-        warnings.warn(f"{trouble}; the puppet is compiled again", RuntimeWarning, stacklevel=2)
-        afresh = True
-    if not afresh and is_whole(entry):
+    if not afresh and _is_usable(entry):
         return entry
-    with _writing(root):
-        # One by one: mkdir applies the mode only to the last folder.
-        root.mkdir(mode=0o700, parents=True, exist_ok=True)
-        group.mkdir(mode=0o700, exist_ok=True)
-    if trouble := distrust(root) or distrust(group):
-        raise UnusableError(trouble)
-    with _lock(group / f"{key}.lock", root, tell) as waited:
+    _make_group(root, entry.parent)
+    with _lock(entry.parent / f"{key}.lock", root, tell) as waited:
         # Another process may have made it in the meantime.
         if (waited or not afresh) and not distrust_entry(entry, READ) and is_whole(entry):
             return entry
@@ -186,6 +180,39 @@ def _obtain_in(
         chosen = flags(source) if callable(flags) else flags
         _make(root, entry, source, chosen, tell, replace=afresh and not waited)
     return entry
+
+
+def _is_usable(entry: Path) -> bool:
+    """Whether an entry is complete and can be trusted; warns of one that others can write to."""
+    if trouble := distrust_entry(entry, READ):
+        warnings.warn(f"{trouble}; the puppet is compiled again", RuntimeWarning, stacklevel=2)
+        return False
+    return is_whole(entry)
+
+
+def _make_group(root: Path, group: Path) -> None:
+    """Makes the folder that holds an entry."""
+    with _writing(root):
+        # One by one: mkdir applies the mode only to the last folder.
+        root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        group.mkdir(mode=0o700, exist_ok=True)
+    if trouble := distrust(root) or distrust(group):
+        raise UnusableError(trouble)
+
+
+@dataclass(frozen=True)
+class _Object:
+    """An object file that several libraries share: an entry of its own.
+
+    Attributes:
+        entry: its folder in the cache.
+        folder: where it is being made; None where it is there already.
+        command: that makes it there.
+    """
+
+    entry: Path
+    folder: Path | None
+    command: list[str]
 
 
 def _make(
@@ -199,62 +226,74 @@ def _make(
         source: what to compile.
         flags: compiler flags beyond the standard ones.
         tell: progress callback.
-        replace: also replace a complete entry.
+        replace: also replace a complete entry, and the object files it is linked from.
     """
     compiler = find_compiler()
-    shared = {
-        f"{Path(name).name}.o": _shared_object(root, name, flags, tell, afresh=replace)
-        for name in source.shared_units
-    }
-    with _writing(root):
-        folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
-    try:
-        parts, whole = command_lines(compiler, source, flags, runtime_folder(), tuple(shared))
+    with contextlib.ExitStack() as stack:
+        shared = {
+            name: _shared_object(root, part, flags, replace, stack)
+            for name, part in source.shared_objects().items()
+        }
+        missing = {name: part for name, part in shared.items() if part.folder}
         with _writing(root):
-            write_source(folder, source)
-            for name, file in shared.items():
-                shutil.copy(file, folder / name)
-        tell(Progress(f"compiling with {compiler.version}"))
-        if notice := first_build_notice(compiler):
-            # Logged, so that callers without a progress callback see it too.
-            _LOGGER.warning(notice)
-        with _writing(root):
-            run_compilers(parts, folder)
-            run_compiler(whole, folder)
-            for name in [*shared, *(command[-1] for command in parts)]:
-                (folder / name).unlink()
-            seal(folder, [*parts, whole])
-            _settle(folder, entry, replace)
-    except BuildError as error:
-        # The sources are kept for the user, until the same puppet fails again.
-        kept = entry.parent / f"failed-{entry.name}"
-        shutil.rmtree(kept, ignore_errors=True)
+            folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
         try:
-            folder.rename(kept)
-        except OSError:
-            kept = folder
-        raise BuildError(f"{error}\nthe sources are in {kept}") from None
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
+            parts, whole = command_lines(compiler, source, flags, runtime_folder(), tuple(shared))
+            with _writing(root):
+                write_source(folder, source)
+            tell(Progress(f"compiling with {compiler.version}"))
+            for unit in source.shared_units:
+                if f"{Path(unit).name}.o" in missing:
+                    tell(Progress(f"compiling with {compiler.version} ({unit}, once per machine)"))
+            if notice := first_build_notice(compiler):
+                # Logged, so that callers without a progress callback see it too.
+                _LOGGER.warning(notice)
+            with _writing(root):
+                objects = [(part.command, part.folder) for part in missing.values() if part.folder]
+                run_compilers([*objects, *((command, folder) for command in parts)])
+                for name, part in shared.items():
+                    shutil.copy((part.folder or part.entry) / LIBRARY, folder / name)
+                for part in missing.values():
+                    if part.folder:
+                        seal(part.folder, [part.command])
+                        _settle(part.folder, part.entry, replace)
+                run_compiler(whole, folder)
+                for name in [*shared, *(command[-1] for command in parts)]:
+                    (folder / name).unlink()
+                seal(folder, [*(part.command for part in missing.values()), *parts, whole])
+                _settle(folder, entry, replace)
+        except BuildError as error:
+            # The sources are kept for the user, until the same puppet fails again.
+            kept = entry.parent / f"failed-{entry.name}"
+            shutil.rmtree(kept, ignore_errors=True)
+            try:
+                folder.rename(kept)
+            except OSError:
+                kept = folder
+            raise BuildError(f"{error}\nthe sources are in {kept}") from None
+        except BaseException:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
 
 
 def _shared_object(
-    root: Path, name: str, flags: tuple[str, ...], tell: OnProgress, afresh: bool
-) -> Path:
-    """Compiles a shared runtime unit once per machine and flags; the path of its object file.
+    root: Path, source: Source, flags: tuple[str, ...], replace: bool, stack: contextlib.ExitStack
+) -> _Object:
+    """An object file from the cache, or the folder and the command to make it.
 
-    It is cached as a library is; with ``-c`` the cached file is an object file.
+    Its key is its whole source. Two processes may compile the same; the first to rename wins.
     """
-    text = f'#include "fantoccini/{name}.hpp"\n'
-    source, flags = Source({"unit.cpp": text}, "unit.cpp"), (*flags, "-c")
-    key = fingerprint(text, "", flags)
-
-    def report(progress: Progress) -> None:
-        tell(Progress(f"{progress.what} ({name}, once per machine)"))
-
-    _obtain_in(root, key, lambda: source, flags, report, afresh)
-    return root / key[:2] / key / LIBRARY
+    key = fingerprint(json.dumps(source.files, sort_keys=True), "", (*flags, "-c"))
+    entry = root / key[:2] / key
+    command = object_command(find_compiler(), source.main, flags, runtime_folder(), LIBRARY)
+    if not replace and not distrust(entry.parent) and _is_usable(entry):
+        return _Object(entry, None, command)
+    _make_group(root, entry.parent)
+    with _writing(root):
+        folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
+        stack.callback(shutil.rmtree, folder, ignore_errors=True)
+        write_source(folder, source)
+    return _Object(entry, folder, command)
 
 
 def _settle(folder: Path, entry: Path, replace: bool) -> None:

@@ -200,34 +200,40 @@ def command_lines(
     Args:
         compiler: compiler to call.
         source: source files of the library.
-        flags: compiler flags beyond the standard ones; with ``-c`` the library is an object file.
+        flags: compiler flags beyond the standard ones.
         include: folder of the runtime's headers.
-        object_files: object files to link.
+        object_files: further object files to link, the main file's among them if there are units.
 
     Returns:
-        Commands that can run at the same time, and the one that links their output; the first list
-        is empty where one command does both.
+        Commands that compile the units and can run at the same time, and the one that links their
+        output, and compiles the main file where there are no units.
     """
-    files = [source.main, *source.units]
     common = [*compiler.command, *BASE_FLAGS, *flags]
-    if "-c" in flags:
-        common.remove("-shared")
-    if len(files) == 1:
+    if not source.units:
         return [], [*common, "-I", str(include), source.main, *object_files, "-o", LIBRARY]
-    alone = [flag for flag in common if flag != "-shared"] + [APART, "-I", str(include), "-c"]
-    unit_objects = [f"{Path(file).stem}.o" for file in files]
-    parts = [[*alone, f, "-o", o] for f, o in zip(files, unit_objects, strict=True)]
-    return parts, [*common, *unit_objects, *object_files, "-o", LIBRARY]
+    unit_objects = [f"{Path(file).stem}.o" for file in source.units]
+    parts = [
+        object_command(compiler, unit, flags, include, to)
+        for unit, to in zip(source.units, unit_objects, strict=True)
+    ]
+    return parts, [*common, *object_files, *unit_objects, "-o", LIBRARY]
+
+
+def object_command(
+    compiler: Compiler, file: str, flags: tuple[str, ...], include: Path, to: str
+) -> list[str]:
+    """The command that compiles one file, with ``FAN_APART`` defined, to an object file."""
+    alone = [flag for flag in (*BASE_FLAGS, *flags) if flag != "-shared"]
+    return [*compiler.command, *alone, APART, "-I", str(include), "-c", file, "-o", to]
 
 
 def run_compilers(
-    commands: list[list[str]], folder: Path, seconds: float = COMPILE_SECONDS
+    commands: Sequence[tuple[list[str], Path]], seconds: float = COMPILE_SECONDS
 ) -> None:
-    """Runs compilers in a folder, as many at a time as there are processors.
+    """Runs compilers, as many at a time as there are processors.
 
     Args:
-        commands: each as in :func:`run_compiler`.
-        folder: where they run.
+        commands: each as in :func:`run_compiler`, with the folder where it runs.
         seconds: how long each may take.
 
     Raises:
@@ -235,7 +241,7 @@ def run_compilers(
     """
     together = _Together()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        made = [pool.submit(run_compiler, c, folder, seconds, together) for c in commands]
+        made = [pool.submit(run_compiler, *command, seconds, together) for command in commands]
         try:
             for future in as_completed(made):
                 future.result()

@@ -36,15 +36,20 @@ class Source:
         files: plain file name -> text.
         main: the file to compile; it may include the others.
         units: further files to compile and link, all with ``FAN_APART`` defined.
+        pieces: files that only the units include where ``FAN_APART`` is defined.
         info: facts to keep as ``info.json``.
         shared_units: runtime headers, without the suffix, that are compiled once per machine and
             linked to the library.
+
+    Raises:
+        ValueError: a name that is no plain file name, or names a file that is not there.
     """
 
     files: dict[str, str]
     main: str
     info: dict[str, Any] = field(default_factory=dict)
     units: tuple[str, ...] = ()
+    pieces: tuple[str, ...] = ()
     shared_units: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -55,6 +60,24 @@ class Source:
             raise ValueError(f"the main file {self.main!r} is not among the files")
         if missing := [name for name in self.units if name not in self.files]:
             raise ValueError(f"the unit {missing[0]!r} is not among the files")
+
+    def shared_objects(self) -> dict[str, Source]:
+        """Object file -> its source, for the object files that several libraries share.
+
+        These are the shared units, and the main file where there are units: it is the same for
+        puppets that differ in nothing but numbers.
+        """
+        objects = {
+            f"{Path(unit).name}.o": Source(
+                {"unit.cpp": f'#include "fantoccini/{unit}.hpp"\n'}, "unit.cpp"
+            )
+            for unit in self.shared_units
+        }
+        if self.units:
+            apart = {*self.units, *self.pieces}
+            files = {name: text for name, text in self.files.items() if name not in apart}
+            objects[f"{Path(self.main).stem}.o"] = Source(files, self.main)
+        return objects
 
 
 def write_source(folder: Path, source: Source) -> None:

@@ -11,10 +11,12 @@ from fantoccini.kernel.codegen.model import (
     Generated,
     Real,
     assembled,
+    nominal_lengths,
+    numbers_text,
     programs,
     tables_text,
 )
-from fantoccini.kernel.codegen.straight import Program, program, together
+from fantoccini.kernel.codegen.straight import Program, Table, program, together
 from fantoccini.kernel.contract import FUNCTIONS, compiled
 from fantoccini.kernel.equations import Derivatives, Equations, Variational, VariationalDerivatives
 
@@ -90,10 +92,11 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     if singly:
         single = [_member(name, _SINGLE, kind.mapped) for name in (*own, "column")]
         members += [_SEVERAL_LANES, *single, "#endif"]
-    templates = [_pushes(equations, made["forth"])] if in_threes else []
+    solves = Table("ModelTables::solve_number")
+    templates = [_pushes(equations, made["forth"], solves)] if in_threes else []
     if kind.several:
         for name in ("forth", "back"):
-            templates.append(together(made[name], f"fan_{name}_of", SIZES.piece))
+            templates.append(together(made[name], f"fan_{name}_of", SIZES.piece, solves))
             members.append(_SEVERAL.format(name=name, space=kind.real.space))
     more = _SPACE.format(**vars(_BESIDE)) if beside else ""
     if singly:
@@ -110,8 +113,11 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         width="1" if kind.real.type == "double" else "FAN_WIDTH",
         **vars(kind.real),
     )
-    files = {f"{STEM}.hpp": tables_text(equations, sizes), "main.cpp": main}
-    generated = assembled(parts | ({_SINGLE: made} if singly else {}), files)
+    lengths = nominal_lengths(equations.tree)
+    numbers = {} if plain else {"nominal_length": lengths, "solve_number": solves.values}
+    files = {f"{STEM}.hpp": tables_text(equations, sizes, numbers), "main.cpp": main}
+    singles = {_SINGLE: made} if singly else {}
+    generated = assembled(parts | singles, files, numbers_text(numbers) if numbers else {})
     shared_units = ("collision/touch_unit",) if equations.tree.n_contacts else ()
     return replace(generated, shared_units=shared_units)
 
@@ -131,10 +137,10 @@ def _programs(
     return shared | {name: program(function) for name, function in own.items()}
 
 
-def _pushes(equations: Equations, forth: Program) -> str:
+def _pushes(equations: Equations, forth: Program, table: Table) -> str:
     """``fan_push(link, L, x, y)``: ``forth`` of several x; shorter for one link alone."""
     made = {f"fan_push_{i}": program(function) for i, function in equations.pushes.items()}
-    texts = [together(whole, name, SIZES.piece) for name, whole in made.items()]
+    texts = [together(whole, name, SIZES.piece, table) for name, whole in made.items()]
     cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]
     switch = [
         "template <class A, class V>",
@@ -145,7 +151,8 @@ def _pushes(equations: Equations, forth: Program) -> str:
         "  }",
         "}",
     ]
-    return "\n".join([*texts, together(forth, "fan_push_all", SIZES.piece), *switch, ""])
+    texts.append(together(forth, "fan_push_all", SIZES.piece, table))
+    return "\n".join([*texts, *switch, ""])
 
 
 def _member(name: str, real: Real, mapped: bool) -> str:

@@ -20,6 +20,8 @@ from fantoccini.model.tree import TURNS_WITH_LINK, WORLD, LimitRow, Role, String
 
 STEM = "model"
 """Name of the files that hold the model, without their endings."""
+NUMBERS = "numbers"
+"""Name of the files that hold the numbers in the tables, without their endings."""
 
 Places = tuple[tuple[int, int], ...]
 
@@ -30,13 +32,10 @@ class PieceSizes(NamedTuple):
     Attributes:
         piece: arithmetic statements of a piece, at most.
         file: statements at which the next piece starts another file.
-        separate: arithmetic statements of a library from which on files of pieces are compiled
-            separately from the runtime.
     """
 
     piece: int = 1000
     file: int = 6000
-    separate: int = 2000
 
 
 SIZES = PieceSizes()
@@ -51,6 +50,7 @@ class Generated:
         main: the file to compile.
         units: further files to compile, all with ``FAN_APART`` defined; without it ``main`` alone
             is complete.
+        pieces: files that the units include.
         operations: arithmetic operations of every generated function.
         shared_units: runtime headers compiled once per machine and linked (see ``build.Source``).
     """
@@ -59,6 +59,7 @@ class Generated:
     main: str
     units: tuple[str, ...]
     operations: dict[str, int]
+    pieces: tuple[str, ...] = ()
     shared_units: tuple[str, ...] = ()
 
 
@@ -79,28 +80,35 @@ class Real:
     stem: str = STEM
 
 
-def assembled(parts: Mapping[Real, dict[str, Program]], files: dict[str, str]) -> Generated:
-    """Functions with the files that call them; large functions in units of their own.
+def assembled(
+    parts: Mapping[Real, dict[str, Program]], files: dict[str, str], numbers: dict[str, str]
+) -> Generated:
+    """Functions in units of their own, with the files that call them.
+
+    The rest is then the same text for puppets that differ in numbers alone, and is compiled once.
 
     Args:
         parts: functions by name, for each type that they compute with.
         files: ``main.cpp`` and what else it includes.
+        numbers: the files of :func:`numbers_text`; none where ``model.hpp`` has no tables.
     """
-    texts, units, counts = dict[str, str](), dict[str, str](), dict[str, int]()
+    texts, counts = dict[str, str](), dict[str, int]()
+    units = {name: text for name, text in numbers.items() if name.endswith(".cpp")}
+    cut = [name for name in numbers if name not in units]
+    texts |= numbers
     for real, functions in parts.items():
         text = model_text(functions, stem=real.stem)
         counts |= _counted(functions)
         texts |= text
+        own = [name for name in text if "pieces" in name]
         units |= {
             name.replace("pieces", "unit").replace(".c", ".cpp"): _UNIT.format(
                 pieces=name, type=real.type, space=real.space, header=real.header
             )
-            for name in text
-            if "pieces" in name
+            for name in own
         }
-    if sum(counts.values()) < SIZES.separate:
-        units = {}
-    return Generated(texts | units | files, "main.cpp", tuple(units), counts)
+        cut += own
+    return Generated(texts | units | files, "main.cpp", tuple(units), counts, tuple(cut))
 
 
 def programs(
@@ -181,20 +189,54 @@ def _switch(functions: dict[str, Program]) -> str:
     return "\n".join([head, "  switch (which) {", *calls, "  }", "}"])
 
 
-def tables_text(equations: Equations, sizes: dict[str, int] | None = None) -> str:
+def tables_text(
+    equations: Equations,
+    sizes: dict[str, int] | None = None,
+    numbers: Mapping[str, Sequence[float]] | None = None,
+) -> str:
     """``model.hpp``: sizes and index tables of a tree as C++ constants.
 
     Args:
         equations: the derived equations.
         sizes: the constants, for functions that need no tables; these are then left out.
+        numbers: tables of numbers by name. Their values stand apart, so that puppets that differ
+            in them alone share what is compiled.
     """
     constants = [
         f"  static constexpr int {name} = {value};"
         for name, value in (sizes or equations.sizes).items()
     ]
     tables = [] if sizes else _tables(equations)
+    if numbers:
+        arrays = [(f"double {name}[{max(1, len(n))}]", _macro(name)) for name, n in numbers.items()]
+        tables += ["#ifdef FAN_APART"]
+        tables += [f"  static const {array};" for array, _ in arrays]
+        tables += ["#else", f'#include "{NUMBERS}.h"']
+        tables += [f"  static constexpr {array} = {macro};" for array, macro in arrays]
+        tables += ["#endif"]
     lines = ["#pragma once", "", "namespace fan {", "", "struct ModelTables {", *constants, *tables]
     return "\n".join([*lines, "};", "", "}  // namespace fan", ""])
+
+
+def numbers_text(numbers: Mapping[str, Sequence[float]]) -> dict[str, str]:
+    """The files with the values of tables of numbers: a header, and a unit that defines them."""
+    values = {name: ", ".join(map(repr, n)) or "0" for name, n in numbers.items()}
+    header = [f"#define {_macro(name)} {{{text}}}" for name, text in values.items()]
+    unit = [f"const double fan::ModelTables::{name}[] = {_macro(name)};" for name in numbers]
+    includes = [f'#include "{NUMBERS}.h"', f'#include "{STEM}.hpp"', ""]
+    return {
+        f"{NUMBERS}.h": "\n".join([*header, ""]),
+        f"{NUMBERS}.cpp": "\n".join([*includes, *unit, ""]),
+    }
+
+
+def nominal_lengths(tree: Tree) -> list[float]:
+    """Lengths of the strings whose length is a number [m]; 0 for the others."""
+    return [_nominal(string) for string in tree.strings]
+
+
+def _macro(name: str) -> str:
+    return f"FAN_{name.upper()}"
 
 
 def _tables(equations: Equations) -> list[str]:
@@ -216,7 +258,6 @@ def _tables(equations: Equations) -> list[str]:
         _array("int", "length_q", length_q),
         _array("int", "length_v", length_v),
         _array("int", "wound_q", wound_q),
-        _array("double", "nominal_length", [_nominal(s) for s in tree.strings]),
         _array("int", "string_points", [len(s.points) for s in tree.strings]),
         # Where the entries of a string's column of W are in v_D.
         *_lists("string", [_pulled(tree, s) for s in tree.strings]),

@@ -14,7 +14,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections import Counter
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 
@@ -228,7 +228,7 @@ def pieces(whole: Program, name: str, longest: int, standing: Collection[str] = 
     return Pieces(whole_name, declarations, texts, "\n".join(lines))
 
 
-def together(whole: Program, name: str, longest: int) -> str:
+def together(whole: Program, name: str, longest: int, table: Table) -> str:
     """The text of ``name(a, x, y)``: a function of (a, x) that is linear in x, for several x.
 
     ``a`` is an array of any scalar type ``A``, ``x`` and ``y`` of any type ``V`` of several.
@@ -237,8 +237,9 @@ def together(whole: Program, name: str, longest: int) -> str:
         whole: the function's statements, with two arguments and one result.
         name: of the C function.
         longest: arithmetic statements of a piece, at most.
+        table: takes the constants, so that the text is the same for other numbers.
     """
-    cut, lines = _Cut(whole, longest, frozenset()), []
+    cut, lines = _Cut(whole, longest, frozenset(), table), []
     for k in range(cut.n):
         lines += [
             "template <class A, class V>",
@@ -289,6 +290,26 @@ def dealt(texts: list[str], statements: int) -> list[str]:
     return ["\n\n".join(file) + "\n" for file in files]
 
 
+@dataclass
+class Table:
+    """Constants that the text of functions reads from an array.
+
+    Attributes:
+        name: of the array in C.
+        values: its entries.
+    """
+
+    name: str
+    values: list[float] = field(default_factory=list)
+
+    def entry(self, value: float) -> str:
+        """The text of a constant; 0 and 1 come from the structure and are written as they are."""
+        if abs(value) in (0.0, 1.0):
+            return literal(value)
+        self.values.append(value)
+        return f"{self.name}[{len(self.values) - 1}]"
+
+
 class _Cut:
     """The pieces of a program, and how values pass between them.
 
@@ -296,10 +317,14 @@ class _Cut:
         whole: the program.
         longest: arithmetic statements of a piece, at most.
         kept: results whose constants are written separately.
+        table: takes the constants; by default they stand in the text.
     """
 
-    def __init__(self, whole: Program, longest: int, kept: frozenset[int]):
+    def __init__(
+        self, whole: Program, longest: int, kept: frozenset[int], table: Table | None = None
+    ):
         self.whole, self.kept = whole, kept
+        self._constant = table.entry if table else literal
         done = 0
         self.piece: list[int] = []
         for s in whole.statements:
@@ -380,7 +405,7 @@ class _Cut:
         """The name of a value in a piece; one of an earlier piece is fetched on first use."""
         s = self.whole.statements[k]
         if s.operation == ca.OP_CONST:
-            return literal(s.constant)
+            return self._constant(s.constant)
         if s.operation == ca.OP_INPUT:
             return f"arg[{s.argument[0]}][{s.argument[1]}]"
         if k not in named:

@@ -1,0 +1,76 @@
+"""Libraries of puppets that differ in numbers alone share what is compiled of the runtime."""
+
+from __future__ import annotations
+
+import pytest
+
+import fantoccini as fan
+from fantoccini.kernel.build import Source
+from fantoccini.kernel.contract import LIBRARIES
+
+PUPPET = """
+puppet: swing
+bodies:
+  - name: upper
+    joint:
+      name: shoulder
+      type: revolute
+      axis: [0, -1, 0]
+      limits: {{lower: -{limit}, upper: {limit}}}
+      damping: {damping}
+    com: [{length}, 0, 0]
+    mass: {mass}
+    inertia: [1e-3, 2e-3, 2e-3]
+  - name: lower
+    parent: upper
+    joint: {{name: elbow, type: ball, at: [{length}, 0, 0]}}
+    shapes:
+      - {{type: sphere, at: [{length}, 0, 0], radius: {radius}, density: 500}}
+strings:
+  - name: hand
+    path: [{{body: lower, at: [{length}, 0, 0]}}, {{world: [0, 0, {height}]}}]
+    length: {string}
+pose: {{shoulder: {angle}}}
+"""
+FLOOR = """
+contact: {{friction: {friction}}}
+floor: -{height}
+"""
+NUMBERS = {
+    "limit": 1.5,
+    "length": 0.2,
+    "mass": 0.3,
+    "damping": 0.01,
+    "radius": 0.03,
+    "height": 0.9,
+    "string": 0.95,
+    "angle": -0.3,
+    "friction": 0.4,
+}
+
+
+def sources(
+    text: str, libraries: tuple[str, ...] = LIBRARIES, **changed: float
+) -> dict[str, Source]:
+    """The sources of libraries, by their names."""
+    puppet = fan.loads(text.format(**NUMBERS | changed))
+    return {library: puppet.libraries.source_files(library) for library in libraries}
+
+
+@pytest.mark.parametrize("contact", [False, True])
+def test_other_numbers_share_object_files(contact):
+    """They are arguments or stand in units of their own."""
+    text = PUPPET + FLOOR * contact
+    first = sources(text)
+    other = sources(text, **{name: 1.1 * number for name, number in NUMBERS.items()})
+    for library, source in first.items():
+        assert other[library].shared_objects() == source.shared_objects(), library
+        pieces = [source.files[name] for name in source.pieces]
+        assert [other[library].files[name] for name in other[library].pieces] != pieces, library
+
+
+def test_another_structure_shares_nothing_of_its_own():
+    first = sources(PUPPET, libraries=("model",))["model"]
+    text = PUPPET.replace("type: ball", "type: revolute, axis: [0, -1, 0]")
+    other = sources(text, libraries=("model",))["model"]
+    assert other.shared_objects()["main.o"] != first.shared_objects()["main.o"]
