@@ -96,7 +96,8 @@ struct TimeSteppingTrajectory {
   }
   void take_up() { at.idle = !runs(); }
 
-  // To be called after it was copied from another process or time, with its solids.
+  // To be called after its bytes were read (runs/snapshot.hpp): pointers among them are not its
+  // own.
   void attach(const ContactArrays* solids) {
     opt.contacts = at.solids = solids;
     inputs().still = coming().still = 0;  // another drive numbers its own

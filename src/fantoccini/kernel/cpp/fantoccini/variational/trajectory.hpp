@@ -101,7 +101,8 @@ struct VariationalTrajectory {
     motors.begin(q_D(), inputs().q_K, p());
   }
 
-  // To be called after it was copied from another process or time, with its solids.
+  // To be called after its bytes were read (runs/snapshot.hpp): pointers among them are not its
+  // own.
   void attach(const ContactArrays* solids) { opt.contacts = solids; }
 
   // Takes new inputs from here on. The momenta stay, so the driven velocities must be continuous.
