@@ -265,9 +265,12 @@ TASKS = (
         "a method of integration",
         (
             (
-                "the step, and a header that exports it to Python",
+                "the step, its trajectory for the loop of all fixed steps, and a header that "
+                "exports it to Python",
                 (
                     "kernel/cpp/fantoccini/variational/step.hpp",
+                    "kernel/cpp/fantoccini/variational/trajectory.hpp",
+                    "kernel/cpp/fantoccini/runs/stepping.hpp",
                     "kernel/cpp/fantoccini/interface/variational.hpp",
                 ),
             ),

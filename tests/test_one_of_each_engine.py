@@ -1,8 +1,10 @@
-"""One stepping engine: the lane record, verdicts on runs and linearised steps stand once each."""
+"""One stepping engine: its loop, the lane record, verdicts and linearised steps stand once each."""
 
 from __future__ import annotations
 
 import ast
+import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,78 @@ def sources() -> dict[str, ast.Module]:
 
 
 SOURCES = sources()
+CPP = PACKAGE / "kernel" / "cpp" / "fantoccini"
+HEADERS = {
+    file.relative_to(CPP).as_posix(): re.sub(r"//[^\n]*", "", file.read_text(encoding="utf-8"))
+    for file in sorted(CPP.rglob("*.hpp"))
+    if file.name != "contract.hpp"
+}
+
+
+def test_one_loop_makes_the_steps_of_trajectories():
+    """Batches, steppers, runs, rollouts and their gradients call it; pools count what is done."""
+    advanced = {
+        (path, name)
+        for path, text in HEADERS.items()
+        for name in re.findall(r"(\w+)(?:\.|->)advance\(", text)
+        if name != "pool"
+    }
+    assert advanced == {
+        ("runs/stepping.hpp", "trajectory"),
+        ("interface/derivatives.hpp", "flow"),  # a smooth piece's derivatives, by adaptive steps
+    }
+    calling = {path for path, text in HEADERS.items() if re.search(r"\bmake_steps\(", text)}
+    assert calling == {
+        "derivatives/rollout_gradient.hpp",
+        "derivatives/step_touches.hpp",
+        "runs/grid_run.hpp",
+        "runs/lane_batch.hpp",
+        "runs/stepping.hpp",
+        "search/rollouts.hpp",
+        "timestepping/lane_stepper.hpp",
+    }
+
+
+def functions(text: str) -> list[str]:
+    """The bodies of a header's functions, with arguments numbered and one name for numbers."""
+    found = []
+    for match in re.finditer(r"\b(\w+)\(([^(){};]*)\)\s*(?:const\s*)?(?:FAN_INLINE\s*)?\{", text):
+        if match[1] in ("if", "for", "while", "switch"):
+            continue
+        end, depth = match.end(), 1
+        while depth:
+            depth += {"{": 1, "}": -1}.get(text[end], 0)
+            end += 1
+        body = re.sub(r"\s+", " ", text[match.end() : end - 1]).strip()
+        arguments = [part.split()[-1].strip("*&") for part in match[2].split(",") if part.strip()]
+        for i, argument in enumerate(arguments):
+            body = re.sub(rf"\b{re.escape(argument)}\b", f"${i}", body)
+        found.append(re.sub(r"\b(double|Real)\b", "T", body))
+    return found
+
+
+def test_no_function_of_the_headers_stands_twice():
+    """Bodies of more than a line, whatever their arguments are called."""
+    bodies = Counter(body for text in HEADERS.values() for body in functions(text))
+    assert len(bodies) > 1000
+    assert [body for body, n in bodies.items() if n > 1 and len(body) > 100] == []
+
+
+def test_structures_are_packed_and_their_arrays_made_in_one_place():
+    """No other module fills a structure, or makes arrays with the sizes of a puppet."""
+    filling, making = set(), set()
+    for path, tree in SOURCES.items():
+        for node in ast.walk(tree):
+            if not isinstance(node, ast.Call):
+                continue
+            kind = node.func.value if isinstance(node.func, ast.Subscript) else None
+            if kind and ast.unparse(kind) == "structures" and (node.args or node.keywords):
+                filling.add(path)
+            made = ast.unparse(node.func) in ("np.zeros", "np.empty", "np.full")
+            if made and path.startswith("kernel/runtime/") and "sizes[" in ast.unparse(node):
+                making.add(path)
+    assert filling == {"kernel/runtime/packing.py"}
+    assert making == {"kernel/runtime/compiled.py", "kernel/runtime/frozen_flow.py"}
 
 
 def test_the_lane_record_is_declared_once():

@@ -22,34 +22,40 @@ constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model
 
 fan::TimeSteppingTrajectory<Model, Wide> led;
 
+// Inputs that hold still.
+struct Still {
+  void start(const Wide&, decltype(led)::Inputs& in) const {
+    for (int i = 0; i < Model::n_qK; ++i) in.q_K[i] = Wide(base[i]);
+    for (int j = 0; j < Model::n_vK; ++j) in.v_K[j] = in.acc_K[j] = Wide(0.0);
+    for (int k = 0; k < N; ++k) in.u_D[k] = Wide(0.0);
+    in.still = 1;
+  }
+  void fill(const Wide& t, decltype(led)::Inputs& in) const {
+    if (in.still != 1) start(t, in);
+  }
+} inputs;
+
 void begin() {
   for (int i = 0; i < NQ; ++i) led.state().q_D[i] = Wide(q_D[i]);
   for (int k = 0; k < N; ++k) led.state().v_D[k] = Wide(v_D[k]);
-  for (int i = 0; i < Model::n_p; ++i) led.p[i] = Wide(p[i]);
+  for (int i = 0; i < Model::n_p; ++i) led.p()[i] = Wide(p[i]);
   for (int i = 0; i < S; ++i) led.at.slip[i] = Wide(0.0);
-  for (auto* in : {&led.inputs(), &led.coming()}) {
-    for (int i = 0; i < Model::n_qK; ++i) in->q_K[i] = Wide(base[i]);
-    for (int j = 0; j < Model::n_vK; ++j) in->v_K[j] = in->acc_K[j] = Wide(0.0);
-    for (int k = 0; k < N; ++k) in->u_D[k] = Wide(0.0);
-    in->still = 1;
-  }
-  led.winches.set(table.data());
-  led.opt.dt = number[0];
-  led.opt.extrapolate = 1;
-  led.opt.recovery_speed = number[1];
-  led.opt.tension_cap = number[2];
-  led.begin();
+  fan::Options options{};
+  options.dt = number[0];
+  options.extrapolate = 1;
+  options.recovery_speed = number[1];
+  options.tension_cap = number[2];
+  led.set(0.0, options, table.data());
+  led.begin(inputs);
 }
 
-void step(int n) {
-  for (int i = 0; i < n; ++i) led.advance(number[0]);
-}
+void step(int n) { fan::make_steps(led, inputs, fan::EvenSteps{number[0], n}); }
 
 void step_dynamics(int n) {
   for (int i = 0; i < n; ++i)
     led.at.eval.at(
         led.state().q_D, led.state().v_D, led.inputs().q_K, led.inputs().v_K, led.inputs().acc_K,
-        led.inputs().u_D, led.state().v_D, Wide(number[0]), led.p);
+        led.inputs().u_D, led.state().v_D, Wide(number[0]), led.p());
 }
 
 }  // namespace

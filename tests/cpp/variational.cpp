@@ -124,7 +124,7 @@ struct Bundle {
   }
 
   void advance(double dt) {
-    led.advance(drive, t, t + dt);
+    led.advance(drive, t + dt, dt);
     t += dt;
   }
 

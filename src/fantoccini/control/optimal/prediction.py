@@ -14,7 +14,7 @@ from fantoccini.base import Array, Mask, Status
 from fantoccini.control.optimal.dynamics import Ends
 from fantoccini.control.tasks import Nodes
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.kernel.runtime import LaneRecord, LaneSteppers
+from fantoccini.kernel.runtime import LaneHistory, LaneRecord, LaneSteppers
 from fantoccini.motion import State
 
 _MOTION = ("q_D", "v_D", "q_K", "v_K")
@@ -52,30 +52,25 @@ class Predictions:
         """
         n, N, table = len(acc_K), acc_K.shape[1], self._marionette.coordinates
         record = self._begin(x0)
-        now = {name: getattr(record, name)[:n] for name in _MOTION}
-        every = {name: np.empty((N + 1, *a.shape)) for name, a in now.items()}
-        for name in _MOTION:
-            every[name][0] = now[name]
-        tension = np.empty((N, n, record.tension.shape[1]))
+        history = LaneHistory(record, N + 1, (*_MOTION, "tension"))
+        history.keep(0)
         acc = np.zeros((self._n, table.n_vK))
         advance = self._steppers.bound(interval, acc, None)
         for i in range(N):
             acc[:n] = acc_K[:, i]
             advance()
-            for name in _MOTION:
-                every[name][i + 1] = now[name]
-            tension[i] = record.tension[:n]
+            history.keep(i + 1)
         ok = _arrived(record)[:n]
         made: list[tuple[Nodes, Ends] | None] = []
         for j in range(n):
             states: dict[str, Any] = {
-                name: np.ascontiguousarray(a[:, j]) for name, a in every.items()
+                name: np.ascontiguousarray(history.parts[name][:, j]) for name in _MOTION
             }
             if not ok[j] or not all(np.all(np.isfinite(a)) for a in states.values()):
                 made.append(None)
                 continue
             nodes = Nodes(table, start, interval, **states, acc_K=acc_K[j].copy())
-            pull = np.ascontiguousarray(tension[:, j])
+            pull = np.ascontiguousarray(history.parts["tension"][1:, j])
             e = np.zeros((N, nodes.n_z))
             made.append((nodes, Ends(e, pull, pull > 0.0, np.ones(N, dtype=bool))))
         return made

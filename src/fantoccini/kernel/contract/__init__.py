@@ -28,7 +28,7 @@ from fantoccini.kernel.contract.constants import (
 from fantoccini.kernel.contract.function import DERIVATIVES, LIBRARIES, MODEL, Function
 from fantoccini.kernel.contract.functions import COLUMN, FUNCTIONS, compiled, needed
 from fantoccini.kernel.contract.identity import digest
-from fantoccini.kernel.contract.lanes import LANE, LanePart
+from fantoccini.kernel.contract.lanes import LANE
 from fantoccini.kernel.contract.quantity import SIZES, Quantity
 from fantoccini.kernel.contract.samples import (
     BOOKS,
@@ -41,7 +41,7 @@ from fantoccini.kernel.contract.samples import (
     WINCH_AT,
     width,
 )
-from fantoccini.kernel.contract.structure import Structure
+from fantoccini.kernel.contract.structure import Field, Structure
 from fantoccini.kernel.contract.structures import STRUCTURES
 
 __all__ = [
@@ -71,10 +71,10 @@ __all__ = [
     "WINCH_AT",
     "WINCH_DECELERATION",
     "EventCode",
+    "Field",
     "Function",
     "GoalKind",
     "Hold",
-    "LanePart",
     "Quantity",
     "ReachEnd",
     "SolidKind",

@@ -2,61 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 from fantoccini.kernel.contract.samples import SUMS
 from fantoccini.kernel.contract.structure import IN, OUT, Field
 
-Width = str | int | None
-"""Width per trajectory: names of sizes joined by " + ", or a number; None for a scalar."""
-
-
-@dataclass(frozen=True)
-class LanePart:
-    """An array of the lane record, (n, width) or (n,).
-
-    Attributes:
-        name: the same in Python and C++.
-        width: see :data:`Width`.
-        type: of the pointer in C++.
-        meaning: with its unit.
-    """
-
-    name: str
-    width: Width
-    type: str
-    meaning: str = ""
-
-    def shape(self, n: int, sizes: Mapping[str, int]) -> tuple[int, ...]:
-        """The shape of the array of n trajectories."""
-        if self.width is None:
-            return (n,)
-        if isinstance(self.width, int):
-            return (n, self.width)
-        return (n, sum(sizes[name] for name in self.width.split(" + ")))
-
-    @property
-    def field(self) -> Field:
-        """It as a field of a structure."""
-        shape = "(n,)" if self.width is None else f"(n, {self.width})"
-        return Field(self.name, self.type, f"{shape} {self.meaning}".rstrip())
-
-
-LANE: tuple[LanePart, ...] = (
-    LanePart("fresh", None, "unsigned char*", "whether to restart from the arrays; cleared"),
-    LanePart("p", "n_p", IN),
-    LanePart("q_D", "n_qD", OUT, "state before the piece, then after it; so are the others"),
-    LanePart("v_D", "n_vD", OUT),
-    LanePart("q_K", "n_qK", OUT),
-    LanePart("v_K", "n_vK", OUT),
-    LanePart("slip", "n_strings", OUT),
-    LanePart("tension", "n_rows", OUT, "written"),
-    LanePart("taut", "n_rows", "unsigned char*", "written"),
-    LanePart("books", len(SUMS), OUT, "work, damping, impact, slip loss, friction; written [J]"),
-    LanePart("violation", None, OUT, "largest since it began; written"),
-    LanePart("advanced", None, OUT, "time by which it was advanced in the piece; written [s]"),
-    LanePart("status", None, "int*", "Status; written"),
-    LanePart("blame", "n_rows + n_watched", OUT, "shares of the blame for it; written"),
+LANE: tuple[Field, ...] = (
+    Field("fresh", "unsigned char*", "(n,) whether to restart from the arrays; cleared"),
+    Field("p", IN, "(n, n_p)"),
+    Field("q_D", OUT, "(n, n_qD) state before the piece, then after it; so are the others"),
+    Field("v_D", OUT, "(n, n_vD)"),
+    Field("q_K", OUT, "(n, n_qK)"),
+    Field("v_K", OUT, "(n, n_vK)"),
+    Field("slip", OUT, "(n, n_strings)"),
+    Field("tension", OUT, "(n, n_rows) written"),
+    Field("taut", "unsigned char*", "(n, n_rows) written"),
+    Field(
+        "books", OUT, f"(n, {len(SUMS)}) work, damping, impact, slip loss, friction; written [J]"
+    ),
+    Field("violation", OUT, "(n,) largest since it began; written"),
+    Field("advanced", OUT, "(n,) time by which it was advanced in the piece; written [s]"),
+    Field("status", "int*", "(n,) Status; written"),
+    Field("blame", OUT, "(n, n_rows + n_watched) shares of the blame for it; written"),
 )
 """The lane record, declared once: compiled code and Python take its arrays from here."""

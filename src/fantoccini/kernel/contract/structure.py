@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 
@@ -13,12 +14,19 @@ class Field:
         name: the same in Python and C++.
         type: in C++: a number, an array ``double[3]``, a pointer, a structure, or a function
             ``double(const Solid*, const Solid*)``.
-        meaning: with its shape and unit.
+        meaning: with its shape and unit. An array's shape comes first, in parentheses: sizes by
+            name, and sums of them.
     """
 
     name: str
     type: str
     meaning: str = ""
+
+    @property
+    def shape(self) -> tuple[str, ...]:
+        """The lengths of an array's axes, such as ``2 n_vD + 1``; empty where none is stated."""
+        stated = re.match(r"\(([^)]*)\)", self.meaning)
+        return tuple(axis.strip() for axis in stated[1].split(",") if axis) if stated else ()
 
 
 @dataclass(frozen=True)

@@ -195,7 +195,7 @@ RUNS: tuple[Structure, ...] = (
             Field("winches", IN, "of all"),
             Field("acc_K", "Shared", "(n_vK,) held over the piece"),
             Field("u_D", "Shared", "(n_vD,) held over the piece, or null"),
-            *(part.field for part in LANE),
+            *LANE,
         ),
     ),
 )

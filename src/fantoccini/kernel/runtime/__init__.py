@@ -21,7 +21,8 @@ from fantoccini.kernel.runtime.frozen_flow import FrozenFlow
 from fantoccini.kernel.runtime.functions import AnyArray, Functions, Loaded, whole
 from fantoccini.kernel.runtime.gradients import GradientLibrary, GradientRun
 from fantoccini.kernel.runtime.hulls import Hull, mesh_hulls
-from fantoccini.kernel.runtime.lanes import LaneRecord, LaneSteppers
+from fantoccini.kernel.runtime.inputs import HeldInput
+from fantoccini.kernel.runtime.lanes import LaneHistory, LaneRecord, LaneSteppers
 from fantoccini.kernel.runtime.options import RunOptions
 from fantoccini.kernel.runtime.reach import MAX_TARGETS, Reached, ReachLibrary
 from fantoccini.kernel.runtime.rollouts import (
@@ -39,7 +40,6 @@ from fantoccini.kernel.runtime.rollouts import (
 from fantoccini.kernel.runtime.solids import SOLID, empty, half_space, hull_solid, solid, stacked
 from fantoccini.kernel.runtime.stage_programs import StagePrograms
 from fantoccini.kernel.runtime.step_derivatives import StepDerivatives
-from fantoccini.kernel.runtime.structures import HeldInput
 from fantoccini.kernel.runtime.touching_steps import StepTouches, step_touches
 
 __all__ = [
@@ -70,6 +70,7 @@ __all__ = [
     "GradientRun",
     "HeldInput",
     "Hull",
+    "LaneHistory",
     "LaneRecord",
     "LaneSteppers",
     "Library",

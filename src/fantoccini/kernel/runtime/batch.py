@@ -6,6 +6,7 @@ import ctypes
 import os
 import threading
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,11 @@ from fantoccini.base import Array, OnProgress, Progress, Status
 from fantoccini.kernel.contract import PARTS
 from fantoccini.kernel.runtime.functions import Loaded, pointer
 from fantoccini.kernel.runtime.options import RunOptions
-from fantoccini.kernel.runtime.structures import UNLIMITED, structures
+from fantoccini.kernel.runtime.packing import new_arrays, packed
+from fantoccini.kernel.runtime.structures import UNLIMITED
 
+_ENDS = ("status", "reached", "violation", "catches", "releases", "blame", "end_q_D", "end_v_D")
+"""What is written of a trajectory's end."""
 _POLL_INTERVAL = 0.05
 """Between looks at the progress and for Ctrl-C [s]."""
 
@@ -89,17 +93,10 @@ class Batch:
     end_v_D: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        n, sizes = self.n, self.library.sizes
-        made = {
-            "status": np.full(n, Status.STOPPED, dtype=np.int32),
-            "reached": np.full(n, np.nan),
-            "violation": np.zeros(n),
-            "catches": np.zeros(n, dtype=np.int64),
-            "releases": np.zeros(n, dtype=np.int64),
-            "blame": np.zeros((n, sizes["n_rows"] + sizes["n_watched"])),
-            "end_q_D": np.full((n, sizes["n_qD"]), np.nan),
-            "end_v_D": np.full((n, sizes["n_vD"]), np.nan),
-        }
+        made = new_arrays("BatchArrays", _ENDS, self.library.sizes, n=self.n)
+        for name in ("reached", "end_q_D", "end_v_D"):
+            made[name].fill(np.nan)
+        made["status"].fill(Status.STOPPED)
         for name, array in made.items():
             object.__setattr__(self, name, array)
 
@@ -113,7 +110,7 @@ class Batch:
         Raises:
             MemoryError: no memory for the batch.
         """
-        arrays, kept = self._arrays()
+        arrays = self._arrays()
         library = self.library
         pool = library.dll.fan_batch_new(ctypes.byref(arrays))
         if not pool:
@@ -140,60 +137,28 @@ class Batch:
                 if worker.ident is not None:
                     worker.join()
             library.dll.fan_batch_free(pool)
-            del kept
         if all(failed):
             raise MemoryError("no memory for the workers of a batch")
 
-    def _arrays(self) -> tuple[ctypes.Structure, list[Array]]:
-        """The structure, and the arrays that must live as long as it is read."""
-        kept: list[Array] = []
-
-        def held(a: Array) -> ctypes.c_void_p:
-            kept.append(np.ascontiguousarray(a, dtype=float))
-            return pointer(kept[-1])
-
-        def shared(a: Array | None) -> ctypes.Structure:
-            if a is None:
-                return structures["Shared"](None, 0)
-            stride = 0 if len(a) == 1 else int(np.prod(a.shape[1:]))
-            return structures["Shared"](held(a), stride)
-
-        arrays = structures["BatchArrays"](
+    def _arrays(self) -> ctypes.Structure:
+        shared = ("q_D", "v_D", "slip", "breaks", "coef", "base", "force", "p")
+        arrays: Any = packed(
+            "BatchArrays",
             n=self.n,
             t=self.t,
             t_end=self.t_end,
-            q_D=shared(self.q_D),
-            v_D=shared(self.v_D),
-            slip=shared(self.slip),
             n_segments=self.coef.shape[1],
-            breaks=shared(self.breaks),
-            coef=shared(self.coef),
-            base=shared(self.base),
-            force=shared(self.force),
-            p=shared(self.p),
-            winches=held(np.minimum(self.winches, UNLIMITED)),
+            winches=np.minimum(self.winches, UNLIMITED),
             options=self.options.structure(),
             save_every=self.options.save_every,
-            save_at=held(self.times),
+            save_at=self.times,
             n_samples=len(self.times),
-            **{
-                name: pointer(getattr(self, name))
-                for name in (
-                    "status",
-                    "reached",
-                    "violation",
-                    "catches",
-                    "releases",
-                    "blame",
-                    "end_q_D",
-                    "end_v_D",
-                )
-            },
+            **{name: getattr(self, name) for name in (*shared, *_ENDS)},
         )
         for i, part in enumerate(PARTS):
             if part.name in self.parts:
                 arrays.parts[i] = pointer(self.parts[part.name])
-        return arrays, kept
+        return arrays
 
 
 def default_threads() -> int:

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.kernel.runtime.functions import AnyArray, pointer
+from fantoccini.kernel.runtime.functions import AnyArray
+from fantoccini.kernel.runtime.packing import packed
 from fantoccini.kernel.runtime.stage_programs import stage_library
-from fantoccini.kernel.runtime.structures import structures
 
 
 class ClampedOutcome(NamedTuple):
@@ -64,16 +64,16 @@ class ClampedStages:
         Raises:
             MemoryError: no memory for it.
         """
-        motion, driven = (np.ascontiguousarray(a, dtype=float) for a in (motion, driven))
         N, n_d, columns = motion.shape
-        arrays = structures["StageStepArrays"](
+        arrays = packed(
+            "StageStepArrays",
             N=N,
             n_d=n_d,
             k=k,
             columns=columns,
             is_first=int(is_first),
-            motion=pointer(motion),
-            driven=_shared(driven),
+            motion=motion,
+            driven=driven,
         )
         if self._dll.fan_clamped_stages_step(self._handle, ctypes.byref(arrays)):
             raise MemoryError("no memory for a program of stages")
@@ -91,19 +91,7 @@ class ClampedStages:
             MemoryError: no memory for it.
         """
         u = np.zeros(arrays["acc"].shape)
-        kept = {
-            name: np.ascontiguousarray(a, dtype=np.int32 if a.dtype.kind == "i" else float)
-            for name, a in {**arrays, "driven": driven}.items()
-        }
-        shared = _shared(kept.pop("driven"))
-        made: Any = structures["StageClampArrays"](
-            **numbers, driven=shared, u=pointer(u), **{k: pointer(a) for k, a in kept.items()}
-        )
+        made: Any = packed("StageClampArrays", **numbers, **arrays, driven=driven, u=u)
         if self._dll.fan_clamped_stages_solve(self._handle, ctypes.byref(made)):
             raise MemoryError("no memory for a program of stages")
         return ClampedOutcome(u, made.decrease, made.iterations, made.stages, bool(made.solved))
-
-
-def _shared(values: Array) -> Any:
-    stride = 0 if len(values) == 1 else values[0].size
-    return structures["Shared"](pointer(values), stride)

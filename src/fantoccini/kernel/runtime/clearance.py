@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.base import Array
-from fantoccini.kernel.contract import STRUCTURES, SolidKind
+from fantoccini.kernel.contract import SolidKind
 from fantoccini.kernel.runtime.functions import Loaded, pointer
+from fantoccini.kernel.runtime.packing import packed
 from fantoccini.kernel.runtime.solids import SOLID
 from fantoccini.kernel.runtime.structures import dtype_of, structures
 from fantoccini.model.tree import Role, Tree
@@ -24,7 +25,7 @@ from fantoccini.model.tree import Role, Tree
 SEGMENT, BOX, HALF_SPACE = SolidKind.SEGMENT, SolidKind.BOX, SolidKind.HALF_SPACE
 """Kinds of solids."""
 
-JOINT = dtype_of(next(s for s in STRUCTURES if s.name == "JointPlace"))
+JOINT = dtype_of("JointPlace")
 """A link's joint, and where its coordinates are."""
 
 _EXACT: Any = next(f[1] for f in structures["ClearanceArrays"]._fields_ if f[0] == "exact")
@@ -82,21 +83,12 @@ def moved_by(tree: Tree) -> tuple[Records, NDArray[np.int32]]:
     return np.array(joints, dtype=JOINT), np.array(carriers, dtype=np.int32)
 
 
-def clearance_arrays(solids: Solids, exact: Exact, kept: list[Any]) -> ctypes.Structure:
-    """The structure; ``exact`` and ``kept`` must live as long as it is read."""
-    held = {
-        "moving": np.ascontiguousarray(solids.moving, dtype=SOLID),
-        "standing": np.ascontiguousarray(solids.standing, dtype=SOLID),
-        "pairs": np.ascontiguousarray(solids.pairs, dtype=np.int32),
-        "left_out": np.ascontiguousarray(solids.left_out, dtype=np.uint8),
-        "string_radius": np.ascontiguousarray(solids.string_radius, dtype=float),
-        "joints": np.ascontiguousarray(solids.joints, dtype=JOINT),
-        "carriers": np.ascontiguousarray(solids.carriers, dtype=np.int32),
-    }
-    kept += held.values()
-    counts = {f"n_{name}": len(held[name]) for name in ("moving", "standing", "pairs")}
-    addresses = {name: pointer(array) for name, array in held.items()}
-    return structures["ClearanceArrays"](**counts, **addresses, exact=exact.function)
+def clearance_arrays(solids: Solids, exact: Exact) -> ctypes.Structure:
+    """The structure; ``exact`` must live as long as it is read."""
+    counts = {f"n_{name}": len(getattr(solids, name)) for name in ("moving", "standing", "pairs")}
+    names = ("moving", "standing", "pairs", "left_out", "string_radius", "joints", "carriers")
+    arrays = {name: getattr(solids, name) for name in names}
+    return packed("ClearanceArrays", **counts, **arrays, exact=exact.function)
 
 
 class Exact:
@@ -198,7 +190,6 @@ class ClearanceLibrary(Loaded):
         Raises:
             MemoryError: no memory.
         """
-        kept: list[Any] = []
         n = len(q_D)
         q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
         about: list[Array | None] = [None] * len(Moves._fields)
@@ -207,7 +198,7 @@ class ClearanceLibrary(Loaded):
         clearance, lower, pair = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
         failed: list[int] = []
         exact = Exact(solids)
-        arrays = clearance_arrays(solids, exact, kept)
+        arrays = clearance_arrays(solids, exact)
 
         def work(first: int, last: int) -> None:
             part = slice(first, last)

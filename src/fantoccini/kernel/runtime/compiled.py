@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,10 @@ from fantoccini.kernel.contract import CONTACT, EVENT, SAMPLE, Solved, width
 from fantoccini.kernel.runtime import memory
 from fantoccini.kernel.runtime.contacts import Contacts
 from fantoccini.kernel.runtime.functions import Functions, pointer
+from fantoccini.kernel.runtime.inputs import HeldInput, input_arrays
 from fantoccini.kernel.runtime.options import RunOptions
-from fantoccini.kernel.runtime.structures import UNLIMITED, HeldInput, input_arrays, structures
+from fantoccini.kernel.runtime.packing import packed
+from fantoccini.kernel.runtime.structures import UNLIMITED, structures
 from fantoccini.model.tree import Tree
 from fantoccini.motion import Input, State
 
@@ -244,38 +246,34 @@ class Run:
         self._events = np.zeros((n_events, len(EVENT)))
         self._contacts = np.zeros((n_contacts, width(CONTACT, {})))
         self._options = options
-        self._record = structures["RecordArrays"](
-            samples=pointer(self._samples),
+        self._record: Any = packed(
+            "RecordArrays",
+            samples=self._samples,
             sample_capacity=n_samples,
-            events=pointer(self._events),
+            events=self._events,
             event_capacity=n_events,
-            contacts=pointer(self._contacts),
+            contacts=self._contacts,
             contact_capacity=n_contacts,
         )
         self._taken_bytes, self._bound = 0.0, memory.bound(0.0, options.max_memory)
-        arrays, held = input_arrays(inputs)
         slip = x0.slip if len(x0.slip) else np.zeros(library.sizes["n_strings"])
-        given = {
-            "q_D": x0.q_D,
-            "v_D": x0.v_D,
-            "slip": slip,
-            "p": p,
-            "winches": np.minimum(winches, UNLIMITED),
-        }
-        given = {name: np.ascontiguousarray(a, dtype=float) for name, a in given.items()}
-        start = structures["StartArrays"](
+        start = packed(
+            "StartArrays",
             t=x0.t,
-            **{name: pointer(a) for name, a in given.items()},
-            input=arrays,
+            q_D=x0.q_D,
+            v_D=x0.v_D,
+            slip=slip,
+            p=p,
+            winches=np.minimum(winches, UNLIMITED),
+            input=input_arrays(inputs),
             options=options.structure(),
-            save_at=pointer(self._keep),
+            save_at=self._keep,
             n_save=len(self._keep),
             save_every=options.save_every,
         )
         self.status = Status(
             library.dll.fan_start(self._run, ctypes.byref(start), ctypes.byref(self._record))
         )
-        del held
 
     def __del__(self) -> None:
         if getattr(self, "_run", None):
@@ -308,9 +306,7 @@ class Run:
 
     def set_input(self, inputs: Input | HeldInput) -> None:
         """Replaces the inputs, bound, from the present time on."""
-        arrays, held = input_arrays(inputs)
-        self.library.dll.fan_set_input(self._run, ctypes.byref(arrays))
-        del held
+        self.library.dll.fan_set_input(self._run, ctypes.byref(input_arrays(inputs)))
 
     def checkpoint(self) -> bytes:
         """The whole state of the run except its inputs, for :meth:`restore`."""

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from fantoccini.base import Array
 from fantoccini.kernel.contract import SolidKind
-from fantoccini.kernel.runtime.functions import pointer
 from fantoccini.kernel.runtime.hulls import Hull
-from fantoccini.kernel.runtime.structures import structures
+from fantoccini.kernel.runtime.packing import packed
 from fantoccini.model.tree import WORLD
 
 
@@ -53,24 +52,18 @@ class Contacts:
     def structure(self) -> ctypes.Structure:
         """For compiled code; it and its arrays live as long as this object."""
         groups = self._groups()
-        arrays = (
-            self._solids(),
-            self.pairs,
-            groups,
-            self.friction,
-            self.restitution,
-            self._meetings(),
-        )
-        held = [np.ascontiguousarray(a) for a in arrays]
-        names = ("solids", "pairs", "groups", "friction", "restitution", "meetings")
-        made = structures["ContactArrays"](
+        return packed(
+            "ContactArrays",
             n_solids=len(self.solids),
             n_pairs=len(self.pairs),
             n_groups=len(groups),
-            **{name: pointer(a) for name, a in zip(names, held, strict=True)},
+            solids=self._solids(),
+            pairs=self.pairs,
+            groups=groups,
+            friction=self.friction,
+            restitution=self.restitution,
+            meetings=self._meetings(),
         )
-        made.held = held
-        return made
 
     def _solids(self) -> NDArray[np.void]:
         """(n,) solids that point to their hulls."""

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import ctypes
-from typing import NamedTuple
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from fantoccini.base import Array, Status, Times
-from fantoccini.kernel.runtime.functions import AnyArray, Functions, pointer
-from fantoccini.kernel.runtime.structures import input_arrays, structures
+from fantoccini.kernel.runtime.functions import AnyArray, Functions
+from fantoccini.kernel.runtime.inputs import input_arrays
+from fantoccini.kernel.runtime.packing import new_arrays, packed
 from fantoccini.motion import Input
+
+_RESULTS = ("q_D_at", "v_D_at", "changes_at")
 
 
 class FlowChanges(NamedTuple):
@@ -61,36 +62,29 @@ class DerivativeLibrary(Functions):
             step: that is tried first [s].
         """
         t, q_D, v_D, changes = start
-        n, sizes = len(times), self.sizes
-        out = FlowChanges(
-            np.empty((n, sizes["n_qD"])),
-            np.empty((n, sizes["n_vD"])),
-            np.empty((n, *changes.shape)),
-            Status.DONE,
-            step,
-        )
-        given = {"q_D": q_D, "v_D": v_D, "changes": changes, "times": times, "p": p}
-        kept = {name: np.ascontiguousarray(a, dtype=float) for name, a in given.items()}
-        kept["by_inputs"] = np.ascontiguousarray(by_inputs, dtype=float)
-        rows = np.ascontiguousarray(held, dtype=np.uint8)
-        structure, read = input_arrays(inputs)
-        arrays = structures["FlowDerivativeArrays"](
+        n, m = len(times), changes.shape[1]
+        made = new_arrays("FlowDerivativeArrays", _RESULTS, self.sizes, n_times=n, m=m)
+        arrays: Any = packed(
+            "FlowDerivativeArrays",
             rtol=rtol,
             atol=atol,
             step=step,
             start=t,
             n_times=n,
-            input=structure,
-            m=changes.shape[1],
+            times=times,
+            input=input_arrays(inputs),
+            m=m,
             n_inputs=by_inputs.shape[2],
-            held=pointer(rows),
-            q_D_at=pointer(out.q_D),
-            v_D_at=pointer(out.v_D),
-            changes_at=pointer(out.changes),
-            **{name: pointer(a) for name, a in kept.items()},
+            by_inputs=by_inputs,
+            p=p,
+            held=held,
+            q_D=q_D,
+            v_D=v_D,
+            changes=changes,
+            **made,
         )
         failed = self.dll.fan_flow_derivatives(ctypes.byref(arrays))
-        del read  # which the structure points into
         if failed:
-            raise MemoryError(f"no memory for {changes.shape[1]} changes")
-        return out._replace(status=Status(arrays.status), step=arrays.step)
+            raise MemoryError(f"no memory for {m} changes")
+        results = (made[name] for name in _RESULTS)
+        return FlowChanges(*results, status=Status(arrays.status), step=arrays.step)

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, MaskRows
-from fantoccini.kernel.runtime.functions import AnyArray, Loaded, pointer
+from fantoccini.kernel.runtime.functions import AnyArray, Loaded
 from fantoccini.kernel.runtime.options import RunOptions
-from fantoccini.kernel.runtime.structures import UNLIMITED, structures
+from fantoccini.kernel.runtime.packing import new_arrays, packed
+from fantoccini.kernel.runtime.structures import UNLIMITED
 
 _TOUCHES = ("n_points", "n_sliding", "edges", "pairs")
 
@@ -64,22 +65,18 @@ class GradientRun:
             raise MemoryError("no memory for a rollout")
         self._dll, self._handle = library.dll, ctypes.c_void_p(made)
         self._sizes, self._n, self._options = library.sizes, len(inputs["rate"]), options
-        n, self._reference_force = self._n, reference_force
+        self._reference_force = reference_force
         self.arrays: dict[str, AnyArray] = {
             "winches": np.minimum(winches, UNLIMITED),
             "p": np.array(p, dtype=float),
             **inputs,
-            "q_D": np.zeros((n + 1, library.sizes["n_qD"])),
-            "v_D": np.zeros((n + 1, library.sizes["n_vD"])),
-            "acc_D": np.zeros((n, library.sizes["n_vD"])),
-            "tension": np.zeros((n, library.sizes["n_rows"])),
-            "ahead": np.zeros((n, 2)),
+            **self._new("q_D", "v_D", "acc_D", "tension", "ahead"),
         }
-        self.touches = {name: np.zeros(n, dtype=np.int32) for name in _TOUCHES}
+        self.touches = self._new(*_TOUCHES)
         if library.sizes["n_contacts"]:
             self.arrays |= self.touches
         self.arrays["q_D"][0], self.arrays["v_D"][0] = q_D, v_D
-        self._force = None if u_D is None else np.ascontiguousarray(u_D, dtype=float)
+        self._force = u_D
         self.numbers = self._structure({})
         self._dll.fan_gradient_roll(self._handle, ctypes.byref(self.numbers))
 
@@ -98,37 +95,20 @@ class GradientRun:
             l_q, l_v: (n + 1, n_vD) the cost's derivatives by tangents of q_D and by v_D.
             l_tension: (n, n_rows) those by the tensions; None for none.
         """
-        n, sizes = self._n, self._sizes
-        shapes: dict[str, tuple[int, ...]] = {
-            "g_q": (sizes["n_vD"],),
-            "g_v": (sizes["n_vD"],),
-            "g_p": (sizes["n_p"],),
-            "g_qK": (n, sizes["n_vK"]),
-            "g_rate": (n, sizes["n_vK"]),
-            "g_mean": (n, sizes["n_vK"]),
-            "g_u": (n, sizes["n_vD"]),
-        }
-        out: dict[str, Array] = {name: np.zeros(shape) for name, shape in shapes.items()}
-        given: dict[str, AnyArray] = {
-            "held": np.ascontiguousarray(held, dtype=np.uint8),
-            "l_q": np.ascontiguousarray(l_q, dtype=float),
-            "l_v": np.ascontiguousarray(l_v, dtype=float),
-        }
-        if l_tension is not None:
-            given["l_tension"] = np.ascontiguousarray(l_tension, dtype=float)
+        out = self._new("g_q", "g_v", "g_p", "g_qK", "g_rate", "g_mean", "g_u")
+        given = {"held": held, "l_q": l_q, "l_v": l_v, "l_tension": l_tension}
         self._dll.fan_gradient_sweep(self._handle, ctypes.byref(self._structure(given | out)))
         return out
 
-    def _structure(self, more: Mapping[str, AnyArray]) -> ctypes.Structure:
-        force: Any = structures["Shared"](None, 0)
-        if self._force is not None:
-            stride = 0 if len(self._force) == 1 else self._force.shape[1]
-            force = structures["Shared"](pointer(self._force), stride)
-        arrays = {name: pointer(a) for name, a in (self.arrays | dict(more)).items()}
-        return structures["GradientArrays"](
+    def _new(self, *names: str) -> dict[str, AnyArray]:
+        return new_arrays("GradientArrays", names, self._sizes, n=self._n)
+
+    def _structure(self, more: Mapping[str, AnyArray | None]) -> Any:
+        return packed(
+            "GradientArrays",
             n=self._n,
             options=self._options.structure(),
-            u_D=force,
+            u_D=self._force,
             reference_force=self._reference_force,
-            **arrays,
+            **self.arrays | dict(more),
         )

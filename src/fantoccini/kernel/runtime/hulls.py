@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.base import Array
-from fantoccini.kernel.runtime.functions import pointer
+from fantoccini.kernel.runtime.packing import packed
 from fantoccini.kernel.runtime.pieces import TOLERANCES, convex_pieces, standing_out, thickness
-from fantoccini.kernel.runtime.structures import structures
 from fantoccini.model import meshes
 from fantoccini.model.puppet import Mesh, load_mesh, unclosed
 
@@ -57,18 +56,16 @@ class Hull:
     @cached_property
     def structure(self) -> ctypes.Structure:
         """For compiled code; it and its arrays live as long as this object."""
-        by_name = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "centroid"}
-        held = {name: np.ascontiguousarray(a) for name, a in by_name.items()}
-        made = structures["Hull"](
+        arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "centroid"}
+        return packed(
+            "Hull",
             n_vertices=len(self.vertices),
             n_facets=len(self.planes),
             n_edges=len(self.edges),
             inner=float(np.min(self.planes[:, 3])),
             outer=self.outer,
-            **{name: pointer(a) for name, a in held.items()},
+            **arrays,
         )
-        made.held = held
-        return made
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), tuple(getattr(self, f.name) for f in fields(self))

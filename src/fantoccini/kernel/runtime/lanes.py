@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
 from typing import Any
@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from fantoccini.base import Array, MaskRows
 from fantoccini.kernel.contract import LANE
 from fantoccini.kernel.runtime.batch import BatchLibrary
-from fantoccini.kernel.runtime.functions import pointer
 from fantoccini.kernel.runtime.options import RunOptions
-from fantoccini.kernel.runtime.structures import UNLIMITED, structures
+from fantoccini.kernel.runtime.packing import new_arrays, packed
+from fantoccini.kernel.runtime.structures import UNLIMITED
 
-_KINDS: dict[str, type[np.generic]] = {"unsigned char*": np.bool_, "int*": np.int32}
-"""Numbers of the lane record's arrays, by their type in C++; floating-point where not named."""
+_NAMES = tuple(field.name for field in LANE)
 
 
 class LaneRecord:
@@ -60,9 +59,8 @@ class LaneRecord:
     blame: Array
 
     def __init__(self, n: int, sizes: Mapping[str, int]):
-        for part in LANE:
-            kind = _KINDS.get(part.type, np.float64)
-            setattr(self, part.name, np.zeros(part.shape(n, sizes), dtype=kind))
+        for name, array in new_arrays("StepperArrays", _NAMES, sizes, n=n).items():
+            setattr(self, name, array)
 
     def __len__(self) -> int:
         return len(self.fresh)
@@ -72,6 +70,30 @@ class LaneRecord:
         for name, values in parts.items():
             getattr(self, name)[:] = values
         self.fresh[:] = True
+
+
+class LaneHistory:
+    """Parts of a record at m moments.
+
+    Args:
+        record: of n trajectories.
+        m: moments.
+        names: of the parts.
+
+    Attributes:
+        parts: name -> (m, n, ...).
+    """
+
+    def __init__(self, record: LaneRecord, m: int, names: Iterable[str]):
+        self._now = {name: getattr(record, name) for name in names}
+        self.parts: dict[str, Any] = {
+            name: np.zeros((m, *now.shape), dtype=now.dtype) for name, now in self._now.items()
+        }
+
+    def keep(self, i: int) -> None:
+        """The record as it is now is moment i."""
+        for name, now in self._now.items():
+            self.parts[name][i] = now
 
 
 class LaneSteppers:
@@ -104,7 +126,7 @@ class LaneSteppers:
             raise MemoryError(f"no memory for {n} steppers")
         self._handle = ctypes.c_void_p(made)
         self._options = options
-        self._winches = np.ascontiguousarray(np.minimum(winches, UNLIMITED), dtype=float)
+        self._winches = np.minimum(winches, UNLIMITED)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def __del__(self) -> None:
@@ -126,22 +148,19 @@ class LaneSteppers:
 
     def bound(self, duration: float, acc_K: Array, u_D: Array | None) -> Callable[[], None]:
         """:meth:`advance` with these arrays, for many calls; contiguous ones may change between."""
-        given = {"acc_K": acc_K, "u_D": u_D}
-        held = {k: np.ascontiguousarray(x, dtype=float) for k, x in given.items() if x is not None}
-        shared = {k: self._shared(x) for k, x in held.items()}
-        shared.setdefault("u_D", structures["Shared"](None, 0))
-        structure = structures["StepperArrays"](
+        structure = packed(
+            "StepperArrays",
             n=len(self._record),
             duration=duration,
             options=self._options.structure(),
-            winches=pointer(self._winches),
-            **shared,
-            **{part.name: pointer(getattr(self._record, part.name)) for part in LANE},
+            winches=self._winches,
+            acc_K=acc_K,
+            u_D=u_D,
+            **{name: getattr(self._record, name) for name in _NAMES},
         )
-        return partial(self._advance, structure, held)
+        return partial(self._advance, structure)
 
-    def _advance(self, structure: ctypes.Structure, kept: Mapping[str, Array]) -> None:
-        """``kept`` are the arrays, besides the record's, that the structure points into."""
+    def _advance(self, structure: ctypes.Structure) -> None:
         self._dll.fan_steppers_begin(self._handle, ctypes.byref(structure))
         work = self._dll.fan_steppers_work
         if self._pool is None:
@@ -155,7 +174,3 @@ class LaneSteppers:
             wait(waiting)
         finally:
             wait(waiting)
-
-    def _shared(self, values: Array) -> Any:
-        stride = 0 if len(values) == 1 else values.shape[1]
-        return structures["Shared"](pointer(values), stride)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fantoccini.base import check_positive
 from fantoccini.kernel.runtime.contacts import Contacts
 from fantoccini.kernel.runtime.functions import whole
+from fantoccini.kernel.runtime.packing import packed
 from fantoccini.kernel.runtime.structures import structures
 
 
@@ -66,8 +67,7 @@ class RunOptions:
 
     def structure(self) -> ctypes.Structure:
         """The options for the library."""
-        options = structures["Options"]
-        given = {field[0]: getattr(self, field[0]) for field in options._fields_}
+        given = {name: getattr(self, name) for name, *_ in structures["Options"]._fields_}
         if self.contacts is not None:
-            given["contacts"] = ctypes.addressof(self.contacts.structure)
-        return options(**given)
+            given["contacts"] = self.contacts.structure
+        return packed("Options", **given)

@@ -10,11 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.base import Array, MaskRows
-from fantoccini.kernel.runtime.functions import AnyArray, Loaded, pointer
-from fantoccini.kernel.runtime.structures import UNLIMITED, structures
+from fantoccini.kernel.runtime.functions import AnyArray, Loaded
+from fantoccini.kernel.runtime.packing import new_arrays, packed
+from fantoccini.kernel.runtime.structures import UNLIMITED
 
 MAX_TARGETS = 64
 """Points and coordinates with a place in one pose (``max_targets`` in search/reach.hpp)."""
+
+
+_OUT = {name: f"out_{name}" for name in ("q_D", "q_K", "p", "tension", "held")}
+"""Results whose names in the contract differ from ours."""
 
 
 class Reached(NamedTuple):
@@ -69,39 +74,23 @@ class ReachLibrary(Loaded):
         Raises:
             MemoryError: no memory.
         """
-        n, n_targets, sizes = len(places), places.shape[1], self.sizes
-        n_v, n_k, n_p, n_rows = (sizes[name] for name in ("n_vD", "n_vK", "n_p", "n_rows"))
-        out = Reached(
-            np.zeros(n, np.int32),
-            np.zeros(n, np.int32),
-            np.zeros((n, sizes["n_qD"])),
-            np.zeros((n, sizes["n_qK"])),
-            np.zeros((n, n_p)),
-            np.zeros((n, n_rows)),
-            np.zeros((n, n_rows), bool),
-            np.zeros((n, n_targets, 3)),
-            np.zeros((n, n_k + n_p + n_rows + n_v)),
-            np.zeros((n, n_k + n_p, n_v)),
-            np.zeros(n, bool),
-        )
+        n, n_targets = places.shape[:2]
+        results = {_OUT.get(name, name): name for name in Reached._fields}
+        made = new_arrays("ReachArrays", results, self.sizes, n=n, n_targets=n_targets)
         given: dict[str, AnyArray] = {"places": places, **arrays}
         for name, a in given.items():
-            kind = {"b": np.uint8, "i": np.int32}.get(a.dtype.kind, float)
-            whole = np.ascontiguousarray(a, dtype=kind)
-            given[name] = np.clip(whole, -UNLIMITED, UNLIMITED) if kind is float else whole
-        results = {
-            f"out_{name}" if name in ("q_D", "q_K", "p", "tension", "held") else name: a
-            for name, a in out._asdict().items()
-        }
-        numbers = structures["ReachArrays"](
+            given[name] = np.clip(a, -UNLIMITED, UNLIMITED) if a.dtype.kind == "f" else a
+        numbers = packed(
+            "ReachArrays",
             n=n,
             n_targets=n_targets,
             weight=weight,
             tolerance=tolerance,
             max_iterations=max_iterations,
             once=once,
-            **{name: pointer(a) for name, a in (given | results).items()},
+            **given,
+            **made,
         )
         if self.dll.fan_reach(ctypes.byref(numbers)):
             raise MemoryError("no memory for hanging poses")
-        return out
+        return Reached(**{results[name]: a for name, a in made.items()})

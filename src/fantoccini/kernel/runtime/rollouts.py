@@ -12,13 +12,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike
 
 from fantoccini.base import Array, Indices, MaskRows
 from fantoccini.kernel.contract import GoalKind
 from fantoccini.kernel.runtime.clearance import Exact, Solids, clearance_arrays
 from fantoccini.kernel.runtime.functions import Loaded, pointer
 from fantoccini.kernel.runtime.options import RunOptions
+from fantoccini.kernel.runtime.packing import new_arrays, packed
 from fantoccini.kernel.runtime.structures import UNLIMITED, structures
 
 UNKNOWN, POSE, POINT = GoalKind
@@ -27,17 +27,8 @@ UNKNOWN, POSE, POINT = GoalKind
 STATE = ("q_D", "v_D", "slip", "q_K", "v_K")
 """Parts of a state."""
 
-_GoalArrays, _FunnelArrays, _BoundArrays, _SegmentArrays, _RolloutArrays, _RolloutProgress = (
-    structures[name]
-    for name in (
-        "GoalArrays",
-        "FunnelArrays",
-        "BoundArrays",
-        "SegmentArrays",
-        "RolloutArrays",
-        "RolloutProgress",
-    )
-)
+_RESULTS = (*STATE, "distance", "looks", "catches")
+"""Of every segment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,22 +65,9 @@ class GoalNumbers:
     n_touches: int = 0
     open: float = 0.0
 
-    def structure(self, tolerance: float, kept: list[Array]) -> Any:
-        """The C structure; ``kept`` owns its memory and must outlive it."""
-        arrays = ("low", "high", "weight", "v_D", "v_K")
-        corners = ("at", "place", "place_high")
-        return _GoalArrays(
-            kind=self.kind,
-            link=self.link,
-            tolerance=tolerance,
-            speed_weight=self.speed_weight,
-            driven_weight=self.driven_weight,
-            n_touches=self.n_touches,
-            open=self.open,
-            touches=None if self.touches is None else _held(self.touches, kept, np.int32),
-            **{name: _held(getattr(self, name), kept) for name in arrays},
-            **{name: (ctypes.c_double * 3)(*getattr(self, name)) for name in corners},
-        )
+    def structure(self, tolerance: float) -> ctypes.Structure:
+        """The C structure."""
+        return packed("GoalArrays", tolerance=tolerance, **vars(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,12 +142,13 @@ class RolloutLibrary(Loaded):
         self, goal: GoalNumbers, q_D: Array, v_D: Array, q_K: Array, v_K: Array, p: Array
     ) -> Array:
         """(n,) distances of states (n, n_qD), (n, n_vD), (n, n_qK), (n, n_vK) from a goal."""
-        kept: list[Array] = []
-        structure = goal.structure(0.0, kept)
-        states = [_held(a, kept) for a in (q_D, v_D, q_K, v_K, p)]
+        structure = goal.structure(0.0)
+        states = [np.ascontiguousarray(a, dtype=float) for a in (q_D, v_D, q_K, v_K, p)]
         found = np.empty(len(q_D))
         n = ctypes.c_longlong(len(q_D))
-        self.dll.fan_goal_distances(n, *states, ctypes.byref(structure), pointer(found))
+        self.dll.fan_goal_distances(
+            n, *map(pointer, states), ctypes.byref(structure), pointer(found)
+        )
         return found
 
 
@@ -184,28 +163,26 @@ class RolloutPool:
 
     def __init__(self, library: RolloutLibrary, settings: RolloutSettings, threads: int):
         self._library, self._others = library, threads - 1
-        self._kept: list[Array] = []
-        kept = self._kept
         self._solids = settings.solids
-        bounds = settings.bounds
-        self._arrays = _RolloutArrays(
-            looks=settings.looks,
-            steps=settings.options.save_every,
-            options=settings.options.structure(),
-            p=_held(settings.p, kept),
-            winches=_held(np.minimum(settings.winches, UNLIMITED), kept),
-            bounds=_BoundArrays(**{name: _held(a, kept) for name, a in bounds.items()}),
-            margin=settings.margin,
-            may_slacken=int(settings.slack),
-            goal=settings.goal.structure(settings.tolerance, kept),
-            kept_off=_bytes(settings.kept_off, kept),
-        )
-        self._widths = {
-            "q_D": len(settings.goal.low),
-            "v_D": len(settings.goal.weight),
-            "slip": len(settings.solids.string_radius),
-            "q_K": len(bounds["low"]),
-            "v_K": len(bounds["speed"]),
+        bounds, kept_off = settings.bounds, settings.kept_off
+        self._settings = {
+            "looks": settings.looks,
+            "steps": settings.options.save_every,
+            "options": settings.options.structure(),
+            "p": settings.p,
+            "winches": np.minimum(settings.winches, UNLIMITED),
+            "bounds": packed("BoundArrays", **bounds),
+            "margin": settings.margin,
+            "may_slacken": int(settings.slack),
+            "goal": settings.goal.structure(settings.tolerance),
+            "kept_off": None if kept_off is None or not np.any(kept_off) else kept_off,
+        }
+        self._sizes = {
+            "n_qD": len(settings.goal.low),
+            "n_vD": len(settings.goal.weight),
+            "n_strings": len(settings.solids.string_radius),
+            "n_qK": len(bounds["low"]),
+            "n_vK": len(bounds["speed"]),
         }
 
     def __call__(
@@ -239,7 +216,6 @@ class RolloutPool:
             ValueError: shapes that do not fit, or indices out of range.
             MemoryError: the library had no memory.
         """
-        kept: list[Array] = []
         n, segments = acc_K.shape[:2]
         acc_K = np.array(acc_K, dtype=float, order="C")
         indices: dict[str, Indices] = {
@@ -248,38 +224,38 @@ class RolloutPool:
             "n_given": n_given,
             "funnel": np.zeros(n, dtype=int) if funnel is None else funnel,
         }
-        self._check(starts, acc_K, indices, len(funnels))
-        laws = (_FunnelArrays * max(1, len(funnels)))(
-            *(
-                _FunnelArrays(**{name: _held(a, kept) for name, a in vars(f).items()})
-                for f in funnels
-            )
+        out: dict[str, Any] = new_arrays(
+            "SegmentArrays", _RESULTS, self._sizes, n=n, segments=segments
         )
-        states = {name: np.full((n, segments, w), np.nan) for name, w in self._widths.items()}
-        distance = np.full((n, segments), np.inf)
-        lasted = np.zeros((n, segments), dtype=np.int32)
-        catches = np.zeros((n, segments), dtype=np.int32)
-        arrays = _RolloutArrays.from_buffer_copy(self._arrays)
-        arrays.n, arrays.segments = n, segments
-        exact = Exact(self._solids)
-        solids = clearance_arrays(self._solids, exact, kept)
-        arrays.solids = ctypes.addressof(solids)
-        arrays.looks = looks or arrays.looks
+        self._check(starts, acc_K, indices, len(funnels))
         for name in STATE:
-            setattr(arrays, name, _held(starts[name], kept))
-        arrays.acc_K = pointer(acc_K)
-        for name, a in indices.items():
-            setattr(arrays, name, _held(a, kept, np.int64 if name == "start" else np.int32))
-        arrays.lead_time = _held(np.ones(n) if lead_time is None else lead_time, kept)
-        arrays.funnels = ctypes.addressof(laws)
-        out = {**states, "distance": distance, "looks": lasted, "catches": catches}
-        arrays.out = _SegmentArrays(**{name: pointer(a) for name, a in out.items()})
+            out[name].fill(np.nan)
+        out["distance"].fill(np.inf)
+        laws = [packed("FunnelArrays", **vars(f)) for f in funnels]
+        exact = Exact(self._solids)
+        settings = self._settings | ({"looks": looks} if looks else {})
+        arrays: Any = packed(
+            "RolloutArrays",
+            n=n,
+            segments=segments,
+            solids=clearance_arrays(self._solids, exact),
+            acc_K=acc_K,
+            lead_time=np.ones(n) if lead_time is None else lead_time,
+            funnels=(structures["FunnelArrays"] * max(1, len(laws)))(*laws),
+            out=packed("SegmentArrays", **out),
+            **indices,
+            **{name: starts[name] for name in STATE},
+            **settings,
+        )
         # Ctrl-C may leave a worker behind: what it uses lives as long as `arrays`.
-        arrays.held = (self._kept, kept, acc_K, laws, out, solids, exact)
+        arrays.kept += [laws, exact]
         with exact:
             reached = self._work(arrays)
-        lasted[reached + 1 :] = 0
-        return Segments(states, acc_K, lasted, distance, catches, min(reached + 1, n))
+        out["looks"][reached + 1 :] = 0
+        states = {name: out[name] for name in STATE}
+        return Segments(
+            states, acc_K, out["looks"], out["distance"], out["catches"], min(reached + 1, n)
+        )
 
     def _check(
         self, starts: dict[str, Array], acc_K: Array, indices: dict[str, Indices], n_funnels: int
@@ -288,9 +264,10 @@ class RolloutPool:
         n, segments = acc_K.shape[:2]
         n_starts = len(starts["q_D"])
         shapes = {name: a.shape for name, a in starts.items()}
-        if shapes != {name: (n_starts, w) for name, w in self._widths.items()}:
+        widths = dict(zip(STATE, self._sizes.values(), strict=True))
+        if shapes != {name: (n_starts, w) for name, w in widths.items()}:
             raise ValueError(f"the starts have the shapes {shapes}, which are not this puppet's")
-        if acc_K.shape[2] != self._widths["v_K"] or not segments:
+        if acc_K.shape[2] != self._sizes["n_vK"] or not segments:
             raise ValueError(f"the accelerations have the shape {acc_K.shape}")
         if any(np.shape(a) != (n,) for a in indices.values()):
             raise ValueError(f"{', '.join(indices)} must have one entry for each rollout")
@@ -308,7 +285,7 @@ class RolloutPool:
 
     def _work(self, arrays: Any) -> int:
         """Simulates the rollouts; index of the first that reached the goal, n where none did."""
-        progress = _RolloutProgress(next=0, reached=arrays.n)
+        progress: Any = packed("RolloutProgress", next=0, reached=arrays.n)
 
         def work() -> int:
             return self._library.dll.fan_rollouts(ctypes.byref(arrays), ctypes.byref(progress))
@@ -357,14 +334,3 @@ def _helpers(n: int) -> ThreadPoolExecutor:
 # A forked child has none of its parent's threads.
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_helpers.cache_clear)
-
-
-def _bytes(flags: MaskRows | None, kept: list[Any]) -> ctypes.c_void_p | None:
-    """The address of flags as bytes; None without any that is set."""
-    return None if flags is None or not np.any(flags) else _held(flags, kept, np.uint8)
-
-
-def _held(array: ArrayLike, kept: list[Any], dtype: DTypeLike = float) -> ctypes.c_void_p:
-    """The address of an array's numbers, contiguous and kept alive in ``kept``."""
-    kept.append(np.ascontiguousarray(array, dtype=dtype))
-    return pointer(kept[-1])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fantoccini.kernel.contract import STRUCTURES, SolidKind
+from fantoccini.kernel.contract import SolidKind
 from fantoccini.kernel.runtime.hulls import Hull
 from fantoccini.kernel.runtime.structures import dtype_of
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Shape, Sphere
 from fantoccini.model.tree import WORLD
 
-SOLID = dtype_of(next(s for s in STRUCTURES if s.name == "Solid"))
+SOLID = dtype_of("Solid")
 """A solid in the frame of a link, or in the world."""
 
 

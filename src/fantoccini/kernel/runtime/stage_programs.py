@@ -12,8 +12,7 @@ import numpy as np
 from fantoccini.base import Array
 from fantoccini.kernel import build
 from fantoccini.kernel.contract import digest
-from fantoccini.kernel.runtime.functions import pointer
-from fantoccini.kernel.runtime.structures import structures
+from fantoccini.kernel.runtime.packing import new_arrays, packed
 
 _MAIN = '#include "fantoccini/interface/stages.hpp"\n'
 
@@ -92,26 +91,19 @@ class StagePrograms:
         """
         N, n_z, k = given["B"].shape
         m = given["C"].shape[1]
-        out = {
-            "u": np.empty((N, k)),
-            "z": np.empty((N, n_z)),
-            "costate": np.empty((N, n_z)),
-            "passed": np.empty((N, m)),
-            "force": np.empty((N, m)),
-            "gain": np.empty((k, n_z)),
-        }
-        kept = {name: np.ascontiguousarray(a, dtype=float) for name, a in given.items()}
-        numbers: Any = structures["StageProgramArrays"](
-            N=N,
-            n_z=n_z,
-            k=k,
-            m=m,
+        sizes = {"N": N, "n_z": n_z, "k": k, "m": m}
+        names = ("u", "z", "costate", "passed", "force", "gain")
+        out: dict[str, Any] = new_arrays("StageProgramArrays", names, sizes)
+        numbers: Any = packed(
+            "StageProgramArrays",
+            **sizes,
             unit=unit,
             unbounded=unbounded,
             tolerance=tolerance,
             barrier=barrier,
             most_iterations=iterations,
-            **{name: pointer(a) for name, a in (kept | out).items()},
+            **given,
+            **out,
         )
         if self._dll.fan_stage_solve(self._handle, ctypes.byref(numbers)):
             raise MemoryError("no memory for a program of stages")

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fantoccini.base import Array, Indices, MaskRows
-from fantoccini.kernel.runtime.functions import AnyArray, Loaded, pointer
-from fantoccini.kernel.runtime.structures import structures
-from fantoccini.kernel.runtime.touching_steps import StepTouches, in_parts, shared
+from fantoccini.kernel.runtime.functions import Loaded
+from fantoccini.kernel.runtime.packing import new_arrays, packed
+from fantoccini.kernel.runtime.touching_steps import StepTouches, in_parts
 
 
 class StepPartials(NamedTuple):
@@ -75,46 +74,28 @@ class StepDerivatives(Loaded):
         m = 2 * n_v + 3 * n_k + (n_v if forces else 0) + sizes["n_p"]
         if room is None or room.shape != (n, 2 * n_v, m):
             room = np.empty((n, 2 * n_v, m))
-        out = StepPartials(
-            np.empty((n, n_v)),
-            room,
-            np.empty((n, sizes["n_rows"], m)) if pull else None,
-            np.zeros((n, 3 * touches.points.shape[1], m)) if shares and touches else None,
+        names = ("acc_D", *["pull"] * pull, *["shares"] * (shares and touches is not None))
+        points = 0 if touches is None else touches.points.shape[1]
+        made: dict[str, Any] = new_arrays(
+            "StepDerivativeArrays", names, sizes, n=n, m=m, room=points
         )
-        kept: list[AnyArray] = [
-            np.ascontiguousarray(held, dtype=np.uint8),
-            np.ascontiguousarray(cap_by, dtype=np.int32),
-        ]
-
-        def address(a: Array) -> ctypes.c_void_p:
-            kept.append(np.ascontiguousarray(a, dtype=float))
-            return pointer(kept[-1])
-
-        held_points = (
-            {}
-            if touches is None
-            else {
-                "room": touches.points.shape[1],
-                "n_points": pointer(touches.n_points),
-                "points": pointer(touches.points),
-                "screws": pointer(touches.screws),
-                "by_p": pointer(touches.by_p),
-                "edges": pointer(touches.edges),
-            }
-        )
-        arrays = structures["StepDerivativeArrays"](
+        out = StepPartials(made["acc_D"], room, made.get("pull"), made.get("shares"))
+        held_points: dict[str, Any] = {}
+        if touches is not None:
+            held_points["room"] = points
+            for name in ("n_points", "points", "screws", "by_p", "edges"):
+                held_points[name] = getattr(touches, name)
+        arrays = packed(
+            "StepDerivativeArrays",
             dt=dt,
             recovery_speed=recovery_speed,
             forces=int(forces),
-            p=shared(p, address),
-            u_D=shared(u_D, address),
-            held=pointer(kept[0]),
-            cap_by=pointer(kept[1]),
-            acc_D=pointer(out.acc_D),
-            motion=pointer(out.motion),
-            pull=None if out.pull is None else pointer(out.pull),
-            shares=None if out.shares is None else pointer(out.shares),
-            **{name: address(a) for name, a in starts.items()},
+            p=p,
+            u_D=u_D,
+            held=held,
+            cap_by=cap_by,
+            **out._asdict(),
+            **starts,
             **held_points,
         )
         in_parts(self.dll.fan_step_derivatives, arrays, n, threads)

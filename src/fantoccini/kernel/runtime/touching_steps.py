@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -12,14 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fantoccini.base import Array, MaskRows
-from fantoccini.kernel.contract import STRUCTURES, StepEdge
+from fantoccini.kernel.contract import StepEdge
 from fantoccini.kernel.runtime.compiled import Library
-from fantoccini.kernel.runtime.functions import AnyArray, pointer
 from fantoccini.kernel.runtime.options import RunOptions
-from fantoccini.kernel.runtime.structures import UNLIMITED, dtype_of, structures
+from fantoccini.kernel.runtime.packing import new_arrays, packed
+from fantoccini.kernel.runtime.structures import UNLIMITED, dtype_of
 
-STEP_CONTACT = dtype_of(next(s for s in STRUCTURES if s.name == "StepContact"))
+STEP_CONTACT = dtype_of("StepContact")
 """A point that pushes in a step."""
+_NEXT = {name: f"{name}_next" for name in ("q_D", "v_D", "q_K", "v_K")}
+"""Results whose names in the contract differ from ours."""
 _ROOM = 16
 """Points of a node that are expected at most; where more push, all are looked for again."""
 
@@ -83,66 +85,32 @@ def step_touches(
     """
     n, sizes = len(starts["q_D"]), library.sizes
     n_pairs = 0 if options.contacts is None else len(options.contacts.pairs)
-    n_screws = sizes["n_vD"] + sizes["n_vK"]
     room = min(_ROOM, sizes["n_contacts"])
-    kept: list[AnyArray] = []
-
-    def address(a: Array) -> ctypes.c_void_p:
-        kept.append(np.ascontiguousarray(a, dtype=float))
-        return pointer(kept[-1])
-
-    given: dict[str, Any] = {name: address(a) for name, a in starts.items() if name != "slip"}
-    given |= {"acc_K": shared(acc_K, address), "u_D": shared(u_D, address)}
-    given |= {"p": shared(p, address), "winches": address(np.minimum(winches, UNLIMITED))}
+    given = {name: a for name, a in starts.items() if name != "slip"}
+    given["winches"] = np.minimum(winches, UNLIMITED)
+    results = {_NEXT.get(name, name): name for name in StepTouches._fields}
     while True:
-        q_D, v_D, q_K, v_K, tension = (
-            np.empty((n, sizes[size])) for size in ("n_qD", "n_vD", "n_qK", "n_vK", "n_rows")
+        made: dict[str, Any] = new_arrays(
+            "TouchingStepArrays", results, sizes, n=n, room=room, n_pairs=n_pairs
         )
-        slip, taut = starts["slip"].copy(), np.empty((n, sizes["n_rows"]), dtype=np.bool_)
-        status, edges, n_points = (np.empty(n, dtype=np.int32) for _ in range(3))
-        pair_edges = np.zeros((n, n_pairs), dtype=np.int32)
-        points = np.zeros((n, room), dtype=STEP_CONTACT)
-        screws = np.empty((n, n_screws, 6))
-        by_p = np.empty((n, sizes["n_links"] + n_screws, 6, sizes["n_p"]))
-        out = StepTouches(
-            q_D,
-            v_D,
-            q_K,
-            v_K,
-            slip,
-            tension,
-            taut,
-            status,
-            edges,
-            pair_edges,
-            n_points,
-            points,
-            screws,
-            by_p,
-        )
-        results = {
-            f"{name}_next" if name in ("q_D", "v_D", "q_K", "v_K") else name: pointer(a)
-            for name, a in out._asdict().items()
-        }
-        arrays = structures["TouchingStepArrays"](
+        made["slip"][:] = starts["slip"]
+        arrays = packed(
+            "TouchingStepArrays",
             options=options.structure(),
             reference_force=reference_force,
             room=room,
             n_pairs=n_pairs,
+            acc_K=acc_K,
+            u_D=u_D,
+            p=p,
             **given,
-            **results,
+            **made,
         )
         in_parts(library.dll.fan_step_touches, arrays, n, threads)
+        out = StepTouches(**{results[name]: a for name, a in made.items()})
         if room == sizes["n_contacts"] or not np.any(out.edges & StepEdge.CROWDED):
             return out
         room = sizes["n_contacts"]
-
-
-def shared(a: Array | None, address: Callable[[Array], ctypes.c_void_p]) -> ctypes.Structure:
-    """(1 or n, width) numbers of every node."""
-    if a is None:
-        return structures["Shared"](None, 0)
-    return structures["Shared"](address(a), 0 if len(a) == 1 else a.shape[1])
 
 
 _LEAST = 4

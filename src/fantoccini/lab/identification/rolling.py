@@ -21,7 +21,7 @@ import numpy as np
 from fantoccini.base import ARRIVED, Array, Indices, tangent
 from fantoccini.dynamics import Marionette
 from fantoccini.dynamics.derivatives import StepLinearisations, linearise_steps
-from fantoccini.kernel.runtime import LaneRecord, LaneSteppers
+from fantoccini.kernel.runtime import LaneHistory, LaneRecord, LaneSteppers
 from fantoccini.motion import Input
 
 _STEPS_AT_ONCE = 1500
@@ -138,24 +138,18 @@ def _roll(marionette: Marionette, driven: Driven, q_D: Array, v_D: Array, p: Arr
     force = None if driven.u_D is None else np.zeros((S, marionette.coordinates.n_vD))
     steppers = LaneSteppers(marionette.libraries.lanes, record, 1, options, marionette.winches)
     advance = steppers.bound(driven.dt, acc, force)
-    out = Rolled(
-        np.empty((n + 1, *q_D.shape)),
-        np.empty((n + 1, *v_D.shape)),
-        np.empty((n, *record.tension.shape)),
-        True,
-    )
-    out.q_D[0], out.v_D[0] = q_D, v_D
-    status = np.empty((n, S), dtype=np.int32)
+    history = LaneHistory(record, n + 1, ("q_D", "v_D", "tension", "status"))
+    history.keep(0)
     for k in range(n):
         record.begin(q_K=driven.q_K[k], v_K=driven.v_K[k])
         acc[:] = driven.acc_K[k]
         if force is not None and driven.u_D is not None:
             force[:] = driven.u_D[k]
         advance()
-        out.q_D[k + 1], out.v_D[k + 1], out.tension[k] = record.q_D, record.v_D, record.tension
-        status[k] = record.status
-    whole = bool(np.all(np.isin(status, ARRIVED)) and np.all(np.isfinite(out.q_D[-1])))
-    return Rolled(out.q_D, out.v_D, out.tension, whole)
+        history.keep(k + 1)
+    made = history.parts
+    whole = np.all(np.isin(made["status"][1:], ARRIVED)) and np.all(np.isfinite(record.q_D))
+    return Rolled(made["q_D"], made["v_D"], made["tension"][1:], bool(whole))
 
 
 @dataclass(frozen=True, eq=False)

@@ -645,16 +645,16 @@ struct BoundArrays {
   const double* high;  // (n_qK,)
 };
 
-// Results of every segment: (n, segments, width).
+// Results of every segment.
 struct SegmentArrays {
-  double* q_D;  // at its end
-  double* v_D;
-  double* slip;
-  double* q_K;
-  double* v_K;
-  double* distance;  // to the goal there
-  int* looks;  // it lasted; 0 where there is none
-  int* catches;  // of strings and limits
+  double* q_D;  // (n, segments, n_qD) at its end
+  double* v_D;  // (n, segments, n_vD)
+  double* slip;  // (n, segments, n_strings)
+  double* q_K;  // (n, segments, n_qK)
+  double* v_K;  // (n, segments, n_vK)
+  double* distance;  // (n, segments) to the goal there
+  int* looks;  // (n, segments) it lasted; 0 where there is none
+  int* catches;  // (n, segments) of strings and limits
 };
 
 // A planner's rollouts.

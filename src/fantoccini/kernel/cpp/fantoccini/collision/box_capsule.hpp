@@ -94,7 +94,7 @@ struct WayOut {
     for (int k = 0; k < 3; ++k) {
       double n[3], edge[3];
       axis3(k, 1.0, edge);
-      cross3(core.u, edge, n);
+      cross(core.u, edge, n);
       if (!unit3(n, TouchTolerances::lying)) continue;
       const double height = dot3(n, core.a), side = side_of(height);
       double reach = 0.0;

@@ -79,7 +79,7 @@ class SharedPolygon {
     into(upper.v, upper.hv, V_);
     into(upper.normal, -1.0, up_);
     double across[3];
-    cross3(lower.normal, upper.normal, across);
+    cross(lower.normal, upper.normal, across);
     const bool flat = length3(across) < TouchTolerances::lying;
     const double size = fmax(fmax(lower.hu, lower.hv), fmax(upper.hu, upper.hv));
     tolerance = (flat ? BoxTolerances::same_face : BoxTolerances::rounding) * size;

@@ -56,7 +56,7 @@ struct BoxAxes {
       for (int j = 0; j < 3; ++j) {
         const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
         double n[3];
-        cross3(x.R + 3 * i, y.R + 3 * j, n);
+        cross(x.R + 3 * i, y.R + 3 * j, n);
         const double square = dot3(n, n);
         if (!(square > DistanceTolerances::min_axis_square)) continue;
         const double reach = x.half[i1] * size[3 * i2 + j] + x.half[i2] * size[3 * i1 + j] +
@@ -92,7 +92,7 @@ class NearestOfBoxes {
 
     FAN_FN OnBox(const PlacedSolid& box, const double* point) {
       double local[3];
-      into(box, point, local);
+      into_frame(box, point, local);
       const double near = BoxTolerances::rounding * length3(box.half);
       int free = 0, bound = 0;
       for (int k = 0; k < 3; ++k) {
@@ -109,7 +109,7 @@ class NearestOfBoxes {
   FAN_FN void name(const OnBox& p, const OnBox& q, const PlacedSolid& x, const PlacedSolid& y) {
     if (p.bounds == 2 && q.bounds == 2) {
       double n[3];
-      cross3(x.R + 3 * p.axis, y.R + 3 * q.axis, n);
+      cross(x.R + 3 * p.axis, y.R + 3 * q.axis, n);
       if (!unit3(n, TouchTolerances::crossing)) return;
       turn(n);
       number = BoxFeatures::crossing(edge_number(p.axis, p.corner), edge_number(q.axis, q.corner));
@@ -127,23 +127,10 @@ class NearestOfBoxes {
     for (int k = 0; k < 3; ++k) normal[k] = side * n[k];
   }
 
-  FAN_FN static void corner_of(const PlacedSolid& box, int corner, double* out) {
-    double local[3];
-    for (int k = 0; k < 3; ++k) local[k] = (corner >> k) & 1 ? box.half[k] : -box.half[k];
-    out_of_axes(box.R, local, out);
-    along3(box.a, 1.0, out, out);
-  }
-
-  FAN_FN static void into(const PlacedSolid& box, const double* point, double* out) {
-    double from[3];
-    difference3(point, box.a, from);
-    into_axes(box.R, from, out);
-  }
-
   // Takes a point of the first, or the second, and the other's nearest to it.
   FAN_FN void take(const double* point, const PlacedSolid& other, bool of_second) {
     double local[3], p[3], apart[3];
-    into(other, point, local);
+    into_frame(other, point, local);
     for (int k = 0; k < 3; ++k) local[k] = clamped(local[k], -other.half[k], other.half[k]);
     out_of_axes(other.R, local, p);
     along3(other.a, 1.0, p, p);
@@ -165,8 +152,8 @@ class NearestOfBoxes {
     double a[3], b[3], from[3], to[3], point[3];
     corner_of(x, corner, a);
     along3(a, 2.0 * x.half[k], x.R + 3 * k, b);
-    into(y, a, from);
-    into(y, b, to);
+    into_frame(y, a, from);
+    into_frame(y, b, to);
     const double t = nearest_to_box(from, to, y.half);
     along3(a, 2.0 * x.half[k] * t, x.R + 3 * k, point);
     take(point, y, false);
@@ -263,7 +250,7 @@ FAN_FN void touch_boxes(const PlacedSolid& x, const PlacedSolid& y, Touches& to)
   using Tol = BoxTolerances;
   const BoxAxes axes(x, y);
   double across[3];
-  cross3(axes.of_x.normal, axes.of_y.normal, across);
+  cross(axes.of_x.normal, axes.of_y.normal, across);
   const bool flat = length3(across) < TouchTolerances::lying;
   const double same = (flat ? Tol::same_face : Tol::rounding) *
                       fmin(fabs(x.half[largest_of(x.half)]), fabs(y.half[largest_of(y.half)]));

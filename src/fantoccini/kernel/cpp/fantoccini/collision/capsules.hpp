@@ -94,7 +94,7 @@ FAN_FN bool is_nearest_part(
 FAN_FN bool lines_nearest(const Core& x, const Core& y, PointPair& out, bool inside = false) {
   double w[3], across[3];
   difference3(x.a, y.a, w);
-  cross3(x.u, y.u, across);
+  cross(x.u, y.u, across);
   const double uv = dot3(x.u, y.u), wu = dot3(w, x.u), wv = dot3(w, y.u),
                square = dot3(across, across);
   if (!(square > DistanceTolerances::min_determinant)) return false;
@@ -150,7 +150,7 @@ struct Overlap {
 
   FAN_FN Overlap(const Core& x, const Core& y) : ends{} {
     double across[3];
-    cross3(x.u, y.u, across);
+    cross(x.u, y.u, across);
     const double sine = length3(across), shorter = x.length < y.length ? x.length : y.length;
     if (!(shorter > 0.0) || sine > TouchTolerances::crossing) return;
     const double side = dot3(x.u, y.u) > 0.0 ? 1.0 : -1.0;
@@ -182,7 +182,7 @@ struct Overlap {
 // A direction for cores that meet: across both, away from the second's middle; for two points, and
 // lines that meet at their middles, an arbitrary one.
 FAN_FN void meeting_normal(const Core& x, const Core& y, double* normal) {
-  cross3(x.u, y.u, normal);
+  cross(x.u, y.u, normal);
   if (!unit3(normal, TouchTolerances::lying)) {
     const double* u = x.length > 0.0 ? x.u : y.u;
     int k = 0;

@@ -217,9 +217,9 @@ FAN_FN void axes_along(const double* u, double* R) {
   double across[3];
   axis3(smallest_of(u), 1.0, across);
   copy3(u, R);
-  cross3(u, across, R + 3);
+  cross(u, across, R + 3);
   unit3(R + 3, 0.0);
-  cross3(R, R + 3, R + 6);
+  cross(R, R + 3, R + 6);
 }
 
 // An ellipsoid x and any solid but a half-space.

@@ -44,7 +44,7 @@ struct EdgeLine {
 FAN_FN bool follow_edges(
     const EdgeLine& x, const EdgeLine& y, int feature, double* along, double* n, Touches& to) {
   double w[3], p[3], q[3];
-  cross3(x.u, y.u, n);
+  cross(x.u, y.u, n);
   const double sine = length3(n);
   if (!unit3(n, TouchTolerances::lying)) return false;
   const double side = -side_of(dot3(n, x.outward));
@@ -81,7 +81,7 @@ FAN_FN bool is_normal_of_edge(
   // The facet to the left has the edge along its turn, that to the right against it.
   for (int k = 0; k < 2; ++k) {
     hull.normal(edge[2 + k], facet);
-    cross3(facet, core.u, inward);
+    cross(facet, core.u, inward);
     if ((k == 0 ? 1.0 : -1.0) * dot3(n, inward) > most) return false;
   }
   return true;
@@ -95,7 +95,7 @@ FAN_FN bool is_in_facet(const PlacedHull& hull, int f, const double* point, doub
   for (int k = 0; k < hull.n_corners(f); ++k) {
     const double* a = hull.local(hull.corner(f, k));
     difference3(hull.local(hull.corner(f, (k + 1) % hull.n_corners(f))), a, along);
-    cross3(hull.local_normal(f), along, inward);
+    cross(hull.local_normal(f), along, inward);
     unit3(inward, 0.0);
     difference3(local, a, from);
     if (dot3(from, inward) < -rounding) return false;
@@ -189,13 +189,6 @@ FAN_FN bool follow_core(
   *holds = *holds && is_nearest_part(core, part, p, n, FollowTolerances::turn);
   to.add(p, q, n, feature, region);
   return true;
-}
-
-FAN_FN void corner_of(const PlacedSolid& box, int corner, double* out) {
-  double local[3];
-  for (int k = 0; k < 3; ++k) local[k] = (corner >> k) & 1 ? box.half[k] : -box.half[k];
-  out_of_axes(box.R, local, out);
-  along3(box.a, 1.0, out, out);
 }
 
 // A box's edge by its number (edge_number).
@@ -312,8 +305,8 @@ FAN_FN bool follow_segment(
     return follow_cores(Core(x.a, x.b), Core(y.a, y.b), feature, region, to, holds);
   if (second == OF_HALF_SPACE) return false;
   double ends[6];
-  into_hull(y, x.a, ends);
-  into_hull(y, x.b, ends + 3);
+  into_frame(y, x.a, ends);
+  into_frame(y, x.b, ends + 3);
   const Core core(ends, ends + 3);
   const bool found =
       second == OF_BOX

@@ -103,7 +103,7 @@ class HullEdges {
     const double a_left = dot3(a.left, b.u), a_right = dot3(a.right, b.u);
     if (!(a_left * a_right <= 0.0) || b_left * a_right > 0.0 || b_right * a_left > 0.0) return;
     double n[3], outward[3], apart[3];
-    cross3(a.u, b.u, n);
+    cross(a.u, b.u, n);
     if (!unit3(n, sqrt(DistanceTolerances::min_axis_square))) return;
     along3(a.left, 1.0, a.right, outward);
     difference3(a.p, b.p, apart);

@@ -64,11 +64,11 @@ struct HullFacetIn {
     const int e = hull_.side(facet, k);
     const int other = hull_.edge(e)[2] == facet ? hull_.edge(e)[3] : hull_.edge(e)[2];
     double beside[3], p[3], inward[3];
-    cross3(normal, d, inward);
+    cross(normal, d, inward);
     if (dot3(m, inward) > BoxTolerances::rounding) return false;
     hull_.normal(other, p);
     into_axes(axes_, p, beside);
-    cross3(d, beside, inward);
+    cross(d, beside, inward);
     return dot3(m, inward) <= BoxTolerances::rounding;
   }
 
@@ -284,7 +284,7 @@ class HullPolygon {
     unit3(e, 0.0);
     unit3(d, 0.0);
     axis3(2, 1.0, out);
-    cross3(e, d, m);
+    cross(e, d, m);
     if (!unit3(m, TouchTolerances::lying)) return ALONG;
     const double side = side_of(m[2]);
     for (int c = 0; c < 3; ++c) {

@@ -178,12 +178,12 @@ class NearestOfClouds {
     double ab[3], ac[3], normal[3], across[3];
     difference3(w_[b], w_[a], ab);
     difference3(w_[c], w_[a], ac);
-    cross3(ab, ac, normal);
+    cross(ab, ac, normal);
     const double area = dot3(normal, normal);
     if (!(area > Tol::flat_area * dot3(ab, ab) * dot3(ac, ac))) return;
-    cross3(w_[b], w_[c], across);
+    cross(w_[b], w_[c], across);
     const double at_a = dot3(across, normal) / area;
-    cross3(w_[c], w_[a], across);
+    cross(w_[c], w_[a], across);
     const double at_b = dot3(across, normal) / area;
     const double at_c = 1.0 - at_a - at_b;
     if (!(at_a > 0.0 && at_b > 0.0 && at_c > 0.0)) return;
@@ -208,7 +208,7 @@ class NearestOfClouds {
       double ab[3], ac[3], normal[3], up[3];
       difference3(b, a, ab);
       difference3(c, a, ac);
-      cross3(ab, ac, normal);
+      cross(ab, ac, normal);
       difference3(w_[k], a, up);
       const double height = dot3(up, normal), own = -dot3(a, normal);
       const double flat = Tol::progress * length3(normal) * (length3(up) + length3(a));

@@ -83,7 +83,7 @@ FAN_FN int name_nearest(
   double n[3];
   int number = HullFeatures::nearest;
   if (of_x.kind == Kind::EDGE && of_y.kind == Kind::EDGE) {
-    cross3(core_of_edge(x, of_x.number).u, core_of_edge(y, of_y.number).u, n);
+    cross(core_of_edge(x, of_x.number).u, core_of_edge(y, of_y.number).u, n);
     if (!unit3(n, TouchTolerances::crossing)) return HullFeatures::nearest;
     number = HullFeatures::pair(of_x.number, of_y.number);
   } else if (of_x.kind == Kind::VERTEX && of_y.kind == Kind::FACET) {

@@ -30,7 +30,7 @@ struct FacetClip {
       const double* b = hull.local(hull.corner(facet, (k + 1) % corners));
       double along[3], inward[3], from[3];
       difference3(b, a, along);
-      cross3(n, along, inward);
+      cross(n, along, inward);
       if (!unit3(inward, 0.0)) continue;
       difference3(core.a, a, from);
       const double height = dot3(from, inward), rate = dot3(core.u, inward);
@@ -82,7 +82,7 @@ struct WayOutOfHull {
       double along[3], n[3], from[3];
       difference3(b, a, along);
       unit3(along, 0.0);
-      cross3(core.u, along, n);
+      cross(core.u, along, n);
       if (!unit3(n, TouchTolerances::lying)) continue;
       const double side = side_of(dot3(n, a));  // the origin is inside
       difference3(core.a, a, from);
@@ -161,7 +161,7 @@ FAN_FN void touch_hull_outside(
   difference3(pair.p, core.a, from);
   const double at = clamped(dot3(from, core.u), 0.0, core.length);
   const int facet = local.facet_towards_local(local.farthest_local(normal, reach), normal);
-  cross3(local.local_normal(facet), normal, tilt);
+  cross(local.local_normal(facet), normal, tilt);
   const FacetClip clip(local, facet, core, at, &pair);
   const double on_facet = clip.found ? flatness(length3(tilt)) : 0.0;
   const EdgesThrough edges(local, pair.q, normal);
@@ -189,13 +189,6 @@ FAN_FN void touch_hull_outside(
   }
 }
 
-// A point in the axes of a hull.
-FAN_FN void into_hull(const PlacedSolid& hull, const double* x, double* out) {
-  double from[3];
-  difference3(x, hull.a, from);
-  into_axes(hull.R, from, out);
-}
-
 constexpr double no_turn[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 constexpr double no_shift[3] = {0.0, 0.0, 0.0};
 
@@ -203,8 +196,8 @@ constexpr double no_shift[3] = {0.0, 0.0, 0.0};
 FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull, Touches& to) {
   const PlacedHull local{*hull.hull, no_turn, no_shift};
   double ends[6];
-  into_hull(hull, x.a, ends);
-  into_hull(hull, x.b, ends + 3);
+  into_frame(hull, x.a, ends);
+  into_frame(hull, x.b, ends + 3);
   const Core core(ends, ends + 3);
   const Cloud points{ends, core.length > 0.0 ? 2 : 1, no_turn, no_shift};
   const double swollen = to.x_radius + to.y_radius;
@@ -311,7 +304,7 @@ FAN_FN void touch_hull_by_ellipsoid(const PlacedSolid& x, const PlacedSolid& hul
   const PlacedHull local{*hull.hull, no_turn, no_shift};
   double middle[3], centre[3], axes[9], p[3], q[3];
   centre3(x, middle);
-  into_hull(hull, middle, centre);
+  into_frame(hull, middle, centre);
   for (int j = 0; j < 3; ++j) into_axes(hull.R, x.R + 3 * j, axes + 3 * j);
   const EllipsoidReach reach(axes, x.half);
   const EllipsoidHullGap found(local, reach, centre, x.half, to.margin + to.y_radius);

@@ -3,6 +3,7 @@
 
 #include "fantoccini/collision/distance.hpp"
 #include "fantoccini/contract.hpp"
+#include "fantoccini/math/space.hpp"
 
 // Linkage of the functions that touch_unit.hpp exports; inline elsewhere.
 #ifndef FAN_TOUCH_FN
@@ -50,53 +51,23 @@ FAN_FN bool is_ellipsoid(const PlacedSolid& x) { return x.kind == SEGMENT && x.h
 // By what a solid's core is inflated.
 FAN_FN double inflation(const PlacedSolid& x) { return is_ellipsoid(x) ? 0.0 : x.radius; }
 
-FAN_FN double length3(const double* a) { return sqrt(dot3(a, a)); }
-
-FAN_FN void difference3(const double* a, const double* b, double* out) {
-  for (int k = 0; k < 3; ++k) out[k] = a[k] - b[k];
-}
-
-FAN_FN void copy3(const double* a, double* out) {
-  for (int k = 0; k < 3; ++k) out[k] = a[k];
-}
-
-// a + t b
-FAN_FN void along3(const double* a, double t, const double* b, double* out) {
-  for (int k = 0; k < 3; ++k) out[k] = a[k] + t * b[k];
-}
-
-FAN_FN void cross3(const double* a, const double* b, double* out) {
-  const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2];
-  out[2] = a[0] * b[1] - a[1] * b[0];
-  out[0] = x;
-  out[1] = y;
-}
-
-// Makes a unit vector; whether it was longer than `least`. Others stay as they are.
-FAN_FN bool unit3(double* a, double least) {
-  const double length = length3(a);
-  if (!(length > least)) return false;
-  for (int k = 0; k < 3; ++k) a[k] /= length;
-  return true;
-}
-
-// x in the axes R.
-FAN_FN void into_axes(const double* R, const double* x, double* out) {
-  for (int j = 0; j < 3; ++j) out[j] = dot3(R + 3 * j, x);
-}
-
-// A vector in the axes R, in the world.
-FAN_FN void out_of_axes(const double* R, const double* x, double* out) {
-  for (int c = 0; c < 3; ++c) out[c] = R[c] * x[0] + R[3 + c] * x[1] + R[6 + c] * x[2];
-}
-
-// The unit vector of an axis, or its opposite.
-FAN_FN void axis3(int k, double sign, double* out) {
-  for (int c = 0; c < 3; ++c) out[c] = c == k ? sign : 0.0;
-}
-
 FAN_FN void centre3(const PlacedSolid& x, double* out) {
   for (int k = 0; k < 3; ++k) out[k] = x.kind == SEGMENT ? 0.5 * (x.a[k] + x.b[k]) : x.a[k];
+}
+
+// A point in the axes of a solid, from its middle.
+FAN_FN void into_frame(const PlacedSolid& x, const double* point, double* out) {
+  double from[3];
+  difference3(point, x.a, from);
+  into_axes(x.R, from, out);
+}
+
+// A corner of a box: a bit for each of its axes.
+FAN_FN void corner_of(const PlacedSolid& box, int corner, double* out) {
+  double local[3];
+  for (int k = 0; k < 3; ++k) local[k] = (corner >> k) & 1 ? box.half[k] : -box.half[k];
+  out_of_axes(box.R, local, out);
+  along3(box.a, 1.0, out, out);
 }
 
 // The region of a box about the origin that a normal leaves: a face, an edge or a corner.

@@ -13,6 +13,7 @@
 #pragma once
 
 #include "fantoccini/contract.hpp"
+#include "fantoccini/derivatives/link_screws.hpp"
 #include "fantoccini/math/space.hpp"
 
 FAN_LOOPS_BEGIN
@@ -141,7 +142,7 @@ class ContactPartials {
   void find_velocity() {
     double twist[6] = {};
     each_link([&](int link, double sign) {
-      each_screw(link, [&](int k) {
+      each_screw<Model>(link, [&](int k) {
         for (int c = 0; c < 6; ++c) twist[c] += sign * after_[k] * s_[6 * k + c];
       });
     });
@@ -168,29 +169,11 @@ class ContactPartials {
       if (point_->links[side] >= 0) f(point_->links[side], side ? -1.0 : 1.0);
   }
 
-  // Calls with every velocity that moves a link, those of driven coordinates after N.
-  template <class F>
-  static void each_screw(int link, const F& f) {
-    for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j)
-      f(Model::moved_D_entry[j]);
-    for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j)
-      f(N + Model::moved_K_entry[j]);
-  }
-
   // Calls with every velocity that carries the axis of k.
   template <class F>
   static void each_carrier(int k, const F& f) {
     for (int j = Model::carried_begin[k]; j < Model::carried_begin[k + 1]; ++j)
       f(Model::carried_entry[j]);
-  }
-
-  // [a, b], the rate of b when it is carried along by a.
-  static void bracket(const double* a, const double* b, double* out) {
-    double more[3];
-    cross(a + 3, b, out);
-    cross(a, b + 3, more);
-    cross(a + 3, b + 3, out + 3);
-    for (int c = 0; c < 3; ++c) out[c] += more[c];
   }
 
   // Of a parameter's change: of link i, or of screw k.
@@ -230,7 +213,7 @@ class ContactPartials {
     for (int side = 0; side < 2; ++side) {
       const int link = point_->links[side];
       if (link < 0) continue;
-      each_screw(link, [&](int k) { move_by(side, k, s_ + 6 * k); });
+      each_screw<Model>(link, [&](int k) { move_by(side, k, s_ + 6 * k); });
       for (int p = 0; p < P; ++p) {
         double xi[6];
         for (int c = 0; c < 6; ++c) xi[c] = xi_p(link, c, p);
@@ -263,10 +246,10 @@ class ContactPartials {
     clear(by);
     each_link([&](int link, double sign) {
       double carried[E][6];
-      each_screw(link, [&](int j) {
+      each_screw<Model>(link, [&](int j) {
         for (int c = 0; c < 6; ++c) carried[j][c] = 0.0;
       });
-      each_screw(link, [&](int k) {
+      each_screw<Model>(link, [&](int k) {
         const double* s = s_ + 6 * k;
         for (int c = 0; c < 6; ++c) twist[c] += sign * v[k] * s[c];
         each_carrier(k, [&](int j) {
@@ -279,7 +262,7 @@ class ContactPartials {
           add(by, 2 * E + p, sign, turned);
         }
       });
-      each_screw(link, [&](int j) {
+      each_screw<Model>(link, [&](int j) {
         double turned[6];
         bracket(s_ + 6 * j, carried[j], turned);
         add(by, j, sign, turned);

@@ -12,6 +12,7 @@
 #pragma once
 
 #include "fantoccini/contract.hpp"
+#include "fantoccini/derivatives/link_screws.hpp"
 #include "fantoccini/math/space.hpp"
 
 FAN_LOOPS_BEGIN
@@ -60,21 +61,13 @@ class ContactPull {
   enum Twist { AFTER, BEFORE, ALONG_Z };
   static constexpr int n_twists = 3;
 
-  template <class F>
-  static void each_screw(int link, const F& f) {
-    for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j)
-      f(Model::moved_D_entry[j]);
-    for (int j = Model::moved_K_begin[link]; j < Model::moved_K_begin[link + 1]; ++j)
-      f(N + Model::moved_K_entry[j]);
-  }
-
   // The twist of the first link against the second, and its velocity at the point.
   void find_velocity(int t) {
     double twist[6] = {};
     for (int side = 0; side < 2; ++side) {
       const int link = point_->links[side];
       if (link < 0) continue;
-      each_screw(link, [&](int k) {
+      each_screw<Model>(link, [&](int k) {
         const double v = side ? -v_[t][k] : v_[t][k];
         for (int c = 0; c < 6; ++c) twist[c] += v * s_[6 * k + c];
       });
@@ -159,11 +152,11 @@ class ContactPull {
       pose[c] = sign * apart_[c] + (side ? along_[c] : 0.0);
       speed[c] = sign * (wrench_[AFTER][c] + wrench_[BEFORE][c]);
     }
-    each_screw(link, [&](int j) {
+    each_screw<Model>(link, [&](int j) {
       for (int t = 0; t < n_twists; ++t)
         for (int c = 0; c < 6; ++c) carried[j][t][c] = 0.0;
     });
-    each_screw(link, [&](int k) {
+    each_screw<Model>(link, [&](int k) {
       const double* s = s_ + 6 * k;
       for (int j = Model::carried_begin[k]; j < Model::carried_begin[k + 1]; ++j)
         for (int t = 0; t < n_twists; ++t)
@@ -176,7 +169,7 @@ class ContactPull {
           out[2 * E + p] += sign * by * by_p_[(6 * (L + k) + c) * P + p];
         }
     });
-    each_screw(link, [&](int j) {
+    each_screw<Model>(link, [&](int j) {
       double sum = 0.0;
       for (int t = 0; t < n_twists; ++t) {
         double turned[6];
@@ -187,17 +180,6 @@ class ContactPull {
     });
     for (int p = 0; p < P; ++p)
       for (int c = 0; c < 6; ++c) out[2 * E + p] += pose[c] * by_p_[(6 * link + c) * P + p];
-  }
-
-  static double dot6(const double* a, const double* b) { return dot3(a, b) + dot3(a + 3, b + 3); }
-
-  // [a, b], the rate of b when it is carried along by a.
-  static void bracket(const double* a, const double* b, double* out) {
-    double more[3];
-    cross(a + 3, b, out);
-    cross(a, b + 3, more);
-    cross(a + 3, b + 3, out + 3);
-    for (int c = 0; c < 3; ++c) out[c] += more[c];
   }
 
   const double *s_, *by_p_;

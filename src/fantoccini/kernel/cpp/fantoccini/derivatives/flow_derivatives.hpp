@@ -249,13 +249,13 @@ class FlowDerivatives {
       add_error(y_[j], end_[j], [&](int i) { return rate_[i * NY + j]; }, &five, &three);
     Wide fives = Wide(0.0), threes = Wide(0.0);
     for (int j = 0; j < rows * ld_; j += FAN_WIDTH) {
-      const Wide from = wide(Z_.data() + j);
+      const Wide from = loaded(Z_.data() + j);
       Wide rate = Wide(0.0);
       for (int i = 0; i < dop853::stages; ++i)
-        if (dop853::B[i] != 0.0) rate += dop853::B[i] * wide(Z_rate_[i].data() + j);
+        if (dop853::B[i] != 0.0) rate += dop853::B[i] * loaded(Z_rate_[i].data() + j);
       const Wide to = from + h * rate;
       std::memcpy(Z_end_.data() + j, &to, sizeof(Wide));
-      add_error(from, to, [&](int i) { return wide(Z_rate_[i].data() + j); }, &fives, &threes);
+      add_error(from, to, [&](int i) { return loaded(Z_rate_[i].data() + j); }, &fives, &threes);
     }
     for (int l = 0; l < Traits<Wide>::width; ++l)
       five += lane_of(fives, l), three += lane_of(threes, l);
@@ -280,12 +280,6 @@ class FlowDerivatives {
     three *= scale;
     *fives += five * five;
     *threes += three * three;
-  }
-
-  static Wide wide(const double* from) {
-    Wide x;
-    std::memcpy(&x, from, sizeof(Wide));
-    return x;
   }
 
   // Makes the end of the step the start of the next.

@@ -1,12 +1,21 @@
 // Derivatives of the equations of motion at several states at once, one in each lane.
 #pragma once
 
+#include <cstring>
+
 #include "fantoccini/contract.hpp"
 #include "fantoccini/math/lane_of.hpp"
 #include "fantoccini/math/unpack.hpp"
 #include "fantoccini/math/wide.hpp"
 
 namespace fan {
+
+// As many numbers as a bundle has lanes, from anywhere.
+inline Wide loaded(const double* from) {
+  Wide x;
+  std::memcpy(&x, from, sizeof(Wide));
+  return x;
+}
 
 // The states. Lanes that were never placed hold zeros.
 template <class Model>
@@ -16,10 +25,6 @@ struct StatesInLanes {
   Wide q_D[room(Model::n_qD)] = {}, v_D[room(N)] = {}, acc[room(N)] = {};
   Wide q_K[room(Model::n_qK)] = {}, v_K[room(K)] = {}, acc_K[room(K)] = {};
   Wide tension[room(Model::n_rows)] = {}, p[room(Model::n_p)] = {};
-
-  static void place(int lane, const double* from, Wide* to, int n) {
-    for (int k = 0; k < n; ++k) lane_of(to[k], lane) = from[k];
-  }
 };
 
 // Derivatives of r of Eq. 10 by q_D, v_D, q_K, v_K, acc_K and p, column by column.

@@ -77,14 +77,14 @@ class LinearFlow {
   void differentiate(const Point* points, int n, const double* p) {
     for (int l = 0; l < n; ++l) {
       const Point& at = points[l];
-      states_.place(l, at.q_D, states_.q_D, Model::n_qD);
-      states_.place(l, at.v_D, states_.v_D, N);
-      states_.place(l, at.acc, states_.acc, N);
-      states_.place(l, at.q_K, states_.q_K, Model::n_qK);
-      states_.place(l, at.v_K, states_.v_K, K);
-      states_.place(l, at.acc_K, states_.acc_K, K);
-      states_.place(l, at.tension, states_.tension, M);
-      states_.place(l, p, states_.p, P);
+      put_lane(at.q_D, Model::n_qD, l, states_.q_D);
+      put_lane(at.v_D, N, l, states_.v_D);
+      put_lane(at.acc, N, l, states_.acc);
+      put_lane(at.q_K, Model::n_qK, l, states_.q_K);
+      put_lane(at.v_K, K, l, states_.v_K);
+      put_lane(at.acc_K, K, l, states_.acc_K);
+      put_lane(at.tension, M, l, states_.tension);
+      put_lane(p, P, l, states_.p);
     }
     forces_.find(states_, 0.0);
     double* to[width];
@@ -182,12 +182,6 @@ class LinearFlow {
     for (int a = 0; a < at.rows.n; ++a) y[a] = -y[a];
     at.rows.add(y, w);
     Model::back_of(at.eval.L, w, x.acc);
-  }
-
-  static Wide loaded(const double* from) {
-    Wide x;
-    std::memcpy(&x, from, sizeof(Wide));
-    return x;
   }
 
   int n_inputs_, row_;

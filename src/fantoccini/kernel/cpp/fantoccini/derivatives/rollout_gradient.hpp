@@ -17,6 +17,8 @@
 #include "fantoccini/derivatives/rollout_contacts.hpp"
 #include "fantoccini/derivatives/step_turn.hpp"
 #include "fantoccini/model/evaluation.hpp"
+#include "fantoccini/runs/shared.hpp"
+#include "fantoccini/runs/stepping.hpp"
 #include "fantoccini/solvers/held_factor.hpp"
 #include "fantoccini/timestepping/trajectory.hpp"
 
@@ -31,36 +33,21 @@ class RolloutGradient {
 
   // The rollout from the first node.
   void roll(GradientArrays& in) {
-    begin(in);
+    run_.set(0.0, in.options, in.winches);
+    put_lane(in.p, P, 0, run_.p());
+    put_lane(in.q_D, NQ, 0, run_.q_D());
+    put_lane(in.v_D, N, 0, run_.v_D());
+    for (int i = 0; i < S; ++i) run_.slip()[i] = 0.0;
+    if constexpr (touches) contacts_.clear();
     in.slip = 0.0;
     in.shortened = in.n;
-    long long k = 0;
-    for (; k < in.n; ++k) {
-      inputs(in, k + 1, run_.coming());
-      const bool steady = run_.at.steady, steadier = run_.at.steadier;
-      const double dt = in.options.dt, half = steady ? 0.5 * dt : 0.0;
-      in.ahead[2 * k] = half;
-      in.ahead[2 * k + 1] = steady && steadier ? 0.25 * dt : 0.0;
-      run_.advance(dt);
-      if (Status(int(run_.status)) != RUNNING) break;
-      if constexpr (touches) contacts_.keep(in, k, run_);
-      const auto& state = run_.state();
-      const double* v = in.v_D + k * N;
-      double apart = 0.0, size = 1.0;
-      for (int j = 0; j < N; ++j) {
-        in.acc_D[k * N + j] = run_.at.acc()[j];
-        in.v_D[(k + 1) * N + j] = state.v_D[j];
-        apart = fmax(apart, fabs(v[j] + dt * run_.at.acc()[j] - state.v_D[j]));
-        size = fmax(size, 1.0 + fabs(state.v_D[j]));
-      }
-      if (apart > shortened * size && k < in.shortened) in.shortened = k;
-      for (int j = 0; j < NQ; ++j) in.q_D[(k + 1) * NQ + j] = state.q_D[j];
-      for (int r = 0; r < M; ++r) in.tension[k * M + r] = run_.at.tension[r];
-      for (int i = 0; i < S; ++i) in.slip = fmax(in.slip, run_.at.slip[i]);
-    }
-    in.made = k;
-    const Status status = Status(int(run_.status));
-    in.status = status == RUNNING ? run_.motors.verdict(0) : status;
+    Nodes nodes{in};
+    Tape tape{*this, in};
+    StepCount count{0.0, in.options.dt};
+    run_.begin(nodes);
+    make_steps(run_, nodes, EvenSteps{in.options.dt, in.n}, count, tape);
+    in.made = count.made;
+    in.status = verdict(run_, 0);
   }
 
   // The gradient of a rollout that was made; it ends at a step that has no derivative.
@@ -124,35 +111,69 @@ class RolloutGradient {
     double by_v(int j) const { return g_v[j] + g_ahead[j] + g_next[j]; }
   };
 
-  void begin(const GradientArrays& in) {
-    run_.opt = in.options;
-    run_.winches.set(in.winches);
-    for (int k = 0; k < P; ++k) run_.p[k] = in.p[k];
-    for (int k = 0; k < NQ; ++k) run_.state().q_D[k] = in.q_D[k];
-    for (int k = 0; k < N; ++k) run_.state().v_D[k] = in.v_D[k];
-    for (int i = 0; i < S; ++i) run_.at.slip[i] = 0.0;
-    inputs(in, 0, run_.inputs());
-    run_.begin();
-    if constexpr (touches) contacts_.clear();
-  }
+  // The inputs of one node after the other, with the forces and accelerations of the step that
+  // begins there.
+  struct Nodes {
+    const GradientArrays& in;
+    long long k = 0;
 
-  // Those of node k, with the forces and accelerations of the step that begins there.
-  template <class Inputs>
-  static void inputs(const GradientArrays& in, long long k, Inputs& out) {
-    const long long step = k < in.n ? k : in.n - 1;
-    for (int j = 0; j < NQK; ++j) out.q_K[j] = in.q_K[k * NQK + j];
-    for (int j = 0; j < K; ++j) {
-      out.v_K[j] = in.v_K[k * K + j];
-      out.acc_K[j] = in.mean[step * K + j];
+    template <class Inputs>
+    void start(double, Inputs& out) {
+      const long long step = k < in.n ? k : in.n - 1;
+      put_lane(in.q_K + k * NQK, NQK, 0, out.q_K);
+      put_lane(in.v_K + k * K, K, 0, out.v_K);
+      put_lane(in.mean + step * K, K, 0, out.acc_K);
+      const double* force = of(in.u_D, step);
+      for (int j = 0; j < N; ++j) out.u_D[j] = force ? force[j] : 0.0;
     }
-    const double* force = in.u_D.first ? in.u_D.first + step * in.u_D.stride : nullptr;
-    for (int j = 0; j < N; ++j) out.u_D[j] = force ? force[j] : 0.0;
+
+    template <class Inputs>
+    void fill(double t, Inputs& out) {
+      ++k;
+      start(t, out);
+    }
+  };
+
+  // Keeps what the sweep needs of every step.
+  struct Tape {
+    RolloutGradient& all;
+    GradientArrays& in;
+
+    bool ready(const StepCount& count) {
+      const long long k = count.made;
+      const bool steady = all.run_.at.steady, steadier = all.run_.at.steadier;
+      in.ahead[2 * k] = steady ? 0.5 * in.options.dt : 0.0;
+      in.ahead[2 * k + 1] = steady && steadier ? 0.25 * in.options.dt : 0.0;
+      return true;
+    }
+
+    void record(const StepCount& count, bool moved) {
+      if (moved) all.keep(in, count.made - 1);
+    }
+  };
+
+  // Keeps step k, which was made.
+  void keep(GradientArrays& in, long long k) {
+    if constexpr (touches) contacts_.keep(in, k, run_);
+    const auto& state = run_.state();
+    const double *v = in.v_D + k * N, dt = in.options.dt;
+    double apart = 0.0, size = 1.0;
+    for (int j = 0; j < N; ++j) {
+      in.acc_D[k * N + j] = run_.acc()[j];
+      in.v_D[(k + 1) * N + j] = state.v_D[j];
+      apart = fmax(apart, fabs(v[j] + dt * run_.acc()[j] - state.v_D[j]));
+      size = fmax(size, 1.0 + fabs(state.v_D[j]));
+    }
+    if (apart > shortened * size && k < in.shortened) in.shortened = k;
+    for (int j = 0; j < NQ; ++j) in.q_D[(k + 1) * NQ + j] = state.q_D[j];
+    for (int r = 0; r < M; ++r) in.tension[k * M + r] = run_.tension()[r];
+    for (int i = 0; i < S; ++i) in.slip = fmax(in.slip, run_.slip()[i]);
   }
 
   // The equations of step k and the rows that it holds.
   void evaluate(const GradientArrays& in, long long k) {
     const double *v = in.v_D + k * N, *half = in.ahead + 2 * k;
-    const double* force = in.u_D.first ? in.u_D.first + k * in.u_D.stride : nullptr;
+    const double* force = of(in.u_D, k);
     double u_D[room(N)];
     for (int j = 0; j < N; ++j) {
       u_D[j] = force ? force[j] : 0.0;

@@ -19,7 +19,7 @@ class StepBundles {
     bool hold = false;
     for (int r = 0; r < M; ++r) hold = hold || holds(r, n) || slips(in, r, n);
     if (hold) {
-      for (int l = 0; l < n; ++l) states_.place(l, nodes_[l].v_next(), states_.v_D, N);
+      for (int l = 0; l < n; ++l) put_lane(nodes_[l].v_next(), N, l, states_.v_D);
       Call<Model, Wide>::row_rates_by(
           states_.q_D, states_.v_D, states_.q_K, states_.v_K, states_.p, by_, fresh_);
       fresh_ = false;

@@ -20,6 +20,7 @@
 #include "fantoccini/derivatives/step_turn.hpp"
 #include "fantoccini/math/wide.hpp"
 #include "fantoccini/model/evaluation.hpp"
+#include "fantoccini/runs/shared.hpp"
 #include "fantoccini/solvers/held_factor.hpp"
 
 namespace fan {
@@ -39,14 +40,14 @@ class StepDerivatives {
     columns.set(in.forces != 0);
     evaluate(in, i);
     hold(in, i);
-    states->place(lane, q_D_, states->q_D, NQ);
-    states->place(lane, v_D_, states->v_D, N);
-    states->place(lane, acc_, states->acc, N);
-    states->place(lane, q_K_, states->q_K, Model::n_qK);
-    states->place(lane, rate_, states->v_K, K);
-    states->place(lane, mean_, states->acc_K, K);
-    states->place(lane, tension_, states->tension, M);
-    states->place(lane, p_, states->p, P);
+    put_lane(q_D_, NQ, lane, states->q_D);
+    put_lane(v_D_, N, lane, states->v_D);
+    put_lane(acc_, N, lane, states->acc);
+    put_lane(q_K_, Model::n_qK, lane, states->q_K);
+    put_lane(rate_, K, lane, states->v_K);
+    put_lane(mean_, K, lane, states->acc_K);
+    put_lane(tension_, M, lane, states->tension);
+    put_lane(p_, P, lane, states->p);
   }
 
   // In bundles: for the derivatives of r, and for those of the held rows, A_D v+ + A_K rate + ...
@@ -102,7 +103,7 @@ class StepDerivatives {
     slip_ = in.slip + i * S;
     tension_ = in.tension + i * M;
     p_ = in.p.first + i * in.p.stride;
-    const double* force = in.u_D.first ? in.u_D.first + i * in.u_D.stride : nullptr;
+    const double* force = of(in.u_D, i);
     double u_D[room(N)];
     for (int k = 0; k < N; ++k) u_D[k] = force ? force[k] : 0.0;
     eval_.at(q_D_, v_D_, q_K_, rate_, mean_, u_D, v_D_, in.dt, p_);

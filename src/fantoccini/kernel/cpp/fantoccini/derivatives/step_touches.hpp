@@ -4,6 +4,8 @@
 #include <new>
 
 #include "fantoccini/derivatives/step_modes.hpp"
+#include "fantoccini/runs/shared.hpp"
+#include "fantoccini/runs/stepping.hpp"
 
 namespace fan {
 
@@ -31,19 +33,28 @@ class StepTouches {
   }
 
  private:
+  // The inputs where a step begins, and those where it ends.
+  struct Ends {
+    using Inputs = typename TimeSteppingTrajectory<Model, double>::Inputs;
+    Inputs now, then;
+
+    void start(double, Inputs& in) const { in = now; }
+    void fill(double, Inputs& in) const { in = then; }
+  };
+
   void step(const TouchingStepArrays& in, long long i) {
     auto& run = trajectory_;
-    run.opt = in.options;
-    run.winches.set(in.winches);
     const double dt = in.options.dt, *p = of(in.p, i);
     const double *q_D = in.q_D + i * NQ, *v_D = in.v_D + i * N, *q_K = in.q_K + i * NQK;
     const double* rate = in.rate + i * K;
     modes_.begin(q_D, v_D, q_K, rate, p);
-    for (int k = 0; k < P; ++k) run.p[k] = p[k];
-    for (int k = 0; k < NQ; ++k) run.state().q_D[k] = q_D[k];
-    for (int k = 0; k < N; ++k) run.state().v_D[k] = v_D[k];
-    for (int k = 0; k < S; ++k) run.at.slip[k] = in.slip[i * S + k];
-    auto &now = run.inputs(), &then = run.coming();
+    run.set(0.0, in.options, in.winches);
+    put_lane(p, P, 0, run.p());
+    put_lane(q_D, NQ, 0, run.q_D());
+    put_lane(v_D, N, 0, run.v_D());
+    put_lane(in.slip + i * S, S, 0, run.slip());
+    Ends ends;
+    auto &now = ends.now, &then = ends.then;
     const double *v_K = in.v_K + i * K, *acc_K = of(in.acc_K, i), *mean = in.mean + i * K;
     const double* force = of(in.u_D, i);
     for (int k = 0; k < NQK; ++k) now.q_K[k] = q_K[k];
@@ -54,12 +65,8 @@ class StepTouches {
       then.v_K[k] = v_K[k] + dt * mean[k];
     }
     for (int k = 0; k < N; ++k) now.u_D[k] = then.u_D[k] = force ? force[k] : 0.0;
-    run.begin();
-    run.advance(dt);
-  }
-
-  static const double* of(const Shared& all, long long i) {
-    return all.first ? all.first + i * all.stride : nullptr;
+    run.begin(ends);
+    make_steps(run, ends, EvenSteps{dt, 1});
   }
 
   void write(const TouchingStepArrays& in, long long i) {
@@ -73,8 +80,7 @@ class StepTouches {
       in.tension[i * M + r] = run.at.tension[r];
       in.taut[i * M + r] = run.at.taut[r];
     }
-    const Status status = Status(int(run.status));
-    in.status[i] = status == RUNNING ? run.motors.verdict(0) : status;
+    in.status[i] = verdict(run, 0);
     modes_.screws(in.screws + i * 6 * E, P > 0 ? in.by_p + i * (L + E) * 6 * P : nullptr);
   }
 

@@ -19,8 +19,6 @@ class EventBatch {
  private:
   using Row = Record<Model>;
   using Layout = SampleLayout<Model>;
-  using F = Flow<Model>;
-  static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
   static constexpr int row_capacity = 256;
   static constexpr int event_capacity =
       1024 > 4 * EventRun<Model>::events_per_step ? 1024 : 4 * EventRun<Model>::events_per_step;
@@ -31,21 +29,10 @@ class EventBatch {
     const BatchArrays& in = pool.arrays;
     EventRun<Model>& run = run_.emplace();
     auto& flow = run.flow;
-    flow.opt = in.options;
-    flow.drive.set(input_of(in, who));
-    flow.t = in.t;
-    for (int i = 0; i < Model::n_p; ++i) flow.p[i] = of(in.p, who)[i];
-    for (int j = 0; j < run.NY; ++j) flow.y[j] = 0.0;
-    for (int i = 0; i < Model::n_qD; ++i) flow.y[i] = of(in.q_D, who)[i];
-    for (int k = 0; k < N; ++k) flow.y[Model::n_qD + k] = of(in.v_D, who)[k];
-    for (int i = 0; i < S; ++i) flow.slip[i] = of(in.slip, who)[i];
-    flow.winches.set(in.winches);
-    run.save_at = in.save_at;
-    run.n_save = in.n_samples;
     Row out{{rows_, row_capacity, 0, events_, event_capacity, 0, contacts_, contact_capacity, 0}};
     caught_ = released_ = 0;
     row_ = 0;
-    Status status = run.start(out);
+    Status status = run.start(start_of(in, who), out);
     hand_over(in, who, out);
     double reported = in.t;
     while (status == RUNNING) {
@@ -55,16 +42,9 @@ class EventBatch {
       reported = flow.t;
       if (status == RUNNING && pool.stopped()) status = STOPPED;
     }
-    in.status[who] = status;
-    in.reached[who] = flow.t;
-    in.violation[who] = 0.0;
-    for (int i = 0; i < Model::n_qD; ++i) in.end_q_D[who * Model::n_qD + i] = flow.y[i];
-    for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = flow.y[Model::n_qD + k];
-    in.catches[who] = caught_;
-    in.releases[who] = released_;
-    double* blame = in.blame + who * F::ALL;
-    for (int r = 0; r < M; ++r) blame[r] = run.instants.blame[r];
-    flow.motors.blame(status, 0, blame + M);
+    const BatchEnd end{status, flow.t, 0.0, caught_, released_};
+    put_end<Model>(in, who, end, 0, flow.y, flow.y + Model::n_qD);
+    run.tell_blame(status, blame_of<Model>(in, who));
   }
 
   // Copies the samples at the requested times to their rows. Of several at one time the last one

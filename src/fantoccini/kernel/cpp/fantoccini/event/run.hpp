@@ -5,6 +5,7 @@
 
 #include "fantoccini/event/detector.hpp"
 #include "fantoccini/event/instants.hpp"
+#include "fantoccini/math/lane_of.hpp"
 #include "fantoccini/runs/snapshot.hpp"
 
 namespace fan {
@@ -26,8 +27,8 @@ struct EventRun {
   const double* save_at = nullptr;
   long long n_save = 0, next_save = 0;
 
-  // Begins at flow.t, flow.y and flow.slip.
-  Status start(Record<Model>& out) {
+  Status start(const StartArrays& from, Record<Model>& out) {
+    set(from);
     flow.drive.start_at(flow.t);
     const bool none[room(M)] = {};
     Hold next[room(M)];
@@ -86,10 +87,18 @@ struct EventRun {
       if (flow.row_state[r] == SLIPPING) instants.writer.note(out, SLIP, r, 0.0, flow.slip_rate[r]);
   }
 
-  // To be called after the inputs were replaced, at the present time.
-  void resume() {
+  // Replaces the inputs from the present time on.
+  void set_input(const InputArrays& input) {
+    flow.drive.set(input);
     at_break_ = true;
     looked_at_ = -1;
+  }
+
+  RunProgress progress() const { return {n_steps, flow.t, 0.0}; }
+
+  // By row and watched drive, its share of the blame for how the run has ended.
+  void tell_blame(Status status, double* out) const {
+    flow.motors.blame(status, 0, instants.blame, out);
   }
 
   // Runs until t_end, for at most `budget` steps.
@@ -164,6 +173,21 @@ struct EventRun {
   }
 
  protected:
+  // Sets where the run begins, and its options.
+  void set(const StartArrays& from) {
+    flow.opt = from.options;
+    flow.drive.set(from.input);
+    flow.t = from.t;
+    put_lane(from.p, Model::n_p, 0, flow.p);
+    for (int j = 0; j < NY; ++j) flow.y[j] = 0.0;
+    put_lane(from.q_D, NQ, 0, flow.y);
+    put_lane(from.v_D, N, 0, flow.y + NQ);
+    put_lane(from.slip, S, 0, flow.slip);
+    flow.winches.set(from.winches);
+    save_at = from.save_at;
+    n_save = from.n_save;
+  }
+
   // When a driven length runs out in the inputs' present piece; computed once for each piece.
   double runs_out() {
     if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have yet to begin

@@ -56,9 +56,9 @@ struct EventWriter {
     }
     double friction = 0.0;
     if constexpr (F::touches) friction = y[F::FRICTION];
+    const double books[] = {y[F::WORK], y[F::LOSS], impact, y[F::SLIP_LOSS], friction};
     out.row(
-        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, y[F::WORK],
-        y[F::LOSS], impact, y[F::SLIP_LOSS], friction, slip);
+        t, y, y + NQ, flow.acc, flow.q_K, flow.v_K, flow.acc_K, tension, taut, flow.p, books, slip);
     if constexpr (F::touches) {
       ContactPush push[room(C)];
       const int n = followed() ? flow.contacts.pushing(push) : 0;

@@ -5,7 +5,6 @@
 #include "fantoccini/interface/export.hpp"
 #include "fantoccini/runs/lane_batch.hpp"
 #include "fantoccini/timestepping/lane_stepper.hpp"
-#include "fantoccini/timestepping/lanes.hpp"
 
-FAN_BATCHES(fan::LaneBatch<fan::FixedLanes<fan::Model, fan::Wide>>)
+FAN_BATCHES(fan::LaneBatch<fan::TimeSteppingTrajectory<fan::Model, fan::Wide>>)
 FAN_STEPPERS(fan::LaneStepper<fan::Model, fan::Wide>)

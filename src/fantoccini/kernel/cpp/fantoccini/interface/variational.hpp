@@ -2,10 +2,11 @@
 // loads it. The translation unit that includes this defines `fan::Model` first.
 #pragma once
 
-#include "fantoccini/variational/run.hpp"
+#include "fantoccini/runs/grid_run.hpp"
+#include "fantoccini/variational/trajectory.hpp"
 
 namespace fan {
-using AnyRun = VariationalRun<Model>;
+using AnyRun = GridRun<VariationalTrajectory<Model, double>>;
 }
 
 #include "fantoccini/interface/run.hpp"

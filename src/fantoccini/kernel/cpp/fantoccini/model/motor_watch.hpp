@@ -112,8 +112,10 @@ struct MotorWatch {
     return status;
   }
 
-  // By drive, 1 where it is to blame for a status in a lane, else 0.
-  void blame(Status status, int lane, double* out) const {
+  // Shares of the blame for a status in a lane: those of the rows, then 1 for every drive that is
+  // to blame, else 0.
+  void blame(Status status, int lane, const double* rows, double* out) const {
+    for (int r = 0; r < Model::n_rows; ++r) *out++ = rows[r];
     for (int d = 0; d < D; ++d) {
       const bool its = status == RUNAWAY      ? lane_of(astray_[d], lane)
                        : status == LOST_STEPS ? lane_of(lost_[d], lane)

@@ -7,15 +7,12 @@
 #include <new>
 
 #include "fantoccini/contract.hpp"
+#include "fantoccini/math/lane_of.hpp"
 #include "fantoccini/runs/drive.hpp"
 #include "fantoccini/runs/record.hpp"
+#include "fantoccini/runs/shared.hpp"
 
 namespace fan {
-
-// The numbers of trajectory i; null where there are none.
-inline const double* of(const Shared& shared, long long i) {
-  return shared.first ? shared.first + i * shared.stride : nullptr;
-}
 
 // The input of trajectory i, without the pieces of no duration that fill up shorter inputs.
 inline InputArrays input_of(const BatchArrays& in, long long i) {
@@ -23,6 +20,40 @@ inline InputArrays input_of(const BatchArrays& in, long long i) {
   int n = in.n_segments;
   while (n > 1 && times[n - 1] >= times[n]) --n;
   return {n, times, of(in.coef, i), of(in.base, i), of(in.force, i)};
+}
+
+// Where trajectory i begins.
+inline StartArrays start_of(const BatchArrays& in, long long i) {
+  return {in.t,        of(in.q_D, i), of(in.v_D, i),   of(in.slip, i),
+          of(in.p, i), in.winches,    input_of(in, i), in.options,
+          in.save_at,  in.n_samples,  in.save_every};
+}
+
+// How a trajectory has ended.
+struct BatchEnd {
+  Status status;
+  double reached, violation;
+  long long catches, releases;
+};
+
+// Writes how trajectory i has ended, in lane `lane` of q_D and v_D.
+template <class Model, class Real>
+void put_end(
+    const BatchArrays& in, long long i, const BatchEnd& end, int lane, const Real* q_D,
+    const Real* v_D) {
+  in.status[i] = end.status;
+  in.reached[i] = end.reached;
+  in.violation[i] = end.violation;
+  in.catches[i] = end.catches;
+  in.releases[i] = end.releases;
+  take_lane(q_D, Model::n_qD, lane, in.end_q_D + i * Model::n_qD);
+  take_lane(v_D, Model::n_vD, lane, in.end_v_D + i * Model::n_vD);
+}
+
+// Where the shares of the blame of trajectory i are written.
+template <class Model>
+double* blame_of(const BatchArrays& in, long long i) {
+  return in.blame + i * (Model::n_rows + Model::n_watched);
 }
 
 // Writes `width` numbers, read by `value(k)`, as row `row` of trajectory `who`.

@@ -50,12 +50,34 @@ class Drive {
     return coef_.data() + std::size_t(segment_) * Space::n_v * n_powers;
   }
 
-  // The same of a run that steps from inputs to inputs; those that hold still are written once.
+  // The inputs where a run of steps begins.
   template <class Inputs>
-  void fill(double t, Inputs& in) const {
+  void start(double t, Inputs& in) {
+    start_at(t);
+    evaluate(t, in.q_K, in.v_K, in.acc_K, in.u_D);
+    in.still = still_number_;
+  }
+
+  // Those at the end of a step; where they hold still, they are written once.
+  template <class Inputs>
+  void fill(double t, Inputs& in) {
+    look_at(t);
     if (still_number_ != 0 && in.still == still_number_) return;
     evaluate(t, in.q_K, in.v_K, in.acc_K, in.u_D);
     in.still = still_number_;
+  }
+
+  // Those at t, where steps may end earlier than they were to.
+  template <class Inputs>
+  void at(double t, Inputs& in) {
+    look_at(t);
+    evaluate(t, in.q_K, in.v_K, in.acc_K, in.u_D);
+  }
+
+  // u_D alone, likewise.
+  void force(double t, double* u) {
+    look_at(t);
+    forces(t - breaks_[segment_], u);
   }
 
   // q_K, v_K, acc_K and u_D at t, by the polynomials chosen last.
@@ -69,9 +91,6 @@ class Drive {
       for (int j = 0; j < Space::n_v; ++j) v[j] = a[j] = 0.0;
     forces(s, u);
   }
-
-  // u_D alone, likewise.
-  void evaluate_force(double t, double* u) const { forces(t - breaks_[segment_], u); }
 
  private:
   enum Phase { BEFORE, WITHIN, AFTER };

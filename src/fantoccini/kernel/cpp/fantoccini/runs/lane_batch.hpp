@@ -4,7 +4,7 @@
 #include "fantoccini/math/lane_of.hpp"
 #include "fantoccini/model/segments.hpp"
 #include "fantoccini/runs/batch.hpp"
-#include "fantoccini/runs/step_grid.hpp"
+#include "fantoccini/runs/stepping.hpp"
 
 namespace fan {
 
@@ -129,11 +129,11 @@ class LaneDrive {
   Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
 };
 
-// Bundle advances one trajectory per lane: FixedLanes or VariationalTrajectory.
-template <class Bundle>
+// Trajectory advances one trajectory a lane: TimeSteppingTrajectory or VariationalTrajectory.
+template <class Trajectory>
 class LaneBatch {
-  using Model = typename Bundle::Model;
-  using Real = typename Bundle::Real;
+  using Model = typename Trajectory::Model;
+  using Real = typename Trajectory::Real;
 
  public:
   static constexpr int width = Traits<Real>::width;
@@ -147,8 +147,7 @@ class LaneBatch {
   }
 
  private:
-  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
-  static constexpr int M = Model::n_rows, D = Model::n_watched;
+  static constexpr int M = Model::n_rows;
   static constexpr int steps_per_report = 64;  // between two looks at the pool
 
   // Lanes beyond the last trajectory repeat it and are not written.
@@ -157,12 +156,9 @@ class LaneBatch {
     n_ = n;
     bundle_.set(in.t, in.options, in.winches);
     for (int l = 0; l < width; ++l) {
-      const long long who = first + (l < n ? l : n - 1);
-      put(bundle_.q_D(), NQ, l, of(in.q_D, who));
-      put(bundle_.v_D(), N, l, of(in.v_D, who));
-      put(bundle_.slip(), S, l, of(in.slip, who));
-      put(bundle_.p(), Model::n_p, l, of(in.p, who));
-      drive_.set(l, input_of(in, who));
+      const StartArrays start = start_of(in, first + (l < n ? l : n - 1));
+      load_start(bundle_, l, start);
+      drive_.set(l, start.input);
       caught_[l] = released_[l] = 0;
       reached_[l] = in.t;
     }
@@ -171,45 +167,48 @@ class LaneBatch {
 
   void run(Pool& pool) {
     const BatchArrays& in = pool.arrays;
-    const StepGrid grid{in.t, in.t_end, in.options.dt};
-    double t = in.t;
-    double reported = t;
-    long long row = 0;
-    bool too_many = false;
-    write(in, row++);
-    for (long long step = 1; t < grid.end(); ++step) {
-      too_many = step > in.options.max_steps;
-      if (too_many) break;
-      const double next = grid.at(step);
-      bundle_.advance(drive_, t, next);
-      t = next;
-      count();
-      if (step % in.save_every == 0 || t >= in.t_end) write(in, row++);
-      if (step % steps_per_report != 0) continue;
-      pool.advance(n_ * (t - reported) / (in.t_end - in.t));
-      reported = t;
-      if (pool.stopped() || !any(bundle_.runs())) break;
-    }
-    if (!pool.stopped()) pool.advance(n_ * (in.t_end - reported) / (in.t_end - in.t));
+    Writer writer{*this, pool, in.t};
+    StepCount count{in.t, in.options.dt};
+    write(in, writer.row++);
+    make_steps(bundle_, drive_, StepGrid{in.t, in.t_end, in.options.dt}, count, writer);
+    if (!pool.stopped()) pool.advance(n_ * (in.t_end - writer.reported) / (in.t_end - in.t));
     for (int l = 0; l < n_; ++l) {
-      Status status = Status(int(lane_of(bundle_.status, l)));
-      const long long who = first_ + l;
-      if (status == RUNNING && t >= in.t_end) status = bundle_.motors().verdict(l);
-      if (status == RUNNING) status = too_many ? TOO_MANY_STEPS : STOPPED;
-      in.status[who] = status;
-      in.reached[who] = reached_[l];
-      for (int i = 0; i < NQ; ++i) in.end_q_D[who * NQ + i] = lane_of(bundle_.q_D()[i], l);
-      for (int k = 0; k < N; ++k) in.end_v_D[who * N + k] = lane_of(bundle_.v_D()[k], l);
-      in.violation[who] = lane_of(bundle_.worst_violation, l);
-      in.catches[who] = caught_[l];
-      in.releases[who] = released_[l];
-      for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = bundle_.blame_of(l)[r];
-      bundle_.motors().blame(status, l, in.blame + who * (M + D) + M);
+      const Status status = verdict(bundle_, l, writer.ended);
+      const double violation = lane_of(bundle_.worst_violation, l);
+      const BatchEnd end{status, reached_[l], violation, caught_[l], released_[l]};
+      put_end<Model>(in, first_ + l, end, l, bundle_.q_D(), bundle_.v_D());
+      tell_blame(bundle_, status, l, blame_of<Model>(in, first_ + l));
     }
   }
 
+  // Writes the rows that are due, and tells the pool how far the bundle is.
+  struct Writer {
+    LaneBatch& batch;
+    Pool& pool;
+    double reported;      // s: to the pool
+    long long row = 0;    // the next one
+    Status ended = DONE;  // at the end of the grid; else why it was left
+
+    bool ready(const StepCount& count) {
+      const BatchArrays& in = pool.arrays;
+      if (count.made >= in.options.max_steps) ended = TOO_MANY_STEPS;
+      if (count.made % steps_per_report == 0 && count.made > 0) {
+        pool.advance(batch.n_ * (count.t - reported) / (in.t_end - in.t));
+        reported = count.t;
+        if (pool.stopped() && ended == DONE) ended = STOPPED;
+      }
+      return ended == DONE;
+    }
+
+    void record(const StepCount& count, bool) {
+      const BatchArrays& in = pool.arrays;
+      batch.count_changes();
+      if (count.made % in.save_every == 0 || count.t >= in.t_end) batch.write(in, row++);
+    }
+  };
+
   // Counts what was caught and released in the last step.
-  void count() {
+  void count_changes() {
     bool went[width];
     for (int l = 0; l < n_; ++l) {
       went[l] = lane_of(bundle_.t, l) > reached_[l];
@@ -261,12 +260,8 @@ class LaneBatch {
         });
   }
 
-  static void put(Real* to, int n, int lane, const double* from) {
-    for (int k = 0; k < n; ++k) lane_of(to[k], lane) = from[k];
-  }
-
-  Bundle bundle_;
-  LaneDrive<typename Model::Driven, N, Real> drive_;
+  Trajectory bundle_;
+  LaneDrive<typename Model::Driven, Model::n_vD, Real> drive_;
   long long first_ = 0, caught_[width], released_[width];
   int n_ = 0;
   double reached_[width];

@@ -118,8 +118,6 @@ class Hanging {
   }
 
  private:
-  static double maximum(double a, double b) { return a > b ? a : b; }
-
   double A(int row, int k) const { return found_.A_D[k * M + row]; }
 
   // The rows that pull, one after the other.

@@ -122,8 +122,6 @@ class Reach {
     return again(kept, i, count);
   }
 
-  static double larger(double a, double b) { return a > b ? a : b; }
-
   void begin() {
     auto& at = hang_.at;
     std::memcpy(at.q_D, in->q_D, NQ * sizeof(double));
@@ -162,7 +160,7 @@ class Reach {
       if (!step(Tolerance::damping_ahead)) break;
       ++count;
       double off = 0.0;
-      for (int k = 0; k < N; ++k) off = larger(fabs(hang_.move[k]), off);
+      for (int k = 0; k < N; ++k) off = maximum(fabs(hang_.move[k]), off);
       const bool little = promised() < Tolerance::little * cost_.value && off < Tolerance::hangs;
       const double size = advance();
       if ((!flip(changes) && size < in->tolerance) || little) end = int(ReachEnd::NEAREST);
@@ -193,11 +191,11 @@ class Reach {
     double pose[NP], driven[room(K)] = {}, most = 0.0, turn = 0.0;
     for (int k = 0; k < NP; ++k) pose[k] = ahead_ && k < N ? hang_.move[k] : 0.0;
     for (int a = 0; a < n_; ++a) {
-      most = larger(fabs(qp_.d[a]), most);
+      most = maximum(fabs(qp_.d[a]), most);
       for (int k = 0; k < N; ++k) pose[k] += hang_.by_u[chosen_[a] * NP + k] * qp_.d[a];
     }
-    for (int k = 0; k < N; ++k) turn = larger(fabs(pose[k]), turn);
-    const double share = 1.0 / larger(1.0, larger(most / longest_, turn / Tolerance::max_turn));
+    for (int k = 0; k < N; ++k) turn = maximum(fabs(pose[k]), turn);
+    const double share = 1.0 / maximum(1.0, maximum(most / longest_, turn / Tolerance::max_turn));
     at_longest_ = most >= longest_;
     for (int j = 0; j < M; ++j) {
       if (!at.held[j]) continue;
@@ -212,7 +210,7 @@ class Reach {
     }
     retract<typename Model::Dynamic>(at.q_D, pose, share, at.q_D);
     retract<typename Model::Driven>(at.q_K, driven, share, at.q_K);
-    return larger(most, turn);
+    return maximum(most, turn);
   }
 
   // The row whose bound stops the step most begins to pull or goes slack; whether one did.
@@ -253,7 +251,7 @@ class Reach {
       }
       const bool feasible = step(damping);
       const double gain = promised(), left = std::sqrt(2.0 * cost_.value);
-      const double least = Tolerance::least_gain * in->tolerance * larger(left, in->tolerance);
+      const double least = Tolerance::least_gain * in->tolerance * maximum(left, in->tolerance);
       if (!(gain > least) && passed_ <= Tolerance::passed && damping <= 1e-2) {
         if (change_row(changes)) {
           fresh = true;
@@ -269,14 +267,14 @@ class Reach {
       const auto kept = hang_.at;
       const double cost = cost_.value, beyond = passed_;
       double price = 0.0;
-      for (double x : price_) price = larger(2.0 * fabs(x), price);
+      for (double x : price_) price = maximum(2.0 * fabs(x), price);
       const bool hangs = move();
       if (hangs) {
         look(i);
         passed_ = passed();
       }
       if (hangs && cost_.value + price * passed_ < cost + price * beyond) {
-        damping = larger(0.1 * damping, Tolerance::least_damping);
+        damping = maximum(0.1 * damping, Tolerance::least_damping);
         end = int(ReachEnd::STALLED);
         if (at_longest_) longest_ *= 2.0;
         change_row(changes);
@@ -286,8 +284,8 @@ class Reach {
       look(i);
       passed_ = passed();
       end = hangs ? int(ReachEnd::STALLED) : int(ReachEnd::TIPS);
-      damping = larger(10.0 * damping, 1e-4);
-      longest_ = larger(0.5 * longest_, Tolerance::first_step);
+      damping = maximum(10.0 * damping, 1e-4);
+      longest_ = maximum(0.5 * longest_, Tolerance::first_step);
       if (damping > Tolerance::most_damping) break;
     }
     count += taken;
@@ -302,7 +300,7 @@ class Reach {
 
   // The step within the bounds; false where they contradict one another.
   bool step(double damping) {
-    const double raise = damping * larger(cost_.top, 1e-12);
+    const double raise = damping * maximum(cost_.top, 1e-12);
     qp_.n = n_;
     for (int a = 0; a < n_; ++a) {
       qp_.g[a] = cost_.g[a];
@@ -412,16 +410,16 @@ class Reach {
     for (int j = 0; j < M; ++j) {
       if (at.held[j]) {
         const double T = at.tension[j];
-        const double over = larger(in->tension_low[j] - T, T - in->tension_high[j]);
-        most = larger(over / in->weight, most);
+        const double over = maximum(in->tension_low[j] - T, T - in->tension_high[j]);
+        most = maximum(over / in->weight, most);
       } else {
-        most = larger(hang_.h[j], most);
+        most = maximum(hang_.h[j], most);
       }
     }
     for (int k = 0; k < N; ++k)
       if (joint_q_[k] >= 0) {
         const double q = at.q_D[joint_q_[k]];
-        most = larger(larger(in->joint_low[k] - q, q - in->joint_high[k]), most);
+        most = maximum(maximum(in->joint_low[k] - q, q - in->joint_high[k]), most);
       }
     return most;
   }

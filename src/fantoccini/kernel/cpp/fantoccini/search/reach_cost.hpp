@@ -68,12 +68,10 @@ class ReachCost {
         for (int k = 0; k < N && move; ++k) moved += slope[k] * move[k];
         add(moved, slope, t, c);
       }
-    for (int a = 0; a < n_; ++a) top = larger(H[a * n_ + a], top);
+    for (int a = 0; a < n_; ++a) top = maximum(H[a * n_ + a], top);
   }
 
  private:
-  static double larger(double a, double b) { return a > b ? a : b; }
-
   void point(const double* poses, int t, double* x) const {
     const double *pose = poses + 12 * in->links[t], *at = in->at + 3 * t;
     for (int c = 0; c < 3; ++c)
@@ -108,7 +106,7 @@ class ReachCost {
     if constexpr (P > 0)
       for (int k = 0; k < P; ++k) {
         if (!in->moved[K + k]) continue;
-        double p[room(P)], step = difference * larger(fabs(hang_.at.p[k]), 0.1);
+        double p[room(P)], step = difference * maximum(fabs(hang_.at.p[k]), 0.1);
         std::memcpy(p, hang_.at.p, P * sizeof(double));
         for (int side = 0; side < 2; ++side) {
           p[k] = hang_.at.p[k] + (side ? -step : step);

@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "fantoccini/collision/clearance.hpp"
+#include "fantoccini/runs/held_drive.hpp"
+#include "fantoccini/runs/stepping.hpp"
 #include "fantoccini/search/feedback.hpp"
 #include "fantoccini/search/goal.hpp"
 #include "fantoccini/timestepping/trajectory.hpp"
@@ -52,9 +54,7 @@ class Rollouts {
   // Simulates rollouts until none is left.
   void work(const RolloutArrays& in, RolloutProgress& progress) {
     placed_.resize(in.solids->n_moving);
-    led_.opt = in.options;
-    led_.winches.set(in.winches);
-    for (int i = 0; i < Model::n_p; ++i) clearance_.p[i] = led_.p[i] = Real(in.p[i]);
+    for (int i = 0; i < Model::n_p; ++i) clearance_.p[i] = led_.p()[i] = Real(in.p[i]);
     for (int l = 0; l < width; ++l) rollout_[l] = -1;
     while (fill(in, progress)) segment(in, progress);
   }
@@ -63,6 +63,7 @@ class Rollouts {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, QK = Model::n_qK, NK = Model::n_vK;
   using Mask = typename Traits<Real>::Mask;
+  using Held = HeldDrive<typename Model::Driven, N, Real>;
 
   // Gives free lanes rollouts; false when none is left. Lanes without one repeat another's state.
   bool fill(const RolloutArrays& in, RolloutProgress& progress) {
@@ -76,7 +77,9 @@ class Rollouts {
           segment_[l] = 0;
           const long long start = in.start[i];
           each_part(
-              [&](Real* x, int n, const double* from, double*) { put(x, n, l, from + start * n); },
+              [&](Real* x, int n, const double* from, double*) {
+                put_lane(from + start * n, n, l, x);
+              },
               in);
         }
       }
@@ -97,47 +100,41 @@ class Rollouts {
   // Simulates the next segment of all lanes.
   void segment(const RolloutArrays& in, RolloutProgress& progress) {
     const double dt = in.options.dt;
+    Real acc_K[room(NK)];
     for (int l = 0; l < width; ++l) {
-      set_accelerations(in, l);
+      set_accelerations(in, l, acc_K);
       active_[l] = rollout_[l] >= 0;
       caught_[l] = 0;
       slackened_[l] = strayed_[l] = false;
     }
-    for (int j = 0; j < NK; ++j) still_[j] = is_constant(coef_ + n_powers * j);
-    set_inputs(0.0);
-    led_.take_inputs();
-    led_.begin();
+    held_.set(led_.inputs(), acc_K);
+    Inputs inputs{held_};
+    led_.set(0.0, in.options, in.winches);
+    led_.begin(inputs);
+    StepCount count{0.0, dt};
+    Watch watch{*this, in, progress};
     int look = 0;
     bool running = true;
     while (running && look < in.looks) {
       way_.clear();
       record_configuration();
       clearance_.moves.clear();
-      for (int s = 1; s <= in.steps; ++s) {
-        if (reached(progress) < 0) return;
-        Mask was[room(M)];
-        for (int r = 0; r < M; ++r) was[r] = led_.at.taut[r];
-        set_inputs(dt * (double(look) * in.steps + s));
-        led_.advance(dt);
-        count_catches(was);
-        if (in.kept_off) watch_touches(in);
-        record_configuration();
-        const Real *before = place(s - 1), *now = place(s);
-        clearance_.moves.add(*in.solids, before, before + NQ, now, now + NQ);
-      }
       ++look;
-      running = check(in, progress, look);
+      make_steps(led_, inputs, EvenSteps{dt, (long long)look * in.steps}, count, watch);
+      if (reached(progress) < 0) return;
+      running = any(led_.runs()) ? check(in, progress, look) : release_all();
     }
   }
 
-  // Sets the accelerations of a lane's segment and their polynomials.
-  void set_accelerations(const RolloutArrays& in, int l) {
-    double q_D[room(NQ)], v_D[room(N)], q_K[room(QK)], v_K[room(NK)], acc[room(NK)] = {};
-    get(led_.state().q_D, NQ, l, q_D);
-    get(led_.state().v_D, N, l, v_D);
-    get(led_.inputs().q_K, QK, l, q_K);
-    get(led_.inputs().v_K, NK, l, v_K);
+  // Sets the accelerations of a lane's segment.
+  void set_accelerations(const RolloutArrays& in, int l, Real* out) {
+    double acc[room(NK)] = {};
     if (rollout_[l] >= 0) {
+      double q_D[room(NQ)], v_D[room(N)], q_K[room(QK)], v_K[room(NK)];
+      take_lane(led_.state().q_D, NQ, l, q_D);
+      take_lane(led_.state().v_D, N, l, v_D);
+      take_lane(led_.inputs().q_K, QK, l, q_K);
+      take_lane(led_.inputs().v_K, NK, l, v_K);
       const long long i = rollout_[l];
       double* acc_K = in.acc_K + (i * in.segments + segment_[l]) * NK;
       if (segment_[l] >= in.n_given[i])
@@ -146,30 +143,49 @@ class Rollouts {
             double(in.looks) * in.steps * in.options.dt, q_D, v_D, q_K, v_K, acc_K);
       for (int k = 0; k < NK; ++k) acc[k] = acc_K[k];
     }
-    using Space = typename Model::Driven;
-    put(base_, QK, l, q_K);
-    for (int j = 0; j < NK; ++j) {
-      for (int k = 0; k < n_powers; ++k) lane_of(coef_[n_powers * j + k], l) = 0.0;
-      lane_of(coef_[n_powers * j + 1], l) = v_K[j];
-      lane_of(coef_[n_powers * j + 2], l) = 0.5 * acc[j];
+    put_lane(acc, NK, l, out);
+  }
+
+  // The inputs of a segment, evaluated in every step: whether they hold still in all lanes would
+  // depend on the neighbours.
+  struct Inputs {
+    const Held& held;
+
+    template <class To>
+    void start(const Real& t, To& in) const {
+      held.at(t, in);
     }
-    for (int k = 0; k < Space::n_scalars; ++k)
-      lane_of(coef_[n_powers * Space::scalar_v[k]], l) = q_K[Space::scalar_q[k]];
-  }
+    template <class To>
+    void fill(const Real& t, To& in) const {
+      held.at(t, in);
+    }
+  };
 
-  // Sets the coming inputs to those s seconds after the segment began.
-  void set_inputs(double s) {
-    auto& to = led_.coming();
-    motion_of<typename Model::Driven>(coef_, base_, still_, Real(s), to.q_K, to.v_K, to.acc_K);
-  }
+  // Follows the steps until a rollout is known to have reached the goal before all others.
+  struct Watch {
+    Rollouts& rollouts;
+    const RolloutArrays& in;
+    const RolloutProgress& progress;
 
-  void count_catches(const Mask* was) {
+    bool ready(const StepCount&) const { return reached(progress) >= 0; }
+
+    void record(const StepCount&, bool) {
+      rollouts.count_catches();
+      if (in.kept_off) rollouts.watch_touches(in);
+      rollouts.record_configuration();
+      const Real* now = rollouts.way_.data() + rollouts.way_.size() - (NQ + QK);
+      const Real* before = now - (NQ + QK);
+      rollouts.clearance_.moves.add(*in.solids, before, before + NQ, now, now + NQ);
+    }
+  };
+
+  void count_catches() {
     for (int r = 0; r < M; ++r) {
-      if (!any(led_.at.taut[r] != was[r])) continue;
+      const Mask caught = led_.caught(r), released = led_.released(r);
+      if (!any(caught || released)) continue;
       for (int l = 0; l < width; ++l) {
-        const bool before = lane_of(was[r], l), after = lane_of(led_.at.taut[r], l);
-        caught_[l] += active_[l] && after && !before;
-        slackened_[l] = slackened_[l] || (r < S && before && !after);
+        caught_[l] += active_[l] && lane_of(caught, l);
+        slackened_[l] = slackened_[l] || (r < S && lane_of(released, l));
       }
     }
   }
@@ -229,9 +245,9 @@ class Rollouts {
     for (int l = 0; l < width; ++l) {
       if (!active_[l]) continue;
       double q_D[room(NQ)], v_D[room(N)], v_K[room(NK)], pose[12];
-      get(state.q_D, NQ, l, q_D);
-      get(state.v_D, N, l, v_D);
-      get(inputs.v_K, NK, l, v_K);
+      take_lane(state.q_D, NQ, l, q_D);
+      take_lane(state.v_D, N, l, v_D);
+      take_lane(inputs.v_K, NK, l, v_K);
       const double clear = lane_of(least, l);
       const bool slack = slackened_[l] && !in.may_slacken;
       const bool weak = led_.motors.verdict(l) != DONE;
@@ -243,7 +259,7 @@ class Rollouts {
       }
       double distance = RolloutTolerances::no_distance;
       if (in.goal.kind != UNKNOWN) {
-        get(pose_of_goal, 12, l, pose);
+        take_lane(pose_of_goal, 12, l, pose);
         distance = goal_distance<Model>(in.goal, q_D, v_D, v_K, pose);
         if (in.goal.n_touches && !touching(in.goal, l)) distance += in.goal.open;
       }
@@ -337,10 +353,18 @@ class Rollouts {
     lane_of(led_.status, l) = STOPPED;
   }
 
+  // The same of all lanes, none of which runs; none is left in its segment.
+  bool release_all() {
+    for (int l = 0; l < width; ++l)
+      if (active_[l]) release(l);
+    return false;
+  }
+
   void write(const RolloutArrays& in, int l, int look, double distance) {
     const long long at = rollout_[l] * in.segments + segment_[l];
     each_part(
-        [&](const Real* x, int n, const double*, double* to) { get(x, n, l, to + at * n); }, in);
+        [&](const Real* x, int n, const double*, double* to) { take_lane(x, n, l, to + at * n); },
+        in);
     in.out.distance[at] = distance;
     in.out.looks[at] = look;
     in.out.catches[at] = caught_[l];
@@ -356,20 +380,12 @@ class Rollouts {
     f(led_.inputs().v_K, NK, in.v_K, in.out.v_K);
   }
 
-  static void put(Real* to, int n, int lane, const double* from) {
-    for (int k = 0; k < n; ++k) lane_of(to[k], lane) = from[k];
-  }
-
-  static void get(const Real* from, int n, int lane, double* to) {
-    for (int k = 0; k < n; ++k) to[k] = lane_of(from[k], lane);
-  }
-
   TimeSteppingTrajectory<Model, Real> led_;
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
   std::vector<Real> way_;  // configurations since the last look: q_D and q_K after every step
-  Real coef_[room(NK * n_powers)], base_[room(QK)];
-  bool still_[room(NK)], active_[width], slackened_[width], strayed_[width], passed_[width];
+  Held held_;
+  bool active_[width], slackened_[width], strayed_[width], passed_[width];
   long long rollout_[width];
   int segment_[width], caught_[width];
 };

@@ -10,57 +10,12 @@
 #include <new>
 
 #include "fantoccini/runs/batch.hpp"
+#include "fantoccini/runs/held_drive.hpp"
 #include "fantoccini/runs/lane_memory.hpp"
-#include "fantoccini/runs/step_grid.hpp"
-#include "fantoccini/timestepping/lanes.hpp"
+#include "fantoccini/runs/stepping.hpp"
+#include "fantoccini/timestepping/trajectory.hpp"
 
 namespace fan {
-
-// Inputs of a bundle with constant accelerations and forces from a configuration and velocity on.
-template <class Space, int n_vD, class Real>
-class HeldDrive {
- public:
-  // Takes what is held; `in` has the configuration and velocity at the start, and u_D.
-  template <class Inputs>
-  FAN_FN void set(const Inputs& in, const Real* acc_K) {
-    for (int i = 0; i < Space::n_q; ++i) base_[i] = in.q_K[i];
-    for (int j = 0; j < Space::n_v; ++j) {
-      Real* c = coef_ + n_powers * j;
-      for (int k = 0; k < n_powers; ++k) c[k] = Real(0.0);
-      c[1] = in.v_K[j];
-      c[2] = 0.5 * acc_K[j];
-    }
-    for (int i = 0; i < Space::n_scalars; ++i)
-      coef_[n_powers * Space::scalar_v[i]] = in.q_K[Space::scalar_q[i]];
-    for (int j = 0; j < Space::n_v; ++j) still_[j] = is_constant(coef_ + n_powers * j);
-    bool still = true;
-    for (int j = 0; j < Space::n_v; ++j) still = still && still_[j];
-    for (int k = 0; k < n_vD; ++k) {
-      u_D_[k] = in.u_D[k];
-      still = still && !any(u_D_[k] != Real(0.0));
-    }
-    still_number_ = still ? ++numbers_ : 0;
-  }
-
-  // The inputs at t; those that hold still are written once.
-  template <class Inputs>
-  FAN_FN void fill(const Real& t, Inputs& in) const {
-    if (still_number_ != 0 && in.still == still_number_) return;
-    start(t, in);
-  }
-
-  template <class Inputs>
-  FAN_FN void start(const Real& t, Inputs& in) const {
-    motion_of<Space>(coef_, base_, still_, t, in.q_K, in.v_K, in.acc_K);
-    for (int k = 0; k < n_vD; ++k) in.u_D[k] = u_D_[k];
-    in.still = still_number_;
-  }
-
- private:
-  bool still_[room(Space::n_v)];
-  long long still_number_ = 0, numbers_ = 0;  // as those of LaneDrive
-  Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], u_D_[room(n_vD)];
-};
 
 template <class Model, class Real>
 class LaneStepper {
@@ -77,7 +32,7 @@ class LaneStepper {
       workers_[i].reset(new (std::nothrow) Worker());
       if (!workers_[i]) return false;
     }
-    workers_[0]->bundle.trajectory.remember(count);
+    workers_[0]->bundle.remember(count);
     size_ = (count.size() + Memory::alignment - 1) / Memory::alignment * Memory::alignment;
     memory_.reset(new (
         std::align_val_t(Memory::alignment), std::nothrow) unsigned char[n_bundles_ * size_]());
@@ -103,7 +58,7 @@ class LaneStepper {
   static constexpr int NP = Model::n_p, M = Model::n_rows, D = Model::n_watched;
 
   struct Worker {
-    FixedLanes<Model, Real> bundle;
+    TimeSteppingTrajectory<Model, Real> bundle;
     HeldDrive<typename Model::Driven, N, Real> drive;
   };
   struct Free {
@@ -126,23 +81,17 @@ class LaneStepper {
       // Lanes beyond the last one repeat it.
       for (int l = n; l < width; ++l) lane_of(fresh, l) = lane_of(fresh, n - 1);
       Memory memory(Memory::WRITE, place, fresh > Real(0.5));
-      bundle.trajectory.remember(memory);
+      bundle.remember(memory);
       load(worker, first, n);
       for (int l = 0; l < n; ++l) in.fresh[first + l] = 0;
     }
     bundle.resume(worker.drive);
     Memory before(Memory::READ, place, Real(0.0) < Real(1.0));
-    bundle.trajectory.remember(before);
+    bundle.remember(before);
     bundle.take_up();
-    const StepGrid grid{0.0, in.duration, in.options.dt};
-    double t = 0.0;
-    for (long long step = 1; t < grid.end() && any(bundle.runs()); ++step) {
-      const double next = grid.at(step);
-      bundle.advance(worker.drive, t, next);
-      t = next;
-    }
+    make_steps(bundle, worker.drive, StepGrid{0.0, in.duration, in.options.dt});
     Memory after(Memory::WRITE, place, Real(0.0) < Real(1.0));
-    bundle.trajectory.remember(after);
+    bundle.remember(after);
     write(bundle, first, n);
   }
 
@@ -155,53 +104,42 @@ class LaneStepper {
     Real acc_K[room(NK)];
     for (int l = 0; l < width; ++l) {
       const long long who = first + (l < n ? l : n - 1);
-      put(bundle.q_D(), NQ, l, in.q_D + who * NQ);
-      put(bundle.v_D(), N, l, in.v_D + who * N);
-      put(bundle.slip(), S, l, in.slip + who * S);
-      put(bundle.p(), NP, l, in.p + who * NP);
-      put(inputs.q_K, Model::n_qK, l, in.q_K + who * Model::n_qK);
-      put(inputs.v_K, NK, l, in.v_K + who * NK);
-      put(acc_K, NK, l, of(in.acc_K, who));
+      put_lane(in.q_D + who * NQ, NQ, l, bundle.q_D());
+      put_lane(in.v_D + who * N, N, l, bundle.v_D());
+      put_lane(in.slip + who * S, S, l, bundle.slip());
+      put_lane(in.p + who * NP, NP, l, bundle.p());
+      put_lane(in.q_K + who * Model::n_qK, Model::n_qK, l, inputs.q_K);
+      put_lane(in.v_K + who * NK, NK, l, inputs.v_K);
+      put_lane(of(in.acc_K, who), NK, l, acc_K);
       const double* force = of(in.u_D, who);
       for (int k = 0; k < N; ++k) lane_of(inputs.u_D[k], l) = force ? force[k] : 0.0;
     }
     worker.drive.set(inputs, acc_K);
   }
 
-  void write(FixedLanes<Model, Real>& bundle, long long first, int n) {
+  void write(TimeSteppingTrajectory<Model, Real>& bundle, long long first, int n) {
     const StepperArrays& in = arrays_;
     const auto& inputs = bundle.inputs();
     Real books[5];
     bundle.books(books);
     for (int l = 0; l < n; ++l) {
       const long long who = first + l;
-      take(bundle.q_D(), NQ, l, in.q_D + who * NQ);
-      take(bundle.v_D(), N, l, in.v_D + who * N);
-      take(bundle.slip(), S, l, in.slip + who * S);
-      const Status status = Status(int(lane_of(bundle.status, l)));
+      take_lane(bundle.q_D(), NQ, l, in.q_D + who * NQ);
+      take_lane(bundle.v_D(), N, l, in.v_D + who * N);
+      take_lane(bundle.slip(), S, l, in.slip + who * S);
       // A lane that has stopped keeps its inputs, too.
-      if (status == RUNNING) {
-        take(inputs.q_K, Model::n_qK, l, in.q_K + who * Model::n_qK);
-        take(inputs.v_K, NK, l, in.v_K + who * NK);
+      if (lane_of(bundle.runs(), l)) {
+        take_lane(inputs.q_K, Model::n_qK, l, in.q_K + who * Model::n_qK);
+        take_lane(inputs.v_K, NK, l, in.v_K + who * NK);
       }
-      take(bundle.tension(), M, l, in.tension + who * M);
-      take(bundle.taut(), M, l, in.taut + who * M);
-      take(books, 5, l, in.books + who * 5);
+      take_lane(bundle.tension(), M, l, in.tension + who * M);
+      take_lane(bundle.taut(), M, l, in.taut + who * M);
+      take_lane(books, 5, l, in.books + who * 5);
       in.violation[who] = lane_of(bundle.worst_violation, l);
       in.advanced[who] = lane_of(bundle.t, l);
-      in.status[who] = status == RUNNING ? bundle.motors().verdict(l) : status;
-      for (int r = 0; r < M; ++r) in.blame[who * (M + D) + r] = bundle.blame_of(l)[r];
-      bundle.motors().blame(Status(in.status[who]), l, in.blame + who * (M + D) + M);
+      in.status[who] = verdict(bundle, l);
+      tell_blame(bundle, Status(in.status[who]), l, in.blame + who * (M + D));
     }
-  }
-
-  static void put(Real* to, int n, int lane, const double* from) {
-    for (int k = 0; k < n; ++k) lane_of(to[k], lane) = from[k];
-  }
-
-  template <class From, class To>
-  static void take(const From* from, int n, int lane, To* to) {
-    for (int k = 0; k < n; ++k) to[k] = To(lane_of(from[k], lane));
   }
 
   long long n_bundles_ = 0, size_ = 0;

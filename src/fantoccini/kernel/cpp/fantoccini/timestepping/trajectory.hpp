@@ -1,5 +1,6 @@
 // A trajectory of the time-stepper: follows the inputs by exact increments of the driven
-// coordinates, keeps the ledger and sets the status. Written for any Real.
+// coordinates, keeps the ledger and sets the status. Written for any Real, with the interface of
+// runs/stepping.hpp.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -9,12 +10,16 @@
 
 namespace fan {
 
-template <class Model, class Real>
+template <class Model_, class Real_>
 struct TimeSteppingTrajectory {
+  using Model = Model_;
+  using Real = Real_;
   using Space = typename Model::Driven;
   using Mask = typename Traits<Real>::Mask;
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
   static constexpr int M = Model::n_rows, NK = Model::n_vK, width = Traits<Real>::width;
+  static constexpr bool touches = TimeStep<Model, Real>::touches;
+  static constexpr bool makes_parts = false;  // a step is made as a whole, or not at all
 
   struct State {
     Real q_D[room(NQ)], v_D[room(N)];
@@ -25,25 +30,84 @@ struct TimeSteppingTrajectory {
     long long still = 0;
   };
 
-  Real p[room(Model::n_p)];
   TimeStep<Model, Real> at;
   Winches<S> winches;
   MotorWatch<Model, Real> motors;
   Options opt;
+  Real t;  // s
   Real work, damping, impact, slip_loss, friction, worst_violation;
   Real status;                   // a Status: RUNNING, or what has stopped the trajectory
   double blame[width][room(M)];  // of the rows for the status, 0 to 1
+
+  // Sets the time and options of all lanes; states and parameters are set afterwards.
+  FAN_FN void set(double start, const Options& options, const double* table) {
+    t = Real(start);
+    opt = options;
+    winches.set(table);
+  }
 
   FAN_FN State& state() { return states_[state_]; }
   FAN_FN Inputs& inputs() { return inputs_[inputs_at_]; }      // at present
   FAN_FN Inputs& coming() { return inputs_[1 - inputs_at_]; }  // at the end of the next step
 
-  // Makes the coming inputs the present ones.
-  FAN_FN void take_inputs() { inputs_at_ = 1 - inputs_at_; }
+  Real* q_D() { return state().q_D; }
+  Real* v_D() { return state().v_D; }
+  Real* slip() { return at.slip; }
+  Real* p() { return p_; }
+  const Real* acc() const { return at.acc(); }
+  const Real* tension() const { return at.tension; }
+  const Mask* taut() const { return at.taut; }
+  FAN_FN Mask runs() const { return status < Real(RUNNING + 0.5); }
 
-  // Begins at state(), at.slip and the present inputs. The tensions of the start are those of the
+  // Of the last step.
+  Mask caught(int r) const { return at.taut[r] && !was_[r]; }
+  Mask released(int r) const { return was_[r] && !at.taut[r]; }
+  Real catch_impulse(int r, double dt) const { return at.tension[r] * dt; }
+  Mask slip_begun(int i) const { return at.slips[i] && !slipped_[i]; }
+  Mask slip_ended(int i) const { return slipped_[i] && !at.slips[i]; }
+
+  Real contact_residual() const {
+    if constexpr (touches) return at.contacts.residual;
+    else return Real(0.0);
+  }
+
+  // Work, damping, impact, slip loss and friction.
+  void books(Real* out) const {
+    out[0] = work;
+    out[1] = damping;
+    out[2] = impact;
+    out[3] = slip_loss;
+    out[4] = friction;
+  }
+
+  // Takes new inputs from here on.
+  template <class Drive>
+  FAN_FN void restart(Drive& drive) {
+    drive.start(t, coming());
+    take_inputs();
+  }
+
+  // Takes up a trajectory that was begun before, at state() and new inputs: first the inputs, then
+  // what it remembers, then the rest.
+  template <class Drive>
+  void resume(Drive& drive) {
+    restart(drive);
+    at.ready(opt);
+  }
+  void take_up() { at.idle = !runs(); }
+
+  // To be called after its bytes were read (runs/snapshot.hpp): pointers among them are not its
+  // own.
+  void attach(const ContactArrays* solids) {
+    opt.contacts = at.solids = solids;
+    inputs().still = coming().still = 0;  // another drive numbers its own
+  }
+
+  // Begins at state(), at.slip and the inputs at t. The tensions of the start are those of the
   // first step, which is made and undone.
-  FAN_FN void begin() {
+  template <class Drive>
+  FAN_FN void begin(Drive& drive) {
+    restart(drive);
     const Mask no = Real(0.0) > Real(1.0);
     work = damping = impact = slip_loss = friction = worst_violation = Real(0.0);
     status = Real(RUNNING);
@@ -65,8 +129,8 @@ struct TimeSteppingTrajectory {
     at.stirred = no;
     at.forget(!no);
     hold();
-    if constexpr (TimeStep<Model, Real>::touches) at.contacts.take_as_resting();
-    motors.begin(state().q_D, inputs().q_K, p);
+    if constexpr (touches) at.contacts.take_as_resting();
+    motors.begin(state().q_D, inputs().q_K, p_);
     lost_ = last_loss_ = Real(0.0);
     last_dt_ = Real(0.0);
   }
@@ -82,8 +146,22 @@ struct TimeSteppingTrajectory {
     memory.keep_of_lanes(blame);
   }
 
-  // A step of length dt to the coming inputs. A trajectory for which it fails is stopped and keeps
-  // its state.
+  // A step of length dt to the time `next` and the inputs there. A trajectory for which it fails is
+  // stopped and keeps its state.
+  template <class Drive>
+  FAN_FN void advance(Drive& drive, double next, double dt) {
+    for (int r = 0; r < M; ++r) was_[r] = at.taut[r];
+    for (int i = 0; i < S; ++i) slipped_[i] = at.slips[i];
+    drive.fill(Real(next), coming());
+    advance(dt);
+    t = select(runs(), Real(next), t);
+  }
+
+ private:
+  // Makes the coming inputs the present ones.
+  FAN_FN void take_inputs() { inputs_at_ = 1 - inputs_at_; }
+
+  // A step to the coming inputs.
   FAN_FN void advance(double dt) {
     Real slip[room(S)];
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
@@ -98,7 +176,7 @@ struct TimeSteppingTrajectory {
     }
     take_loss(dt);
     judge();
-    const Mask goes = status < Real(RUNNING + 0.5);
+    const Mask goes = runs();
     State &old = state(), &made = stepped();
     if (any(!goes)) {
       for (int i = 0; i < NQ; ++i) made.q_D[i] = select(goes, made.q_D[i], old.q_D[i]);
@@ -116,10 +194,9 @@ struct TimeSteppingTrajectory {
     at.idle = !goes;
     take_inputs();
     const auto& in = inputs();
-    motors.look(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p, goes);
+    motors.look(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p_, goes);
   }
 
- private:
   // Rows that pull at the start are held, but for those that close faster than the forces of a step
   // move them: these are caught from the first step on.
   FAN_FN void hold() {
@@ -138,7 +215,7 @@ struct TimeSteppingTrajectory {
     at.forced = forced;
     at.step(
         from.q_D, from.v_D, inputs().q_K, v_K, acc_K, inputs().u_D, dt, opt.recovery_speed,
-        opt.tension_cap, winches, p, to.q_D, to.v_D);
+        opt.tension_cap, winches, p_, to.q_D, to.v_D);
   }
 
   // Damping and drag act at v+, so that a step loses
@@ -171,17 +248,17 @@ struct TimeSteppingTrajectory {
     Mask empty = Real(0.0) > Real(1.0);
     for (int i = 0; i < S; ++i) empty = empty || is_empty(i);
     const auto stop = [&](const Mask& mask, Status why) {
-      status = select(mask && status < Real(RUNNING + 0.5), Real(why), status);
+      status = select(mask && runs(), Real(why), status);
     };
     stop(motors.gone, RUNAWAY);
     stop(!at.settled, NOT_SETTLED);
-    if constexpr (TimeStep<Model, Real>::touches) {
+    if constexpr (touches) {
       Real crowded = Real(0.0);
       for (int l = 0; l < width; ++l) lane_of(crowded, l) = at.contacts.too_many(l) ? 1.0 : 0.0;
       stop(crowded > Real(0.5), TOO_MANY_CONTACTS);
     }
     stop(wild, NOT_FINITE);
-    const Mask runs_out = empty && status < Real(RUNNING + 0.5);
+    const Mask runs_out = empty && runs();
     if (any(runs_out)) accuse_empty(runs_out);
     stop(runs_out, LENGTH_NOT_POSITIVE);
   }
@@ -203,7 +280,9 @@ struct TimeSteppingTrajectory {
 
   // J: lost before the last step, and in the step before it; sqrt(P) at the start of the last step.
   Real lost_, last_loss_, last_root_ = Real(0.0);
-  Real last_dt_ = Real(0.0);  // s: its length, 0 before the first one
+  Real last_dt_ = Real(0.0);              // s: its length, 0 before the first one
+  Mask was_[room(M)], slipped_[room(S)];  // before the last step: rows taut, winches that slip
+  Real p_[room(Model::n_p)];
   State states_[2];
   Inputs inputs_[2];
   int state_ = 0, inputs_at_ = 0;

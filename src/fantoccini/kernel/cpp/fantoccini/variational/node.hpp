@@ -35,6 +35,7 @@ struct VariationalNode {
 
   struct Inputs {
     Real q_K[room(NQK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)];
+    long long still = 0;  // of the drive's own (runs/drive.hpp); not read here
 
     FAN_FN void keep(const Inputs& other, const Mask& lanes) {
       for (int i = 0; i < NQK; ++i) q_K[i] = select(lanes, other.q_K[i], q_K[i]);

@@ -1,6 +1,7 @@
 // A trajectory of the variational integrator: follows the inputs, halves steps that do not
-// converge, keeps the ledger and sets the status. Written for any Real: every lane halves its own
-// step, and waits for the others at the end of the whole one.
+// converge, keeps the ledger and sets the status. Written for any Real, with the interface of
+// runs/stepping.hpp: every lane halves its own step, and waits for the others at the end of the
+// whole one.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -31,19 +32,18 @@ struct VariationalTrajectory {
   using Tolerance = StepHalvingTolerances;
   static constexpr int width = Traits<Real>::width, NQ = Model::n_qD, N = Model::n_vD;
   static constexpr int S = Model::n_strings, M = Model::n_rows, NK = Model::n_vK;
+  static constexpr bool touches = false;
+  static constexpr bool makes_parts = true;  // a run may stop within a step
 
   Step at;
-  MotorWatch<Model, Real> watch;
+  MotorWatch<Model, Real> motors;
   Options opt;
   Real t;  // s
   Real work, damping, impact, slip_loss, worst_violation;
   Real status;  // a Status: RUNNING, or what has stopped the trajectory
   double blame[width][room(M)];
   // Of the last whole step.
-  Real pull[room(M)];                     // N or N m: mean tensions
-  Real blow[room(M)];                     // N s or N m s: impulses of rows that were caught
-  Mask was[room(M)];                      // rows that were taut before it
-  Mask slips[room(S)], slipped[room(S)];  // winches that slip in it, and in the one before
+  Real pull[room(M)];  // N or N m: mean tensions
 
   // Sets the time and options of all lanes; states and parameters are set afterwards.
   void set(double start, const Options& options, const double* winches) {
@@ -65,8 +65,6 @@ struct VariationalTrajectory {
   const Mask* taut() const { return at.here.taut; }
   const Real* tension() const { return pull; }
   Inputs& inputs() { return node().now; }
-  const auto& motors() const { return watch; }
-  const double* blame_of(int lane) const { return blame[lane]; }
 
   // Work, damping, impact, slip loss and friction.
   void books(Real* out) const {
@@ -85,23 +83,27 @@ struct VariationalTrajectory {
     status = Real(RUNNING);
     work = damping = impact = slip_loss = worst_violation = Real(0.0);
     for (int r = 0; r < M; ++r) {
-      pull[r] = blow[r] = Real(0.0);
+      pull[r] = blow_[r] = Real(0.0);
       for (int l = 0; l < width; ++l) blame[l][r] = 0.0;
     }
-    for (int i = 0; i < S; ++i) slips[i] = slipped[i] = !all;
+    for (int i = 0; i < S; ++i) slips_[i] = slipped_[i] = !all;
     drive.start(t, node().now);
     const Real dt = Real(opt.dt);
     at.begin(dt);
     const Mask found = look(drive, dt, all);
     for (int r = 0; r < M; ++r) {
-      was[r] = node().taut[r];
+      was_[r] = node().taut[r];
       const Mask pulls = found && node().closed(r);
       node().lambda[r] = select(pulls, at.found_impulse(r), node().lambda[r]);
       pull[r] = select(pulls, Real(at.found_impulse(r) * (2.0 / opt.dt)), pull[r]);
     }
     restart(drive);
-    watch.begin(q_D(), inputs().q_K, p());
+    motors.begin(q_D(), inputs().q_K, p());
   }
+
+  // To be called after its bytes were read (runs/snapshot.hpp): pointers among them are not its
+  // own.
+  void attach(const ContactArrays* solids) { opt.contacts = solids; }
 
   // Takes new inputs from here on. The momenta stay, so the driven velocities must be continuous.
   template <class Drive>
@@ -111,21 +113,20 @@ struct VariationalTrajectory {
     stop(!node().settled, NOT_SETTLED);
   }
 
-  // Advances all trajectories that still run from the time `from`, where they are, to `next`. One
+  // Advances all trajectories that still run by a step of length `whole` to the time `next`. One
   // that cannot be advanced is stopped and keeps its state.
   template <class Drive>
-  void advance(Drive& drive, double from, double next) {
+  void advance(Drive& drive, double next, double whole) {
     const Mask no = Real(0.0) > Real(1.0);
     const Real start = t;
-    const double whole = next - from;
     Real part = Real(whole), impulse[room(M)];
     for (int r = 0; r < M; ++r) {
-      was[r] = node().taut[r];
-      impulse[r] = blow[r] = Real(0.0);
+      was_[r] = node().taut[r];
+      impulse[r] = blow_[r] = Real(0.0);
     }
     for (int i = 0; i < S; ++i) {
-      slipped[i] = slips[i];
-      slips[i] = no;
+      slipped_[i] = slips_[i];
+      slips_[i] = no;
     }
     Mask goes = runs() && t < Real(next);
     const Mask went = goes;
@@ -151,17 +152,20 @@ struct VariationalTrajectory {
       const Real mean = select(node().taut[r], Real(impulse[r] * rate), Real(0.0));
       pull[r] = select(ends, mean, pull[r]);
     }
-    for (int i = 0; i < S; ++i) slips[i] = (ends && slips[i]) || (!ends && slipped[i]);
+    for (int i = 0; i < S; ++i) slips_[i] = (ends && slips_[i]) || (!ends && slipped_[i]);
     const Inputs& in = inputs();
-    watch.look(q_D(), v_D(), in.q_K, in.v_K, in.acc_K, p(), ends);
-    stop(ends && watch.gone, RUNAWAY);
+    motors.look(q_D(), v_D(), in.q_K, in.v_K, in.acc_K, p(), ends);
+    stop(ends && motors.gone, RUNAWAY);
   }
 
   Mask runs() const { return status < Real(RUNNING + 0.5); }
 
   // Rows that the last whole step has caught and let go.
-  Mask caught(int r) const { return blow[r] > Real(0.0); }
-  Mask released(int r) const { return !at.here.taut[r] && (was[r] || caught(r)); }
+  Mask caught(int r) const { return blow_[r] > Real(0.0); }
+  Mask released(int r) const { return !at.here.taut[r] && (was_[r] || caught(r)); }
+  Real catch_impulse(int r, double) const { return blow_[r]; }
+  Mask slip_begun(int i) const { return slips_[i] && !slipped_[i]; }
+  Mask slip_ended(int i) const { return slipped_[i] && !slips_[i]; }
 
  private:
   // Looks for a part of length dt in some lanes; returns those in which it was found.
@@ -189,10 +193,10 @@ struct VariationalTrajectory {
     for (int r = 0; r < M; ++r) {
       const Real beyond = at.overstep(r);
       worst_violation = select(lanes && beyond > worst_violation, beyond, worst_violation);
-      book(blow[r], select(at.caught[r], at.impulse[r], Real(0.0)));
+      book(blow_[r], select(at.caught[r], at.impulse[r], Real(0.0)));
       book(impulse[r], select(at.caught[r], Real(0.0), at.impulse[r]));
     }
-    for (int i = 0; i < S; ++i) slips[i] = slips[i] || (lanes && at.slips[i]);
+    for (int i = 0; i < S; ++i) slips_[i] = slips_[i] || (lanes && at.slips[i]);
     judge(dt, lanes);
   }
 
@@ -285,6 +289,11 @@ struct VariationalTrajectory {
     if (solved == Solved::INFEASIBLE) return IMPOSSIBLE_INPUT;
     return most > node().cap * span ? TENSION_CAP : NOT_SETTLED;
   }
+
+  // Of the last whole step.
+  Real blow_[room(M)];                      // N s or N m s: impulses of rows that were caught
+  Mask was_[room(M)];                       // rows that were taut before it
+  Mask slips_[room(S)], slipped_[room(S)];  // winches that slip in it, and in the one before
 };
 
 }  // namespace fan

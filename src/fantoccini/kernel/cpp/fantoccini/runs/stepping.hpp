@@ -1,0 +1,72 @@
+// The loop of every run of fixed steps, for one trajectory or a bundle of lanes:
+//
+//   inputs at the end of the step -> step -> verdict -> record
+//
+// A trajectory (TimeSteppingTrajectory, VariationalTrajectory) begins at q_D(), v_D(), slip() and
+// p(), makes the step and judges it: `status` in every lane. It takes its inputs from a drive, by
+// `start(t, inputs)` where a run begins and by `fill(t, inputs)`, or `at` and `force`, for a step:
+// Drive, LaneDrive and HeldDrive. A recorder is asked before every step whether to go on,
+// `ready(count)`, and told after it whether any lane has moved, `record(count, moved)`.
+#pragma once
+
+#include "fantoccini/contract.hpp"
+#include "fantoccini/math/lane_of.hpp"
+#include "fantoccini/math/real.hpp"
+#include "fantoccini/runs/step_grid.hpp"
+
+namespace fan {
+
+// Makes steps until the grid is over, the recorder has enough, or no lane runs any more.
+template <class Trajectory, class Drive, class Grid, class Recorder>
+FAN_FN void make_steps(
+    Trajectory& trajectory, Drive& drive, const Grid& grid, StepCount& count, Recorder& recorder) {
+  using Real = typename Trajectory::Real;
+  while (any(trajectory.runs()) && !grid.over(count) && recorder.ready(count)) {
+    const double next = grid.next(count);
+    count.dt = grid.length(count);
+    trajectory.advance(drive, next, count.dt);
+    const bool moved = any(trajectory.t > Real(count.t));
+    count.made += moved;
+    count.here += moved;
+    if (any(trajectory.runs())) count.t = next;
+    recorder.record(count, moved);
+  }
+}
+
+// The same of a grid that begins at time 0, without a record.
+template <class Trajectory, class Drive, class Grid>
+FAN_FN void make_steps(Trajectory& trajectory, Drive& drive, const Grid& grid) {
+  struct {
+    bool ready(const StepCount&) const { return true; }
+    void record(const StepCount&, bool) const {}
+  } nobody;
+  StepCount count{0.0, grid.dt};
+  make_steps(trajectory, drive, grid, count, nobody);
+}
+
+// Sets where a lane of a trajectory begins.
+template <class Trajectory>
+void load_start(Trajectory& trajectory, int lane, const StartArrays& from) {
+  using Model = typename Trajectory::Model;
+  put_lane(from.q_D, Model::n_qD, lane, trajectory.q_D());
+  put_lane(from.v_D, Model::n_vD, lane, trajectory.v_D());
+  put_lane(from.slip, Model::n_strings, lane, trajectory.slip());
+  put_lane(from.p, Model::n_p, lane, trajectory.p());
+}
+
+// How a lane has ended: what stopped it, or else `ended`; its motors judge what has reached its end
+// (DONE).
+template <class Trajectory>
+Status verdict(const Trajectory& trajectory, int lane, Status ended = DONE) {
+  const Status status = Status(int(lane_of(trajectory.status, lane)));
+  if (status != RUNNING) return status;
+  return ended == DONE ? trajectory.motors.verdict(lane) : ended;
+}
+
+// By row and watched drive, its share of the blame for how a lane has ended (n_rows + n_watched,).
+template <class Trajectory>
+void tell_blame(const Trajectory& trajectory, Status status, int lane, double* out) {
+  trajectory.motors.blame(status, lane, trajectory.blame[lane], out);
+}
+
+}  // namespace fan

@@ -1,0 +1,139 @@
+"""Arrays of the contract's structures: made with their shapes, and packed for compiled code."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from fantoccini.kernel.contract import STRUCTURES, Field
+from fantoccini.kernel.runtime.functions import AnyArray, pointer
+from fantoccini.kernel.runtime.structures import dtype_of, structures, type_of
+
+_DTYPES: dict[str, Any] = {
+    "unsigned char": np.dtype(np.bool_),
+    "int": np.dtype(np.int32),
+    "long long": np.dtype(np.int64),
+    "double": np.dtype(np.float64),
+}
+"""Of numbers in arrays, by their type in C++."""
+
+
+def new_arrays(
+    structure: str, names: Iterable[str], sizes: Mapping[str, int], **more: int
+) -> dict[str, AnyArray]:
+    """Arrays of zeros that a structure points to, by name, with the contract's shapes and types.
+
+    Args:
+        structure: its name.
+        names: of its fields.
+        sizes: of the puppet.
+        more: other sizes that the shapes name, such as ``n``.
+    """
+    known = {**sizes, **more}
+    fields = {name: _fields(structure)[name] for name in names}
+    return {
+        name: np.zeros([_size(axis, known) for axis in field.shape], dtype=field.dtype)
+        for name, field in fields.items()
+    }
+
+
+def packed(structure: str, /, **values: Any) -> Any:
+    """A structure with numbers and arrays; its arrays live as long as it does.
+
+    Args:
+        structure: its name.
+        values: by field. Arrays that compiled code only reads are made contiguous and converted to
+            the contract's type; others must be so. Those of a ``Shared`` are (n, ...), or (1, ...)
+            where all share one. None is a null pointer, as what is not given.
+
+    Raises:
+        ValueError: compiled code would write to an array of another type, or that is not
+            contiguous.
+    """
+    made: Any = structures[structure]()
+    kept: list[Any] = []
+    made.kept = kept
+    for name, value in values.items():
+        field = _fields(structure)[name]
+        if value is None:
+            continue
+        if isinstance(value, ctypes.Structure | ctypes.Array):
+            kept.append(value)
+            value = ctypes.addressof(value) if field.is_pointer else value
+        elif field.is_shared:
+            array = np.ascontiguousarray(value, dtype=float)
+            kept.append(array)
+            stride = 0 if len(array) == 1 else array[0].size
+            value = structures["Shared"](pointer(array), stride)
+        elif isinstance(value, np.ndarray):
+            value = field.numbers(value)
+            kept.append(value)
+            value = pointer(value) if field.is_pointer else field.type(*value)
+        setattr(made, name, value)
+    return made
+
+
+@dataclass(frozen=True)
+class _Packed:
+    """How a field is filled: ``number`` is what a pointer points to."""
+
+    name: str
+    shape: tuple[str, ...]
+    type: Any
+    number: str
+    is_pointer: bool
+    is_read: bool
+
+    @classmethod
+    def of(cls, field: Field) -> _Packed:
+        return cls(
+            field.name,
+            field.shape,
+            type_of(field.type),
+            field.type.removeprefix("const ").rstrip("*"),
+            field.type.endswith("*"),
+            field.type.startswith("const "),
+        )
+
+    @property
+    def is_shared(self) -> bool:
+        return self.type is structures["Shared"]
+
+    @property
+    def dtype(self) -> Any:
+        """Of an array's numbers."""
+        return _DTYPES.get(self.number) or dtype_of(self.number)
+
+    def numbers(self, value: AnyArray) -> AnyArray:
+        """The array itself, or a copy as compiled code reads it."""
+        if not self.is_pointer:
+            return value
+        if self.is_read:
+            return np.ascontiguousarray(value, dtype=self.dtype)
+        if value.dtype != self.dtype or not value.flags.c_contiguous:
+            raise ValueError(
+                f"compiled code writes to {self.name}: it must be contiguous, of {self.dtype}"
+            )
+        return value
+
+
+@cache
+def _fields(structure: str) -> dict[str, _Packed]:
+    (own,) = (s for s in STRUCTURES if s.name == structure)
+    return {field.name: _Packed.of(field) for field in own.fields}
+
+
+def _size(axis: str, known: Mapping[str, int]) -> int:
+    """The length of an axis, such as ``2 n_vD + 3 k``."""
+    total = 0
+    for term in axis.split("+"):
+        product = 1
+        for factor in term.split():
+            product *= int(factor) if factor.isdigit() else known[factor]
+        total += product
+    return total
