@@ -12,11 +12,12 @@ import fantoccini as fan
 from fantoccini.base import FileError
 from fantoccini.control.problems import load_problem
 from fantoccini.control.problems.problem_file import ProblemFile
-from fantoccini.control.tasks import Answer, ControlFile, load_task
+from fantoccini.control.tasks import Answer, AnswerStatus, ControlFile, load_task
 from fantoccini.control.tasks.schema import TaskFile
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
 SOLVERS = {"solve", "cho_factor", "cholesky"}
+ANSWERS = (fan.control.PlanResult, fan.control.Optimum, fan.control.ReachedPose, fan.control.Tuned)
 
 
 def functions(folder: Path = PACKAGE) -> dict[str, ast.FunctionDef]:
@@ -134,13 +135,42 @@ def test_answers_have_one_truth():
         and any(isinstance(x, ast.FunctionDef) and x.name == "__bool__" for x in node.body)
     ]
     assert own == ["optimal/reached.py: ReachedPoses", "tasks/answer.py: Answer"]
-    for kind in (
-        fan.control.PlanResult,
-        fan.control.Optimum,
-        fan.control.ReachedPose,
-        fan.control.Tuned,
-    ):
+    for kind in ANSWERS:
         assert issubclass(kind, Answer)
+
+
+def test_answers_have_statuses_of_one_enumeration():
+    """Others are of an update of MPC, and of polishing, whose outcome is no answer."""
+    folder = PACKAGE / "control"
+    own = [
+        node.name
+        for file in sorted(folder.rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+        and {ast.unparse(base) for base in node.bases} & {"Outcome", "enum.Enum", "Enum"}
+    ]
+    assert sorted(own) == ["AnswerStatus", "MPCStatus", "PolishStatus"]
+    for kind in ANSWERS:
+        assert kind.__annotations__["status"] == "AnswerStatus"
+
+
+def test_a_status_says_whether_an_answer_holds():
+    """Whoever reports one name reports one truth: ``holds`` is the status', but of one status."""
+    folder = PACKAGE / "control"
+    own = [
+        f"{name}: {prop}"
+        for name, prop in (key.rsplit(": ", 1) for key in functions(folder))
+        if prop in ("holds", "is_minimum")
+    ]
+    assert own == [
+        "planning/result.py: holds",
+        "tasks/answer.py: holds",
+        "tasks/answer.py: is_minimum",
+    ]
+    solved = {status.name for status in AnswerStatus if status.holds and status.is_minimum}
+    assert solved == {"SOLVED", "NARROW", "EXACT", "REACHED"}
+    assert AnswerStatus.TIMEOUT.holds and not AnswerStatus.TIMEOUT.is_minimum
+    assert not AnswerStatus.VIOLATED.holds and not AnswerStatus.OUT_OF_TIME.holds
 
 
 def test_one_function_carries_changes_across_impulses():

@@ -110,7 +110,7 @@ def test_a_ball_goes_round_a_post(ball_arm: fan.Marionette):
 
 def test_a_motion_that_begins_too_near_is_violated(ball_arm: fan.Marionette):
     best = fan.optimise(lowering(ball_arm, clearance=0.4), iterations=5)
-    assert not best and best.status is fan.control.OptimalStatus.VIOLATED
+    assert not best and best.status is fan.control.AnswerStatus.VIOLATED
     assert best.violation > 0.01
 
 

@@ -45,7 +45,7 @@ def among_boxes() -> fan.control.PlanResult:
 
 def test_a_plan_among_boxes_arrives_and_stays_clear(among_boxes):
     found = among_boxes
-    assert found and found.status is fan.control.PlanStatus.EXACT
+    assert found and found.status is fan.control.AnswerStatus.EXACT
     assert found.distance <= 0.25
     assert found.clearance.min() > -1e-3, "between looks it may come a little nearer"
     end = found.trajectory.state(-1)
@@ -112,7 +112,7 @@ def test_the_papers_planner_comes_nearer():
     )
     for found in biased:
         assert 400 <= found.tried < 464 and not found
-        assert found.status is fan.control.PlanStatus.APPROXIMATE
+        assert found.status is fan.control.AnswerStatus.APPROXIMATE
     nearest, other = (np.median([p.distance for p in plans]) for plans in (biased, uniform))
     assert nearest < 0.9 * float(biased[0].tree.distance[0])
     assert nearest < other, "the distance bias helps, as the paper says"
@@ -158,7 +158,7 @@ def test_a_goal_that_is_met_needs_no_motion():
 def test_a_start_in_collision_is_told():
     inside = [{"name": "stone", "type": "sphere", "radius": 0.2, "at": [0, 0, -0.3]}]
     found = fan.plan(ARM, HANGING, RAISED, inside)
-    assert not found and found.status is fan.control.PlanStatus.INFEASIBLE_START
+    assert not found and found.status is fan.control.AnswerStatus.INFEASIBLE_START
     assert "inside stone" in found.reason and found.tried == 0
     far = fan.plan(
         ARM, HANGING, RAISED, bounds=fan.control.Bounds(position={"hand.length": (0.2, 1.0)})
@@ -168,12 +168,12 @@ def test_a_start_in_collision_is_told():
 
 def test_a_goal_out_of_reach_is_told():
     bent = fan.plan(ARM, HANGING, {"elbow": 3.0})
-    assert bent.status is fan.control.PlanStatus.INFEASIBLE_GOAL and not bent and bent.tried == 0
+    assert bent.status is fan.control.AnswerStatus.INFEASIBLE_GOAL and not bent and bent.tried == 0
     assert "elbow is to be at 3, beyond its upper limit 2.6" in bent.reason
     assert fan.plan(ARM, HANGING, {"elbow": (2.0, 3.0)}, iterations=64).tried > 0
     far = fan.control.Goal.point(ARM, "lower", [0.5, 0.0, -0.5], at=[0, 0, -0.3])
     found = fan.plan(ARM, HANGING, far, tolerance=0.05)
-    assert found.status is fan.control.PlanStatus.INFEASIBLE_GOAL
+    assert found.status is fan.control.AnswerStatus.INFEASIBLE_GOAL
     assert "0.707 m from shoulder, and lower reaches no farther than 0.6 m" in found.reason
     assert fan.plan(ARM, HANGING, far, tolerance=0.11, iterations=64).tried > 0
 
@@ -185,10 +185,10 @@ def test_an_end_of_the_search_returns_the_nearest():
         return Explore()(tree, rollouts, rng)
 
     stopped = raised(planner=interrupted, tolerance=1e-9)
-    assert not stopped and stopped.status is fan.control.PlanStatus.APPROXIMATE
+    assert not stopped and stopped.status is fan.control.AnswerStatus.APPROXIMATE
     assert stopped.distance == stopped.tree.distance.min() < stopped.tree.distance[0]
     late = raised(tolerance=1e-9, time_limit=0.2, iterations=10**9)
-    assert late.status is fan.control.PlanStatus.TIMEOUT and not late
+    assert late.status is fan.control.AnswerStatus.OUT_OF_TIME and not late
     assert late.tried < 10**6, "work, not seconds: a busy machine does less of it"
 
 

@@ -36,11 +36,21 @@ from fantoccini.control.optimal.finishing import confirmed, iterate, search_mini
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.outlook import out_of_reach
-from fantoccini.control.optimal.result import OptimalStatus, Optimum
+from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.shooting import EventRuns, StepRuns
 from fantoccini.control.optimal.sqp import Iterate, Limits, Search
 from fantoccini.control.optimal.through_modes import HOLDS, ThroughModes
-from fantoccini.control.tasks import Bounds, Chosen, Clip, Nodes, Smooth, Target, Task, Track
+from fantoccini.control.tasks import (
+    AnswerStatus,
+    Bounds,
+    Chosen,
+    Clip,
+    Nodes,
+    Smooth,
+    Target,
+    Task,
+    Track,
+)
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 
@@ -151,7 +161,7 @@ def optimise(
         else:
             runs, at = search_minimum(runs, at, objective, limits, note)
     except KeyboardInterrupt:
-        at, status = search.best if has_contact else best, OptimalStatus.STOPPED
+        at, status = search.best if has_contact else best, AnswerStatus.STOPPED
     objective, run = search.objective, at.nodes.run
     if run is None:  # it was part of a batch, which keeps no run
         made = runs.run(at.nodes)
@@ -172,12 +182,12 @@ def optimise(
     worst = max(bound, end, touch_residual(touched), key=lambda one: one.rank)
     reason = ""
     if has_contact and isinstance(runs, StepRuns):
-        status = OptimalStatus.UNCONFIRMED
+        status = AnswerStatus.NO_RUN
     elif not worst.size <= HOLDS:
-        status, reason = OptimalStatus.VIOLATED, worst.text
+        status, reason = AnswerStatus.VIOLATED, worst.text
     elif status is None:
         status = _status(at, tolerance, until)
-        if status is not OptimalStatus.SOLVED:
+        if status is not AnswerStatus.SOLVED:
             reason = largest_residual(objective, at, tolerance)
     if end.size > tolerance and end.text in reason and not len(at.nodes.parameters):
         with contextlib.suppress(StateError, SimulationError):  # a remark is not worth the result
@@ -359,15 +369,15 @@ def first_nodes(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> No
     )
 
 
-def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:
+def _status(at: Iterate, tolerance: float, until: float) -> AnswerStatus:
     if at.kkt <= tolerance:
-        return OptimalStatus.SOLVED
+        return AnswerStatus.SOLVED
     if at.settled:
-        return OptimalStatus.SETTLED
+        return AnswerStatus.SETTLED
     if at.stalled:
-        return OptimalStatus.STALLED
+        return AnswerStatus.STALLED
     late = time.perf_counter() > until
-    return OptimalStatus.TIMEOUT if late else OptimalStatus.ITERATIONS
+    return AnswerStatus.TIMEOUT if late else AnswerStatus.ITERATIONS
 
 
 def _spread(path: Target, start: float, duration: float, width: int) -> Target:

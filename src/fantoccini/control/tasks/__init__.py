@@ -1,6 +1,6 @@
 """Tasks of optimal control: costs, bounds, paths and touches, and their files."""
 
-from fantoccini.control.tasks.answer import Answer
+from fantoccini.control.tasks.answer import Answer, AnswerStatus
 from fantoccini.control.tasks.bounds import Bounds, Interval, Most
 from fantoccini.control.tasks.chosen import Chosen
 from fantoccini.control.tasks.clip import Clip
@@ -28,6 +28,7 @@ from fantoccini.control.tasks.touch import Touch, Touched
 
 __all__ = [
     "Answer",
+    "AnswerStatus",
     "Bounds",
     "Chosen",
     "Clip",
