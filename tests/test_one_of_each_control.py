@@ -114,6 +114,19 @@ def test_options_are_a_few_objects():
     assert {name: n for name, n in longest.items() if n > 13} == {}
 
 
+def test_a_task_serves_plans_and_optimisations():
+    """A problem is a task prepared for a search; nothing else says what is asked for."""
+    folder = PACKAGE / "control"
+    text = {str(p.relative_to(folder)): p.read_text("utf-8") for p in folder.rglob("*.py")}
+    assert [name for name in text if "class Task:" in text[name]] == ["tasks/task.py"]
+    arm = fan.puppets.arm2d()
+    problem = fan.control.Problem(arm, arm.rest(), {"elbow": 0.3}, tolerance=0.2)
+    assert isinstance(problem.task, fan.Task) and problem.task.conditions.tolerance == 0.2
+    for function in (fan.plan, fan.optimise, fan.MPC.__init__):
+        annotations = [x.annotation for x in inspect.signature(function).parameters.values()]
+        assert any("Task" in str(annotation).split(" | ") for annotation in annotations), function
+
+
 def test_plans_and_optimisations_have_the_same_bounds():
     for function in (fan.follow, fan.Task.__init__, fan.control.Problem.__init__):
         (bounds,) = (

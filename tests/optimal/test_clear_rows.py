@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,12 @@ def test_clearances_of_all_parts_are_those_of_the_whole():
     each = np.array([part.at(q_D, rest.q_K) for part in parts.values()])
     assert len(parts) > 5 and np.min(each, axis=0) == pytest.approx(whole.at(q_D, rest.q_K))
     assert any(name.startswith("string ") for name in parts)
+
+
+def test_obstacles_of_a_task_count_as_those_of_the_file_do(ball_arm: fan.Marionette):
+    task = replace(lowering(ball_arm.with_obstacles([]), 0.02), obstacles=ball_arm.puppet.obstacles)
+    own, of_file = (fan.optimise(one, iterations=2) for one in (task, lowering(ball_arm, 0.02)))
+    assert own.cost == of_file.cost and own.violation == of_file.violation
 
 
 def test_values_and_derivatives_are_those_of_two_spheres(ball_arm: fan.Marionette):

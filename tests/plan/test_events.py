@@ -9,8 +9,8 @@ import fantoccini as fan
 from fantoccini.control.planning import PlanResult, solve
 from fantoccini.control.planning.active_sets import event_derivatives, extended
 from fantoccini.control.planning.planners import PlannerRound
-from fantoccini.control.problems import Problem, StateArrays
-from fantoccini.control.tasks import AnswerStatus
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import AnswerStatus, StateArrays
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.motion import State
 

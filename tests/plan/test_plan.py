@@ -12,7 +12,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.errors import FileError
 from fantoccini.control.planning import EST2007, Explore, solve
-from fantoccini.control.problems import RolloutOptions, StateArrays
+from fantoccini.control.problems import RolloutOptions
+from fantoccini.control.tasks import StateArrays
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
@@ -271,6 +272,44 @@ def test_a_start_that_moves_may_be_the_goal():
 def test_a_start_that_no_string_allows_is_told():
     with pytest.raises(fan.errors.StateError, match="hand"):
         fan.plan(ARM, HANGING.replace(q_K=[0.3, 0.0, 1.0]), RAISED)
+
+
+def test_a_task_is_planned_as_its_parts_are(among_boxes):
+    """The short form makes a task; both find the same plan, to the bit."""
+    conditions = fan.control.PlanConditions(tolerance=0.25)
+    task = fan.Task(ARM, HANGING, end=RAISED, obstacles=BOXES, conditions=conditions)
+    found = fan.plan(task, seed=1, iterations=40_000, time_limit=LIMIT)
+    assert np.array_equal(found.acceleration, among_boxes.acceleration)
+    assert found.problem.task is task and among_boxes.problem.task.end is RAISED
+    assert found.problem.fingerprint == among_boxes.problem.fingerprint
+    with pytest.raises(fan.errors.StateError, match="give no others"):
+        fan.plan(task, HANGING)
+
+
+def test_a_plan_lasts_no_longer_than_its_task():
+    end = {"elbow": 0.35}
+    usual = fan.plan(fan.Task(ARM, HANGING, end=end), seed=1, time_limit=LIMIT)
+    for share in (0.9, 1.1):
+        longest = (0.1, share * usual.duration)
+        found = fan.plan(
+            fan.Task(ARM, HANGING, longest, end=end), seed=1, iterations=3000, time_limit=LIMIT
+        )
+        assert found.duration <= longest[1]
+        assert found.problem.fingerprint != usual.problem.fingerprint
+    assert found and found.duration == usual.duration
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "no end; needed: a state"),
+        ({"end": RAISED, "touches": [fan.control.Touch("lower", (0.3, 0, -0.6))]}, "has touches"),
+        ({"end": RAISED, "parameters": {"m1": (0.1, 0.2)}}, "has parameters"),
+    ],
+)
+def test_a_task_that_plans_cannot_answer_is_refused(given, message):
+    with pytest.raises(fan.errors.StateError, match=message):
+        fan.plan(fan.Task(ARM, HANGING, 5.0, **given))
 
 
 def test_compiling_does_not_count(tmp_path, monkeypatch):

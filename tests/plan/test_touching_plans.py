@@ -11,8 +11,9 @@ from fantoccini.base.errors import StateError, UnknownNameError
 from fantoccini.control.planning import PlanResult, check, solve
 from fantoccini.control.planning.plan_path import PlanPath
 from fantoccini.control.planning.polish import PolishStatus
-from fantoccini.control.problems import Problem, Touches
+from fantoccini.control.problems import Problem
 from fantoccini.control.problems.rollouts import Rollouts
+from fantoccini.control.tasks import Touches
 from fantoccini.dynamics.clearance import Clearance
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]

@@ -109,8 +109,12 @@ def optimise(
         KeyboardInterrupt: Ctrl-C before there is a first motion.
     """
     check_positive(tolerance=tolerance, time_limit=time_limit)
-    began, marionette = time.perf_counter(), task.marionette
+    began = time.perf_counter()
     _check(task)
+    if task.obstacles:
+        marionette, obstacles = task.world
+        task = replace(task, marionette=marionette, obstacles=obstacles)
+    marionette = task.marionette
     rotates = bool(marionette.coordinates.rotations)
     if exact and rotates:
         raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
@@ -326,6 +330,8 @@ def _check(task: Task) -> None:
     """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
     marionette = task.marionette
     refuse_winches(marionette, "optimise")
+    if task.end is not None and task.goal is None:
+        raise StateError("optimise: the task's end is that of a plan; needed: a state, or tracks")
     if task.is_free and any(
         callable(x.path) or isinstance(x.path, (tuple, Clip)) for x in task.tracks
     ):

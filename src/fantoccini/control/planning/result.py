@@ -19,8 +19,8 @@ from fantoccini.control.planning.planners import Planner
 from fantoccini.control.planning.polish import Polish
 from fantoccini.control.planning.search import Search
 from fantoccini.control.planning.search_tree import SearchTree
-from fantoccini.control.problems import Goal, Meeting, Problem, Rollouts, StateArrays
-from fantoccini.control.tasks import Answer, AnswerStatus
+from fantoccini.control.problems import Problem, Rollouts
+from fantoccini.control.tasks import Answer, AnswerStatus, Goal, Meeting, StateArrays
 from fantoccini.dynamics.compiled import Method, MethodName
 from fantoccini.kernel.runtime import POINT
 from fantoccini.motion import Input, State, Trajectory
