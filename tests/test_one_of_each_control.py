@@ -79,6 +79,18 @@ def test_compiled_stages_are_factored_in_one_file():
         assert "StageRiccati riccati_;" in headers[name]
 
 
+def test_one_function_lets_a_puppet_go_until_it_rests():
+    """Relaxation and settling differ in what touches the puppet, and in when they stop it."""
+    folder = PACKAGE / "dynamics" / "equilibrium"
+    runs = [
+        name
+        for name, function in functions(folder).items()
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Run", "simulate")
+    ]
+    assert runs == ["letting_go.py: let_go"]
+
+
 def test_one_reader_opens_the_files_of_control():
     """Tasks and problems share the keys of their start, their reader and their messages."""
     folder = PACKAGE / "control"
