@@ -91,6 +91,35 @@ def test_one_function_lets_a_puppet_go_until_it_rests():
     assert runs == ["letting_go.py: let_go"]
 
 
+def test_one_outer_loop_iterates_quadratic_programs():
+    """Methods give it steps, and say whether they are taken; when it ends is decided once."""
+    folder = PACKAGE / "control"
+    loops = {
+        name
+        for name, function in functions(folder).items()
+        if not name.startswith("problems/")  # whose least squares have no bounds
+        for node in ast.walk(function)
+        if isinstance(node, ast.For) and "iterations" in ast.unparse(node.iter)
+    }
+    assert loops == {"optimal/iterations.py: improve"}
+    methods = {name.rsplit(": ", 1)[0] for name in functions(folder) if name.endswith(": learn")}
+    assert methods == {
+        "optimal/iterations.py",
+        "optimal/sqp.py",
+        "optimal/tightening.py",
+        "planning/descent.py",
+    }
+    programs = {
+        str(file.relative_to(folder))
+        for file in folder.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and ast.unparse(node.func) in ("self._solver.solve", "ca.conic")
+    }
+    one_step = {"optimal/clamped.py"}  # an update of MPC makes no more than one
+    assert programs == methods - {"optimal/iterations.py"} | one_step
+
+
 def test_one_reader_opens_the_files_of_control():
     """Tasks and problems share the keys of their start, their reader and their messages."""
     folder = PACKAGE / "control"

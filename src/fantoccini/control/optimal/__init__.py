@@ -1,6 +1,7 @@
 """Optimal control: minimum-cost motions of a puppet within bounds."""
 
 from fantoccini.control.optimal.api import follow, optimise, refuse_winches
+from fantoccini.control.optimal.iterations import Improvable, Limits, improve
 from fantoccini.control.optimal.mpc import MPC, MPCStatus
 from fantoccini.control.optimal.outlook import out_of_reach
 from fantoccini.control.optimal.reached import ReachedPose, ReachedPoses
@@ -11,6 +12,8 @@ from fantoccini.control.optimal.tuning import Draws, Tuned, tune
 __all__ = [
     "MPC",
     "Draws",
+    "Improvable",
+    "Limits",
     "MPCStatus",
     "Optimum",
     "ReachedPose",
@@ -18,6 +21,7 @@ __all__ = [
     "Tuned",
     "What",
     "follow",
+    "improve",
     "optimise",
     "out_of_reach",
     "reach",

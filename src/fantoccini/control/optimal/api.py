@@ -34,11 +34,12 @@ from fantoccini.control.optimal.attribution import (
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.finishing import confirmed, iterate, search_minimum
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
+from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.outlook import out_of_reach
 from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.shooting import EventRuns, StepRuns
-from fantoccini.control.optimal.sqp import Iterate, Limits, Search
+from fantoccini.control.optimal.sqp import Iterate, Search
 from fantoccini.control.optimal.through_modes import HOLDS, ThroughModes
 from fantoccini.control.tasks import (
     AnswerStatus,
@@ -143,12 +144,12 @@ def optimise(
     # An exploration, and what tightens its motion.
     total = float(iterations * max(1, 2 * task.explore))
 
-    def note(now: Iterate) -> None:
+    def note(now: Progress) -> None:
         nonlocal best
-        best = now
-        curve.append((time.perf_counter() - began, now.cost))
+        best = now.best
+        curve.append((time.perf_counter() - began, best.cost))
         if progress is not None:
-            progress(Progress(done=now.iterations, total=total, best=now))
+            progress(replace(now, done=best.iterations, total=total))
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
