@@ -12,11 +12,12 @@ import fantoccini as fan
 from fantoccini.base import FileError
 from fantoccini.control.problems import load_problem
 from fantoccini.control.problems.problem_file import ProblemFile
-from fantoccini.control.tasks import Answer, ControlFile, load_task
+from fantoccini.control.tasks import Answer, AnswerStatus, ControlFile, load_task
 from fantoccini.control.tasks.schema import TaskFile
 
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
 SOLVERS = {"solve", "cho_factor", "cholesky"}
+ANSWERS = (fan.control.PlanResult, fan.control.Optimum, fan.control.ReachedPose, fan.control.Tuned)
 
 
 def functions(folder: Path = PACKAGE) -> dict[str, ast.FunctionDef]:
@@ -78,6 +79,47 @@ def test_compiled_stages_are_factored_in_one_file():
         assert "StageRiccati riccati_;" in headers[name]
 
 
+def test_one_function_lets_a_puppet_go_until_it_rests():
+    """Relaxation and settling differ in what touches the puppet, and in when they stop it."""
+    folder = PACKAGE / "dynamics" / "equilibrium"
+    runs = [
+        name
+        for name, function in functions(folder).items()
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("Run", "simulate")
+    ]
+    assert runs == ["letting_go.py: let_go"]
+
+
+def test_one_outer_loop_iterates_quadratic_programs():
+    """Methods give it steps, and say whether they are taken; when it ends is decided once."""
+    folder = PACKAGE / "control"
+    loops = {
+        name
+        for name, function in functions(folder).items()
+        if not name.startswith("problems/")  # whose least squares have no bounds
+        for node in ast.walk(function)
+        if isinstance(node, ast.For) and "iterations" in ast.unparse(node.iter)
+    }
+    assert loops == {"optimal/iterations.py: improve"}
+    methods = {name.rsplit(": ", 1)[0] for name in functions(folder) if name.endswith(": learn")}
+    assert methods == {
+        "optimal/iterations.py",
+        "optimal/sqp.py",
+        "optimal/tightening.py",
+        "planning/descent.py",
+    }
+    programs = {
+        str(file.relative_to(folder))
+        for file in folder.rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call)
+        and ast.unparse(node.func) in ("self._solver.solve", "ca.conic")
+    }
+    one_step = {"optimal/clamped.py"}  # an update of MPC makes no more than one
+    assert programs == methods - {"optimal/iterations.py"} | one_step
+
+
 def test_one_reader_opens_the_files_of_control():
     """Tasks and problems share the keys of their start, their reader and their messages."""
     folder = PACKAGE / "control"
@@ -113,6 +155,19 @@ def test_options_are_a_few_objects():
     assert {name: n for name, n in longest.items() if n > 13} == {}
 
 
+def test_a_task_serves_plans_and_optimisations():
+    """A problem is a task prepared for a search; nothing else says what is asked for."""
+    folder = PACKAGE / "control"
+    text = {str(p.relative_to(folder)): p.read_text("utf-8") for p in folder.rglob("*.py")}
+    assert [name for name in text if "class Task:" in text[name]] == ["tasks/task.py"]
+    arm = fan.puppets.arm2d()
+    problem = fan.control.Problem(arm, arm.rest(), {"elbow": 0.3}, tolerance=0.2)
+    assert isinstance(problem.task, fan.Task) and problem.task.conditions.tolerance == 0.2
+    for function in (fan.plan, fan.optimise, fan.MPC.__init__):
+        annotations = [x.annotation for x in inspect.signature(function).parameters.values()]
+        assert any("Task" in str(annotation).split(" | ") for annotation in annotations), function
+
+
 def test_plans_and_optimisations_have_the_same_bounds():
     for function in (fan.follow, fan.Task.__init__, fan.control.Problem.__init__):
         (bounds,) = (
@@ -134,13 +189,42 @@ def test_answers_have_one_truth():
         and any(isinstance(x, ast.FunctionDef) and x.name == "__bool__" for x in node.body)
     ]
     assert own == ["optimal/reached.py: ReachedPoses", "tasks/answer.py: Answer"]
-    for kind in (
-        fan.control.PlanResult,
-        fan.control.Optimum,
-        fan.control.ReachedPose,
-        fan.control.Tuned,
-    ):
+    for kind in ANSWERS:
         assert issubclass(kind, Answer)
+
+
+def test_answers_have_statuses_of_one_enumeration():
+    """Others are of an update of MPC, and of polishing, whose outcome is no answer."""
+    folder = PACKAGE / "control"
+    own = [
+        node.name
+        for file in sorted(folder.rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ClassDef)
+        and {ast.unparse(base) for base in node.bases} & {"Outcome", "enum.Enum", "Enum"}
+    ]
+    assert sorted(own) == ["AnswerStatus", "MPCStatus", "PolishStatus"]
+    for kind in ANSWERS:
+        assert kind.__annotations__["status"] == "AnswerStatus"
+
+
+def test_a_status_says_whether_an_answer_holds():
+    """Whoever reports one name reports one truth: ``holds`` is the status', but of one status."""
+    folder = PACKAGE / "control"
+    own = [
+        f"{name}: {prop}"
+        for name, prop in (key.rsplit(": ", 1) for key in functions(folder))
+        if prop in ("holds", "is_minimum")
+    ]
+    assert own == [
+        "planning/result.py: holds",
+        "tasks/answer.py: holds",
+        "tasks/answer.py: is_minimum",
+    ]
+    solved = {status.name for status in AnswerStatus if status.holds and status.is_minimum}
+    assert solved == {"SOLVED", "NARROW", "EXACT", "REACHED"}
+    assert AnswerStatus.TIMEOUT.holds and not AnswerStatus.TIMEOUT.is_minimum
+    assert not AnswerStatus.VIOLATED.holds and not AnswerStatus.OUT_OF_TIME.holds
 
 
 def test_one_function_carries_changes_across_impulses():

@@ -21,9 +21,10 @@ from fantoccini.control.optimal.attribution import passed_bound
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.exploring import Exploration
 from fantoccini.control.optimal.hybrid import HybridRuns
+from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
-from fantoccini.control.optimal.sqp import Iterate, Limits, Search
+from fantoccini.control.optimal.sqp import Iterate, Search
 from fantoccini.control.optimal.through_modes import HOLDS
 from fantoccini.control.optimal.tightening import Tightening
 from fantoccini.control.tasks.chosen import Chosen

@@ -22,7 +22,7 @@ from fantoccini.base.errors import StateError, Status
 from fantoccini.control.planning import solve
 from fantoccini.control.planning.feedback import Feedback, Followed
 from fantoccini.control.problems import RolloutOptions
-from fantoccini.control.problems.state_arrays import StateArrays
+from fantoccini.control.tasks import StateArrays
 from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.motion import State
 

@@ -11,7 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from fantoccini.base.arrays import Array
-from fantoccini.control.problems import Problem, StateArrays
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import StateArrays
 from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.kernel.runtime import RolloutPool, RolloutSettings
 from fantoccini.kernel.runtime.clearance import Exact, clearance_arrays

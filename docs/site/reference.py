@@ -27,7 +27,7 @@ TITLES = {
 FIRST = ("Marionette", "load", "loads", "State", "Input", "Trajectory", "simulate", "Performance")
 """Names that lead their page; the others follow as exported."""
 
-ENUMERATIONS = ("EventKind", "OptimalStatus", "PlanStatus", "PolishStatus", "Status")
+ENUMERATIONS = ("AnswerStatus", "EventKind", "PolishStatus", "Status")
 """Names whose members explain themselves, without a docstring each."""
 
 BUNDLED = (

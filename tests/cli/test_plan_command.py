@@ -56,7 +56,7 @@ def test_no_plan_is_exit_code_one() -> None:
         "0.01",
     )
     assert result.exit_code == 1
-    assert "timeout" in result.stdout and "nearest" in result.stderr
+    assert "out_of_time" in result.stdout and "nearest" in result.stderr
     assert "Verification" not in result.stdout
 
 

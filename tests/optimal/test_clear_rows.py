@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,6 +78,12 @@ def test_clearances_of_all_parts_are_those_of_the_whole():
     assert any(name.startswith("string ") for name in parts)
 
 
+def test_obstacles_of_a_task_count_as_those_of_the_file_do(ball_arm: fan.Marionette):
+    task = replace(lowering(ball_arm.with_obstacles([]), 0.02), obstacles=ball_arm.puppet.obstacles)
+    own, of_file = (fan.optimise(one, iterations=2) for one in (task, lowering(ball_arm, 0.02)))
+    assert own.cost == of_file.cost and own.violation == of_file.violation
+
+
 def test_values_and_derivatives_are_those_of_two_spheres(ball_arm: fan.Marionette):
     rows = ClearRows(ball_arm, 0.02, own_body=False)
     nodes = Nodes.still(ball_arm, ball_arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)
@@ -110,7 +118,7 @@ def test_a_ball_goes_round_a_post(ball_arm: fan.Marionette):
 
 def test_a_motion_that_begins_too_near_is_violated(ball_arm: fan.Marionette):
     best = fan.optimise(lowering(ball_arm, clearance=0.4), iterations=5)
-    assert not best and best.status is fan.control.OptimalStatus.VIOLATED
+    assert not best and best.status is fan.control.AnswerStatus.VIOLATED
     assert best.violation > 0.01
 
 

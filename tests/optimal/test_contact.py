@@ -70,7 +70,7 @@ def found(request, block: fan.Marionette) -> tuple[float, fan.control.Optimum]:
 def test_a_block_is_pulled_with_least_effort(found):
     dt, best = found
     acc, cost = closed_form()
-    assert best.status is fan.control.OptimalStatus.SOLVED, best.summary()
+    assert best.status is fan.control.AnswerStatus.SOLVED, best.summary()
     # The motion is event-driven, so no cost is below the least; derivatives are of time steps.
     assert -1e-9 < best.cost / cost - 1.0 < 2.0 * dt**2
     assert np.max(np.abs(best.nodes.acc_K[:, 0] - acc)) < 5.0 * dt
@@ -98,7 +98,7 @@ def test_an_answer_whose_event_driven_run_does_not_end_is_not_confirmed(
 
     monkeypatch.setattr(shooting, "uninterrupted", late)
     best = fan.optimise(pulled(block, 0.01), iterations=3)
-    assert best.status is fan.control.OptimalStatus.UNCONFIRMED
+    assert best.status is fan.control.AnswerStatus.NO_RUN
     assert not best
     assert best.run.method == "timestepping"
 

@@ -79,7 +79,7 @@ def test_it_ends_at_the_optimum_of_the_run_itself(arm: fan.Marionette):
     task = reaching(arm, arm.rest())
     steps = fan.optimise(task, cost_tolerance=0.0)
     best = fan.optimise(task, cost_tolerance=0.0, exact=True)
-    assert best.status is fan.control.OptimalStatus.SOLVED
+    assert best.status is fan.control.AnswerStatus.SOLVED
     assert best.cost < steps.cost
     # Where the run is optimal, its cost rises with the square of any change.
     random = np.random.default_rng(0)
@@ -118,7 +118,7 @@ bodies:
         puppet, puppet.state(), 2.0, tracks, fan.control.Smooth(1.0, 0.0), bounds, interval=0.1
     )
     best = fan.optimise(task, tolerance=1e-9, cost_tolerance=0.0, threads=1, exact=True)
-    assert best.status is fan.control.OptimalStatus.SOLVED
+    assert best.status is fan.control.AnswerStatus.SOLVED
 
     def cost(u: np.ndarray) -> float:
         inputs = replace(best.nodes, acc_K=u[:, None]).inputs()

@@ -105,7 +105,7 @@ def test_a_winch_pulls_with_the_tension(arm: fan.Marionette):
         found.append(fan.optimise(task, cost_tolerance=0.0, iterations=100))
     free = fan.optimise(replace(found[0].task, bounds=fan.control.Bounds()), cost_tolerance=0.0)
     assert all(found) and free.cost < 0.99 * found[0].cost  # the bounds count
-    assert all(one.status is fan.control.OptimalStatus.SOLVED for one in found)
+    assert all(one.status is fan.control.AnswerStatus.SOLVED for one in found)
     assert found[1].cost == pytest.approx(found[0].cost, rel=1e-6)
 
 

@@ -90,5 +90,5 @@ def test_the_least_time_is_that_of_collocation_on_the_same_grid(name: str):
     best = optimum(problem, interval, step, on)
     found = best.run.t[-1]
     least = least_time(problem, guess=0.5 * sum(duration))
-    assert best.status is fan.control.OptimalStatus.SOLVED, best.summary()
+    assert best.status is fan.control.AnswerStatus.SOLVED, best.summary()
     assert found == pytest.approx(least, rel=TOLERANCE)

@@ -122,7 +122,7 @@ def test_driven_rotations_are_refused_by_name():
 
 def test_the_arm_is_thrown_up_on_a_slack_string_and_caught(swing_up: fan.control.Optimum):
     assert swing_up.holds, swing_up.summary()
-    assert swing_up.status in (fan.control.OptimalStatus.SOLVED, fan.control.OptimalStatus.SETTLED)
+    assert swing_up.status in (fan.control.AnswerStatus.SOLVED, fan.control.AnswerStatus.SETTLED)
     task, run = swing_up.task, swing_up.run
     slack = np.sum(np.diff(run.t) * (run.tension["hand"][:-1] == 0.0))
     assert slack > 0.2
@@ -145,7 +145,7 @@ def test_the_arm_is_thrown_up_on_a_slack_string_and_caught(swing_up: fan.control
 def test_without_exploration_it_is_not_found_and_the_status_says_so():
     task = replace(fan.control.load_task("swing_up"), explore=0)
     found = fan.optimise(task, iterations=30)
-    assert found.status is fan.control.OptimalStatus.VIOLATED
+    assert found.status is fan.control.AnswerStatus.VIOLATED
     assert found.end_gap > 0.1
 
 
@@ -226,7 +226,7 @@ def test_ctrl_c_while_it_explores_keeps_the_best_so_far():
             raise KeyboardInterrupt
 
     found = fan.optimise(elbow_straight(1), progress=interrupt)
-    assert found.status is fan.control.OptimalStatus.STOPPED
+    assert found.status is fan.control.AnswerStatus.STOPPED
     assert found.cost < found.curve[0][1]
 
 

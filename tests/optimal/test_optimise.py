@@ -55,7 +55,7 @@ def shortest() -> float:
 @pytest.mark.parametrize("name", ["crane", pytest.param("circle", marks=pytest.mark.slow)])
 def test_the_bundled_tasks_converge(name: str):
     best = fan.optimise(fan.control.load_task(name), time_limit=600.0)
-    assert best.status is fan.control.OptimalStatus.SOLVED and best.is_exact, best.summary()
+    assert best.status is fan.control.AnswerStatus.SOLVED and best.is_exact, best.summary()
     assert best.kkt <= 1e-6 and not best.reason
     assert f"{len(best.nodes)} intervals" in best.summary(), "the summary tells of the grid"
 
@@ -87,10 +87,7 @@ def test_a_crane_goes_from_rest_to_rest_in_the_least_time(small_crane: fan.Mario
 def test_the_tip_follows_a_circle_event_driven(
     arm: fan.Marionette, circle: np.ndarray, round_trip: fan.control.Optimum
 ):
-    assert round_trip.status in (
-        fan.control.OptimalStatus.SOLVED,
-        fan.control.OptimalStatus.SETTLED,
-    )
+    assert round_trip.status in (fan.control.AnswerStatus.SOLVED, fan.control.AnswerStatus.SETTLED)
     run = fan.simulate(arm, arm.rest(), round_trip.inputs, 2.0, save_at=np.linspace(0, 2, 81))
     at = run.resample(np.linspace(0, 2, 81))
     pose = arm.poses(at.q_D, at.q_K)[:, 1]
@@ -183,14 +180,14 @@ def test_an_end_that_cannot_be_reached_is_told(small_crane: fan.Marionette):
     task = fan.Task(small_crane, small_crane.rest(), 1.0, [], bounds=bounds, end=end, interval=0.1)
     found = fan.optimise(task, iterations=10)
     assert not found
-    assert found.status is fan.control.OptimalStatus.VIOLATED
+    assert found.status is fan.control.AnswerStatus.VIOLATED
     assert found.end_gap > 0.4
     assert "does not reach its end" in found.summary()
 
 
 def test_it_goes_on_from_what_was_found(arm: fan.Marionette, circle: np.ndarray):
     first = fan.follow(arm, {("lower", TIP): circle}, 2.0, iterations=2)
-    assert first.status is fan.control.OptimalStatus.ITERATIONS
+    assert first.status is fan.control.AnswerStatus.ITERATIONS
     again = fan.optimise(first.task, first)
     assert again.cost < first.cost
     from_inputs = fan.optimise(first.task, first.inputs, iterations=0)
@@ -209,7 +206,7 @@ def test_ctrl_c_keeps_the_best_so_far(arm: fan.Marionette, circle: np.ndarray):
         raise KeyboardInterrupt
 
     found = fan.follow(arm, {("lower", TIP): circle}, 2.0, progress=interrupt)
-    assert found.status is fan.control.OptimalStatus.STOPPED
+    assert found.status is fan.control.AnswerStatus.STOPPED
     assert found.cost < found.curve[0][1]
 
 

@@ -79,7 +79,7 @@ def test_what_keeps_a_bob_from_its_place_is_named():
         {"bob": [0.0, 0.0, 2.5]},
         bounds=fan.control.Bounds(position={"line.length": (0.02, 3.0)}),
     )[0]
-    assert high.status is fan.control.ReachStatus.OUT_OF_REACH and not high
+    assert high.status is fan.control.AnswerStatus.OUT_OF_REACH and not high
     assert high.distance == pytest.approx(0.52, abs=1e-6)
     assert high.limits == ("the string line would have to be shorter than 0.02 m",)
     assert "bob comes no nearer than 520 mm" in high.summary()
@@ -221,7 +221,7 @@ def test_the_marionettes_hand_is_as_near_as_scipy_brings_it(marionette):
     held = tuple(name for name in marionette.coordinates.v_K if name not in own)
     place = hand_of(marionette, x) + np.array([0.0, 0.15, 0.05])
     one = fan.reach(marionette, {HAND: place}, x, bounds=fan.control.Bounds(held=held))[0]
-    assert one.status is fan.control.ReachStatus.OUT_OF_REACH and one.distance > 0.05
+    assert one.status is fan.control.AnswerStatus.OUT_OF_REACH and one.distance > 0.05
 
     def away(u: np.ndarray) -> float:
         q_K = x.q_K.copy()

@@ -25,7 +25,7 @@ def followed() -> fan.control.Optimum:
 
 
 def test_it_is_solved_with_its_catches(followed):
-    assert followed.status is fan.control.OptimalStatus.SOLVED and followed.kkt <= tosses.KKT
+    assert followed.status is fan.control.AnswerStatus.SOLVED and followed.kkt <= tosses.KKT
     assert tosses.catches(followed.run) >= tosses.TOSSES
     assert followed.run.t[-1] == tosses.DURATION
 

@@ -89,7 +89,7 @@ def test_the_time_of_a_touch_is_the_best_one(pen: fan.Marionette):
         method="bounded",
         options={"xatol": 1e-10},
     )
-    assert best.status is fan.control.OptimalStatus.SOLVED
+    assert best.status is fan.control.AnswerStatus.SOLVED
     (found,) = best.touched
     assert found.t == pytest.approx(other.x, abs=1e-7)
     assert best.cost == pytest.approx(other.fun, rel=1e-10)
@@ -263,7 +263,7 @@ def test_a_place_that_is_missed_is_violated(arm: fan.Marionette):
         touches=[fan.control.Touch("lower", (3.0, 0.0, 0.0), TIP)],
     )
     found = fan.optimise(task, iterations=10)
-    assert not found and found.status is fan.control.OptimalStatus.VIOLATED
+    assert not found and found.status is fan.control.AnswerStatus.VIOLATED
     assert found.touched[0].distance > 1.0
     assert "does not reach its end or a place" in found.summary()
 

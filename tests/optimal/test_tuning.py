@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.control import Draws, TunedStatus
+from fantoccini.control import AnswerStatus, Draws
 
 pytestmark = pytest.mark.own_puppets
 
@@ -51,7 +51,7 @@ def test_the_second_move_comes_half_a_swing_later(trolley, method):
         method=method,
         draws=Draws(runs=20, generations=30, narrow=0.0001),
     )
-    assert found.status is TunedStatus.SETTLED
+    assert found.status is AnswerStatus.NARROW
     assert found.values["delay"] == pytest.approx(half, abs=2e-3)
     assert found.spread["delay"] <= 1e-4 * 0.2
     assert found.cost == found.curve[-1, 0] == swing(found.run)
@@ -113,7 +113,7 @@ def test_the_same_seed_gives_the_same(trolley):
 
     assert found(1).values == found(1).values
     assert found(1).values != found(2).values
-    assert found(1).status is TunedStatus.GENERATIONS
+    assert found(1).status is AnswerStatus.GENERATIONS
 
 
 def test_motions_that_fail_are_passed_by(trolley):
@@ -205,7 +205,7 @@ def test_an_interrupted_search_keeps_the_best(trolley):
         draws=Draws(runs=4),
         progress=progress,
     )
-    assert found.status is TunedStatus.STOPPED
+    assert found.status is AnswerStatus.STOPPED
     assert len(found.curve) == 1
 
 
@@ -217,4 +217,4 @@ def test_time_is_limited(trolley):
         swing,
         draws=Draws(runs=4, time_limit=1e-06),
     )
-    assert found.status is TunedStatus.TIMEOUT and len(found.curve) == 1
+    assert found.status is AnswerStatus.TIMEOUT and len(found.curve) == 1

@@ -81,13 +81,13 @@ def test_files_name_the_line_of_an_end_outside_bounds_and_of_what_holds_everythi
 def test_a_violated_bound_is_named_with_its_coordinate_and_time(small_crane):
     bounds = fan.control.Bounds(acceleration=0.01, held=("line.length",))
     found = fan.optimise(task(small_crane, bounds), iterations=6)
-    assert found.status is fan.control.OptimalStatus.VIOLATED
+    assert found.status is fan.control.AnswerStatus.VIOLATED
     assert "x ends 0." in found.reason and "at 1 s" in found.reason, found.reason
     assert found.reason in found.summary()
     # A tension that no motion reaches, from the first node on.
     strong = fan.control.Bounds(tension={"line": (9.0, np.inf)}, acceleration=0.5)
     found = fan.optimise(task(small_crane, strong, end=None), iterations=6)
-    assert found.status is fan.control.OptimalStatus.VIOLATED
+    assert found.status is fan.control.AnswerStatus.VIOLATED
     assert "the tension of line is" in found.reason and "beyond its bounds 9 to inf" in found.reason
 
 
@@ -96,7 +96,7 @@ def test_a_search_without_progress_names_what_is_left(small_crane, monkeypatch):
     bounds = fan.control.Bounds(acceleration=1.0, held=("line.length",))
     track = fan.control.Track.coordinate("bob.x", 0.2)
     found = fan.optimise(replace(task(small_crane, bounds, end=None), tracks=[track]))
-    assert found.status is fan.control.OptimalStatus.STALLED
+    assert found.status is fan.control.AnswerStatus.STALLED
     assert "the acceleration of line.x at " in found.reason and "within -1 to 1" in found.reason
 
 
@@ -123,7 +123,7 @@ def test_an_end_that_no_input_reaches_is_explained():
         fan.Task(crane, x0, 3.0, [], fan.control.Smooth(1e-3, 0.0), bounds, end=end, interval=0.1),
         iterations=30,
     )
-    assert found.status is not fan.control.OptimalStatus.SOLVED
+    assert found.status is not fan.control.AnswerStatus.SOLVED
     assert "ends 0.0002 from" in found.reason and "no input moves it" in found.reason, found.reason
 
 
@@ -152,7 +152,7 @@ def test_ctrl_c_in_a_later_motion_keeps_the_best(small_crane, monkeypatch):
             tracks=[fan.control.Track.coordinate("bob.x", lambda t: 0.1 * t**2)],
         )
     )
-    assert found.status is fan.control.OptimalStatus.STOPPED
+    assert found.status is fan.control.AnswerStatus.STOPPED
     assert found.cost < found.curve[0][1]
 
 

@@ -20,7 +20,8 @@ from fantoccini.control.planning import (
     solve,
 )
 from fantoccini.control.planning.plan_path import PlanPath
-from fantoccini.control.problems import Problem, StateArrays
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import StateArrays
 
 DAMPED = fan.loads(fan.puppets.path("arm3d").read_text(encoding="utf-8").replace("2.0e-4", "0.2"))
 START = {"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1}
@@ -44,7 +45,7 @@ def test_plans_hold_event_driven_by_default(damped):
     """17.19: they end at the goal and touch nothing, looked at every millisecond."""
     for seed in range(16):
         plan = solve(damped, seed=seed, time_limit=60.0)
-        assert plan and plan.status is fan.control.PlanStatus.EXACT
+        assert plan and plan.status is fan.control.AnswerStatus.EXACT
         run = fan.simulate(DAMPED, damped.start, plan.inputs, t_end=plan.duration)
         every = run.resample(np.arange(0.0, run.t[-1], 1e-3))
         assert damped.rollouts.clearance.of(every).min() >= -1e-3
@@ -72,7 +73,7 @@ def test_the_search_goes_on_where_a_plan_does_not_hold(boxes, monkeypatch, tmp_p
     assert PlanResult.load(tmp_path / "plan.npz", boxes).refused == plan.refused
     monkeypatch.setattr(search, "confirmed", refused)
     none = solve(boxes, seed=0, iterations=2000, time_limit=60.0)
-    assert not none and none.status is fan.control.PlanStatus.APPROXIMATE and none.refused > 0
+    assert not none and none.status is fan.control.AnswerStatus.APPROXIMATE and none.refused > 0
     assert "do not hold in simulation" in none.message and none.distance > boxes.tolerance
     assert "(it misses the goal)" in none.message
 
@@ -96,13 +97,13 @@ def test_ctrl_c_while_a_plan_is_confirmed_ends_the_search(boxes, monkeypatch):
     stopped = dataclasses.replace(whole, status=fan.Status.STOPPED)
     monkeypatch.setattr(plan_path, "simulate", lambda *_, **__: stopped)
     plan = solve(boxes, seed=0, time_limit=60.0)
-    assert not plan and plan.refused == 0 and plan.status is fan.control.PlanStatus.APPROXIMATE
+    assert not plan and plan.refused == 0 and plan.status is fan.control.AnswerStatus.APPROXIMATE
 
 
 def test_true_means_that_a_plan_holds_whether_or_not_that_was_asked(boxes, monkeypatch):
     """17.19: bool(plan) of a search that confirms nothing makes the plan again."""
     plan = first_plan(boxes, made=lambda p: solve(boxes, seed=0, confirm=False))
-    assert plan.status is fan.control.PlanStatus.UNCONFIRMED and plan.holds
+    assert plan.status is fan.control.AnswerStatus.UNCONFIRMED and plan.holds
     monkeypatch.setattr(result, "confirmed", refused)
     again = PlanResult.of(plan.search)
     assert not again and "does not hold in simulation" in again.message

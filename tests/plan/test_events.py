@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import fantoccini as fan
-from fantoccini.control.planning import PlanResult, PlanStatus, solve
+from fantoccini.control.planning import PlanResult, solve
 from fantoccini.control.planning.active_sets import event_derivatives, extended
 from fantoccini.control.planning.planners import PlannerRound
-from fantoccini.control.problems import Problem, StateArrays
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import AnswerStatus, StateArrays
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.motion import State
 
@@ -40,7 +41,7 @@ def dropped(lift: float, segments: int) -> PlanResult:
 
     # Located, the catch moves its end by more than the tolerance; the laws are those of its nodes.
     found = solve(problem, planner=still, iterations=1, confirm=False)
-    assert found.status is PlanStatus.UNCONFIRMED and abs(found.duration - duration) < 1e-9
+    assert found.status is AnswerStatus.UNCONFIRMED and abs(found.duration - duration) < 1e-9
     return found
 
 

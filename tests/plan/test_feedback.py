@@ -14,8 +14,9 @@ from fantoccini.base import riccati, tangent
 from fantoccini.base.errors import StateError
 from fantoccini.control.planning import PlanResult, solve
 from fantoccini.control.planning.feedback import Feedback
-from fantoccini.control.problems import Problem, StateArrays
+from fantoccini.control.problems import Problem
 from fantoccini.control.problems.derivatives import segment_derivatives, taut_projection
+from fantoccini.control.tasks import StateArrays
 from fantoccini.dynamics.compiled import Evaluation
 from fantoccini.dynamics.steppers import Stepper
 from fantoccini.motion import State

@@ -12,7 +12,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.errors import FileError
 from fantoccini.control.planning import EST2007, Explore, solve
-from fantoccini.control.problems import RolloutOptions, StateArrays
+from fantoccini.control.problems import RolloutOptions
+from fantoccini.control.tasks import StateArrays
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
@@ -45,7 +46,7 @@ def among_boxes() -> fan.control.PlanResult:
 
 def test_a_plan_among_boxes_arrives_and_stays_clear(among_boxes):
     found = among_boxes
-    assert found and found.status is fan.control.PlanStatus.EXACT
+    assert found and found.status is fan.control.AnswerStatus.EXACT
     assert found.distance <= 0.25
     assert found.clearance.min() > -1e-3, "between looks it may come a little nearer"
     end = found.trajectory.state(-1)
@@ -112,7 +113,7 @@ def test_the_papers_planner_comes_nearer():
     )
     for found in biased:
         assert 400 <= found.tried < 464 and not found
-        assert found.status is fan.control.PlanStatus.APPROXIMATE
+        assert found.status is fan.control.AnswerStatus.APPROXIMATE
     nearest, other = (np.median([p.distance for p in plans]) for plans in (biased, uniform))
     assert nearest < 0.9 * float(biased[0].tree.distance[0])
     assert nearest < other, "the distance bias helps, as the paper says"
@@ -158,7 +159,7 @@ def test_a_goal_that_is_met_needs_no_motion():
 def test_a_start_in_collision_is_told():
     inside = [{"name": "stone", "type": "sphere", "radius": 0.2, "at": [0, 0, -0.3]}]
     found = fan.plan(ARM, HANGING, RAISED, inside)
-    assert not found and found.status is fan.control.PlanStatus.INFEASIBLE_START
+    assert not found and found.status is fan.control.AnswerStatus.INFEASIBLE_START
     assert "inside stone" in found.reason and found.tried == 0
     far = fan.plan(
         ARM, HANGING, RAISED, bounds=fan.control.Bounds(position={"hand.length": (0.2, 1.0)})
@@ -168,12 +169,12 @@ def test_a_start_in_collision_is_told():
 
 def test_a_goal_out_of_reach_is_told():
     bent = fan.plan(ARM, HANGING, {"elbow": 3.0})
-    assert bent.status is fan.control.PlanStatus.INFEASIBLE_GOAL and not bent and bent.tried == 0
+    assert bent.status is fan.control.AnswerStatus.INFEASIBLE_GOAL and not bent and bent.tried == 0
     assert "elbow is to be at 3, beyond its upper limit 2.6" in bent.reason
     assert fan.plan(ARM, HANGING, {"elbow": (2.0, 3.0)}, iterations=64).tried > 0
     far = fan.control.Goal.point(ARM, "lower", [0.5, 0.0, -0.5], at=[0, 0, -0.3])
     found = fan.plan(ARM, HANGING, far, tolerance=0.05)
-    assert found.status is fan.control.PlanStatus.INFEASIBLE_GOAL
+    assert found.status is fan.control.AnswerStatus.INFEASIBLE_GOAL
     assert "0.707 m from shoulder, and lower reaches no farther than 0.6 m" in found.reason
     assert fan.plan(ARM, HANGING, far, tolerance=0.11, iterations=64).tried > 0
 
@@ -185,10 +186,10 @@ def test_an_end_of_the_search_returns_the_nearest():
         return Explore()(tree, rollouts, rng)
 
     stopped = raised(planner=interrupted, tolerance=1e-9)
-    assert not stopped and stopped.status is fan.control.PlanStatus.APPROXIMATE
+    assert not stopped and stopped.status is fan.control.AnswerStatus.APPROXIMATE
     assert stopped.distance == stopped.tree.distance.min() < stopped.tree.distance[0]
     late = raised(tolerance=1e-9, time_limit=0.2, iterations=10**9)
-    assert late.status is fan.control.PlanStatus.TIMEOUT and not late
+    assert late.status is fan.control.AnswerStatus.OUT_OF_TIME and not late
     assert late.tried < 10**6, "work, not seconds: a busy machine does less of it"
 
 
@@ -271,6 +272,44 @@ def test_a_start_that_moves_may_be_the_goal():
 def test_a_start_that_no_string_allows_is_told():
     with pytest.raises(fan.errors.StateError, match="hand"):
         fan.plan(ARM, HANGING.replace(q_K=[0.3, 0.0, 1.0]), RAISED)
+
+
+def test_a_task_is_planned_as_its_parts_are(among_boxes):
+    """The short form makes a task; both find the same plan, to the bit."""
+    conditions = fan.control.PlanConditions(tolerance=0.25)
+    task = fan.Task(ARM, HANGING, end=RAISED, obstacles=BOXES, conditions=conditions)
+    found = fan.plan(task, seed=1, iterations=40_000, time_limit=LIMIT)
+    assert np.array_equal(found.acceleration, among_boxes.acceleration)
+    assert found.problem.task is task and among_boxes.problem.task.end is RAISED
+    assert found.problem.fingerprint == among_boxes.problem.fingerprint
+    with pytest.raises(fan.errors.StateError, match="give no others"):
+        fan.plan(task, HANGING)
+
+
+def test_a_plan_lasts_no_longer_than_its_task():
+    end = {"elbow": 0.35}
+    usual = fan.plan(fan.Task(ARM, HANGING, end=end), seed=1, time_limit=LIMIT)
+    for share in (0.9, 1.1):
+        longest = (0.1, share * usual.duration)
+        found = fan.plan(
+            fan.Task(ARM, HANGING, longest, end=end), seed=1, iterations=3000, time_limit=LIMIT
+        )
+        assert found.duration <= longest[1]
+        assert found.problem.fingerprint != usual.problem.fingerprint
+    assert found and found.duration == usual.duration
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "no end; needed: a state"),
+        ({"end": RAISED, "touches": [fan.control.Touch("lower", (0.3, 0, -0.6))]}, "has touches"),
+        ({"end": RAISED, "parameters": {"m1": (0.1, 0.2)}}, "has parameters"),
+    ],
+)
+def test_a_task_that_plans_cannot_answer_is_refused(given, message):
+    with pytest.raises(fan.errors.StateError, match=message):
+        fan.plan(fan.Task(ARM, HANGING, 5.0, **given))
 
 
 def test_compiling_does_not_count(tmp_path, monkeypatch):

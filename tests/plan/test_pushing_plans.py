@@ -105,7 +105,7 @@ def test_a_crate_that_is_too_heavy_says_how_far_it_came(mass, goes):
     assert bool(plan) == goes
     if goes:
         return
-    assert plan.status is fan.control.PlanStatus.APPROXIMATE
+    assert plan.status is fan.control.AnswerStatus.APPROXIMATE
     came = float(plan.message.split("crate came ")[1].split(" m of 0.1 m")[0])
     assert -0.01 < came < 0.05
 
@@ -115,5 +115,5 @@ def test_what_nothing_may_push_cannot_be_pushed(crates):
     plan = fan.plan(
         scene, x0, fan.control.Goal.moved(scene, "crate", [0.1, 0, 0], x0), tolerance=0.05
     )
-    assert plan.status is fan.control.PlanStatus.INFEASIBLE_GOAL
+    assert plan.status is fan.control.AnswerStatus.INFEASIBLE_GOAL
     assert "nothing may touch crate" in plan.message

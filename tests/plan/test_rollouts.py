@@ -11,8 +11,9 @@ from scipy.linalg import solve_discrete_are
 
 import fantoccini as fan
 from fantoccini.base import riccati
-from fantoccini.control.problems import Goal, Problem, RolloutOptions, StateArrays
+from fantoccini.control.problems import Problem, RolloutOptions
 from fantoccini.control.problems.derivatives import segment_derivatives
+from fantoccini.control.tasks import Goal, StateArrays
 
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})

@@ -86,5 +86,5 @@ def test_a_share_that_no_stance_has_is_told(promenade, hanging):
     """The shoulders' strings hold the torso up: legs with loose knees do not carry it alone."""
     problem = Problem(promenade, hanging, fan.control.Goal.stand(promenade, FEET, share=0.97))
     plan = solve(problem, seed=0, iterations=20, time_limit=120.0)
-    assert not plan and plan.status is fan.control.PlanStatus.APPROXIMATE
+    assert not plan and plan.status is fan.control.AnswerStatus.APPROXIMATE
     assert "the largest share of the weight that was found is 0." in plan.message

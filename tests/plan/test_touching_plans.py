@@ -11,8 +11,9 @@ from fantoccini.base.errors import StateError, UnknownNameError
 from fantoccini.control.planning import PlanResult, check, solve
 from fantoccini.control.planning.plan_path import PlanPath
 from fantoccini.control.planning.polish import PolishStatus
-from fantoccini.control.problems import Problem, Touches
+from fantoccini.control.problems import Problem
 from fantoccini.control.problems.rollouts import Rollouts
+from fantoccini.control.tasks import Touches
 from fantoccini.dynamics.clearance import Clearance
 
 pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
@@ -33,7 +34,7 @@ def touch(past_post) -> PlanResult:
 
 @pytest.mark.parametrize("method", ["timestepping", "event"])
 def test_the_hand_touches_the_table_and_keeps_off_the_post(past_post, touch, method):
-    assert touch and touch.status is fan.control.PlanStatus.EXACT
+    assert touch and touch.status is fan.control.AnswerStatus.EXACT
     made = touch.verify(method=method)
     assert made.arrives and made.distance < 1e-5 and not made.fault
     assert float(Clearance(ARM, [POST], free=[frozenset({"hand", "table"})]).of(made.run).min()) > 0
@@ -93,8 +94,8 @@ def test_keeping_off_is_the_default():
     on_table = solve(Problem(ARM, START, ON_TABLE), seed=0).verify().run.state(-1)
     resting = ARM.rest(on_table)
     for contact, status in (
-        ("keep off", fan.control.PlanStatus.INFEASIBLE_START),
-        ({"touch": [("hand", "table")]}, fan.control.PlanStatus.EXACT),
+        ("keep off", fan.control.AnswerStatus.INFEASIBLE_START),
+        ({"touch": [("hand", "table")]}, fan.control.AnswerStatus.EXACT),
     ):
         lift = fan.plan(ARM, resting, {"elbow": 0.0}, contact=contact, seed=0)
         assert lift.status is status
@@ -145,7 +146,7 @@ def test_a_table_out_of_reach_is_recognised():
     far = {"name": "shelf", "type": "box", "size": [0.2, 0.3, 0.02], "at": [1.0, 0, 0.4]}
     goal = fan.control.Goal.touch(ARM, [("hand", "shelf")])
     plan = fan.plan(ARM, START, goal, [far], time_limit=60.0)
-    assert plan.status is fan.control.PlanStatus.INFEASIBLE_GOAL and not plan
+    assert plan.status is fan.control.AnswerStatus.INFEASIBLE_GOAL and not plan
     assert "shelf is at least" in plan.message and "hand reaches no farther than" in plan.message
 
 
@@ -161,7 +162,7 @@ def test_a_search_that_does_not_touch_says_how_far_it_is():
         iterations=200,
         time_limit=60.0,
     )
-    assert not plan and plan.status is fan.control.PlanStatus.APPROXIMATE
+    assert not plan and plan.status is fan.control.AnswerStatus.APPROXIMATE
     assert "hand is 0." in plan.message and "m from table" in plan.message
 
 

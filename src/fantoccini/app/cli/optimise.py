@@ -21,8 +21,8 @@ from fantoccini.app.console import (
     write_outputs,
     writing,
 )
-from fantoccini.control.optimal import OptimalStatus, Optimum, optimise, out_of_reach
-from fantoccini.control.tasks import load_task, task_names
+from fantoccini.control.optimal import Optimum, optimise, out_of_reach
+from fantoccini.control.tasks import AnswerStatus, load_task, task_names
 from fantoccini.theatre.perform import Recording
 
 
@@ -64,7 +64,7 @@ def optimise_file(request: OptimiseRequest) -> None:
     if not found.holds:
         say(f"fantoccini: {found.message}")
         raise typer.Exit(FAILED)
-    if found.status is OptimalStatus.STOPPED:
+    if found.status is AnswerStatus.STOPPED:
         raise typer.Exit(INTERRUPTED)
 
 

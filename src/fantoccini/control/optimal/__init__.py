@@ -1,26 +1,27 @@
 """Optimal control: minimum-cost motions of a puppet within bounds."""
 
 from fantoccini.control.optimal.api import follow, optimise, refuse_winches
+from fantoccini.control.optimal.iterations import Improvable, Limits, improve
 from fantoccini.control.optimal.mpc import MPC, MPCStatus
 from fantoccini.control.optimal.outlook import out_of_reach
-from fantoccini.control.optimal.reached import ReachedPose, ReachedPoses, ReachStatus
+from fantoccini.control.optimal.reached import ReachedPose, ReachedPoses
 from fantoccini.control.optimal.reaching import What, reach
-from fantoccini.control.optimal.result import OptimalStatus, Optimum
-from fantoccini.control.optimal.tuning import Draws, Tuned, TunedStatus, tune
+from fantoccini.control.optimal.result import Optimum
+from fantoccini.control.optimal.tuning import Draws, Tuned, tune
 
 __all__ = [
     "MPC",
     "Draws",
+    "Improvable",
+    "Limits",
     "MPCStatus",
-    "OptimalStatus",
     "Optimum",
-    "ReachStatus",
     "ReachedPose",
     "ReachedPoses",
     "Tuned",
-    "TunedStatus",
     "What",
     "follow",
+    "improve",
     "optimise",
     "out_of_reach",
     "reach",

@@ -34,13 +34,24 @@ from fantoccini.control.optimal.attribution import (
 from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.finishing import confirmed, iterate, search_minimum
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
+from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.outlook import out_of_reach
-from fantoccini.control.optimal.result import OptimalStatus, Optimum
+from fantoccini.control.optimal.result import Optimum
 from fantoccini.control.optimal.shooting import EventRuns, StepRuns
-from fantoccini.control.optimal.sqp import Iterate, Limits, Search
+from fantoccini.control.optimal.sqp import Iterate, Search
 from fantoccini.control.optimal.through_modes import HOLDS, ThroughModes
-from fantoccini.control.tasks import Bounds, Chosen, Clip, Nodes, Smooth, Target, Task, Track
+from fantoccini.control.tasks import (
+    AnswerStatus,
+    Bounds,
+    Chosen,
+    Clip,
+    Nodes,
+    Smooth,
+    Target,
+    Task,
+    Track,
+)
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 
@@ -99,8 +110,12 @@ def optimise(
         KeyboardInterrupt: Ctrl-C before there is a first motion.
     """
     check_positive(tolerance=tolerance, time_limit=time_limit)
-    began, marionette = time.perf_counter(), task.marionette
+    began = time.perf_counter()
     _check(task)
+    if task.obstacles:
+        marionette, obstacles = task.world
+        task = replace(task, marionette=marionette, obstacles=obstacles)
+    marionette = task.marionette
     rotates = bool(marionette.coordinates.rotations)
     if exact and rotates:
         raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
@@ -129,12 +144,12 @@ def optimise(
     # An exploration, and what tightens its motion.
     total = float(iterations * max(1, 2 * task.explore))
 
-    def note(now: Iterate) -> None:
+    def note(now: Progress) -> None:
         nonlocal best
-        best = now
-        curve.append((time.perf_counter() - began, now.cost))
+        best = now.best
+        curve.append((time.perf_counter() - began, best.cost))
         if progress is not None:
-            progress(Progress(done=now.iterations, total=total, best=now))
+            progress(replace(now, done=best.iterations, total=total))
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
@@ -151,7 +166,7 @@ def optimise(
         else:
             runs, at = search_minimum(runs, at, objective, limits, note)
     except KeyboardInterrupt:
-        at, status = search.best if has_contact else best, OptimalStatus.STOPPED
+        at, status = search.best if has_contact else best, AnswerStatus.STOPPED
     objective, run = search.objective, at.nodes.run
     if run is None:  # it was part of a batch, which keeps no run
         made = runs.run(at.nodes)
@@ -172,12 +187,12 @@ def optimise(
     worst = max(bound, end, touch_residual(touched), key=lambda one: one.rank)
     reason = ""
     if has_contact and isinstance(runs, StepRuns):
-        status = OptimalStatus.UNCONFIRMED
+        status = AnswerStatus.NO_RUN
     elif not worst.size <= HOLDS:
-        status, reason = OptimalStatus.VIOLATED, worst.text
+        status, reason = AnswerStatus.VIOLATED, worst.text
     elif status is None:
         status = _status(at, tolerance, until)
-        if status is not OptimalStatus.SOLVED:
+        if status is not AnswerStatus.SOLVED:
             reason = largest_residual(objective, at, tolerance)
     if end.size > tolerance and end.text in reason and not len(at.nodes.parameters):
         with contextlib.suppress(StateError, SimulationError):  # a remark is not worth the result
@@ -316,6 +331,8 @@ def _check(task: Task) -> None:
     """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
     marionette = task.marionette
     refuse_winches(marionette, "optimise")
+    if task.end is not None and task.goal is None:
+        raise StateError("optimise: the task's end is that of a plan; needed: a state, or tracks")
     if task.is_free and any(
         callable(x.path) or isinstance(x.path, (tuple, Clip)) for x in task.tracks
     ):
@@ -359,15 +376,15 @@ def first_nodes(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> No
     )
 
 
-def _status(at: Iterate, tolerance: float, until: float) -> OptimalStatus:
+def _status(at: Iterate, tolerance: float, until: float) -> AnswerStatus:
     if at.kkt <= tolerance:
-        return OptimalStatus.SOLVED
+        return AnswerStatus.SOLVED
     if at.settled:
-        return OptimalStatus.SETTLED
+        return AnswerStatus.SETTLED
     if at.stalled:
-        return OptimalStatus.STALLED
+        return AnswerStatus.STALLED
     late = time.perf_counter() > until
-    return OptimalStatus.TIMEOUT if late else OptimalStatus.ITERATIONS
+    return AnswerStatus.TIMEOUT if late else AnswerStatus.ITERATIONS
 
 
 def _spread(path: Target, start: float, duration: float, width: int) -> Target:

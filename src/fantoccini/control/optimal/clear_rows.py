@@ -5,12 +5,16 @@ d_i(q_{i+1}) >= margin, one row for every body and string
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from typing import Any
+
 import numpy as np
 
 from fantoccini.base import Array, tangent
 from fantoccini.control.tasks import Nodes
-from fantoccini.dynamics.clearance import Clearance
+from fantoccini.dynamics.clearance import Clearance, HalfSpace
 from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.puppet import Obstacle
 from fantoccini.motion import Trajectory
 
 _NEAR = 0.1
@@ -31,11 +35,18 @@ class ClearRows:
         marionette: the puppet, with the obstacles of its file.
         margin: see above.
         own_body: whether bodies of one puppet that no joint connects are kept clear of one another.
+        obstacles: in addition to the puppet's.
     """
 
-    def __init__(self, marionette: Marionette, margin: float, own_body: bool):
+    def __init__(
+        self,
+        marionette: Marionette,
+        margin: float,
+        own_body: bool,
+        obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
+    ):
         self.margin = margin
-        self.whole = Clearance(marionette, self_collision=own_body)
+        self.whole = Clearance(marionette, obstacles, self_collision=own_body)
         parts = self.whole.parts()
         self.names, self._parts = tuple(parts), tuple(parts.values())
         self._table = marionette.coordinates

@@ -13,12 +13,11 @@ motion and its order of events. Every motion is an event-driven run, of a compil
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fantoccini.base import ARRIVED, N_COEF, Array, Indices, Status
+from fantoccini.base import ARRIVED, N_COEF, Array, Indices, OnProgress, Progress, Status
 from fantoccini.control.optimal.dynamics import Ends
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.sqp import Iterate
@@ -117,7 +116,7 @@ class Exploration:
         self._ways = np.repeat([1.0, SETTINGS.moment * T] * 2, [n, n, k, k])
         self._hats = hats(len(first), min(SETTINGS.knots, len(first)))
 
-    def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate | None:
+    def run(self, progress: OnProgress | None = None) -> Iterate | None:
         """The best motion of all generations; None where no run arrived at its end.
 
         Args:
@@ -157,7 +156,7 @@ class Exploration:
             mean = kept * mean + (1.0 - kept) * np.mean(best.theta, axis=0)
             spread = kept * spread + (1.0 - kept) * np.std(best.theta, axis=0)
             if progress is not None:
-                progress(self._iterate(best))
+                progress(Progress(done=g + 1, total=generations, best=self._iterate(best)))
             if np.mean(spread / most) < SETTINGS.least_spread:
                 break
         return None if best is None else self._iterate(best)

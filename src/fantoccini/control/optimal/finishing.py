@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from fantoccini.base import OnProgress
 from fantoccini.control.optimal.attribution import passed_bound
 from fantoccini.control.optimal.hybrid import ExactRuns
+from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
-from fantoccini.control.optimal.sqp import SETTINGS, Iterate, Limits, Search, merit
+from fantoccini.control.optimal.sqp import SETTINGS, Iterate, Search, merit
 from fantoccini.control.optimal.through_modes import HOLDS
 from fantoccini.control.tasks import Driven, Nodes
 
@@ -44,11 +45,7 @@ def iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | No
 
 
 def search_minimum(
-    runs: EventRuns,
-    at: Iterate,
-    objective: Objective,
-    limits: Limits,
-    note: Callable[[Iterate], None],
+    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits, note: OnProgress
 ) -> tuple[EventRuns, Iterate]:
     """Searches with time steps, with exact derivatives, and from perturbed solutions.
 
@@ -70,18 +67,16 @@ def search_minimum(
         beside = restart_from_perturbed(runs, at, objective, limits.until)
         if beside is None:
             break
-        at = replace(beside, iterations=at.iterations, stationarity=np.inf)
+        at = replace(
+            beside, iterations=at.iterations, stationarity=np.inf, stalled=False, settled=False
+        )
     if solved is not None and at.kkt > limits.tolerance and is_worse(at, solved, objective):
         at = replace(solved, iterations=at.iterations)
     return finer, at
 
 
 def _search_by_steps(
-    runs: EventRuns,
-    at: Iterate,
-    objective: Objective,
-    limits: Limits,
-    note: Callable[[Iterate], None],
+    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits, note: OnProgress
 ) -> Iterate:
     """The search with derivatives of time steps, for at most half of the remaining iterations.
 
@@ -94,11 +89,7 @@ def _search_by_steps(
 
 
 def _search_exactly(
-    runs: EventRuns,
-    coarse: Iterate,
-    objective: Objective,
-    limits: Limits,
-    note: Callable[[Iterate], None],
+    runs: EventRuns, coarse: Iterate, objective: Objective, limits: Limits, note: OnProgress
 ) -> Iterate:
     """The search continued with exact derivatives of the run.
 
@@ -158,11 +149,7 @@ def is_worse(at: Iterate, before: Iterate, objective: Objective) -> bool:
 
 
 def confirmed(
-    runs: EventRuns,
-    at: Iterate,
-    objective: Objective,
-    limits: Limits,
-    note: Callable[[Iterate], None],
+    runs: EventRuns, at: Iterate, objective: Objective, limits: Limits, note: OnProgress
 ) -> tuple[EventRuns, Iterate]:
     """The motion of time steps as an event-driven run, improved where there is time for it.
 

@@ -107,8 +107,8 @@ class MPC:
 
     Args:
         marionette: the puppet.
-        task: a :class:`Task`, of which tracks, smoothness and bounds count, but those of tensions;
-            paths go along with time. Or targets as :func:`follow` takes them.
+        task: a :class:`Task`, of which tracks, smoothness, obstacles and bounds count, but those of
+            tensions; paths go along with time. Or targets as :func:`follow` takes them.
         horizon: [s].
         nodes: see above.
         bounds, smooth: where no task is given.
@@ -147,9 +147,10 @@ class MPC:
         if isinstance(task, Task):
             _check(task, marionette)
             tracks, bounds, smooth, x0 = task.tracks, task.bounds, task.smooth, task.x0
+            obstacles = task.obstacles
         else:
             x0 = marionette.rest()
-            tracks = tracks_of(marionette, task, x0.t, 1.0, weight)
+            tracks, obstacles = tracks_of(marionette, task, x0.t, 1.0, weight), ()
             bounds = Bounds(speed=SPEED, acceleration=ACCELERATION) if bounds is None else bounds
         self._task = Task(
             marionette,
@@ -160,6 +161,7 @@ class MPC:
             bounds,
             interval=self.interval,
             dt=dt,
+            obstacles=obstacles,
         )
         # A slack string has no derivative by which it would be pulled taut again.
         self._task = replace(self._task, bounds=replace(self._task.bounds, tension={}))
@@ -344,5 +346,5 @@ def _check(task: Task, marionette: Marionette) -> None:
         )
     if task.touches:
         raise StateError("MPC: the task has touches; give a Track instead")
-    if task.goal is not None:
+    if task.end is not None or task.periodic is not None:
         raise StateError("MPC: the task has an end; give a Track with end_weight instead")

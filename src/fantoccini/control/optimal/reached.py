@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fantoccini.base import Array, Mask, MaskRows, Outcome
-from fantoccini.control.tasks import Answer
+from fantoccini.base import Array, Mask, MaskRows
+from fantoccini.control.tasks import Answer, AnswerStatus
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.contract import ReachEnd
 from fantoccini.kernel.runtime import Reached
@@ -25,20 +25,11 @@ _MOVES = 1e-9
 """Change of a dynamic coordinate by a unit of the driven ones that is rounding."""
 
 
-class ReachStatus(Outcome):
-    """How near a pose comes to its places."""
-
-    REACHED = "it is there"
-    OUT_OF_REACH = "no hanging pose near by comes nearer"
-    TIPS = "any nearer it hangs unstably, and would tip over into another pose"
-    STALLED = "the search ended before it was sure; there may be nearer poses"
-
-
 _STATUS = {
-    ReachEnd.REACHED: ReachStatus.REACHED,
-    ReachEnd.NEAREST: ReachStatus.OUT_OF_REACH,
-    ReachEnd.STALLED: ReachStatus.STALLED,
-    ReachEnd.TIPS: ReachStatus.TIPS,
+    ReachEnd.REACHED: AnswerStatus.REACHED,
+    ReachEnd.NEAREST: AnswerStatus.OUT_OF_REACH,
+    ReachEnd.STALLED: AnswerStatus.UNSURE,
+    ReachEnd.TIPS: AnswerStatus.TIPS,
 }
 
 
@@ -86,7 +77,7 @@ class ReachedPose(Answer):
         limits: what keeps it from its places, in words; empty where it is there.
     """
 
-    status: ReachStatus
+    status: AnswerStatus
     state: State
     distance: float
     distances: dict[str, float]
@@ -95,11 +86,6 @@ class ReachedPose(Answer):
     taut: tuple[str, ...]
     still: tuple[str, ...]
     limits: tuple[str, ...]
-
-    @property
-    def holds(self) -> bool:
-        """Whether it hangs at its places."""
-        return self.status is ReachStatus.REACHED
 
     def summary(self) -> str:
         """What was found, in lines."""
@@ -149,7 +135,7 @@ class ReachedPoses:
         return self._found.status == ReachEnd.REACHED
 
     @property
-    def status(self) -> tuple[ReachStatus, ...]:
+    def status(self) -> tuple[AnswerStatus, ...]:
         """How near each pose comes."""
         return tuple(_STATUS[ReachEnd(code)] for code in self._found.status.tolist())
 
@@ -249,7 +235,7 @@ class ReachedPoses:
                 v = int(c) - n_u - len(rows)
                 bound = (problem.joint_high if high else problem.joint_low)[v]
                 texts.append(self._beyond(table.v_D[v], bound, high))
-        if self.status[i] is ReachStatus.TIPS:
+        if self.status[i] is AnswerStatus.TIPS:
             texts = ["any nearer, the puppet would tip over"]
         texts += self._rests_on(pulls)
         if not texts:

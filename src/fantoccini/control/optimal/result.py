@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, Outcome, Times, output
+from fantoccini.base import Array, Times, output
 from fantoccini.control.optimal.hybrid import ExactRuns, HybridRuns
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.shooting import EventRuns
 from fantoccini.control.optimal.sqp import Iterate
 from fantoccini.control.tasks import (
     Answer,
+    AnswerStatus,
     Looks,
     Nodes,
     Task,
@@ -30,25 +31,12 @@ _DAMPING = 1e-6
 """Of the Hessian of gains, in units of the cost."""
 
 
-class OptimalStatus(Outcome):
-    """How an optimisation ended."""
-
-    SOLVED = "the residual of the conditions of optimality is below the tolerance"
-    SETTLED = "steps save hardly any cost any more; the residual is above the tolerance"
-    STALLED = "no step lowers the cost any more, but the residual is above the tolerance"
-    ITERATIONS = "the iterations ended first; this is the best motion so far"
-    TIMEOUT = "the time ended first; this is the best motion so far"
-    STOPPED = "it was interrupted; this is the best motion so far"
-    VIOLATED = "the motion leaves its bounds, or does not reach its end or a place"
-    UNCONFIRMED = "time steps make this motion, but an event-driven run of its inputs does not end"
-
-
 @dataclass(frozen=True, eq=False)
 class Optimum(Answer):
     """The best motion found, as an event-driven run. True where it is ``SOLVED``; see
     :class:`Answer`.
 
-    Where ``status`` is ``UNCONFIRMED``, which with contact it may be, all is of time steps.
+    Where ``status`` is ``NO_RUN``, which with contact it may be, all is of time steps.
 
     Attributes:
         task: what was asked for.
@@ -71,7 +59,7 @@ class Optimum(Answer):
     """
 
     task: Task
-    status: OptimalStatus
+    status: AnswerStatus
     run: Trajectory
     inputs: Input
     cost: float
@@ -87,16 +75,6 @@ class Optimum(Answer):
     _iterate: Iterate
     _objective: Objective
     _runs: EventRuns
-
-    @property
-    def holds(self) -> bool:
-        """Whether the event-driven run keeps its bounds and arrives."""
-        return self.status not in (OptimalStatus.VIOLATED, OptimalStatus.UNCONFIRMED)
-
-    @property
-    def is_minimum(self) -> bool:
-        """Whether the residual of the conditions of optimality is below the tolerance."""
-        return self.status is OptimalStatus.SOLVED
 
     def __repr__(self) -> str:
         return (

@@ -50,7 +50,7 @@ class Rows:
         clearance = task.bounds.clearance
         self.clear = None
         if clearance is not None:
-            self.clear = ClearRows(marionette, clearance, task.bounds.own_body)
+            self.clear = ClearRows(marionette, clearance, task.bounds.own_body, task.obstacles)
 
     @property
     def names(self) -> list[tuple[str, int]]:

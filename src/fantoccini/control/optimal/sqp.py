@@ -12,15 +12,15 @@ before in which theta was reduced.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from fantoccini.base import Array
+from fantoccini.base import Array, OnProgress
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
+from fantoccini.control.optimal.iterations import Limits, SmallSteps, curved, improve
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.quadratic import StageProgram, StageSolution, StageSolver
 from fantoccini.control.tasks import Nodes
@@ -60,8 +60,6 @@ class SearchSettings:
     """Theta up to which it may be settled, relative to the tolerance."""
     calm: float = 3e-4
     """Damping up to which small steps mean that a motion is settled."""
-    small_steps: int = 4
-    """In a row after which a motion counts as settled."""
     margin: float = 1e-5
     """Share of theta by which theta, or J, must be better."""
     powers: tuple[float, float] = (2.3, 1.1)
@@ -185,25 +183,6 @@ class _Step:
     value: Array
 
 
-@dataclass(frozen=True)
-class Limits:
-    """When an optimisation ends.
-
-    Attributes:
-        tolerance: of the KKT residual.
-        cost_tolerance: share of the cost; it ends after some steps that each save less.
-        iterations: at most.
-        until: time of ``time.perf_counter`` [s].
-        damping: of the Hessian, above which it ends.
-    """
-
-    tolerance: float
-    cost_tolerance: float
-    iterations: int
-    until: float = np.inf
-    damping: float = SETTINGS.most_damping
-
-
 class Search:
     """Improves a motion step by step.
 
@@ -217,43 +196,28 @@ class Search:
     def __init__(self, start: Iterate, shooting: Shooting, objective: Objective, limits: Limits):
         self.best = start
         self._shooting, self.objective, self._limits = shooting, objective, limits
-        self._solver, self._filter, self._small_steps = StageSolver(), Filter(), 0
+        self._solver, self._filter, self._small_steps = StageSolver(), Filter(), SmallSteps()
 
-    def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate:
-        """Iterates until the motion is optimal, or there is no more progress.
+    def run(self, progress: OnProgress | None = None) -> Iterate:
+        """The best motion that is found; see :func:`improve`."""
+        return improve(self, self._limits, progress)
 
-        Args:
-            progress: called after every iteration.
+    def learn(self, step: _Step | None, taken: bool) -> None:
+        """Raises the damping where no step was taken.
+
+        Where even the program passes rows, their price is too low, or they contradict.
         """
-        for _ in range(self._limits.iterations):
-            step = self._step()
-            at = self.best
-            if step is not None and at.kkt <= self._limits.tolerance:
-                break
-            made = None if step is None else self._along(step)
-            at.iterations += 1
-            if made is None:
-                at.damping *= SETTINGS.damping_factor**2
-            else:
-                self.best = made
-            if self.best.damping > self._limits.damping:
-                self.best.stalled = True
-                break
-            if step is not None and step.passes > self._limits.tolerance:
-                self._raise_price()
-            if progress is not None:
-                progress(self.best)
-            if self.best.settled or time.perf_counter() > self._limits.until:
-                break
-        return self.best
+        at, objective = self.best, self.objective
+        if not taken:
+            at.damping *= SETTINGS.damping_factor**2
+        at.stalled = at.damping > min(self._limits.damping, SETTINGS.most_damping)
+        dear = objective.price >= SETTINGS.highest_price * objective.unit
+        if at.stalled or step is None or step.passes <= self._limits.tolerance or dear:
+            return
+        objective.price *= SETTINGS.price_factor
+        self._filter, self._small_steps = Filter(), SmallSteps()
 
-    def _raise_price(self) -> None:
-        """Where even the program passes rows, their price is too low, or they contradict."""
-        if self.objective.price < SETTINGS.highest_price * self.objective.unit:
-            self.objective.price *= SETTINGS.price_factor
-            self._filter, self._small_steps = Filter(), 0
-
-    def _step(self) -> _Step | None:
+    def step(self) -> _Step | None:
         """A step from the best motion, whose residuals are noted; None where none was found."""
         at, objective = self.best, self.objective
         if len(objective.touches):
@@ -269,9 +233,8 @@ class Search:
             return None
         u, z = solution.u, solution.z[1:]
         step = np.concatenate([u, z], axis=1)
-        curved = np.einsum("nij,nj->ni", program.H, step)
-        curved[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
-        curved[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
+        bent = curved(program, solution)
+        bend = float(np.sum(step * bent))
         gap, violation = objective.gap(at.nodes), objective.rows.violation(at.nodes, linear)
         at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
         at.passed = float(np.max(violation, initial=0.0))
@@ -286,7 +249,6 @@ class Search:
         # included. A step that ends short of a bound, as the interior point method does, may
         # save nothing although the bound is not reached: so what it left counts with the second.
         # Not a residual: the weight of the end only shifts multipliers, which the gradient uses.
-        bent = curved.copy()
         if objective.task.goal is not None:
             at_end = solution.u.shape[1] + np.arange(len(objective.kept[1]))
             bent[-1, at_end] -= objective.end_weight * step[-1, at_end]
@@ -298,7 +260,7 @@ class Search:
         if left > most and finer > SETTINGS.finest:
             finer *= SETTINGS.gap_share * most / left
             self._solver = StageSolver(max(finer, SETTINGS.finest))
-            return self._step()
+            return self.step()
         at.stationarity = max(min(bends, 1.0), min(saves + left, 1.0))
         return _Step(
             z,
@@ -307,7 +269,7 @@ class Search:
             theta=float(np.sum(np.abs(linear.e)) + np.sum(np.abs(gap))),
             phi=(phi := at.cost + price * float(np.sum(violation))),
             falls=falls,
-            bend=float(np.sum(step * curved)),
+            bend=bend,
             merit=phi + _of_gap(gap, weight, at.force),
             merit_falls=merit_falls,
             force=force,
@@ -317,7 +279,7 @@ class Search:
             value=objective.rows.values(at.nodes, linear)[0],
         )
 
-    def _along(self, step: _Step) -> Iterate | None:
+    def along(self, step: _Step) -> Iterate | None:
         """The motion as far along a step as the filter accepts it."""
         at, objective = self.best, self.objective
         for alpha, (nodes, ends) in self._trials(step):
@@ -337,7 +299,7 @@ class Search:
             is_small = is_small and step.theta <= SETTINGS.near * limits.tolerance
             # A step that was cut saves little anyway: what it promised must have been little.
             is_small = is_small and (alpha == 1.0 or abs(step.falls) <= little)
-            self._small_steps = self._small_steps + 1 if is_small else 0
+            settled = self._small_steps.settle(is_small)
             if theta > SETTINGS.closes * step.theta > limits.tolerance:
                 objective.stiffen_end()
             return replace(
@@ -345,10 +307,9 @@ class Search:
                 nodes=nodes,
                 ends=ends,
                 cost=cost,
-                iterations=at.iterations + 1,
                 force=step.force,
                 damping=_damping(at.damping, alpha, (step.merit - merit) / predicted),
-                settled=self._small_steps == SETTINGS.small_steps,
+                settled=settled,
             )
         return None
 

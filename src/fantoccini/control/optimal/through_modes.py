@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from fantoccini.base import StateError
+from fantoccini.base import OnProgress, Progress, StateError
 from fantoccini.control.optimal.attribution import passed_bound
 from fantoccini.control.optimal.exploring import Exploration
 from fantoccini.control.optimal.hybrid import HybridRuns
+from fantoccini.control.optimal.iterations import Limits
 from fantoccini.control.optimal.objective import Objective
-from fantoccini.control.optimal.sqp import Iterate, Limits
+from fantoccini.control.optimal.sqp import Iterate
 from fantoccini.control.optimal.tightening import Tightening
 from fantoccini.dynamics.compiled import refuse_contact
 
@@ -59,7 +59,7 @@ class ThroughModes:
         self._runs, self._limits, self._seed = runs, limits, seed
         self._first, self._iterations = first.nodes, 0
 
-    def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate:
+    def run(self, progress: OnProgress | None = None) -> Iterate:
         """Explores and tightens.
 
         Args:
@@ -77,9 +77,7 @@ class ThroughModes:
     def _is_late(self) -> bool:
         return time.perf_counter() > self._limits.until
 
-    def _attempt(
-        self, rng: np.random.Generator, progress: Callable[[Iterate], None] | None
-    ) -> bool:
+    def _attempt(self, rng: np.random.Generator, progress: OnProgress | None) -> bool:
         """Explores, and again near what does not hold yet; whether a motion holds."""
         objective, before = Objective(self.objective.task), (self.best, self.objective)
 
@@ -88,11 +86,12 @@ class ThroughModes:
             better = self._rank(now) <= self._rank(before[0])
             self.best, self.objective = (now, objective) if better else before
 
-        def count(now: Iterate) -> None:
+        def count(now: Progress) -> None:
             self._iterations += 1
-            keep(now)
+            keep(now.best)
             if progress is not None:
-                progress(replace(self.best, iterations=self._iterations))
+                best = replace(self.best, iterations=self._iterations)
+                progress(replace(now, done=self._iterations, best=best))
 
         start = self._first
         for i in range(1 + _AGAIN):

@@ -13,18 +13,17 @@ which follows the curved set of motions that meet the end much farther than its 
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fantoccini.base import Array, SimulationError, StateError
+from fantoccini.base import Array, OnProgress, SimulationError, StateError
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.hybrid import HybridRuns
+from fantoccini.control.optimal.iterations import Limits, SmallSteps, curved, improve
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram, StageSolution, StageSolver
-from fantoccini.control.optimal.sqp import Iterate, Limits
+from fantoccini.control.optimal.sqp import Iterate
 from fantoccini.control.tasks import Driven, Nodes
 
 
@@ -56,8 +55,6 @@ class TighteningSettings:
     least_price: float = 1e-3
     damping: float = 1e-8
     """Of the Hessian, in units of the cost."""
-    small_steps: int = 4
-    """In a row after which a motion counts as settled."""
     patience: int = 40
     """Iterations after which a motion that is still far from its end is given up."""
     far: float = 1e-2
@@ -73,6 +70,7 @@ class _Step:
     """A step and what its program predicts.
 
     Attributes:
+        linear: what its program is of.
         solution: of the program.
         falls: predicted decrease of phi.
         size: largest |du_j| / most_j.
@@ -80,6 +78,7 @@ class _Step:
         stationarity: see :class:`fantoccini.control.optimal.sqp.Iterate`.
     """
 
+    linear: LinearEnds
     solution: StageSolution
     falls: float
     size: float
@@ -103,41 +102,13 @@ class Tightening:
         self._free = Objective(replace(objective.task, end=None))  # the end is made of rows here
         self._u, self._z = objective.kept
         self._most = Driven.of(objective.task).scale[self._u]
-        self._solver, self._radius, self._small_steps = StageSolver(), SETTINGS.radius, 0
+        self._solver, self._radius = StageSolver(), SETTINGS.radius
+        self._small_steps, self._gain = SmallSteps(), -np.inf
+        self._linear: LinearEnds | None = None
 
-    def run(self, progress: Callable[[Iterate], None] | None = None) -> Iterate:
-        """Iterates until the motion is optimal, or there is no more progress.
-
-        Args:
-            progress: called after every iteration.
-        """
-        linear: LinearEnds | None = None
-        for _ in range(self._limits.iterations):
-            at = self.best
-            linear = self._linearised() if linear is None else linear
-            step = None if linear is None else self._step(linear)
-            at.iterations += 1
-            if linear is None or step is None:
-                at.stalled = True
-                break
-            if at.kkt <= self._limits.tolerance:
-                break
-            made, gain = self._along(linear, step)
-            if made is not None:
-                self.best, linear = made, None
-            self._learn(step, gain, made is not None)
-            if progress is not None:
-                progress(self.best)
-            if self._radius < SETTINGS.least_radius:
-                self.best.stalled = True
-            if self.best.iterations >= SETTINGS.patience:
-                far = max(at.defect, at.passed) > SETTINGS.far
-                self.best.stalled = self.best.stalled or far
-            if self.best.stalled or self.best.settled:
-                break
-            if time.perf_counter() > self._limits.until:
-                break
-        return self.best
+    def run(self, progress: OnProgress | None = None) -> Iterate:
+        """The best motion that is found; see :func:`improve`."""
+        return improve(self, self._limits, progress)
 
     def _linearised(self) -> LinearEnds | None:
         """The best motion with derivatives; None where a catch has none."""
@@ -162,31 +133,37 @@ class Tightening:
     def _merit(self, cost: float, nodes: Nodes, ends: Ends) -> float:
         return cost + self._free.price * self._left(nodes, ends)
 
-    def _step(self, linear: LinearEnds) -> _Step | None:
+    def step(self) -> _Step | None:
         """A step from the best motion, whose residuals are noted; None where there is none."""
         at, objective = self.best, self._objective
+        if self._linear is None:
+            self._linear = self._linearised()
+        if (linear := self._linear) is None:
+            at.stalled = True
+            return None
         gap = self._gap(at.nodes)
         program = self._program(linear, gap)
         size = max(float(np.max(np.abs(program.g))), _LEAST)
         solution = self._solver.solve(program, min(size, self._free.unit))
         if not solution.solved:
+            at.stalled = True
             return None
-        curved = _curved(program, solution)
+        bent = curved(program, solution)
         step = np.concatenate([solution.u, solution.z[1:]], axis=1)
         left = _elastic(solution.passed)
         slope, price = float(np.sum(program.g * step)), self._free.price
         saved = price * (self._left(at.nodes, at.ends) - left)
-        falls = saved - slope - 0.5 * float(np.sum(step * curved))
+        falls = saved - slope - 0.5 * float(np.sum(step * bent))
         at.defect = float(np.max(np.abs(gap), initial=0.0))
         at.passed = float(np.max(objective.rows.violation(at.nodes, at.ends), initial=0.0))
         at.solution = solution
         longest = float(np.max(np.abs(solution.u[:, : len(self._u)]) / self._most))
         # A step that ends at the trust region says nothing of the gradient.
-        bends = float(np.max(np.abs(curved))) / size
+        bends = float(np.max(np.abs(bent))) / size
         saves = max(saved - slope, 0.0) / max(abs(at.cost), _LEAST)
         inside = longest < 0.9 * self._radius
         at.stationarity = max(min(bends, 1.0), min(saves, 1.0)) if inside else 1.0
-        return _Step(solution, falls, longest, left, at.stationarity)
+        return _Step(linear, solution, falls, longest, left, at.stationarity)
 
     def _program(self, linear: LinearEnds, gap: Array) -> StageProgram:
         """The program of a step within the trust region, that moves the end by ``gap``."""
@@ -212,11 +189,8 @@ class Tightening:
             elastic=np.concatenate([made.elastic, np.full((N, m), free.price)], axis=1),
         )
 
-    def _along(self, linear: LinearEnds, step: _Step) -> tuple[Iterate | None, float]:
-        """The motion after a step, corrected; None where it is not taken. And the gain.
-
-        The gain is the decrease of phi relative to what was predicted.
-        """
+    def along(self, step: _Step) -> Iterate | None:
+        """The motion after a step, corrected; None where it is not taken."""
         at, objective = self.best, self._objective
         before = self._merit(at.cost, at.nodes, at.ends)
         solution, found, best = step.solution, None, -np.inf
@@ -225,7 +199,7 @@ class Tightening:
                 # What the end misses, seen from this step.
                 last = solution.z[-1, : len(self._z)]
                 gap = last + self._gap(found[0]) if found is not None else last
-                solution = self._solver.solve(self._program(linear, gap), self._free.unit)
+                solution = self._solver.solve(self._program(step.linear, gap), self._free.unit)
             if not solution.solved:
                 break
             made = self._runs.moved(at.nodes, *objective.widened(solution))
@@ -238,18 +212,22 @@ class Tightening:
             best, found, J = gain, made, cost
             if best >= SETTINGS.good or objective.task.end is None:
                 break
+        self._gain = best
         if found is None or best <= SETTINGS.taken:
-            return None, best
+            return None
         limits = self._limits
         is_small = best * step.falls <= limits.cost_tolerance * abs(before)
         is_small = is_small and step.size < 0.9 * self._radius
         is_small = is_small and self._left(at.nodes, at.ends) <= limits.tolerance
-        self._small_steps = self._small_steps + 1 if is_small else 0
-        settled = self._small_steps >= SETTINGS.small_steps
-        return replace(at, nodes=found[0], ends=found[1], cost=J, settled=settled), best
+        settled = self._small_steps.settle(is_small)
+        return replace(at, nodes=found[0], ends=found[1], cost=J, settled=settled)
 
-    def _learn(self, step: _Step, gain: float, taken: bool) -> None:
+    def learn(self, step: _Step | None, taken: bool) -> None:
         """The radius and the price of the next step."""
+        assert step is not None  # or it was stalled before
+        at, gain = self.best, self._gain
+        if taken:
+            self._linear = None
         inside = step.size < 0.9 * self._radius
         unit, price = self._free.unit, self._free.price
         if inside and step.left > 0.1 * self._limits.tolerance:
@@ -263,18 +241,10 @@ class Tightening:
             needed = SETTINGS.spare * float(np.max(np.abs(step.solution.costate[-1])))
             price = min(price, max(needed, SETTINGS.least_price * unit))
         self._free.price = price
+        gives_up = at.iterations >= SETTINGS.patience and max(at.defect, at.passed) > SETTINGS.far
+        at.stalled = gives_up or self._radius < SETTINGS.least_radius
 
 
 def _elastic(a: Array) -> float:
     """What is passed, as programs count it: |a| + a^2 / 2."""
     return float(np.sum(np.abs(a)) + 0.5 * np.sum(np.square(a)))
-
-
-def _curved(program: StageProgram, solution: StageSolution) -> Array:
-    """(N, k + n_z) H d, neighbouring inputs included."""
-    u, z = solution.u, solution.z[1:]
-    step = np.concatenate([u, z], axis=1)
-    out = np.einsum("nij,nj->ni", program.H, step)
-    out[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
-    out[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
-    return out

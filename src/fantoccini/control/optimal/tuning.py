@@ -20,14 +20,13 @@ from fantoccini.base import (
     Array,
     FantocciniError,
     OnProgress,
-    Outcome,
     Progress,
     StateError,
     Status,
     Times,
     check_positive,
 )
-from fantoccini.control.tasks import Answer
+from fantoccini.control.tasks import Answer, AnswerStatus
 from fantoccini.dynamics.compiled import Event, Method, MethodName, as_method
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate_batch
@@ -49,18 +48,9 @@ Family = Callable[[dict[str, float]], Input]
 Cost = Callable[[Trajectory], float]
 
 
-class TunedStatus(Outcome):
-    """How a search for numbers ended."""
-
-    SETTLED = "all spreads are narrow"
-    GENERATIONS = "the generations ended first; these are the best numbers so far"
-    TIMEOUT = "the time ended first; these are the best numbers so far"
-    STOPPED = "it was interrupted; these are the best numbers so far"
-
-
 @dataclass(frozen=True, eq=False)
 class Tuned(Answer):
-    """The best motion of a family, of a run that is ``DONE``. True where the search settled.
+    """The best motion of a family, of a run that is ``DONE``. True where all spreads are narrow.
 
     Attributes:
         values: its numbers.
@@ -81,19 +71,9 @@ class Tuned(Answer):
     cost: float
     inputs: Input
     run: Trajectory
-    status: TunedStatus
+    status: AnswerStatus
     curve: Array
     seconds: float
-
-    @property
-    def holds(self) -> bool:
-        """True: only runs that are done count."""
-        return True
-
-    @property
-    def is_minimum(self) -> bool:
-        """Whether all spreads are narrow."""
-        return self.status is TunedStatus.SETTLED
 
     def __repr__(self) -> str:
         numbers = ", ".join(f"{name} {value:.4g}" for name, value in self.values.items())
@@ -188,7 +168,7 @@ def tune(
             "randn": lambda *shape: rng.standard_normal(shape),
         },
     )
-    curve, status, spread = list[tuple[float, float]](), TunedStatus.GENERATIONS, spreads
+    curve, status, spread = list[tuple[float, float]](), AnswerStatus.GENERATIONS, spreads
     try:
         for generation in range(draws.generations):
             drawn = search.ask()
@@ -203,13 +183,13 @@ def tune(
             if trial.best is None and generation + 1 >= _PATIENCE:
                 break
             if trial.best is not None and np.all(spread <= draws.narrow * spreads):
-                status = TunedStatus.SETTLED
+                status = AnswerStatus.NARROW
                 break
             if time.perf_counter() - began > draws.time_limit:
-                status = TunedStatus.TIMEOUT
+                status = AnswerStatus.TIMEOUT
                 break
     except KeyboardInterrupt:
-        status = TunedStatus.STOPPED
+        status = AnswerStatus.STOPPED
         if trial.best is None:
             raise
     if trial.best is None:

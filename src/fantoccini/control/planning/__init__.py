@@ -6,7 +6,7 @@ from fantoccini.control.planning.feedback import Feedback, Followed
 from fantoccini.control.planning.options import PLANNERS, SearchOptions
 from fantoccini.control.planning.planners import EST2007, Explore
 from fantoccini.control.planning.polish import Polish, PolishStatus
-from fantoccini.control.planning.result import PlanResult, PlanStatus
+from fantoccini.control.planning.result import PlanResult
 from fantoccini.control.planning.search import Search
 
 __all__ = [
@@ -17,7 +17,6 @@ __all__ = [
     "Feedback",
     "Followed",
     "PlanResult",
-    "PlanStatus",
     "Polish",
     "PolishStatus",
     "Search",

@@ -20,7 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, FantocciniError, Indices, MaskRows, riccati, tangent
-from fantoccini.control.problems import StateArrays, central_differences, taut_projection
+from fantoccini.control.problems import central_differences, taut_projection
+from fantoccini.control.tasks import StateArrays
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import interval_derivatives, simulate
 from fantoccini.motion import Input, State

@@ -6,11 +6,13 @@ import contextlib
 from collections.abc import Iterable, Mapping
 from typing import Any, Unpack
 
+from fantoccini.base import StateError
 from fantoccini.control.planning.options import SearchKeywords, SearchOptions
 from fantoccini.control.planning.planners import Planner
 from fantoccini.control.planning.result import PlanResult
 from fantoccini.control.planning.search import Search
-from fantoccini.control.problems import GoalLike, Objective, Problem
+from fantoccini.control.problems import Objective, Problem
+from fantoccini.control.tasks import GoalLike, Task
 from fantoccini.dynamics.clearance import HalfSpace
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import Obstacle
@@ -21,9 +23,9 @@ _POLISHED_DISTANCE = 1e-3
 
 
 def plan(
-    marionette: Marionette,
-    start: State,
-    goal: GoalLike,
+    marionette: Marionette | Task,
+    start: State | None = None,
+    goal: GoalLike | None = None,
     obstacles: Iterable[Obstacle | HalfSpace | Mapping[str, Any]] = (),
     *,
     planner: str | Planner = "explore",
@@ -44,7 +46,8 @@ def plan(
     To plan with several seeds, make the :class:`Problem` once and ``solve`` it.
 
     Args:
-        marionette, start, goal, obstacles, options: see :class:`Problem`.
+        marionette, start, goal, obstacles, options: see :class:`Problem`. Or a :class:`Task` alone,
+            with ``rollouts`` as the only other option.
         planner, time_limit, iterations, improve, confirm, objective, seed: see
             :class:`SearchOptions`.
 
@@ -58,6 +61,12 @@ def plan(
         ValueError: a number out of range, or an unknown planner or objective.
     """
     search = SearchOptions(planner, time_limit, iterations, improve, confirm, objective, seed)
+    if isinstance(marionette, Task):
+        if start is not None or goal is not None or obstacles:
+            raise StateError("plan: a task has its start, end and obstacles; give no others")
+        return solve(Problem.of(marionette, **options), search)
+    if start is None or goal is None:
+        raise StateError("plan: found no start or no goal; needed: both, or a Task alone")
     return solve(Problem(marionette, start, goal, obstacles, **options), search)
 
 

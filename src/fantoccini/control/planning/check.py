@@ -8,7 +8,7 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, Status, check_positive
 from fantoccini.control.planning.plan_path import PlanPath
-from fantoccini.control.problems import Meeting, StateArrays, carried
+from fantoccini.control.tasks import Meeting, StateArrays, carried
 from fantoccini.dynamics.compiled import Event, Method, MethodName, TimeStepping, as_method
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory

@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from fantoccini.base import Array
+from fantoccini.control.optimal import Limits, improve
 from fantoccini.control.planning.shooting import Candidates, Derivatives, Shooting
 
 
@@ -58,19 +59,32 @@ _TOLERANCES = _Tolerances()
 _LENGTHS = _TOLERANCES.shrink ** np.arange(_TOLERANCES.lengths)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Approach:
-    """The result of :func:`approach`.
+    """A candidate, and how the search for one that passes a test ended.
 
     Attributes:
         candidate: the last one; None where the first could not be simulated.
         arrives: whether it passes the test.
         late: whether the time ended before that.
+        iterations, stalled, settled: see :class:`fantoccini.control.optimal.Improvable`.
     """
 
     candidate: Candidates | None
     arrives: bool = False
     late: bool = False
+    iterations: int = 0
+    stalled: bool = False
+
+    @property
+    def settled(self) -> bool:
+        """Whether no step is needed."""
+        return self.arrives
+
+    @property
+    def kkt(self) -> float:
+        """Infinite: what counts is the test."""
+        return np.inf
 
 
 def approach(
@@ -88,29 +102,64 @@ def approach(
     """
     if time.perf_counter() > until:
         return Approach(None, late=True)
-    now = shooting.candidates(shooting.within(V)[None])
-    if not np.isfinite(now.merit[0]):
+    first = shooting.candidates(shooting.within(V)[None])
+    if not np.isfinite(first.merit[0]):
         return Approach(None)
-    trust, merits = _TOLERANCES.first_trust, list[float]()
-    for _ in range(_TOLERANCES.max_iterations):
-        if there(now):
-            return Approach(now, arrives=True)
+    descent = _Descent(shooting, first, there, until, late)
+    return improve(descent, Limits(0.0, 0.0, _TOLERANCES.max_iterations))
+
+
+class _Descent:
+    """Steps of :func:`approach`, whose arguments are its own."""
+
+    def __init__(
+        self,
+        shooting: Shooting,
+        first: Candidates,
+        there: Callable[[Candidates], bool],
+        until: float,
+        late: bool,
+    ):
+        self.best = Approach(first)
+        self._shooting, self._there, self._until, self._late = shooting, there, until, late
+        self._trust, self._merits = _TOLERANCES.first_trust, list[float]()
+
+    def step(self) -> tuple[Derivatives, Array] | None:
+        """The step of the quadratic program; None where the search ends."""
+        at, shooting = self.best, self._shooting
+        now = at.candidate
+        assert now is not None
+        if self._there(now):
+            at.arrives = True
+            return None
+        merits = self._merits
         merits.append(now.merit[0])
-        if len(merits) > 3 and merits[-1] > _TOLERANCES.max_ratio * merits[-4]:
-            break
-        if time.perf_counter() > until:
-            return Approach(now, late=True)
+        at.stalled = len(merits) > 3 and bool(merits[-1] > _TOLERANCES.max_ratio * merits[-4])
+        if not at.stalled and time.perf_counter() > self._until:
+            at.stalled = at.late = True
+        if at.stalled:
+            return None
         last = round(_TOLERANCES.late / shooting.segment)
-        first = max(int(now.calm[0]), len(now) - last) if late else 0
+        first = max(int(now.calm[0]), len(now) - last) if self._late else 0
         by = shooting.derivatives(now, min(first, len(now) - 1))
-        x = step(shooting, now, by, trust)
+        return by, step(shooting, now, by, self._trust)
+
+    def along(self, step: tuple[Derivatives, Array]) -> Approach | None:
+        """The part of the step with the least merit; None where none has less."""
+        at, shooting, (by, x) = self.best, self._shooting, step
+        now = at.candidate
+        assert now is not None
         tried = np.stack([shooting.changed(now.V[0], by.basis, part * x) for part in _LENGTHS])
         better = shooting.candidates(shooting.within(tried)).best
         if not better.merit[0] < now.merit[0]:
-            break
+            return None
         size = float(np.max(np.abs(better.V - now.V)))
-        trust, now = min(_TOLERANCES.max_trust, max(2.0 * size, 0.1 * trust)), better
-    return Approach(now)
+        self._trust = min(_TOLERANCES.max_trust, max(2.0 * size, 0.1 * self._trust))
+        return Approach(better, iterations=at.iterations)
+
+    def learn(self, step: tuple[Derivatives, Array] | None, taken: bool) -> None:
+        """The search ends where no step is taken."""
+        self.best.stalled = not taken
 
 
 def step(shooting: Shooting, now: Candidates, by: Derivatives, trust: float) -> Array:

@@ -38,7 +38,8 @@ from fantoccini.control.planning.active_sets import (
     event_derivatives,
 )
 from fantoccini.control.planning.plan_path import PlanPath, exact_start
-from fantoccini.control.problems import SPEED_WEIGHT, Problem, StateArrays, taut_projection
+from fantoccini.control.problems import SPEED_WEIGHT, Problem, taut_projection
+from fantoccini.control.tasks import StateArrays
 from fantoccini.dynamics.clearance import Path
 from fantoccini.dynamics.compiled import (
     ActiveSet,

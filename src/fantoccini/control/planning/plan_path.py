@@ -9,7 +9,8 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, StateError, Times
 from fantoccini.control.planning.search_tree import SearchTree
-from fantoccini.control.problems import Goal, Problem, Rollouts, StateArrays
+from fantoccini.control.problems import Problem, Rollouts
+from fantoccini.control.tasks import Goal, StateArrays
 from fantoccini.dynamics.compiled import Method, MethodName, TimeStepping, as_method, check_start
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import Input, State, Trajectory

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fantoccini.base import Array, Outcome, Times, check_not_negative, output
+from fantoccini.base import Array, Times, check_not_negative, output
 from fantoccini.control.planning import archive
 from fantoccini.control.planning.check import Check, checked, confirmed
 from fantoccini.control.planning.feedback import Feedback
@@ -19,24 +19,13 @@ from fantoccini.control.planning.planners import Planner
 from fantoccini.control.planning.polish import Polish
 from fantoccini.control.planning.search import Search
 from fantoccini.control.planning.search_tree import SearchTree
-from fantoccini.control.problems import Goal, Meeting, Problem, Rollouts, StateArrays
-from fantoccini.control.tasks import Answer
+from fantoccini.control.problems import Problem, Rollouts
+from fantoccini.control.tasks import Answer, AnswerStatus, Goal, Meeting, StateArrays
 from fantoccini.dynamics.compiled import Method, MethodName
 from fantoccini.kernel.runtime import POINT
 from fantoccini.motion import Input, State, Trajectory
 
 _TIME_LIMIT_NOTE = "a time limit ended the search, so that a second run may find another plan"
-
-
-class PlanStatus(Outcome):
-    """How a search ended."""
-
-    EXACT = "the plan ends within the tolerance and touches only what it may, in simulation too"
-    UNCONFIRMED = "the plan ends within the tolerance by time-stepping; it was not confirmed"
-    APPROXIMATE = "the search ended before it came within the tolerance; this is the nearest"
-    TIMEOUT = "the time ended before the search came within the tolerance; this is the nearest"
-    INFEASIBLE_START = "the start is in collision or outside of the bounds"
-    INFEASIBLE_GOAL = "the goal is out of reach"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +44,7 @@ class PlanResult(Answer):
     """
 
     plan_path: PlanPath
-    status: PlanStatus
+    status: AnswerStatus
     search: Search
     tried: int
     seconds: float
@@ -68,15 +57,15 @@ class PlanResult(Answer):
         """What a search has found so far."""
         problem, found = search.problem, search.record
         tree, best = found.tree, found.best
-        status = PlanStatus.TIMEOUT if found.late else PlanStatus.APPROXIMATE
+        status = AnswerStatus.OUT_OF_TIME if found.late else AnswerStatus.APPROXIMATE
         if problem.reason:
-            status = PlanStatus.INFEASIBLE_START
+            status = AnswerStatus.INFEASIBLE_START
         elif problem.out_of_reach:
-            status = PlanStatus.INFEASIBLE_GOAL
+            status = AnswerStatus.INFEASIBLE_GOAL
         elif tree.distance[best] <= problem.tolerance:
             # The start alone needs no confirmation.
             sure = search.options.confirm or best == 0
-            status = PlanStatus.EXACT if sure else PlanStatus.UNCONFIRMED
+            status = AnswerStatus.EXACT if sure else AnswerStatus.UNCONFIRMED
         return cls(
             PlanPath(problem, tree, tuple(tree.path(best))),
             status,
@@ -199,9 +188,9 @@ class PlanResult(Answer):
 
         Where the search did not confirm its plans, the first call simulates the plan.
         """
-        if self.status is PlanStatus.UNCONFIRMED:
+        if self.status is AnswerStatus.UNCONFIRMED:
             return confirmed(self.plan_path).arrives
-        return self.status is PlanStatus.EXACT
+        return self.status.holds
 
     def __repr__(self) -> str:
         found = (
@@ -214,7 +203,7 @@ class PlanResult(Answer):
     def message(self) -> str:
         """How the search ended, how many plans were refused, and the outcome of polishing."""
         text = self.reason or self.status.message
-        if self.status is PlanStatus.UNCONFIRMED and not self:
+        if self.status is AnswerStatus.UNCONFIRMED and not self:
             text += ", and does not hold in simulation"
         return text + self._missing + self._notes
 

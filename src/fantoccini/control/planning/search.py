@@ -214,7 +214,7 @@ class Search:
         """Makes a polished plan the best if it is better; None where it does not hold."""
         tree, interval = self.tree, self.problem.rollouts.options.interval
         made = tree.add_segments(found, np.zeros(1, dtype=int), interval)[-1]
-        if not self._confirmed(tree, made):
+        if tree.time[made] > self.problem.longest or not self._confirmed(tree, made):
             return None
         if tree.distance[self.best] > distance or tree.cost[made] < tree.cost[self.best]:
             self._adopt(tree, made)
@@ -251,6 +251,8 @@ class Search:
         self.tried += grown.rollouts
         if not len(grown.nodes):
             return
+        new = slice(grown.nodes.start, grown.nodes.stop)
+        tree.distance[new][tree.time[new] > self.problem.longest] = np.inf
         found = _best(tree, grown.nodes, rollouts.stop_distance)
         there = tree.distance[found] <= rollouts.stop_distance and tree.cost[found] <= tree.bound
         nearer = not self.arrived and tree.distance[found] < self.tree.distance[self.best]

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, Indices
-from fantoccini.control.problems import Problem, StateArrays, flattened
+from fantoccini.control.problems import Problem
+from fantoccini.control.tasks import StateArrays, flattened
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from fantoccini.base import Array, ConfigD, ConfigK, MaskRows
-from fantoccini.control.problems.goals import Goal
-from fantoccini.control.problems.state_arrays import StateArrays
+from fantoccini.control.tasks import Goal, StateArrays
 from fantoccini.dynamics.compiled import retract
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State

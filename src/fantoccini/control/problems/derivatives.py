@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array, MaskRows, tangent
-from fantoccini.control.problems.state_arrays import StateArrays, flattened
+from fantoccini.control.tasks import StateArrays, flattened
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import (
     POSE,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.control.problems.goals import Goal
+from fantoccini.control.tasks import Goal
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE
 from fantoccini.model.puppet import FLOOR, Box, Capsule, Ellipsoid, Shape, Sphere

@@ -9,12 +9,10 @@ import numpy as np
 from fantoccini.base import ConfigD, ConfigK, StateError
 from fantoccini.control.problems.balance import balanced
 from fantoccini.control.problems.funnels import funnels, servo
-from fantoccini.control.problems.goals import Goal
 from fantoccini.control.problems.pushing import Push
 from fantoccini.control.problems.rollouts import Rollouts
 from fantoccini.control.problems.standing import stance
-from fantoccini.control.problems.state_arrays import StateArrays
-from fantoccini.control.problems.touches import Touches
+from fantoccini.control.tasks import Goal, StateArrays, Touches
 from fantoccini.kernel.runtime import Funnel
 from fantoccini.motion import State
 

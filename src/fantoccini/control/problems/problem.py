@@ -1,4 +1,4 @@
-"""Planning problems: everything that is the same for every seed, prepared once."""
+"""Planning problems: what a task is for a search, the same for every seed, prepared once."""
 
 from __future__ import annotations
 
@@ -9,20 +9,27 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import ConfigK, check_not_negative, check_positive
+from fantoccini.base import ConfigK, StateError, check_not_negative
 from fantoccini.control.problems.feasible import out_of_reach, too_far_to_touch
-from fantoccini.control.problems.goals import Goal, GoalLike
 from fantoccini.control.problems.guidance import guidance
 from fantoccini.control.problems.objective import Objective
 from fantoccini.control.problems.pushing import push_of
 from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, Rollouts
-from fantoccini.control.problems.state_arrays import StateArrays
-from fantoccini.control.problems.touches import KEEP_OFF, ContactLike, Touches
-from fantoccini.control.tasks import Bounds
-from fantoccini.dynamics.clearance import Clearance, HalfSpace, standing
+from fantoccini.control.tasks import (
+    KEEP_OFF,
+    Bounds,
+    ContactLike,
+    Goal,
+    GoalLike,
+    PlanConditions,
+    StateArrays,
+    Task,
+    Touches,
+)
+from fantoccini.dynamics.clearance import Clearance, HalfSpace
 from fantoccini.dynamics.compiled import check_start
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.model.puppet import FLOOR, Obstacle
+from fantoccini.model.puppet import Obstacle
 from fantoccini.motion import State
 
 _HOLD = 1.0
@@ -30,11 +37,13 @@ _HOLD = 1.0
 
 
 class Problem:
-    """A puppet, its start, its goal and its obstacles.
+    """A task for a search: a puppet, its start, its goal and its obstacles.
 
     Attributes:
+        task: that is planned.
         marionette: see below; where it may touch something, among all obstacles but half-spaces.
         name, start, goal, tolerance, hold: see below.
+        longest: duration that plans may have [s].
         touches: what may touch what.
         objective: cost that better plans reduce.
         bounds: of the driven coordinates, all that feedback may use.
@@ -56,21 +65,12 @@ class Problem:
             :class:`StateArrays` that returns distances.
         obstacles: in addition to the world's.
         name: of the problem.
-        contact: ``"keep off"``: the puppets touch nothing but themselves; or
-            ``{"touch": [("hand", "table")]}``, the pairs that may touch. What the goal asks to
-            touch may, and so may props and what they lie on.
-        tolerance: largest distance from the goal, in the goal's unit [rad and m for poses and
-            states, m for points].
-        hold: time for which the puppet must stay at the goal after the plan's end, with the inputs
-            brought to rest [s]; 1 s where it is to touch something, to stand or to push a prop,
-            otherwise 0.
+        contact, tolerance, hold, slack: see :class:`fantoccini.control.PlanConditions`.
         bounds: of the driven coordinates, by default speeds of 0.5 m/s and accelerations of 2
             m/s^2; where either names some, the others hold still. ``clearance`` is 0 by default; it
             is not kept by pairs that may touch. Bodies of different puppets and props of a scene
             are always kept clear of one another, those of one puppet with ``own_body``. Plans have
             no other bounds.
-        slack: whether taut strings may go slack on the way. Plans in which none does depend less
-            on how exactly they are followed.
         rollouts: how rollouts are simulated and checked.
         objective: ``"time"``; ``"gentle"``, catches of strings and limits, and time;
             ``"acceleration"``, accelerations of the driven coordinates, and time; or an
@@ -98,23 +98,60 @@ class Problem:
         objective: str | Objective = "gentle",
         rollouts: RolloutOptions | None = None,
     ):
-        bounds, options = bounds or Bounds(), rollouts or RolloutOptions()
-        margin = 0.0 if bounds.clearance is None else bounds.clearance
-        check_positive(tolerance=tolerance)
+        task = Task(
+            marionette,
+            start,
+            bounds=bounds or Bounds(),
+            end=goal,
+            name=name,
+            obstacles=tuple(obstacles),
+            conditions=PlanConditions(tolerance, hold, contact, slack),
+        )
+        self._prepare(task, objective, rollouts)
+
+    @classmethod
+    def of(
+        cls,
+        task: Task,
+        *,
+        objective: str | Objective = "gentle",
+        rollouts: RolloutOptions | None = None,
+    ) -> Problem:
+        """The problem of a task; of a state at its end, the dynamic part and all velocities.
+
+        Args:
+            task: what is planned. Its cost is not: tracks and smoothness do not count.
+            objective, rollouts: see :class:`Problem`.
+
+        Raises:
+            StateError: the task has no end, or asks for more than plans find.
+        """
+        made = cls.__new__(cls)
+        made._prepare(task, objective, rollouts)
+        return made
+
+    def _prepare(
+        self, task: Task, objective: str | Objective, rollouts: RolloutOptions | None
+    ) -> None:
+        for name in ("periodic", "touches", "parameters"):
+            if getattr(task, name):
+                raise StateError(f"the task has {name}, which plans do not find; give an end")
+        if task.end is None:
+            raise StateError(
+                "the task has no end; needed: a state, names and values, a Goal or a function"
+            )
+        bounds, conditions, options = task.bounds, task.conditions, rollouts or RolloutOptions()
+        margin, tolerance = bounds.clearance or 0.0, conditions.tolerance
         check_not_negative(clearance=margin)
         self.objective = Objective.of(objective)
-        check_start(marionette, start, "timestepping")
-        if marionette.contacts is not None:
-            every = standing(marionette.puppet, obstacles)
-            solid = [o for o in every if not isinstance(o, HalfSpace)]
-            marionette = marionette.with_obstacles(solid)
-            obstacles = [o for o in every if isinstance(o, HalfSpace) and o.name != FLOOR]
+        check_start(task.marionette, task.x0, "timestepping")
+        (marionette, obstacles), start = task.world, task.x0
         if not len(start.slip):
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
-        self.marionette, self.start, self.tolerance = marionette, start, tolerance
-        self.name = name
-        wanted = Goal.of(marionette, goal)
-        self.touches = Touches(marionette, contact, wanted.touches, bounds.own_body)
+        self.task, self.marionette, self.start, self.tolerance = task, marionette, start, tolerance
+        self.name, self.longest = task.name, task.longest
+        wanted = Goal.of(marionette, task.end)
+        self.touches = Touches(marionette, conditions.contact, wanted.touches, bounds.own_body)
         self.goal = wanted.for_problem(self.touches, tolerance)
         clearance = Clearance(
             marionette,
@@ -132,15 +169,15 @@ class Problem:
             options,
             tolerance=tolerance,
             margin=margin,
-            slack=slack,
+            slack=conditions.slack,
             kept_off=~self.touches.may,
         )
         self.reason = _start_violation(start, self.rollouts, self.touches)
         self.distance = self.goal.of_start(self.root)
         self.push = push_of(self.goal, start, self.touches)
         stays = self.push is not None or bool(self.goal.touches)
-        self.hold = (_HOLD if stays else 0.0) if hold is None else float(hold)
-        check_not_negative(hold=self.hold)
+        usual = _HOLD if stays else 0.0
+        self.hold = usual if conditions.hold is None else float(conditions.hold)
         self.out_of_reach = out_of_reach(self.goal, tolerance) or self._out_of_touch
         self.equilibrium, self.note = False, ""
         if not self.infeasible:
@@ -220,6 +257,8 @@ class Problem:
             rollouts.clearance.meshes.digest,
         )
         digest.update(repr(plain).encode())
+        if np.isfinite(self.longest):
+            digest.update(repr(self.longest).encode())
         contacts = self.touches.contacts
         if contacts is not None or self.hold:
             digest.update(repr((self.hold, self.goal.share, self.goal.touches)).encode())

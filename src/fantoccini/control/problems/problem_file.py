@@ -27,11 +27,17 @@ from fantoccini.base.documents import (
     entries,
     mistake,
 )
-from fantoccini.control.problems.goals import Goal
 from fantoccini.control.problems.problem import Problem
 from fantoccini.control.problems.rollouts import DrivenBounds, RolloutOptions, whole_looks
-from fantoccini.control.problems.touches import touching
-from fantoccini.control.tasks import Bounds, ControlFile, Reading, check_one_of, read_control_file
+from fantoccini.control.tasks import (
+    Bounds,
+    ControlFile,
+    Goal,
+    Reading,
+    check_one_of,
+    read_control_file,
+    touching,
+)
 from fantoccini.dynamics.clearance import HalfSpace, Standing
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import WORDS

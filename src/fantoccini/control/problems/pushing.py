@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.control.problems.goals import Goal
-from fantoccini.control.problems.state_arrays import StateArrays
-from fantoccini.control.problems.touches import Touches
+from fantoccini.control.tasks import Goal, StateArrays, Touches
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE
 from fantoccini.model.puppet import Box, Capsule, Ellipsoid, Shape, Sphere

@@ -10,9 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from fantoccini.base import Array, Indices, MaskRows, StateError, UnknownNameError, check_positive
-from fantoccini.control.problems.goals import Goal
-from fantoccini.control.problems.state_arrays import StateArrays
-from fantoccini.control.tasks import Bounds, Most
+from fantoccini.control.tasks import Bounds, Goal, Most, StateArrays
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import (

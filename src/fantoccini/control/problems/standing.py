@@ -8,10 +8,8 @@ import numpy as np
 
 from fantoccini.base import Array, ConfigD, ConfigK, MaskRows, StateError, Status
 from fantoccini.control.problems.balance import balanced, best_support
-from fantoccini.control.problems.goals import Goal
 from fantoccini.control.problems.rollouts import Rollouts
-from fantoccini.control.problems.state_arrays import StateArrays
-from fantoccini.control.problems.touches import Touches, carried
+from fantoccini.control.tasks import Goal, StateArrays, Touches, carried
 from fantoccini.dynamics.compiled import TimeStepping
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate

@@ -1,6 +1,6 @@
-"""Tasks of optimal control: costs, bounds, paths and touches, and their files."""
+"""Tasks of control: goals, costs, bounds, paths and touches, and their files."""
 
-from fantoccini.control.tasks.answer import Answer
+from fantoccini.control.tasks.answer import Answer, AnswerStatus
 from fantoccini.control.tasks.bounds import Bounds, Interval, Most
 from fantoccini.control.tasks.chosen import Chosen
 from fantoccini.control.tasks.clip import Clip
@@ -12,6 +12,7 @@ from fantoccini.control.tasks.control_file import (
 )
 from fantoccini.control.tasks.costs import Smooth, Track
 from fantoccini.control.tasks.drawn_inputs import Driven, hats
+from fantoccini.control.tasks.goals import Goal, GoalLike
 from fantoccini.control.tasks.nodes import Nodes, number_names
 from fantoccini.control.tasks.residuals import (
     Looks,
@@ -21,32 +22,52 @@ from fantoccini.control.tasks.residuals import (
     residual_of,
     share,
 )
+from fantoccini.control.tasks.state_arrays import StateArrays, flattened
 from fantoccini.control.tasks.targets import Target
-from fantoccini.control.tasks.task import Task
+from fantoccini.control.tasks.task import PlanConditions, Task
 from fantoccini.control.tasks.task_file import load_task, task_names, task_schema
 from fantoccini.control.tasks.touch import Touch, Touched
+from fantoccini.control.tasks.touches import (
+    KEEP_OFF,
+    ContactLike,
+    Meeting,
+    Touches,
+    carried,
+    touching,
+)
 
 __all__ = [
+    "KEEP_OFF",
     "Answer",
+    "AnswerStatus",
     "Bounds",
     "Chosen",
     "Clip",
+    "ContactLike",
     "ControlFile",
     "Driven",
+    "Goal",
+    "GoalLike",
     "Interval",
     "Looks",
+    "Meeting",
     "Most",
     "Nodes",
     "NumberResidual",
+    "PlanConditions",
     "Reading",
     "Residual",
     "Smooth",
+    "StateArrays",
     "Target",
     "Task",
     "Touch",
     "Touched",
+    "Touches",
     "Track",
+    "carried",
     "check_one_of",
+    "flattened",
     "hats",
     "load_task",
     "number_names",
@@ -56,4 +77,5 @@ __all__ = [
     "share",
     "task_names",
     "task_schema",
+    "touching",
 ]

@@ -1,27 +1,86 @@
-"""Answers to problems of control, and their truth."""
+"""Answers to problems of control: their statuses and their truth."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from fantoccini.base import Outcome
 
 
-class Answer(ABC):
+class AnswerStatus(Outcome):
+    """How a search for an answer ended, and whether the answer holds and is at a minimum."""
+
+    SOLVED = "the residual of the conditions of optimality is below the tolerance"
+    NARROW = "all spreads are narrow"
+    EXACT = "the plan ends within the tolerance and touches only what it may, in simulation too"
+    REACHED = "it is there"
+
+    SETTLED = "steps save hardly any cost any more; the residual is above the tolerance"
+    STALLED = "no step lowers the cost any more, but the residual is above the tolerance"
+    ITERATIONS = "the iterations ended first; this is the best motion so far"
+    GENERATIONS = "the generations ended first; these are the best numbers so far"
+    TIMEOUT = "the time ended first; this is the best so far"
+    STOPPED = "it was interrupted; this is the best so far"
+
+    VIOLATED = "the motion leaves its bounds, or does not reach its end or a place"
+    NO_RUN = "time steps make this motion, but an event-driven run of its inputs does not end"
+    UNCONFIRMED = "the plan ends within the tolerance by time-stepping; it was not confirmed"
+    APPROXIMATE = "the search ended before it came within the tolerance; this is the nearest"
+    OUT_OF_TIME = "the time ended before the search came within the tolerance; this is the nearest"
+    INFEASIBLE_START = "the start is in collision or outside of the bounds"
+    INFEASIBLE_GOAL = "the goal is out of reach"
+    OUT_OF_REACH = "no hanging pose near by comes nearer"
+    TIPS = "any nearer it hangs unstably, and would tip over into another pose"
+    UNSURE = "the search ended before it was sure; there may be nearer poses"
+
+    @property
+    def holds(self) -> bool:
+        """Whether the answer keeps its bounds and arrives, judged by a simulation of its own."""
+        return self in _HOLDS
+
+    @property
+    def is_minimum(self) -> bool:
+        """Whether the answer is at a minimum of what was minimised; true where nothing was."""
+        return self not in _NO_MINIMUM
+
+
+_FEASIBLE = frozenset(
+    AnswerStatus[name]
+    for name in ("SETTLED", "STALLED", "ITERATIONS", "GENERATIONS", "TIMEOUT", "STOPPED")
+)
+_HOLDS = _FEASIBLE | {
+    AnswerStatus.SOLVED,
+    AnswerStatus.NARROW,
+    AnswerStatus.EXACT,
+    AnswerStatus.REACHED,
+}
+_NO_MINIMUM = _FEASIBLE | {AnswerStatus.VIOLATED, AnswerStatus.NO_RUN}
+
+
+class Answer:
     """The answer to a problem of control.
 
     It is true if it is solved: it holds, and it is at a minimum if the search minimised a cost. An
-    answer that only holds is feasible; one that does not violates a bound or misses the goal. Its
-    ``status`` says how the search ended.
+    answer that only holds is feasible; one that does not violates a bound or misses the goal.
+
+    Attributes:
+        status: how the search ended.
     """
 
+    status: AnswerStatus
+
     @property
-    @abstractmethod
     def holds(self) -> bool:
         """Whether it keeps its bounds and arrives, judged by a simulation of its own."""
+        return self.status.holds
 
     @property
     def is_minimum(self) -> bool:
         """Whether it is at a minimum of what was minimised; true where nothing was."""
-        return True
+        return self.status.is_minimum
+
+    @property
+    def message(self) -> str:
+        """How the search ended, in words."""
+        return self.status.message
 
     def __bool__(self) -> bool:
         return self.holds and self.is_minimum

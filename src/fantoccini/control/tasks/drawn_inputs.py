@@ -51,7 +51,7 @@ class Driven:
             np.full((2, k), np.nan)
             if x is None
             else Nodes.still(marionette, x, 1.0, 1).numbers[0, 2 * n :].reshape(2, k)
-            for x in (task.x0, task.end)
+            for x in (task.x0, task.goal if task.periodic is None else None)
         )
         return cls(np.flatnonzero(most > 0.0), start, most, low, high, end)
 

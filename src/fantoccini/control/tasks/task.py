@@ -1,35 +1,75 @@
-"""Tasks: what is to be optimised."""
+"""Tasks: motions that are planned, optimised or followed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from fantoccini.base import StateError, UnknownNameError, check_positive, floats
+from fantoccini.base import StateError, UnknownNameError, check_not_negative, check_positive, floats
 from fantoccini.control.tasks.bounds import Bounds, Interval
 from fantoccini.control.tasks.costs import Smooth, Track
+from fantoccini.control.tasks.goals import GoalLike
 from fantoccini.control.tasks.touch import Touch, check_windows
+from fantoccini.control.tasks.touches import KEEP_OFF, ContactLike
+from fantoccini.dynamics.clearance import HalfSpace, standing
 from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.puppet import FLOOR, Obstacle
 from fantoccini.motion import Input, State
+
+
+@dataclass(frozen=True)
+class PlanConditions:
+    """Conditions under which a plan holds, beside a task's bounds.
+
+    Attributes:
+        tolerance: largest distance from the end, in its unit [rad and m for poses and states, m for
+            points].
+        hold: time for which the puppet must stay at the end, with the inputs brought to rest [s];
+            1 s where it is to touch something, to stand or to push a prop, otherwise 0.
+        contact: ``"keep off"``: the puppets touch nothing but themselves; or
+            ``{"touch": [("hand", "table")]}``, the pairs that may touch. What the end asks to touch
+            may, and so may props and what they lie on.
+        slack: whether taut strings may go slack on the way. Plans in which none does depend less
+            on how exactly they are followed.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+
+    tolerance: float = 0.1
+    hold: float | None = None
+    contact: ContactLike = KEEP_OFF
+    slack: bool = True
+
+    def __post_init__(self) -> None:
+        check_positive(tolerance=self.tolerance)
+        check_not_negative(hold=self.hold or 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A motion of least cost within bounds::
+    """A motion within bounds, and of least cost where it is optimised::
 
         min J(x, acc_K)   x_{i+1} = F(x_i, acc_i),  x_0 given,  bounds
+
+    ``plan`` searches for one that ends as asked, whatever it costs.
 
     Attributes:
         marionette: the puppet.
         x0: where it starts.
-        duration: of the motion [s]; two numbers where it is free between them.
+        duration: of the motion [s]; two numbers where it is free between them. Plans last at most
+            so long, and as long as they take where it is not given.
         tracks: what it follows.
         smooth: weights of the inputs' accelerations and their rates.
         bounds: what it may not leave.
         end: the state at the end, where it is given; dynamic and driven coordinates and velocities.
+            Of plans also names and values (``{"elbow": 1.2}``), a
+            :class:`fantoccini.control.Goal`, or a function of
+            :class:`fantoccini.control.StateArrays` that returns distances.
         periodic: instead: it ends as it began, but for these scalar coordinates, which have moved
             by so much [m or rad]; ``{}`` where none have.
         guess: motion of the inputs to begin the search with, where none is given to it.
@@ -42,15 +82,17 @@ class Task:
         explore: how many random explorations look for motions through strings that go slack and are
             caught, and more while none of them holds; with 0 the first motion is improved.
         touches: places that points of bodies pass, at times that are found.
+        obstacles: in addition to the world's.
+        conditions: of plans.
     """
 
     marionette: Marionette
     x0: State
-    duration: float | tuple[float, float]
-    tracks: Sequence[Track]
+    duration: float | tuple[float, float] | None = None
+    tracks: Sequence[Track] = ()
     smooth: Smooth = field(default_factory=Smooth)
     bounds: Bounds = field(default_factory=Bounds)
-    end: State | None = None
+    end: GoalLike | None = None
     periodic: Mapping[str, float] | None = None
     guess: Input | None = None
     time_weight: float = 1.0
@@ -60,20 +102,17 @@ class Task:
     parameters: Mapping[str, Interval] = field(default_factory=dict)
     explore: int = 0
     touches: Sequence[Touch] = ()
+    obstacles: Sequence[Obstacle | HalfSpace | Mapping[str, Any]] = ()
+    conditions: PlanConditions = field(default_factory=PlanConditions)
 
     def __post_init__(self) -> None:
-        if np.ndim(self.duration) and np.shape(self.duration) != (2,):
-            raise StateError(f"duration is {self.duration!r}; needed: a number, or two")
-        low, high = self.durations
-        check_positive(duration=low, interval=self.interval, dt=self.dt)
-        if not low <= high < math.inf:
-            text = f"duration is {self.duration}; needed: a number, or a lower and a higher one"
-            raise StateError(text)
+        check_positive(interval=self.interval, dt=self.dt)
+        self._check_duration()
         if not all(isinstance(one, Track) for one in self.tracks):
             raise StateError(f"a task's tracks are {self.tracks!r}; needed: a list of Track")
         if not all(isinstance(one, Touch) for one in self.touches):
             raise StateError(f"a task's touches are {self.touches!r}; needed: a list of Touch")
-        check_windows(self.touches, self.x0.t, self.x0.t + high)
+        check_windows(self.touches, self.x0.t, self.x0.t + self.longest)
         if self.explore and (self.bounds.force or self.bounds.has_motors):
             raise StateError(
                 "explore and bounds of forces, voltages or currents do not go together: explore "
@@ -99,18 +138,55 @@ class Task:
         if self.goal is not None:
             self.marionette.check_state(self.goal)
 
+    def _check_duration(self) -> None:
+        """Raises StateError or ValueError for a duration that is not one."""
+        if self.duration is None:
+            return
+        if np.ndim(self.duration) and np.shape(self.duration) != (2,):
+            raise StateError(f"duration is {self.duration!r}; needed: a number, or two")
+        low, high = self.durations
+        check_positive(duration=low)
+        if not low <= high < math.inf:
+            text = f"duration is {self.duration}; needed: a number, or a lower and a higher one"
+            raise StateError(text)
+
     @property
     def goal(self) -> State | None:
         """The state at the end, where it is given: ``end``, or the start moved by ``periodic``."""
         if self.periodic is None:
-            return self.end
+            return self.end if isinstance(self.end, State) else None
         return moved(self.marionette, self.x0, self.periodic)
 
     @property
+    def world(self) -> tuple[Marionette, tuple[Obstacle | HalfSpace | Mapping[str, Any], ...]]:
+        """The puppet, among the obstacles where it may touch them, and those it is kept clear of.
+
+        Raises:
+            FileError: a mapping is not an obstacle, or a name is used twice.
+        """
+        if self.marionette.contacts is None:
+            return self.marionette, tuple(self.obstacles)
+        every = standing(self.marionette.puppet, self.obstacles)
+        solid = [o for o in every if not isinstance(o, HalfSpace)]
+        beside = tuple(o for o in every if isinstance(o, HalfSpace) and o.name != FLOOR)
+        return self.marionette.with_obstacles(solid), beside
+
+    @property
     def durations(self) -> tuple[float, float]:
-        """The shortest and the longest duration [s]."""
+        """The shortest and the longest duration [s].
+
+        Raises:
+            StateError: none is given.
+        """
+        if self.duration is None:
+            raise StateError("the task has no duration; needed: a number, or two")
         low, high = np.broadcast_to(floats(self.duration), (2,))
         return float(low), float(high)
+
+    @property
+    def longest(self) -> float:
+        """The longest duration; infinite where none is given [s]."""
+        return math.inf if self.duration is None else self.durations[1]
 
     @property
     def is_free(self) -> bool:

@@ -20,14 +20,11 @@ from fantoccini.dynamics.compiled import (
     forward_dynamics,
     retract,
 )
+from fantoccini.dynamics.equilibrium.letting_go import let_go
 from fantoccini.dynamics.equilibrium.projection import difference_quotient, onto_rows
-from fantoccini.kernel.runtime import Run
 from fantoccini.model.puppet import StepperMotor
 from fantoccini.model.tree import DriveRow
-from fantoccini.motion import Input, State
-
-_RIGID_WINCH = np.array([[np.inf, 0.0, 0.0]])
-"""A winch that does not slip, and catches without restitution."""
+from fantoccini.motion import State
 
 
 @dataclass(frozen=True)
@@ -173,23 +170,8 @@ def relaxed(marionette: CompiledPuppet, x: State) -> Equilibrium:
 
 def hauled_in(marionette: CompiledPuppet, x: State) -> State:
     """A state that violates rows, moved towards them by a time-stepping run."""
-    _, samples = _let_go(marionette, x)
+    _, samples = let_go(marionette, x, SEARCH.piece, dt=SEARCH.dt, alone=True)
     return x.replace(q_D=samples["q_D"][-1]) if len(samples["q_D"]) else x
-
-
-def _let_go(marionette: CompiledPuppet, x: State) -> tuple[Status, dict[str, Array]]:
-    """A short run from a state with fixed inputs: its status and samples."""
-    run = Run(
-        marionette.library,
-        "timestepping",
-        marionette.run_options(dt=SEARCH.dt, contacts=None),
-        x.replace(t=0.0),
-        marionette.p,
-        np.tile(_RIGID_WINCH, (len(marionette.tree.strings), 1)),
-        Input.hold(marionette.coordinates).bound(x.q_K),
-    )
-    samples = np.concatenate([piece.samples for piece in run.advance(SEARCH.piece)])
-    return run.status, marionette.sample_layout.split(samples)
 
 
 def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
@@ -197,7 +179,8 @@ def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
     q_D, v_D = x.q_D, np.zeros(marionette.coordinates.n_vD)
     start, yield_at = np.array(q_D), 4
     for piece in range(SEARCH.pieces):
-        status, samples = _let_go(marionette, x.replace(q_D=q_D, v_D=v_D))
+        at_once = x.replace(q_D=q_D, v_D=v_D)
+        status, samples = let_go(marionette, at_once, SEARCH.piece, dt=SEARCH.dt, alone=True)
         # Stepper motors may lose steps on the way: they are set back in step afterwards.
         if status not in (Status.DONE, Status.LOST_STEPS):
             raise StateError(f"let go, {status.message}{_giving_way(marionette, x, q_D)}")

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, Status
+from fantoccini.base import StateError, Status
 from fantoccini.dynamics.compiled import CompiledPuppet
-from fantoccini.kernel.runtime import Run
-from fantoccini.motion import Input, State
+from fantoccini.dynamics.equilibrium.letting_go import let_go
+from fantoccini.motion import State
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,9 @@ def settled(marionette: CompiledPuppet, x: State) -> State:
     for piece in range(SETTLING.pieces):
         spread = 2.0 * (piece * _GOLDEN % 1.0) - 1.0
         duration = SETTLING.piece * (1.0 + SETTLING.uneven * spread)
-        status, samples = _let_go(marionette, x.replace(t=0.0, q_D=q_D, v_D=v_D), duration)
+        status, samples = let_go(
+            marionette, x.replace(q_D=q_D, v_D=v_D), duration, dt=SETTLING.dt, alone=False
+        )
         if status not in (Status.DONE, Status.LOST_STEPS):
             raise StateError(f"let go, {status.message}")
         v_D = samples["v_D"][-1]
@@ -66,20 +68,3 @@ def settled(marionette: CompiledPuppet, x: State) -> State:
         f"let go, the puppet still moves after {SETTLING.pieces * SETTLING.piece:g} s: {fastest} "
         f"at {np.max(np.abs(v_D)):.3g}/s"
     )
-
-
-def _let_go(
-    marionette: CompiledPuppet, x: State, duration: float
-) -> tuple[Status, dict[str, Array]]:
-    """A run with the inputs held: its status and samples."""
-    run = Run(
-        marionette.library,
-        "timestepping",
-        marionette.run_options(dt=SETTLING.dt),
-        x,
-        marionette.p,
-        marionette.winches,
-        Input.hold(marionette.coordinates).bound(x.q_K),
-    )
-    samples = np.concatenate([piece.samples for piece in run.advance(duration)])
-    return run.status, marionette.sample_layout.split(samples)

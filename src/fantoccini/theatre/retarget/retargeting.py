@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, StateError, Times, check_not_negative
-from fantoccini.control.optimal import ReachedPoses, ReachStatus, What, reach
+from fantoccini.control.optimal import ReachedPoses, What, reach
+from fantoccini.control.tasks import AnswerStatus
 from fantoccini.dynamics.compiled import refuse_contact
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
@@ -85,7 +86,7 @@ class Retargeted:
     @property
     def settled(self) -> int:
         """Poses that no small change brings nearer; the search for the others ended before."""
-        sure = (ReachStatus.REACHED, ReachStatus.OUT_OF_REACH)
+        sure = (AnswerStatus.REACHED, AnswerStatus.OUT_OF_REACH)
         return sum(one in sure for one in self.reach.status)
 
     @cached_property

@@ -9,8 +9,8 @@ from typing import TypeAlias
 import numpy as np
 
 from fantoccini.base import Array, ConfigD, ConfigK, StateError, UnknownNameError, rotation
-from fantoccini.control.problems.state_arrays import StateArrays
-from fantoccini.control.problems.touches import Pair, Touches, pair_of
+from fantoccini.control.tasks.state_arrays import StateArrays
+from fantoccini.control.tasks.touches import Pair, Touches, pair_of
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE, UNKNOWN, GoalNumbers
 from fantoccini.model.tree import CoordinateTable

@@ -1,0 +1,65 @@
+"""Answers of bundled tasks and plans of a bundled problem, to the last bit.
+
+    python -m benchmarks.answers tasks circle crane
+    python -m benchmarks.answers plans arm3d_boxes --seeds 50
+    python -m benchmarks.answers polished arm3d_boxes --seeds 5
+
+Two versions that print the same lines give the same answers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+
+import fantoccini as fan
+from fantoccini.control.planning import solve
+
+
+def tasks(names: Sequence[str]) -> None:
+    """Status, iterations and cost of the answer to each task."""
+    for name in names:
+        best = fan.optimise(fan.control.load_task(name), time_limit=86_400.0)
+        print(f"{name}: {best.status.name}, {best.iterations} iterations, cost {best.cost!r}")
+
+
+def plans(name: str, seeds: int, polished: bool) -> None:
+    """How many seeds find a plan, and a hash of the durations and inputs of all.
+
+    Args:
+        name: of the problem.
+        seeds: how many.
+        polished: whether the plans are brought to the goal.
+    """
+    problem = fan.control.load_problem(name)
+    digest, found, total = hashlib.sha256(), 0, 0.0
+    for seed in range(seeds):
+        plan = solve(problem, seed=seed, iterations=20_000, time_limit=600.0)
+        found += bool(plan)
+        if polished:
+            plan = plan.polish(1e-3, seconds=0.0)
+        total += plan.duration
+        digest.update(np.ascontiguousarray(plan.acceleration).tobytes())
+        digest.update(repr((plan.status.name, plan.duration, plan.tried)).encode())
+    text = digest.hexdigest()[:16]
+    print(f"{name}: {found} of {seeds} found, {total!r} s in all, {text}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("what", choices=("tasks", "plans", "polished"))
+    parser.add_argument("names", nargs="+")
+    parser.add_argument("--seeds", type=int, default=50)
+    given = parser.parse_args()
+    if given.what == "tasks":
+        tasks(given.names)
+    else:
+        for name in given.names:
+            plans(name, given.seeds, given.what == "polished")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""A puppet let go for a while, its inputs held."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fantoccini.base import Array, Status
+from fantoccini.dynamics.compiled import CompiledPuppet
+from fantoccini.kernel.runtime import Run
+from fantoccini.motion import Input, State
+
+_RIGID_WINCH = np.array([[np.inf, 0.0, 0.0]])
+"""A winch that does not slip, and catches without restitution."""
+
+
+def let_go(
+    marionette: CompiledPuppet, x: State, duration: float, *, dt: float, alone: bool
+) -> tuple[Status, dict[str, Array]]:
+    """A run of time steps from a state with its inputs held: its status and samples.
+
+    Args:
+        marionette: the puppet.
+        x: where it is let go.
+        duration: of the run [s].
+        dt: its step [s].
+        alone: whether nothing touches it and no winch slips.
+    """
+    if alone:
+        options = marionette.run_options(dt=dt, contacts=None)
+        winches = np.tile(_RIGID_WINCH, (len(marionette.tree.strings), 1))
+    else:
+        options, winches = marionette.run_options(dt=dt), marionette.winches
+    run = Run(
+        marionette.library,
+        "timestepping",
+        options,
+        x.replace(t=0.0),
+        marionette.p,
+        winches,
+        Input.hold(marionette.coordinates).bound(x.q_K),
+    )
+    samples = np.concatenate([piece.samples for piece in run.advance(duration)])
+    return run.status, marionette.sample_layout.split(samples)
