@@ -23,12 +23,15 @@ class StepPartials(NamedTuple):
             rotations are by dq_K/dt and dv_K/dt over the step instead.
         pull: (n, n_rows, m) of the tensions, if asked for.
         shares: (n, 3 room, m) of the multipliers of the points that push, if asked for.
+        moved: (n, n_vD + n_vK, m) of the configuration where what springs back touches, likewise,
+            of steps in which something does.
     """
 
     acc_D: Array
     motion: Array
     pull: Array | None
     shares: Array | None
+    moved: Array | None
 
 
 class StepDerivatives(Loaded):
@@ -80,6 +83,7 @@ class StepDerivatives(Loaded):
             room,
             np.empty((n, sizes["n_rows"], m)) if pull else None,
             np.zeros((n, 3 * touches.points.shape[1], m)) if shares and touches else None,
+            np.zeros((n, n_v + n_k, m)) if shares and touches else None,
         )
         kept: list[AnyArray] = [
             np.ascontiguousarray(held, dtype=np.uint8),
@@ -96,6 +100,7 @@ class StepDerivatives(Loaded):
             else {
                 "room": touches.points.shape[1],
                 "n_points": pointer(touches.n_points),
+                "delay": pointer(touches.delay),
                 "points": pointer(touches.points),
                 "screws": pointer(touches.screws),
                 "by_p": pointer(touches.by_p),
@@ -114,6 +119,7 @@ class StepDerivatives(Loaded):
             motion=pointer(out.motion),
             pull=None if out.pull is None else pointer(out.pull),
             shares=None if out.shares is None else pointer(out.shares),
+            moved=None if out.moved is None else pointer(out.moved),
             **{name: address(a) for name, a in starts.items()},
             **held_points,
         )

@@ -32,11 +32,12 @@ class StepTouches(NamedTuple):
         tension: (n, n_rows) impulses over dt [N or N m].
         taut: (n, n_rows).
         status: (n,) of the steps.
+        delay: (n,) how long the steps move on before what springs back touches [s].
         edges: (n,) bits of ``StepEdge``.
         pair_edges: (n, pairs) those of every pair; of points that push and of open ones.
         n_points: (n,) points that push.
         points: (n, room) ``STEP_CONTACT``.
-        screws: (n, n_vD + n_vK, 6) at the start.
+        screws: (n, n_vD + n_vK, 6) at the start, or where what springs back touches.
         by_p: (n, n_links + n_vD + n_vK, 6, n_p) changes of poses and screws by the parameters.
     """
 
@@ -48,6 +49,7 @@ class StepTouches(NamedTuple):
     tension: Array
     taut: MaskRows
     status: NDArray[np.int32]
+    delay: Array
     edges: NDArray[np.int32]
     pair_edges: NDArray[np.int32]
     n_points: NDArray[np.int32]
@@ -99,6 +101,7 @@ def step_touches(
             np.empty((n, sizes[size])) for size in ("n_qD", "n_vD", "n_qK", "n_vK", "n_rows")
         )
         slip, taut = starts["slip"].copy(), np.empty((n, sizes["n_rows"]), dtype=np.bool_)
+        delay = np.empty(n)
         status, edges, n_points = (np.empty(n, dtype=np.int32) for _ in range(3))
         pair_edges = np.zeros((n, n_pairs), dtype=np.int32)
         points = np.zeros((n, room), dtype=STEP_CONTACT)
@@ -113,6 +116,7 @@ def step_touches(
             tension,
             taut,
             status,
+            delay,
             edges,
             pair_edges,
             n_points,

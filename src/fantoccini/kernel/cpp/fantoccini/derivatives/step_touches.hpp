@@ -17,6 +17,7 @@ class StepTouches {
   // Node i of the arrays.
   void find(const TouchingStepArrays& in, long long i) {
     step(in, i);
+    begin(in, i, trajectory_.at.touching.delay);
     int edges = 0, n = 0;
     modes_.pair_edges = in.pair_edges + i * in.n_pairs;
     if (Status(int(trajectory_.status)) == RUNNING) {
@@ -31,6 +32,12 @@ class StepTouches {
   }
 
  private:
+  void begin(const TouchingStepArrays& in, long long i, double delay) {
+    modes_.begin(
+        in.q_D + i * NQ, in.v_D + i * N, in.q_K + i * NQK, in.rate + i * K, of(in.p, i), delay);
+    in.delay[i] = delay;
+  }
+
   void step(const TouchingStepArrays& in, long long i) {
     auto& run = trajectory_;
     run.opt = in.options;
@@ -38,7 +45,6 @@ class StepTouches {
     const double dt = in.options.dt, *p = of(in.p, i);
     const double *q_D = in.q_D + i * NQ, *v_D = in.v_D + i * N, *q_K = in.q_K + i * NQK;
     const double* rate = in.rate + i * K;
-    modes_.begin(q_D, v_D, q_K, rate, p);
     for (int k = 0; k < P; ++k) run.p[k] = p[k];
     for (int k = 0; k < NQ; ++k) run.state().q_D[k] = q_D[k];
     for (int k = 0; k < N; ++k) run.state().v_D[k] = v_D[k];
