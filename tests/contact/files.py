@@ -27,6 +27,18 @@ bodies:
 - {name: b, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.5}]}
 """
 
+# Balls that spring back, without gravity.
+BOUNCER = """
+puppet: bouncer
+gravity: [0, 0, 0]
+floor: 0
+contact: {friction: 0.3, restitution: 0.8}
+obstacles: [{name: wall, type: box, size: [0.1, 4, 4], at: [10, 0, 5]}]
+bodies:
+- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.05, mass: 0.1}]}
+- {name: other, joint: {type: free}, shapes: [{type: sphere, radius: 0.07, mass: 0.3}]}
+"""
+
 CAPSULE = """
 puppet: capsule
 floor: 0

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import ARRIVED, Array, SimulationError, StateError, Status
-from fantoccini.dynamics.compiled import CompiledPuppet, Screws, Touch, vector
+from fantoccini.base import ARRIVED, Array, SimulationError, StateError, Status, check_positive
+from fantoccini.dynamics.compiled import CompiledPuppet, Screws, Touch, integrate, vector
 from fantoccini.dynamics.derivatives.contact_rows import ContactMode, ContactRows, HeldPoint
 from fantoccini.dynamics.derivatives.driven_step import DrivenStep
 from fantoccini.dynamics.derivatives.linearisation import Partials
@@ -103,13 +103,19 @@ def linearise_step(
     assert steps.pull is not None
     push = np.zeros((0, sum(widths)))
     if points:
-        assert found.shares is not None
-        start = x.replace(v_K=path.rate, v_D=x_next.v_D)
+        assert touches is not None and found.shares is not None and found.moved is not None
+        start, chain = x.replace(v_K=path.rate, v_D=x_next.v_D), path.chain(n, n_p)
+        if delay := float(touches.delay[0]):
+            start = start.replace(
+                q_D=integrate(marionette, x.q_D, delay * x.v_D),
+                q_K=integrate(marionette, x.q_K, delay * path.rate, driven=True),
+            )
+            chain[:n], chain[2 * n : 2 * n + k] = np.split(found.moved[0], [n])
         rows = ContactRows(Screws(marionette, start), points, dt)
         shares = found.shares[0, : len(rows.multipliers)]
         acc_by = steps.motion[0, n:].copy()
         acc_by[:, n : 2 * n] -= np.eye(n)
-        push = _push_by(rows, shares, acc_by / dt, path.chain(n, n_p))
+        push = _push_by(rows, shares, acc_by / dt, chain)
     return StepLinearisation(
         x=x,
         x_next=x_next,
@@ -220,8 +226,9 @@ def _refuse(
         wedged = dict.fromkeys(pair_name(marionette.contacts.names[pair]) for pair in pairs)
         raise StateError(
             f"{', '.join(wedged)} moves after this step in a way that the contact law does not "
-            "determine: bodies are wedged in, or restitution is scaled down so that no energy is "
-            "added; such a step has no derivative"
+            "determine: bodies are wedged in, restitution is scaled down so that no energy is "
+            "added, or points touch and spring back one after the other; such a step has no "
+            "derivative"
         )
     if shortened:
         raise StateError(

@@ -251,12 +251,15 @@ class Linearised(NamedTuple):
         made: the steps: of puppets without contact, and with it.
         shortened: (n,) bool, steps that were cut short.
         shares: (n, 3 room, m) derivatives of the multipliers of what touches, if asked for.
+        moved: (n, n_vD + n_vK, m) those of the configuration where what springs back touches,
+            likewise, of steps in which something does.
     """
 
     steps: StepLinearisations
     made: LaneRecord | StepTouches
     shortened: MaskRows
     shares: Array | None
+    moved: Array | None
 
 
 def linearised(
@@ -305,7 +308,7 @@ def linearised(
         touches=touches,
         room=room,
     )
-    for columns in (found.motion, found.pull, found.shares):
+    for columns in (found.motion, found.pull, found.shares, found.moved):
         if columns is not None:
             _chain_rotations(marionette, given.driven, columns)
     meant = x["v_D"] + dt * found.acc_D
@@ -330,7 +333,7 @@ def linearised(
         coordinates=marionette.coordinates,
         _driven=given.driven,
     )
-    return Linearised(steps, made, shortened, found.shares)
+    return Linearised(steps, made, shortened, found.shares, found.moved)
 
 
 def held_rows(marionette: CompiledPuppet, tension: Array) -> MaskRows:

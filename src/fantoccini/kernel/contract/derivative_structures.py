@@ -55,6 +55,12 @@ DERIVATIVES: tuple[Structure, ...] = (
             Field("tension", OUT, "(n, n_rows)"),
             Field("taut", "unsigned char*", "(n, n_rows)"),
             Field("status", "int*", "(n,) Status"),
+            Field(
+                "delay",
+                OUT,
+                "(n,) how long the steps move on before what springs back touches [s]; all of "
+                "points and screws is there",
+            ),
             Field("edges", "int*", "(n,) StepEdge"),
             Field("n_pairs", "int", "of ContactArrays"),
             Field("pair_edges", "int*", "(n, n_pairs) StepEdge of every pair; set to 0 before"),
@@ -101,7 +107,14 @@ DERIVATIVES: tuple[Structure, ...] = (
                 "(n, 3 room, m) of the points' multipliers: along the normal, and along two "
                 "tangents where it sticks; point after point; null: not asked for",
             ),
+            Field(
+                "moved",
+                OUT,
+                "(n, n_vD + n_vK, m) of the configuration where what springs back touches, of "
+                "steps in which something does; null without shares",
+            ),
             Field("n_points", INT, "(n,) points that push; null without contact"),
+            Field("delay", IN, "as in TouchingStepArrays; null without contact"),
             Field("room", "int", "for points of a node"),
             Field("points", "const StepContact*", "(n, room)"),
             Field("screws", IN, "as in TouchingStepArrays"),

@@ -22,12 +22,15 @@ class StepPartials(NamedTuple):
             rotations are by dq_K/dt and dv_K/dt over the step instead.
         pull: (n, n_rows, m) of the tensions, if asked for.
         shares: (n, 3 room, m) of the multipliers of the points that push, if asked for.
+        moved: (n, n_vD + n_vK, m) of the configuration where what springs back touches, likewise,
+            of steps in which something does.
     """
 
     acc_D: Array
     motion: Array
     pull: Array | None
     shares: Array | None
+    moved: Array | None
 
 
 class StepDerivatives(Loaded):
@@ -74,16 +77,20 @@ class StepDerivatives(Loaded):
         m = 2 * n_v + 3 * n_k + (n_v if forces else 0) + sizes["n_p"]
         if room is None or room.shape != (n, 2 * n_v, m):
             room = np.empty((n, 2 * n_v, m))
-        names = ("acc_D", *["pull"] * pull, *["shares"] * (shares and touches is not None))
+        names = ("acc_D", *["pull"] * pull)
+        if shares and touches is not None:
+            names += ("shares", "moved")
         points = 0 if touches is None else touches.points.shape[1]
         made: dict[str, Any] = new_arrays(
             "StepDerivativeArrays", names, sizes, n=n, m=m, room=points
         )
-        out = StepPartials(made["acc_D"], room, made.get("pull"), made.get("shares"))
+        out = StepPartials(
+            made["acc_D"], room, made.get("pull"), made.get("shares"), made.get("moved")
+        )
         held_points: dict[str, Any] = {}
         if touches is not None:
             held_points["room"] = points
-            for name in ("n_points", "points", "screws", "by_p", "edges"):
+            for name in ("n_points", "delay", "points", "screws", "by_p", "edges"):
                 held_points[name] = getattr(touches, name)
         arrays = packed(
             "StepDerivativeArrays",

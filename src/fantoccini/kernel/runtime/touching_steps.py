@@ -34,11 +34,12 @@ class StepTouches(NamedTuple):
         tension: (n, n_rows) impulses over dt [N or N m].
         taut: (n, n_rows).
         status: (n,) of the steps.
+        delay: (n,) how long the steps move on before what springs back touches [s].
         edges: (n,) bits of ``StepEdge``.
         pair_edges: (n, pairs) those of every pair; of points that push and of open ones.
         n_points: (n,) points that push.
         points: (n, room) ``STEP_CONTACT``.
-        screws: (n, n_vD + n_vK, 6) at the start.
+        screws: (n, n_vD + n_vK, 6) at the start, or where what springs back touches.
         by_p: (n, n_links + n_vD + n_vK, 6, n_p) changes of poses and screws by the parameters.
     """
 
@@ -50,6 +51,7 @@ class StepTouches(NamedTuple):
     tension: Array
     taut: MaskRows
     status: NDArray[np.int32]
+    delay: Array
     edges: NDArray[np.int32]
     pair_edges: NDArray[np.int32]
     n_points: NDArray[np.int32]

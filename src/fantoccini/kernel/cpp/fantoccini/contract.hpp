@@ -7,7 +7,7 @@
 namespace fan {
 
 // A hash of the contract.
-constexpr long long contract_digest = 0x09ab47b8403aab0b;
+constexpr long long contract_digest = 0x48f3634dd075e199;
 
 // Identity of a library, which Python checks when it loads it: the contract's hash, how many
 // trajectories or configurations are advanced together, and the puppet's sizes.
@@ -131,10 +131,13 @@ enum class ReachEnd : int {
 enum StepEdge : int {
   WITHOUT_FORCE = 1,  // a point touches without force
   STRAINED = 2,  // a point sticks at the edge of its cone
-  MAY_REBOUND = 4,  // a point springs back if it is any faster
+  // a point springs back if it is any faster, or is not the only one that touches first
+  MAY_REBOUND = 4,
   NOT_SMOOTH = 8,  // the place of a point has no derivative
   ASKEW = 16,  // a point touches without force, and slides askew of those that push
-  LEAVES_LAW = 32,  // bodies are wedged in, or restitution is scaled down to add no energy
+  // bodies are wedged in, restitution is scaled down to add no energy, or points spring back
+  // one after the other
+  LEAVES_LAW = 32,
   JAMS = 64,  // friction jams: no forces keep the modes
   OPEN_SHARES = 128,  // solids slide on more points than the law can share force among
   CROWDED = 256,  // more points push than there is room for
@@ -349,6 +352,9 @@ struct TouchingStepArrays {
   double* tension;  // (n, n_rows)
   unsigned char* taut;  // (n, n_rows)
   int* status;  // (n,) Status
+  // (n,) how long the steps move on before what springs back touches [s]; all of points and
+  // screws is there
+  double* delay;
   int* edges;  // (n,) StepEdge
   int n_pairs;  // of ContactArrays
   int* pair_edges;  // (n, n_pairs) StepEdge of every pair; set to 0 before
@@ -384,7 +390,11 @@ struct StepDerivativeArrays {
   // (n, 3 room, m) of the points' multipliers: along the normal, and along two tangents where
   // it sticks; point after point; null: not asked for
   double* shares;
+  // (n, n_vD + n_vK, m) of the configuration where what springs back touches, of steps in
+  // which something does; null without shares
+  double* moved;
   const int* n_points;  // (n,) points that push; null without contact
+  const double* delay;  // as in TouchingStepArrays; null without contact
   int room;  // for points of a node
   const StepContact* points;  // (n, room)
   const double* screws;  // as in TouchingStepArrays

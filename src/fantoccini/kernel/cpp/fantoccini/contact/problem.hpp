@@ -98,19 +98,28 @@ class ContactProblem {
   // The problem that was solved or restored last.
   FAN_FN const ConeProblem<M + 3 * C>& cone() const { return cone_; }
 
-  // Solves lane l with the restitutions, scaled down until they add no energy.
+  // Solves lane l with the restitutions, times the largest common factor with which they add no
+  // energy.
   FAN_FN bool bounce(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
       const Real* before, double cap, Real* found, Real* s) {
     cone_.quick = true;
-    bool solved = solve(state, l, rows, near, guess, cap, found, s);
-    for (int k = 1;
-         state.bounces[l] && k <= Tolerance::tries && adds(state, l, rows, before, found); ++k) {
-      state.scale[l] *= k < Tolerance::tries ? Tolerance::less_restitution : 0.0;
+    const auto adds_with = [&](double factor) {
+      state.scale[l] = factor;
       state.set_rebounds(l);
-      solved = solve(state, l, rows, near, guess, cap, found, s);
+      return !solve(state, l, rows, near, guess, cap, found, s) ||
+             adds(state, l, rows, before, found);
+    };
+    const bool solved = solve(state, l, rows, near, guess, cap, found, s);
+    if (!state.bounces[l] || !adds(state, l, rows, before, found)) return solved;
+    double least = 0.0, most = state.scale[l];
+    for (int k = 0; k < Tolerance::halvings; ++k) {
+      const double factor = 0.5 * (least + most);
+      (adds_with(factor) ? most : least) = factor;
     }
-    return solved;
+    state.scale[l] = least;
+    state.set_rebounds(l);
+    return solve(state, l, rows, near, guess, cap, found, s);
   }
 
  private:

@@ -20,6 +20,8 @@ struct ContactStepTolerances {
   // m/s at which a point that pushes across a gap still closes it: it will be stopped in the next
   // step, as after a rebound that another impact turns round.
   static constexpr double closing_speed = 0.1;
+  // Share of a step within which what an impact makes fast strikes something at once.
+  static constexpr double least_time = 1e-6;
   // Residual of the law up to which a step is accepted: far below the error of the step itself.
   static constexpr double accepted_residual = 1e-5;
   // By how much less, relative, an impulse at its winch's bound may be found: rounding.
@@ -27,9 +29,8 @@ struct ContactStepTolerances {
   // Shares of G's largest diagonal entry by which rows yield where the law has no solution that is
   // found, tried one after the other.
   static constexpr double softness[] = {1e-8, 1e-7, 1e-6};
-  // Factor of a restitution that adds energy, from try to try; after the last it is 0.
-  static constexpr double less_restitution = 0.5;
-  static constexpr int tries = 5;
+  // Bisections of the common factor that keeps restitutions from adding energy.
+  static constexpr int halvings = 20;
   // Energy added that is rounding, relative to what the impulses exchange; above it the law's
   // residual.
   static constexpr double rounding = 1e-9;

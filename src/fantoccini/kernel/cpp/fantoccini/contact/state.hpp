@@ -20,7 +20,8 @@ struct ContactState {
 
   Points points;
   const ContactArrays* in = nullptr;
-  double dt = 0.0;                  // s: of the step
+  double dt = 0.0, whole = 0.0;     // s: of the step; of the run's steps
+  double left = 0.0;                // s: for which bodies move at the velocities after the step
   bool near[width][room(C)];        // whether a point takes part
   int chosen[width] = {};           // how many do
   int steps[width][room(C)];        // for which a point has pushed
@@ -92,12 +93,22 @@ struct ContactState {
     return all;
   }
 
-  // The speed at which a point is asked to part beyond stopping: minus the gap over the step.
-  FAN_FN void ask(int l, int i, double whole, double recovery_speed) {
+  // The speed at which a point is asked to part beyond stopping: minus the gap over the step, of
+  // what is new over what is left of it.
+  FAN_FN void ask(int l, int i, double recovery_speed) {
     const double h = -points.point[l][i].gap;
-    const double back = h / (h > 0.0 && whole > dt ? whole : dt);
+    const double ahead = steps[l][i] == 0 ? left : dt;
+    const double back = h / (h > 0.0 ? (whole > dt ? whole : dt) : ahead);
     parting[l][i] = lane_of(asked[i], l) = back < recovery_speed ? back : recovery_speed;
     rebound[l][i] = 0.0;
+  }
+
+  // m/s: e times the speed at which a new point closes; 0 unless it is above what the forces of a
+  // whole step would take back.
+  FAN_FN double rebound_of(int l, int i, double closing) const {
+    const double by_forces = lane_of(before[3 * i], l) - lane_of(hdot[3 * i], l);
+    const double back = in->restitution[points.point[l][i].pair] * closing;
+    return back > by_forces * (whole > dt ? whole / dt : 1.0) ? back : 0.0;
   }
 
   // Whether a point takes part, and its rebound.
@@ -107,9 +118,9 @@ struct ContactState {
       return;
     }
     const double closing = lane_of(hdot[3 * i], l), free = lane_of(before[3 * i], l);
-    const double back = in->restitution[points.point[l][i].pair] * closing;
     const bool is_new = steps[l][i] == 0 && free + parting[l][i] > 0.0;
-    const bool springs = is_new && back > parting[l][i] && back > free - closing;
+    const double back = is_new ? rebound_of(l, i, closing) : 0.0;
+    const bool springs = back > 0.0 && back > parting[l][i];
     if (springs) rebound[l][i] = lane_of(asked[i], l) = back;
     bounces[l] = bounces[l] || springs;
     // Where other points of the pair carried it before, they are tried first; see

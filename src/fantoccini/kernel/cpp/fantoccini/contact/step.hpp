@@ -7,8 +7,9 @@
 // with u the velocity of the first solid against the second after the step, x the impulse on the
 // first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
 // restitution e leaves with u_n+ = -e u_n- at least, unless the forces of one step would take the
-// rebound back. With friction, or unequal e, that may add energy; all are then scaled down until
-// none is added. Of one trajectory; for bundles of lanes see lanes.hpp.
+// rebound back, from where it touches (timestepping/touching_step.hpp). With friction, or unequal
+// e, that may add energy; all are then scaled down until none is added. Of one trajectory; for
+// bundles of lanes see lanes.hpp.
 #pragma once
 
 #include "fantoccini/contact/patches.hpp"
@@ -37,6 +38,7 @@ class ContactStep {
   Push push[width][room(C)];
   Real violation, work, impact, friction;  // depth; energies of the step
   Real residual = Real(0.0);               // of the law, in the last step
+  double early = 0.0;  // m: largest gap across which something springs back; of one trajectory
 
   // The points that the last step looked at.
   const Points& candidates() const { return state_.points; }
@@ -81,17 +83,20 @@ class ContactStep {
     return n[0];
   }
 
-  // Finds the points at the start of a step of length dt and their speeds without impulses; eval is
-  // that of the step.
+  // Finds the points of a step of length dt, which moves on for `left` with its velocities, and
+  // their speeds without impulses; eval is that of the step.
   FAN_FN void find(
       const ContactArrays& in, const Evaluation<Model, Real>& eval, const Real* q_D,
-      const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double whole,
-      double recovery_speed, const Mask& idle) {
+      const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double left,
+      double whole, double recovery_speed, const Mask& idle) {
     state_.in = &in;
     state_.dt = dt;
+    state_.left = left;
+    state_.whole = whole;
     state_.points.find(
         in, q_D, v_D, q_K, v_K, p, dt, idle, [&](int l) { state_.recognise(l, push[l], n[l]); });
     violation = work = impact = friction = residual = Real(0.0);
+    early = 0.0;
     for (int l = 0; l < width; ++l) {
       state_.chosen[l] = 0;
       for (int i = 0; i < state_.points.n[l]; ++i) {
@@ -103,6 +108,8 @@ class ContactStep {
     for (int r = 0; r < M; ++r) row_x_[r] = row_s_[r] = Real(0.0);
     problem_.begin();
     looks_ = 0;
+    struck_again_ = unbounded;
+    is_joined_ = false;
     for (int l = 0; l < width; ++l) {
       for (int r = 0; r < M; ++r) state_.pulls[l][r] = false;
       state_.bounces[l] = false;
@@ -119,18 +126,55 @@ class ContactStep {
       }
     }
     for (int l = 0; l < width; ++l) state_.recall(l, push[l]);
-    for (int i = 0; i < state_.points.n[0]; ++i) state_.ask(0, i, whole, recovery_speed);
+    for (int i = 0; i < state_.points.n[0]; ++i) state_.ask(0, i, recovery_speed);
     state_.is_before_known = !state_.all_pushed();
     if (state_.is_before_known) state_.know_before(eval);
     for (int i = 0; i < state_.points.n[0]; ++i) state_.aim(0, i);
     if (state_.is_before_known) state_.know_aims();
   }
 
+  // Whether something springs back, of one trajectory.
+  FAN_FN bool springs_back() const { return state_.points.most > 0 && state_.bounces[0]; }
+
+  // After which time the first of the points that spring back touches, and the next one, later by
+  // more than `same` [s]; unbounded where there is none.
+  struct Touches {
+    double first, second;
+  };
+  Touches touches(double same) const {
+    Touches found{unbounded, unbounded};
+    for (int i = 0; i < state_.points.n[0]; ++i)
+      if (state_.rebound[0][i] != 0.0) found.first = fmin(found.first, touch_time(i));
+    for (int i = 0; i < state_.points.n[0]; ++i)
+      if (state_.rebound[0][i] != 0.0 && touch_time(i) > found.first + same)
+        found.second = fmin(found.second, touch_time(i));
+    return found;
+  }
+
+  // After which time something that would spring back is struck by what the impulses have made fast
+  // in the step [s]; unbounded for nothing.
+  FAN_FN double struck_again() const { return struck_again_; }
+
+  // Adds what pushed in earlier parts of a step to what pushes at its end; of one trajectory.
+  void join(const Push* earlier, int n_earlier) {
+    for (int k = 0; k < n_earlier; ++k) {
+      int place = 0;
+      while (place < n[0] && is_before(push[0][place], earlier[k])) ++place;
+      if (place < n[0] && !is_before(earlier[k], push[0][place])) {
+        for (int c = 0; c < 3; ++c) push[0][place].impulse[c] += earlier[k].impulse[c];
+      } else if (n[0] < C) {
+        for (int j = n[0]++; j > place; --j) push[0][j] = push[0][j - 1];
+        push[0][place] = earlier[k];
+      }
+    }
+    is_joined_ = true;
+  }
+
   // Looks again where impulses have made links faster, by acc over the step from v_D, than the
   // margins of find() allow for, and adds the points that would be passed; whether there are any.
   FAN_FN bool look_again(
       const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
-      double dt, double whole, double recovery_speed, const Mask& idle) {
+      double dt, double recovery_speed, const Mask& idle) {
     const Mask lanes = !idle && state_.points.outruns(acc, dt);
     if (!any(lanes) || looks_ == Tolerance::looks) return false;
     ++looks_;
@@ -144,7 +188,7 @@ class ContactStep {
     state_.need_before(eval);
     Real dv[room(N)];
     state_.unhindered(eval, dv);
-    Rates free(state_.points, dv), now_at(state_.points, v_D);
+    Rates free(state_.points, dv), now_at(state_.points, v_D), then(state_.points, v);
     for (int l = 0; l < width; ++l)
       for (int i = known[l]; i < state_.points.n[l]; ++i) {
         problem_.renew(i);
@@ -157,9 +201,10 @@ class ContactStep {
         state_.steps[l][i] = state_.wait[l][i] = 0;
         state_.near[l][i] = true;
         state_.is_carried[l][i] = false;
-        state_.ask(l, i, whole, recovery_speed);
+        state_.ask(l, i, recovery_speed);
         state_.aim(l, i);
         lane_of(state_.b[3 * i], l) += lane_of(state_.asked[i], l);
+        note_struck(l, i, lane_of(then(i)[0], l));
       }
     return true;
   }
@@ -182,6 +227,7 @@ class ContactStep {
         const double closing = lane_of(now, l) + lane_of(state_.asked[i], l);
         if (!(closing > Tolerance::passing_speed)) continue;
         state_.near[l][i] = more = true;
+        note_struck(l, i, lane_of(now, l));
         ++state_.chosen[l];
       }
     }
@@ -266,6 +312,7 @@ class ContactStep {
               lane_of(state_.x[3 * i], l), lane_of(state_.x[3 * i + 1], l),
               lane_of(state_.x[3 * i + 2], l)};
           add_push(l, i, x, push[l], pushes);
+          if (state_.rebound[l][i] != 0.0) early = fmax(early, state_.points.point[l][i].gap);
           if (lane_of(struck, l) > 0.5) book_impact(l, i);
           else book_friction(l, i);
         }
@@ -281,7 +328,7 @@ class ContactStep {
       ContactShare<M + 3 * C>& share, Push* out) {
     int found = 0, n_out = 0;
     for (int i = 0; i < state_.points.n[0]; ++i) found += lane_of(state_.x[3 * i], 0) > 0.0;
-    if (state_.chosen[0] == 0 || found != n[0]) {
+    if (state_.chosen[0] == 0 || found != n[0] || is_joined_) {
       for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
       return n[0];
     }
@@ -301,6 +348,21 @@ class ContactStep {
   }
 
  private:
+  // Notes when a point that closes at this speed by the impulses of the step is struck and would
+  // spring back, unless that is at once.
+  void note_struck(int l, int i, double closing) {
+    const auto& point = state_.points.point[l][i];
+    const bool is_new = state_.steps[l][i] == 0 && state_.rebound[l][i] == 0.0;
+    if (!is_new || !state_.is_before_known || !(state_.rebound_of(l, i, closing) > 0.0)) return;
+    if (!(point.gap > Tolerance::least_time * state_.whole * closing)) return;
+    struck_again_ = fmin(struck_again_, point.gap / closing);
+  }
+
+  // When point i of one trajectory touches, at the speed at which it closes.
+  double touch_time(int i) const {
+    return state_.points.point[0][i].gap / lane_of(state_.hdot[3 * i], 0);
+  }
+
   // Whether point i has an impulse of its own in some lane.
   FAN_FN bool pushes(int i) const {
     const Real* x = state_.x + 3 * i;
@@ -355,6 +417,8 @@ class ContactStep {
   ContactPatches<Model, Real> patches_;
   ContactProblem<Model, Real> problem_;
   int looks_ = 0;  // how often was looked again
+  double struck_again_ = unbounded;
+  bool is_joined_ = false;  // whether `push` has earlier parts of the step
   // Of each lane's last solve in the step: how many rows and points took part, whether it went
   // well; impulses and s of the rows.
   int solved_with_[width];

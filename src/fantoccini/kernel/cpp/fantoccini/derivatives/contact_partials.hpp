@@ -82,6 +82,13 @@ class ContactPartials {
     return find_drag(drag);
   }
 
+  // Changes of the gap of a point (n_columns,); until the next call.
+  const double* gap_by(const StepContact& point) {
+    point_ = &point;
+    move();
+    return gap_by_;
+  }
+
   // The rows that a point holds, the generalised forces of the multipliers and the drag alone.
   bool hold(
       const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],

@@ -5,6 +5,7 @@
 #include "fantoccini/contact/push.hpp"
 #include "fantoccini/derivatives/contact_partials.hpp"
 #include "fantoccini/derivatives/step_columns.hpp"
+#include "fantoccini/derivatives/step_delay.hpp"
 #include "fantoccini/model/evaluation.hpp"
 #include "fantoccini/solvers/mode_system.hpp"
 
@@ -49,6 +50,13 @@ class ModesOfStep {
   // The velocities before and after the step.
   void move(const double* v_D, const double* v_next, const double* rate) {
     partials_.begin(screws_, v_D, v_next, rate, by_p_, dt_);
+  }
+
+  // Changes of the gap of the point that touches first of those that spring back, as
+  // ContactPartials has them; null where there is none.
+  const double* touch_by() {
+    const int i = first_touch(point_, n_);
+    return i < 0 ? nullptr : partials_.gap_by(point_[i]);
   }
 
   // Finds dt dacc and, unless null, writes the changes `pull` of the tensions and `shares` of the

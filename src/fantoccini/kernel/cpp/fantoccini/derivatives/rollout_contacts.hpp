@@ -20,11 +20,13 @@ class RolloutContacts {
 
   void clear() {
     points_.clear();
+    delays_.clear();
     first_.assign(1, 0);
   }
 
   // Keeps what touches in step k, which `run` has made.
   void keep(const GradientArrays& in, long long k, TimeSteppingTrajectory<Model, double>& run) {
+    delays_.push_back(run.at.touching.delay);
     if (run.opt.contacts) {
       begin_at(in, k);
       in.n_points[k] = modes_.find(run, in.reference_force, point_);
@@ -47,6 +49,15 @@ class RolloutContacts {
     partials_.begin(screws_, in.v_D + k * N, v_next, in.rate + k * K, by_p_, in.options.dt);
     pull_.begin(screws_, in.v_D + k * N, v_next, in.rate + k * K, by_p_, in.options.dt);
     return true;
+  }
+
+  // For how long step k moves on before anything springs back [s].
+  double delay(long long k) const { return delays_[k]; }
+
+  // Of the step at hand, as ModesOfStep has it.
+  const double* touch_by() {
+    const int i = first_touch(point_, n_);
+    return i < 0 ? nullptr : partials_.gap_by(point_[i]);
   }
 
   // Holds the points beside the gathered rows; false where friction jams.
@@ -102,11 +113,13 @@ class RolloutContacts {
 
  private:
   void begin_at(const GradientArrays& in, long long k) {
-    modes_.begin(in.q_D + k * NQ, in.v_D + k * N, in.q_K + k * NQK, in.rate + k * K, in.p);
+    modes_.begin(
+        in.q_D + k * NQ, in.v_D + k * N, in.q_K + k * NQK, in.rate + k * K, in.p, delays_[k]);
   }
 
   std::vector<StepContact> points_;  // of all steps
   std::vector<size_t> first_;        // (steps + 1,) of each
+  std::vector<double> delays_;       // s: after which what springs back touches, of each
   StepModes<Model> modes_;
   StepContact point_[room(C)];  // of one step
   int n_ = 0, n_held_ = 0;      // those, and the rows before theirs

@@ -15,6 +15,7 @@
 #pragma once
 
 #include "fantoccini/derivatives/rollout_contacts.hpp"
+#include "fantoccini/derivatives/step_delay.hpp"
 #include "fantoccini/derivatives/step_turn.hpp"
 #include "fantoccini/model/evaluation.hpp"
 #include "fantoccini/runs/shared.hpp"
@@ -63,7 +64,9 @@ class RolloutGradient {
     for (long long k = in.n - 1; k >= 0; --k) {
       double w[room(N)], z[room(N)], y[room(rows)];
       evaluate(in, k);
-      turn_back(in.v_D + (k + 1) * N, dt);
+      by_delay_ = 0.0;
+      for (int j = 0; j < N; ++j) by_delay_ -= l_q_[j] * in.v_D[(k + 1) * N + j];
+      turn_back<typename Model::Dynamic>(in.v_D + (k + 1) * N, dt - delay_.time, l_q_, l_v_);
       for (int j = 0; j < N; ++j) l_a[0][j] += dt * l_v_[j];
       Call<Model, double>::forth(eval_.L, l_a[0], w);
       if (take_contacts(in, k)) {
@@ -174,7 +177,9 @@ class RolloutGradient {
   void evaluate(const GradientArrays& in, long long k) {
     const double *v = in.v_D + k * N, *half = in.ahead + 2 * k;
     const double* force = of(in.u_D, k);
-    double u_D[room(N)];
+    double u_D[room(N)], delay = 0.0;
+    if constexpr (touches) delay = contacts_.delay(k);
+    delay_.begin(in.q_D + k * NQ, v, in.q_K + k * NQK, in.rate + k * K, delay);
     for (int j = 0; j < N; ++j) {
       u_D[j] = force ? force[j] : 0.0;
       const double a = k > 0 ? in.acc_D[(k - 1) * N + j] : 0.0;
@@ -182,35 +187,13 @@ class RolloutGradient {
       v_ahead_[j] = v[j] + (half[0] * a + half[1] * (a - before));
     }
     eval_.at(
-        in.q_D + k * NQ, v, in.q_K + k * NQK, in.rate + k * K, in.mean + k * K, u_D, v_ahead_,
+        delay_.q_D(), v, delay_.q_K(), in.rate + k * K, in.mean + k * K, u_D, v_ahead_,
         in.options.dt, in.p);
     const unsigned char* held = in.held + k * M;
     int list[room(M)], n = 0;
     for (int r = 0; r < M; ++r)
       if (held[r]) list[n++] = r;
     rows_.gather(eval_, v, list, n);
-  }
-
-  // l by q+ becomes that by q at a fixed v+, and adds to l by v+.
-  void turn_back(const double* v_next, double dt) {
-    using Space = typename Model::Dynamic;
-    for (int i = 0; i < Space::n_scalars; ++i) {
-      const int k = Space::scalar_v[i];
-      l_v_[k] += dt * l_q_[k];
-    }
-    for (int i = 0; i < Space::n_quaternions; ++i) {
-      const int k = Space::quaternion_v[i];
-      double phi[3], J[9], R[9], l[3];
-      for (int c = 0; c < 3; ++c) {
-        phi[c] = dt * v_next[k + c];
-        l[c] = l_q_[k + c];
-      }
-      step_turn(phi, J, R);
-      for (int c = 0; c < 3; ++c) {
-        l_v_[k + c] += dt * (J[c] * l[0] + J[3 + c] * l[1] + J[6 + c] * l[2]);
-        l_q_[k + c] = R[c] * l[0] + R[3 + c] * l[1] + R[6 + c] * l[2];
-      }
-    }
   }
 
   // From step k to the node before it.
@@ -228,11 +211,21 @@ class RolloutGradient {
       to.g_vK[j] = -to.g_vK[j];
       to.g_aK[j] = -to.g_aK[j];
     }
-    for (int j = 0; j < P; ++j) in.g_p[j] -= to.g_p[j];
+    for (int j = 0; j < P; ++j) to.g_p[j] = -to.g_p[j];
+    for (int j = 0; j < N; ++j) {
+      l_q_[j] -= to.g_q[j];
+      l_v_[j] -= to.by_v(j);
+    }
+    if constexpr (touches)
+      if (delay_.time > 0.0) {
+        delay_.set_gap(contacts_.touch_by());
+        delay_.pull(l_q_, l_v_, to.g_qK, to.g_vK, to.g_p, by_delay_);
+      }
+    for (int j = 0; j < P; ++j) in.g_p[j] += to.g_p[j];
     for (int j = 0; j < N; ++j) {
       in.g_u[k * N + j] = z[j];
-      l_q_[j] += in.l_q[k * N + j] - to.g_q[j];
-      l_v_[j] += in.l_v[k * N + j] - to.by_v(j);
+      l_q_[j] += in.l_q[k * N + j];
+      l_v_[j] += in.l_v[k * N + j];
       l_a[0][j] = l_a[1][j] - (half[0] + half[1]) * to.g_ahead[j];
       l_a[1][j] = half[1] * to.g_ahead[j];
     }
@@ -252,7 +245,7 @@ class RolloutGradient {
     }
     meant(in, k, v_next);
     Call<Model, double>::step_back(
-        in.q_D + k * NQ, v, v_ahead_, v_next, in.acc_D + k * N, in.q_K + k * NQK, in.rate + k * K,
+        delay_.q_D(), v, v_ahead_, v_next, in.acc_D + k * N, delay_.q_K(), in.rate + k * K,
         in.mean + k * K, in.tension + k * M, z, pull, pull_h, dt, in.p, to);
     if constexpr (touches) {
       if (in.n_points[k] == 0) return;
@@ -346,7 +339,9 @@ class RolloutGradient {
   RowSystem<Model, double> rows_;
   HeldFactor<M> factor_;
   std::conditional_t<touches, RolloutContacts<Model>, NoContacts> contacts_;
+  StepDelay<Model> delay_;
   double l_q_[room(N)], l_v_[room(N)], v_ahead_[room(N)];
+  double by_delay_ = 0.0;  // the cost's derivative by the time of the touch, at a fixed motion
 };
 
 }  // namespace fan

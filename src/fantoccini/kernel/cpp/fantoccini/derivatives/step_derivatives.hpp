@@ -9,7 +9,8 @@
 // r is the residual of Eq. 10 with the velocity products of the start, d any of the above. Its
 // derivatives are evaluated at several nodes at once (step_bundles.hpp); columns are solved for in
 // bundles, as many as a vector holds. Where solids touch, the points that push are held
-// in their modes beside the rows (modes_of_step.hpp).
+// in their modes beside the rows (modes_of_step.hpp); where they spring back, all this is where
+// they touch (step_delay.hpp).
 #pragma once
 
 #include <type_traits>
@@ -17,6 +18,7 @@
 #include "fantoccini/derivatives/in_lanes.hpp"
 #include "fantoccini/derivatives/modes_of_step.hpp"
 #include "fantoccini/derivatives/step_columns.hpp"
+#include "fantoccini/derivatives/step_delay.hpp"
 #include "fantoccini/derivatives/step_turn.hpp"
 #include "fantoccini/math/wide.hpp"
 #include "fantoccini/model/evaluation.hpp"
@@ -84,10 +86,12 @@ class StepDerivatives {
     for (int k = 0; k < N; ++k) columns.at(dv, N, N + k, k) += 1.0;
     for (int k = 0; k < N; ++k)
       columns.write(motion + (N + k) * columns.n, [&](int b) FAN_INLINE { return dv[b * N + k]; });
-    move(in.dt, dv, motion);
+    move(in.dt - delay_.time, dv, motion);
     if (pull) write_pull(in, pull);
-    if constexpr (touches)
+    if constexpr (touches) {
       if (in.shares) write_shares(in, i);
+      if (delay_.time > 0.0) wait(in, i, motion, pull);
+    }
   }
 
  private:
@@ -95,10 +99,12 @@ class StepDerivatives {
   static constexpr bool touches = C > 0;
 
   void evaluate(const StepDerivativeArrays& in, long long i) {
-    q_D_ = in.q_D + i * NQ;
     v_D_ = in.v_D + i * N;
-    q_K_ = in.q_K + i * Model::n_qK;
     rate_ = in.rate + i * K;
+    delay_.begin(
+        in.q_D + i * NQ, v_D_, in.q_K + i * Model::n_qK, rate_, in.delay ? in.delay[i] : 0.0);
+    q_D_ = delay_.q_D();
+    q_K_ = delay_.q_K();
     mean_ = in.mean + i * K;
     slip_ = in.slip + i * S;
     tension_ = in.tension + i * M;
@@ -208,6 +214,35 @@ class StepDerivatives {
       columns.write(out + a * columns.n, [&](int b) FAN_INLINE { return shares_[b * 3 * C + a]; });
   }
 
+  // Makes derivatives by what there is at the touch those by what the step starts with.
+  void wait(const StepDerivativeArrays& in, long long i, double* motion, double* pull) {
+    delay_.set_gap(modes_.touch_by());
+    for (int k = 0; k < N; ++k) wait(in.dt, motion + k * columns.n, -v_next_[k]);
+    for (int k = N; k < 2 * N; ++k) wait(in.dt, motion + k * columns.n, 0.0);
+    for (int r = 0; pull && r < M; ++r) wait(in.dt, pull + r * columns.n, 0.0);
+    if (!in.shares) return;
+    double* shares = in.shares + i * 3 * in.room * columns.n;
+    for (int a = 0; a < modes_.n_shares(); ++a) wait(in.dt, shares + a * columns.n, 0.0);
+    double* moved = in.moved + i * (N + K) * columns.n;
+    for (int k = 0; k < N + K; ++k) {
+      for (int c = 0; c < columns.n; ++c) moved[k * columns.n + c] = 0.0;
+      moved[k * columns.n + (k < N ? k : N + k)] = 1.0;
+      wait(in.dt, moved + k * columns.n, 0.0);
+    }
+  }
+
+  void wait(double dt, double* row, double by_time) const {
+    using Space = typename Model::Driven;
+    double *by_rate = row + Columns::first[Columns::BY_V_K], before[room(K)];
+    double* by_mean = row + Columns::first[Columns::BY_ACC_K];
+    for (int k = 0; k < K; ++k) before[k] = by_rate[k];
+    delay_.pull(row, row + N, row + 2 * N, by_rate, row + columns.n - P, by_time);
+    for (int j = 0; j < Space::n_scalars; ++j) {
+      const int k = Space::scalar_v[j];
+      by_mean[k] += 0.5 * dt * (by_rate[k] - before[k]);
+    }
+  }
+
   // dq (N, m).
   void move(double dt, const Wide* dv, double* dq) const {
     using Space = typename Model::Dynamic;
@@ -233,6 +268,7 @@ class StepDerivatives {
     }
   }
 
+  StepDelay<Model> delay_;
   const double *q_D_, *v_D_, *q_K_, *rate_, *mean_, *slip_, *tension_, *p_;
   double* acc_;
   double v_next_[room(N)];

@@ -3,11 +3,13 @@
 //
 //   u_n+ >= w,  w = min(-gap/dt, recovery speed) or -e u_n of a new contact that springs back
 //
+// at the start, or where what springs back touches.
 // A mode's derivative is that of the step where the law holds strictly: points that push do so with
 // force, those that stick stay inside their cone, open ones open.
 #pragma once
 
 #include "fantoccini/collision/differences.hpp"
+#include "fantoccini/derivatives/step_delay.hpp"
 #include "fantoccini/math/least_span.hpp"
 #include "fantoccini/timestepping/trajectory.hpp"
 
@@ -35,18 +37,21 @@ class StepModes {
   int pair = -1;              // of the point for which `edges` is largest; -1 for none
   int* pair_edges = nullptr;  // of every pair: added to, unless null
 
-  // Where a step begins, its rate dq_K/dt and the parameters; all must live on.
+  // Where a step begins, its rate dq_K/dt and the parameters, all of which must live on, and for
+  // how long it moves on before anything springs back.
   void begin(
-      const double* q_D, const double* v_D, const double* q_K, const double* rate,
-      const double* p) {
-    q_D_ = q_D;
+      const double* q_D, const double* v_D, const double* q_K, const double* rate, const double* p,
+      double delay) {
+    delay_.begin(q_D, v_D, q_K, rate, delay);
+    q_D_ = delay_.q_D();
     v_D_ = v_D;
-    q_K_ = q_K;
+    q_K_ = delay_.q_K();
     rate_ = rate;
     p_ = p;
   }
 
-  // The points that push in the step that `run` made from there, at most C; how many there are.
+  // The points that push in the step that `run` made, for which begin() was called; at most C. How
+  // many there are.
   int find(Trajectory& run, double reference_force, StepContact* out) {
     solids_ = run.opt.contacts;
     dt_ = run.opt.dt;
@@ -69,6 +74,12 @@ class StepModes {
       note(hold(push_[k], out[k]), push_[k].pair);
     }
     look_at_open(run.at.contacts.candidates(), n, out);
+    if (run.at.touching.parts && n > 0) note(LEAVES_LAW, out[0].pair);
+    int n_first = 0;
+    for (int k = 0; k < n; ++k) n_first += out[k].bounces > 0.0 && out[k].gap > -Tolerance::gap;
+    // Near by another one touches first, or before the step.
+    const bool is_edge = delay_.time > 0.0 ? n_first > 1 : n_first > 0;
+    if (is_edge) note(MAY_REBOUND, out[first_touch(out, n)].pair);
     return n;
   }
 
@@ -178,8 +189,7 @@ class StepModes {
       const double gain = dt_ * along(out.links, out.at, out.normal, kick_);
       return e > 0.0 && fabs(-e * speed - fmax(parting, -gain)) <= rounding ? MAY_REBOUND : 0;
     }
-    // Without restitution, too: what lands while forces brake it stops where it is.
-    if (!(fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
+    if (!(e > 0.0) || !(fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
     out.bounces = e;
     return 0;
   }
@@ -188,6 +198,7 @@ class StepModes {
   template <class Points>
   void look_at_open(const Points& points, int n, const StepContact* held) {
     bool spanned = false;
+    const double left = fmax(dt_ - delay_.time, TouchingStepTolerances::least_left * dt_);
     for (int i = 0; i < points.n[0]; ++i) {
       const auto& own = points.point[0][i];
       bool pushes = false;
@@ -200,7 +211,7 @@ class StepModes {
       double u[3], row[room(N)];
       after_.velocity(links, own.at, u);
       const double* normal = own.frame;
-      const double parting = fmin(-own.gap / dt_, recovery_speed_);
+      const double parting = fmin(-own.gap / left, recovery_speed_);
       if (dot3(u, normal) - parting > still_) continue;
       if (!spanned) span(n, held);
       spanned = true;
@@ -296,6 +307,7 @@ class StepModes {
     }
   };
 
+  StepDelay<Model> delay_;
   ContactShare<M + 3 * C> share_;
   ContactPush push_[room(C)];
   TouchDifferences<Model> differences_;

@@ -19,6 +19,7 @@ class StepTouches {
   // Node i of the arrays.
   void find(const TouchingStepArrays& in, long long i) {
     step(in, i);
+    begin(in, i, trajectory_.at.touching.delay);
     int edges = 0, n = 0;
     modes_.pair_edges = in.pair_edges + i * in.n_pairs;
     if (Status(int(trajectory_.status)) == RUNNING) {
@@ -33,6 +34,12 @@ class StepTouches {
   }
 
  private:
+  void begin(const TouchingStepArrays& in, long long i, double delay) {
+    modes_.begin(
+        in.q_D + i * NQ, in.v_D + i * N, in.q_K + i * NQK, in.rate + i * K, of(in.p, i), delay);
+    in.delay[i] = delay;
+  }
+
   // The inputs where a step begins, and those where it ends.
   struct Ends {
     using Inputs = typename TimeSteppingTrajectory<Model, double>::Inputs;
@@ -47,7 +54,6 @@ class StepTouches {
     const double dt = in.options.dt, *p = of(in.p, i);
     const double *q_D = in.q_D + i * NQ, *v_D = in.v_D + i * N, *q_K = in.q_K + i * NQK;
     const double* rate = in.rate + i * K;
-    modes_.begin(q_D, v_D, q_K, rate, p);
     run.set(0.0, in.options, in.winches);
     put_lane(p, P, 0, run.p());
     put_lane(q_D, NQ, 0, run.q_D());

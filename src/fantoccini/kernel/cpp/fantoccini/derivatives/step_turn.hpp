@@ -24,4 +24,27 @@ FAN_FN void step_turn(const double* phi, double* J, double* R) {
     }
 }
 
+// Derivatives by a configuration that v has moved for `time` become those by the one before, and
+// add to those by v.
+template <class Space>
+FAN_FN void turn_back(const double* v, double time, double* by_q, double* by_v) {
+  for (int i = 0; i < Space::n_scalars; ++i) {
+    const int k = Space::scalar_v[i];
+    by_v[k] += time * by_q[k];
+  }
+  for (int i = 0; i < Space::n_quaternions; ++i) {
+    const int k = Space::quaternion_v[i];
+    double phi[3], J[9], R[9], by[3];
+    for (int c = 0; c < 3; ++c) {
+      phi[c] = time * v[k + c];
+      by[c] = by_q[k + c];
+    }
+    step_turn(phi, J, R);
+    for (int c = 0; c < 3; ++c) {
+      by_v[k + c] += time * (J[c] * by[0] + J[3 + c] * by[1] + J[6 + c] * by[2]);
+      by_q[k + c] = R[c] * by[0] + R[3 + c] * by[1] + R[6 + c] * by[2];
+    }
+  }
+}
+
 }  // namespace fan

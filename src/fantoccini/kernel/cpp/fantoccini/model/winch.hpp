@@ -11,6 +11,7 @@
 #pragma once
 
 #include "fantoccini/contract.hpp"
+#include "fantoccini/math/real.hpp"
 
 namespace fan {
 
@@ -66,6 +67,15 @@ struct Winches {
     if (!(slip > 0.0)) return 0.0;
     const double braked = sqrt(2.0 * Tolerance::brake * slip);
     return braked < rewind_speed[i] ? -braked : -rewind_speed[i];
+  }
+
+  // The same over a fixed step, which winds back no more than there is.
+  template <class Real>
+  FAN_FN Real winding(int i, const Real& slip, double dt) const {
+    using std::sqrt;
+    if (!(rewind_speed[i] > 0.0)) return Real(0.0);
+    const Real braked = sqrt(Real(2.0 * Tolerance::brake) * slip);
+    return -minimum(Real(slip * (1.0 / dt)), minimum(braked, Real(rewind_speed[i])));
   }
 
   // The slip a time after it was `slip`; valid for times up to `stretch`.

@@ -45,4 +45,20 @@ FAN_FN Real mean_power(const Real* u, const Real* v, const Real* change) {
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
+// Work of the inputs over a step from v to v + change: of what they move along, of the forces u_D
+// unless null, and of motors.
+template <class Model, class Eval, class Real>
+FAN_FN Real
+work_of_step(const Eval& eval, const Real* u_D, const Real* v_D, const Real* change, double dt) {
+  Real work = dt * eval.power0;
+  if (Model::coupled)
+    for (int k = 0; k < Model::n_vD; ++k) work += eval.M_DK_v_K[k] * change[k];
+  Real power = u_D ? mean_power<Model::n_vD>(u_D, v_D, change) : Real(0.0);
+  for (int m = 0; m < Model::n_motors; ++m) {
+    const int k = Model::motor_v[m];
+    power += (eval.f_M[m] - eval.y_M[m] * change[k]) * (v_D[k] + 0.5 * change[k]);
+  }
+  return work + dt * power;
+}
+
 }  // namespace fan

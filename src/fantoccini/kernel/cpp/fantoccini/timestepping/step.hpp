@@ -18,8 +18,8 @@
 // A slipping winch caps Lambda at its largest tension times dt; the speed that remains lengthens
 // its slip. Once a row was overstepped by stirred_violation, all velocities are scaled down where a
 // step would turn a coordinate by more than max_turn_per_step or move one by more than
-// max_move_per_step; before, by unstirred_factor times as much. Written for any Real: lanes step
-// together, each with its own rows.
+// max_move_per_step; before, by unstirred_factor times as much. What springs back touches first:
+// touching_step.hpp. Written for any Real: lanes step together, each with its own rows.
 #pragma once
 
 #include <type_traits>
@@ -30,6 +30,7 @@
 #include "fantoccini/timestepping/single_lanes.hpp"
 #include "fantoccini/timestepping/speed_limit.hpp"
 #include "fantoccini/timestepping/tolerances.hpp"
+#include "fantoccini/timestepping/touching_step.hpp"
 
 namespace fan {
 
@@ -49,6 +50,7 @@ struct TimeStep {
   using Contacts =
       std::conditional_t<some_singly, ContactLanes<Model, Real>, ContactStep<Model, Real>>;
   std::conditional_t<touches, Contacts, NoContacts> contacts;
+  std::conditional_t<touches && !some_singly, TouchingStep<Model>, NoTouchingStep> touching;
   const ContactArrays* solids = nullptr;  // null: nothing touches anything
   double whole = 0.0;                     // s: the run's step; the last one may be shorter
   bool forced = true;                     // otherwise u_D is 0
@@ -89,22 +91,17 @@ struct TimeStep {
       const Real* p, Real* q_next, Real* v_next) {
     if constexpr (some_singly)
       if (solids) singles_.save(*this);
-    evaluate(q_D, v_D, q_K, v_K, acc_K, u_D, dt, p);
-    wind(winches, dt);
-    violation =
-        maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
-    for (int i = 0; i < S; ++i) violation = maximum(overstep(i), violation);
-    stirred = stirred || violation > Real(Tolerance::stirred_violation);
-    if constexpr (touches)
-      if (solids) {
-        const auto& in = *solids;
-        if constexpr (some_singly)
-          contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
-        else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
-        const Real& depth = contacts.violation;
-        violation = select(depth > violation, depth, violation);
-      }
-    respond(v_D, v_K, u_D, dt, recovery_speed, cap, winches, v_next);
+    const auto begin = [&](auto* q, auto* v, auto* q_in, double part, double left) {
+      begin_step(q, v, q_in, v_K, acc_K, u_D, part, left, recovery_speed, winches, p);
+    };
+    begin(q_D, v_D, q_K, dt, dt);
+    const auto end = [&](auto* v, double part, bool may_part) {
+      const double most = cap * (dt / part);
+      return respond(v, v_K, u_D, part, recovery_speed, most, winches, may_part, v_next);
+    };
+    if constexpr (touches && !some_singly)
+      if (solids) return touching.step(*this, begin, end, q_D, v_D, q_K, v_K, dt, q_next, v_next);
+    end(v_D, dt, false);
     retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
     if constexpr (some_singly)
       if (any(apart()))
@@ -153,6 +150,8 @@ struct TimeStep {
  private:
   template <class, class>
   friend class SingleLanes;
+  template <class>
+  friend class TouchingStep;
 
   // Lanes that make the step by themselves.
   FAN_FN Mask apart() const {
@@ -162,6 +161,28 @@ struct TimeStep {
 
   // Lanes in which nothing takes part here.
   FAN_FN Mask away() const { return idle || apart(); }
+
+  // The equations of a step of length dt, what its rows and contacts overstep, and its points; the
+  // step moves on for `left` with its velocities.
+  FAN_FN void begin_step(
+      const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
+      const Real* u_D, double dt, double left, double recovery_speed, const Winches<S>& winches,
+      const Real* p) {
+    evaluate(q_D, v_D, q_K, v_K, acc_K, u_D, dt, p);
+    wind(winches, dt);
+    violation =
+        maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
+    for (int i = 0; i < S; ++i) violation = maximum(overstep(i), violation);
+    stirred = stirred || violation > Real(Tolerance::stirred_violation);
+    if constexpr (touches)
+      if (solids) {
+        const auto& in = *solids;
+        if constexpr (some_singly)
+          contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
+        else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, left, whole, recovery_speed, idle);
+        violation = select(contacts.violation > violation, contacts.violation, violation);
+      }
+  }
 
   FAN_OUT_OF_LINE void evaluate(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
@@ -175,10 +196,11 @@ struct TimeStep {
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
   }
 
-  // From the evaluation to the impulses, v_next and the step's entries of the ledger.
-  FAN_OUT_OF_LINE void respond(
+  // From the evaluation to the impulses, v_next and the step's entries of the ledger. False, with
+  // nothing done, where the step is to be made in parts and may be.
+  FAN_OUT_OF_LINE bool respond(
       const Real* v_D, const Real* v_K, const Real* u_D, double dt, double recovery_speed,
-      double cap, const Winches<S>& winches, Real* v_next) {
+      double cap, const Winches<S>& winches, bool may_part, Real* v_next) {
     Real change[room(N)];  // v+ - v
     watch_first(v_D, dt);
     rows.gather_leading(eval);
@@ -191,6 +213,8 @@ struct TimeStep {
       gather(v_D);
       pull(dt, recovery_speed, cap, winches, change);
     }
+    if constexpr (touches && !some_singly)
+      if (may_part && contacts.struck_again() < unbounded) return false;
     give_way(winches, cap, dt);
     const Mask caught = account(v_D, change, u_D, dt);
     Real* acc = accs_[1 - acc_at_];
@@ -202,6 +226,7 @@ struct TimeStep {
     const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);
     steady = steady && !braked;
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
+    return true;
   }
 
   // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
@@ -212,14 +237,7 @@ struct TimeStep {
     gives_way_ = winches.some_slip || any(out);
     if (!gives_way_) return;
     for (int i = 0; i < S; ++i) {
-      winding_[i] = Real(0.0);
-      if (winches.rewind_speed[i] > 0.0) {
-        using std::sqrt;
-        const Real most = slip[i] * (1.0 / dt),
-                   braked = sqrt(Real(2.0 * WinchTolerances::brake) * slip[i]);
-        const Real speed = Real(winches.rewind_speed[i]);
-        winding_[i] = -minimum(most, minimum(braked, speed));
-      }
+      winding_[i] = winches.winding(i, slip[i], dt);
       eval.h[i] -= slip[i];
       eval.hdot[i] -= winding_[i];
     }
@@ -292,7 +310,7 @@ struct TimeStep {
     if constexpr (touches)
       if (!solids) return false;
       else if constexpr (some_singly) return contacts.look_again(change, dt);
-      else return contacts.look_again(eval, v_D, change, v_K, dt, whole, recovery_speed, idle);
+      else return contacts.look_again(eval, v_D, change, v_K, dt, recovery_speed, idle);
     else return false;
   }
 
@@ -337,8 +355,9 @@ struct TimeStep {
     };
     unrolled<0, Rows::leading>(pose);
     for (int a = Rows::leading; a < rows.n; ++a) pose(a);
-    if (all_touch()) leave_to_contacts();
-    else settled = rows.problem.solve_firmly(away());
+    const bool all = all_touch();
+    settled = all ? away() : rows.problem.solve_firmly(away());  // what is away has no impulses
+    for (int a = 0; all && a < rows.n; ++a) problem.x[a] = problem.s[a] = Real(0.0);
     if constexpr (touches)
       if (solids) touch(dt, cap);
     Real w[room(N)];
@@ -354,12 +373,6 @@ struct TimeStep {
   FAN_FN bool all_touch() const {
     if constexpr (touches) return solids && contacts.take_part(away());
     else return false;
-  }
-
-  // Lanes that have stopped are without impulses.
-  FAN_FN void leave_to_contacts() {
-    settled = away();
-    for (int a = 0; a < rows.n; ++a) rows.problem.x[a] = rows.problem.s[a] = Real(0.0);
   }
 
   // Solves for the impulses of contacts, with those of the rows.
@@ -383,16 +396,8 @@ struct TimeStep {
       tension[r] = Real(0.0);
       taut[r] = Real(0.0) > Real(1.0);
     }
-    work = dt * eval.power0;
+    work = work_of_step<Model>(eval, forced ? u_D : nullptr, v_D, change, dt);
     impact = friction = Real(0.0);
-    if (Model::coupled)
-      for (int k = 0; k < N; ++k) work += eval.M_DK_v_K[k] * change[k];
-    Real power = forced ? mean_power<N>(u_D, v_D, change) : Real(0.0);
-    for (int m = 0; m < Model::n_motors; ++m) {
-      const int k = Model::motor_v[m];
-      power += (eval.f_M[m] - eval.y_M[m] * change[k]) * (v_D[k] + 0.5 * change[k]);
-    }
-    work += dt * power;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Real x = -pull_[a];
@@ -416,6 +421,7 @@ struct TimeStep {
         work += contacts.work;
         impact += contacts.impact;
         friction = contacts.friction;
+        if constexpr (!some_singly) violation = maximum(violation, Real(contacts.early));
       }
     return some_caught;
   }

@@ -1,0 +1,173 @@
+// A step in which contacts spring back: bodies move on as they did until the first one touches,
+// after t, and all impulses and forces of the step act there:
+//
+//   q' = q moved by t v;   v+ by the law at q';   q+ = q' moved by (dt - t) v+
+//
+// so that what springs back turns where it touches, at any speed and step. Where several touch one
+// after the other, the step is made in parts, each of which ends between two touches; impulses are
+// as large at most as those of the whole step. Of one trajectory.
+#pragma once
+
+#include "fantoccini/contact/push.hpp"
+#include "fantoccini/math/manifold.hpp"
+#include "fantoccini/math/real.hpp"
+
+namespace fan {
+
+struct TouchingStepTolerances {
+  // Share of a step within which touches are one.
+  static constexpr double same_touch = 1e-6;
+  // Share of a step to which the time of a touch is found, and Newton steps for it.
+  static constexpr double touch_time = 1e-12;
+  static constexpr int newton_steps = 6;
+  // Share of a step that is left at least after a touch, where others are asked to close within it.
+  static constexpr double least_left = 1e-9;
+  // Parts into which a step is divided; what touches later in the last one turns with its first.
+  static constexpr int max_parts = 16;
+};
+
+template <class Model>
+class TouchingStep {
+ public:
+  static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
+  static constexpr int M = Model::n_rows, QK = Model::n_qK, C = Model::n_contacts;
+  using Tolerance = TouchingStepTolerances;
+
+  double delay = 0.0;  // s: t of the last step; of the last part, where there were several
+  bool parts = false;  // whether the last step was made in parts
+
+  // Makes a step dt of `at`, which has begun at (q_D, v_D, q_K): begin(q_D, v_D, q_K, part, left)
+  // does so for a part with as much of it left, end(v_D, part, may_part) ends one with v+ in v_next
+  // or, if it may, says that another part is to come first.
+  template <class Step, class Begin, class End>
+  FAN_FN void step(
+      Step& at, const Begin& begin, const End& end, const double* q_D, const double* v_D,
+      const double* q_K, const double* v_K, double dt, double* q_next, const double* v_next) {
+    delay = 0.0;
+    parts = false;
+    if (!at.contacts.springs_back()) {
+      if (end(v_D, dt, true)) return retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
+      begin(q_D, v_D, q_K, dt, dt);
+    }
+    touch(at, begin, end, q_D, v_D, q_K, v_K, dt, q_next, v_next);
+  }
+
+ private:
+  // As step(), where something springs back.
+  template <class Step, class Begin, class End>
+  FAN_OUT_OF_LINE void touch(
+      Step& at, const Begin& begin, const End& end, const double* q_D, const double* v_D,
+      const double* q_K, const double* v_K, double dt, double* q_next, const double* v_next) {
+    start(q_D, v_D, q_K);
+    clear();
+    double left = dt;
+    for (int made = 1;; ++made) {
+      const auto [first, second] = at.contacts.touches(Tolerance::same_touch * dt);
+      const bool may_part = made < Tolerance::max_parts;
+      double part = left;
+      if (may_part && second < left) {
+        part = 0.5 * (fmax(first, 0.0) + second);
+        begin(q_, v_, q_K_, part, part);
+      }
+      delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
+      if (!end(v_, part, may_part)) {
+        part = delay + 0.5 * at.contacts.struck_again();
+        begin(q_, v_, q_K_, part, part);
+        delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
+        end(v_, part, false);
+      }
+      retract<typename Model::Dynamic>(q_touch_, v_next, part - delay, q_next);
+      if (!parts && part == dt) return;
+      parts = true;
+      add(at, part);
+      left -= part;
+      if (!(left > 0.0)) break;
+      retract<typename Model::Driven>(q_K_, v_K, part, q_K_touch_);
+      start(q_next, v_next, q_K_touch_);
+      begin(q_, v_, q_K_, left, left);
+    }
+    tell(at, v_D, v_next, dt);
+  }
+
+  struct Books {
+    double work, impact, slip_loss, friction;
+  };
+
+  void start(const double* q_D, const double* v_D, const double* q_K) {
+    for (int i = 0; i < NQ; ++i) q_[i] = q_touch_[i] = q_D[i];
+    for (int k = 0; k < N; ++k) v_[k] = v_D[k];
+    for (int i = 0; i < QK; ++i) q_K_[i] = q_K[i];
+  }
+
+  // Moves on for as long as nothing that springs back touches, within a part; for how long. The
+  // step has then begun there.
+  template <class Step, class Begin>
+  double go_to_touch(Step& at, const Begin& begin, const double* v_K, double part, double small) {
+    double t = 0.0;
+    for (int k = 0; k < Tolerance::newton_steps && at.contacts.springs_back(); ++k) {
+      const double next = fmin(fmax(t + at.contacts.touches(0.0).first, 0.0), part);
+      if (!(fabs(next - t) > small)) break;
+      t = next;
+      retract<typename Model::Dynamic>(q_, v_, t, q_touch_);
+      retract<typename Model::Driven>(q_K_, v_K, t, q_K_touch_);
+      begin(q_touch_, v_, q_K_touch_, part, fmax(part - t, Tolerance::least_left * part));
+    }
+    return t;
+  }
+
+  void clear() {
+    books_ = {0.0, 0.0, 0.0, 0.0};
+    for (int r = 0; r < M; ++r) impulse_[r] = 0.0;
+    for (int i = 0; i < S; ++i) slips_[i] = false;
+    settled_ = true;
+    violation_ = residual_ = 0.0;
+    n_pushed_ = 0;
+  }
+
+  // Adds a part that was made.
+  template <class Step>
+  void add(Step& at, double part) {
+    books_.work += at.work;
+    books_.impact += at.impact;
+    books_.slip_loss += at.slip_loss;
+    books_.friction += at.friction;
+    for (int r = 0; r < M; ++r) impulse_[r] += at.tension[r] * part;
+    for (int i = 0; i < S; ++i) slips_[i] = slips_[i] || at.slips[i];
+    settled_ = settled_ && at.settled;
+    violation_ = fmax(violation_, at.violation);
+    residual_ = fmax(residual_, at.contacts.residual);
+    at.contacts.join(pushed_, n_pushed_);
+    n_pushed_ = at.contacts.n[0];
+    for (int i = 0; i < n_pushed_; ++i) pushed_[i] = at.contacts.push[0][i];
+  }
+
+  // Leaves in `at` the whole step, which was made in parts.
+  template <class Step>
+  void tell(Step& at, const double* v_D, const double* v_next, double dt) const {
+    at.work = books_.work;
+    at.impact = books_.impact;
+    at.slip_loss = books_.slip_loss;
+    at.friction = books_.friction;
+    for (int r = 0; r < M; ++r) at.tension[r] = impulse_[r] * (1.0 / dt);
+    for (int i = 0; i < S; ++i) at.slips[i] = slips_[i];
+    at.settled = settled_;
+    at.violation = violation_;
+    at.contacts.residual = residual_;
+    for (int k = 0; k < N; ++k) at.accs_[at.acc_at_][k] = (v_next[k] - v_D[k]) * (1.0 / dt);
+    at.steady = false;
+  }
+
+  double q_[room(NQ)], v_[room(N)], q_K_[room(QK)];  // at the start of a part
+  double q_touch_[room(NQ)], q_K_touch_[room(QK)];   // at its touch
+  // Of the parts that were made.
+  Books books_;
+  double impulse_[room(M)], violation_, residual_;
+  bool slips_[room(S)], settled_;
+  ContactPush pushed_[room(C)];
+  int n_pushed_;
+};
+
+// In its place for puppets that touch nothing, and in bundles of lanes.
+struct NoTouchingStep {};
+
+}  // namespace fan

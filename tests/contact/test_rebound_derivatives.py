@@ -1,0 +1,66 @@
+"""Derivatives of steps and rollouts in which something springs back after it touches."""
+
+from __future__ import annotations
+
+import pytest
+
+import fantoccini as fan
+from contact.bodies import thrown
+from contact.files import BOUNCER
+from contact.test_contact_rollout_gradient import Case, check_differences, check_products
+from contact.test_contact_step_derivatives import Steps, check_step
+
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
+FAR = {"other.x": -50.0, "other.z": 5.0}
+# Forces are large, and so is the rounding of their differences.
+WIDE = Steps(q=1e-6, v=1e-5, a=1e-3)
+AT_FLOOR = {"ball.x": 1.5, "ball.y": 0.3, "ball.z": -10.0, "ball.wx": 4.0, "ball.wy": 3.0}
+
+
+@pytest.fixture(scope="module")
+def bouncer() -> fan.Marionette:
+    return fan.loads(BOUNCER)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 8e-3, 19e-3])
+def test_a_step_that_springs_back_has_the_derivatives_of_its_touch(bouncer, gap):
+    """dz+ = -e dz + ..., across the floor from the touch on; friction turns and slides."""
+    x = thrown(bouncer, {**FAR, "ball.z": 0.05 + gap}, AT_FLOOR)
+    lin = check_step(bouncer, x, ["stick"], steps=WIDE)
+    check_step(
+        bouncer,
+        thrown(bouncer, {**FAR, "ball.z": 0.05 + gap}, AT_FLOOR | {"ball.x": 40.0}),
+        ["slide"],
+        steps=WIDE,
+    )
+    z, v_z = 2, 12 + 2
+    left = 0.002 - gap / 10.0
+    assert lin.A[z, z] == pytest.approx(-0.8, rel=1e-9)
+    assert lin.A[z, v_z] == pytest.approx(-0.8 * left - 0.8 * gap / 10.0, rel=1e-9)
+    assert lin.A[v_z, v_z] == pytest.approx(-0.8, rel=1e-9)
+
+
+def test_balls_that_meet_within_a_step_have_its_derivatives(bouncer):
+    place = {"ball.z": 5.0, "other.x": 0.12 * 0.8 + 0.012, "other.z": 5.0 + 0.12 * 0.6}
+    speed = {"ball.x": 9.0, "ball.y": 0.5, "other.x": -3.0, "other.wz": 5.0}
+    check_step(bouncer, thrown(bouncer, place, speed), ["stick"], steps=WIDE)
+
+
+def test_gradients_of_rollouts_go_through_touches_within_steps(bouncer):
+    """The ball springs back from the floor in the step between two nodes, and goes on."""
+    x = thrown(bouncer, {**FAR, "ball.z": 0.05 + 0.027}, AT_FLOOR)
+    case = Case.of(bouncer, x, 4)
+    check_products(case)
+    run = check_differences(case)
+    assert run.n_contacts.tolist() == [0, 1, 0, 0]
+
+
+def test_points_that_touch_at_the_same_time_or_later_are_no_derivative(bouncer):
+    """Of one group: near by, another one is struck first."""
+    place = {"ball.z": 0.05 + 0.008, "other.x": 0.12 + 0.005, "other.z": 0.05 + 0.008}
+    x = thrown(bouncer, place, {"ball.z": -10.0, "ball.x": 4.0})
+    with pytest.raises(fan.errors.StateError, match="no derivative"):
+        bouncer.linearise_step(x)
+    many = bouncer.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
+    assert not many.settled.all()

@@ -1,0 +1,214 @@
+"""What springs back within a fixed step touches first, in single runs and in lanes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import fantoccini as fan
+from contact.bodies import G, stepped, thrown
+from contact.files import BOUNCER
+from fantoccini.base.errors import Status
+
+pytestmark = [pytest.mark.slow, pytest.mark.own_puppets]
+
+FAR = {"other.x": -50.0, "other.z": 5.0}
+
+
+@pytest.fixture(scope="module")
+def bouncer() -> fan.Marionette:
+    return fan.loads(BOUNCER)
+
+
+def turned(way: np.ndarray, e: float) -> np.ndarray:
+    """Distance from what is touched, by the way beyond it that would be made without it."""
+    return np.where(way < 0.0, -way, e * way)
+
+
+@pytest.fixture(scope="module")
+def elastic() -> dict[float, fan.Marionette]:
+    return {e: fan.loads(BOUNCER.replace("0.8", str(e))) for e in (0.0, 0.3, 0.8, 1.0)}
+
+
+@pytest.mark.parametrize("dt", [1e-3, 2e-3, 5e-3])
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.8, 1.0])
+def test_a_ball_turns_where_it_touches(elastic, e, dt):
+    """z = v (t* - t) until it touches at t*, and e v (t - t*) afterwards, at every sample."""
+    for speed in (0.3, 3.0, 10.0, 20.0, 40.0):
+        for high in (0.0131, 0.0204, 0.05):
+            for axis, start, sign in (("z", 0.05 + high, -1.0), ("x", 9.9 - high, 1.0)):
+                place = {**FAR, "ball.z": 5.0} | {f"ball.{axis}": start}
+                x0 = thrown(elastic[e], place, {f"ball.{axis}": sign * speed})
+                run = stepped(elastic[e], x0, 3 * high / speed + 2 * dt, dt)
+                way = speed * run.t - high
+                gap = run[f"ball.{axis}"] - 0.05 if axis == "z" else 9.9 - run[f"ball.{axis}"]
+                # Without restitution the step that lands ends at the floor.
+                sure = np.full(len(way), True) if e > 0.0 else (way < 0.0) | (way > speed * dt)
+                assert np.allclose(gap[sure], turned(way, e)[sure], rtol=0, atol=1e-12)
+                assert gap.min() > -1e-12
+                assert run.status is Status.DONE
+                if e > 0.0:
+                    assert len(run.contact) and np.max(np.abs(run.contact.gap)) < 1e-12
+                assert np.diff(run.ledger["kinetic"]).max() <= 1e-12 * speed**2
+
+
+def test_a_ball_that_falls_turns_where_it_touches(elastic):
+    """With gravity its way is right to the order of dt^2 g, and its energy to that of dt g v."""
+    ball = fan.loads(BOUNCER.replace("[0, 0, 0]", "[0, 0, -9.81]"))
+    for high in np.linspace(0.2, 0.3, 7):
+        run = stepped(ball, thrown(ball, {**FAR, "ball.z": 0.05 + high}, {}), 0.3, 2e-3)
+        v = np.sqrt(2 * G * high)
+        since = run.t - v / G
+        exact = np.where(since < 0.0, high - G * run.t**2 / 2, 0.8 * v * since - G * since**2 / 2)
+        off = np.abs(run["ball.z"] - 0.05 - exact)
+        assert off.max() < 3 * G * 2e-3 * 0.3
+        assert np.max(np.abs(run.contact.gap)) < 2e-3**2 * G
+        assert run.status is Status.DONE
+
+
+def test_several_balls_turn_at_times_of_their_own_within_one_step():
+    """Five in a step, the least time between two touches 0.1 us; none waits for another."""
+    bodies = "".join(
+        f"- {{name: b{k}, joint: {{type: prismatic, axis: [0, 0, 1]}}, "
+        f"shapes: [{{type: sphere, radius: 0.05, mass: 1, at: [{k}, 0, 0]}}]}}\n"
+        for k in range(5)
+    )
+    balls = fan.loads(
+        "puppet: rain\ngravity: [0, 0, 0]\nfloor: 0\n"
+        f"contact: {{friction: 0, restitution: 0.8}}\nbodies:\n{bodies}"
+    )
+    high = np.array([0.021, 0.021002, 0.03, 0.0358, 0.0399])
+    x0 = thrown(
+        balls, {f"b{k}": 0.05 + h for k, h in enumerate(high)}, {f"b{k}": -20.0 for k in range(5)}
+    )
+    run = stepped(balls, x0, 0.012, 2e-3)
+    way = 20.0 * run.t[:, None] - high
+    assert np.allclose(run.q_D - 0.05, turned(way, 0.8), rtol=0, atol=1e-12)
+    assert np.max(np.abs(run.contact.gap)) < 1e-12
+    assert sorted(e.name for e in run.events if e.kind == "touch") == [
+        f"b{k}|floor" for k in range(5)
+    ]
+    assert run.ledger["residual"] == pytest.approx(np.zeros(len(run)), abs=1e-9)
+
+
+@pytest.mark.parametrize("dt", [1e-3, 5e-3])
+def test_impacts_pass_through_a_row_of_balls_within_a_step(dt):
+    """e = 1: the last one leaves with all of the speed, however many steps the gaps take."""
+    bodies = "".join(
+        f"- {{name: b{k}, joint: {{type: prismatic, axis: [1, 0, 0]}}, "
+        "shapes: [{type: sphere, radius: 0.05, mass: 1}]}\n"
+        for k in range(5)
+    )
+    row = fan.loads(
+        "puppet: row\ngravity: [0, 0, 0]\ncontact: {friction: 0, restitution: 1}\n"
+        f"bodies:\n{bodies}"
+    )
+    place = np.concatenate([[0.0], np.cumsum([0.103, 0.101, 0.101, 0.1005])])
+    x0 = thrown(row, {f"b{k}": x for k, x in enumerate(place)}, {"b0": 20.0})
+    run = stepped(row, x0, 0.02, dt)
+    assert run.v_D[-1] == pytest.approx([0.0, 0.0, 0.0, 0.0, 20.0], abs=1e-9)
+    # Each stops where it touches the next; the last one has the time that was left.
+    at = [*(place[1:] - 0.1), place[4] + 20.0 * 0.02 - (place[4] - 0.4)]
+    assert run.q_D[-1] == pytest.approx(at, abs=1e-9)
+    assert np.max(np.abs(run.contact.gap)) < 1e-9
+
+
+def test_a_box_that_falls_on_one_corner_after_the_other_adds_no_energy():
+    """Corners touch at times of their own; none is struck from afar or passes the floor."""
+    box = fan.loads("""
+puppet: box
+gravity: [0, 0, 0]
+floor: 0
+contact: {friction: 0.3, restitution: 0.8}
+bodies:
+- {name: body, joint: {type: free}, shapes: [{type: box, size: [0.2, 0.3, 0.1], mass: 1}]}
+""")
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        tilt = np.concatenate([[1.0], 0.02 * rng.normal(size=3)])
+        place = {"body.z": 0.07, "body.rotation": tuple(tilt / np.linalg.norm(tilt))}
+        run = stepped(box, thrown(box, place, {"body.z": -10.0}), 0.02, 2e-3)
+        energy = run.ledger["kinetic"]
+        assert run.status is Status.DONE
+        assert np.diff(energy).max() < 1e-9 * energy[0]
+        assert run["v:body.z"][-1] > 0.0
+
+
+def test_a_bullet_turns_at_the_wall(bouncer):
+    """At 400 m/s: 0.8 m in a step of 2 ms. Faster ones meet the largest force of the options."""
+    x0 = thrown(bouncer, {**FAR, "ball.z": 5.0}, {"ball.x": 400.0})
+    run = stepped(bouncer, x0, 0.03, 2e-3)
+    way = 400.0 * run.t - 9.9
+    assert np.allclose(run["ball.x"], np.where(way < 0, 9.9 + way, 9.9 - 0.8 * way), atol=1e-9)
+    assert run.contact.gap.max() < 1e-9
+
+
+def test_balls_that_meet_touch_before_they_part(bouncer):
+    """Head-on: momentum, e times the closing speed, and both where closed form has them."""
+    x0 = thrown(
+        bouncer, {"ball.x": 0.0, "ball.z": 5.0, "other.x": 1.0, "other.z": 5.0},
+        {"ball.x": 10.0, "other.x": -7.0},
+    )  # fmt: skip
+    run = stepped(bouncer, x0, 0.08, 2e-3)
+    t = run.t - (1.0 - 0.12) / 17.0
+    common = (0.1 * 10.0 - 0.3 * 7.0) / 0.4
+    after = common - 0.8 * 17.0 * 0.75, common + 0.8 * 17.0 * 0.25
+    at = 10.0 * 0.88 / 17.0, 1.0 - 7.0 * 0.88 / 17.0
+    assert np.allclose(run["ball.x"], at[0] + np.where(t < 0, 10.0, after[0]) * t, atol=1e-12)
+    assert np.allclose(run["other.x"], at[1] + np.where(t < 0, -7.0, after[1]) * t, atol=1e-12)
+    assert np.max(np.abs(run.contact.gap)) < 1e-12
+
+
+def test_lanes_turn_where_they_touch(bouncer):
+    """Each at its own time within its step, to the bits of a single run."""
+    highs = np.linspace(0.01, 0.05, 9)
+    starts = [
+        thrown(bouncer, {**FAR, "ball.z": 0.05 + h}, {"ball.z": -15.0, "ball.x": 1.0})
+        for h in highs
+    ]
+    runs = fan.simulate_batch(bouncer, starts, t_end=0.006, method=fan.TimeStepping(dt=2e-3))
+    for k, h in enumerate(highs):
+        way = 15.0 * runs.t - h
+        z = runs.q_D[k, :, bouncer.coordinates.q_D.index("ball.z")] - 0.05
+        assert np.allclose(z, turned(way, 0.8), rtol=0, atol=1e-12)
+        alone = stepped(bouncer, starts[k], 0.006, 2e-3)
+        assert np.array_equal(alone.q_D[[0, -1]], runs.q_D[k, [0, -1]])
+
+
+def test_what_a_bouncing_ball_strikes_stays_on_the_floor():
+    """A heavy slab that lies on the floor does not leave it for the ball that falls on it."""
+    scene = fan.loads("""
+puppet: anvil
+floor: 0
+contact:
+  friction: 0.3
+  restitution: 0.8
+  pairs: [{between: [slab, floor], restitution: 0}]
+bodies:
+- {name: slab, joint: {type: free}, shapes: [{type: box, size: [1, 1, 0.1], mass: 5}]}
+- {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.05, mass: 0.5}]}
+pose: {slab.z: 0.05, ball.z: 0.3}
+""")
+    x0 = thrown(scene, {"slab.z": 0.05, "ball.z": 0.163, "ball.x": 0.1}, {"ball.z": -10.0})
+    run = stepped(scene, x0, 0.1, 2e-3)
+    assert run["ball.z"].min() > 0.15 - 1e-9
+    assert np.max(np.abs(run["slab.z"] - 0.05)) < 1e-9
+    assert run["v:ball.z"].max() == pytest.approx(8.0, rel=0.01)
+
+
+def test_a_landing_without_restitution_closes_its_gap_within_the_step():
+    """u_n+ = -gap/dt, then rest: legal, at any speed, also where forces brake it."""
+    for lift in (0.0, 20.0):
+        ball = fan.loads(f"""
+puppet: lands
+gravity: [0, 0, {lift}]
+floor: 0
+contact: {{friction: 0.3}}
+bodies:
+- {{name: ball, joint: {{type: free}}, shapes: [{{type: sphere, radius: 0.05, mass: 0.1}}]}}
+""")
+        x0 = thrown(ball, {"ball.z": 0.05 + 0.013}, {"ball.z": -10.0})
+        run = stepped(ball, x0, 0.004, 2e-3)
+        assert run.status is Status.DONE
+        assert run["ball.z"][1] == pytest.approx(0.05, abs=1e-12)
+        assert run.contact.at(1).gap == pytest.approx([0.0], abs=1e-12)
