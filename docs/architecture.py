@@ -218,7 +218,10 @@ TASKS = (
     Task(
         "a kind of string that is a constraint (such as a wire)",
         (
-            ("schema: its keys, and which of them exclude each other", ("model/puppet/schema.py",)),
+            (
+                "schema: its keys, and which of them exclude each other",
+                ("model/puppet/elements.py",),
+            ),
             (
                 "its row",
                 (
@@ -248,7 +251,7 @@ TASKS = (
     Task(
         "a kind of string that exerts a force (such as a chain)",
         (
-            ("schema: its keys", ("model/puppet/schema.py", "model/puppet/chain.py")),
+            ("schema: its keys", ("model/puppet/elements.py", "model/puppet/chain.py")),
             (
                 "its row, and links if it has masses",
                 ("model/tree/structure.py", "model/tree/construction.py", "model/tree/chains.py"),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import json
+import math
 import pkgutil
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,19 +17,24 @@ from pydantic import BaseModel, Field, ValidationError, field_validator
 import fantoccini
 from fantoccini.base import FileError
 from fantoccini.base.documents import (
+    ANGLES,
     KEYS,
+    LENGTHS,
     UNCLEAR,
     Document,
     Kind,
     Located,
+    Mistakes,
     Model,
     Positive,
     document_schema,
     mistake,
     parse_document,
+    quantity_schema,
     read_document,
     refuse,
     valid_parts,
+    without_unit,
 )
 
 SOURCE = Path(fantoccini.__file__).parent
@@ -50,6 +58,60 @@ def test_yaml_is_parsed_in_one_place():
     readers = re.compile(r"^\s*(import|from) (ruamel|yaml)\b", re.MULTILINE)
     found = {p for p in SOURCE.rglob("*.py") if readers.search(p.read_text(encoding="utf-8"))}
     assert found and all(path.is_relative_to(LAYER) for path in found), found
+
+
+def trees() -> Iterator[tuple[str, ast.Module]]:
+    """Every file of the package, with its path there."""
+    for path in sorted(SOURCE.rglob("*.py")):
+        yield path.relative_to(SOURCE).as_posix(), ast.parse(path.read_text(encoding="utf-8"))
+
+
+def test_mistakes_are_collected_by_one_class():
+    """Other classes do not raise errors from lists of their own."""
+    collectors = {
+        name
+        for name, tree in trees()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Attribute)
+        and node.func.attr == "error"
+        and any(isinstance(part, ast.Attribute) and part.attr == "found" for part in node.args)
+    }
+    assert collectors == {"base/documents/mistakes.py"}
+    mistakes = Mistakes(Located(file="a.yaml", lines={("b",): 7}))
+    mistakes.refuse()
+    mistakes.add(("b", 0), "wrong")
+    assert mistakes(("c",), lambda: float("x")) is None and mistakes(("c",), lambda: 3) == 3
+    with pytest.raises(FileError, match=r"a\.yaml:7: b\[0\]: wrong") as error:
+        mistakes.need(("d",), lambda: 4)
+    assert [m.key for m in error.value.mistakes] == ["c", "b[0]"] and len(mistakes) == 2
+
+
+def test_units_are_read_in_one_place():
+    """Patterns of texts with units."""
+    pattern = re.compile(r"\bmm\|cm|\(deg\|rad|deg\|rad\)|radians\(float|\bcm.?: *1e-2")
+    found = {p for p in SOURCE.rglob("*.py") if pattern.search(p.read_text(encoding="utf-8"))}
+    assert {path.relative_to(LAYER).as_posix() for path in found} == {"units.py"}
+    assert without_unit("-1.5e1 cm", LENGTHS) == -0.15
+    assert without_unit(" 30deg", ANGLES) == pytest.approx(math.pi / 6)
+    for other in ("30 deg", "3 mm2", "mm", "3", 3.0, None, "3 km"):
+        assert without_unit(other, LENGTHS) == other
+    allowed = quantity_schema(LENGTHS, ANGLES)["anyOf"][1]["pattern"]
+    assert re.match(allowed, "12 cm") and not re.match(allowed, "12 kg")
+
+
+def test_checks_of_a_puppet_know_its_parts():
+    """Only plain data, as written, is of any type."""
+    untyped = {
+        f"{name}: {argument.arg}"
+        for name, tree in trees()
+        if re.match(r"model/puppet/(check|parts|chain)", name)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
+        for argument in node.args.args
+        if argument.annotation is not None and ast.unparse(argument.annotation) == "Any"
+    }
+    assert untyped == {"model/puppet/check_coordinates.py: value"}
 
 
 def test_every_schema_has_one_base(models):

@@ -6,6 +6,7 @@ import ast
 import dataclasses
 import importlib
 import pkgutil
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
@@ -14,10 +15,21 @@ import pytest
 
 from fantoccini import theatre
 from fantoccini.base.documents import Model
-from fantoccini.theatre.cast import Placed, Wishes
+from fantoccini.theatre.cast import Actor, Corrections
+from fantoccini.theatre.gestures import (
+    Hands,
+    Line,
+    Part,
+    Performed,
+    Performer,
+    Placed,
+    Policy,
+    Turn,
+)
+from fantoccini.theatre.plays.on_stage import OnStage
 from fantoccini.theatre.plays.placing import Placement
-from fantoccini.theatre.plays.rounds import Known, Round
-from fantoccini.theatre.script import HOW, VERBS, CueFile, PlayFile, ScoreFile, Timeline, said
+from fantoccini.theatre.plays.rounds import Results, Round
+from fantoccini.theatre.script import HOW, VERBS, CueFile, PlayFile, ScoreFile, Timeline, spelled
 
 
 def models() -> Iterator[type[Model]]:
@@ -68,7 +80,7 @@ def test_scores_and_plays_take_the_verbs_of_the_table():
 def test_what_a_verb_names_are_keys_of_its_cues(key: str):
     verb = VERBS[key]
     assert {*verb.names} <= {*verb.cue.model_fields}
-    assert verb.cue.verb == key and said(key) not in HOW
+    assert verb.cue.verb == key and spelled(key) not in HOW
 
 
 def sources() -> Iterator[tuple[str, ast.Module]]:
@@ -107,16 +119,59 @@ def test_there_is_one_timeline_and_one_order_of_placing():
     assert {name for name in placed if not name.startswith("ways/")} == {"script/timeline.py"}
 
 
-def test_lines_are_led_to_motions_in_one_place():
-    """How long the way to a motion takes decides when it begins: `Line.wait`, and free lanes."""
-    led = {name for name, tree in sources() if calls(tree, "lead_time")}
-    assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
-        "cast/actors.py",
-        "gestures/joining.py",
-        "gestures/placing.py",
+def test_scores_and_plays_have_one_performer():
+    """Only it places cues one after the other, and it alone makes the cues that are placed."""
+    used = {name for name, tree in sources() if calls(tree, "Performer")}
+    assert used == {"gestures/placing.py", "plays/placing.py"}
+    for name in ("Turn", "Placed", "Performed"):
+        made = {name for name, tree in sources() if calls(tree, name)}
+        assert made <= {"gestures/performing.py", "gestures/placing.py", "plays/placing.py"}
+    placing = [
+        (name, call)
+        for name, tree in sources()
+        for call in calls(tree, "place")
+        if isinstance(call.func, ast.Attribute)
+        and getattr(call.func.value, "attr", getattr(call.func.value, "id", "")) == "timeline"
+    ]
+    assert {name for name, _ in placing} == {"gestures/performing.py"}
+
+
+def test_late_cues_are_judged_by_policies():
+    """A score reports them and a play refuses them: nothing else differs."""
+    made = {name: calls(tree, "Policy") for name, tree in sources() if calls(tree, "Policy")}
+    assert {name: len(policies) for name, policies in made.items()} == {
+        "gestures/placing.py": 1,
+        "plays/placing.py": 1,
     }
 
 
-def test_what_rounds_know_and_what_is_placed_is_not_changed():
-    for kind in (Known, Placed, Placement, Round, Timeline, Wishes):
-        assert dataclasses.fields(kind) and kind.__dataclass_params__.frozen, kind
+def test_lines_are_led_to_motions_in_one_place():
+    """How long the way to a motion takes decides when it begins: `Line.add`, and free lanes."""
+    led = {name for name, tree in sources() if calls(tree, "lead_time")}
+    assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
+        "gestures/performing.py"
+    }
+
+
+def test_the_other_side_is_told_in_one_place():
+    """Constants that hold both sides, of players and their props."""
+    told = [
+        name
+        for name, tree in sources()
+        if name.startswith(("cast/", "plays/"))
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        and {part.value for part in ast.walk(node.value) if isinstance(part, ast.Constant)}
+        == {"left", "right"}
+    ]
+    assert told == ["cast/contacts.py"]
+
+
+VALUES = (Actor, Hands, Results, Line, OnStage, Part, Performed, Performer, Placed, Placement)
+
+
+@pytest.mark.parametrize("kind", [*VALUES, Policy, Round, Timeline, Turn, Corrections])
+def test_what_rounds_know_and_what_is_placed_is_not_changed(kind: type):
+    assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen
+    for field in dataclasses.fields(kind):
+        assert not re.match(r"(list|dict|set)", str(field.type)), field

@@ -13,8 +13,8 @@ from fantoccini.base.documents import Orientation
 from fantoccini.base.documents.located import Located, validate
 from fantoccini.model.puppet import Attachment, Joint, Mesh, Puppet, load, loads
 from fantoccini.model.puppet.dump import plain
+from fantoccini.model.puppet.elements import Body
 from fantoccini.model.puppet.mirror import SIGNS, Reflection, reflected
-from fantoccini.model.puppet.schema import Body
 from fantoccini.model.puppet.shapes import shape_inertia
 
 planes = st.sampled_from(sorted(SIGNS))

@@ -7,7 +7,6 @@ from fantoccini.motion.channel import SAME_TIME, Channel, Points
 from fantoccini.motion.columns import Columns
 from fantoccini.motion.contacts import ContactPoints, pair_name
 from fantoccini.motion.files import csv_columns, inputs_schema
-from fantoccini.motion.findings import Findings, Path
 from fantoccini.motion.input import Input
 from fantoccini.motion.input_derivative import InputDerivative
 from fantoccini.motion.inputs import Inputs
@@ -30,12 +29,10 @@ __all__ = [
     "ContactPoints",
     "EventKind",
     "EventRecord",
-    "Findings",
     "Input",
     "InputDerivative",
     "Inputs",
     "Overload",
-    "Path",
     "Points",
     "State",
     "States",

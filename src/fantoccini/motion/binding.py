@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.base import Array, Indices, Mask, polynomial, rotation
+from fantoccini.base.documents import Mistakes
 from fantoccini.motion import joints, pieces
-from fantoccini.motion.findings import Findings
 
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
@@ -52,7 +52,7 @@ def bound(
     Raises:
         InputError: a named coordinate does not start where its state is.
     """
-    findings = Findings()
+    mistakes = Mistakes.of_inputs()
     of_q = np.zeros(table.n_qK, dtype=np.intp)  # the velocity of each number of a configuration
     for q, v in pieces.channel_names(table).values():
         of_q[q] = v.start
@@ -82,8 +82,8 @@ def bound(
     strange, off = ~np.isfinite(q_K), named_q & ~(away <= same)
     if np.any(strange) or np.any(off):
         for name, (q, _) in pieces.channel_names(table).items():
-            _note_start(findings, name, (q_here[:, q], q_K[:, q]), strange[:, q], off[:, q], t)
-    findings.raise_any()
+            _note_start(mistakes, name, (q_here[:, q], q_K[:, q]), strange[:, q], off[:, q], t)
+    mistakes.refuse()
     if speeds is not None and np.any(differs):
         v_K = np.where(np.abs(v_K - v_here) <= speed, v_K, v_here)
         _begin(table, breaks, coef, base, t, np.flatnonzero(differs), move, v_K)
@@ -91,12 +91,12 @@ def bound(
 
 
 def _note_start(
-    findings: Findings, name: str, places: tuple[Array, Array], strange: Mask, off: Mask, t: float
+    mistakes: Mistakes, name: str, places: tuple[Array, Array], strange: Mask, off: Mask, t: float
 ) -> None:
     """Notes where a coordinate is not finite in a start state, or begins elsewhere in its inputs.
 
     Args:
-        findings: to add to.
+        mistakes: to add to.
         name: of the coordinate.
         places: (n, 1 or 4) of the inputs and of the start states.
         strange, off: (n, 1 or 4) where that is so.
@@ -104,10 +104,10 @@ def _note_start(
     """
     n = len(off)
     for i in np.flatnonzero(np.any(strange, axis=1))[:1]:
-        findings.add((*which(i, n), name), f"is {_text(places[1][i])} in the start state")
+        mistakes.add((*which(i, n), name), f"is {_text(places[1][i])} in the start state")
     for i in np.flatnonzero(off[:, 0])[:1]:
         here, there = (_text(place[i]) for place in places)
-        findings.add(
+        mistakes.add(
             (*which(i, n), name),
             f"is {here} in the inputs at t = {t:g} s, but {there} in the start state; "
             f"start from a state with {name} = {here}, or let the inputs begin at {there}",
@@ -153,7 +153,7 @@ def _begin(
     base[some[:, None], i[:, None], q] = made[:, at, 0]
 
 
-def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: Findings) -> None:
+def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, mistakes: Mistakes) -> None:
     """Notes the first time at which each driven length is not positive."""
     h = np.diff(breaks)
     s = h[..., None] * np.linspace(0.0, 1.0, pieces.LENGTH_SAMPLES)
@@ -166,7 +166,7 @@ def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, findings: F
         if np.any(value <= 0):
             n, i, k = np.unravel_index(np.argmax(value <= 0), value.shape)
             t = np.broadcast_to(breaks[:, :-1, None] + s, value.shape)[n, i, k]
-            findings.add(
+            mistakes.add(
                 (*which(n, len(coef)), name),
                 f"is {value[n, i, k]:.6g} m at t = {t:g} s; the length of a string must stay "
                 "above 0",

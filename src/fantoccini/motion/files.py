@@ -16,11 +16,14 @@ from pydantic import Field, WithJsonSchema
 
 from fantoccini.base import Array, ConfigK, InputError, Mistake, StateError, Times, VecK, npz
 from fantoccini.base.documents import (
+    ANGLES,
     Document,
     Kind,
     Located,
+    Mistakes,
     Positive,
     document_schema,
+    quantity_schema,
     read_document,
     shown,
 )
@@ -28,7 +31,6 @@ from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import pieces, reading
 from fantoccini.motion.archive import RECORDING_FORMAT, RECORDING_FORMATS
 from fantoccini.motion.channel import Channel, Points
-from fantoccini.motion.findings import Findings
 
 MAX_BYTES = npz.MAX_BYTES
 """Largest size of a file of samples, and of its arrays [bytes]."""
@@ -38,17 +40,16 @@ _DECIMAL = re.compile(r"\s*[-+]?\d*,\d*([eE][-+]?\d+)?\s*")
 
 _PAIR = {"type": "array", "prefixItems": [{"type": "number"}], "minItems": 2, "maxItems": 2}
 _ROTATION = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 4}
-_ANGLE = {"type": "string", "pattern": "^.+ *(deg|rad)$"}
 
 
 def _points_schema(*values: dict[str, Any]) -> dict[str, Any]:
-    pair = {**_PAIR, "prefixItems": [{"type": "number"}, {"anyOf": [{"type": "number"}, *values]}]}
+    pair = {**_PAIR, "prefixItems": [{"type": "number"}, {"anyOf": [*values]}]}
     return {"type": "array", "items": pair, "minItems": 1}
 
 
 # `reading` checks the lists, with the puppet's coordinates.
-_Waypoints = Annotated[Any, WithJsonSchema(_points_schema(_ANGLE, _ROTATION))]
-_Forces = Annotated[Any, WithJsonSchema(_points_schema())]
+_Waypoints = Annotated[Any, WithJsonSchema(_points_schema(quantity_schema(ANGLES), _ROTATION))]
+_Forces = Annotated[Any, WithJsonSchema(_points_schema({"type": "number"}))]
 
 
 class InputsFile(Document):
@@ -75,8 +76,7 @@ class Waypoints:
 
     Attributes:
         channels: motion of the coordinates that the file names.
-        findings: mistakes found so far.
-        located: knows the line of every path.
+        mistakes: mistakes found so far.
         place: key that holds the coordinates.
         forces: (times [s], forces [N or N m]) by dynamic velocity.
         duration: everything is held until then [s].
@@ -84,8 +84,7 @@ class Waypoints:
     """
 
     channels: Mapping[str, Channel]
-    findings: Findings
-    located: Located
+    mistakes: Mistakes
     place: tuple[str, ...] = ()
     forces: Mapping[str, Points] = field(default_factory=dict)
     duration: float | None = None
@@ -125,28 +124,28 @@ def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
 
 def _yaml(table: CoordinateTable, path: Path) -> Waypoints:
     file = read_document(path, InputsFile)
-    findings = Findings()
-    points = reading.waypoints(table, file.coordinates, findings, ("coordinates",))
-    forces = reading.forces(table, file.forces, findings, ("forces",))
+    mistakes = Mistakes(file.located, InputError)
+    points = reading.waypoints(table, file.coordinates, mistakes, ("coordinates",))
+    forces = reading.forces(table, file.forces, mistakes, ("forces",))
     last = max((t[-1] for t, _ in (*points.values(), *forces.values())), default=0.0)
     if file.duration is not None and file.duration < last:
-        findings.add(
+        mistakes.add(
             ("duration",), f"found {file.duration:g} s, before the last waypoint at {last:g} s"
         )
     channels = pieces.through_waypoints(table, points)
     place = ("coordinates",)
     duration = file.duration or 0.0
-    return Waypoints(channels, findings, file.located, place, forces, duration, file.name)
+    return Waypoints(channels, mistakes, place, forces, duration, file.name)
 
 
 def _samples(table: CoordinateTable, columns: dict[str, Array], located: Located) -> Waypoints:
     if "t" not in columns:
         raise located.error([((), "the column t (time in s) is missing")], InputError)
-    findings = Findings()
+    mistakes = Mistakes(located, InputError)
     rest = {name: values for name, values in columns.items() if name != "t"}
-    read = reading.samples(table, columns["t"], rest, findings)
-    findings.raise_any(located)
-    return Waypoints(pieces.through_samples(table, read), findings, located)
+    read = reading.samples(table, columns["t"], rest, mistakes)
+    mistakes.refuse()
+    return Waypoints(pieces.through_samples(table, read), mistakes)
 
 
 class _Lines(Located):
@@ -189,7 +188,8 @@ def csv_columns(
         raise _file_error(shown_as, message, line) from None
     header: list[str] = []
     lines: list[int] = []
-    numbers, findings = array("d"), Findings()
+    located = _Lines(data=lines, file=str(shown_as), folder=path.parent)
+    numbers, mistakes = array("d"), Mistakes(located, InputError)
     reader = csv_reader(text)
     try:
         for cells in reader:
@@ -198,22 +198,21 @@ def csv_columns(
             if not header:
                 header = [cell.strip() for cell in cells]
                 continue
-            numbers.extend(_numbers(header, cells, len(lines), findings, gaps))
+            numbers.extend(_numbers(header, cells, len(lines), mistakes, gaps))
             lines.append(reader.line_num)
     except StateError as error:
         raise _file_error(shown_as, str(error), reader.line_num) from None
     if not header:
         raise _file_error(shown_as, "the file is empty", 1)
-    located = _Lines(data=lines, file=str(shown_as), folder=path.parent)
-    columns = np.array([]) if findings.found else np.array(numbers).reshape(-1, len(header)).T
-    if gaps and len(lines) and not findings.found:
+    columns = np.array([]) if mistakes else np.array(numbers).reshape(-1, len(header)).T
+    if gaps and len(lines) and not mistakes:
         own = [i for i, x in enumerate(columns) if header[i] or not np.all(np.isnan(x))]
         header, columns = [header[i] for i in own], columns[own]
     for title in sorted({title for title in header if header.count(title) > 1}):
-        findings.add((title,), "two columns have this name")
+        mistakes.add((title,), "two columns have this name")
     if "" in header:
-        findings.add((), f"column {header.index('') + 1} has no name")
-    findings.raise_any(located)
+        mistakes.add((), f"column {header.index('') + 1} has no name")
+    mistakes.refuse()
     return dict(zip(header, columns, strict=True)), located
 
 
@@ -267,10 +266,10 @@ def _wrong_count(found: int, needed: int) -> str:
 
 
 def _numbers(
-    header: list[str], cells: list[str], sample: int, findings: Findings, gaps: bool
+    header: list[str], cells: list[str], sample: int, mistakes: Mistakes, gaps: bool
 ) -> list[float]:
     if len(cells) != len(header):
-        findings.add(("", sample), _wrong_count(len(cells), len(header)))
+        mistakes.add(("", sample), _wrong_count(len(cells), len(header)))
         return []
     if gaps:
         cells = [cell if cell.strip() else "nan" for cell in cells]
@@ -282,7 +281,7 @@ def _numbers(
             try:
                 float(cell)
             except ValueError:
-                findings.add((name, sample), f"found {shown(cell)}; needed: {needed}")
+                mistakes.add((name, sample), f"found {shown(cell)}; needed: {needed}")
         return []
 
 

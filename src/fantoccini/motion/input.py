@@ -10,22 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.base import (
-    Array,
-    ConfigK,
-    InputError,
-    MaskRows,
-    Mistake,
-    Times,
-    VecD,
-    VecK,
-    floats,
-    frozen,
-    polynomial,
-)
-from fantoccini.motion import binding, channel, files, joints, pieces, reading
+from fantoccini.base import Array, ConfigK, MaskRows, Times, VecD, VecK, floats, polynomial
+from fantoccini.base.documents import Mistakes
+from fantoccini.motion import arrays, binding, channel, files, pieces, reading
+from fantoccini.motion.arrays import InputArrays
 from fantoccini.motion.channel import SAME_TIME, Channel
-from fantoccini.motion.findings import Findings
 from fantoccini.motion.reading import Table
 
 if TYPE_CHECKING:
@@ -66,27 +55,9 @@ class Input:
     name: str = ""
 
     def __post_init__(self) -> None:
-        table, n = self.coordinates, len(self.breaks) - 1
-        shapes = {
-            "breaks": (n + 1,),
-            "coef": (n, table.n_vK, polynomial.N_COEF),
-            "base": (n, table.n_qK),
-            "named": (table.n_vK,),
-            "force": (n, table.n_vD, polynomial.N_COEF),
-        }
-        for field, shape in shapes.items():
-            value = getattr(self, field)
-            if value is None and field == "force":
-                continue
-            value = frozen(value, bool if field == "named" else float)
-            if value.shape != shape:
-                _fail(field, f"has the shape {value.shape}; it must be {shape}")
+        checked = arrays.checked_arrays(self.coordinates, self._arrays)
+        for field, value in checked._asdict().items():
             object.__setattr__(self, field, value)
-        for field, known in (("coef", self.coef[:, self.named]), ("force", self.force)):
-            if known is not None and not np.all(np.isfinite(known)):
-                _fail(field, "has a number that is not finite")
-        if n < 1 or not (np.all(np.diff(self.breaks) > 0) and np.isfinite(self.breaks).all()):
-            _fail("breaks", "must be two or more finite times that increase")
 
     def __repr__(self) -> str:
         places = pieces.channel_names(self.coordinates)
@@ -126,7 +97,7 @@ class Input:
         """
         table = reading.table_of(table)
         if not (np.isfinite(duration) and duration > 0):
-            _fail("duration", f"is {duration}; it must be a positive number of seconds")
+            arrays.fail("duration", f"is {duration}; it must be a positive number of seconds")
         return cls(table, *pieces.assembled(table, {}, (0.0, duration)))
 
     @classmethod
@@ -148,12 +119,12 @@ class Input:
             points: name -> list of (t [s], value [m, rad, or a rotation]).
             smooth: the kind of move; there is one.
         """
-        table, findings = reading.table_of(table), Findings()
+        table, mistakes = reading.table_of(table), Mistakes.of_inputs()
         if smooth != "minimum-jerk":
-            findings.add(("smooth",), f"is {smooth!r}; it must be 'minimum-jerk'")
-        read = reading.waypoints(table, points, findings)
-        made = cls.of_channels(table, pieces.through_waypoints(table, read), findings)
-        findings.raise_any()
+            mistakes.add(("smooth",), f"is {smooth!r}; it must be 'minimum-jerk'")
+        read = reading.waypoints(table, points, mistakes)
+        made = cls.of_channels(table, pieces.through_waypoints(table, read), mistakes)
+        mistakes.refuse()
         return made
 
     @classmethod
@@ -170,19 +141,19 @@ class Input:
             rest: the motion starts and ends at rest; otherwise the spline's ends are free, and the
                 start state must have the velocity with which the samples begin.
         """
-        table, findings = reading.table_of(table), Findings()
-        read = reading.samples(table, t, columns, findings)
-        made = cls.of_channels(table, pieces.through_samples(table, read, rest), findings)
-        findings.raise_any()
+        table, mistakes = reading.table_of(table), Mistakes.of_inputs()
+        read = reading.samples(table, t, columns, mistakes)
+        made = cls.of_channels(table, pieces.through_samples(table, read, rest), mistakes)
+        mistakes.refuse()
         return made
 
     @classmethod
     def of_channels(
-        cls, table: CoordinateTable, channels: Mapping[str, Channel], findings: Findings
+        cls, table: CoordinateTable, channels: Mapping[str, Channel], mistakes: Mistakes
     ) -> Input:
         """Channels on one clock; notes lengths that reach 0."""
         made = cls(table, *pieces.assembled(table, channels))
-        binding.note_lengths(table, made.breaks[None], made.coef[None], findings)
+        binding.note_lengths(table, made.breaks[None], made.coef[None], mistakes)
         return made
 
     @classmethod
@@ -205,19 +176,10 @@ class Input:
                 join C^1.
         """
         table = reading.table_of(table)
-        t, q, v, acc = (floats(x) for x in (t, q_K, v_K, acc_K))
-        if t.ndim != 1 or len(t) < 2:
-            _fail("t", f"has the shape {t.shape}; it must be two times or more")
-        n = len(t) - 1
-        for field, value, width in (("q_K", q, table.n_qK), ("v_K", v, table.n_vK)):
-            if value.shape not in ((width,), (n, width)):
-                _fail(field, f"has the shape {value.shape}; it must be {(width,)} or {(n, width)}")
-        if acc.shape != (n, table.n_vK):
-            _fail("acc_K", f"has the shape {acc.shape}; it must be {(n, table.n_vK)}")
-        coef, base = pieces.constant_acceleration(table, t, q, v, acc)
-        made = cls(table, t, coef, base, np.ones(table.n_vK, dtype=bool))
+        pieces_of = arrays.constant_acceleration(table, t, q_K, v_K, acc_K)
+        made = cls(table, *pieces_of, np.ones(table.n_vK, dtype=bool))
         # One piece cannot jump, and steppers make one for every tick.
-        return made if len(acc) == 1 else made._joined(Findings())
+        return made if len(made.coef) == 1 else made._joined(Mistakes.of_inputs())
 
     @classmethod
     def load(cls, table: Table, path: str | Path) -> Input:
@@ -237,10 +199,10 @@ class Input:
         read = files.read_inputs(table, Path(path))
         if isinstance(read, files.Segments):
             return cls.segments(table, read.t, read.q_K, read.v_K, read.acc_K)
-        lengths = Findings()
+        lengths = Mistakes.of_inputs()
         made = cls.of_channels(table, read.channels, lengths)
-        read.findings.found += [((*read.place, *at), message) for at, message in lengths.found]
-        read.findings.raise_any(read.located)
+        read.mistakes.found += [((*read.place, *at), message) for at, message in lengths.found]
+        read.mistakes.refuse()
         if read.forces:
             made = made.with_force_points(read.forces)
         if read.duration is None:
@@ -258,9 +220,9 @@ class Input:
         Args:
             points: name of a dynamic velocity -> list of (t [s], force [N or N m]).
         """
-        findings = Findings()
-        read = reading.forces(self.coordinates, points, findings)
-        findings.raise_any()
+        mistakes = Mistakes.of_inputs()
+        read = reading.forces(self.coordinates, points, mistakes)
+        mistakes.refuse()
         return self.with_force_points(read)
 
     def with_force_points(self, points: Mapping[str, channel.Points]) -> Input:
@@ -316,17 +278,16 @@ class Input:
             later = other.shifted(joined.end - other.start)
             one = joined._filled(other.named & ~joined.named, other.evaluate(other.start)[0])
             two = later._filled(joined.named & ~other.named, joined.evaluate(joined.end)[0])
-            force = None
-            if one.force is not None or two.force is not None:
-                force = np.concatenate([one._force_or_zero(), two._force_or_zero()])
+            forces = [arrays.force_or_zero(x.coordinates, x._arrays) for x in (one, two)]
+            forced = one.force is not None or two.force is not None
             joined = Input(
-                coordinates=joined.coordinates,
-                breaks=np.concatenate([one.breaks, two.breaks[1:]]),
-                coef=np.concatenate([one.coef, two.coef]),
-                base=np.concatenate([one.base, two.base]),
-                named=one.named | two.named,
-                force=force,
-                name=joined.name,
+                joined.coordinates,
+                np.concatenate([one.breaks, two.breaks[1:]]),
+                np.concatenate([one.coef, two.coef]),
+                np.concatenate([one.base, two.base]),
+                one.named | two.named,
+                np.concatenate(forces) if forced else None,
+                joined.name,
             )
         return joined.checked()
 
@@ -379,7 +340,8 @@ class Input:
         """(..., n_vD) generalised forces u_D [N or N m] at given times [s]."""
         t = np.asarray(t, dtype=float)
         i, s, outside = pieces.located(self.breaks, t.ravel())
-        u = polynomial.evaluate(self._force_or_zero()[i], s[:, None])[0]
+        force = arrays.force_or_zero(self.coordinates, self._arrays)
+        u = polynomial.evaluate(force[i], s[:, None])[0]
         u[outside] = 0.0
         return u.reshape(*t.shape, u.shape[-1])
 
@@ -401,63 +363,36 @@ class Input:
         Raises:
             InputError: naming the coordinates and times where it jumps.
         """
-        findings = Findings()
-        binding.note_lengths(self.coordinates, self.breaks[None], self.coef[None], findings)
-        return self._joined(findings)
+        mistakes = Mistakes.of_inputs()
+        binding.note_lengths(self.coordinates, self.breaks[None], self.coef[None], mistakes)
+        return self._joined(mistakes)
 
-    def _joined(self, findings: Findings) -> Input:
-        """The same without small jumps; raises ``findings`` and larger jumps."""
-        arrays = self.breaks, self.coef, self.base, self.named
-        coef = pieces.joined(self.coordinates, *arrays, findings)
-        findings.raise_any()
+    def _joined(self, mistakes: Mistakes) -> Input:
+        """The same without small jumps; raises ``mistakes`` and larger jumps."""
+        breaks, coef, base, named, _ = self._arrays
+        coef = pieces.joined(self.coordinates, breaks, coef, base, named, mistakes)
+        mistakes.refuse()
         return self if coef is self.coef else dataclasses.replace(self, coef=coef)
 
     def at_rest(self) -> Input:
         """The same with small velocities at both ends set to 0, by the tolerances of joints."""
-        ends = np.array([self.start, self.end])
-        v = self.evaluate(ends)[1]
-        _, most = joints.tolerances(self.coordinates, self.breaks[None], self.coef[None])
-        small = np.where((np.abs(v) <= most) & (v != 0.0), 0.0, v)
-        if np.array_equal(small, v):
-            return self
-        coef, none = np.array(self.coef), np.zeros((1, len(v[0])))
-        h = np.diff(self.breaks)
-        first = joints.begun(self.coordinates, coef[:1], np.zeros(1), h[:1], none, small[:1])
-        coef[:1] = first
-        coef[-1:] = joints.ended(self.coordinates, coef[-1:], h[-1:], none, small[1:])
-        return dataclasses.replace(self, coef=coef)
+        v = self.evaluate(np.array([self.start, self.end]))[1]
+        coef = arrays.at_rest(self.coordinates, self.breaks, self.coef, v)
+        return self if coef is self.coef else dataclasses.replace(self, coef=coef)
 
     # -- inside ------------------------------------------------------------------------------
 
+    @property
+    def _arrays(self) -> InputArrays:
+        return InputArrays(self.breaks, self.coef, self.base, self.named, self.force)
+
     def _on(self, breaks: Times) -> Input:
         """The same input on a superset of its breaks."""
-        table = self.coordinates
-        ends = [pieces.constants(table, self.evaluate(t)[0]) for t in (self.start, self.end)]
-        coef, base = Channel(
-            self.breaks, self.coef, self.base, ends[0], ends[1], table.scalars_K
-        ).on(breaks)
-        force = None
-        if self.force is not None:
-            nothing = np.zeros((table.n_vD, polynomial.N_COEF)), np.zeros(0)
-            empty = np.zeros((len(self.coef), 0))
-            force = Channel(self.breaks, self.force, empty, nothing, nothing).on(breaks)[0]
-        return dataclasses.replace(self, breaks=breaks, coef=coef, base=base, force=force)
+        ends = self.evaluate(self.start)[0], self.evaluate(self.end)[0]
+        on = arrays.on_breaks(self.coordinates, self._arrays, ends, breaks)
+        return dataclasses.replace(self, **on._asdict())
 
     def _filled(self, which: MaskRows, q_K: ConfigK) -> Input:
         """The same with the coordinates of the mask ``which`` (n_vK,) named and still at q_K."""
-        coef, base = np.array(self.coef), np.array(self.base)
-        still, _ = pieces.constants(self.coordinates, q_K)
-        coef[:, which] = still[which]
-        for q, v in pieces.channel_names(self.coordinates).values():
-            if which[v.start]:
-                base[:, q] = q_K[q]
-        return dataclasses.replace(self, coef=coef, base=base, named=self.named | which)
-
-    def _force_or_zero(self) -> Array:
-        if self.force is not None:
-            return self.force
-        return np.zeros((len(self.coef), self.coordinates.n_vD, polynomial.N_COEF))
-
-
-def _fail(field: str, message: str) -> None:
-    raise InputError([Mistake("inputs", None, field, message)])
+        filled = arrays.filled(self.coordinates, self._arrays, which, q_K)
+        return dataclasses.replace(self, **filled._asdict())

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from fantoccini.base import Array, Times, UnknownNameError, VecK, frozen, polynomial
+from fantoccini.base.documents import Mistakes
 from fantoccini.motion import channel, pieces, reading
-from fantoccini.motion.findings import Findings
 from fantoccini.motion.input import Input
 from fantoccini.motion.reading import Table
 
@@ -88,7 +88,7 @@ class InputDerivative:
         """
         if side not in _SIDES:
             raise ValueError(f"side is {side!r}; it must be 'above' or 'below'")
-        table, findings, sign = reading.table_of(table), Findings(), _SIDES[side]
+        table, mistakes, sign = reading.table_of(table), Mistakes.of_inputs(), _SIDES[side]
         inputs = Input.waypoints(table, points)
         # Coordinates with drives go by the names of their commands.
         called = {name: table.commands.get(name, name) for name in points}
@@ -98,13 +98,13 @@ class InputDerivative:
         chosen = [name for name in called if only is None or name in only]
         for name in chosen:
             if called[name] in table.rotations:
-                findings.add(
+                mistakes.add(
                     (name,),
                     "is a rotation, for whose waypoints there is no derivative; leave it out with "
                     "only=[...]",
                 )
-        findings.raise_any()
-        read, found = reading.waypoints(table, points, findings), []
+        mistakes.refuse()
+        read, found = reading.waypoints(table, points, mistakes), []
         for name in chosen:
             t, values = read[called[name]]
             t, (_, v) = pieces.snap(t, inputs.breaks), pieces.channel_names(table)[called[name]]

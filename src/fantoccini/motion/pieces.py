@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.base import Array, ConfigK, Indices, Mask, MaskRows, Times, polynomial, rotation
+from fantoccini.base.documents import Mistakes
 from fantoccini.motion import channel, joints
 from fantoccini.motion.channel import SAME_TIME, Channel, Points
-from fantoccini.motion.findings import Findings
 
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
@@ -180,7 +180,7 @@ def joined(
     coef: Array,
     base: Array,
     named: MaskRows,
-    findings: Findings,
+    mistakes: Mistakes,
 ) -> Array:
     """The coefficients (n, n_vK, 6) of pieces that meet, C^1, in position and velocity.
 
@@ -207,7 +207,7 @@ def joined(
         jump = np.linalg.norm(v_1[:, v] - v_0[:, v], axis=-1)
         for what, by, bound in (("position", step, same), ("velocity", jump, speed[v.start])):
             for i in np.nonzero(~(by <= bound))[0]:
-                findings.add((name,), f"jumps in {what} by {by[i]:.3g} at t = {breaks[i + 1]:g} s")
+                mistakes.add((name,), f"jumps in {what} by {by[i]:.3g} at t = {breaks[i + 1]:g} s")
     apart = (np.abs(v_1 - v_0) > joints.TOLERANCES.rounded_speed)[:, named]
     if not np.any(apart) and not np.any(np.abs(move) > joints.TOLERANCES.rounded_place):
         return coef

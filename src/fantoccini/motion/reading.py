@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 from pydantic import TypeAdapter, ValidationError
 
 from fantoccini.base import Array, Times, is_number, nearest, rotation
-from fantoccini.base.documents import Angle, shown
+from fantoccini.base.documents import Angle, Mistakes, Path, shown
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion.channel import SAME_TIME, Points
-from fantoccini.motion.findings import Findings, Path
 from fantoccini.motion.pieces import channel_names
 
 
@@ -78,24 +77,24 @@ def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
 
 
 def _given_once(
-    name: str, written: str, spelt: dict[str, str], path: Path, findings: Findings
+    name: str, written: str, spelt: dict[str, str], path: Path, mistakes: Mistakes
 ) -> bool:
     """Whether a channel is given for the first time, under its own or its coordinate's name."""
     first = spelt.setdefault(name, written)
     if first != written:
-        findings.add(path, f"is given twice: as {first} and as {written}; leave one out")
+        mistakes.add(path, f"is given twice: as {first} and as {written}; leave one out")
     return first == written
 
 
 def waypoints(
-    table: CoordinateTable, given: Mapping[str, Any], findings: Findings, at: Path = ()
+    table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
 ) -> dict[str, Points]:
     """Reads ``{name: [(t, value), ...]}`` for driven coordinates and those with a drive.
 
     Args:
         table: names of the coordinates.
         given: what the user wrote.
-        findings: collects the mistakes.
+        mistakes: collects them.
         at: path of ``given`` itself.
 
     Returns:
@@ -107,35 +106,35 @@ def waypoints(
     for written, points in given.items():
         path, name = (*at, str(written)), table.commands.get(written, written)
         if name not in known:
-            findings.add(path, unknown_coordinate(table, name))
+            mistakes.add(path, unknown_coordinate(table, name))
             continue
-        if not _given_once(name, written, spelt, path, findings):
+        if not _given_once(name, written, spelt, path, mistakes):
             continue
         if name in table.rotations:
-            found = _series(points, findings, path, _quaternion)
-            if found is not None and _turns(points, found[1], findings, path):
+            found = _series(points, mistakes, path, _quaternion)
+            if found is not None and _turns(points, found[1], mistakes, path):
                 read[name] = found
         else:
             scalar = partial(number, angle=units.get(name) == "rad")
-            found = _series(points, findings, path, scalar)
+            found = _series(points, mistakes, path, scalar)
             if found is not None:
                 read[name] = found
     return read
 
 
 def forces(
-    table: CoordinateTable, given: Mapping[str, Any], findings: Findings, at: Path = ()
+    table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
 ) -> dict[str, Points]:
     """Reads ``{name: [(t, force), ...]}`` for dynamic velocities; equal times make a step."""
     read = {}
     for name, points in given.items():
         path = (*at, str(name))
         if name not in table.v_D:
-            findings.add(
+            mistakes.add(
                 path, f"is not the name of a dynamic velocity{nearest(str(name), table.v_D)}"
             )
             continue
-        found = _series(points, findings, path, number, steps=True)
+        found = _series(points, mistakes, path, number, steps=True)
         if found is not None:
             read[name] = found
     return read
@@ -176,39 +175,39 @@ def _quaternion(value: Any) -> Array:
 
 def _series(
     points: Any,
-    findings: Findings,
+    mistakes: Mistakes,
     path: Path,
     read: Callable[[Any], float | Array],
     steps: bool = False,
 ) -> Points | None:
     """Times and values of one channel; None when a mistake was found."""
-    before = len(findings.found)
+    before = len(mistakes)
     if isinstance(points, str | Mapping) or not isinstance(points, Sequence | np.ndarray):
-        findings.add(path, f"found {shown(points)}; needed: a list of pairs [time, value]")
+        mistakes.add(path, f"found {shown(points)}; needed: a list of pairs [time, value]")
         return None
     if len(points) == 0:
-        findings.add(path, "found no waypoints; one or more needed")
+        mistakes.add(path, "found no waypoints; one or more needed")
         return None
     times: list[float] = []
     values: list[float | Array] = []
     for i, point in enumerate(points):
         pair = not isinstance(point, str | Mapping) and isinstance(point, Sequence | np.ndarray)
         if not pair or len(point) != 2:
-            findings.add((*path, i), f"found {shown(point)}; needed: a pair [time, value]")
+            mistakes.add((*path, i), f"found {shown(point)}; needed: a pair [time, value]")
             continue
         try:
             t = number(point[0])
         except ValueError as error:
-            findings.add((*path, i), f"the time: {error}")
+            mistakes.add((*path, i), f"the time: {error}")
             continue
         if times and not (t - times[-1] > SAME_TIME or (steps and t >= times[-1])):
-            findings.add((*path, i), _order(t, times[-1]))
+            mistakes.add((*path, i), _order(t, times[-1]))
         times.append(t)
         try:
             values.append(read(point[1]))
         except ValueError as error:
-            findings.add((*path, i), f"the value: {error}")
-    if len(findings.found) > before:
+            mistakes.add((*path, i), f"the value: {error}")
+    if len(mistakes) > before:
         return None
     return np.array(times), np.array(values)
 
@@ -222,7 +221,7 @@ def _order(t: float, before: float) -> str:
     return f"comes at t = {t:g} s, after a waypoint at {before:g} s; times must increase"
 
 
-def _turns(points: Any, q: Array, findings: Findings, path: Path) -> bool:
+def _turns(points: Any, q: Array, mistakes: Mistakes, path: Path) -> bool:
     """Whether neighbouring rotations are less than 180 deg apart, as written and as quaternions."""
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
     for i in range(len(q) - 1):
@@ -232,7 +231,7 @@ def _turns(points: Any, q: Array, findings: Findings, path: Path) -> bool:
             turn[i] = max(turn[i], float(np.linalg.norm(apart)))
     far = np.flatnonzero(turn >= LIMITS.max_turn).tolist()
     for i in far:
-        findings.add(
+        mistakes.add(
             (*path, i + 1),
             f"turns by {np.degrees(turn[i]):.0f} deg from the waypoint before it, at "
             f"t = {points[i][0]:g} s; from 180 deg on the way is not clear: put waypoints between",
@@ -241,7 +240,7 @@ def _turns(points: Any, q: Array, findings: Findings, path: Path) -> bool:
 
 
 def samples(
-    table: CoordinateTable, t: ArrayLike, columns: Mapping[str, ArrayLike], findings: Findings
+    table: CoordinateTable, t: ArrayLike, columns: Mapping[str, ArrayLike], mistakes: Mistakes
 ) -> dict[str, Points]:
     """Reads samples: times and named columns; a rotation as (n, 4), or as its four columns.
 
@@ -249,19 +248,19 @@ def samples(
         table: names of the coordinates.
         t: (n,) times [s].
         columns: name -> (n,) values, or (n, 4) quaternions for ``bar.rotation``.
-        findings: collects the mistakes.
+        mistakes: collects them.
 
     Returns:
         Times and values of every name, or nothing when mistakes were found.
     """
-    before, known = len(findings.found), channel_names(table)
-    times = _column("t", t, None, (), findings)
+    before, known = len(mistakes), channel_names(table)
+    times = _column("t", t, None, (), mistakes)
     if times is not None and not len(times):
-        findings.add(("t",), "found no samples; one or more needed")
+        mistakes.add(("t",), "found no samples; one or more needed")
     if times is None or not len(times):
         return {}
     for i in np.nonzero(~(np.diff(times) > SAME_TIME))[0]:
-        findings.add(("t", int(i) + 1), _order(times[i + 1], times[i]))
+        mistakes.add(("t", int(i) + 1), _order(times[i + 1], times[i]))
     pending: dict[str, Any] = dict(columns)
     read: dict[str, Points] = {}
     spelt: dict[str, str] = {}
@@ -272,61 +271,61 @@ def samples(
             continue
         missing = [part for part in four if part not in pending]
         if missing:
-            findings.add((parts[0],), f"needs the columns {', '.join(missing)} as well")
+            mistakes.add((parts[0],), f"needs the columns {', '.join(missing)} as well")
         if name in pending:
-            findings.add((name,), f"is given twice: as a whole and as {', '.join(parts)}")
-        four_columns = [_column(p, pending.pop(p), len(times), (), findings) for p in parts]
+            mistakes.add((name,), f"is given twice: as a whole and as {', '.join(parts)}")
+        four_columns = [_column(p, pending.pop(p), len(times), (), mistakes) for p in parts]
         sound = [column for column in four_columns if column is not None]
         if not missing and len(sound) == len(parts):
             pending[name] = np.stack(sound, axis=-1)
     for written, values in pending.items():
         name = table.commands.get(written, written)
         if name not in known:
-            findings.add((str(name),), unknown_coordinate(table, name))
+            mistakes.add((str(name),), unknown_coordinate(table, name))
             continue
-        if not _given_once(name, written, spelt, (str(written),), findings):
+        if not _given_once(name, written, spelt, (str(written),), mistakes):
             continue
         shape = (4,) if name in table.rotations else ()
-        numbers = _column(name, values, len(times), shape, findings)
+        numbers = _column(name, values, len(times), shape, mistakes)
         if numbers is not None and shape:
-            numbers = _rotations(name, times, numbers, findings)
+            numbers = _rotations(name, times, numbers, mistakes)
         if numbers is not None:
             read[name] = (times, numbers)
-    return read if len(findings.found) == before else {}
+    return read if len(mistakes) == before else {}
 
 
 def _column(
-    name: str, given: ArrayLike, n: int | None, shape: tuple[int, ...], findings: Findings
+    name: str, given: ArrayLike, n: int | None, shape: tuple[int, ...], mistakes: Mistakes
 ) -> Array | None:
     """One column as finite numbers (n, *shape); None after a mistake."""
     values = np.asarray(given)
     if values.dtype.kind not in "iuf":
-        findings.add((name,), f"found {values.dtype.name} values; needed: numbers")
+        mistakes.add((name,), f"found {values.dtype.name} values; needed: numbers")
         return None
     wanted = (values.shape[0] if n is None and values.ndim else n, *shape)
     if values.shape != wanted:
         sizes = " x ".join("n" if size is None else str(size) for size in wanted)
-        findings.add((name,), f"found the shape {values.shape}; needed: {sizes}, as for t")
+        mistakes.add((name,), f"found the shape {values.shape}; needed: {sizes}, as for t")
         return None
     wrong = ~(np.abs(values) <= LIMITS.max_number)
     bad = np.unique(np.nonzero(wrong)[0])
     for i in bad:
-        findings.add((name, int(i)), f"found {values[i]}; needed: {_NUMBER}")
+        mistakes.add((name, int(i)), f"found {values[i]}; needed: {_NUMBER}")
     return None if len(bad) else values.astype(float)
 
 
-def _rotations(name: str, t: Times, q: Array, findings: Findings) -> Array | None:
+def _rotations(name: str, t: Times, q: Array, mistakes: Mistakes) -> Array | None:
     """Unit quaternions; None when one is zero or neighbours are half a turn apart."""
     zero = np.nonzero(~np.any(np.abs(q) > LIMITS.min_quaternion, axis=-1))[0]
     for i in zero:
-        findings.add((name, int(i)), "found a zero quaternion, which is no rotation")
+        mistakes.add((name, int(i)), "found a zero quaternion, which is no rotation")
     if len(zero):
         return None
     q = rotation.normalised(q)
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
     far = np.nonzero(turn >= LIMITS.max_turn)[0]
     for i in far:
-        findings.add(
+        mistakes.add(
             (name, int(i) + 1),
             f"turns by {np.degrees(turn[i]):.0f} deg since t = {t[i]:g} s; it must be less than "
             "180 deg from sample to sample",

@@ -25,10 +25,11 @@ from fantoccini.base.documents.located import (
     shown,
     validate,
 )
+from fantoccini.base.documents.mistakes import Mistakes
 from fantoccini.base.documents.partial import UNCLEAR, valid_parts
 from fantoccini.base.documents.references import unknown_names
-from fantoccini.base.documents.refusals import Refusals
-from fantoccini.base.documents.sized_values import SIZED, Place, Size, Sized, Value
+from fantoccini.base.documents.sized_values import SIZED, Length, Place, Size, Sized, Value
+from fantoccini.base.documents.units import ANGLES, LENGTHS, quantity_schema, without_unit
 from fantoccini.base.documents.values import (
     NAME,
     Angle,
@@ -63,7 +64,9 @@ from fantoccini.base.documents.yaml_edit import with_numbers, yaml_of
 from fantoccini.base.documents.yaml_text import Path
 
 __all__ = [
+    "ANGLES",
     "KEYS",
+    "LENGTHS",
     "LIMITS",
     "NAME",
     "SIZED",
@@ -74,7 +77,9 @@ __all__ = [
     "Document",
     "Finding",
     "Kind",
+    "Length",
     "Located",
+    "Mistakes",
     "Model",
     "Name",
     "NotNegative",
@@ -88,7 +93,6 @@ __all__ = [
     "Positive",
     "Real",
     "RealShare",
-    "Refusals",
     "Share",
     "Size",
     "Sized",
@@ -108,6 +112,7 @@ __all__ = [
     "number_kind",
     "owner_of",
     "parse_document",
+    "quantity_schema",
     "read_angle",
     "read_document",
     "read_file",
@@ -123,5 +128,6 @@ __all__ = [
     "validate",
     "value_of",
     "with_numbers",
+    "without_unit",
     "yaml_of",
 ]

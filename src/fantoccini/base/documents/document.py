@@ -27,7 +27,7 @@ The fields of the subclass are the keys of the file::
 A validator of a value raises ``mistake(text)``; one of a part or of the whole file lists mistakes
 at keys below it with ``refuse``. An error lists every mistake as ``file:line: key.path: found,
 allowed, nearest name``. Checks that need more than the file (a compiled puppet, other files) come
-after it: :class:`Refusals` runs them with ``document.located``, which has the lines and the folder.
+after it: :class:`Mistakes` runs them with ``document.located``, which has the lines and the folder.
 '''
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
-"""Bounded values for problem and task files: magnitudes of at most 1e6."""
+"""Bounded values for files of motions and plays: magnitudes of at most 1e6."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, WithJsonSchema
+from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
 
-from fantoccini.base.documents.values import Angle, Positive, Real, Vector, mistake
+from fantoccini.base.documents.units import LENGTHS, quantity_schema
+from fantoccini.base.documents.values import Angle, Positive, Real, Vector, mistake, read_length
 
 _MAX_SIZE = 1e6
 """Largest allowed magnitude [m, rad or s]."""
@@ -25,6 +26,10 @@ SIZED = AfterValidator(_sized)
 Sized = Annotated[Real, SIZED]
 Size = Annotated[Positive, SIZED]
 Place = Annotated[Vector, SIZED]
+Length = Annotated[
+    float, BeforeValidator(read_length), SIZED, WithJsonSchema(quantity_schema(LENGTHS))
+]
+"""A number of metres, or a length with its unit, as `12 cm`."""
 Value = Annotated[
     Angle | tuple[Angle, ...], SIZED, WithJsonSchema({"type": ["number", "string", "array"]})
 ]

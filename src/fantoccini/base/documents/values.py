@@ -28,9 +28,9 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from fantoccini.base import rotation
 from fantoccini.base.documents.located import Finding, shown
+from fantoccini.base.documents.units import ANGLES, LENGTHS, Units, quantity_schema, without_unit
 
 NAME = r"[A-Za-z_][A-Za-z0-9_-]{0,63}"
-_ANGLE = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(deg|rad)", re.ASCII)
 
 
 class Model(BaseModel):
@@ -116,13 +116,19 @@ def read_real(value: Any) -> float:
 
 def read_angle(value: Any) -> float:
     """A number, or an angle with its unit, in radians."""
-    if not isinstance(value, str):
-        return read_real(value)
-    match = _ANGLE.fullmatch(value.strip())
-    if not match:
-        raise mistake(f"found {shown(value)}; needed: an angle: 0.5 (radians), 30 deg or 0.5 rad")
-    number = read_real(float(match[1]))
-    return math.radians(number) if match[2] == "deg" else number
+    return _quantity(value, ANGLES, "an angle: 0.5 (radians), 30 deg or 0.5 rad")
+
+
+def read_length(value: Any) -> float:
+    """A number, or a length with its unit, in metres."""
+    return _quantity(value, LENGTHS, "a length, as 0.06, 6 cm or 60 mm")
+
+
+def _quantity(value: Any, units: Units, needed: str) -> float:
+    number = without_unit(value, units)
+    if isinstance(number, str):
+        raise mistake(f"found {shown(value)}; needed: {needed}")
+    return read_real(number)
 
 
 Name = Annotated[
@@ -133,13 +139,7 @@ PartName = Annotated[
 ]
 """A name; in an assembled scene the name of a member and a dot may precede it."""
 Real = Annotated[float, BeforeValidator(read_real), WithJsonSchema({"type": "number"})]
-Angle = Annotated[
-    float,
-    BeforeValidator(read_angle),
-    WithJsonSchema(
-        {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^[-+.0-9eE]+ *(deg|rad)$"}]}
-    ),
-]
+Angle = Annotated[float, BeforeValidator(read_angle), WithJsonSchema(quantity_schema(ANGLES))]
 
 
 class Parameter(Model):

@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 from pydantic import Field
 
 from fantoccini.base import OnProgress, StateError
-from fantoccini.base.documents import Document, Model, Refusals, Value, mistake, read_document
+from fantoccini.base.documents import Document, Mistakes, Model, Value, mistake, read_document
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import named_file
 from fantoccini.motion import State
@@ -39,7 +39,7 @@ class Reading(Generic[FileT]):
 
     file: FileT
     marionette: Marionette
-    check: Refusals
+    check: Mistakes
 
     def states(self, key: str, values: dict[str, Any]) -> None:
         """Notes coordinates and values at a key that no state of the puppet has."""
@@ -80,7 +80,7 @@ def read_control_file(
     """
     file = read_document(path, schema)
     marionette = load(named_file(file.puppet, file.located), progress)
-    reading = Reading(file, marionette, Refusals(file.located))
+    reading = Reading(file, marionette, Mistakes(file.located))
     reading.states("start", file.start)
     return reading
 

@@ -13,7 +13,7 @@ import numpy as np
 from fantoccini.base import Array, OnProgress, StateError, nearest, rotation
 from fantoccini.base.documents import (
     Located,
-    Refusals,
+    Mistakes,
     document_schema,
     rotation_vector_quaternion,
     shown,
@@ -322,7 +322,7 @@ def _check_exploring(reading: Reading[TaskFile]) -> None:
             reading.note(("explore",), f"it does not go together with {key}; needed: one of them")
 
 
-def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Refusals) -> None:
+def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Mistakes) -> None:
     """Notes a name that the puppet does not have."""
     name, kind = getattr(file, file.kind), file.kind
     if kind == "tension":

@@ -11,9 +11,11 @@ import numpy as np
 
 from fantoccini.base import Array, FileError, OnProgress, StateError, nearest
 from fantoccini.base.documents import (
+    ANGLES,
+    LENGTHS,
     Finding,
     Located,
-    Refusals,
+    Mistakes,
     has_key,
     read_document,
     read_file,
@@ -30,7 +32,6 @@ from fantoccini.motion import Input, csv_columns
 _MAX_NUMBER = 1e9
 """Largest size of a number in the samples [s, m, rad or N]."""
 _TIMES = ("time", "t")
-_UNITS = {"deg": np.pi / 180.0, "mm": 1e-3}
 _KINDS = {"deg": "rad", "rad": "rad", "mm": "m", "m": "m", "N": "N"}
 
 
@@ -46,7 +47,7 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     """
     file = read_document(path, RecordFile)
     located = file.located
-    check = Refusals(located)
+    check = Mistakes(located)
     puppet_path = named_file(file.puppet, located)
     if has_key(puppet_path, "scene"):
         text = f"found {shown(file.puppet)}, which is a scene; needed: the file of a puppet"
@@ -166,7 +167,7 @@ def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
 
 
 def _named(
-    file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Refusals
+    file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Mistakes
 ) -> dict[str, Array]:
     """The columns under the names of what they are, in SI units."""
     table, out = marionette.coordinates, {}
@@ -203,7 +204,8 @@ def _named(
             text = f"the columns {first} and {name} are both {own}; leave one out"
             check(("columns", key), lambda text=text: _refuse(text))
         unit = one.unit if one is not None else None
-        out[own] = _UNITS.get(unit or (file.unit if own in axes else ""), 1.0) * values
+        size = {**LENGTHS, **ANGLES}.get(unit or (file.unit if own in axes else ""), 1.0)
+        out[own] = size * values
     return out
 
 
@@ -219,7 +221,7 @@ def _driven(marionette: Marionette) -> list[str]:
     return [*table.q_K, *table.commands]
 
 
-def _noise(file: RecordFile, values: Mapping[str, Array], check: Refusals) -> dict[str, float]:
+def _noise(file: RecordFile, values: Mapping[str, Array], check: Mistakes) -> dict[str, float]:
     """Noise levels under the names of what the columns are."""
     out = {}
     known = [*file.markers, *values, *file.columns]
@@ -267,7 +269,7 @@ def _inputs(
 
 
 def _measured(
-    file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Refusals
+    file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Mistakes
 ) -> dict[str, Array]:
     """The measured columns."""
     table, out = marionette.coordinates, {}

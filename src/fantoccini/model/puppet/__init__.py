@@ -25,22 +25,22 @@ from fantoccini.model.puppet.drive import (
     StepperMotor,
 )
 from fantoccini.model.puppet.dump import plain
-from fantoccini.model.puppet.files import json_schema, load, loads
-from fantoccini.model.puppet.joint import Cone, Joint, JointSpring, Limits, Twist
-from fantoccini.model.puppet.mirror import twin_name
-from fantoccini.model.puppet.parts import named
-from fantoccini.model.puppet.quantities import QUANTITIES, Gravity, Mass, Place, Point, Vector
-from fantoccini.model.puppet.schema import (
+from fantoccini.model.puppet.elements import (
     Attachment,
     Body,
     Drag,
     Mirror,
     PoseValue,
-    Puppet,
     SolidInertia,
     Spring,
     String,
 )
+from fantoccini.model.puppet.files import json_schema, load, loads
+from fantoccini.model.puppet.joint import Cone, Joint, JointSpring, Limits, Twist
+from fantoccini.model.puppet.mirror import twin_name
+from fantoccini.model.puppet.parts import named
+from fantoccini.model.puppet.quantities import QUANTITIES, Gravity, Mass, Place, Point, Vector
+from fantoccini.model.puppet.schema import Puppet
 from fantoccini.model.puppet.shapes import (
     MIN_MESH_VOLUME,
     AnyObstacle,

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from fantoccini.base.documents import Model, mistake, value_of
+from fantoccini.base.documents import Model, mistake
 from fantoccini.model.puppet.limits import LIMITS
 from fantoccini.model.puppet.quantities import Damping, PositiveMass, PositiveStiffness
 
@@ -30,22 +30,23 @@ class Chain(Model):
     """Force per unit of strain rate [N s]; each spring has it / (its relaxed length)."""
 
 
-def check_chain(string: Any) -> None:
-    """Raises a mistake if a string cannot be a chain."""
-    given = {
-        "wire: true": string.wire,
-        "restitution": value_of(string.restitution) > 0,
-        "max_tension": string.max_tension is not None,
-    }
+def check_chain(wire: bool, bounces: bool, slips: bool, points: int) -> None:
+    """Raises a mistake if a string cannot be a chain.
+
+    Args:
+        wire, bounces, slips: of the string.
+        points: number of points of its path.
+    """
+    given = {"wire: true": wire, "restitution": bounces, "max_tension": slips}
     found = [what for what, is_given in given.items() if is_given]
     if found:
         raise mistake(
             f"found chain and {found[0]}; a chain is made of springs, which are not rigid and "
             "neither bounce nor slip"
         )
-    if len(string.path) > 2:
+    if points > 2:
         raise mistake(
-            f"found chain and a path of {len(string.path)} points; masses do not run over pulleys: "
+            f"found chain and a path of {points} points; masses do not run over pulleys: "
             "a chain has two ends"
         )
 

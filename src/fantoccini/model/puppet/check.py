@@ -7,32 +7,24 @@ parts are unclear, and nothing is said of them.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Any
 
-from fantoccini.base.documents import (
-    NAME,
-    Finding,
-    Located,
-    Path,
-    key_path,
-    name_mistake,
-    shown,
-    valid_parts,
-    value_of,
-)
+from fantoccini.base.documents import NAME, Finding, Path, key_path, name_mistake, shown, value_of
 from fantoccini.model.puppet.check_coordinates import check_drives, check_pose
 from fantoccini.model.puppet.check_paths import check_paths
 from fantoccini.model.puppet.contact import FLOOR, Contact
+from fantoccini.model.puppet.elements import Body, Mirror
 from fantoccini.model.puppet.limits import LIMITS
 from fantoccini.model.puppet.mirror import reflected, twin_name
-from fantoccini.model.puppet.parts import Parts, named
+from fantoccini.model.puppet.parts import AnyPuppet, Parts, named
 from fantoccini.model.puppet.shapes import has_mass
 from fantoccini.model.puppet.written import parameters
 
 _MIRRORED = ("bodies", "strings", "springs")
 
 
-def findings(puppet: Any, data: dict[str, Any]) -> list[Finding]:
+def findings(puppet: AnyPuppet, data: dict[str, Any]) -> list[Finding]:
     """All mistakes that concern more than one part of a puppet.
 
     Args:
@@ -52,13 +44,15 @@ def findings(puppet: Any, data: dict[str, Any]) -> list[Finding]:
     return parts.found
 
 
-def twins(puppet: Any, data: dict[str, Any], located: Located) -> list[Finding]:
+def twins(
+    puppet: AnyPuppet, data: dict[str, Any], valid_parts: Callable[[dict[str, Any]], AnyPuppet]
+) -> list[Finding]:
     """Mistakes of mirror images, located at their originals in the file.
 
     Args:
         puppet: a puppet without other mistakes.
         data: its plain data.
-        located: where its meshes are.
+        valid_parts: makes a puppet of the valid parts of plain data.
     """
     out, found = reflected(data)
     if puppet.mirror is None:
@@ -66,9 +60,7 @@ def twins(puppet: Any, data: dict[str, Any], located: Located) -> list[Finding]:
     token = puppet.mirror.from_
     # Twins of shapes are as valid as the originals, and meshes take long to read.
     bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in out["bodies"]]
-    shapeless = out | {"bodies": bodies, "obstacles": []}
-    whole = valid_parts(type(puppet), shapeless, located)
-    whole = whole.model_copy(update={"obstacles": puppet.obstacles})
+    whole = valid_parts(out | {"bodies": bodies, "obstacles": []})
     for path, text in findings(whole, out):
         section = data.get(str(path[0]), ())
         if path[0] in _MIRRORED and isinstance(path[1], int) and path[1] >= len(section):
@@ -80,7 +72,7 @@ def twins(puppet: Any, data: dict[str, Any], located: Located) -> list[Finding]:
     return found
 
 
-def massless_joints(bodies: tuple[Any, ...], mirror: Any) -> list[Finding]:
+def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Finding]:
     """Joints that make the mass matrix singular: nothing beyond them has mass.
 
     Args:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from fantoccini.base.documents import UNCLEAR, Path, shown, value_of
+from fantoccini.base.documents import UNCLEAR, Number, Path, shown, value_of
+from fantoccini.model.puppet.elements import Attachment
 from fantoccini.model.puppet.parts import Parts
+
+Carrier = tuple[str, str | Path | None, tuple[float, ...] | None]
+"""Kind and name of what carries a point, and the place on it."""
 
 
 def check_paths(parts: Parts) -> None:
@@ -16,7 +18,7 @@ def check_paths(parts: Parts) -> None:
         _path(parts, ("springs", i, "between"), spring.between)
 
 
-def _path(parts: Parts, path: Path, points: tuple[Any, ...]) -> None:
+def _path(parts: Parts, path: Path, points: tuple[Attachment, ...]) -> None:
     found = [_carrier(parts, p, (*path, k)) for k, p in enumerate(points)]
     driven = [k for k, c in enumerate(found) if c and c[0] == "driven"]
     for k in driven:
@@ -41,8 +43,8 @@ def _path(parts: Parts, path: Path, points: tuple[Any, ...]) -> None:
             parts.say((*path, k), "this is the same point as the one before it")
 
 
-def _carrier(parts: Parts, point: Any, path: Path) -> tuple[str, Any, Any] | None:
-    """Kind and name of a point's carrier, and the place on it; None if unclear."""
+def _carrier(parts: Parts, point: Attachment, path: Path) -> Carrier | None:
+    """The carrier of a point; None if unclear."""
     if point is UNCLEAR:
         return None
     if point.driven is not None:
@@ -66,7 +68,7 @@ def _check_body(parts: Parts, name: str, path: Path, others: set[str]) -> bool:
     return name in parts.known
 
 
-def _place(point: Any) -> tuple[float, ...] | None:
+def _place(point: tuple[Number, ...]) -> tuple[float, ...] | None:
     """Coordinates of a point; None if unclear."""
     if point is UNCLEAR or any(UNCLEAR in (x, getattr(x, "value", x)) for x in point):
         return None

@@ -3,20 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Protocol
 
 from fantoccini.base import nearest
 from fantoccini.base.documents import LIMITS, Finding, Path, owner_of
+from fantoccini.model.puppet.contact import ContactRule
+from fantoccini.model.puppet.drive import Drive
+from fantoccini.model.puppet.elements import Body, Mirror, Spring, String
 from fantoccini.model.puppet.mirror import twin_name
+from fantoccini.model.puppet.shapes import AnyObstacle
 
 _SECTIONS = ("bodies", "strings", "springs", "obstacles")
 
 
-def named(puppet: Any) -> Iterator[tuple[str, Path]]:
+class AnyPuppet(Protocol):
+    """A :class:`Puppet`, perhaps with unclear parts: any value may be ``UNCLEAR``, too."""
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """Bodies, in any order."""
+
+    @property
+    def strings(self) -> tuple[String, ...]:
+        """Strings."""
+
+    @property
+    def springs(self) -> tuple[Spring, ...]:
+        """Springs."""
+
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """Drives of driven coordinates."""
+
+    @property
+    def obstacles(self) -> tuple[AnyObstacle, ...]:
+        """Shapes fixed in the world."""
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """Reflects one half into the other."""
+
+    @property
+    def contact(self) -> ContactRule | None:
+        """Rules of contact."""
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """Puppets of an assembled scene."""
+
+    @property
+    def props(self) -> tuple[str, ...]:
+        """Props of an assembled scene."""
+
+
+def named(puppet: AnyPuppet) -> Iterator[tuple[str, Path]]:
     """Names of bodies, joints that have their own, strings, springs, obstacles; and where.
 
     Args:
-        puppet: a :class:`Puppet`, perhaps with unclear parts.
+        puppet: perhaps with unclear parts.
     """
     for key in _SECTIONS:
         for i, item in enumerate(getattr(puppet, key)):
@@ -41,7 +85,7 @@ class Parts:
         joint_of: body -> the name of its joint.
     """
 
-    def __init__(self, puppet: Any, data: dict[str, Any]):
+    def __init__(self, puppet: AnyPuppet, data: dict[str, Any]):
         self.puppet, self._hints = puppet, 0
         pose = data.get("pose")
         self.pose: dict[str, Any] = pose if isinstance(pose, dict) else {}

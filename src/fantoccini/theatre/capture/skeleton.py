@@ -14,7 +14,7 @@ _UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0
 _PERSON = 1.7
 """Height of a person [m]."""
 _JUMP, _NEXT = 10.0, 20
-"""How much farther joints jump after a pose for calibration than in any of the next frames."""
+"""Ratio of the jump of joints after a calibration pose to that in any of the next frames."""
 _MAX_BONE_CHANGE = 0.2
 """Largest change of a bone's length, relative to the skeleton's longest bone."""
 _MIN_VERTICAL_EXTENT = 0.7

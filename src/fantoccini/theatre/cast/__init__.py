@@ -1,7 +1,7 @@
 """The cast of a play: its file, its players and companies, props and cues."""
 
 from fantoccini.theatre.cast import prop_gestures
-from fantoccini.theatre.cast.actors import Actor, CannotBe, Wishes
+from fantoccini.theatre.cast.actors import Actor, Corrections
 from fantoccini.theatre.cast.casting import Cast, Player, read_cast
 from fantoccini.theatre.cast.clips import Clip, is_clip, read_clip
 from fantoccini.theatre.cast.companies import (
@@ -16,6 +16,7 @@ from fantoccini.theatre.cast.companies import (
 )
 from fantoccini.theatre.cast.contacts import (
     FEET,
+    OTHER_SIDE,
     SEATED,
     Pair,
     asked_pairs,
@@ -23,14 +24,12 @@ from fantoccini.theatre.cast.contacts import (
     sitting,
     standing,
 )
-from fantoccini.theatre.cast.cues import Part, Placed, Turn, lane_name, play_timeline, said_in_act
+from fantoccini.theatre.cast.cues import act_time_in_words, lane_name, play_timeline
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing, Hindrance, NoWay, Way
 from fantoccini.theatre.cast.kept import Kept, OutOfTime, digest
 from fantoccini.theatre.cast.prop_gestures import (
-    BODY,
     CARRIED,
-    SIDES,
     Waypoints,
     aside_by,
     backwards,
@@ -44,18 +43,17 @@ from fantoccini.theatre.cast.starts import Places
 from fantoccini.theatre.cast.stops import ERRORS, CannotBegin, Stop
 
 __all__ = [
-    "BODY",
     "CARRIED",
     "ERRORS",
     "FEET",
+    "OTHER_SIDE",
     "SEATED",
-    "SIDES",
     "Actor",
-    "CannotBe",
     "CannotBegin",
     "Cast",
     "Clip",
     "Company",
+    "Corrections",
     "Footing",
     "Hindrance",
     "Kept",
@@ -63,8 +61,6 @@ __all__ = [
     "NoWay",
     "OutOfTime",
     "Pair",
-    "Part",
-    "Placed",
     "Places",
     "PlayProp",
     "Player",
@@ -72,10 +68,9 @@ __all__ = [
     "Span",
     "Staged",
     "Stop",
-    "Turn",
     "Way",
     "Waypoints",
-    "Wishes",
+    "act_time_in_words",
     "aside_by",
     "asked_pairs",
     "backwards",
@@ -91,7 +86,6 @@ __all__ = [
     "prop_gestures",
     "read_cast",
     "read_clip",
-    "said_in_act",
     "settled",
     "sign_of",
     "sitting",

@@ -22,7 +22,7 @@ from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.props import PlayProp, PropState, read_props
 from fantoccini.theatre.cast.starts import Places, start_of
 from fantoccini.theatre.gestures import Ends
-from fantoccini.theatre.script import DIRECTIONS, Notes, PlayerFile, PlayFile, Spot
+from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot
 
 Pose = dict[str, Any]
 """Start values by coordinate."""
@@ -56,12 +56,12 @@ class Player:
 
     @cached_property
     def middle(self) -> complex:
-        """What stands where the player does: the middle between its shoulders' ends [m]."""
+        """Place of the player: the middle between its shoulders' ends [m]."""
         return _middle(self.alone, self.hangs)
 
     @cached_property
     def radius(self) -> float:
-        """Of the disk around where it stands that its strings' ends and joints are in [m]."""
+        """Radius of the disk around its place that has its strings' ends and joints [m]."""
         table, hangs = self.alone.coordinates, self.hangs
         owners = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
         places = [
@@ -108,7 +108,7 @@ class Cast:
     lie: Mapping[str, PropState] = field(default_factory=dict)
 
     def member(self, name: str) -> str:
-        """What stands before the names of a player's coordinates."""
+        """Prefix of the names of a player's coordinates."""
         return f"{name}." if len(self.players) > 1 else ""
 
     def named(self, name: str) -> str:
@@ -129,21 +129,21 @@ class Cast:
         return first if first in self.players and "." in name else name
 
 
-def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
+def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
     """The cast of a play.
 
     Raises:
         FileError: it has mistakes.
     """
-    _check_names(file, notes)
-    notes.refuse()
-    puppets = {name: _puppet(one, ("cast", name), notes) for name, one in file.cast.items()}
+    _check_names(file, log)
+    log.mistakes.refuse()
+    puppets = {name: _puppet(one, ("cast", name), log) for name, one in file.cast.items()}
     starts = {
-        name: start_of(file, one, ("cast", name), places, notes) for name, one in file.cast.items()
+        name: start_of(file, one, ("cast", name), places, log) for name, one in file.cast.items()
     }
     for name, mark in file.stage.marks.items():
         places.direction(mark.facing, ("stage", "marks", name, "facing"))
-    notes.refuse()
+    log.mistakes.refuse()
     made: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
     players, members = dict[str, Player](), []
     for name, one in file.cast.items():
@@ -155,24 +155,24 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
                 made[key] = _alone(file, puppet, one)
             alone, hangs, pose = made[key]
         except (PuppetError, UnknownNameError) as error:
-            notes.mistake(("cast", name), str(error))
+            log.mistakes.add(("cast", name), str(error))
             continue
         except StateError as error:
             text = f"does not hang there with `lift: {one.lift:g}`: {error}"
-            notes.mistake(("cast", name), text)
+            log.mistakes.add(("cast", name), text)
             continue
         fixed = _fixed(alone)
         if fixed:
             text = f"{one.puppet} cannot be put anywhere: {fixed}; needed: a puppet that hangs free"
-            notes.mistake(("cast", name, "puppet"), text)
+            log.mistakes.add(("cast", name, "puppet"), text)
             continue
         x0 = placed(alone, hangs, starts[name])
         players[name] = Player(name, alone, hangs, x0, starts[name])
         members.append(Member(name=name, puppet=puppet, pose=pose))
-    notes.refuse()
+    log.mistakes.refuse()
     lifts = {name: one.lift for name, one in file.cast.items()}
-    props = read_props(file, starts, lifts, places, notes)
-    notes.refuse()
+    props = read_props(file, starts, lifts, places, log)
+    log.mistakes.refuse()
     stage = file.stage
     only = f"{next(iter(players))}." if len(players) == 1 else ""
     rules = rules_of(asked_pairs(file), lambda part: part.removeprefix(only))
@@ -188,13 +188,13 @@ def read_cast(file: PlayFile, places: Places, notes: Notes) -> Cast:
         whole = Marionette(scene)
     except (PuppetError, FileError) as error:
         for one_mistake in error.mistakes:
-            notes.mistake(("stage",), f"{one_mistake.key}: {one_mistake.message}")
-        notes.refuse()
+            log.mistakes.add(("stage",), f"{one_mistake.key}: {one_mistake.message}")
+        log.mistakes.refuse()
     lie = {name: one.start for name, one in props.items()}
     return Cast(players, whole, all_together(whole, players, lie), file, props, lie)
 
 
-def _check_names(file: PlayFile, notes: Notes) -> None:
+def _check_names(file: PlayFile, log: ScriptLog) -> None:
     """Every name means one thing."""
     taken: dict[str, str] = {
         **dict.fromkeys(DIRECTIONS, "a direction"),
@@ -213,25 +213,25 @@ def _check_names(file: PlayFile, notes: Notes) -> None:
     ]
     for spot, name, what in named:
         if name in taken:
-            notes.mistake(spot, f"{name!r} is the name of {taken[name]}; needed: another name")
+            log.mistakes.add(spot, f"{name!r} is the name of {taken[name]}; needed: another name")
         taken.setdefault(name, what)
 
 
-def _puppet(one: PlayerFile, spot: Spot, notes: Notes) -> Puppet | None:
+def _puppet(one: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:
     """The puppet of a player's file; None after a mistake."""
-    path = notes.located.beside(one.puppet) or bundled(one.puppet)
+    path = log.located.beside(one.puppet) or bundled(one.puppet)
     if path is None:
         text = f"no file beside this one, and no bundled puppet, is called {one.puppet!r}"
-        notes.mistake((*spot, "puppet"), text)
+        log.mistakes.add((*spot, "puppet"), text)
         return None
     try:
         puppet = scenes.load(path)
     except PuppetError as error:
         for found in error.mistakes:
-            notes.mistake((*spot, "puppet"), str(found))
+            log.mistakes.add((*spot, "puppet"), str(found))
         return None
     if len(puppet.members) > 1 or puppet.props:
-        notes.mistake((*spot, "puppet"), f"{one.puppet} is a scene; needed: one puppet")
+        log.mistakes.add((*spot, "puppet"), f"{one.puppet} is a scene; needed: one puppet")
         return None
     return puppet
 
@@ -254,7 +254,7 @@ def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
 
 
 def _fixed(alone: Marionette) -> str:
-    """What ties a puppet to the place where its file has it; "" where nothing does."""
+    """The part that ties a puppet to the place in its file; "" if there is none."""
     table, tree = alone.coordinates, alone.tree
     moves = {*table.q_D, *table.q_K}
     for link in tree.links:

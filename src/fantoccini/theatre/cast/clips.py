@@ -62,14 +62,14 @@ class Clip:
         beat: float,
         kept: Kept,
     ) -> Gesture:
-        """What the hands do for it, before it is scaled.
+        """Motion of the hands for it, before it is scaled.
 
         Args:
             larger: by how much it will be scaled, which bounds are to allow for.
             faster: speed of the clip.
             lasts: how long all of it takes instead [s].
             stage: has the bounds.
-            beat: [s], for what is said.
+            beat: [s], for messages.
             kept: has the gestures that were made before.
 
         Raises:
@@ -137,7 +137,7 @@ def _hinted(one: Mistake, own: str) -> Mistake:
 
 
 def _lacks(made: ClipGesture) -> str:
-    """In what a player does not follow its clip; "" where it does."""
+    """Differences of a player from its clip in words; "" if it follows it."""
     if not made.arrived:
         return f"the puppet's run of the clip stops: {made.run.status}"
     worst = max(made.report, key=lambda one: one.above)

@@ -110,7 +110,7 @@ def spans(players: Sequence[str], meetings: Iterable[Meeting], end: float) -> tu
 
 
 def _companies(players: Sequence[str], meetings: Sequence[Meeting]) -> list[Company]:
-    """Who is connected with whom by meetings."""
+    """Players and props connected by meetings."""
     groups: list[set[str]] = [{name} for name in players]
     for meeting in meetings:
         own = {*meeting.players, *meeting.props}

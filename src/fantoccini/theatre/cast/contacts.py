@@ -1,4 +1,4 @@
-"""What may touch what in a play: forearms and what hangs on them, seats and who sits on them."""
+"""Pairs that may touch in a play: forearms and props that hang on them, seats and sitters."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from fantoccini.theatre.script import VERBS, PlayFile
 Pair = frozenset[str]
 """Names of two parts of the stage: ``pierrot.forearm_right``, props, obstacles or the floor."""
 
-SIDES = ("left", "right")
-"""Of forearms."""
+OTHER_SIDE = {"left": "right", "right": "left"}
+"""Side of a puppet, as of a forearm -> the other side."""
 FRICTION = 0.6
 """Coefficient of friction of all that touches."""
 SEATED = ("thigh_left", "thigh_right", "torso", "skull")
@@ -50,7 +50,9 @@ def asked_pairs(file: PlayFile) -> frozenset[Pair]:
                 found |= sitting(cue.who[0], named["seat"])
             if "prop" in named:
                 players = [cue.who[0], *([named["player"]] if "player" in named else [])]
-                found |= {hanging(who, side, named["prop"]) for who in players for side in SIDES}
+                found |= {
+                    hanging(who, side, named["prop"]) for who in players for side in OTHER_SIDE
+                }
                 found |= standing(named["prop"], named.get("table", FLOOR))
     return frozenset(found)
 

@@ -1,4 +1,4 @@
-"""How far shapes extend."""
+"""Extents of shapes along the axes."""
 
 from __future__ import annotations
 

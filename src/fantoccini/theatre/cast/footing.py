@@ -1,4 +1,4 @@
-"""Where puppets stand, the ways that they walk, and why there is none."""
+"""Places of puppets on the stage, the ways that they walk, and the reasons why there is none."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ class Way:
 
     @property
     def end(self) -> float:
-        """When it is there [s]."""
+        """Time of arrival [s]."""
         return self.begin + len(self.steps) * self.step_time
 
     @property
     def length(self) -> float:
-        """Of all steps [m]."""
+        """Length of all steps [m]."""
         return sum(abs(step.length) for step in self.steps)
 
     def footing(self, t: Times) -> tuple[Array, Array]:

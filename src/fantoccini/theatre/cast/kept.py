@@ -1,4 +1,4 @@
-"""What compiling keeps for the next round and the next time: results by all they depend on."""
+"""Results of compiling kept for the next round and the next time, by all they depend on."""
 
 from __future__ import annotations
 

@@ -17,12 +17,11 @@ import numpy as np
 
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State, pieces
-from fantoccini.theatre.gestures import STEP_TIME, Ends, Gesture, Step, steps
+from fantoccini.theatre.cast.contacts import OTHER_SIDE
+from fantoccini.theatre.gestures import BODY, STEP_TIME, Ends, Gesture, Step, steps
 
 Waypoints = list[tuple[float, float]]
 
-SIDES = {"right": "left", "left": "right"}
-BODY = ("head", "shoulder_left", "shoulder_right")
 _HANDLE = (0.061, 0.089, 0.324)
 """Middle of the handle's bar on a forearm in the bundled pose: forward, to the arm's side, and
 above the floor [m]."""
@@ -43,7 +42,7 @@ _ROOM = 0.05
 """Distance by which the receiver's knee string moves back to make way for the prop [m]."""
 
 CARRIED = {"out": 0.1, "up": 0.035}
-"""What moves the hand's string to hold a prop away from the knees [m]."""
+"""Offsets of the hand's string that hold a prop away from the knees [m]."""
 CARRY_TIME = 1.5
 """Duration of what takes up that pose [s]."""
 
@@ -122,7 +121,7 @@ def give(
         InputError: the members have other strings than the bundled marionette.
         ValueError: the side is neither left nor right.
     """
-    other, held = SIDES[side], _HELD
+    other, held = OTHER_SIDE[side], _HELD
     begins = CARRIED if carried else {"up": 0.0, "out": 0.0}
     gives: dict[str, Waypoints] = {
         f"hand_{side}.up": [
@@ -181,7 +180,7 @@ def _beside(side: str, along: float) -> tuple[float, float]:
 def along_forearm(
     stage: Marionette, state: State, who: str, prop: str, height: float, *, side: str = "right"
 ) -> float:
-    """How far from the elbow a handle hangs on a forearm [m], for :func:`give`.
+    """Distance from the elbow at which a handle hangs on a forearm [m], for :func:`give`.
 
     Args:
         stage: the scene.
@@ -197,7 +196,7 @@ def along_forearm(
 
 def aside_by(side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
     """A whole puppet carried a step to a side [m]."""
-    strings = (*BODY, *(f"{limb}_{end}" for limb in ("hand", "knee") for end in SIDES))
+    strings = (*BODY, *(f"{limb}_{end}" for limb in ("hand", "knee") for end in OTHER_SIDE))
     return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in strings}
 
 
@@ -288,6 +287,6 @@ def of_member(who: str, name: str) -> str:
 
 def sign_of(side: str) -> float:
     """1 for left, -1 for right."""
-    if side not in SIDES:
+    if side not in OTHER_SIDE:
         raise ValueError(f"side is {side!r}; it must be 'left' or 'right'")
     return 1.0 if side == "left" else -1.0

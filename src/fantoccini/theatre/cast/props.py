@@ -16,13 +16,13 @@ from fantoccini.theatre.cast import prop_gestures
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing
 from fantoccini.theatre.cast.starts import Places
-from fantoccini.theatre.script import Notes, PlayFile, PropFile, Spot
+from fantoccini.theatre.script import PlayFile, PropFile, ScriptLog, Spot
 
 PropState = tuple[Array, Array]
 """(7,) place and quaternion of a prop, and (6,) its velocities."""
 
 _BOTTOM = 1e-6
-"""So far a prop's bottom may be from z = 0 [m]."""
+"""Largest distance of a prop's bottom from z = 0 [m]."""
 _FOLDER = Path(__file__).parent / "prop_files"
 
 
@@ -53,12 +53,12 @@ class PlayProp:
 
     @property
     def name(self) -> str:
-        """In the play."""
+        """Its name in the play."""
         return self.prop.name
 
     @property
     def start(self) -> PropState:
-        """Where it is at the start, before what is held has settled on the arm."""
+        """Its pose at the start, before a held prop has settled on the arm."""
         x, y, z = (float(one) for one in self.prop.at)
         half = 0.5 * self.stands.heading
         return np.array([x, y, z, np.cos(half), 0.0, 0.0, np.sin(half)]), np.zeros(6)
@@ -82,16 +82,16 @@ def read_props(
     starts: Mapping[str, Footing],
     lifts: Mapping[str, float],
     places: Places,
-    notes: Notes,
+    log: ScriptLog,
 ) -> dict[str, PlayProp]:
-    """The props of a play; notes mistakes.
+    """The props of a play; records mistakes.
 
     Args:
         file: the play.
         starts: where the players stand at the start.
         lifts: how much higher they hang than their files have them [m].
         places: what names of places mean.
-        notes: take mistakes.
+        log: collects mistakes.
     """
     found: dict[str, PlayProp] = {}
     arms: dict[tuple[str, str], str] = {}
@@ -100,8 +100,8 @@ def read_props(
             other = arms.setdefault((given.held_by, given.side), name)
             if other != name:
                 text = f"{other} hangs on the {given.side} forearm of {given.held_by} already"
-                notes.mistake(("props", name, "held by"), text)
-        prop = _prop(file, name, given, starts, lifts, places, notes)
+                log.mistakes.add(("props", name, "held by"), text)
+        prop = _prop(file, name, given, starts, lifts, places, log)
         if prop is not None:
             found[name] = prop
     return found
@@ -114,27 +114,27 @@ def _prop(
     starts: Mapping[str, Footing],
     lifts: Mapping[str, float],
     places: Places,
-    notes: Notes,
+    log: ScriptLog,
 ) -> PlayProp | None:
     spot: Spot = ("props", name)
-    data = _described(name, given, spot, notes)
+    data = _described(name, given, spot, log)
     if data is None:
         return None
     handle, seat = data.pop("handle", None), data.pop("seat", None)
     if given.held_by is not None:
         if given.held_by not in starts:
             text = f"no player is called {given.held_by!r}{nearest(given.held_by, starts)}"
-            notes.mistake((*spot, "held by"), text)
+            log.mistakes.add((*spot, "held by"), text)
             return None
         if handle is None:
-            notes.mistake((*spot, "held by"), f"{name} has no handle; needed: `handle:`")
+            log.mistakes.add((*spot, "held by"), f"{name} has no handle; needed: `handle:`")
             return None
         stands = starts[given.held_by]
         forward, left, up = prop_gestures.handle_place(given.side, raised=lifts[given.held_by])
         place = stands.place + np.exp(1j * stands.heading) * complex(forward, left)
         height = up - handle
     else:
-        there = _place(file, given, spot, places, notes)
+        there = _place(file, given, spot, places, log)
         if there is None:
             return None
         (x, y, height), heading = there, places.direction(given.facing, (*spot, "facing"))
@@ -142,14 +142,14 @@ def _prop(
             middle = places.still(heading)
             if middle is None:
                 text = f"found {heading!r}; needed: an angle, a direction or an obstacle"
-                notes.mistake((*spot, "facing"), text)
+                log.mistakes.add((*spot, "facing"), text)
                 return None
             heading = Footing(x, y).towards(complex(middle[0], middle[1]))
         place, stands = complex(x, y), Footing(x, y, heading)
     least = min(float(extent(shape)[0][2]) for shape in prop_shapes(name, data))
     if abs(least) > _BOTTOM and not given.held_by:
         text = f"its bottom is at z = {least:.3g}; needed: 0, so that it stands where it is put"
-        notes.mistake((*spot, "shapes"), text)
+        log.mistakes.add((*spot, "shapes"), text)
         return None
     turn = {"axis": [0.0, 0.0, 1.0], "angle": stands.heading}
     at = [place.real, place.imag, height]
@@ -162,7 +162,7 @@ def prop_shapes(name: str, data: dict[str, Any]) -> tuple[Any, ...]:
     return Prop.model_validate({"name": name, **data}).shapes
 
 
-def _described(name: str, given: PropFile, spot: Spot, notes: Notes) -> dict[str, Any] | None:
+def _described(name: str, given: PropFile, spot: Spot, log: ScriptLog) -> dict[str, Any] | None:
     """Shapes, mass, drag, handle and seat of a prop; None after a mistake."""
     if given.shapes:
         data: dict[str, Any] = {"shapes": given.shapes, "mass": given.mass}
@@ -170,7 +170,7 @@ def _described(name: str, given: PropFile, spot: Spot, notes: Notes) -> dict[str
         kind = given.like or name
         if kind not in prop_names():
             text = f"no bundled prop is called {kind!r}{nearest(kind, prop_names())}"
-            notes.mistake(spot, f"{text}; needed: `like:` or `shapes:`")
+            log.mistakes.add(spot, f"{text}; needed: `like:` or `shapes:`")
             return None
         data = read_file(_FOLDER / f"{kind}.yaml").data
         if given.mass is not None:
@@ -183,9 +183,9 @@ def _described(name: str, given: PropFile, spot: Spot, notes: Notes) -> dict[str
 
 
 def _place(
-    file: PlayFile, given: PropFile, spot: Spot, places: Places, notes: Notes
+    file: PlayFile, given: PropFile, spot: Spot, places: Places, log: ScriptLog
 ) -> tuple[float, float, float] | None:
-    """Where a prop stands [m]; None after a mistake."""
+    """Place of a standing prop [m]; None after a mistake."""
     height = file.stage.floor
     middle: Array | None = None
     if given.on is not None:
@@ -193,7 +193,7 @@ def _place(
         if top is None:
             known = [one.name for one in file.stage.obstacles]
             text = f"found {given.on!r}; needed: an obstacle{nearest(given.on, known)}"
-            notes.mistake((*spot, "on"), text)
+            log.mistakes.add((*spot, "on"), text)
             return None
         height = top
     if given.at is None:
@@ -203,7 +203,7 @@ def _place(
         mark = file.stage.marks.get(given.at)
         if mark is None:
             text = f"no mark is called {given.at!r}{nearest(given.at, file.stage.marks)}"
-            notes.mistake((*spot, "at"), text)
+            log.mistakes.add((*spot, "at"), text)
             return None
         x, y = mark.at
     else:
@@ -213,6 +213,6 @@ def _place(
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
             text = f"[{x:g}, {y:g}] is not on {given.on}, which is from [{low[0]:.3g}, "
             text += f"{low[1]:.3g}] to [{high[0]:.3g}, {high[1]:.3g}]"
-            notes.mistake((*spot, "at"), text)
+            log.mistakes.add((*spot, "at"), text)
             return None
     return x, y, height

@@ -1,4 +1,4 @@
-"""Where players stand at the start, and what names of places and directions mean."""
+"""Places of players at the start; the meaning of names of places and directions."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 from fantoccini.base import Array, nearest
 from fantoccini.theatre.cast.extents import extent
 from fantoccini.theatre.cast.footing import Footing
-from fantoccini.theatre.script import DIRECTIONS, Notes, PlayerFile, PlayFile, Spot
+from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLog, Spot
 
 
 class Places:
-    """What names of places and directions mean.
+    """Meaning of names of places and directions.
 
     Args:
         file: the play.
-        notes: take mistakes.
+        log: collects mistakes.
     """
 
-    def __init__(self, file: PlayFile, notes: Notes):
-        self._file, self._notes = file, notes
+    def __init__(self, file: PlayFile, log: ScriptLog):
+        self._file, self._log = file, log
         self._obstacles = {
             one.name: 0.5 * np.sum(extent(one), axis=0) for one in file.stage.obstacles
         }
@@ -32,11 +32,11 @@ class Places:
         return [*self._file.stage.marks, *self._obstacles]
 
     def check(self, given: object, spot: Spot) -> None:
-        """Notes a mistake where a name is no place."""
+        """Records a mistake where a name is no place."""
         known = [*self._file.cast, *self.names]
         if isinstance(given, str) and given not in known:
             text = f"found {given!r}; needed: a place [x, y], or what is there"
-            self._notes.mistake(spot, text + nearest(given, known))
+            self._log.mistakes.add(spot, text + nearest(given, known))
 
     def still(self, name: str) -> Array | None:
         """(3,) the middle of an obstacle [m]."""
@@ -61,19 +61,21 @@ class Places:
         known = [*self._file.cast, *self.names]
         if given not in known:
             text = f"found {given!r}; needed: an angle, a direction or what is there"
-            self._notes.mistake(spot, text + nearest(given, [*DIRECTIONS, *known]))
+            self._log.mistakes.add(spot, text + nearest(given, [*DIRECTIONS, *known]))
             return 0.0
         return given
 
 
-def start_of(file: PlayFile, one: PlayerFile, spot: Spot, places: Places, notes: Notes) -> Footing:
-    """Where a player stands at the start."""
+def start_of(
+    file: PlayFile, one: PlayerFile, spot: Spot, places: Places, log: ScriptLog
+) -> Footing:
+    """Footing of a player at the start."""
     heading: float | str = 0.0
     if isinstance(one.at, str):
         mark = file.stage.marks.get(one.at)
         if mark is None:
             text = f"no mark is called {one.at!r}{nearest(one.at, file.stage.marks)}"
-            notes.mistake((*spot, "at"), text)
+            log.mistakes.add((*spot, "at"), text)
             return Footing(0.0, 0.0)
         x, y = mark.at
         heading = places.direction(mark.facing, ("stage", "marks", one.at, "facing"))

@@ -4,7 +4,7 @@ from fantoccini.theatre.gestures import piecewise, stepping
 from fantoccini.theatre.gestures.aiming import check_parts
 from fantoccini.theatre.gestures.compiling import load_score
 from fantoccini.theatre.gestures.conducting import Conductor
-from fantoccini.theatre.gestures.ends import Complex, Ends
+from fantoccini.theatre.gestures.ends import BODY, Complex, Ends
 from fantoccini.theatre.gestures.gait import Gait
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.gesture_file import (
@@ -18,6 +18,16 @@ from fantoccini.theatre.gestures.gesture_file import (
 from fantoccini.theatre.gestures.joining import Line, Motion
 from fantoccini.theatre.gestures.moves import planes
 from fantoccini.theatre.gestures.parameters import MADE
+from fantoccini.theatre.gestures.performing import (
+    CannotBe,
+    Hands,
+    Part,
+    Performed,
+    Performer,
+    Placed,
+    Policy,
+    Turn,
+)
 from fantoccini.theatre.gestures.piecewise import at
 from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
@@ -29,26 +39,35 @@ from fantoccini.theatre.gestures.walking import SWAY, steps
 
 __all__ = [
     "ACCELERATION",
+    "BODY",
     "MADE",
     "SAME",
     "SPEED",
     "STEP_TIME",
     "SWAY",
+    "CannotBe",
     "Caption",
     "Complex",
     "Conductor",
     "Ends",
     "Gait",
     "Gesture",
+    "Hands",
     "Late",
     "Line",
     "Motion",
+    "Part",
+    "Performed",
+    "Performer",
+    "Placed",
     "Played",
+    "Policy",
     "Rehearsal",
     "Score",
     "Sound",
     "Step",
     "Track",
+    "Turn",
     "Wait",
     "at",
     "bundled",

@@ -12,12 +12,12 @@ from functools import cache
 import numpy as np
 
 from fantoccini.base import Array, StateError, UnknownNameError, polynomial
-from fantoccini.base.documents import value_of
+from fantoccini.base.documents import Mistakes, value_of
 from fantoccini.control.optimal import reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette, load
 from fantoccini.model.puppet import bundled_files
-from fantoccini.motion import Findings, State
+from fantoccini.motion import State
 from fantoccini.theatre.gestures.ends import BODY, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.walking import there_and_back
@@ -61,25 +61,25 @@ class Aim:
         start: where it hangs.
         of: what stands before the member's names.
         to: the place, or a body.
-        findings: take mistakes.
+        mistakes: collects them.
 
     Raises:
         InputError: the place is none.
     """
 
-    def __init__(self, marionette: Marionette, start: State, of: str, to: To, findings: Findings):
+    def __init__(self, marionette: Marionette, start: State, of: str, to: To, mistakes: Mistakes):
         bodies = [link.name for link in marionette.tree.links]
         if isinstance(to, str):
             name = of + to if of + to in bodies else to
             try:
                 place = marionette.pose(start, name)[:3, 3]
             except UnknownNameError as error:
-                findings.add(("to",), str(error))
+                mistakes.add(("to",), str(error))
         else:
             place = np.array(to, dtype=float)
             if place.shape != (3,) or not np.all(np.isfinite(place)):
-                findings.add(("to",), f"found {to!r}; needed: three numbers, or the name of a body")
-        findings.raise_any()
+                mistakes.add(("to",), f"found {to!r}; needed: three numbers, or the name of a body")
+        mistakes.refuse()
         self.puppet, self.x0 = marionette, start
         if of or marionette.puppet.touching is not None:
             self.puppet = _by_itself()
@@ -96,7 +96,7 @@ class Aim:
         names = self.puppet.coordinates.q_K
         return Bounds(held=tuple(x for x in names if not x.startswith(f"{string}.")))
 
-    def direction(self, origin: Array, findings: Findings) -> Array:
+    def direction(self, origin: Array, mistakes: Mistakes) -> Array:
         """(3,) from an origin towards the place.
 
         Raises:
@@ -105,8 +105,8 @@ class Aim:
         way = self.place - origin
         distance = float(np.linalg.norm(way))
         if distance < _LEAST:
-            findings.add(("to",), f"is {distance:.3f} m away; needed: a place {_LEAST:g} m away")
-        findings.raise_any()
+            mistakes.add(("to",), f"is {distance:.3f} m away; needed: a place {_LEAST:g} m away")
+        mistakes.refuse()
         return way / distance
 
 
@@ -128,7 +128,7 @@ def check_parts(puppet: Marionette, start: State, name: str) -> None:
             raise UnknownNameError("body", body, bodies)
 
 
-def point(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
+def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     """The hand of the side on which the place is goes up and points there.
 
     Raises:
@@ -141,15 +141,15 @@ def point(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
     pose = puppet.pose(x0, forearm)
     shoulder, elbow = puppet.pose(x0, arm)[:3, 3], pose[:3, 3]
     length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(at))
-    goal = shoulder + _OF_ARM * length * aim.direction(shoulder, findings)
+    goal = shoulder + _OF_ARM * length * aim.direction(shoulder, mistakes)
     try:
         found = reach(puppet, {(forearm, at): goal}, x0, bounds=aim.held(string))[0]
         summary = "" if found else found.summary()
     except StateError as error:
         summary = str(error)
     if summary:
-        findings.add(("to",), f"the {side} hand cannot point there: {summary}")
-    findings.raise_any()
+        mistakes.add(("to",), f"the {side} hand cannot point there: {summary}")
+    mistakes.refuse()
     names = [f"{string}.{part}" for part in ("x", "y", "length")]
     own = {name: float(found.state[name] - ends.start[ends.of + name]) for name in names}
     way = max(_BRIEFEST, polynomial.minimum_jerk_duration(max(map(abs, own.values())), _SPEED))
@@ -159,7 +159,7 @@ def point(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
     return ends.gesture(t, "point", {"points": way}, travels=False)
 
 
-def look(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
+def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     """The puppet turns its face towards a place, as far as its strings can."""
     puppet, x0 = aim.puppet, aim.x0
     flat = complex(aim.place[0], aim.place[1]) - ends.middle
@@ -171,7 +171,7 @@ def look(ends: Ends, aim: Aim, findings: Findings) -> Gesture:
     lengths = [name for name in puppet.coordinates.q_K if name.endswith(".length")]
     turned = puppet.rest(q | {name: float(x0[name]) for name in lengths})
     neck = puppet.pose(turned, "skull")[:3, 3]
-    up = float(np.arcsin(aim.direction(neck, findings)[2]))
+    up = float(np.arcsin(aim.direction(neck, mistakes)[2]))
     tilt = float(np.clip(up, *_TILTS))
     face = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
     found = reach(
@@ -197,7 +197,7 @@ def _by_itself() -> Marionette:
 
 
 def _attached(puppet: Marionette, string: str) -> tuple[float, float, float]:
-    """Where a string is fixed to its body, in the body's frame [m]."""
+    """Point of a body to which a string is fixed, in the body's frame [m]."""
     for one in puppet.tree.strings:
         if one.name == string:
             x, y, z = (value_of(number) for number in one.points[0].at)

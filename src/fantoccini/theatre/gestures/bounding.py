@@ -1,4 +1,4 @@
-"""Where the motion of a score passes its bounds, and which cues move there."""
+"""Passed bounds of the motion of a score, and the cues that move there."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fantoccini.base import Array
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Motion
 from fantoccini.theatre.gestures.score import Played
-from fantoccini.theatre.script import Cue, Notes, ScoreCue
+from fantoccini.theatre.script import Cue, ScoreCue, ScriptLog
 
 _ROUNDING = 2e-3
 """Share of a bound by which a peak may pass it: peaks of speeds are bounds themselves."""
@@ -18,8 +18,8 @@ _ROUNDING = 2e-3
 Cues = Sequence[tuple[Cue[ScoreCue], Played, Motion]]
 
 
-def note_passed(whole: Gesture, most: Array, cues: Cues, notes: Notes) -> None:
-    """Notes where a speed or an acceleration passes its bound, once for each cue."""
+def note_passed(whole: Gesture, most: Array, cues: Cues, log: ScriptLog) -> None:
+    """Records where a speed or an acceleration passes its bound, once for each cue."""
     sizes, middle = whole.peaks_of_pieces, 0.5 * (whole.breaks[1:] + whole.breaks[:-1])
     over = sizes > most * (1.0 + _ROUNDING)
     worst: dict[tuple[int, int, int], int] = {}
@@ -30,10 +30,10 @@ def note_passed(whole: Gesture, most: Array, cues: Cues, notes: Notes) -> None:
                 worst[i, row, v] = piece
     for (i, row, v), piece in worst.items():
         what, unit = (("moves at", "m/s"), ("changes by", "m/s^2"))[row]
-        notes.change(
+        log.change(
             cues[i][0].spot,
             f"{whole.coordinates.v_K[v]} {what} {sizes[piece, row, v]:.4g} {unit} "
-            f"{notes.said(whole.breaks[piece])}; the bound is {most[row, v]:.4g}: play it "
+            f"{log.in_words(whole.breaks[piece])}; the bound is {most[row, v]:.4g}: play it "
             "smaller or slower",
         )
 

@@ -9,7 +9,7 @@ from fantoccini.base import UnknownNameError, check_not_negative
 from fantoccini.theatre.gestures.score import Score, Wait
 
 EARLY = 0.3
-"""So long before a wait GO counts already [s]: who presses it on the beat is early or late."""
+"""Time before a wait from which on GO counts [s]: a press on the beat is early or late."""
 
 
 class Conductor:
@@ -99,7 +99,7 @@ class Conductor:
         """GO: ends the wait, a loop after its round.
 
         Args:
-            early: so long before a wait GO counts already [s].
+            early: time before a wait from which on GO counts [s].
 
         Returns:
             Whether it did: earlier, after the last wait, and where GO has been given already, it

@@ -101,7 +101,7 @@ class Ends:
         self.curves[name] = curve
 
     def gesture(self, t: Times, name: str, marks: dict[str, float], travels: bool) -> Gesture:
-        """What moves, as a gesture that has its breaks at the curves' times."""
+        """The motion, as a gesture that has its breaks at the curves' times."""
         h, n = np.diff(t), self.table.n_vK
         coef, named = np.zeros((len(h), n, polynomial.N_COEF)), np.zeros(n, dtype=bool)
         travel, known = np.zeros(n), pieces.channel_names(self.table)

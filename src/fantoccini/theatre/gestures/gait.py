@@ -156,6 +156,6 @@ class _Moves:
         points.append((max(end, start + _BRIEF), value + way))
 
     def back(self, name: str) -> float:
-        """How far a coordinate is from where it began [m]."""
+        """Distance of a coordinate from its start [m]."""
         points = self.points[name]
         return points[0][1] - points[-1][1]

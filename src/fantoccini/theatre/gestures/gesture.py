@@ -25,7 +25,8 @@ from fantoccini.base import (
     check_positive,
     frozen,
 )
-from fantoccini.motion import SAME_TIME, Findings, Input, State, Table, binding, pieces, reading
+from fantoccini.base.documents import Mistakes
+from fantoccini.motion import SAME_TIME, Input, State, Table, binding, pieces, reading
 from fantoccini.theatre.gestures import moves, piecewise
 from fantoccini.theatre.gestures.joining import Line, Motion
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, Most, limits
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 _STILL = 1e-9
 """Speed below which a gesture is at rest [m/s or rad/s]."""
 _MOMENT = 0.02
-"""Of stillness before a gesture that begins in motion and after one that ends so [s]."""
+"""Duration of stillness before a gesture that begins in motion, and after one that ends so [s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -164,9 +165,9 @@ class Gesture:
         """
         if not points:
             raise ValueError("points is empty; a gesture moves something")
-        table, findings = reading.table_of(table), Findings()
-        read = moves.read(table, points, findings)
-        findings.raise_any()
+        table, mistakes = reading.table_of(table), Mistakes.of_inputs()
+        read = moves.read(table, points, mistakes)
+        mistakes.refuse()
         return cls.of_offsets(table, read, travels=travels, name=name, marks=marks)
 
     @classmethod
@@ -188,7 +189,7 @@ class Gesture:
 
     @classmethod
     def of_input(cls, inputs: Input, *, travels: bool = False, name: str = "") -> Gesture:
-        """What an input does from its start on: of a recording, a plan or an optimised motion.
+        """The motion of an input from its start on: of a recording, a plan or a search.
 
         Args:
             inputs: the motion; ``recording.inputs`` of a live take, ``best.inputs`` of a search.
@@ -251,7 +252,7 @@ class Gesture:
         )
 
     def lasting(self, duration: float) -> Gesture:
-        """Within another time [s]."""
+        """The same in another duration [s]."""
         check_positive(duration=duration)
         return self.faster(self.duration / duration)
 
@@ -275,10 +276,10 @@ class Gesture:
         Raises:
             InputError: with every mistake.
         """
-        findings = Findings()
+        mistakes = Mistakes.of_inputs()
         points = {name: [(0.0, offset)] for name, offset in by.items()}
-        read = moves.read(self.coordinates, points, findings)
-        findings.raise_any()
+        read = moves.read(self.coordinates, points, mistakes)
+        mistakes.refuse()
         coef, named = np.array(self.coef), np.array(self.named)
         places = pieces.channel_names(self.coordinates)
         for name, (_, offsets) in read.items():
@@ -359,10 +360,10 @@ class Gesture:
             ValueError: they are of different puppets, or a bound is not greater than 0.
         """
         binding.check_same_puppet([one.coordinates for one in (self, *others)])
-        line = Line(limits(self.coordinates, speed, acceleration), *(x[0] for x in self.ends))
+        line = Line.empty(limits(self.coordinates, speed, acceleration), *(x[0] for x in self.ends))
         marks: dict[str, float] = {}
         for one in (self, *others):
-            begun = line.add(one.motion)
+            line, begun, _ = line.add(one.motion)
             for name, t in one.marks.items():
                 marks[numbered(name, marks)] = begun + t
         names = dict.fromkeys(one.name for one in (self, *others) if one.name)

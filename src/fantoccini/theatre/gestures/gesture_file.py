@@ -13,9 +13,12 @@ from pydantic import Field, WithJsonSchema, model_validator
 
 from fantoccini.base import FileError, Mistake, StateError, UnknownNameError, nearest
 from fantoccini.base.documents import (
+    ANGLES,
+    LENGTHS,
     Document,
     Finding,
     Kind,
+    Mistakes,
     Model,
     Name,
     NotNegative,
@@ -23,6 +26,7 @@ from fantoccini.base.documents import (
     document_schema,
     has_key,
     mistake,
+    quantity_schema,
     read_document,
     refuse,
     unknown_names,
@@ -30,7 +34,7 @@ from fantoccini.base.documents import (
 from fantoccini.control.optimal import What, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.motion import SAME_TIME, Findings, Input, Points, State, Table, reading
+from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import To
 from fantoccini.theatre.gestures.gesture import Gesture
@@ -39,7 +43,7 @@ from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gestur
 _FOLDER = Path(__file__).parent / "marionette"
 _STILL = 1e-9
 """Largest speed and acceleration of what does not move [m/s, m/s^2 or rad]."""
-_VALUE = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^.+ *(mm|cm|m|deg|rad)$"}]}
+_VALUE = quantity_schema(LENGTHS, ANGLES)
 _POINTS = {
     "type": "array",
     "items": {
@@ -91,9 +95,9 @@ class GestureFile(Document):
     gesture: Name
     """The gesture's name."""
     about: str = ""
-    """What is seen."""
+    """Description of what an audience sees."""
     moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
-    """What moves -> list of [time s, offset]: a driven coordinate, or a string and a direction
+    """Moved name -> list of [time s, offset]: a driven coordinate, or a string and a direction
     (`hand_right.up`); offsets in m or rad, or with a unit (`12 cm`, `30 deg`)."""
     poses: KeyPoses | None = None
     """Key poses, beside the moves."""
@@ -175,31 +179,31 @@ def load_gesture(
 def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str) -> Gesture:
     """The gesture of a file."""
     file = read_document(path, GestureFile)
-    table, findings = reading.table_of(puppet), Findings()
+    table, mistakes = reading.table_of(puppet), Mistakes(file.located, file.kind.error)
     given = {prefix + name: points for name, points in file.moves.items()}
-    offsets: dict[str, Points] = moves.read(table, given, findings, ("moves",))
-    findings.found = [
+    offsets: dict[str, Points] = moves.read(table, given, mistakes, ("moves",))
+    mistakes.found = [
         (tuple(x.removeprefix(prefix) if isinstance(x, str) else x for x in spot), text)
-        for spot, text in findings.found
+        for spot, text in mistakes.found
     ]
-    if file.poses is not None and not findings.found:
+    if file.poses is not None and not mistakes:
         found = _of_poses(puppet, file, file.poses, start, offsets, prefix)
         for channel, points in found.items():
             if channel in offsets:
-                findings.add(("moves",), f"move {channel}, as the string of the poses does")
+                mistakes.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
-    if not findings.found:
+    if not mistakes:
         made = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
         for mark, t in file.marks.items():
             if t > made.duration + SAME_TIME:
                 text = f"found {t:g} s; the gesture ends at {made.duration:g} s"
-                findings.add(("marks", mark), text)
-    file.refuse(findings.found)
+                mistakes.add(("marks", mark), text)
+    mistakes.refuse()
     return dataclasses.replace(made, marks=dict(file.marks))
 
 
 def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
-    """What moves in a take, as a gesture.
+    """The motion of a take, as a gesture.
 
     Args:
         inputs: of the take.
@@ -233,7 +237,7 @@ def _of_poses(
     prefix: str,
 ) -> dict[str, Points]:
     """Offsets of strings with which the puppet hangs at key poses, moved as it is then."""
-    found = Findings()
+    mistakes = Mistakes(file.located, file.kind.error)
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{file.located.file} has key poses; it takes a Marionette")
     x0, table = puppet.rest() if start is None else start, puppet.coordinates
@@ -241,8 +245,8 @@ def _of_poses(
     for i, string in enumerate(poses.strings):
         if prefix + string not in owners.values():
             text = f"no string with driven coordinates is called {string!r}"
-            found.add(("poses", "strings", i), text + nearest(string, set(owners.values())))
-    file.refuse(found.found)
+            mistakes.add(("poses", "strings", i), text + nearest(string, set(owners.values())))
+    mistakes.refuse()
     strings = {prefix + string for string in poses.strings}
     held = tuple(name for name, owner in owners.items() if owner not in strings)
     targets: dict[What, Any] = {}
@@ -251,11 +255,11 @@ def _of_poses(
         try:
             pose = puppet.pose(x0, prefix + body)
         except UnknownNameError as error:
-            found.add(("poses", "points", body), str(error))
+            mistakes.add(("poses", "points", body), str(error))
             continue
         home = pose[:3, 3] + pose[:3, :3] @ np.array(at)
         targets[prefix + body, at] = home + np.array(places)
-    file.refuse(found.found)
+    mistakes.refuse()
     made = {
         table.q_K[q]: (np.array(poses.at), np.empty(len(poses.at)))
         for q, _ in table.scalars_K
@@ -274,9 +278,9 @@ def _of_poses(
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
         if not reached:
-            found.add(("poses", "at", i), f"at {poses.at[i]:g} s: {reached.summary()}")
+            mistakes.add(("poses", "at", i), f"at {poses.at[i]:g} s: {reached.summary()}")
         for q, _ in table.scalars_K:
             if table.q_K[q] in made:
                 made[table.q_K[q]][1][i] = reached.state.q_K[q] - x0.q_K[q]
-    file.refuse(found.found)
+    mistakes.refuse()
     return made

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import copy
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,101 +24,123 @@ class Motion(NamedTuple):
     travel: VecK
 
 
+@dataclass(frozen=True, eq=False)
 class Line:
-    """Motions that follow one another.
+    """Motions that follow one another, as a value: what continues it is another line.
 
     Attributes:
-        end: where it ends so far [s].
-        d, rate: (n_vK,) offsets and rates there.
+        most: (2, n_vK) bounds of speeds and accelerations of what leads over.
+        d, rate: (n_vK,) offsets and rates at its end.
         carried: (n_vK,) the place from which the next one's offsets count.
         named: (n_vK,) bool, what moves.
-
-    Args:
-        most: (2, n_vK) bounds of speeds and accelerations of what leads over.
-        d, rate: at time 0; nothing when not given.
+        breaks, coef: of its motions, one after the other.
     """
 
-    def __init__(self, most: Array, d: VecK | None = None, rate: VecK | None = None):
+    most: Array
+    d: VecK
+    rate: VecK
+    carried: VecK
+    named: MaskRows
+    breaks: tuple[Times, ...] = (np.zeros(1),)
+    coef: tuple[Array, ...] = ()
+
+    @classmethod
+    def empty(
+        cls,
+        most: Array,
+        d: VecK | None = None,
+        rate: VecK | None = None,
+        carried: VecK | None = None,
+    ) -> Line:
+        """A line without motions, from offsets and rates at time 0 on; nothing when not given."""
         n = most.shape[1]
-        self.end, self.most = 0.0, most
-        self.d = np.zeros(n) if d is None else d
-        self.rate = np.zeros(n) if rate is None else rate
-        self.carried, self.named = np.zeros(n), np.zeros(n, dtype=bool)
-        self._breaks, self._coef = [np.zeros(1)], list[Array]()
+        d, rate, carried = (np.zeros(n) if x is None else x for x in (d, rate, carried))
+        return cls(most, d, rate, carried, np.zeros(n, dtype=bool))
 
-    def kept(self) -> Line:
-        """The line as it is now: what is added to this one does not change it."""
-        made = copy.copy(self)
-        made._breaks, made._coef = list(self._breaks), list(self._coef)
-        return made
-
-    def lead_time(self, motion: Motion) -> float:
-        """How long the way to the start of a motion takes [s]."""
-        lead, _ = self._lead(motion)
-        return 0.0 if lead is None else lead[0]
-
-    def add(self, motion: Motion) -> float:
-        """Goes on with a motion; returns when it begins [s]."""
-        lead, arrived = self._lead(motion)
-        self._go(lead)
-        begun = self.end
-        held = np.where(motion.named, self.carried, arrived)
-        own = np.array(motion.coef)
-        own[:, :, 0] += held
-        self._append(begun + motion.breaks[1:], own)
-        last, self.rate = piecewise.at(motion.breaks, motion.coef, motion.breaks[-1])
-        self.d = held + last
-        self.carried = self.carried + motion.travel
-        self.named = self.named | motion.named
-        return begun
-
-    def stop(self) -> None:
-        """Brings everything to rest."""
-        lead, arrived = transition(
-            self.d, self.rate, np.full(len(self.d), np.nan), np.zeros(len(self.d)), self.most
-        )
-        self._go(lead)
-        self.d, self.rate = arrived, np.zeros(len(self.d))
-
-    def rest(self) -> None:
-        """Brings everything to rest that is not."""
-        if np.any(np.abs(self.rate) > STILL):
-            self.stop()
-
-    def wait(self, motion: Motion, begin: float) -> float:
-        """Stays where it is, so that a motion begins at a time or soon after; the way there [s]."""
-        lead = self.lead_time(motion)
-        if begin - lead > self.end:
-            if np.any(np.abs(self.rate) > STILL):
-                self.stop()
-                lead = self.lead_time(motion)
-            self.hold(begin - lead)
-        return lead
-
-    def hold(self, until: float) -> None:
-        """Stays where it is, at rest, until a time [s]."""
-        if until > self.end:
-            still = np.zeros((1, len(self.d), polynomial.N_COEF))
-            still[0, :, 0] = self.d
-            self._append(np.array([until]), still)
+    @property
+    def end(self) -> float:
+        """Its duration so far [s]."""
+        return float(self.breaks[-1][-1])
 
     @property
     def motion(self) -> Motion:
         """All of it."""
         return Motion(
-            np.concatenate(self._breaks), np.concatenate(self._coef), self.named, self.carried
+            np.concatenate(self.breaks), np.concatenate(self.coef), self.named, self.carried
         )
+
+    def lead_time(self, motion: Motion) -> float:
+        """Duration of the way to the start of a motion [s]."""
+        lead, _ = self._lead(motion)
+        return 0.0 if lead is None else lead[0]
+
+    def add(self, motion: Motion, begin: float = -np.inf) -> Continued:
+        """The line with a motion that begins at a time [s], or as soon after as bounds allow."""
+        line, (lead, arrived) = self, self._lead(motion)
+        if begin - (0.0 if lead is None else lead[0]) > line.end:
+            if line._moves:
+                line = line.stopped()
+                lead, arrived = line._lead(motion)
+            line = line.held(begin - (0.0 if lead is None else lead[0]))
+        line = line._led(lead)
+        begun, held = line.end, np.where(motion.named, self.carried, arrived)
+        coef = np.array(motion.coef)
+        coef[:, :, 0] += held
+        last, rate = piecewise.at(motion.breaks, motion.coef, motion.breaks[-1])
+        line = replace(
+            line._with(begun + motion.breaks[1:], coef),
+            d=held + last,
+            rate=rate,
+            carried=line.carried + motion.travel,
+            named=line.named | motion.named,
+        )
+        return Continued(line, begun, 0.0 if lead is None else lead[0])
+
+    def stopped(self) -> Line:
+        """The line with everything brought to rest at its end."""
+        nothing = np.zeros(len(self.d))
+        lead, arrived = transition(
+            self.d, self.rate, np.full(len(self.d), np.nan), nothing, self.most
+        )
+        return replace(self._led(lead), d=arrived, rate=nothing)
+
+    def rested(self) -> Line:
+        """The line, stopped if it is not at rest."""
+        return self.stopped() if self._moves else self
+
+    def held(self, until: float) -> Line:
+        """The line that stays where it is, at rest, until a time [s]."""
+        if until <= self.end:
+            return self
+        still = np.zeros((1, len(self.d), polynomial.N_COEF))
+        still[0, :, 0] = self.d
+        return self._with(np.array([until]), still)
+
+    @property
+    def _moves(self) -> bool:
+        return bool(np.any(np.abs(self.rate) > STILL))
 
     def _lead(self, motion: Motion) -> tuple[tuple[float, Array] | None, Array]:
         first, rate = piecewise.at(motion.breaks, motion.coef, 0.0)
         target = np.where(motion.named, self.carried + first, np.nan)
         return transition(self.d, self.rate, target, np.where(motion.named, rate, 0.0), self.most)
 
-    def _go(self, lead: tuple[float, Array] | None) -> None:
-        if lead is not None:
-            self._append(np.array([self.end + lead[0]]), lead[1][None])
+    def _led(self, lead: tuple[float, Array] | None) -> Line:
+        return self if lead is None else self._with(np.array([self.end + lead[0]]), lead[1][None])
 
-    def _append(self, breaks: Times, coef: Array) -> None:
-        self._breaks.append(breaks)
-        self._coef.append(coef)
-        self.end = float(breaks[-1])
+    def _with(self, breaks: Times, coef: Array) -> Line:
+        return replace(self, breaks=(*self.breaks, breaks), coef=(*self.coef, coef))
+
+
+class Continued(NamedTuple):
+    """A line with another motion.
+
+    Attributes:
+        line: with the motion.
+        begun: when the motion begins [s].
+        lead: duration of the way to its start [s].
+    """
+
+    line: Line
+    begun: float
+    lead: float

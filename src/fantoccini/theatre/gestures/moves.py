@@ -1,4 +1,4 @@
-"""What gestures move: driven coordinates, or strings and directions; their mirror images."""
+"""Names that gestures move: driven coordinates, or strings and directions; mirror images."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fantoccini.base import Array, MaskRows, StateError, nearest
-from fantoccini.motion import Findings, Path, Points, pieces, reading
-from fantoccini.theatre.script import metres
+from fantoccini.base.documents import LENGTHS, Mistakes, Path, without_unit
+from fantoccini.motion import Points, pieces, reading
 
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
@@ -33,7 +33,7 @@ _TWIN = {"left": "right", "right": "left"}
 
 
 def owner_of(name: str) -> tuple[str, str, str]:
-    """What stands before the owner of a coordinate, the owner, and what stands after it.
+    """Prefix of a coordinate's owner, the owner, and the rest after it.
 
     ``pierrot.``, ``hand_left`` and ``.length``: the sides of a scene's puppets do not count.
     """
@@ -84,7 +84,7 @@ def planes(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
 
 
 def read(
-    table: CoordinateTable, given: Mapping[str, Any], findings: Findings, at: Path = ()
+    table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
 ) -> dict[str, Points]:
     """Driven scalar coordinate -> times and offsets, of names as :meth:`Gesture.of` takes them."""
     known = pieces.channel_names(table)
@@ -96,28 +96,28 @@ def read(
     for name, points in given.items():
         channel, sign = places[name]
         if channel not in known or channel in table.rotations:
-            findings.add((*at, str(name)), _unknown(str(name), channel, table))
+            mistakes.add((*at, str(name)), _unknown(str(name), channel, table))
             continue
         if channel in written:
-            findings.add(
+            mistakes.add(
                 (*at, str(name)), f"moves {channel}, as {written[channel][0]} does; leave one out"
             )
             continue
         written[channel] = (str(name), sign, points)
     read: dict[str, Points] = {}
     for channel, (name, sign, points) in written.items():
-        found = Findings()
+        own = Mistakes.of_inputs()
         units = {row.name: row.unit for row in table.rows}
-        plain = points if units.get(channel) == "rad" else _in_metres(points, found)
-        one = reading.waypoints(table, {channel: plain}, found)
-        findings.found += [
-            ((*at, name, *(k for k in path if k != channel)), text) for path, text in found.found
+        plain = points if units.get(channel) == "rad" else _in_metres(points, own)
+        one = reading.waypoints(table, {channel: plain}, own)
+        mistakes.found += [
+            ((*at, name, *(k for k in path if k != channel)), text) for path, text in own.found
         ]
-        if channel not in one or found.found:
+        if channel not in one or own:
             continue
         t, values = one[channel]
         if t[0] < 0.0:
-            findings.add((*at, name, 0), f"comes at {t[0]:g} s; a gesture begins at 0 s")
+            mistakes.add((*at, name, 0), f"comes at {t[0]:g} s; a gesture begins at 0 s")
             continue
         read[channel] = t, sign * values
     return read
@@ -137,17 +137,17 @@ def meaning(name: str, known: Mapping[str, Any]) -> tuple[str, float]:
     return f"{owner}.{part}", sign
 
 
-def _in_metres(points: Any, findings: Findings) -> Any:
+def _in_metres(points: Any, mistakes: Mistakes) -> Any:
     """The waypoints with their lengths in metres."""
     if not isinstance(points, list | tuple):
         return points
     made = []
     for i, point in enumerate(points):
         if isinstance(point, list | tuple) and len(point) == 2:
-            value = metres(point[1])
+            value = without_unit(point[1], LENGTHS)
             if isinstance(value, str):
                 text = f"found {value!r}; needed: a length, as 0.12, 12 cm or 120 mm"
-                findings.add((i,), text)
+                mistakes.add((i,), text)
                 value = 0.0
             point = (point[0], value)
         made.append(point)

@@ -6,8 +6,9 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from fantoccini.base import UnknownNameError
+from fantoccini.base.documents import Mistakes
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.motion import Findings, State, Table
+from fantoccini.motion import State, Table
 from fantoccini.theatre.gestures.aiming import Aim, To, look, point
 from fantoccini.theatre.gestures.ends import Ends
 from fantoccini.theatre.gestures.gesture import Gesture
@@ -35,16 +36,16 @@ class Parameters:
 
     def refuse(self, name: str, known: tuple[str, ...] = ()) -> None:
         """Raises an InputError where one is given that a gesture does not have."""
-        findings = Findings()
+        mistakes = Mistakes.of_inputs()
         for one in fields(self):
             if getattr(self, one.name) is not None and one.name not in known:
                 have = ", ".join(other for other, own in MADE.items() if one.name in own)
-                findings.add((one.name,), f"{name} has no {one.name!r}; those with it: {have}")
-        findings.raise_any()
+                mistakes.add((one.name,), f"{name} has no {one.name!r}; those with it: {have}")
+        mistakes.refuse()
 
 
 def member_prefix(table: CoordinateTable, of: str) -> str:
-    """What stands before the names of a scene's member.
+    """Prefix of the names of a scene's member.
 
     Raises:
         UnknownNameError: there is no such member.
@@ -69,9 +70,9 @@ def made_gesture(
     given.refuse(name, MADE[name])
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{name} begins where the puppet hangs; it takes a Marionette")
-    start, findings = puppet.rest() if start is None else start, Findings()
+    start, mistakes = puppet.rest() if start is None else start, Mistakes.of_inputs()
     ends = Ends(puppet.coordinates, start, prefix)
     if given.to is None:
-        return walk(ends, findings, given.steps, given.step, given.turn)
-    aim = Aim(puppet, start, prefix, given.to, findings)
-    return (point if name == "point" else look)(ends, aim, findings)
+        return walk(ends, mistakes, given.steps, given.step, given.turn)
+    aim = Aim(puppet, start, prefix, given.to, mistakes)
+    return (point if name == "point" else look)(ends, aim, mistakes)

@@ -1,4 +1,7 @@
-"""Cues of lanes in time: each begins when it is to, or as soon as bounds allow."""
+"""Scores performed: each cue begins when it is to, or as soon after as bounds allow.
+
+A score is a play with one player, whose lanes the file names.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import numpy as np
 from fantoccini.base import Array, nearest
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.joining import Line, Motion
+from fantoccini.theatre.gestures.performing import Hands, Part, Performed, Performer, Policy, Turn
 from fantoccini.theatre.gestures.score import Played
 from fantoccini.theatre.script import (
     END,
@@ -19,10 +23,9 @@ from fantoccini.theatre.script import (
     GestureCue,
     HoldCue,
     Moments,
-    Notes,
     PlayedCue,
-    Ref,
     ScoreCue,
+    ScriptLog,
     Spot,
     Time,
     Timeline,
@@ -31,10 +34,12 @@ from fantoccini.theatre.script import (
 
 _HEADING = 1e-2
 """Difference of headings that tears no strings apart [rad]."""
+_POLICY = Policy(LATE)
+"""Late cues of a score are reported."""
 
-Made = tuple[Gesture, Gesture]
+CueGestures = tuple[Gesture, Gesture]
 """The gesture of a cue, once and as often as it is repeated."""
-Gestures = Callable[[PlayedCue, Spot], Made | None]
+Gestures = Callable[[PlayedCue, Spot], CueGestures | None]
 """Gives those of cues; None after a mistake."""
 ScoreCues = Mapping[str, tuple[Spot, tuple[ScoreCue, ...]]]
 """Lane -> where it is written, and its cues."""
@@ -46,7 +51,7 @@ class PlacedLanes:
 
     Attributes:
         timeline: the cues, in the file's order.
-        lines: lane -> its motion.
+        hands: the motion of each lane.
         played: the gestures that are played, in the file's order.
         moments: place of a cue or a mark -> its moments.
         marks: mark of the score -> time [s].
@@ -54,19 +59,19 @@ class PlacedLanes:
     """
 
     timeline: Timeline[ScoreCue]
-    lines: Mapping[str, Line]
+    hands: Hands
     played: tuple[tuple[Cue[ScoreCue], Played, Motion], ...]
     moments: Mapping[Spot, Moments]
     marks: Mapping[str, float]
     turns: bool
 
-    def time(self, given: Time, spot: Spot, notes: Notes) -> float:
+    def time(self, given: Time, spot: Spot, log: ScriptLog) -> float:
         """A time of the file [s]; 0 after a mistake."""
-        before = len(notes.found)
+        before = len(log.mistakes)
         ref = self.timeline.names.read(given, spot)
-        if len(notes.found) > before:
+        if len(log.mistakes) > before:
             return 0.0
-        return _within(self.timeline.time(ref, 0.0, self.moments), spot, notes)
+        return _within(self.timeline.time(ref, 0.0, self.moments), spot, log)
 
 
 def place_lanes(
@@ -74,7 +79,7 @@ def place_lanes(
     marks: Mapping[str, Time],
     gestures: Gestures,
     most: Array,
-    notes: Notes,
+    log: ScriptLog,
     phrase: bool = False,
 ) -> PlacedLanes | None:
     """Places the cues of the lanes of a score, or of one phrase; None after a mistake.
@@ -84,36 +89,42 @@ def place_lanes(
         marks: of the score; none in a phrase.
         gestures: gives those of cues.
         most: (2, n_vK) bounds of speeds and accelerations.
-        notes: take mistakes and changes.
+        log: collects mistakes and changes.
         phrase: whether it is one.
     """
-    made: dict[Spot, Made] = {}
-    cues = _cues(lanes, gestures, made, notes)
-    if notes.found:
+    cue_gestures: dict[Spot, CueGestures] = {}
+    cues = _cues(lanes, gestures, cue_gestures, log)
+    if log.mistakes:
         return None
     spots: dict[Spot, Time] = {("marks", name): time for name, time in marks.items()}
-    timeline = make_timeline([cues], spots, notes)
-    if notes.found:
+    timeline = make_timeline([cues], spots, log)
+    if log.mistakes:
         return None
-    placing = _Placing(timeline, made, {lane: _Lane(Line(most)) for lane in lanes}, notes, phrase)
-    timeline.place(0, 0.0, placing.moments, placing.place, lambda spot, t: _within(t, spot, notes))
-    for lane in placing.lanes.values():
-        lane.line.rest()
-        lane.line.hold(lane.free)
-    times = {name: placing.moments["marks", name][""] for name in marks}
-    played = [(cue, placing.played[cue.spot]) for cue in cues if cue.spot in placing.played]
+    verbs = _Verbs(cue_gestures, tuple(lanes), log, phrase)
+    performer = Performer(timeline, _POLICY, verbs.do, lambda spot, t: _within(t, spot, log))
+    whole = performer.act(Performed(Hands(tuple(Line.empty(most) for _ in lanes))), 0, 0.0)
+    ends = {cue.who[0]: whole.moments[cue.spot][END] for cue in cues}
+    lines = zip(lanes, whole.state.rested().lanes, strict=True)
+    parts = [(cue, part) for cue in cues for part in whole.placed[cue.spot].parts]
     return PlacedLanes(
         timeline,
-        {name: lane.line for name, lane in placing.lanes.items()},
-        tuple((cue, one, made[cue.spot][1].motion) for cue, one in played),
-        placing.moments,
-        times,
-        any(whole.turns for _, whole in made.values()),
+        Hands(tuple(line.held(ends.get(lane, 0.0)) for lane, line in lines)),
+        tuple(
+            (
+                cue,
+                Played(cue.who[0], part.gesture.name, part.start, part.end, part.marks, cue.name),
+                part.gesture.motion,
+            )
+            for cue, part in parts
+        ),
+        whole.moments,
+        {name: whole.moments["marks", name][""] for name in marks},
+        any(part.gesture.turns for _, part in parts),
     )
 
 
 def _cues(
-    lanes: ScoreCues, gestures: Gestures, made: dict[Spot, Made], notes: Notes
+    lanes: ScoreCues, gestures: Gestures, cue_gestures: dict[Spot, CueGestures], log: ScriptLog
 ) -> list[Cue[ScoreCue]]:
     """The cues of lanes, and their gestures by place."""
     cues: list[Cue[ScoreCue]] = []
@@ -121,127 +132,141 @@ def _cues(
         before: tuple[Cue[ScoreCue], ...] = ()
         for i, given in enumerate(written):
             spot, name, marks = (*start, i), given.name or "", tuple[str, ...]()
-            found = gestures(given, spot) if isinstance(given, PlayedCue) else None
-            if found is not None:
-                made[spot] = found
-                mark, own = given.mark, found[0].marks
-                if mark and mark not in own:
-                    text = f"{found[0].name} has no mark {mark!r}{nearest(mark, own)}"
-                    notes.mistake((*spot, "on"), text)
-                name, marks = given.name or found[0].name, tuple(found[1].marks)
+            own = gestures(given, spot) if isinstance(given, PlayedCue) else None
+            if own is not None:
+                cue_gestures[spot] = once, whole = own
+                if given.mark and given.mark not in once.marks:
+                    text = f"{once.name} has no mark {given.mark!r}"
+                    log.mistakes.add((*spot, "on"), text + nearest(given.mark, once.marks))
+                name, marks = given.name or once.name, tuple(whole.marks)
             cue = Cue(spot, len(cues), 0, given, (lane,), name, (*marks, START, END), before)
             before = (cue,)
             cues.append(cue)
     return cues
 
 
-def _within(t: float, spot: Spot, notes: Notes, of: str = "score") -> float:
-    """A time, at least 0; notes a mistake where it is earlier [s]."""
+def _within(t: float, spot: Spot, log: ScriptLog, of: str = "score") -> float:
+    """A time, at least 0; records a mistake where it is earlier [s]."""
     if t < 0.0:
-        notes.mistake(spot, f"comes {-t:.2f} s before the {of}")
+        log.mistakes.add(spot, f"comes {-t:.2f} s before the {of}")
     return max(t, 0.0)
 
 
-@dataclass
-class _Lane:
-    """A lane so far: its motion, when the next cue may begin, what came last, where it looks."""
+class _Verbs:
+    """The verbs of cues in lanes.
 
-    line: Line
-    free: float = 0.0
-    before: str = ""
-    heading: float = 0.0
-
-
-class _Placing:
-    """Lanes while cues are placed, one after the other."""
+    Args:
+        cue_gestures: place of a cue -> its gesture, once and repeated.
+        lanes: their names.
+        log: collects mistakes and changes.
+        phrase: whether they are those of a phrase.
+    """
 
     def __init__(
         self,
-        timeline: Timeline[ScoreCue],
-        made: Mapping[Spot, Made],
-        lanes: Mapping[str, _Lane],
-        notes: Notes,
+        cue_gestures: Mapping[Spot, CueGestures],
+        lanes: tuple[str, ...],
+        log: ScriptLog,
         phrase: bool,
     ):
-        self.lanes, self._made, self._timeline = lanes, made, timeline
-        self._notes, self._phrase = notes, phrase
+        self._cue_gestures, self._lanes, self._log, self._phrase = cue_gestures, lanes, log, phrase
         self._of = "phrase" if phrase else "score"
-        self.moments: dict[Spot, Moments] = {}
-        self.played: dict[Spot, Played] = {}
 
-    def _begins(self, cue: Cue[ScoreCue]) -> float | None:
-        """Time at which a cue is to begin [s]; None where it follows the one before."""
-        for spot, _ in cue.times:
-            ref: Ref = self._timeline.refs[spot]
-            t = _within(self._timeline.time(ref, 0.0, self.moments), spot, self._notes, self._of)
-            if not cue.given.mark:
-                return t
-            once, _ = self._made[cue.spot]
-            begins = t - once.marks[cue.given.mark]
-            if begins < 0.0:
-                text = f"{once.name} would begin {-begins:.2f} s before the {self._of}"
-                self._notes.mistake(spot, text)
-            return max(begins, 0.0)
-        return None
-
-    def place(self, cue: Cue[ScoreCue], _: float) -> Moments:
-        """Places a cue; its moments."""
-        lane, wanted, given = self.lanes[cue.who[0]], self._begins(cue), cue.given
+    def do(self, hands: Hands, turn: Turn[ScoreCue]) -> tuple[Hands, tuple[Part, ...], Moments]:
+        """The hands after a cue, its parts, and its moments."""
+        lane, given = self._lanes.index(turn.who[0]), turn.given
+        begin, before = self._begin(turn), turn.cue.before
+        held = bool(before) and isinstance(before[0].given, HoldCue)
+        due = begin if turn.cue.times or held else np.inf
+        end = turn.moments[before[0].spot][END] if before else 0.0
         if isinstance(given, HoldCue):
-            return self._rest(cue, given, lane, wanted)
+            hands = hands.rested(lane)
+            free = max(end, hands.lanes[lane].end)
+            begun = max(begin, free)
+            self._check_time(turn, "the hold", begun, due if turn.cue.times else np.inf, 0.0, free)
+            # The next cue begins after it, and is led to within it.
+            return hands, (), {START: begun, END: begun + given.hold * self._log.beat}
+        whole, free = self._cue_gestures[turn.spot][1], max(end, hands.lanes[lane].end)
+        hands, (line, begun, lead) = hands.add(lane, whole, max(begin, free))
+        self._check_time(turn, whole.name, begun, due, lead, free)
+        self._note_changed(turn)
+        marks = {name: begun + t for name, t in whole.marks.items()}
+        part = Part("", lane, whole, begun, line.end, marks)
+        return hands, (part,), {START: begun, END: line.end, **marks}
+
+    def _begin(self, turn: Turn[ScoreCue]) -> float:
+        """Time at which a cue is to begin [s]."""
+        t, mark = turn.wanted, turn.given.mark
+        for spot, _ in turn.cue.times:
+            t = _within(t, spot, self._log, self._of)
+            if mark:
+                once, _ = self._cue_gestures[turn.spot]
+                t -= once.marks[mark]
+                if t < 0.0:
+                    text = f"{once.name} would begin {-t:.2f} s before the {self._of}"
+                    self._log.mistakes.add(spot, text)
+        return max(t, 0.0)
+
+    def _check_time(
+        self, turn: Turn[ScoreCue], name: str, begun: float, due: float, lead: float, free: float
+    ) -> None:
+        """Reports what begins late.
+
+        Args:
+            turn: the cue.
+            name: of what it plays.
+            begun, due: when it begins, and when it is to [s].
+            lead: duration of the way there [s].
+            free: end of the one before [s].
+        """
+
+        def why() -> str:
+            before = self._name(turn.cue.before[0]) if turn.cue.before else ""
+            reason = f"the way there takes {lead:.2f} s" + (f" after {before}" if before else "")
+            if due < free - LATE:
+                reason = f"{before} ends {in_words(free, self._phrase)}"
+            times = in_words(begun, self._phrase), in_words(due, self._phrase)
+            return f"{name} begins {times[0]} instead of {times[1]}: {reason}"
+
+        in_words = self._log.in_words
+        if text := _POLICY.check(begun - due, 0.0, why):
+            self._log.change(turn.spot, text)
+
+    def _name(self, cue: Cue[ScoreCue]) -> str:
+        return (
+            "the hold" if isinstance(cue.given, HoldCue) else self._cue_gestures[cue.spot][1].name
+        )
+
+    def _note_changed(self, turn: Turn[ScoreCue]) -> None:
+        """Reports what takes longer than it is to, and what turns from another heading."""
+        (once, whole), given, spot = self._cue_gestures[turn.spot], turn.given, turn.spot
         assert isinstance(given, PlayedCue)
-        once, whole = self._made[cue.spot]
-        line, free, earliest = lane.line, max(lane.free, lane.line.end), wanted
-        if lane.free > line.end:  # after a hold
-            earliest = max(lane.free, wanted or 0.0)
-        lead = line.lead_time(whole.motion)
-        if earliest is not None:
-            lead = line.wait(whole.motion, earliest)
-        begun = line.add(whole.motion)
-        due = wanted if wanted is not None else lane.free if lane.free > 0.0 else None
-        if due is not None and begun > due + LATE:
-            self._late(cue.spot, whole.name, begun, due, lane.before, lead, free)
-        more = whole.duration - given.repeat * once.duration
-        if more > LATE:
-            self._notes.change(
-                cue.spot,
+        longer = whole.duration - given.repeat * once.duration
+        if longer > LATE:
+            self._log.change(
+                spot,
                 f"{whole.name} takes {whole.duration:.2f} s instead of "
-                f"{whole.duration - more:.2f} s: it ends elsewhere than it begins, and goes back "
+                f"{whole.duration - longer:.2f} s: it ends elsewhere than it begins, and goes back "
                 "each time",
             )
-        if whole.turns and abs((given.heading or 0.0) - lane.heading) > _HEADING:
-            self._notes.change(
-                cue.spot,
+        if not whole.turns:
+            return
+        heading = _heading(turn.cue)
+        if abs((given.heading or 0.0) - heading) > _HEADING:
+            self._log.change(
+                spot,
                 f"{whole.name} turns as if the puppet looked "
                 f"{np.degrees(given.heading or 0.0):.0f} deg to the left, and tears its "
-                f"strings apart: it looks {np.degrees(lane.heading):.0f} deg; give "
-                f"`heading: {np.degrees(lane.heading):.0f} deg`",
+                f"strings apart: it looks {np.degrees(heading):.0f} deg; give "
+                f"`heading: {np.degrees(heading):.0f} deg`",
             )
-        if isinstance(given, GestureCue):
-            lane.heading += given.turn or 0.0
-        lane.before, lane.free = whole.name, 0.0
-        marks = {name: begun + t for name, t in whole.marks.items()}
-        self.played[cue.spot] = Played(cue.who[0], whole.name, begun, line.end, marks, cue.name)
-        return {START: begun, END: line.end, **marks}
 
-    def _rest(
-        self, cue: Cue[ScoreCue], given: HoldCue, lane: _Lane, wanted: float | None
-    ) -> Moments:
-        """A hold: the next cue begins after it, and is led to within it."""
-        lane.line.rest()
-        free = max(lane.free, lane.line.end)
-        begun = free if wanted is None else max(wanted, free)
-        if wanted is not None and begun > wanted + LATE:
-            self._late(cue.spot, "the hold", begun, wanted, lane.before, 0.0, free)
-        lane.free = begun + given.hold * self._notes.beat
-        lane.before = "the hold"
-        return {START: begun, END: lane.free}
 
-    def _late(
-        self, spot: Spot, name: str, begun: float, due: float, before: str, lead: float, free: float
-    ) -> None:
-        why = f"the way there takes {lead:.2f} s" + (f" after {before}" if before else "")
-        if due < free - LATE:
-            why = f"{before} ends {self._notes.said(free, self._phrase)}"
-        said = self._notes.said(begun, self._phrase), self._notes.said(due, self._phrase)
-        self._notes.change(spot, f"{name} begins {said[0]} instead of {said[1]}: {why}")
+def _heading(cue: Cue[ScoreCue]) -> float:
+    """Heading of the puppet before a cue, by the turns of its lane [rad]."""
+    turns = list[float]()
+    while cue.before:
+        (cue,) = cue.before
+        if isinstance(cue.given, GestureCue):
+            turns.append(cue.given.turn or 0.0)
+    return sum(reversed(turns), start=0.0)

@@ -33,7 +33,7 @@ from fantoccini.theatre.gestures.timekeeping import (
 from fantoccini.theatre.gestures.transitions import limits
 
 _STEP = 0.02
-"""Between the times at which hands learn [s]."""
+"""Time between the times at which hands learn [s]."""
 _SETTLES = 0.4
 """Time after the score's end in which they still do [s]."""
 _SMOOTHS = 0.11
@@ -52,9 +52,9 @@ _NEARLY = 0.06
 _LEADS = 0.4
 """Share of a lateness by which an aim leads more after a round."""
 _SHRINKS = 12
-"""How often a step that passes a bound is made smaller there."""
+"""Largest number of times that a step that passes a bound is made smaller."""
 _SHRINK = 0.5
-"""By which share."""
+"""Factor of a step that is made smaller."""
 _ROUNDING = 2e-3
 """Share of a bound by which a peak may pass it."""
 
@@ -94,7 +94,7 @@ def worst_of(late: tuple[Late, ...]) -> float:
 
 @dataclass
 class _Hand:
-    """What learns: a driven coordinate, and the string's end and the direction that it moves.
+    """A learning channel: a driven coordinate, and the string's end and direction that it moves.
 
     Attributes:
         v, point, axis: their places.

@@ -56,7 +56,7 @@ class Played:
 
 @dataclass(frozen=True)
 class Wait:
-    """Where a live performance waits for GO.
+    """A time of a score at which a live performance waits for GO.
 
     Attributes:
         name: of the wait.

@@ -7,39 +7,39 @@ from collections.abc import Callable, Sequence
 from fantoccini.base import MediaError, sound_duration
 from fantoccini.base.documents import Located
 from fantoccini.theatre.gestures.score import Sound
-from fantoccini.theatre.script import Notes, SoundFile, Spot, Time
+from fantoccini.theatre.script import ScriptLog, SoundFile, Spot, Time
 
 
 def read_sounds(
-    given: Sequence[SoundFile], time: Callable[[Time, Spot], float], notes: Notes
+    given: Sequence[SoundFile], time: Callable[[Time, Spot], float], log: ScriptLog
 ) -> tuple[Sound, ...]:
     """Sounds of a file.
 
     Args:
         given: as they are written.
         time: gives the time of what is written somewhere [s].
-        notes: take mistakes.
+        log: collects mistakes.
     """
-    return tuple(_sound(one, i, time, notes) for i, one in enumerate(given))
+    return tuple(_sound(one, i, time, log) for i, one in enumerate(given))
 
 
 def spot_of_sound(i: int, located: Located) -> Spot:
-    """Where sound i is written: its list may be left out."""
+    """Keys that lead to sound i: its list may be left out."""
     return ("sound", i) if isinstance(located.data["sound"], list) else ("sound",)
 
 
-def _sound(given: SoundFile, i: int, time: Callable[[Time, Spot], float], notes: Notes) -> Sound:
-    located = notes.located
+def _sound(given: SoundFile, i: int, time: Callable[[Time, Spot], float], log: ScriptLog) -> Sound:
+    located = log.located
     spot = spot_of_sound(i, located)
     start = time(given.at, (*spot, "at"))
     path = located.beside(given.file)
     if path is None:
         text = f"no file of this file's folder is called {given.file!r}"
-        notes.mistake((*spot, "file"), text)
+        log.mistakes.add((*spot, "file"), text)
         return Sound(located.folder, start, given.gain, 0.0)
     try:
         duration = sound_duration(path)
     except MediaError as error:
-        notes.mistake((*spot, "file"), f"{given.file} {error}")
+        log.mistakes.add((*spot, "file"), f"{given.file} {error}")
         duration = 0.0
     return Sound(path, start, given.gain, duration)

@@ -24,7 +24,7 @@ STEP_TIME = 0.6
 LONGEST, MOST_TURN = 1.0, 0.5 * np.pi
 """Bounds of a step: its length [m] and how far it turns [rad]."""
 _ROUNDING = 1e-9
-"""By how much they may be passed [m, rad]: shares of a whole are rounded."""
+"""Tolerance of the bounds of steps [m, rad]: shares of a whole are rounded."""
 _ALONE = polynomial.MINIMUM_JERK
 _EVEN = np.array([0, 1.0, 0, 0, 0, 0])
 _RAMP = np.array([0, 0, 0, 1.0, -0.5, 0])
@@ -111,7 +111,7 @@ class Track:
 
 
 def footing_after(given: Sequence[Step]) -> tuple[float, float, float]:
-    """Where steps lead: x, y and the turn, from the place and heading before them [m, rad]."""
+    """End of steps: x, y and the turn, from the place and heading before them [m, rad]."""
     track = Track(given)
     path, heading = track.at(np.array([track.duration]))
     return float(path[0][0].real), float(path[0][0].imag), float(heading[0][0])

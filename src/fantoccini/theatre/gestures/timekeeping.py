@@ -1,4 +1,4 @@
-"""How late limbs are on the beats of a score, where they hang and where they swing.
+"""Lateness of limbs on the beats of a score, where they hang and where they swing.
 
     late = t_turn - t_mark
 
@@ -35,9 +35,9 @@ _LEAST = 2e-3
 """Least way there and back that counts as a turn [m]."""
 
 _NEAR = 5e-3
-"""So near to where a score takes its strings the puppet hangs at least [m]: some poses tip."""
+"""Largest distance between the strings of a score and those of a hanging pose [m]."""
 _STEP = 2e-3
-"""Between samples of a run [s]."""
+"""Time between samples of a run [s]."""
 
 Point = tuple[str, tuple[float, float, float]]
 """A body, and a point in its frame."""
@@ -45,7 +45,7 @@ Point = tuple[str, tuple[float, float, float]]
 
 @dataclass(frozen=True)
 class Late:
-    """How late a limb is on a mark of a cue.
+    """Lateness of a limb on a mark of a cue.
 
     Attributes:
         cue, mark: what it plays.
@@ -106,7 +106,7 @@ def hanging(marionette: Marionette, q_K: Array, x0: State, t: Times) -> ReachedP
 
 
 def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
-    """How late limbs are in a run under a score, at every mark at which one turns.
+    """Lateness of limbs in a run under a score, at every mark at which one turns.
 
     Marks at which nothing turns back, such as those of a hand that stays up, have no lateness.
 
@@ -142,7 +142,7 @@ def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
 
 
 def _turns(path: Array, away: Times) -> float:
-    """When a path is at the high point nearest to a mark; the highest where none is a turn [s]."""
+    """Time of the high point of a path nearest to a mark; of the highest if none is a turn [s]."""
     inner = np.arange(1, len(path) - 1)
     high = path.max() - _NEARLY * (path.max() - path.min())
     tops = inner[

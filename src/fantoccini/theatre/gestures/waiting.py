@@ -10,24 +10,24 @@ from fantoccini.theatre.gestures import piecewise
 from fantoccini.theatre.gestures.bounding import Cues, moving
 from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.score import Wait
-from fantoccini.theatre.script import Notes, Spot
+from fantoccini.theatre.script import ScriptLog, Spot
 
 _SAME = 1e-6
 """Offsets and rates that differ by less are the same [m or rad, s]."""
 
 
-def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, notes: Notes) -> None:
-    """Notes as mistakes the waits at which something moves, and the loops that do not close."""
+def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, log: ScriptLog) -> None:
+    """Records as mistakes the waits at which something moves, and the loops that do not close."""
     for wait in waits:
         d, rate = piecewise.at(whole.breaks, whole.coef, wait.t)
         if wait.loop_start is None:
             v = int(np.argmax(np.abs(rate)))
             if abs(rate[v]) > _SAME:
                 text = f"{whole.coordinates.v_K[v]} moves at {abs(rate[v]):.3g} m/s"
-                when = notes.said(wait.t)
-                notes.mistake(
+                when = log.in_words(wait.t)
+                log.mistakes.add(
                     ("waits", wait.name),
-                    f"{text} {when}, in {_cue(cues, wait.t, v, notes)}; "
+                    f"{text} {when}, in {_cue(cues, wait.t, v, log)}; "
                     "needed: a time at which all lanes rest, or a loop",
                 )
             continue
@@ -40,19 +40,19 @@ def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, notes: Notes)
             if gap[v] > _SAME:
                 text = what.format(f"{gap[v]:.3g} {unit}")
                 spot: Spot = ("waits", wait.name, "loop")
-                notes.mistake(
+                log.mistakes.add(
                     spot,
-                    f"{whole.coordinates.v_K[v]} {text} {notes.said(wait.loop_start)} "
-                    f"{notes.said(wait.t)}, in {_cue(cues, wait.t, v, notes)}; needed: a loop "
+                    f"{whole.coordinates.v_K[v]} {text} {log.in_words(wait.loop_start)} "
+                    f"{log.in_words(wait.t)}, in {_cue(cues, wait.t, v, log)}; needed: a loop "
                     "that ends as it begins",
                 )
                 break
 
 
-def _cue(cues: Cues, t: float, v: int, notes: Notes) -> str:
+def _cue(cues: Cues, t: float, v: int, log: ScriptLog) -> str:
     """The cue that moves a driven velocity at a time, with its line."""
     found = moving(cues, t, v)
     if not found:
         return "no cue"
     cue, played, _ = cues[found[0]]
-    return f"{played.gesture} of lane {played.lane} (line {notes.located.line(cue.spot)})"
+    return f"{played.gesture} of lane {played.lane} (line {log.located.line(cue.spot)})"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fantoccini.base import Array, Times, polynomial
-from fantoccini.motion import Findings
+from fantoccini.base.documents import Mistakes
 from fantoccini.theatre.gestures.ends import BODY, Curve, Ends, times
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.stepping import LONGEST, MOST_TURN, STEP_TIME, Step, Track
@@ -15,13 +15,13 @@ from fantoccini.theatre.gestures.stepping import LONGEST, MOST_TURN, STEP_TIME, 
 STEPS, STEP = 4, 0.06
 """Steps of a walk, and the length of one [m], where they are not given."""
 SWAY = 0.006
-"""How far the body goes to the side of the foot that stands [m]."""
+"""Sway of the body to the side of the standing foot [m]."""
 _LIFT = 0.06
-"""How far a knee's string is wound in [m]."""
+"""Length by which a knee's string is wound in [m]."""
 _LIFT_ON_SPOT = 0.025
 """Likewise in a step on the spot [m]: higher knees swing into each other as the hips turn."""
 _BOB = 0.004
-"""How far the body goes up in a step [m]."""
+"""Rise of the body in a step [m]."""
 _PARTS = 8
 """Pieces of a step, even: knees are highest in its middle."""
 _MOST_STEPS = 1000
@@ -29,13 +29,13 @@ _SIDES = ("left", "right")
 
 
 def walk(
-    ends: Ends, findings: Findings, count: int | None, length: float | None, turn: float | None
+    ends: Ends, mistakes: Mistakes, count: int | None, length: float | None, turn: float | None
 ) -> Gesture:
     """Steps forward, in all turned by an angle; the left foot goes first.
 
     Args:
         ends: of the puppet's strings.
-        findings: take mistakes.
+        mistakes: collects them.
         count: how many steps; 4 when not given.
         length: of each; below 0 backward; 6 cm when not given [m].
         turn: to the left, in all [rad].
@@ -46,13 +46,13 @@ def walk(
     n, step = STEPS if count is None else count, STEP if length is None else float(length)
     angle = 0.0 if turn is None else float(turn)
     if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MOST_STEPS:
-        findings.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MOST_STEPS}")
+        mistakes.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MOST_STEPS}")
     elif not abs(angle) <= n * MOST_TURN:
         text = f"found {np.degrees(angle):g} deg in {n} steps; needed: at most 90 deg in each"
-        findings.add(("turn",), text)
+        mistakes.add(("turn",), text)
     if not abs(step) <= LONGEST:
-        findings.add(("step",), f"found {step:g} m; needed: at most {LONGEST:g} m")
-    findings.raise_any()
+        mistakes.add(("step",), f"found {step:g} m; needed: at most {LONGEST:g} m")
+    mistakes.refuse()
     return steps(ends, [Step(step, angle / n)] * n).called("walk")
 
 
@@ -94,7 +94,7 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
 
 
 def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Curve]:
-    """From 0 to 1 in ``way`` seconds, there for ``hold``, and back: times and the curve."""
+    """Times and a curve from 0 to 1 in ``way`` seconds, there for ``hold``, and back."""
     s = np.linspace(0.0, 1.0, parts + 1)
     up = tuple(x / way**k for k, x in enumerate(polynomial.minimum_jerk(s)))
     t = np.concatenate([way * s, way + hold + way * s])
@@ -106,7 +106,7 @@ def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Cur
 
 
 def _bump(s: Array, step_time: float) -> Curve:
-    """From 0 to 1 and back while s goes from 0 to 1, and derivatives by time."""
+    """A curve from 0 to 1 and back while s goes from 0 to 1, and derivatives by time."""
     rises = s < 0.5
     up, rate, curve = polynomial.minimum_jerk(2.0 * np.where(rises, s, 1.0 - s))
     sign = np.where(rises, 2.0, -2.0) / step_time

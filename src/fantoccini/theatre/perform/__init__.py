@@ -7,7 +7,7 @@ from fantoccini.theatre.perform.osc import Address, Osc
 from fantoccini.theatre.perform.performance import Performance
 from fantoccini.theatre.perform.recording import Recording
 from fantoccini.theatre.perform.score_voice import ScoreVoice
-from fantoccini.theatre.perform.show import Happening, LivePlay
+from fantoccini.theatre.perform.show import LivePlay, ShowEvent
 from fantoccini.theatre.perform.tempo import RANGE, Tempo
 
 __all__ = [
@@ -16,12 +16,12 @@ __all__ = [
     "Address",
     "Balance",
     "Handle",
-    "Happening",
     "LivePlay",
     "Osc",
     "Performance",
     "Recording",
     "ScoreVoice",
+    "ShowEvent",
     "Tempo",
     "walk",
 ]

@@ -156,7 +156,7 @@ def _of_state(arrays: Mapping[str, Array], name: str, size: int) -> Array:
 
 
 def _pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
-    """How many pairs may touch, if the contact points are of these and of the samples."""
+    """Number of pairs that may touch, if the contact points are of these and of the samples."""
     known = marionette.contacts
     pairs = 0 if known is None else len(known.names)
     for name, column, end in (("sample", 0, n_samples), ("pair", 1, pairs)):

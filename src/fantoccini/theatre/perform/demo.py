@@ -7,13 +7,13 @@ from fantoccini.model.puppet import performance as performance_file
 from fantoccini.motion import Input, State
 
 DURATION = 10.0
-"""Of the greeting [s]."""
+"""Duration of the greeting [s]."""
 
 POSES = (0.0, 1.4, 2.1, 4.1, 4.9, 7.5, 8.2, 10.0)
 """Times of the greeting worth a picture: hanging, the wave, two steps, the bow, hanging [s]."""
 
 WALK_DURATION = 12.0
-"""Of the walk [s]."""
+"""Duration of the walk [s]."""
 
 WALK_POSES = (0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7)
 """Times of the walk worth a picture: hanging, five steps, standing still, the wave, the nod [s]."""

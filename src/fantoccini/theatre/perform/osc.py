@@ -21,20 +21,20 @@ from fantoccini.base import (
     socket_at,
     socket_to,
 )
-from fantoccini.theatre.perform.show import Happening, LivePlay
+from fantoccini.theatre.perform.show import LivePlay, ShowEvent
 
 _LARGEST = 65536
-"""Of a datagram [bytes]."""
+"""Largest size of a datagram [bytes]."""
 _PAUSE = 0.2
 """Interval at which the thread looks whether it is to end [s]."""
 _ECHO = 1.0
-"""So long after a cue has been told, a message that starts it is taken for an echo [s]."""
+"""Time after a cue is reported in which a message that starts it counts as an echo [s]."""
 _SHOWN = 120
-"""Of what is told about a message [characters]."""
+"""Longest text of a report on a message [characters]."""
 
 
 class Address(NamedTuple):
-    """Where messages are heard, or go."""
+    """Address at which messages are heard, or to which they go."""
 
     host: str
     port: int
@@ -57,7 +57,7 @@ class Address(NamedTuple):
 
 @dataclass
 class Counts:
-    """What became of messages.
+    """Counts of messages by their outcome.
 
     Attributes:
         heard: that were done.
@@ -209,7 +209,7 @@ class Osc:
         self.counts.heard += 1
 
     def _command(self, address: str) -> Callable[[], None] | None:
-        """What an address asks for; None where it asks for nothing."""
+        """Request of an address; None if it has none."""
         show = self._show
         plain: dict[str, Callable[[], None]] = {
             "/go": show.go,
@@ -234,7 +234,7 @@ class Osc:
 
     # -- out ---------------------------------------------------------------------------------
 
-    def _tell(self, what: Happening) -> None:
+    def _tell(self, what: ShowEvent) -> None:
         if what.number:
             address = f"/cue/{what.number}/{what.kind}"
             values: tuple[Any, ...] = (what.number, what.name, what.t)
@@ -262,7 +262,7 @@ def _number(address: str) -> int:
 
 
 def _library() -> tuple[Any, Any]:
-    """What reads datagrams, and what builds messages."""
+    """The classes that read datagrams and build messages."""
     try:
         from pythonosc.osc_message_builder import OscMessageBuilder
         from pythonosc.osc_packet import OscPacket

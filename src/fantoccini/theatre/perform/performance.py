@@ -122,7 +122,7 @@ class Performance:
 
     @property
     def handles(self) -> tuple[Handle, ...]:
-        """What can be held."""
+        """Handles that can be held."""
         return self._hands.handles
 
     @property
@@ -161,7 +161,7 @@ class Performance:
 
     @property
     def contact(self) -> ContactPoints | None:
-        """What touches what at the end of the last tick; None for a puppet without contact."""
+        """Contact points at the end of the last tick; None for a puppet without contact."""
         with self._lock:
             return self._run.contact
 
@@ -209,12 +209,12 @@ class Performance:
 
     @property
     def lanes(self) -> tuple[str, ...]:
-        """What can be armed for an overdub: strings and joints with driven coordinates."""
+        """Names that can be armed for an overdub: strings and joints with driven coordinates."""
         return lanes_of(self.marionette.coordinates)
 
     @property
     def take_time(self) -> float | None:
-        """How far the take that is played has come [s]; None without one."""
+        """Time within the take that is played [s]; None without one."""
         with self._lock:
             return self._targets.player.take_time
 
@@ -267,7 +267,7 @@ class Performance:
 
     @property
     def law(self) -> HandLaw | None:
-        """What moves the hands instead of their targets."""
+        """The motion of the hands instead of their targets."""
         return self._influences.law
 
     def let(self, law: HandLaw | None) -> None:

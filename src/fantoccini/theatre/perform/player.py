@@ -37,7 +37,7 @@ class _Waiting(NamedTuple):
 
 
 class Player:
-    """What is played on top of the hands, tick by tick.
+    """Gestures and takes played on top of the hands, tick by tick.
 
     Gestures add up, except where one takes over from another: it moves all that the other moves,
     or both end in a place of their own, as kneeling and sitting do. What takes over begins with the
@@ -79,7 +79,7 @@ class Player:
 
     @property
     def take_time(self) -> float | None:
-        """How far the take has come [s]; None without one."""
+        """Time within the take [s]; None without one."""
         return None if self.take is None else self.take.time(self.t)
 
     def carried(

@@ -1,4 +1,4 @@
-"""What is told of hands for a while after it happened: that they were stopped, and weak motors."""
+"""Reports on hands that last a while: hands that were stopped, and weak motors."""
 
 from __future__ import annotations
 

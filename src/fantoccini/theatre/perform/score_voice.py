@@ -18,7 +18,7 @@ _RAMP = 0.3
 _LEAST_SHARE = 0.2
 """Share of a bound that what leads back has, where the score needs more than the rest."""
 _TRIES = 4
-"""How often the time that a way back takes is found anew: what the score does meanwhile counts."""
+"""Iterations of the duration of a way back, which depends on where the score then is."""
 
 
 class _Way(NamedTuple):
@@ -90,7 +90,7 @@ class ScoreVoice:
 
     @property
     def pace(self) -> float:
-        """How fast its time runs: 1 while it plays."""
+        """Rate of its time: 1 while it plays."""
         return 0.0 if self.still else self._pace
 
     def bound(self, most: Array) -> None:

@@ -12,7 +12,7 @@ from fantoccini.motion import State
 from fantoccini.theatre.gestures import Wait
 from fantoccini.theatre.perform.performance import Performance
 from fantoccini.theatre.perform.score_voice import ScoreVoice
-from fantoccini.theatre.perform.steady import Steady
+from fantoccini.theatre.perform.steady import Steadying
 from fantoccini.theatre.plays import CueOfPlay, Play
 
 _SHARE = np.array([[0.5], [0.25]])
@@ -23,8 +23,8 @@ _AT_ONCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Happening:
-    """What happens in a show.
+class ShowEvent:
+    """An event of a show.
 
     Attributes:
         kind: ``act``, ``wait``, ``start`` or ``end``; the last two of a cue.
@@ -77,17 +77,17 @@ class LivePlay:
         )
         self.taken: frozenset[str] = frozenset()
         self.message = ""
-        self.steady: Steady | None = Steady(play, self.performance)
+        self.steady: Steadying | None = Steadying(play, self.performance)
         done = (cue for cue in play.cues if not cue.refused)
         self._played = tuple(sorted(done, key=lambda cue: cue.start))
-        self._tell: list[Callable[[Happening], None]] = []
+        self._tell: list[Callable[[ShowEvent], None]] = []
         self._on: tuple[int, ...] = ()
         self._act, self._waits, self._halted = "", "", False
 
     def __repr__(self) -> str:
         return f"<LivePlay of {self.play.name!r} at {self.t:.2f} s>"
 
-    def listen(self, tell: Callable[[Happening], None]) -> None:
+    def listen(self, tell: Callable[[ShowEvent], None]) -> None:
         """Tells somebody what happens from now on, in the tick in which it happens."""
         self._tell.append(tell)
 
@@ -364,7 +364,7 @@ class LivePlay:
 
     def _happens(self, kind: str, name: str, number: int = 0) -> None:
         for tell in self._tell:
-            tell(Happening(kind, name, number, self.t))
+            tell(ShowEvent(kind, name, number, self.t))
 
 
 def _said(cue: CueOfPlay) -> str:

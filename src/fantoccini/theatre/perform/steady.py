@@ -50,7 +50,7 @@ _LOWEST = 0.05
 """Hands less high above the centre of mass hold no pendulum [m]."""
 
 
-class Steady:
+class Steadying:
     """Shifts the hands of players against their swing.
 
     Attributes:
@@ -118,7 +118,7 @@ class Steady:
         voice.shift = self._members.spread(self._s), self._members.spread(self._rate)
 
     def _heights(self, performance: Performance) -> list[float]:
-        """How high the hands of every player are above its centre of mass [m]."""
+        """Height of the hands of every player above its centre of mass [m]."""
         x = self._play.x0
         middles = self._members.middles(x.q_D, x.q_K)
         found = []

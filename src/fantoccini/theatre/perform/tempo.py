@@ -10,7 +10,7 @@ from fantoccini.base import check_positive
 
 
 class Range(NamedTuple):
-    """What counts as a tempo, and as a tap of one [s, 1/min]."""
+    """Bounds of a tempo and of the taps that give it [s, 1/min]."""
 
     slowest: float = 30.0
     fastest: float = 240.0

@@ -85,7 +85,7 @@ class Voice:
         return self._known[1]
 
     def time(self, t: float) -> float:
-        """How far the gesture has come [s]."""
+        """Time within the gesture [s]."""
         return float(np.clip(t - self.starts, 0.0, self.gesture.duration))
 
     def over(self, t: float) -> bool:
@@ -103,18 +103,16 @@ class Voice:
     def _go(self, begins: float, before: Offsets, on: float | None) -> None:
         gesture, line = self.gesture, line_from(before, self._most)
         motion = named_with(gesture, before)
-        if on is not None and before.still:
-            line.hold(on - begins - line.lead_time(motion))
-        self.starts = begins + line.add(motion)
+        begin = on - begins if on is not None and before.still else -np.inf
+        line, begun, _ = line.add(motion, begin)
+        self.starts = begins + begun
         self._take(line, begins, before)
 
     def _go_on(self) -> None:
         if self.again:
             self._go(self._end, self._last, None)
             return
-        line = line_from(self._last, self._most)
-        line.stop()
-        self._take(line, self._end, self._last)
+        self._take(line_from(self._last, self._most).stopped(), self._end, self._last)
 
     def _take(self, line: Line, begins: float, before: Offsets) -> None:
         self._carried, self._known = before.carried, None
@@ -125,9 +123,7 @@ class Voice:
 
 def line_from(before: Offsets, most: Array) -> Line:
     """A line that goes on from offsets."""
-    line = Line(most, before.d, before.rate)
-    line.carried = before.carried
-    return line
+    return Line.empty(most, before.d, before.rate, before.carried)
 
 
 def named_with(gesture: Gesture, before: Offsets) -> Motion:
@@ -137,7 +133,7 @@ def named_with(gesture: Gesture, before: Offsets) -> Motion:
 
 
 def lead_time(gesture: Gesture, before: Offsets, most: Array) -> float:
-    """How long the way from offsets to the start of a gesture takes [s]."""
+    """Duration of the way from offsets to the start of a gesture [s]."""
     return line_from(before, most).lead_time(named_with(gesture, before))
 
 

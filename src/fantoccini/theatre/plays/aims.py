@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.theatre.cast import Actor, CannotBe, Cast, Footing, Places, Turn
-from fantoccini.theatre.script import Spot, TurnsToCue, WalkCue, said
+from fantoccini.theatre.cast import Cast, Footing, Places
+from fantoccini.theatre.gestures import CannotBe, Turn
+from fantoccini.theatre.plays.on_stage import OnStage
+from fantoccini.theatre.script import PlayCue, Spot, TurnsToCue, WalkCue, spelled
 
 _EYES = 0.42
 """Height of a player's face [m]."""
@@ -17,27 +19,26 @@ _SAME = 1e-9
 
 
 class Aims:
-    """What is meant by the places and directions of cues, while they are placed.
+    """Meaning of the places and directions of cues, while they are placed.
 
     Args:
         cast, places: of the play.
-        actors: the players, as they are placed so far.
     """
 
-    def __init__(self, cast: Cast, places: Places, actors: Mapping[str, Actor]):
-        self._cast, self._places, self._actors = cast, places, actors
+    def __init__(self, cast: Cast, places: Places):
+        self._cast, self._places = cast, places
 
-    def goals(self, turn: Turn, actor: Actor) -> list[Footing]:
+    def goals(self, stage: OnStage, turn: Turn[PlayCue], who: str) -> list[Footing]:
         """Where a walk leads: the last one is its own."""
-        given, here = turn.given, actor.last
+        given, here = turn.given, stage.actors[who].last
         if isinstance(given, TurnsToCue):
-            return [here.facing(self._heading(given.turns_to, here, turn, actor, "turns to"))]
+            return [here.facing(self._heading(stage, given.turns_to, here, turn, "turns to"))]
         assert isinstance(given, WalkCue)
-        last = given.what
+        last = given.verb_value
         spots: list[Spot] = [(*turn.spot, "past", i) for i in range(len(given.past))]
-        spots.append((*turn.spot, said(given.verb)))
+        spots.append((*turn.spot, spelled(given.verb)))
         places = [
-            self.place_of(where, spot, turn.wanted)
+            self.place_of(stage, where, spot, turn.wanted)
             for where, spot in zip((*given.past, last), spots, strict=True)
         ]
         z = [here.place, *(complex(place[0], place[1]) for place in places)]
@@ -51,28 +52,28 @@ class Aims:
         if facing is None and mark is not None:
             facing = mark.facing
         if facing is not None:
-            heading = self._heading(facing, goals[-1], turn, actor, "facing")
+            heading = self._heading(stage, facing, goals[-1], turn, "facing")
             goals[-1] = goals[-1].facing(heading)
         return goals
 
     def _heading(
-        self, given: float | str, there: Footing, turn: Turn, actor: Actor, key: str
+        self, stage: OnStage, given: float | str, there: Footing, turn: Turn[PlayCue], key: str
     ) -> float:
         direction = self._places.direction(given, (*turn.spot, key))
         if not isinstance(direction, str):
             return direction
-        place = self.place_of(direction, (*turn.spot, key), turn.wanted)
+        place = self.place_of(stage, direction, (*turn.spot, key), turn.wanted)
         z = complex(place[0], place[1])
         return there.towards(z) if abs(z - there.place) > _SAME else there.heading
 
-    def place_of(self, where: object, spot: Spot, t: float) -> Array:
+    def place_of(self, stage: OnStage, where: object, spot: Spot, t: float) -> Array:
         """(3,) a place of the stage; of a player its head, at a time [s]."""
         if not isinstance(where, str):
             assert isinstance(where, Sequence)
             numbers = [float(x) for x in where]
             return np.array([*numbers, _EYES][:3])
-        if where in self._actors:
-            other = self._actors[where].stands(max(t, 0.0))
+        if where in stage.actors:
+            other = stage.actors[where].stands(max(t, 0.0))
             return np.array([other.x, other.y, _EYES])
         marks = self._cast.file.stage.marks
         if where in marks:

@@ -1,4 +1,4 @@
-"""How players come up to things and to each other, and step away.
+"""Players come up to things and to each other, and step away.
 
 Nearer to each other than their radii two are only here: the last steps are straight and slow, and
 nobody else is there.
@@ -6,17 +6,17 @@ nobody else is there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from fantoccini.theatre.cast import Actor, CannotBe, Footing, Turn, Way, Wishes
-from fantoccini.theatre.gestures import Gesture, Step
-from fantoccini.theatre.plays.acting import Repertory
+from fantoccini.theatre.cast import Actor, Corrections, Footing, Way
+from fantoccini.theatre.gestures import CannotBe, Gesture, Step, Turn
 from fantoccini.theatre.plays.calming import NONE, calm_gesture
-from fantoccini.theatre.plays.doing import carry_pose, note, walk_along
+from fantoccini.theatre.plays.on_stage import OnStage, carry_pose, walked
+from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.walks import Walks
-from fantoccini.theatre.script import Spot
+from fantoccini.theatre.script import PlayCue
 
 STEP, _STEP_TIME = 0.05, 1.0
 """Longest step of those that lead up to a thing or away from it [m], and its duration [s]."""
@@ -25,63 +25,46 @@ CALM = 0.3
 _FARTHEST = 1.0
 """Farthest from a thing that a player steps up to it [m]."""
 _APART = 0.02
-"""By how much more than their radii two are apart before one comes up to the other [m]."""
+"""Gap between two players before one comes up to the other, beside their radii [m]."""
 _THERE = 1e-6
-"""So near to a place a player is there [m]."""
+"""Distance from a place below which a player is there [m]."""
 
 
 class Approaching:
     """The steps of cues with props.
 
-    Attributes:
-        calmed: (cue, player) -> when it begins to take out its swing [s].
-
     Args:
-        walks, repertory: of the play.
-        actors: the players, as they are placed so far.
-        wishes: of earlier rounds.
-        carries: gives the forearm on which something hangs that a player carries, or "".
+        walks, gestures: of the play.
+        corrections: of earlier rounds.
     """
 
-    def __init__(
-        self,
-        walks: Walks,
-        repertory: Repertory,
-        actors: Mapping[str, Actor],
-        wishes: Wishes,
-        carries: Callable[[str], str],
-    ):
-        self._walks, self._repertory, self._actors = walks, repertory, actors
-        self._wishes, self._carries = wishes, carries
-        self.calmed: dict[tuple[Spot, str], float] = {}
+    def __init__(self, walks: Walks, gestures: PlayerGestures, corrections: Corrections):
+        self._walks, self._gestures, self._corrections = walks, gestures, corrections
 
     def come(
         self,
-        turn: Turn,
-        actor: Actor,
+        stage: OnStage,
+        who: str,
         before: Footing,
         there: Footing,
         begin: float,
         wait: float,
         *,
-        beside: Actor | None = None,
+        beside: str = "",
         step: float = STEP,
-    ) -> None:
-        """A walk to a place before something, and the last straight steps."""
-        actor.rests()
-        carries = self._carries(actor.player.name)
-        free = max(carry_pose(actor, carries, begin, self._repertory), begin)
+    ) -> OnStage:
+        """The stage after a walk to a place before something, and the last straight steps."""
+        carries = stage.carries(who)
+        actor = carry_pose(stage.actors[who].rested(), carries, begin, self._gestures)
+        stage, free = stage.acting(actor), max(actor.hands.lanes[0].end, begin)
         if abs(actor.last.place - before.place) > _THERE or actor.last.heading != before.heading:
-            others = [
-                (one.player, one.track()) for one in self._actors.values() if one is not actor
-            ]
             way, why = self._walks.way(
                 actor.player,
                 actor.last,
                 [before],
                 free,
                 wait,
-                others,
+                [(other.player, other.track()) for other in stage.others(who)],
                 near=0.0,
                 arrives=None,
                 free_from=free,
@@ -89,59 +72,59 @@ class Approaching:
             )
             if way is None:
                 raise CannotBe(why)
-            self._walk(turn, actor, way)
-            free = way.end
-        self.straight(turn, actor, there, free, beside=beside, step=step)
+            stage, free = self._walk(stage, actor, way), way.end
+        return self.straight(stage, who, there, free, beside=beside, step=step)
 
     def straight(
         self,
-        turn: Turn,
-        actor: Actor,
+        stage: OnStage,
+        who: str,
         there: Footing,
         begin: float,
-        beside: Actor | None = None,
+        *,
+        beside: str = "",
         step: float = STEP,
-    ) -> None:
-        """Straight steps, forward or backward, past nobody."""
-        here = actor.last
-        way_there = here.seen(there.place).real
+    ) -> OnStage:
+        """The stage after straight steps, forward or backward, past nobody."""
+        actor = stage.actors[who]
+        way_there = actor.last.seen(there.place).real
         n = max(1, int(np.ceil(abs(way_there) / step)))
-        way = Way(here, begin, (Step(way_there / n),) * n, _STEP_TIME)
-        others = [
-            (one.player, one.track())
-            for one in self._actors.values()
-            if one is not actor and one is not beside
-        ]
-        who = self._walks.in_the_way(actor.player, way, others)
-        if who is not None:
-            raise CannotBe(f"{actor.player.name} has no room: {who} is in the way")
+        way = Way(actor.last, begin, (Step(way_there / n),) * n, _STEP_TIME)
+        others = [(other.player, other.track()) for other in stage.others(who, beside)]
+        blocking = self._walks.in_the_way(actor.player, way, others)
+        if blocking is not None:
+            raise CannotBe(f"{who} has no room: {blocking} is in the way")
         if not self._walks.is_inside(actor.player, there):
-            raise CannotBe(f"{actor.player.name}'s hands would leave their space")
-        self._walk(turn, actor, way)
+            raise CannotBe(f"{who}'s hands would leave their space")
+        return self._walk(stage, actor, way)
 
-    def _walk(self, turn: Turn, actor: Actor, way: Way) -> None:
-        carries = self._carries(actor.player.name)
-        gesture, start = walk_along(actor, way, self._repertory, carries)
-        note(turn, actor, 0, gesture, start, {}, way.end)
+    def _walk(self, stage: OnStage, actor: Actor, way: Way) -> OnStage:
+        carries = stage.carries(actor.player.name)
+        actor, gesture = walked(actor, way, self._gestures, carries)
+        return stage.part(actor, 0, gesture, way.begin, {}, way.end)
 
-    def do(self, turn: Turn, actor: Actor, gesture: Gesture, start: float) -> float:
-        """A gesture from a time on; its end [s]."""
+    def do(self, stage: OnStage, who: str, gesture: Gesture, start: float) -> tuple[OnStage, float]:
+        """The stage after a gesture from a time on, and its end [s]."""
+        actor = stage.actors[who]
         own = gesture.turned(actor.last.heading)
-        begun = actor.add(0, own, start)
-        actor.played.append((0, begun, begun + own.duration, own.named))
-        note(turn, actor, 0, own, begun)
-        return begun + own.duration
+        hands, begun = actor.hands.add_busy(0, own, start)
+        stage = stage.part(replace(actor, hands=hands), 0, own, begun)
+        return stage, begun + own.duration
 
-    def calm(self, turn: Turn, begin: float, *actors: Actor) -> float:
-        """Takes out swing from a time on; when what is to be done can begin [s]."""
-        for actor in actors:
-            key = turn.spot, actor.player.name
-            gesture = calm_gesture(actor.player.alone, self._wishes.calms.get(key, NONE))
-            lane, start = actor.lane(gesture, begin)
-            start = actor.add(lane, gesture, start)
-            actor.played.append((lane, start, start + gesture.duration, gesture.named))
-            self.calmed[key] = start
-        return max(actor.rests() for actor in actors) + CALM
+    def calm(
+        self, stage: OnStage, turn: Turn[PlayCue], begin: float, *names: str
+    ) -> tuple[OnStage, float]:
+        """The stage with swing taken out, and when what is to be done can begin [s]."""
+        for name in names:
+            actor, key = stage.actors[name], (turn.spot, name)
+            gesture = calm_gesture(actor.player.alone, self._corrections.calms.get(key, NONE))
+            lane, start = actor.hands.free_lane(gesture, begin)
+            hands, start = actor.hands.add_busy(lane, gesture, start)
+            actor = replace(actor, hands=hands)
+            stage = replace(stage.acting(actor), calmed={**stage.calmed, key: start})
+        for name in names:
+            stage = stage.acting(stage.actors[name].rested())
+        return stage, max(stage.actors[name].hands.end for name in names) + CALM
 
     def clear_of(self, there: Footing, side: float, actor: Actor, least: float = 0.02) -> Footing:
         """The nearest place ahead (1) or behind (-1) that is clear of what stands there."""

@@ -28,7 +28,7 @@ _PROBE = 0.01
 _MOST = 0.06
 """Farthest way of the hands [m]."""
 _WEIGHT = 0.02
-"""What a way of the hands costs, over the speed that it takes out [1/s]."""
+"""Cost of a way of the hands, over the speed that it takes out [1/s]."""
 _ROUNDS = 2
 NONE = (0.0,) * (2 * len(_KNOTS))
 """The hands stay."""

@@ -9,25 +9,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from fantoccini.base import OnProgress, Progress, StateError
-from fantoccini.theatre.cast import Kept, OutOfTime, Part, Placed, settled
+from fantoccini.theatre.cast import Kept, OutOfTime, settled
+from fantoccini.theatre.gestures import Part, Placed
 from fantoccini.theatre.plays.handled import failures
 from fantoccini.theatre.plays.handling import APPROACHES
+from fantoccini.theatre.plays.lateness_rules import advance_hands, mark_lateness, refuse_late
 from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.play import CueOfPlay, Play
 from fantoccini.theatre.plays.reading import read_play
 from fantoccini.theatre.plays.rounds import (
-    Known,
+    Results,
     Round,
     Rule,
     Stage,
-    hurry,
-    lates,
-    look,
+    locate_and_calm,
     make_round,
     most_pause,
     refuse_failures,
     refuse_fast,
-    refuse_late,
     refuse_stopped,
     settle,
 )
@@ -45,7 +44,7 @@ from fantoccini.theatre.script import (
     PropCue,
     SitsOnCue,
     Spot,
-    said,
+    spelled,
 )
 
 PATIENT = 10
@@ -89,26 +88,26 @@ def load_play(
     try:
         script = replace(script, cast=settled(script.cast, kept))
     except StateError as error:
-        script.notes.mistake(("props",), f"what is held does not hang there: {error}")
-        script.notes.refuse()
+        script.log.mistakes.add(("props",), f"what is held does not hang there: {error}")
+        script.log.mistakes.refuse()
         raise
-    stage = Stage(script, Walks(script.cast, script.notes), kept)
+    stage = Stage(script, Walks(script.cast, script.log), kept)
     tell(Progress("rehearsing", _share(1), 1.0))
     # The first round is always completed.
-    rounds = [make_round(stage, Known())]
+    rounds = [make_round(stage, Results())]
     try:
         with kept.limited(until):
-            known, found = _improve(stage, rounds, tell)
+            results, touching = _improve(stage, rounds, tell)
     except OutOfTime:
-        script.notes.change(
+        script.log.change(
             ("acts",),
             f"compiling was stopped after {_rounds(len(rounds))}: cues may be late, too "
             "fast or swing; with more time (`within`) they are mended or refused",
         )
-        known, found = rounds[-1].known, _touches(stage, rounds[-1], tell)
+        results, touching = rounds[-1].results, _touches(stage, rounds[-1], tell)
     else:
         tell(Progress("compiled", 1.0, 1.0))
-    return _play(stage, known, rounds[-1], found, len(rounds))
+    return _play(stage, results, rounds[-1], touching, len(rounds))
 
 
 def _share(count: int) -> float:
@@ -116,7 +115,7 @@ def _share(count: int) -> float:
     return 0.9 * (1.0 - 0.8**count)
 
 
-def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Known, list[Touch]]:
+def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Results, list[Touch]]:
     """Adds rounds until no cue moves; each added round follows from a cue moved or refused.
 
     Returns:
@@ -127,186 +126,207 @@ def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Known
     """
     paused = False
     while True:
-        made = rounds[-1]
-        known = made.known
-        known, moved = _first(
-            stage, known, made, refuse_fast, refuse_stopped, look, refuse_failures
+        this_round = rounds[-1]
+        results = this_round.results
+        results, moved = _first(
+            stage,
+            results,
+            this_round,
+            refuse_fast,
+            refuse_stopped,
+            locate_and_calm,
+            refuse_failures,
         )
         if not (moved or paused):
-            known, moved = settle(stage, known, made)
+            results, moved = settle(stage, results, this_round)
             paused = True
         if not moved:
-            late = lates(stage, made)
-            known, moved = hurry(known, late)
+            late = mark_lateness(stage, this_round)
+            results, moved = advance_hands(results, late)
             if not moved:
-                known, moved = refuse_late(known, made, late)
+                results, moved = refuse_late(results, this_round, late)
         if not moved:
-            found = _touches(stage, made, tell)
-            known, moved = _mend(stage, known, made, found, patient=len(rounds) < PATIENT)
+            touching = _touches(stage, this_round, tell)
+            results, moved = _mend(
+                stage, results, this_round, touching, patient=len(rounds) < PATIENT
+            )
             if not moved:
                 break
         stage.kept.check()
         tell(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
-        rounds.append(make_round(stage, known))
-    if known.touching and not found:
-        known = _try_again(stage, known, tell)
+        rounds.append(make_round(stage, results))
+    if results.touching and not touching:
+        results = _try_again(stage, results, tell)
         tell(Progress("rehearsing", _share(len(rounds) + 1), 1.0))
-        rounds.append(make_round(stage, known))
-        found = _touches(stage, rounds[-1], tell)
-    return known, found
+        rounds.append(make_round(stage, results))
+        touching = _touches(stage, rounds[-1], tell)
+    return results, touching
 
 
 def _first(
-    stage: Stage, known: Known, made: Round, *rules: Callable[[Stage, Known, Round], Rule]
+    stage: Stage,
+    results: Results,
+    this_round: Round,
+    *rules: Callable[[Stage, Results, Round], Rule],
 ) -> Rule:
     """Results after the first rule by which cues move, or after all of them."""
     for rule in rules:
-        known, moved = rule(stage, known, made)
+        results, moved = rule(stage, results, this_round)
         if moved:
-            return known, True
-    return known, False
+            return results, True
+    return results, False
 
 
 # -- touches ---------------------------------------------------------------------------------
 
 
-def _touches(stage: Stage, made: Round, tell: OnProgress) -> list[Touch]:
+def _touches(stage: Stage, this_round: Round, tell: OnProgress) -> list[Touch]:
     tell(Progress("looking for what touches", 0.97, 1.0))
     # Only the samples that are measured.
-    run = together(stage.script.cast, made.runs, EVERY * SAMPLE)
-    return touches(stage.script.cast, run, made.placement.meetings, every=1)
+    run = together(stage.script.cast, this_round.runs, EVERY * SAMPLE)
+    return touches(stage.script.cast, run, this_round.placement.meetings, every=1)
 
 
-def _mend(stage: Stage, known: Known, made: Round, found: list[Touch], patient: bool) -> Rule:
+def _mend(
+    stage: Stage, results: Results, this_round: Round, touching: list[Touch], patient: bool
+) -> Rule:
     """Delays or refuses the cues in which the first touches occur.
 
     Args:
         stage: of the play.
-        known: so far.
-        made: the round.
-        found: what touches.
+        results: so far.
+        this_round: placed and simulated.
+        touching: what touches.
         patient: whether cues may wait.
     """
     cast, seen, mended = stage.script.cast, set[str](), False
-    for touch in found:
-        owners = {cast.owner(_plain(one)) for one in (touch.what, touch.other)}
+    for touch in touching:
+        owners = {cast.owner(_plain(name)) for name in (touch.what, touch.other)}
         if seen & owners or touch.t <= 0.0:
             continue
-        cue = made.blamed(touch.t, owners & {*cast.players})
+        cue = this_round.cue_during(touch.t, owners & {*cast.players})
         if cue is None:
             continue
-        wishes, given = known.wishes, cue.given
-        waits = wishes.pauses.get(cue.spot, 0.0) + _WAIT
-        tried = wishes.approaches.get(cue.spot, 0) + 1
+        corrections, given = results.corrections, cue.given
+        waits = corrections.pauses.get(cue.spot, 0.0) + _WAIT
+        tried = corrections.approaches.get(cue.spot, 0) + 1
         if patient and isinstance(given, SitsOnCue) and tried < len(APPROACHES):
-            known = replace(known, wishes=wishes.setting("approaches", cue.spot, tried))
+            results = replace(
+                results, corrections=corrections.setting("approaches", cue.spot, tried)
+            )
         elif patient and waits <= most_pause(given, stage.beat):
-            known = replace(known, wishes=wishes.setting("pauses", cue.spot, waits))
+            results = replace(results, corrections=corrections.setting("pauses", cue.spot, waits))
         else:
-            after = known.refusing(cue, f"{touch} {made.said(touch.t)}")
+            after = results.refusing(cue, f"{touch} {this_round.in_words(touch.t)}")
             if after is None:
                 continue
-            known = replace(after, touching=(*after.touching, cue.spot))
+            results = replace(after, touching=(*after.touching, cue.spot))
         mended = True
         seen |= owners
-    return known, mended
+    return results, mended
 
 
-def _try_again(stage: Stage, known: Known, tell: OnProgress) -> Known:
+def _try_again(stage: Stage, results: Results, tell: OnProgress) -> Results:
     """Tries what was refused because something would touch.
 
     A refused cue is tried again when a later one is refused, otherwise with a smaller gesture; the
     reason then says whether that can be done.
     """
     givens = {cue.spot: cue.given for cue in stage.script.timeline.cues}
-    for spot in known.touching[:_MOST_TRIED]:
+    for spot in results.touching[:_MOST_TRIED]:
         given = givens[spot]
         sizes = _SMALLER if isinstance(given, DoesCue) else ()
-        if spot != known.touching[-1]:
+        if spot != results.touching[-1]:
             sizes = (1.0, *sizes)
-        before = known.wishes
+        before = results.corrections
         for size in sizes:
             tell(Progress("looking for what can be done", 0.95, 1.0))
-            wishes = before.setting("refused", spot, None).setting("smaller", spot, size)
-            tried, holds = _holds(stage, replace(known, wishes=wishes), spot, tell)
+            corrections = before.setting("refused", spot, None).setting("smaller", spot, size)
+            tried, holds = _holds(stage, replace(results, corrections=corrections), spot, tell)
             if holds and size == 1.0:
-                known = replace(tried, wishes=tried.wishes.setting("smaller", spot, None))
+                results = replace(
+                    tried, corrections=tried.corrections.setting("smaller", spot, None)
+                )
                 break
-            known = tried.back(before)
+            results = tried.back(before)
             if holds and isinstance(given, DoesCue):
                 larger = f"; it can be done with larger: {size * given.larger:.2g}"
                 why = before.refused[spot] + larger
-                known = replace(known, wishes=before.setting("refused", spot, why))
+                results = replace(results, corrections=before.setting("refused", spot, why))
                 break
-    return known
+    return results
 
 
-def _holds(stage: Stage, known: Known, spot: Spot, tell: OnProgress) -> Rule:
+def _holds(stage: Stage, results: Results, spot: Spot, tell: OnProgress) -> Rule:
     """Results of trying a cue beside all others, and whether it can be done."""
     while True:
-        made = make_round(stage, known)
-        late = lates(stage, made)
-        known, moved = hurry(made.known, late)
+        this_round = make_round(stage, results)
+        late = mark_lateness(stage, this_round)
+        results, moved = advance_hands(this_round.results, late)
         if not moved:
-            known, moved = look(stage, known, made)
+            results, moved = locate_and_calm(stage, results, this_round)
         if not moved:
             break
-    refused = any(cue.refused for cue in made.placement.cues if cue.spot == spot)
+    refused = any(cue.refused for cue in this_round.placement.cues if cue.spot == spot)
     in_time = all(abs(seconds) <= IN_TIME for seconds in late.values())
-    right = not made.runs.stops and not refused and in_time
-    right = right and not failures(stage.script.cast, made.placement.meetings, made.runs)
-    return known, right and not _touches(stage, made, tell)
+    right = not this_round.runs.stops and not refused and in_time
+    right = right and not failures(
+        stage.script.cast, this_round.placement.meetings, this_round.runs
+    )
+    return results, right and not _touches(stage, this_round, tell)
 
 
 # -- the result ------------------------------------------------------------------------------
 
 
-def _play(stage: Stage, known: Known, made: Round, found: list[Touch], count: int) -> Play:
+def _play(
+    stage: Stage, results: Results, this_round: Round, touching: list[Touch], count: int
+) -> Play:
     """The play of a round, with a list of what is not as it was written."""
-    script, placement = stage.script, made.placement
-    cast, notes, file = script.cast, script.notes, script.cast.file
+    script, placement = stage.script, this_round.placement
+    cast, log, file = script.cast, script.log, script.cast.file
     cues = tuple(_cue(stage, cue) for cue in placement.cues)
     for cue, placed in zip(cues, placement.cues, strict=True):
         if cue.refused:
-            notes.change(placed.spot, cue.change)
+            log.change(placed.spot, cue.change)
     at_once: set[frozenset[str]] = set()
-    for touch in found:
+    for touch in touching:
         owners = frozenset(cast.owner(_plain(x)) for x in (touch.what, touch.other))
         if touch.t <= 0.0 and owners in at_once:
             continue
         at_once |= {owners} if touch.t <= 0.0 else set()
         spot: Spot = ("acts",) if touch.t > 0.0 else ("cast",)
-        notes.change(spot, f"{touch} {made.said(touch.t)}")
-    for failure in failures(cast, placement.meetings, made.runs):
-        notes.change(("acts",), f"{failure.text} {made.said(failure.t)}")
-    for stop in made.runs.stops:
-        blamed = made.blamed(stop.t, {*stop.players})
-        spot = ("cast", stop.players[0]) if blamed is None else blamed.spot
-        during = "" if blamed is None else f"{described(blamed.cue)}: "
-        notes.change(spot, during + stop.told(made.said(stop.t)))
-    score = whole_score(cast, placement.motions, placement.lanes, placement.cues, notes)
+        log.change(spot, f"{touch} {this_round.in_words(touch.t)}")
+    for failure in failures(cast, placement.meetings, this_round.runs):
+        log.change(("acts",), f"{failure.text} {this_round.in_words(failure.t)}")
+    for stop in this_round.runs.stops:
+        stopped = this_round.cue_during(stop.t, {*stop.players})
+        spot = ("cast", stop.players[0]) if stopped is None else stopped.spot
+        during = "" if stopped is None else f"{described(stopped.cue)}: "
+        log.change(spot, during + stop.told(this_round.in_words(stop.t)))
+    score = whole_score(cast, placement.motions, placement.lanes, placement.cues, log)
     return Play(
         file.play,
-        notes.located,
+        log.located,
         cast,
         score,
         tuple(
             (number, part.who) for number, cue in enumerate(placement.cues, 1) for part in cue.parts
         ),
         cues,
-        tuple(notes.changes),
+        tuple(log.changes),
         {act.act: start for act, start in zip(file.acts, placement.act_starts, strict=True)},
         placement.motions,
         placement.starts,
         placement.meetings,
         placement.ways,
-        known.settled,
+        results.settled,
         count,
         stage.kept,
     )
 
 
-def _cue(stage: Stage, placed: Placed) -> CueOfPlay:
+def _cue(stage: Stage, placed: Placed[PlayCue]) -> CueOfPlay:
     cue, given, parts = placed.cue, placed.given, placed.parts
     return CueOfPlay(
         cue.index + 1,
@@ -314,7 +334,7 @@ def _cue(stage: Stage, placed: Placed) -> CueOfPlay:
         cue.who,
         described(cue),
         cue.name,
-        stage.script.notes.located.line(cue.spot) or 0,
+        stage.script.log.located.line(cue.spot) or 0,
         placed.wanted,
         given.patience * stage.beat,
         min((part.start for part in parts), default=placed.wanted),
@@ -343,20 +363,20 @@ def _rounds(n: int) -> str:
 
 def described(cue: Cue[PlayCue]) -> str:
     """A cue in words: ``columbine and pierrot: walks to centre``."""
-    given, verb, what = cue.given, cue.given.verb, cue.given.what
+    given, verb, what = cue.given, cue.given.verb, cue.given.verb_value
     if isinstance(given, DoesCue):
         return f"{' and '.join(cue.who)}: {what}"
     if isinstance(given, PropCue):
         others = [key for key in VERBS[verb].names if key != verb]
         return " ".join(
             [
-                f"{given.who[0]}: {said(verb)} {what}",
+                f"{given.who[0]}: {spelled(verb)} {what}",
                 *(f"{key} {getattr(given, key)}" for key in others),
             ]
         )
     if not isinstance(what, (str, float)):
         what = [round(float(x), 3) for x in what]
-    return f"{' and '.join(cue.who)}: {said(verb)} {what}"
+    return f"{' and '.join(cue.who)}: {spelled(verb)} {what}"
 
 
 def _plain(name: str) -> str:

@@ -11,7 +11,7 @@ from fantoccini.base import Array
 from fantoccini.theatre.cast import Footing
 from fantoccini.theatre.plays.play import Play
 from fantoccini.theatre.plays.walks import Walks
-from fantoccini.theatre.script import Notes
+from fantoccini.theatre.script import ScriptLog
 
 _FINE = 0.1
 """Time between places of a way [s]."""
@@ -57,7 +57,7 @@ def overhead(play: Play) -> Overhead:
     """The stage of a play from above."""
     stage = play.cast.file.stage
     standing: dict[str, list[Array]] = {}
-    for region in Walks(play.cast, Notes(play.located, play.cast.file.tempo)).blocked:
+    for region in Walks(play.cast, ScriptLog(play.located, play.cast.file.tempo)).blocked:
         corners = region.corners(0.0)
         standing.setdefault(region.name, []).append(np.stack([corners.real, corners.imag], -1))
     ways = {}

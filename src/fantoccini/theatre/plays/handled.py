@@ -17,7 +17,7 @@ _EVERY = 0.05
 _FAR, _LONG = 0.06, (0.0, 0.14)
 """A handle on a forearm is so near to its axis, and between these along it from the elbow [m]."""
 _JUST = 0.5
-"""So soon after a cue a prop is not where it should be, rather than lost [s]."""
+"""Time after a cue in which a prop counts as misplaced, not as lost [s]."""
 _SITS_WITH = 0.15
 """At least this part of the weight a seat bears of who sits on it."""
 _LEANS, _OFF = np.cos(np.radians(10.0)), 0.008
@@ -45,7 +45,7 @@ class Failure:
 
 
 def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failure]:
-    """What does not come true in runs, in order of time."""
+    """Failures of runs, in order of time."""
     found: list[Failure] = []
     for meeting in meetings:
         for run, begin, end in _runs(meeting, runs):
@@ -59,7 +59,7 @@ def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failur
 
 
 def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[float, float] | None:
-    """How far from the elbow a handle hangs at a time, and its height [m]; None if unknown."""
+    """Distance of a handle from the elbow, and its height, at a time [m]; None if unknown."""
     (prop,), who = meeting.props, meeting.players[0]
     run, handle = runs.with_prop(prop, t), cast.props[prop].handle
     if run is None or handle is None:

@@ -6,7 +6,7 @@ of them and behind there is nothing else.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import TypeVar
 
 import numpy as np
@@ -14,120 +14,73 @@ import numpy as np
 from fantoccini.base import InputError
 from fantoccini.model.puppet import FLOOR
 from fantoccini.theatre.cast import (
+    OTHER_SIDE,
     Actor,
-    CannotBe,
     Cast,
+    Corrections,
     Footing,
-    Meeting,
-    Pair,
-    Turn,
-    Wishes,
     hanging,
     prop_gestures,
     standing,
     top_of,
 )
+from fantoccini.theatre.gestures import CannotBe, Turn
 from fantoccini.theatre.plays import putting
-from fantoccini.theatre.plays.acting import Repertory
 from fantoccini.theatre.plays.approaching import CALM, Approaching, along
-from fantoccini.theatre.plays.doing import carry_pose
 from fantoccini.theatre.plays.holdings import Hangs, Seated, Stands
+from fantoccini.theatre.plays.on_stage import OnStage, carry_pose
+from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.sitting import sit
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.script import (
     END,
     START,
-    VERBS,
     GivesCue,
     Moments,
     PicksUpCue,
+    PlayCue,
     PutsDownCue,
     SitsOnCue,
-    Spot,
     StandsUpFromCue,
 )
 
 T = TypeVar("T")
-
-Saved = tuple[
-    list[Meeting], dict[str, Seated], dict[str, Hangs | Stands], dict[tuple[Spot, str], float]
-]
-"""Meetings, who sits, where props are, and when swing is taken out."""
 
 _AT_TABLE = 0.025
 """Longest step at a table, which shins that swing must not touch [m]."""
 _BACK = 0.1
 """A walk to a table ends at least so far from where one puts something down [m]."""
 _BEFORE_SEAT = 0.135
-"""A player sits down from so far before the middle of the seat [m]."""
+"""Distance before the middle of the seat from which a player sits down [m]."""
 APPROACHES = ((0.04, 0.06), (0.06, 0.05), (0.08, 0.06))
-"""Who comes up to a seat stops so much farther before it, since shins swing on, and steps back by
-so much at a time, at most [m]: the first, or if something touches then, the next."""
+"""Ways to come up to a seat, tried in turn: extra distance at which a player stops before it, since
+shins swing on, and the longest step back [m]."""
 _INSET = 0.03
-"""A prop is put so far from the border of what it is put on, where that is large enough [m]."""
-_OTHER = {"left": "right", "right": "left"}
+"""Distance of a prop from the border of what it is put on, where that is large enough [m]."""
 
 
 class Handling:
-    """Props while cues are placed: who has them, and what players do with them.
-
-    Attributes:
-        where: prop -> on whose forearm it hangs, or where it stands.
-        seated: player -> on what it sits.
+    """The verbs of cues with props, each from one state of the stage to the next.
 
     Args:
-        cast, walks, repertory: of the play.
-        actors: the players, as they are placed so far.
-        wishes: of earlier rounds.
+        cast, walks, gestures: of the play.
+        corrections: of earlier rounds.
     """
 
     def __init__(
-        self,
-        cast: Cast,
-        walks: Walks,
-        repertory: Repertory,
-        actors: Mapping[str, Actor],
-        wishes: Wishes,
+        self, cast: Cast, walks: Walks, gestures: PlayerGestures, corrections: Corrections
     ):
-        self._cast, self._walks, self._repertory = cast, walks, repertory
-        self._actors, self._wishes = actors, wishes
-        self._met: list[Meeting] = []
-        self.seated: dict[str, Seated] = {}
-        self._steps = Approaching(walks, repertory, actors, wishes, self.carries)
-        self.where: dict[str, Hangs | Stands] = {}
-        for name, thing in cast.props.items():
-            if thing.held_by:
-                self.where[name] = Hangs(thing.held_by, thing.side, 0.0)
-            else:
-                on = cast.file.props[name].on or FLOOR
-                self.where[name] = Stands(thing.stands, thing.height, on)
+        self._cast, self._walks, self._gestures = cast, walks, gestures
+        self._corrections = corrections
+        self._steps = Approaching(walks, gestures, corrections)
 
-    @property
-    def calmed(self) -> Mapping[tuple[Spot, str], float]:
-        """(cue, player) -> when it begins to take out its swing [s]."""
-        return self._steps.calmed
-
-    def meetings(self, until: float) -> tuple[Meeting, ...]:
-        """Who may touch what until a time [s]."""
-        found = list(self._met)
-        found += [
-            one.meeting(prop, until) for prop, one in self.where.items() if isinstance(one, Hangs)
-        ]
-        found += [one.meeting(who, until, until) for who, one in self.seated.items()]
-        return tuple(found)
-
-    def kept(self) -> Saved:
-        """What is known now, to come back to with :meth:`back`."""
-        return list(self._met), dict(self.seated), dict(self.where), dict(self._steps.calmed)
-
-    def back(self, kept: Saved) -> None:
-        """Forgets what was added since."""
-        self._met, self.seated, self.where, self._steps.calmed = kept
-
-    def place(self, turn: Turn, begin: float, wait: float) -> Moments:
-        """Places a cue with a prop; its moments.
+    def do(
+        self, stage: OnStage, turn: Turn[PlayCue], begin: float, wait: float
+    ) -> tuple[OnStage, Moments]:
+        """The stage after a cue with a prop, and the cue's moments.
 
         Args:
+            stage: before the cue.
             turn: the cue.
             begin: earliest time [s].
             wait: by how much later it may begin [s].
@@ -135,37 +88,38 @@ class Handling:
         Raises:
             CannotBe: it cannot be done.
         """
-        given = turn.given
-        match given:
-            case GivesCue():
-                self._gives(turn, given, begin, wait)
-            case SitsOnCue():
-                self._sits(turn, given, begin, wait)
-            case StandsUpFromCue():
-                self._stands_up(turn, given, begin)
-            case PutsDownCue():
-                self._puts_down(turn, given, begin, wait)
-            case PicksUpCue():
-                self._picks_up(turn, given, begin, wait)
+        match turn.given:
+            case GivesCue() as given:
+                stage = self._gives(stage, turn, given, begin, wait)
+            case SitsOnCue() as given:
+                stage = self._sits(stage, turn, given, begin, wait)
+            case StandsUpFromCue() as given:
+                stage = self._stands_up(stage, turn, given, begin)
+            case PutsDownCue() as given:
+                stage = self._puts_down(stage, turn, given, begin, wait)
+            case PicksUpCue() as given:
+                stage = self._picks_up(stage, turn, given, begin, wait)
         moments = {
-            START: min(part.start for part in turn.parts),
-            END: max(part.end for part in turn.parts),
+            START: min(part.start for part in stage.parts),
+            END: max(part.end for part in stage.parts),
         }
-        for part in turn.parts:
+        for part in stage.parts:
             moments.update({m: t for m, t in part.marks.items() if m in turn.cue.known})
-        return moments
+        return stage, moments
 
     # -- one verb each -----------------------------------------------------------------------
 
-    def _gives(self, turn: Turn, given: GivesCue, begin: float, wait: float) -> None:
-        prop = given.gives
-        giver, receiver = (self._actors[name] for name in turn.who)
-        held = self._held(prop, giver)
-        other = _OTHER[held.side]
-        if (taken := self._on(receiver, other)) is not None:
+    def _gives(
+        self, stage: OnStage, turn: Turn[PlayCue], given: GivesCue, begin: float, wait: float
+    ) -> OnStage:
+        prop, (who, to) = given.gives, turn.who
+        giver, receiver = stage.actors[who], stage.actors[to]
+        held = stage.held(prop, who)
+        other = OTHER_SIDE[held.side]
+        if (taken := stage.on_forearm(to, other)) is not None:
             raise CannotBe(f"{given.to}'s {other} arm, which would take it, holds {taken}")
-        self.check_stands(giver)
-        self.check_stands(receiver)
+        stage.check_stands(who)
+        stage.check_stands(to)
         lift, lifts = (self._cast.file.cast[name].lift for name in turn.who)
         handing = self._made(
             lambda: prop_gestures.give(
@@ -181,135 +135,123 @@ class Handling:
             giver,
         )
         here = giver.last
-        x, y, heading = handing.place(here.x, here.y, here.heading)
-        there = Footing(x, y, heading)
+        there = Footing(*handing.place(here.x, here.y, here.heading))
         before = self._steps.apart(there, receiver, here, giver)
-        self._steps.come(turn, receiver, before, there, begin, wait, beside=giver)
-        giver.rests()
-        soon = receiver.rests() - prop_gestures.CARRY_TIME
-        posed = carry_pose(giver, held.side, max(begin, soon), self._repertory)
-        start = self._steps.calm(turn, max(receiver.rests(), posed), giver, receiver)
-        ends = [
-            self._steps.do(turn, actor, gesture, start)
-            for actor, gesture in ((giver, handing.giver), (receiver, handing.receiver))
-        ]
-        end = max(ends)
-        self._close(prop, held, start)
-        pairs = {
-            hanging(who, side, prop) for who, side in ((turn.who[0], held.side), (given.to, other))
-        }
-        pairs |= standing(prop, FLOOR)
-        self._meet(turn, prop, frozenset(pairs), start, end)
-        self.where[prop] = Hangs(given.to, other, end, turn.spot)
+        stage = self._steps.come(stage, to, before, there, begin, wait, beside=who)
+        receiver = stage.actors[to].rested()
+        soon = receiver.hands.end - prop_gestures.CARRY_TIME
+        giver = carry_pose(giver.rested(), held.side, max(begin, soon), self._gestures)
+        stage = stage.acting(receiver).acting(giver)
+        posed = max(receiver.hands.end, giver.hands.lanes[0].end)
+        stage, start = self._steps.calm(stage, turn, posed, who, to)
+        stage, given_at = self._steps.do(stage, who, handing.giver, start)
+        stage, taken_at = self._steps.do(stage, to, handing.receiver, start)
+        end = max(given_at, taken_at)
+        stage = stage.released(prop, held, start)
+        pairs = {hanging(who, held.side, prop), hanging(to, other, prop)} | standing(prop, FLOOR)
+        stage = stage.touching(turn, prop, frozenset(pairs), start, end)
+        stage = stage.placing(prop, Hangs(to, other, end, turn.spot))
+        giver, receiver = stage.actors[who], stage.actors[to]
         retreat = self._steps.apart(here, giver, receiver.last, receiver)
-        self._steps.straight(turn, giver, retreat, end, beside=receiver)
+        return self._steps.straight(stage, who, retreat, end, beside=to)
 
-    def _sits(self, turn: Turn, given: SitsOnCue, begin: float, wait: float) -> None:
-        seat, (actor,) = given.sits_on, (self._actors[name] for name in turn.who)
-        self.check_stands(actor)
-        who = turn.who[0]
-        for name, one in self.seated.items():
-            if one.seat == seat:
+    def _sits(
+        self, stage: OnStage, turn: Turn[PlayCue], given: SitsOnCue, begin: float, wait: float
+    ) -> OnStage:
+        seat, (who,) = given.sits_on, turn.who
+        actor = stage.actors[who]
+        stage.check_stands(who)
+        for name, seated in stage.seated.items():
+            if seated.seat == seat:
                 raise CannotBe(f"{name} sits on {seat}")
-        middle, heading, height = self._seat(seat, actor, turn)
+        middle, heading, height = self._seat(stage, seat, actor, turn)
         alone, hangs = actor.player.alone, actor.player.hangs
         sits = self._made(
             lambda: sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
         )
         there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
         clear = self._steps.clear_of(there, 1.0, actor)
-        room, step = APPROACHES[self._wishes.approaches.get(turn.spot, 0)]
+        room, step = APPROACHES[self._corrections.approaches.get(turn.spot, 0)]
         before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + room)
-        self._steps.come(turn, actor, before, there, begin, wait, step=step)
-        since = actor.ways[-1].begin
-        end = self._steps.do(turn, actor, sits.down, self._steps.calm(turn, actor.rests(), actor))
-        self.seated[who] = Seated(
-            seat, seat in self._cast.props, since, end, turn.spot, sits.up, before
-        )
+        stage = self._steps.come(stage, who, before, there, begin, wait, step=step)
+        since = stage.actors[who].ways[-1].begin
+        stage, start = self._calmed(stage, turn, who)
+        stage, end = self._steps.do(stage, who, sits.down, start)
+        on_prop = seat in self._cast.props
+        return stage.seating(who, Seated(seat, on_prop, since, end, turn.spot, sits.up, before))
 
-    def _stands_up(self, turn: Turn, given: StandsUpFromCue, begin: float) -> None:
+    def _stands_up(
+        self, stage: OnStage, turn: Turn[PlayCue], given: StandsUpFromCue, begin: float
+    ) -> OnStage:
         (who,) = turn.who
-        actor, one = self._actors[who], self.seated.get(who)
-        if one is None or one.seat != given.stands_up_from:
-            sits = f"sits on {one.seat}" if one else "stands"
+        seated = stage.seated.get(who)
+        if seated is None or seated.seat != given.stands_up_from:
+            sits = f"sits on {seated.seat}" if seated else "stands"
             raise CannotBe(f"{who} does not sit on {given.stands_up_from}, but {sits}")
-        start = max(begin, actor.rests())
-        up = self._steps.do(turn, actor, one.up, start)
-        self._steps.straight(turn, actor, one.ahead, up + CALM)
-        self._steps.calm(turn, actor.rests(), actor)
-        self._met.append(one.meeting(who, start, actor.ways[-1].end))
-        del self.seated[who]
+        actor = stage.actors[who].rested()
+        start = max(begin, actor.hands.end)
+        stage, up = self._steps.do(stage.acting(actor), who, seated.up, start)
+        stage = self._steps.straight(stage, who, seated.ahead, up + CALM)
+        stage, _ = self._calmed(stage, turn, who)
+        away = stage.actors[who].ways[-1].end
+        return stage.meeting(seated.meeting(who, start, away)).seating(who, None)
 
-    def _puts_down(self, turn: Turn, given: PutsDownCue, begin: float, wait: float) -> None:
+    def _puts_down(
+        self, stage: OnStage, turn: Turn[PlayCue], given: PutsDownCue, begin: float, wait: float
+    ) -> OnStage:
         prop, onto, (who,) = given.puts_down, given.onto, turn.who
-        actor = self._actors[who]
-        held = self._held(prop, actor)
-        self.check_stands(actor)
+        actor = stage.actors[who]
+        held = stage.held(prop, who)
+        stage.check_stands(who)
         top = top_of(self._cast.file, onto)
         assert top is not None  # or it is a mistake
         hangs = self._hangs_at(turn, actor, prop, held)
         puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(turn))
         there = self._put_place(onto, puts, actor)
         before = self._steps.clear_of(there, -1.0, actor, _BACK)
-        self._steps.come(turn, actor, before, there, begin, wait, step=_AT_TABLE)
-        start = self._steps.calm(turn, actor.rests(), actor)
-        end = self._steps.do(turn, actor, puts.gesture, start)
-        self._close(prop, held, start)
+        stage = self._steps.come(stage, who, before, there, begin, wait, step=_AT_TABLE)
+        stage, start = self._calmed(stage, turn, who)
+        stage, end = self._steps.do(stage, who, puts.gesture, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
-        self._meet(turn, prop, pairs, start, end)
+        stage = stage.released(prop, held, start).touching(turn, prop, pairs, start, end)
         z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
-        self.where[prop] = Stands(Footing(z.real, z.imag, there.heading), top, onto)
-        self._steps.straight(turn, actor, before, end, step=_AT_TABLE)
+        stands = Stands(Footing(z.real, z.imag, there.heading), top, onto)
+        return self._steps.straight(stage.placing(prop, stands), who, before, end, step=_AT_TABLE)
 
-    def _picks_up(self, turn: Turn, given: PicksUpCue, begin: float, wait: float) -> None:
+    def _picks_up(
+        self, stage: OnStage, turn: Turn[PlayCue], given: PicksUpCue, begin: float, wait: float
+    ) -> OnStage:
         prop, (who,) = given.picks_up, turn.who
-        actor, one, side = self._actors[who], self.where[prop], "right"
-        if isinstance(one, Hangs):
-            raise CannotBe(f"{one.player} holds {prop}")
+        actor, thing, side = stage.actors[who], stage.where[prop], "right"
+        if isinstance(thing, Hangs):
+            raise CannotBe(f"{thing.player} holds {prop}")
         if self._cast.props[prop].handle is None:
             raise CannotBe(f"{prop} has no handle")
-        if self._on(actor, side) is not None:
-            side = _OTHER[side]
-        if (taken := self._on(actor, side)) is not None:
+        if stage.on_forearm(who, side) is not None:
+            side = OTHER_SIDE[side]
+        if (taken := stage.on_forearm(who, side)) is not None:
             raise CannotBe(f"{who}'s arms are not free: {taken} hangs there")
-        self.check_stands(actor)
+        stage.check_stands(who)
         hangs = self._would_hang(actor, prop, side)
-        puts = self._putting(actor, prop, side, hangs, one.height, one.on, back=True)
-        stands = self._wishes.stands.get(turn.spot, one.place)
+        puts = self._putting(actor, prop, side, hangs, thing.height, thing.on, back=True)
+        stands = self._corrections.stands.get(turn.spot, thing.place)
         z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
         there = Footing(z.real, z.imag, stands.heading)
         before = self._steps.clear_of(there, -1.0, actor, _BACK)
-        self._steps.come(turn, actor, before, there, begin, wait, step=_AT_TABLE)
-        start = self._steps.calm(turn, actor.rests(), actor)
-        end = self._steps.do(turn, actor, puts.gesture, start)
-        pairs = standing(prop, one.on) | {hanging(who, side, prop)}
-        self._meet(turn, prop, pairs, start, end)
-        self.where[prop] = Hangs(who, side, end, turn.spot)
-        self._steps.straight(turn, actor, before, end, step=_AT_TABLE)
+        stage = self._steps.come(stage, who, before, there, begin, wait, step=_AT_TABLE)
+        stage, start = self._calmed(stage, turn, who)
+        stage, end = self._steps.do(stage, who, puts.gesture, start)
+        pairs = standing(prop, thing.on) | {hanging(who, side, prop)}
+        stage = stage.touching(turn, prop, pairs, start, end)
+        stage = stage.placing(prop, Hangs(who, side, end, turn.spot))
+        return self._steps.straight(stage, who, before, end, step=_AT_TABLE)
 
     # -- what is so --------------------------------------------------------------------------
 
-    def _held(self, prop: str, actor: Actor) -> Hangs:
-        one, who = self.where[prop], actor.player.name
-        if isinstance(one, Hangs) and one.player == who:
-            return one
-        there = f"{one.player} holds it" if isinstance(one, Hangs) else f"it stands on {one.on}"
-        raise CannotBe(f"{who} does not hold {prop}: {there}")
-
-    def _on(self, actor: Actor, side: str) -> str | None:
-        """What hangs on a forearm."""
-        for prop, one in self.where.items():
-            if isinstance(one, Hangs) and (one.player, one.side) == (actor.player.name, side):
-                return prop
-        return None
-
-    def check_stands(self, actor: Actor) -> None:
-        """Refuses that one who sits walks."""
-        one = self.seated.get(actor.player.name)
-        if one is not None:
-            raise CannotBe(
-                f"{actor.player.name} sits on {one.seat}; needed before: `stands up from`"
-            )
+    def _calmed(self, stage: OnStage, turn: Turn[PlayCue], who: str) -> tuple[OnStage, float]:
+        """The stage with a player's swing taken out from its end on, and when it is [s]."""
+        actor = stage.actors[who].rested()
+        return self._steps.calm(stage.acting(actor), turn, actor.hands.end, who)
 
     def _made(self, make: Callable[[], T], actor: Actor) -> T:
         try:
@@ -329,7 +271,7 @@ class Handling:
         along: float | None = None,
         back: bool = False,
     ) -> putting.Putting:
-        """How a player puts a prop down on something, or picks it up from there."""
+        """The gesture that puts a prop down on something, or picks it up from there."""
         least, most = (hangs - drop for drop in reversed(putting.DROPS))
         if not least <= top <= most:
             off, near = ("low", least + 5e-4) if top < least else ("high", most - 5e-4)
@@ -352,33 +294,28 @@ class Handling:
         lift = self._cast.file.cast[actor.player.name].lift
         return prop_gestures.handle_place(side, raised=lift)[2] + putting.HIGHER - handle
 
-    def carries(self, who: str) -> str:
-        """The forearm on which something hangs that a player carries; "" where nothing does."""
-        sides = [
-            one.side for one in self.where.values() if isinstance(one, Hangs) and one.player == who
-        ]
-        return sides[0] if sides else ""
-
-    def _along(self, turn: Turn) -> float | None:
-        seen = self._wishes.hangs.get(turn.spot)
+    def _along(self, turn: Turn[PlayCue]) -> float | None:
+        seen = self._corrections.hangs.get(turn.spot)
         return None if seen is None else seen[0]
 
-    def _hangs_at(self, turn: Turn, actor: Actor, prop: str, held: Hangs) -> float:
-        seen = self._wishes.hangs.get(turn.spot)
+    def _hangs_at(self, turn: Turn[PlayCue], actor: Actor, prop: str, held: Hangs) -> float:
+        seen = self._corrections.hangs.get(turn.spot)
         handle = self._cast.props[prop].handle
         assert handle is not None
         return seen[1] - handle if seen else self._would_hang(actor, prop, held.side)
 
-    def _seat(self, name: str, actor: Actor, turn: Turn) -> tuple[complex, float, float]:
+    def _seat(
+        self, stage: OnStage, name: str, actor: Actor, turn: Turn[PlayCue]
+    ) -> tuple[complex, float, float]:
         """Middle of a seat [m], the direction in which one sits [rad], and its height [m]."""
-        if name in self.where:
-            one, seat = self.where[name], self._cast.props[name].seat
-            if isinstance(one, Hangs):
-                raise CannotBe(f"{one.player} holds {name}")
+        if name in stage.where:
+            thing, seat = stage.where[name], self._cast.props[name].seat
+            if isinstance(thing, Hangs):
+                raise CannotBe(f"{thing.player} holds {name}")
             if seat is None:
                 raise CannotBe(f"{name} has no seat; needed: `seat:` of the prop")
-            place = self._wishes.stands.get(turn.spot, one.place)
-            return place.place, place.heading, one.height + seat
+            place = self._corrections.stands.get(turn.spot, thing.place)
+            return place.place, place.heading, thing.height + seat
         top = top_of(self._cast.file, name)
         assert top is not None  # or it is a mistake
         known = self._walks.middle(name)
@@ -394,17 +331,3 @@ class Handling:
             z = inside - np.exp(1j * heading) * way
             found.append(Footing(z.real, z.imag, heading))
         return min(found, key=lambda one: abs(one.place - actor.last.place))
-
-    # -- who meets ---------------------------------------------------------------------------
-
-    def _meet(
-        self, turn: Turn, prop: str, pairs: frozenset[Pair], start: float, end: float
-    ) -> None:
-        """Notes that the players of a cue and a prop may touch for a while [s]."""
-        kind = VERBS[turn.given.verb].meets
-        assert kind is not None
-        self._met.append(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
-
-    def _close(self, prop: str, held: Hangs, until: float) -> None:
-        if until > held.since:
-            self._met.append(held.meeting(prop, until))

@@ -15,23 +15,31 @@ from fantoccini.base import Array, StateError, UnknownNameError
 from fantoccini.theatre.cast import (
     ERRORS,
     Actor,
-    CannotBe,
     Cast,
+    Corrections,
     Meeting,
-    Part,
-    Placed,
     Places,
     Player,
-    Turn,
     Way,
-    Wishes,
-    said_in_act,
+    act_time_in_words,
 )
-from fantoccini.theatre.gestures import Gesture, Line, limits
-from fantoccini.theatre.plays.acting import Repertory, Style
+from fantoccini.theatre.gestures import (
+    CannotBe,
+    Gesture,
+    Hands,
+    Line,
+    Part,
+    Performed,
+    Performer,
+    Placed,
+    Policy,
+    Turn,
+    limits,
+)
 from fantoccini.theatre.plays.aims import Aims
-from fantoccini.theatre.plays.doing import carry_pose, note, walk_along
 from fantoccini.theatre.plays.handling import Handling
+from fantoccini.theatre.plays.on_stage import OnStage, carry_pose, walked
+from fantoccini.theatre.plays.player_gestures import PlayerGestures, Style
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.script import (
     ARRIVES,
@@ -39,25 +47,24 @@ from fantoccini.theatre.script import (
     LATE,
     START,
     VERBS,
-    Cue,
     DoesCue,
     EntersToCue,
     ExitsToCue,
     Moments,
-    Notes,
     PlayCue,
     PropCue,
+    ScriptLog,
     Spot,
     Timeline,
     WalkCue,
-    said,
+    spelled,
     walks,
 )
 
-_REFUSED: tuple[type[Exception], ...] = (CannotBe, UnknownNameError, *ERRORS)
-"""Errors that refuse a cue as it is placed."""
 IN_TIME = 1.0 / 60.0
-"""So near to its time a cue is in time [s]."""
+"""Lateness of a cue that is in time [s]."""
+_POLICY = Policy(IN_TIME, (CannotBe, UnknownNameError, *ERRORS))
+"""Late cues of a play, and those that cannot be done, are refused."""
 _SAME_HEADING = 1e-3
 """Change of a heading that a gesture does not notice [rad]."""
 _RINGS = 1.0
@@ -79,7 +86,7 @@ class Placement:
         calmed: (cue, player) -> when it begins to take out its swing [s].
     """
 
-    cues: tuple[Placed, ...]
+    cues: tuple[Placed[PlayCue], ...]
     act_starts: tuple[float, ...]
     motions: Mapping[str, Gesture]
     lanes: Mapping[str, Mapping[str, Gesture]]
@@ -92,36 +99,37 @@ class Placement:
 def place_cues(
     cast: Cast,
     timeline: Timeline[PlayCue],
-    repertory: Repertory,
+    gestures: PlayerGestures,
     places: Places,
     walks: Walks,
-    wishes: Wishes,
-    notes: Notes,
+    corrections: Corrections,
+    log: ScriptLog,
 ) -> Placement:
     """Places all cues of a play.
 
     Args:
-        cast, timeline, repertory, places, walks: of the play.
-        wishes: of earlier rounds.
-        notes: know the file and the beat.
+        cast, timeline, gestures, places, walks: of the play.
+        corrections: of earlier rounds.
+        log: knows the file and the beat.
     """
     bounds = cast.file.stage
     actors = {
-        name: Actor(player, [Line(_most(player, bounds.speed, bounds.acceleration))])
+        name: Actor(player, Hands((Line.empty(_most(player, bounds.speed, bounds.acceleration)),)))
         for name, player in cast.players.items()
     }
-    placing = _Placing(cast, timeline, repertory, places, walks, wishes, notes, actors)
+    verbs = _Verbs(cast, timeline, gestures, places, walks, corrections, log)
+    performer = Performer(timeline, _POLICY, verbs.do, refused=corrections.refused)
+    play: Performed[PlayCue, OnStage] = Performed(OnStage.at_start(cast, actors))
     starts, start = list[float](), 0.0
     for act, given in enumerate(cast.file.acts):
-        start += given.after * notes.beat
+        start += given.after * log.beat
         starts.append(start)
-        placing.place_act(act, start)
-        start = max([start, *(placing.moments[cue.spot][END] for cue in timeline.of_act(act))])
-    for actor in actors.values():
-        for line in actor.lanes:
-            line.rest()
+        play = performer.act(play, act, start)
+        start = max([start, *(play.moments[cue.spot][END] for cue in timeline.of_act(act))])
+    stage = play.state
+    actors = {name: actor.rested() for name, actor in stage.actors.items()}
     end = max(start, *(actor.done for actor in actors.values())) + _RINGS
-    cues = tuple(placing.placed[cue.spot] for cue in timeline.cues)
+    cues = tuple(play.placed[cue.spot] for cue in timeline.cues)
     both = {name: actor.motion(end) for name, actor in actors.items()}
     return Placement(
         cues,
@@ -132,164 +140,132 @@ def place_cues(
             name: tuple(part.start for cue in cues for part in cue.parts if part.who == name)
             for name in actors
         },
-        {name: tuple(actor.ways) for name, actor in actors.items()},
-        placing.handling.meetings(end),
-        dict(placing.handling.calmed),
+        {name: actor.ways for name, actor in actors.items()},
+        stage.meetings(end),
+        stage.calmed,
     )
 
 
-class _Placing:
-    """The stage while cues are placed, one after the other.
-
-    Attributes:
-        handling: props, and what is done with them.
-        moments: place of a cue or a time of the play -> its moments.
-        placed: place of a cue -> the cue as it is placed.
-    """
+class _Verbs:
+    """The verbs of a play's cues, each from one state of the stage to the next."""
 
     def __init__(
         self,
         cast: Cast,
         timeline: Timeline[PlayCue],
-        repertory: Repertory,
+        gestures: PlayerGestures,
         places: Places,
         walks: Walks,
-        wishes: Wishes,
-        notes: Notes,
-        actors: dict[str, Actor],
+        corrections: Corrections,
+        log: ScriptLog,
     ):
-        self._timeline, self._repertory, self._walks = timeline, repertory, walks
-        self._wishes, self._notes, self._actors = wishes, notes, actors
-        self._aims = Aims(cast, places, actors)
-        self._start = 0.0
-        self.handling = Handling(cast, walks, repertory, actors, wishes)
-        self.moments: dict[Spot, Moments] = {}
-        self.placed: dict[Spot, Placed] = {}
+        self._timeline, self._gestures, self._walks = timeline, gestures, walks
+        self._corrections, self._log = corrections, log
+        self._aims = Aims(cast, places)
+        self._handling = Handling(cast, walks, gestures, corrections)
 
-    def place_act(self, act: int, start: float) -> None:
-        """Places the cues of an act that begins at a time [s]."""
-        self._start = start
-        self._timeline.place(act, start, self.moments, self._place)
-
-    # -- one cue -----------------------------------------------------------------------------
-
-    def _place(self, cue: Cue[PlayCue], t: float) -> Moments:
-        """Places a cue that begins, or whose mark of `on` is, at a time [s]; its moments."""
-        turn, why = Turn(cue, t), self._wishes.refused.get(cue.spot, "")
-        moments: Moments = {}
-        if not why:
-            before = {name: self._actors[name].kept() for name in cue.who}
-            things = self.handling.kept()
-            try:
-                moments = self._placed(turn)
-            except _REFUSED as error:
-                why = str(error)
-                self._actors.update(before)
-                self.handling.back(things)
-        if why:
-            turn.parts.clear()
-            # What follows begins when it would have, but not while the player is busy.
-            busy = [self.moments[one.spot][END] for one in cue.before]
-            moments = dict.fromkeys(cue.known, max(t, 0.0)) | {END: max([t, 0.0, *busy])}
-        self.placed[cue.spot] = Placed(cue, t, tuple(turn.parts), moments, why)
-        return moments
-
-    def _placed(self, turn: Turn) -> Moments:
-        """Places a cue; its moments.
+    def do(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, tuple[Part, ...], Moments]:
+        """The stage after a cue, the parts of its players, and its moments.
 
         Raises:
             CannotBe: it cannot be done.
         """
         self._check_begin(turn)
+        stage = replace(stage, parts=())
         if isinstance(turn.given, PropCue):
-            return self._handle(turn)
+            stage, moments = self._handle(stage, turn)
+            return stage, stage.parts, moments
         for name in turn.who:
-            self._place_one(turn, self._actors[name], turn.wanted)
-        return {
-            moment: max(_moment(part, moment) for part in turn.parts) for moment in turn.cue.known
+            stage = self._do_alone(stage, turn, name)
+        moments = {
+            moment: max(_moment(part, moment) for part in stage.parts) for moment in turn.cue.known
         }
+        return stage, stage.parts, moments
 
-    def _place_one(self, turn: Turn, actor: Actor, t: float) -> None:
-        given, name = turn.given, actor.player.name
-        if actor.away and not isinstance(given, EntersToCue):
+    def _do_alone(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
+        """The stage after the part of one player in a cue without a prop."""
+        given, t = turn.given, turn.wanted
+        if stage.actors[name].away and not isinstance(given, EntersToCue):
             raise CannotBe(f"{name} is off the stage")
+        early = self._corrections.earlier.get((turn.spot, name), 0.0)
+        pause = self._corrections.pauses.get(turn.spot, 0.0)
         if walks(given):
-            self.handling.check_stands(actor)
-        early = self._wishes.earlier.get((turn.spot, name), 0.0)
-        pause = self._wishes.pauses.get(turn.spot, 0.0)
-        ahead = 0.0
-        if given.mark and not walks(given):
-            ahead = self._gesture(turn, actor, t).marks[given.mark]
+            stage.check_stands(name)
+            asked = t - early
+            return self._walk(stage, turn, name, asked, asked + pause)
+        ahead = self._gesture(stage, turn, name, t).marks[given.mark] if given.mark else 0.0
         asked = t - ahead - early
-        if walks(given):
-            self._walk(turn, actor, asked, asked + pause)
-        else:
-            self._act(turn, actor, asked, asked + pause)
+        return self._act(stage, turn, name, asked, asked + pause)
 
-    def _handle(self, turn: Turn) -> Moments:
-        """Places a cue with a prop; its moments."""
+    def _handle(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
+        """The stage after a cue with a prop, and its moments."""
         t = turn.wanted
         for name in turn.who:
-            if self._actors[name].away:
+            if stage.actors[name].away:
                 raise CannotBe(f"{name} is off the stage")
-        begin = max(t + self._wishes.pauses.get(turn.spot, 0.0), self._start)
-        wait = max((turn.given.may_wait or 0.0) * self._notes.beat - (begin - t), 0.0)
-        moments = self.handling.place(turn, begin, wait)
+        begin = max(t + self._corrections.pauses.get(turn.spot, 0.0), turn.start)
+        wait = max((turn.given.may_wait or 0.0) * self._log.beat - (begin - t), 0.0)
+        stage, moments = self._handling.do(stage, turn, begin, wait)
         begun = moments[START]
-        self._check_time(turn, self._actors[turn.who[-1]], begun - t, begun)
-        return moments
+        self._check_time(turn, turn.who[-1], begun - t, begun)
+        return stage, moments
 
-    def _check_begin(self, turn: Turn) -> None:
+    def _check_begin(self, turn: Turn[PlayCue]) -> None:
         """Refuses what would be before its act, or before a GO for which its act waits."""
-        t, start, go = turn.wanted, self._start, self._timeline.gos.get(turn.spot)
+        t, start, go = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
         if t < start - LATE:
-            begins = self._said(start)
+            begins = self._in_words(turn, start)
             raise CannotBe(f"its time is {start - t:.2f} s before its act, which begins {begins}")
-        if go is not None and t < self.moments[go.spot][START] - LATE:
-            line, then = self._notes.located.line(go.spot), self.moments[go.spot][START]
-            raise CannotBe(f"its time is before the GO of line {line}, {self._said(then)}")
+        if go is not None and t < turn.moments[go.spot][START] - LATE:
+            line, then = self._log.located.line(go.spot), turn.moments[go.spot][START]
+            raise CannotBe(
+                f"its time is before the GO of line {line}, {self._in_words(turn, then)}"
+            )
 
-    def _act(self, turn: Turn, actor: Actor, asked: float, begin: float) -> None:
-        """Places a gesture in a lane, from the heading that the player then has.
+    def _act(
+        self, stage: OnStage, turn: Turn[PlayCue], name: str, asked: float, begin: float
+    ) -> OnStage:
+        """The stage after a gesture in a lane, from the heading that the player then has.
 
         It is to begin at one time, and begins at another or later [s].
         """
-        earliest = max(begin, self._start)
-        gesture = self._gesture(turn, actor, earliest)
-        lane, start = actor.lane(gesture, earliest)
+        actor, earliest = stage.actors[name], max(begin, turn.start)
+        gesture = self._gesture(stage, turn, name, earliest)
+        lane, start = actor.hands.free_lane(gesture, earliest)
         if start > earliest + LATE:
-            gesture = self._gesture(turn, actor, start)
+            gesture = self._gesture(stage, turn, name, start)
         heading = actor.stands(start).heading
         turned = abs(actor.stands(start + gesture.duration).heading - heading)
         if turned > _SAME_HEADING:
             until = max(way.end for way in actor.ways)
             raise CannotBe(
-                f"{actor.player.name} turns by {np.degrees(turned):.0f} deg meanwhile; it can "
-                f"begin {self._said(until)}"
+                f"{name} turns by {np.degrees(turned):.0f} deg meanwhile; it can "
+                f"begin {self._in_words(turn, until)}"
             )
-        start = actor.add(lane, gesture, start)
-        self._check_time(turn, actor, start - asked, start)
-        actor.played.append((lane, start, start + gesture.duration, gesture.named))
-        note(turn, actor, lane, gesture, start)
+        hands, start = actor.hands.add_busy(lane, gesture, start)
+        self._check_time(turn, name, start - asked, start)
+        return stage.part(replace(actor, hands=hands), lane, gesture, start)
 
-    def _walk(self, turn: Turn, actor: Actor, asked: float, begin: float) -> None:
-        """Places a walk that is to begin at a time, at another or later [s]."""
-        given, player = turn.given, actor.player
-        actor.lanes[0].rest()
+    def _walk(
+        self, stage: OnStage, turn: Turn[PlayCue], name: str, asked: float, begin: float
+    ) -> OnStage:
+        """The stage after a walk that is to begin at a time, at another or later [s]."""
+        given, actor = turn.given, stage.actors[name]
+        actor = replace(actor, hands=actor.hands.rested(0))
         by = begin if given.mark else None
-        carries = self.handling.carries(player.name)
-        earliest = self._start if by is not None else begin
-        free = max(carry_pose(actor, carries, earliest, self._repertory), self._start)
+        carries = stage.carries(name)
+        earliest = turn.start if by is not None else begin
+        actor = carry_pose(actor, carries, earliest, self._gestures)
+        stage, free = stage.acting(actor), max(actor.hands.lanes[0].end, turn.start)
         begin = max(begin, free)
-        others = [one for one in self._actors.values() if one is not actor]
-        wait = max((given.may_wait or 0.0) * self._notes.beat - (begin - asked), 0.0)
+        wait = max((given.may_wait or 0.0) * self._log.beat - (begin - asked), 0.0)
         way, why = self._walks.way(
-            player,
+            actor.player,
             actor.last,
-            self._aims.goals(turn, actor),
+            self._aims.goals(stage, turn, name),
             begin,
             wait,
-            [(one.player, one.track()) for one in others],
+            [(other.player, other.track()) for other in stage.others(name)],
             near=given.near if isinstance(given, WalkCue) else 0.0,
             arrives=by,
             free_from=free,
@@ -300,66 +276,73 @@ class _Placing:
         stands = len(list(takewhile(lambda step: step.stands, way.steps)))
         starts = way.begin + stands * way.step_time
         if by is not None:
-            self._check_time(turn, actor, abs(way.end - turn.wanted), way.end)
+            self._check_time(turn, name, abs(way.end - turn.wanted), way.end)
         else:
-            self._check_time(turn, actor, starts - asked, starts)
+            self._check_time(turn, name, starts - asked, starts)
         until = self._turns_under(actor, way)
         if until is not None:
-            self._check_time(turn, actor, until - asked, until)
+            self._check_time(turn, name, until - asked, until)
             if by is not None:
-                raise CannotBe(f"{player.name} is busy until {self._said(until)[3:]}")
-            self._walk(turn, actor, asked, until)
-            return
-        gesture, _ = walk_along(actor, way, self._repertory, carries)
-        actor.away = isinstance(given, ExitsToCue)
+                raise CannotBe(f"{name} is busy until {self._in_words(turn, until)[3:]}")
+            return self._walk(stage, turn, name, asked, until)
+        actor, gesture = walked(actor, way, self._gestures, carries)
+        actor = replace(actor, away=isinstance(given, ExitsToCue))
         marks = {mark: t - (starts - way.begin) for mark, t in gesture.marks.items()}
         marks[ARRIVES] = way.end - starts
-        note(turn, actor, 0, gesture, starts, marks, way.end)
+        return stage.part(actor, 0, gesture, starts, marks, way.end)
 
     def _turns_under(self, actor: Actor, way: Way) -> float | None:
         """Latest end of the gestures during which a walk would turn [s]; None without any."""
         ends = []
-        for _, start, end, _ in actor.played:
-            since, until = max(start, way.begin), min(end, way.end)
+        for gesture in actor.hands.busy:
+            since, until = max(gesture.start, way.begin), min(gesture.end, way.end)
             if since < until - LATE:
                 _, heading = way.footing(np.linspace(since, until, 9))
-                if np.max(np.abs(heading - actor.stands(start).heading)) > _SAME_HEADING:
-                    ends.append(end)
+                turned = np.abs(heading - actor.stands(gesture.start).heading)
+                if np.max(turned) > _SAME_HEADING:
+                    ends.append(gesture.end)
         return max(ends, default=None)
 
-    def _check_time(self, turn: Turn, actor: Actor, late: float, then: float) -> None:
+    def _check_time(self, turn: Turn[PlayCue], name: str, late: float, then: float) -> None:
         """Refuses what cannot be in time."""
-        if late <= turn.given.patience * self._notes.beat + IN_TIME:
-            return
-        what = "arrive" if walks(turn.given) and turn.given.mark else "begin"
-        beats = np.ceil(10.0 * late / self._notes.beat) / 10.0
-        raise CannotBe(
-            f"{actor.player.name} cannot {what} before {self._said(then)[3:]}; later by up "
-            f"to {beats:g} beats it can (`may wait: {beats:g}`)"
-        )
+        beat = self._log.beat
 
-    def _said(self, t: float) -> str:
+        def why() -> str:
+            verb = "arrive" if walks(turn.given) and turn.given.mark else "begin"
+            beats = np.ceil(10.0 * late / beat) / 10.0
+            return (
+                f"{name} cannot {verb} before {self._in_words(turn, then)[3:]}; later by up "
+                f"to {beats:g} beats it can (`may wait: {beats:g}`)"
+            )
+
+        _POLICY.check(late, turn.given.patience * beat, why)
+
+    def _in_words(self, turn: Turn[PlayCue], t: float) -> str:
         """A time in words, in beats of the cue's act."""
-        return said_in_act(t, self._start, self._notes.beat)
+        return act_time_in_words(t, turn.start, self._log.beat)
 
     # -- what is done ------------------------------------------------------------------------
 
-    def _gesture(self, turn: Turn, actor: Actor, t: float) -> Gesture:
+    def _gesture(self, stage: OnStage, turn: Turn[PlayCue], name: str, t: float) -> Gesture:
         """Gesture of a player from a time on [s]."""
-        given, player, stands = turn.given, actor.player, actor.stands(t)
+        given, actor = turn.given, stage.actors[name]
+        player, stands = actor.player, actor.stands(t)
         try:
             if isinstance(given, DoesCue):
                 style = Style.of(given)
-                smaller = self._wishes.smaller.get(turn.spot, 1.0)
+                smaller = self._corrections.smaller.get(turn.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
-                return self._repertory.gesture(player, given, style, stands.heading)
-            where, spot, name = given.what, (*turn.spot, said(given.verb)), VERBS[given.verb].called
-            place = self._aims.place_of(where, spot, t)
-            made = self._repertory.aimed(player, name, place, stands)
+                return self._gestures.gesture(player, given, style, stands.heading)
+            spot, called = (*turn.spot, spelled(given.verb)), VERBS[given.verb].called
+            place = self._aims.place_of(stage, given.verb_value, spot, t)
+            gesture = self._gestures.aimed(player, called, place, stands)
             # Both may have gone on until then.
-            then = t + min(made.marks.values())
-            place, stands = self._aims.place_of(where, spot, then), actor.stands(then)
-            return self._repertory.aimed(player, name, place, stands)
+            then = t + min(gesture.marks.values())
+            place, stands = (
+                self._aims.place_of(stage, given.verb_value, spot, then),
+                actor.stands(then),
+            )
+            return self._gestures.aimed(player, called, place, stands)
         except StateError as error:
             raise CannotBe(str(error)) from None
 

@@ -57,7 +57,7 @@ class CueOfPlay:
 
     @property
     def words(self) -> str:
-        """What they do, without who does it."""
+        """The cue in words, without its players."""
         return self.what.partition(": ")[2]
 
     @property

@@ -15,7 +15,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.cast import (
     CARRIED,
-    SIDES,
+    OTHER_SIDE,
     Waypoints,
     aside_by,
     backwards,
@@ -27,14 +27,14 @@ from fantoccini.theatre.cast import (
 from fantoccini.theatre.gestures import Gesture
 
 DROPS = (-0.02, 0.02)
-"""By so much a prop may hang higher than what it is put on, in the pose of carrying [m]."""
+"""Least and largest height of a carried prop above what it is put on [m]."""
 HIGHER = 0.022
-"""By so much higher a handle hangs in that pose than where the puppet hangs [m]."""
+"""Rise of a handle in that pose from where the puppet hangs [m]."""
 ALONG = 0.062
-"""How far from the elbow a handle hangs along the forearm in that pose [m]."""
+"""Distance of a handle from the elbow along the forearm in that pose [m]."""
 
 _OUT = {"forward": 0.4, "in": 0.065, "up": 0.03}
-"""What moves the hand's string to hold something out far."""
+"""Offsets of the hand's string that hold something out far [m]."""
 _RISES = 0.045
 """Up: the hand's string before it reaches out [m]."""
 _RAISED, _GAIN = 0.027, 0.7
@@ -134,7 +134,7 @@ def putting(
         InputError: the member has other strings than the bundled marionette.
         ValueError: the prop stands too low or too high.
     """
-    sign, other = sign_of(side), SIDES[side]
+    sign, other = sign_of(side), OTHER_SIDE[side]
     lowest, highest = DROPS
     if not lowest <= drop <= highest:
         text = f"{prop} would go down by {drop:.3f} m; needed: {lowest} to {highest} m"

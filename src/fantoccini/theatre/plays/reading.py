@@ -8,20 +8,20 @@ from pathlib import Path
 
 from fantoccini.base import FileError, Mistake, nearest
 from fantoccini.theatre.cast import Cast, Kept, Places, play_timeline, read_cast
-from fantoccini.theatre.plays.acting import Repertory
+from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.plays.whole import sounds_of
 from fantoccini.theatre.script import (
     VERBS,
     GivesCue,
-    Notes,
     PlayCue,
     PlayFile,
+    ScriptLog,
     Spot,
     Timeline,
     WalkCue,
     read_script,
-    said,
+    spelled,
 )
 
 _REPERTORY = Path(__file__).parent / "repertory"
@@ -39,16 +39,16 @@ class Script:
     Attributes:
         cast: its players, where they hang at the start.
         timeline: its cues.
-        repertory: what its players can do.
+        gestures: what its players can do.
         places: what names of places mean.
-        notes: take mistakes; they know the file and the beat.
+        log: collects mistakes; knows the file and the beat.
     """
 
     cast: Cast
     timeline: Timeline[PlayCue]
-    repertory: Repertory
+    gestures: PlayerGestures
     places: Places
-    notes: Notes
+    log: ScriptLog
 
 
 def read_play(path: str | os.PathLike[str], kept: Kept) -> Script:
@@ -67,31 +67,31 @@ def read_play(path: str | os.PathLike[str], kept: Kept) -> Script:
             text = "found nothing here, and no bundled play of this name"
             raise FileError([Mistake(name, None, "", text + nearest(name, play_names()))])
         path = _REPERTORY / f"{name}.yaml"
-    file, notes = read_script(PlayFile, path)
-    places = Places(file, notes)
-    _check_names(file, places, notes)
-    cast = read_cast(file, places, notes)
-    repertory = Repertory(cast, notes, kept)
-    timeline = play_timeline(file, repertory.marks, notes)
-    sounds_of(file, notes)
-    notes.refuse()
-    return Script(cast, timeline, repertory, places, notes)
+    file, log = read_script(PlayFile, path)
+    places = Places(file, log)
+    _check_names(file, places, log)
+    cast = read_cast(file, places, log)
+    gestures = PlayerGestures(cast, log, kept)
+    timeline = play_timeline(file, gestures.marks, log)
+    sounds_of(file, log)
+    log.mistakes.refuse()
+    return Script(cast, timeline, gestures, places, log)
 
 
-def _check_names(file: PlayFile, places: Places, notes: Notes) -> None:
-    """Notes names of acts that are not their own, and places that are none."""
+def _check_names(file: PlayFile, places: Places, log: ScriptLog) -> None:
+    """Records names of acts that are not their own, and places that are none."""
     names: set[str] = set()
     for a, act in enumerate(file.acts):
         if act.act in names:
-            notes.mistake(("acts", a, "act"), f"another act is called {act.act!r}")
+            log.mistakes.add(("acts", a, "act"), f"another act is called {act.act!r}")
         names.add(act.act)
         for i, cue in enumerate(act.cues):
             spot = "acts", a, "cues", i
-            _check_named(file, cue, spot, places, notes)
+            _check_named(file, cue, spot, places, log)
 
 
-def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, notes: Notes) -> None:
-    """Notes names of places, players, props, seats and tables that are none."""
+def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, log: ScriptLog) -> None:
+    """Records names of places, players, props, seats and tables that are none."""
     obstacles = [one.name for one in file.stage.obstacles]
     known = {
         "player": ("player", [*file.cast]),
@@ -100,7 +100,7 @@ def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, notes
         "table": ("obstacle", obstacles),
     }
     for key, kind in VERBS[cue.verb].names.items():
-        given, place = getattr(cue, key), (*spot, said(key))
+        given, place = getattr(cue, key), (*spot, spelled(key))
         if kind == "direction" and given is not None:
             places.direction(given, place)
         elif key == "past":
@@ -110,9 +110,9 @@ def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, notes
             places.check(given, place)
         elif kind in known and given not in known[kind][1]:
             what, names = known[kind]
-            notes.mistake(place, f"no {what} is called {given!r}{nearest(given, names)}")
+            log.mistakes.add(place, f"no {what} is called {given!r}{nearest(given, names)}")
     if isinstance(cue, GivesCue) and cue.to in cue.who:
-        notes.mistake((*spot, "to"), f"{cue.to} gives it to itself; needed: another player")
+        log.mistakes.add((*spot, "to"), f"{cue.to} gives it to itself; needed: another player")
 
 
 def check_play(path: str | os.PathLike[str]) -> PlayFile:
@@ -129,28 +129,28 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
     """
     script = read_play(path, Kept())
     _check_abilities(script)
-    script.notes.refuse()
+    script.log.mistakes.refuse()
     return script.cast.file
 
 
 def _check_abilities(script: Script) -> None:
-    """Notes cues whose players lack the strings or bodies, and walks to unreachable places."""
-    cast, notes, walks = script.cast, script.notes, Walks(script.cast, script.notes)
+    """Records cues whose players lack the strings or bodies, and walks to unreachable places."""
+    cast, log, walks = script.cast, script.log, Walks(script.cast, script.log)
     for cue in script.timeline.cues:
-        given, spot = cue.given, (*cue.spot, said(cue.given.verb))
+        given, spot = cue.given, (*cue.spot, spelled(cue.given.verb))
         if given.optional:
             continue
         places: list[tuple[Spot, object]] = []
         if isinstance(given, WalkCue) and not given.near:
             places = [((*cue.spot, "past", k), where) for k, where in enumerate(given.past)]
-            places.append((spot, given.what))
+            places.append((spot, given.verb_value))
         for player in (cast.players[who] for who in cue.who):
-            why = script.repertory.reason_unable(player, given)
+            why = script.gestures.reason_unable(player, given)
             if why:
-                notes.mistake(spot, why)
+                log.mistakes.add(spot, why)
                 continue
             for place_spot, where in places:
                 there = script.places.fixed(where)
                 why = "" if there is None else walks.obstruction(player, there)
                 if why:
-                    notes.mistake(place_spot, f"{player.name} cannot get there: {why}")
+                    log.mistakes.add(place_spot, f"{player.name} cannot get there: {why}")

@@ -14,23 +14,19 @@ from typing import TypeVar
 import numpy as np
 
 from fantoccini.kernel.runtime import default_threads
-from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import (
     ERRORS,
     CannotBegin,
+    Corrections,
     Footing,
     Kept,
-    Part,
-    Placed,
-    Wishes,
+    act_time_in_words,
     digest,
-    lane_name,
-    said_in_act,
 )
-from fantoccini.theatre.gestures import Gesture, Motion, Played, Score, lateness
+from fantoccini.theatre.gestures import Gesture, Motion, Part, Placed
 from fantoccini.theatre.plays.calming import NONE, calm_gesture, calming
 from fantoccini.theatre.plays.handled import failures, handle_seen, stands_seen
-from fantoccini.theatre.plays.placing import IN_TIME, Placement, place_cues
+from fantoccini.theatre.plays.placing import Placement, place_cues
 from fantoccini.theatre.plays.reading import Script
 from fantoccini.theatre.plays.runs import Runs, excerpt, runs_of
 from fantoccini.theatre.plays.settling import PAUSE, pause
@@ -42,62 +38,58 @@ T = TypeVar("T")
 _LOCATED = {verb.meets: verb.located for verb in VERBS.values()}
 """Kind of meeting -> what of a prop is measured before it."""
 
-_ENOUGH = 0.25 * IN_TIME
-"""Lateness that is not mended [s]."""
 PEAKS = 2e-3
 """Share of a bound by which a peak may pass it: peaks of speeds are bounds themselves."""
 _SLACK = 0.6
 """After a cue, in which what touches is still its own doing [s]."""
-TRIES = 4
-"""Largest number of times that a cue's hands are moved in time."""
-_LOOKS = 3
+_MAX_LOCATES = 3
 """Largest number of times that a handled prop is located again."""
-_CALMS = 6
+_MAX_CALMINGS = 6
 """Largest number of times that swing before a cue is taken out anew."""
 _SEEN = 1e-3
 """Error of a place above which cues are placed anew [m]."""
 _JUST_BEFORE = 1e-6
 """Time by which a prop is located before it is handled [s]."""
-_MOST_EARLY = 0.6
-"""Longest time by which hands lead limbs [s]."""
 
 
 @dataclass(frozen=True)
-class Known:
+class Results:
     """Results of the rounds so far.
 
     Attributes:
-        wishes: about cues.
-        tried: (cue, player) -> number of times that its hands were moved in time.
-        looked: cue -> number of times that its prop was located.
-        calmed: (cue, player) -> number of times that swing before it was taken out.
+        corrections: about cues.
+        hand_tries: (cue, player) -> number of times that its hands were moved in time.
+        locate_counts: cue -> number of times that its prop was located.
+        calm_counts: (cue, player) -> number of times that swing before it was taken out.
         settled: number of a cue -> its pause, and the trunk's speeds after it without the pause
             and with it [s, m/s, m/s].
         touching: cues that are refused because something would touch.
     """
 
-    wishes: Wishes = field(default_factory=Wishes)
-    tried: Mapping[tuple[Spot, str], int] = field(default_factory=dict)
-    looked: Mapping[Spot, int] = field(default_factory=dict)
-    calmed: Mapping[tuple[Spot, str], int] = field(default_factory=dict)
+    corrections: Corrections = field(default_factory=Corrections)
+    hand_tries: Mapping[tuple[Spot, str], int] = field(default_factory=dict)
+    locate_counts: Mapping[Spot, int] = field(default_factory=dict)
+    calm_counts: Mapping[tuple[Spot, str], int] = field(default_factory=dict)
     settled: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
     touching: tuple[Spot, ...] = ()
 
-    def refusing(self, placed: Placed | None, why: str) -> Known | None:
+    def refusing(self, placed: Placed[PlayCue] | None, why: str) -> Results | None:
         """The results with a cue refused and the retry counts reset.
 
         None if there is no such cue, or it is refused already.
         """
-        if placed is None or placed.spot in self.wishes.refused:
+        if placed is None or placed.spot in self.corrections.refused:
             return None
-        wishes = self.wishes.setting("refused", placed.spot, why).setting(
+        corrections = self.corrections.setting("refused", placed.spot, why).setting(
             "pauses", placed.spot, None
         )
-        return replace(self, wishes=wishes, tried={}, looked={}, calmed={})
+        return replace(
+            self, corrections=corrections, hand_tries={}, locate_counts={}, calm_counts={}
+        )
 
-    def back(self, wishes: Wishes) -> Known:
-        """The results with earlier wishes; props and swing are measured again."""
-        return replace(self, wishes=wishes, looked={}, calmed={})
+    def back(self, corrections: Corrections) -> Results:
+        """The results with earlier corrections; props and swing are measured again."""
+        return replace(self, corrections=corrections, locate_counts={}, calm_counts={})
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +109,7 @@ class Stage:
     @property
     def beat(self) -> float:
         """Duration of a beat [s]."""
-        return self.script.notes.beat
+        return self.script.log.beat
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,31 +117,31 @@ class Round:
     """One placement of all cues, and its simulation.
 
     Attributes:
-        known: results from which the cues were placed.
+        results: results from which the cues were placed.
         placement: the placed cues.
         runs: of all players and props.
         beat: duration of a beat [s].
     """
 
-    known: Known
+    results: Results
     placement: Placement
     runs: Runs
     beat: float
 
-    def said(self, t: float) -> str:
+    def in_words(self, t: float) -> str:
         """A time in words, in beats of its act."""
-        return _said(self.placement, t, self.beat)
+        return _in_words(self.placement, t, self.beat)
 
-    def blamed(self, t: float, owners: set[str]) -> Placed | None:
+    def cue_during(self, t: float, owners: set[str]) -> Placed[PlayCue] | None:
         """The cue of some players that a time [s] belongs to."""
-        return _blamed(self.placement.cues, t, owners)
+        return _cue_during(self.placement.cues, t, owners)
 
 
-Rule = tuple[Known, bool]
+Rule = tuple[Results, bool]
 """Results after a rule, and whether cues move by it."""
 
 
-def make_round(stage: Stage, known: Known) -> Round:
+def make_round(stage: Stage, results: Results) -> Round:
     """Places all cues and simulates them.
 
     Raises:
@@ -160,53 +152,57 @@ def make_round(stage: Stage, known: Known) -> Round:
         placement = place_cues(
             script.cast,
             script.timeline,
-            script.repertory,
+            script.gestures,
             script.places,
             stage.walks,
-            known.wishes,
-            script.notes,
+            results.corrections,
+            script.log,
         )
         try:
             runs = runs_of(
                 script.cast, placement.motions, placement.starts, placement.meetings, stage.kept
             )
         except CannotBegin as error:
-            first = _blamed(placement.cues, 0.0, {*error.stop.players})
-            without = known.refusing(first, str(error))
+            first = _cue_during(placement.cues, 0.0, {*error.stop.players})
+            without = results.refusing(first, str(error))
             if without is None:
-                script.notes.mistake(("cast", error.stop.players[0]), str(error))
-                script.notes.refuse()
+                script.log.mistakes.add(("cast", error.stop.players[0]), str(error))
+                script.log.mistakes.refuse()
                 raise
-            known = without
+            results = without
         else:
-            return Round(known, placement, runs, stage.beat)
+            return Round(results, placement, runs, stage.beat)
 
 
-def refuse_stopped(_: Stage, known: Known, made: Round) -> Rule:
+def refuse_stopped(_: Stage, results: Results, this_round: Round) -> Rule:
     """Refuses the cues in which a run stops early."""
-    before = known
-    for stop in made.runs.stops:
-        cue = made.blamed(stop.t, {*stop.players})
-        known = known.refusing(cue, stop.told(made.said(stop.t))) or known
-    return known, known is not before
+    before = results
+    for stop in this_round.runs.stops:
+        cue = this_round.cue_during(stop.t, {*stop.players})
+        results = results.refusing(cue, stop.told(this_round.in_words(stop.t))) or results
+    return results, results is not before
 
 
-def refuse_failures(stage: Stage, known: Known, made: Round) -> Rule:
+def refuse_failures(stage: Stage, results: Results, this_round: Round) -> Rule:
     """Refuses the first cue that fails to bring a prop to its place."""
-    of_spot = {placed.spot: placed for placed in made.placement.cues}
-    for one in failures(stage.script.cast, made.placement.meetings, made.runs):
-        cue = of_spot.get(one.cue) if one.cue else made.blamed(one.t, {*one.players})
+    of_spot = {placed.spot: placed for placed in this_round.placement.cues}
+    for failure in failures(stage.script.cast, this_round.placement.meetings, this_round.runs):
+        cue = (
+            of_spot.get(failure.cue)
+            if failure.cue
+            else this_round.cue_during(failure.t, {*failure.players})
+        )
         # Without it, later cues may succeed.
-        after = known.refusing(cue, f"{one.text} {made.said(one.t)}")
+        after = results.refusing(cue, f"{failure.text} {this_round.in_words(failure.t)}")
         if after is not None:
             return after, True
-    return known, False
+    return results, False
 
 
-def refuse_fast(stage: Stage, known: Known, made: Round) -> Rule:
+def refuse_fast(stage: Stage, results: Results, this_round: Round) -> Rule:
     """Refuses the cues in which hands pass their bounds."""
-    bounds, before = stage.script.cast.file.stage, known
-    for name, motion in made.placement.motions.items():
+    bounds, before = stage.script.cast.file.stage, results
+    for name, motion in this_round.placement.motions.items():
         sizes = motion.peaks_of_pieces
         for row, bound, what, unit in (
             (0, bounds.speed, "moves at", "m/s"),
@@ -220,55 +216,58 @@ def refuse_fast(stage: Stage, known: Known, made: Round) -> Rule:
             slower = (most / bound) ** (1.0 / (row + 1))
             text = f"{motion.coordinates.v_K[v]} {what} {most:.3g} {unit}, and the bound is "
             text += f"{bound:g}; {1.02 * slower:.2g} times slower it can be done"
-            known = known.refusing(made.blamed(t, {name}), text) or known
-    return known, known is not before
+            results = results.refusing(this_round.cue_during(t, {name}), text) or results
+    return results, results is not before
 
 
-def look(stage: Stage, known: Known, made: Round) -> Rule:
+def locate_and_calm(stage: Stage, results: Results, this_round: Round) -> Rule:
     """Locates the props that are handled, and computes motions that damp swing."""
-    known, changed = _calm(stage, known, made)
-    for meeting in made.placement.meetings:
+    results, changed = _calm(stage, results, this_round)
+    for meeting in this_round.placement.meetings:
         spot, located = meeting.cue, _LOCATED.get(meeting.kind)
         if spot is None or not located or not meeting.props:
             continue
         (prop,) = meeting.props
-        if known.looked.get(spot, 0) >= _LOOKS:
+        if results.locate_counts.get(spot, 0) >= _MAX_LOCATES:
             continue
-        wishes, cast = known.wishes, stage.script.cast
+        corrections, cast = results.corrections, stage.script.cast
         if located == "place":
-            there = stands_seen(cast, made.runs, prop, meeting.begin)
-            moved = _elsewhere(wishes.stands.get(spot), there)
-            wishes = wishes.setting("stands", spot, there)
+            there = stands_seen(cast, this_round.runs, prop, meeting.begin)
+            moved = _place_changed(corrections.stands.get(spot), there)
+            corrections = corrections.setting("stands", spot, there)
         else:
-            seen = handle_seen(cast, made.runs, meeting, meeting.begin - _JUST_BEFORE)
-            moved = _otherwise(wishes.hangs.get(spot), seen)
-            wishes = wishes.setting("hangs", spot, seen)
-        looked = {**known.looked, spot: known.looked.get(spot, 0) + moved}
-        known, changed = replace(known, wishes=wishes, looked=looked), changed or moved
-    return known, changed
+            seen = handle_seen(cast, this_round.runs, meeting, meeting.begin - _JUST_BEFORE)
+            moved = _handle_changed(corrections.hangs.get(spot), seen)
+            corrections = corrections.setting("hangs", spot, seen)
+        looked = {**results.locate_counts, spot: results.locate_counts.get(spot, 0) + moved}
+        results, changed = (
+            replace(results, corrections=corrections, locate_counts=looked),
+            changed or moved,
+        )
+    return results, changed
 
 
-def _elsewhere(before: Footing | None, there: Footing | None) -> bool:
+def _place_changed(before: Footing | None, there: Footing | None) -> bool:
     """True if a prop does not stand where the cue was placed for."""
     if before is None or there is None:
         return before is not there
     return abs(there.place - before.place) > _SEEN
 
 
-def _otherwise(before: tuple[float, float] | None, seen: tuple[float, float] | None) -> bool:
+def _handle_changed(before: tuple[float, float] | None, seen: tuple[float, float] | None) -> bool:
     """True if a prop does not hang as the cue was placed for."""
     if before is None or seen is None:
         return before is not seen
     return not np.allclose(seen, before, rtol=0.0, atol=_SEEN)
 
 
-def _calm(stage: Stage, known: Known, made: Round) -> Rule:
+def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
     """Finds motions that take out swing."""
     jobs: dict[str, Callable[[], tuple[float, ...]]] = {}
     keys: dict[str, tuple[Spot, str]] = {}
-    for (spot, name), start in made.placement.calmed.items():
-        run, player = made.runs.players[name], stage.script.cast.players[name]
-        if start >= float(run.t[-1]) or known.calmed.get((spot, name), 0) >= _CALMS:
+    for (spot, name), start in this_round.placement.calmed.items():
+        run, player = this_round.runs.players[name], stage.script.cast.players[name]
+        if start >= float(run.t[-1]) or results.calm_counts.get((spot, name), 0) >= _MAX_CALMINGS:
             continue
         x, label = run.at(start), f"calm {spot} {name}"
         key = digest(x, calm_gesture(player.alone, NONE), "calm", player.content)
@@ -278,39 +277,42 @@ def _calm(stage: Stage, known: Known, made: Round) -> Rule:
     changed = False
     for label, offsets in stage.kept.side_by_side(jobs, default_threads()).items():
         who = keys[label]
-        before = known.wishes.calms.get(who, NONE)
+        before = results.corrections.calms.get(who, NONE)
         moved = not np.allclose(before, offsets, rtol=0.0, atol=_SEEN)
-        calmed = {**known.calmed, who: known.calmed.get(who, 0) + moved}
-        wishes = known.wishes.setting("calms", who, offsets)
-        known, changed = replace(known, wishes=wishes, calmed=calmed), changed or moved
-    return known, changed
+        calmed = {**results.calm_counts, who: results.calm_counts.get(who, 0) + moved}
+        corrections = results.corrections.setting("calms", who, offsets)
+        results, changed = (
+            replace(results, corrections=corrections, calm_counts=calmed),
+            changed or moved,
+        )
+    return results, changed
 
 
-def settle(stage: Stage, known: Known, made: Round) -> Rule:
+def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
     """Finds the pauses that let swing settle before cues that may be delayed."""
     jobs: dict[str, Callable[[], tuple[float, float, float]]] = {}
-    cues: dict[str, tuple[int, Placed]] = {}
-    for number, cue in enumerate(made.placement.cues, 1):
+    cues: dict[str, tuple[int, Placed[PlayCue]]] = {}
+    for number, cue in enumerate(this_round.placement.cues, 1):
         most = most_pause(cue.given, stage.beat)
         if len(cue.parts) != 1 or most <= 0.0:
             continue
         (part,) = cue.parts
-        motion = _alone(made.placement, part)
+        motion = _alone(this_round.placement, part)
         if motion is None:
             continue
         begun, own = motion
-        run, player = made.runs.players[part.who], stage.script.cast.players[part.who]
+        run, player = this_round.runs.players[part.who], stage.script.cast.players[part.who]
         x, alone = run.at(begun), player.alone
         key = digest(x, Gesture(alone.coordinates, *own), most, "pause", player.content)
         job = partial(_or, (0.0, 0.0, 0.0), partial(pause, alone, x, own, most))
         jobs[f"{number}"] = partial(stage.kept.get, key, job)
         cues[f"{number}"] = number, cue
-    found = stage.kept.side_by_side(jobs, default_threads())
+    pauses = stage.kept.side_by_side(jobs, default_threads())
     for label, (number, cue) in cues.items():
-        settled = {**known.settled, number: found[label]}
-        wishes = known.wishes.setting("pauses", cue.spot, found[label][0])
-        known = replace(known, wishes=wishes, settled=settled)
-    return known, any(p > 0.0 for p, _, _ in found.values())
+        settled = {**results.settled, number: pauses[label]}
+        corrections = results.corrections.setting("pauses", cue.spot, pauses[label][0])
+        results = replace(results, corrections=corrections, settled=settled)
+    return results, any(p > 0.0 for p, _, _ in pauses.values())
 
 
 def most_pause(given: PlayCue, beat: float) -> float:
@@ -323,96 +325,28 @@ def most_pause(given: PlayCue, beat: float) -> float:
 def _alone(placement: Placement, part: Part) -> tuple[float, Motion] | None:
     """Earliest start of a part [s], and its motion from then on; None where others go on."""
     mine = [
-        one
+        own
         for cue in placement.cues
-        for one in cue.parts
-        if one.who == part.who and one is not part
+        for own in cue.parts
+        if own.who == part.who and own is not part
     ]
-    if any(one.end > part.start and one.start < part.end for one in mine):
+    if any(own.end > part.start and own.start < part.end for own in mine):
         return None
-    begun = max([0.0, *(one.end for one in mine if one.end <= part.start)])
+    begun = max([0.0, *(own.end for own in mine if own.end <= part.start)])
     whole = placement.motions[part.who]
     if np.max(np.abs(whole.offsets(begun)[1])) > LATE or part.end - begun < LATE:
         return None
     return begun, excerpt(whole, begun, part.end)
 
 
-def lates(stage: Stage, made: Round) -> dict[tuple[Spot, str], float]:
-    """Cue and player -> lateness of its limb on the mark of `on` [s]."""
-    return {
-        (cue.spot, name): late
-        for name, run in made.runs.players.items()
-        for late, cue in _late(stage, name, run, made)
-    }
+def _in_words(placement: Placement, t: float, beat: float) -> str:
+    start = max(act for act in (0.0, *placement.act_starts) if act <= t + LATE)
+    return act_time_in_words(t, start, beat)
 
 
-def hurry(known: Known, late: Mapping[tuple[Spot, str], float]) -> Rule:
-    """Lets hands begin earlier, where limbs are late on the marks that cues are timed by."""
-    changed = False
-    for key, seconds in late.items():
-        tried = known.tried.get(key, 0)
-        if abs(seconds) < _ENOUGH or tried >= TRIES:
-            continue
-        before = known.wishes.earlier.get(key, 0.0)
-        after = float(np.clip(before + seconds, -_MOST_EARLY, _MOST_EARLY))
-        wishes = known.wishes.setting("earlier", key, after)
-        known = replace(known, wishes=wishes, tried={**known.tried, key: tried + 1})
-        changed = changed or after != before
-    return known, changed
-
-
-def refuse_late(known: Known, made: Round, late: Mapping[tuple[Spot, str], float]) -> Rule:
-    """Refuses cues whose limbs are not on their marks, however early the hands begin."""
-    before, of_spot = known, {placed.spot: placed for placed in made.placement.cues}
-    for (spot, name), seconds in late.items():
-        if abs(seconds) > IN_TIME:
-            side = "late" if seconds > 0.0 else "early"
-            text = f"{name} would be {1e3 * abs(seconds):.0f} ms {side}, whenever its hands begin"
-            known = known.refusing(of_spot[spot], text) or known
-    return known, known is not before
-
-
-def _late(stage: Stage, name: str, run: Trajectory, made: Round) -> list[tuple[float, Placed]]:
-    """Lateness of a player's limbs on the marks of `on` [s], with the cues."""
-    timed: dict[int, Placed] = {}
-    played = []
-    for cue in made.placement.cues:
-        for part in cue.parts if cue.given.mark and not walks(cue.given) else ():
-            if part.who == name:
-                lane, called = lane_name(part.who, part.lane), cue.cue.name
-                one = Played(lane, called, part.start, part.end, part.marks, called)
-                played.append(one)
-                timed[id(one)] = cue
-    if not timed:
-        return []
-    score = Score(
-        stage.script.cast.players[name].alone,
-        made.placement.motions[name],
-        tuple(played),
-        {},
-        (),
-        stage.beat,
-        lanes=made.placement.lanes[name],
-    )
-    found: dict[Spot, list[float]] = {}
-    for late in lateness(score, run):
-        cue = timed[id(late.cue)]
-        if late.mark == cue.given.mark:
-            found.setdefault(cue.spot, []).append(late.seconds)
-    result = []
-    for cue in timed.values():
-        off = float(np.mean(found.get(cue.spot, [0.0]))) + _of_hands(cue, name)
-        # Within what it may wait it is in time.
-        result.append((off - min(max(off, 0.0), cue.given.patience * stage.beat), cue))
-    return result
-
-
-def _said(placement: Placement, t: float, beat: float) -> str:
-    start = max(one for one in (0.0, *placement.act_starts) if one <= t + LATE)
-    return said_in_act(t, start, beat)
-
-
-def _blamed(cues: Sequence[Placed], t: float, owners: set[str]) -> Placed | None:
+def _cue_during(
+    cues: Sequence[Placed[PlayCue]], t: float, owners: set[str]
+) -> Placed[PlayCue] | None:
     """The cue that has begun last of those that go on at a time; a gesture before a walk."""
     now = [
         (not walks(cue.given), part.start, -i, cue)
@@ -427,7 +361,7 @@ def _blamed(cues: Sequence[Placed], t: float, owners: set[str]) -> Placed | None
             for part in cue.parts
             if part.who in owners and part.start <= t
         ]
-    return max(now, key=lambda one: one[:3])[3] if now else None
+    return max(now, key=lambda entry: entry[:3])[3] if now else None
 
 
 def _or(otherwise: T, job: Callable[[], T]) -> T:
@@ -436,9 +370,3 @@ def _or(otherwise: T, job: Callable[[], T]) -> T:
         return job()
     except ERRORS:
         return otherwise
-
-
-def _of_hands(cue: Placed, name: str) -> float:
-    """Lateness of a player's hands on the mark of `on` [s]."""
-    part = next(part for part in cue.parts if part.who == name)
-    return part.marks[cue.given.mark] - cue.wanted

@@ -18,7 +18,7 @@ from fantoccini.motion import State
 from fantoccini.theatre.gestures import Motion
 
 PAUSE = 1.0
-"""By how much later a free cue may begin where the play does not say [s]."""
+"""Longest delay of a free cue without `may wait` [s]."""
 _WINDOW = 1.2
 """After the cue, in which swing is measured [s]."""
 _DT = 0.004
@@ -26,7 +26,7 @@ _DT = 0.004
 _CALM = 0.015
 """Speed of the trunk that nobody sees [m/s]."""
 _PATIENCE = 4e-4
-"""What a second of pause costs [m^2/s^2]."""
+"""Cost of a second of pause [m^2/s^2]."""
 _STARTS = 12
 """Pauses from which the best one is sought."""
 
@@ -68,7 +68,7 @@ def pause(
 
 
 class Swing:
-    """How much a puppet swings after a motion that begins after a pause; see :func:`pause`."""
+    """Swing of a puppet after a motion that begins after a pause; see :func:`pause`."""
 
     def __init__(self, marionette: Marionette, x: State, motion: Motion, most: float):
         self._marionette, self._x, self._motion = marionette, x, motion

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
-from fantoccini.theatre.cast import BODY, FEET, SEATED, Waypoints, gesture_of, of_member
-from fantoccini.theatre.gestures import Gesture
+from fantoccini.theatre.cast import FEET, SEATED, Waypoints, gesture_of, of_member
+from fantoccini.theatre.gestures import BODY, Gesture
 
 _PELVIS = 0.091
 """The waist is so far above the bottom of the pelvis [m]."""
@@ -30,7 +30,7 @@ _KNEES, _KNEES_SLACK, _KNEES_GIVE = 0.085, 0.025, 0.3
 forward do not cross them; they are so much longer [m], and by so much of the way down beyond
 :data:`_LEVEL`."""
 _KNEES_UP = 0.012
-"""So much shorter are they until the puppet touches the seat: its shins pass over the edge [m]."""
+"""Length by which they are shorter until it touches the seat: shins pass over the edge [m]."""
 _LEVEL = 0.114
 """On a seat so far below the pelvis the knees are as high as when the puppet hangs [m]."""
 _LAP = {"back": 0.05, "out": 0.08, "down": 0.8}

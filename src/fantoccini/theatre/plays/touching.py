@@ -17,8 +17,8 @@ from fantoccini.theatre.cast import Cast, Meeting, Pair
 EVERY = 4
 """Stride of the measured samples of a run: 50 a second, and in between as needed."""
 AT_HAND = 0.001
-"""Who handles a prop, the prop, and who is given it, with their strings, keep this distance, and
-who sits and the seat [m]."""
+"""Distance between the players that handle a prop, the prop and their strings, and between a sitter
+and the seat [m]."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def _windows(
 
 
 class _Rules:
-    """Who keeps which distance while the same meetings go on.
+    """Distances to keep while the same meetings go on.
 
     Args:
         cast: of the play.

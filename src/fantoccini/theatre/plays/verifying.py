@@ -25,7 +25,7 @@ from fantoccini.theatre.script import LATE, START
 _AT_REST = 1e-6
 """Rate of hands that are at rest [m/s or rad/s]."""
 _WOUND = 0.75
-"""By how much two strings wind around each other that have passed through one another [turns]."""
+"""Winding of two strings that have passed through one another [turns]."""
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ def _peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], li
 def _space(
     play: Play, q_K: np.ndarray
 ) -> tuple[tuple[tuple[float, float], tuple[float, float]], list[str]]:
-    """How far the hands go, and where they leave their space."""
+    """Reach of the hands, and where they leave their space."""
     names = play.marionette.coordinates.q_K
     found, outside = [], []
     space = play.cast.file.stage.space

@@ -13,8 +13,8 @@ from fantoccini.base.documents import value_of
 from fantoccini.model.puppet import Box as BoxShape, Shape
 from fantoccini.theatre.cast import Cast, Footing, Player, PlayProp, Way, extent
 from fantoccini.theatre.gestures import SWAY
-from fantoccini.theatre.plays.acting import step_time
-from fantoccini.theatre.script import Notes
+from fantoccini.theatre.plays.player_gestures import step_time
+from fantoccini.theatre.script import ScriptLog
 from fantoccini.theatre.ways import Box, Disk, NoWay, Other, Rectangle, Region, find_way
 
 _LONGEST_STEP = 0.1
@@ -22,15 +22,15 @@ _LONGEST_STEP = 0.1
 _CARRYING = 2.0
 """Factor of a step's duration for who carries something."""
 _SWING = 0.02
-"""How far bodies swing beyond the disk of their strings' ends in a walk [m]."""
+"""Swing of bodies beyond the disk of their strings' ends in a walk [m]."""
 _REACH = 0.6
 """Height below which what stands on the stage is in the way [m]."""
 _TRIES = 4
 """Of beginnings with which a walk is to arrive in time."""
 _SAMPLE = 0.02
-"""Between places of a way that are looked at [s]."""
+"""Time between checked places of a way [s]."""
 _UPRIGHT = 1e-9
-"""How far from 1 the vertical part of an upright box's axis may be."""
+"""Tolerance of the vertical part of an upright box's axis."""
 _TOLERANCE = 1e-4
 """Tolerance of the distance between a path and standing obstacles [m]."""
 _IN_TIME = 1e-6
@@ -45,13 +45,13 @@ class Walks:
 
     Args:
         cast: of the play.
-        notes: know the beat.
+        log: knows the beat.
     """
 
-    def __init__(self, cast: Cast, notes: Notes):
+    def __init__(self, cast: Cast, log: ScriptLog):
         stage = cast.file.stage
-        self._notes = notes
-        self.step_time = step_time(notes.beat)
+        self._log = log
+        self.step_time = step_time(log.beat)
         self.blocked: list[Region] = []
         for one in stage.obstacles:
             self.blocked += _regions(one.name, one)
@@ -111,7 +111,7 @@ class Walks:
 
     @staticmethod
     def clear(player: Player) -> float:
-        """How far a player keeps from what stands on the stage [m]."""
+        """Distance that a player keeps from what stands on the stage [m]."""
         return player.radius + SWAY + _SWING
 
     def is_clear(self, player: Player, place: Footing) -> bool:
@@ -136,7 +136,7 @@ class Walks:
         return ""
 
     def in_the_way(self, player: Player, way: Way, others: Sequence[Track]) -> str | None:
-        """Who comes too near to a player on a way, until it is there."""
+        """The player that comes too near on a way; None if nobody does."""
         n = int(np.ceil((way.end - way.begin) / _SAMPLE)) + 1
         t = np.linspace(way.begin, way.end, n)
         xy, _ = way.footing(t)
@@ -245,7 +245,7 @@ class Walks:
 
 
 def _regions(name: str, shape: Shape) -> list[Region]:
-    """What a shape takes of the stage, if it is not above the players."""
+    """The region of the stage under a shape, if it is not above the players."""
     low, high = extent(shape)
     if low[2] > _REACH:
         return []
@@ -272,7 +272,7 @@ def _turned(name: str, shape: Shape) -> Region | None:
 
 
 def _around(thing: PlayProp) -> Region:
-    """What a prop on the floor takes of the stage."""
+    """The region of the stage under a prop on the floor."""
     ends = np.array([extent(shape) for shape in thing.prop.shapes])
     low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)

@@ -5,17 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fantoccini.base import nearest
-from fantoccini.theatre.cast import Cast, Placed, lane_name, of_stage
-from fantoccini.theatre.gestures import Caption, Gesture, Played, Score, Sound, Wait, read_sounds
-from fantoccini.theatre.script import Notes, PlayFile, PropCue, Spot, Time
+from fantoccini.theatre.cast import Cast, lane_name, of_stage
+from fantoccini.theatre.gestures import (
+    Caption,
+    Gesture,
+    Placed,
+    Played,
+    Score,
+    Sound,
+    Wait,
+    read_sounds,
+)
+from fantoccini.theatre.script import PlayCue, PlayFile, PropCue, ScriptLog, Spot, Time
 
 
 def whole_score(
     cast: Cast,
     motions: Mapping[str, Gesture],
     lanes: Mapping[str, Mapping[str, Gesture]],
-    cues: Sequence[Placed],
-    notes: Notes,
+    cues: Sequence[Placed[PlayCue]],
+    log: ScriptLog,
 ) -> Score:
     """All players' motions as one score of the stage."""
     file = cast.file
@@ -48,15 +57,15 @@ def whole_score(
             captions.append(words)
         if cue.given.go:
             waits.append(Wait(f"cue {number}", min(start, placed.wanted)))
-    sounds = sounds_of(file, notes)
-    marks = {name: beat * notes.beat for name, beat in file.times.items()}
+    sounds = sounds_of(file, log)
+    marks = {name: beat * log.beat for name, beat in file.times.items()}
     return Score(
         cast.whole,
         whole.called(file.play),
         tuple(played),
         marks,
         tuple(sorted(captions, key=lambda one: one.start)),
-        notes.beat,
+        log.beat,
         (),
         file.play,
         file.stage.speed,
@@ -68,15 +77,15 @@ def whole_score(
     )
 
 
-def sounds_of(file: PlayFile, notes: Notes) -> tuple[Sound, ...]:
-    """The sounds of a play; notes those that are missing, and times that are none."""
+def sounds_of(file: PlayFile, log: ScriptLog) -> tuple[Sound, ...]:
+    """The sounds of a play; records those that are missing, and times that are none."""
 
     def time(given: Time, spot: Spot) -> float:
         if not isinstance(given, str):
-            return given * notes.beat
+            return given * log.beat
         if given not in file.times:
             text = f"found {given!r}; needed: a beat, or a name of `times`"
-            notes.mistake(spot, text + nearest(given, file.times))
-        return file.times.get(given, 0.0) * notes.beat
+            log.mistakes.add(spot, text + nearest(given, file.times))
+        return file.times.get(given, 0.0) * log.beat
 
-    return read_sounds(file.sound, time, notes)
+    return read_sounds(file.sound, time, log)

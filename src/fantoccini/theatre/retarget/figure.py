@@ -57,7 +57,7 @@ class Figure:
 
     @property
     def leg(self) -> float:
-        """From hip over knee to foot [m]."""
+        """Length from hip over knee to foot [m]."""
         x = self.places
         return float(
             np.linalg.norm(x["hip_left"] - x["knee_left"])
@@ -66,7 +66,7 @@ class Figure:
 
     @property
     def height(self) -> float:
-        """From the feet over straight legs and trunk to the head's end [m]."""
+        """Length from the feet over straight legs and trunk to the head's end [m]."""
         x = self.places
         trunk = np.linalg.norm(x["neck"] - x["trunk"])
         return self.leg + float(trunk + np.linalg.norm(x["head"] - x["neck"]))
@@ -103,7 +103,7 @@ def figure_of(
     pose = marionette.poses(start.q_D[None], start.q_K[None])[0]
 
     def within(part: str, other: str) -> Point:
-        """Where another part begins, in the frame of one."""
+        """Beginning of another part, in the frame of one."""
         turn, at = pose[links[part]][:, :3], pose[links[part]][:, 3]
         x, y, z = (turn.T @ (pose[links[other]][:, 3] - at)).tolist()
         return given[part].body, (x, y, z)

@@ -88,7 +88,7 @@ _LINES = (
 
 
 class FollowStatus(Outcome):
-    """How a puppet follows a clip."""
+    """A clip followed by a puppet."""
 
     FOLLOWS = "the run reached the clip's end, within 15 % of the puppet's height of the clip"
     ASTRAY = "the run is farther from the clip than 15 % of the puppet's height"
@@ -412,7 +412,7 @@ def smoothed(clip: Retargeted) -> tuple[dict[str, Array], Array]:
 
 
 def tracks_along(figure: Figure, t: Times, places: Mapping[str, Array], q_K: Array) -> list[Track]:
-    """What a puppet follows: places of its parts by time, and its hands."""
+    """Targets of a puppet: places of its parts by time, and its hands."""
     tracks = []
     for part, weight in WEIGHTS.items():
         body, at = figure.points[part]

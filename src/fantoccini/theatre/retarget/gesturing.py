@@ -55,7 +55,7 @@ _EASE = 0.5
 _LEAD, _SHARES = 0.5, (0.5, 0.25)
 """Shortest way into a clip and back [s], and the shares of the bounds that ways use."""
 _BACK = 0.02
-"""Of stillness at the end [s]."""
+"""Duration of stillness at the end [s]."""
 _AFTER = 0.6
 """Time that coming to rest after all takes at most [s]."""
 
@@ -212,7 +212,7 @@ def _raised(placed: Placed, by: float) -> Placed:
 
 
 def _faster(found: Retargeted, lasts: float, others: float) -> float:
-    """How much faster the clip plays if it and others last so long [s]."""
+    """Factor by which the clip plays faster, for it and others to last a time [s]."""
     own = lasts - others
     if own <= 0.0:
         raise StateError(
@@ -239,7 +239,7 @@ def _every_way(
 def _lead_times(
     found: Retargeted, q_K: Array, start: State, speed: float, acceleration: float
 ) -> tuple[float, float]:
-    """How long the ways into the first pose and back from the last take [s]."""
+    """Durations of the ways into the first pose and back from the last [s]."""
     scalars = [q for q, _ in found.marionette.coordinates.scalars_K]
     times = []
     for pose in (q_K[0], q_K[-1]):

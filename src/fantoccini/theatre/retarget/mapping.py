@@ -58,7 +58,7 @@ class MappingFile(Document):
     mapping: Name
     """The mapping's name."""
     about: str = ""
-    """Whose skeletons these are."""
+    """Origin of the skeletons."""
     joints: dict[str, str]
     """Part -> joint; a prefix that ends in a colon need not be given."""
     puppet: dict[str, BodyFile] = Field(default_factory=dict)

@@ -46,9 +46,9 @@ _HELD = 1.0
 _NEAR = 3e-4
 """Distance from the nearest pose at which a search ends [m]."""
 ITERATIONS = 10
-"""Of the search for one pose; the next one goes on from there."""
+"""Iterations of the search for one pose; the next one goes on from there."""
 _FIRST = 100
-"""Of the search for the first one."""
+"""Iterations of the search for the first one."""
 LEANS = 1.8, 2.6
 """Factors of the strings' lean at rest, tried where strings cross."""
 _LYING = 0.5

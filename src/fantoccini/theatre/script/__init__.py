@@ -21,9 +21,9 @@ from fantoccini.theatre.script.cues import (
     StandsUpFromCue,
     TurnsToCue,
     WalkCue,
-    said,
+    spelled,
 )
-from fantoccini.theatre.script.notes import LATE, Notes
+from fantoccini.theatre.script.log import LATE, ScriptLog
 from fantoccini.theatre.script.play_file import PlayerFile, PlayFile, PropFile, StageFile
 from fantoccini.theatre.script.reading import (
     is_play,
@@ -35,7 +35,7 @@ from fantoccini.theatre.script.reading import (
 from fantoccini.theatre.script.score_file import ScoreFile, SoundFile
 from fantoccini.theatre.script.timeline import Cue, Moments, Timeline, make_timeline
 from fantoccini.theatre.script.times import Ref, Reference
-from fantoccini.theatre.script.values import DIRECTIONS, END, HOW, START, Spot, Time, metres
+from fantoccini.theatre.script.values import DIRECTIONS, END, HOW, START, Spot, Time
 from fantoccini.theatre.script.verbs import ARRIVES, VERBS, MeetingKind, walks
 
 __all__ = [
@@ -57,7 +57,6 @@ __all__ = [
     "LooksAtCue",
     "MeetingKind",
     "Moments",
-    "Notes",
     "PhraseCue",
     "PicksUpCue",
     "PlayCue",
@@ -72,6 +71,7 @@ __all__ = [
     "Reference",
     "ScoreCue",
     "ScoreFile",
+    "ScriptLog",
     "SitsOnCue",
     "SoundFile",
     "Spot",
@@ -84,10 +84,9 @@ __all__ = [
     "is_play",
     "is_score",
     "make_timeline",
-    "metres",
     "play_schema",
     "read_script",
-    "said",
     "score_schema",
+    "spelled",
     "walks",
 ]

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from fantoccini.base.documents import Angle, Model, Name, NotNegative, mistake
+from fantoccini.base.documents import Angle, Length, Model, Name, NotNegative, mistake
 from fantoccini.theatre.script.values import (
     END,
     START,
@@ -18,7 +18,6 @@ from fantoccini.theatre.script.values import (
     Facing,
     Factor,
     How,
-    Length,
     Mark,
     Names,
     Spot,
@@ -34,21 +33,21 @@ class CueFile(Model):
 
     Attributes:
         verb: the key that says what is done; "" in cues without a verb.
-        owns: sentence on which cues have the keys that the class declares.
-        lacks: sentence on all keys that a cue does not have, instead of that.
-        moment: the keys that exclude `on`.
+        keys_rule: sentence on which cues have the keys that the class declares.
+        other_keys_rule: sentence on all keys that a cue does not have, instead of that.
+        timing_keys: the keys that exclude `on`.
     """
 
     verb: ClassVar[str] = ""
-    owns: ClassVar[str] = ""
-    lacks: ClassVar[str] = ""
-    moment: ClassVar[tuple[str, ...]] = ()
+    keys_rule: ClassVar[str] = ""
+    other_keys_rule: ClassVar[str] = ""
+    timing_keys: ClassVar[tuple[str, ...]] = ()
 
     name: Name | None = None
     """Name by which times refer to it; that of its gesture or verb by default."""
 
     @property
-    def what(self) -> Any:
+    def verb_value(self) -> Any:
         """Value of the verb's key."""
         return getattr(self, self.verb)
 
@@ -68,7 +67,7 @@ class CueFile(Model):
         return next(iter(getattr(self, "on", None) or ()), "")
 
     @property
-    def begins(self) -> list[tuple[Spot, Time]]:
+    def start_times(self) -> list[tuple[Spot, Time]]:
         """Times by which it begins, or by which its mark is, each with its keys."""
         on = getattr(self, "on", None) or {}
         return [(("on", mark), time) for mark, time in on.items()]
@@ -77,7 +76,7 @@ class CueFile(Model):
 class MarkedCue(CueFile):
     """A cue that may be timed by a mark."""
 
-    owns: ClassVar[str] = "needed: `when`"
+    keys_rule: ClassVar[str] = "needed: `when`"
 
     on: dict[Mark, Time] | None = None
     """A mark of the gesture -> when it is seen; of a walk: `arrives`."""
@@ -86,8 +85,8 @@ class MarkedCue(CueFile):
         """Refuses what contradicts itself."""
         if self.on is None:
             return
-        if self.model_fields_set & {*self.moment}:
-            first, *others = self.moment
+        if self.model_fields_set & {*self.timing_keys}:
+            first, *others = self.timing_keys
             keys = f"`on` and `{first}` or `{others[0]}`" if others else f"`{first}` and `on`"
             raise mistake(f"found both {keys}; needed: one of them")
         if len(self.on) != 1:
@@ -97,7 +96,7 @@ class MarkedCue(CueFile):
 class Styled(MarkedCue):
     """A cue whose gesture is varied."""
 
-    owns: ClassVar[str] = "only `does` has `{key}`"
+    keys_rule: ClassVar[str] = "only `does` has `{key}`"
 
     larger: Factor = 1.0
     """Factor of its size."""
@@ -123,22 +122,22 @@ class Styled(MarkedCue):
 class ScoreCue(CueFile):
     """A cue in a lane of a score. Without `at` and `on` it follows the one before."""
 
-    moment: ClassVar[tuple[str, ...]] = ("at",)
+    timing_keys: ClassVar[tuple[str, ...]] = ("at",)
 
     at: Time | None = None
     """Time at which it begins."""
 
     @property
-    def begins(self) -> list[tuple[Spot, Time]]:
+    def start_times(self) -> list[tuple[Spot, Time]]:
         """Times by which it begins, or by which its mark is, each with its keys."""
-        return super().begins if self.at is None else [(("at",), self.at)]
+        return super().start_times if self.at is None else [(("at",), self.at)]
 
 
 class HoldCue(ScoreCue):
     """A rest: the lane stays where it is."""
 
     verb: ClassVar[str] = "hold"
-    lacks: ClassVar[str] = "a hold has only `at` and `name`"
+    other_keys_rule: ClassVar[str] = "a hold has only `at` and `name`"
 
     hold: Factor
     """Duration of the rest."""
@@ -164,7 +163,7 @@ class GestureCue(PlayedCue):
     """A gesture."""
 
     verb: ClassVar[str] = "gesture"
-    owns: ClassVar[str] = "only a gesture has `{key}`"
+    keys_rule: ClassVar[str] = "only a gesture has `{key}`"
 
     gesture: str
     """A gesture file or a take (.npz) in this file's folder, or the name of a bundled gesture."""
@@ -194,7 +193,7 @@ class GestureCue(PlayedCue):
 class PlayCue(CueFile):
     """A cue of players. Without a time it follows what the same player does before."""
 
-    moment: ClassVar[tuple[str, ...]] = ("when", "after")
+    timing_keys: ClassVar[tuple[str, ...]] = ("when", "after")
 
     who: Names
     """A player, several, or `all`."""
@@ -213,10 +212,10 @@ class PlayCue(CueFile):
     """A caption for as long as it lasts."""
 
     @property
-    def begins(self) -> list[tuple[Spot, Time]]:
+    def start_times(self) -> list[tuple[Spot, Time]]:
         """Times by which it begins, or by which its mark is, each with its keys."""
         if self.mark:
-            return super().begins
+            return super().start_times
         when = self.when or ()
         return [(("when", i) if len(when) > 1 else ("when",), time) for i, time in enumerate(when)]
 
@@ -255,7 +254,7 @@ class DoesCue(TimedCue, Styled):
     """A gesture."""
 
     verb: ClassVar[str] = "does"
-    owns: ClassVar[str] = "only `does` has `{key}`"
+    keys_rule: ClassVar[str] = "only `does` has `{key}`"
 
     does: str
     """A gesture: a file, a take (.npz) or a clip of motion capture (.bvh) beside this one, or a
@@ -267,7 +266,7 @@ class DoesCue(TimedCue, Styled):
 class WalkCue(TimedCue):
     """A walk to a mark or a place."""
 
-    owns: ClassVar[str] = "only walks have it"
+    keys_rule: ClassVar[str] = "only walks have it"
 
     past: tuple[Where, ...] = ()
     """Marks or places that a walk leads by, in order, before its own."""
@@ -279,8 +278,13 @@ class WalkCue(TimedCue):
     def model_post_init(self, context: Any, /) -> None:
         """Refuses what contradicts itself."""
         super().model_post_init(context)
-        if any(not isinstance(place, str) and len(place) != 2 for place in (self.what, *self.past)):
-            raise mistake(f"found a place of three numbers in `{said(self.verb)}`; needed: [x, y]")
+        if any(
+            not isinstance(place, str) and len(place) != 2
+            for place in (self.verb_value, *self.past)
+        ):
+            raise mistake(
+                f"found a place of three numbers in `{spelled(self.verb)}`; needed: [x, y]"
+            )
 
 
 class WalksToCue(WalkCue):
@@ -344,14 +348,14 @@ class PropCue(PlayCue):
         """Refuses several players."""
         if len(self.who) != 1 or self.who == ("all",):
             found = "`all`" if self.who == ("all",) else f"{len(self.who)} players"
-            raise mistake(f"found {found}; needed: one player, who `{said(self.verb)}`")
+            raise mistake(f"found {found}; needed: one player, who `{spelled(self.verb)}`")
 
 
 class GivesCue(PropCue):
     """A prop changes hands."""
 
     verb: ClassVar[str] = "gives"
-    owns: ClassVar[str] = "`gives` has `to`, and only it"
+    keys_rule: ClassVar[str] = "`gives` has `to`, and only it"
 
     gives: Name
     """A prop that hangs on its arm, `to` another, who comes up to take it."""
@@ -381,7 +385,7 @@ class PutsDownCue(PropCue):
     """A prop is put on something."""
 
     verb: ClassVar[str] = "puts_down"
-    owns: ClassVar[str] = "`puts down` has `onto`, and only it"
+    keys_rule: ClassVar[str] = "`puts down` has `onto`, and only it"
 
     puts_down: Name = Field(alias="puts down")
     """A prop that hangs on its arm, `onto` something."""
@@ -408,6 +412,6 @@ class VerblessPlayCue(PlayCue):
     who: Names = ("all",)
 
 
-def said(key: str) -> str:
+def spelled(key: str) -> str:
     """A key as it is written: ``walks_to`` is ``walks to``."""
     return key.replace("_", " ")

@@ -9,6 +9,7 @@ from pydantic import Field
 from fantoccini.base.documents import (
     Document,
     Kind,
+    Length,
     Model,
     Name,
     NotNegative,
@@ -20,7 +21,7 @@ from fantoccini.base.documents import (
 from fantoccini.model.puppet import WORDS, AnyObstacle, AnyShape, Mass, PoseValue
 from fantoccini.theatre.script.score_file import SoundsFile
 from fantoccini.theatre.script.unions import AnyPlayCue
-from fantoccini.theatre.script.values import Facing, Factor, Length, Where
+from fantoccini.theatre.script.values import Facing, Factor, Where
 
 
 class MarkFile(Model):
@@ -76,7 +77,7 @@ class PlayerFile(Model):
     facing: Facing | None = None
     """Where it looks at the start; as the mark says by default."""
     lift: Length = 0.025
-    """By how much all its strings are wound in, to hang clear of the floor [m]."""
+    """Length by which all its strings are wound in, to hang clear of the floor [m]."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
     """Start values that replace those of its file."""
 
@@ -139,7 +140,7 @@ class PlayFile(Document):
     play: Name
     """The play's name."""
     about: str = ""
-    """What is seen."""
+    """Description of the play."""
     tempo: Factor = 60.0
     """Beats in a minute; a step of a walk takes one, or a part of one or several, near 0.6 s."""
     cast: Annotated[dict[Name, PlayerFile], Field(min_length=1)]

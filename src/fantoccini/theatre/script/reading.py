@@ -6,15 +6,15 @@ import os
 from typing import Any, TypeVar
 
 from fantoccini.base.documents import document_schema, has_key, read_document
-from fantoccini.theatre.script.notes import Notes
+from fantoccini.theatre.script.log import ScriptLog
 from fantoccini.theatre.script.play_file import PlayFile
 from fantoccini.theatre.script.score_file import ScoreFile
 
 FileT = TypeVar("FileT", ScoreFile, PlayFile)
 
 
-def read_script(kind: type[FileT], path: str | os.PathLike[str]) -> tuple[FileT, Notes]:
-    """A score or a play as it is written, and notes that know the file and the beat.
+def read_script(kind: type[FileT], path: str | os.PathLike[str]) -> tuple[FileT, ScriptLog]:
+    """A score or a play as it is written, and its log, which knows the file and the beat.
 
     Args:
         kind: of file.
@@ -24,7 +24,7 @@ def read_script(kind: type[FileT], path: str | os.PathLike[str]) -> tuple[FileT,
         FileError: with every mistake found and its location.
     """
     file = read_document(path, kind)
-    return file, Notes(file.located, file.tempo)
+    return file, ScriptLog(file.located, file.tempo)
 
 
 def is_score(path: str | os.PathLike[str]) -> bool:

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 
 from fantoccini.base import nearest
 from fantoccini.theatre.script.cues import CueFile
-from fantoccini.theatre.script.notes import Notes
+from fantoccini.theatre.script.log import ScriptLog
 from fantoccini.theatre.script.times import Ref, Reference, Times, circle
 from fantoccini.theatre.script.values import END, START, Spot, Time
 
@@ -50,7 +50,7 @@ class Cue(Generic[CueT]):
     @property
     def times(self) -> list[tuple[Spot, Time]]:
         """The times that it begins by, with their places."""
-        return [((*self.spot, *keys), time) for keys, time in self.given.begins]
+        return [((*self.spot, *keys), time) for keys, time in self.given.start_times]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +85,13 @@ class Timeline(Generic[CueT]):
 
     def needs(self, cue: Cue[CueT]) -> list[Spot]:
         """Places of the cues and marks that must be placed before a cue."""
-        found = [one.spot for one in cue.before]
+        needs = [before.spot for before in cue.before]
         if cue.given.waits_for_go:
-            found += [one.spot for one in self.earlier(cue)]
+            needs += [earlier.spot for earlier in self.earlier(cue)]
         elif cue.spot in self.gos:
-            found.append(self.gos[cue.spot].spot)
+            needs.append(self.gos[cue.spot].spot)
         refs = [self.refs[spot] for spot, _ in cue.times]
-        return found + [ref.spot for ref in refs if isinstance(ref, Reference)]
+        return needs + [ref.spot for ref in refs if isinstance(ref, Reference)]
 
     def graph(self, act: int | None = None) -> dict[Spot, list[Spot]]:
         """Place of a cue or a mark -> those that come first; of one act or of all."""
@@ -119,11 +119,11 @@ class Timeline(Generic[CueT]):
         """Wanted time of a cue or its mark of `on` [s]; by default when the previous ones end."""
         times = [self.time(self.refs[spot], start, placed) for spot, _ in cue.times]
         if not times:
-            times = [placed[one.spot][END] for one in cue.before if one.act == cue.act]
+            times = [placed[before.spot][END] for before in cue.before if before.act == cue.act]
             times += [start] if len(times) < len(cue.who) else []
         t = max(times) + cue.given.delay * self.beat
         if cue.given.waits_for_go:
-            return max([t, start, *(placed[one.spot][END] for one in self.earlier(cue))])
+            return max([t, start, *(placed[earlier.spot][END] for earlier in self.earlier(cue))])
         go = self.gos.get(cue.spot)
         return t if go is None or cue.times else max(t, placed[go.spot][START])
 
@@ -146,14 +146,14 @@ class Timeline(Generic[CueT]):
         """
         graph, of_spot = self.graph(act), {cue.spot: cue for cue in self.of_act(act)}
         waiting = {
-            spot: {one for one in needs if one not in placed}
+            spot: {need for need in needs if need not in placed}
             for spot, needs in graph.items()
             if spot not in placed
         }
         followers: dict[Spot, list[Spot]] = {}
         for spot, needs in waiting.items():
-            for one in needs:
-                followers.setdefault(one, []).append(spot)
+            for need in needs:
+                followers.setdefault(need, []).append(spot)
         marks, cues = list[Spot](), list[tuple[float, int, Spot]]()
         free = [spot for spot, needs in waiting.items() if not needs]
         while free or marks or cues:
@@ -179,21 +179,21 @@ class Timeline(Generic[CueT]):
 def make_timeline(
     acts: Sequence[Iterable[Cue[CueT]]],
     marks: Mapping[Spot, Time],
-    notes: Notes,
+    log: ScriptLog,
     special: Callable[[Cue[CueT], Spot, Time], Ref | None] = lambda cue, spot, time: None,
 ) -> Timeline[CueT]:
-    """The timeline of acts of cues; notes mistakes in its times.
+    """The timeline of acts of cues; records mistakes in its times.
 
     Args:
         acts: of the script, each with its cues in the file's order.
         marks: place of a mark of the file -> its time.
-        notes: take mistakes.
+        log: collects mistakes.
         special: reads the times of cues that refer neither to marks nor to moments of cues by
             name; None for all others.
     """
     cues = tuple(cue for act in acts for cue in act)
     names = {str(spot[-1]): spot for spot in marks}
-    times = Times(names, cues, notes)
+    times = Times(names, cues, log)
     refs: dict[Spot, Ref] = {spot: times.read(time, spot) for spot, time in marks.items()}
     gos, go = dict[Spot, Cue[CueT]](), None
     for cue in cues:
@@ -206,12 +206,12 @@ def make_timeline(
         mark = cue.given.mark
         if mark and mark not in cue.known:
             text = f"{cue.name} has no mark {mark!r}{nearest(mark, cue.known)}"
-            notes.mistake((*cue.spot, "on"), text)
+            log.mistakes.add((*cue.spot, "on"), text)
     firsts = [0]
     for act in acts:
         firsts.append(firsts[-1] + len([*act]))
-    made = Timeline(cues, tuple(firsts), tuple(marks), times, refs, gos, notes.beat)
-    mistake = circle(made.graph(), notes.located)
+    timeline = Timeline(cues, tuple(firsts), tuple(marks), times, refs, gos, log.beat)
+    mistake = circle(timeline.graph(), log.located)
     if mistake is not None:
-        notes.mistake(*mistake)
-    return made
+        log.mistakes.add(*mistake)
+    return timeline

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from fantoccini.base import nearest
 from fantoccini.base.documents import NAME, Located, shown
-from fantoccini.theatre.script.notes import Notes
+from fantoccini.theatre.script.log import ScriptLog
 from fantoccini.theatre.script.values import Spot, Time
 
 _OFFSET = r"(?: *([-+]) *(\d+\.?\d*|\.\d+))?"
@@ -71,11 +71,11 @@ class Times:
     Args:
         marks: mark of the file -> where it is written.
         cues: all cues.
-        notes: take mistakes.
+        log: collects mistakes.
     """
 
-    def __init__(self, marks: Mapping[str, Spot], cues: Iterable[Timed], notes: Notes):
-        self._marks, self._notes = marks, notes
+    def __init__(self, marks: Mapping[str, Spot], cues: Iterable[Timed], log: ScriptLog):
+        self._marks, self._log = marks, log
         self._cues: dict[str, list[Timed]] = {}
         self._own: dict[str, Timed] = {}
         for cue in cues:
@@ -84,7 +84,7 @@ class Times:
                     self._cues.setdefault(cue.name, []).append(cue)
             elif cue.name in self._own or cue.name in marks:
                 text = f"another cue or mark is called {cue.name!r}; needed: a name of its own"
-                notes.mistake((*cue.spot, "name"), text)
+                log.mistakes.add((*cue.spot, "name"), text)
             else:
                 self._own[cue.name] = cue
 
@@ -97,15 +97,15 @@ class Times:
             self._miss(spot, given, "")
             return 0.0
         names = {*self._marks, *self._own, *self._cues}
-        match = next((one for one in matches if one[1] in names), matches[-1])
+        match = next((form for form in matches if form[1] in names), matches[-1])
         # `wave.end-1` is a beat before the end, unless a mark is called `end-1`.
         cues = [self._own[match[1]]] if match[1] in self._own else self._cues.get(match[1], [])
         if match[2] and not any(match[2] in cue.known for cue in cues):
             match = next(
                 (
-                    one
-                    for one in matches
-                    if one[1] == match[1] and any(one[2] in cue.known for cue in cues)
+                    form
+                    for form in matches
+                    if form[1] == match[1] and any(form[2] in cue.known for cue in cues)
                 ),
                 match,
             )
@@ -121,10 +121,10 @@ class Times:
             return 0.0
         if moment is None:
             text = f"found {shown(given)}; needed: which moment of {name}, as in {name}."
-            self._notes.mistake(spot, f"{text}{cue.known[0]}")
+            self._log.mistakes.add(spot, f"{text}{cue.known[0]}")
         elif moment not in cue.known:
             text = f"{name} has no mark {moment!r}{nearest(moment, cue.known)}"
-            self._notes.mistake(spot, text)
+            self._log.mistakes.add(spot, text)
         else:
             return Reference(cue.spot, moment, offset)
         return 0.0
@@ -136,19 +136,19 @@ class Times:
         first, *others = self._cues[name]
         if not others:
             return first
-        lines = [str(self._notes.located.line(cue.spot)) for cue in (first, *others)]
+        lines = [str(self._log.located.line(cue.spot)) for cue in (first, *others)]
         text = f"{len(lines)} cues play {name!r}, on lines {', '.join(lines)}; give one of them a "
-        self._notes.mistake(spot, text + "name: and use that")
+        self._log.mistakes.add(spot, text + "name: and use that")
         return None
 
-    def _miss(self, spot: Spot, given: str, found: str) -> None:
+    def _miss(self, spot: Spot, given: str, name: str) -> None:
         moments = [
             f"{cue.name}.{moment}"
-            for cue in (*self._own.values(), *(one for same in self._cues.values() for one in same))
+            for cue in (*self._own.values(), *(cue for same in self._cues.values() for cue in same))
             for moment in cue.known
         ]
         text = f"found {shown(given)}; needed: a time, a mark, or a moment of a cue, with an offset"
-        self._notes.mistake(spot, text + nearest(found or given, [*self._marks, *moments]))
+        self._log.mistakes.add(spot, text + nearest(name or given, [*self._marks, *moments]))
 
 
 def circle(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, str] | None:
@@ -161,12 +161,14 @@ def circle(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, st
     try:
         TopologicalSorter(needs).prepare()
     except CycleError as error:
-        found = error.args[1][:-1]
+        ring = error.args[1][:-1]
     else:
         return None
-    first = min(found, key=lambda spot: located.line(spot) or 0)
-    others = [one for one in found if one != first]
+    first = min(ring, key=lambda spot: located.line(spot) or 0)
+    others = [spot for spot in ring if spot != first]
     if not others:
         return first, "waits for itself"
-    said = ", ".join(f"{located.problem(one, '').key} (line {located.line(one)})" for one in others)
-    return first, f"waits for itself, by way of {said}"
+    others_text = ", ".join(
+        f"{located.problem(spot, '').key} (line {located.line(spot)})" for spot in others
+    )
+    return first, f"waits for itself, by way of {others_text}"

@@ -17,7 +17,7 @@ from fantoccini.theatre.script.cues import (
     ScoreCue,
     VerblessPlayCue,
     VerblessScoreCue,
-    said,
+    spelled,
 )
 from fantoccini.theatre.script.verbs import VERBS
 
@@ -28,8 +28,8 @@ _VERBLESS = "<none>"
 def _keys(cue: type[CueFile]) -> dict[str, str]:
     """Keys of a cue as they are written -> the sentence on which cues have them."""
     return {
-        said(key): next(
-            base.owns
+        spelled(key): next(
+            base.keys_rule
             for base in cue.__mro__
             if issubclass(base, CueFile) and key in base.__annotations__
         )
@@ -49,7 +49,7 @@ class _ByVerb:
 
     def __init__(self, kind: type[CueFile], verbless: type[CueFile], none: str, needed: str = ""):
         own = [verb.cue for verb in VERBS.values() if issubclass(verb.cue, kind)]
-        self._cues = {said(cue.verb): cue for cue in own}
+        self._cues = {spelled(cue.verb): cue for cue in own}
         self._keys = {cue: _keys(cue) for cue in own}
         self._needed = needed or ", ".join(f"`{verb}`" for verb in self._cues)
         self._none, self._verbless = none, verbless
@@ -74,7 +74,7 @@ class _ByVerb:
         """Refuses several verbs, keys of other verbs, and what a verb needs and does not have."""
         if not isinstance(data, dict):
             return data
-        given, verbs = {said(str(key)) for key in data}, self._verbs(data)
+        given, verbs = {spelled(str(key)) for key in data}, self._verbs(data)
         known = {key for keys in self._keys.values() for key in keys}
         if len(verbs) > 1:
             both = " and ".join(f"`{verb}`" for verb in verbs)
@@ -82,13 +82,13 @@ class _ByVerb:
         if not verbs:
             if given <= known:
                 raise mistake(f"found {self._none}; needed: one of {self._needed}")
-            return {key: value for key, value in data.items() if said(str(key)) not in known}
+            return {key: value for key, value in data.items() if spelled(str(key)) not in known}
         cue = self._cues[verbs[0]]
         own = self._keys[cue]
-        strange = {key: value for key, value in data.items() if said(str(key)) in known - {*own}}
-        for key in sorted(said(key) for key, value in strange.items() if value is not None):
-            owns = next(keys[key] for keys in self._keys.values() if key in keys)
-            sentence = cue.lacks or owns.format(key=key)
+        strange = {key: value for key, value in data.items() if spelled(str(key)) in known - {*own}}
+        for key in sorted(spelled(key) for key, value in strange.items() if value is not None):
+            keys_rule = next(keys[key] for keys in self._keys.values() if key in keys)
+            sentence = cue.other_keys_rule or keys_rule.format(key=key)
             raise mistake(f"found `{verbs[0]}` with `{key}`; {sentence}")
         for key, sentence in own.items():
             needed = cue.model_fields[key.replace(" ", "_")].is_required()
@@ -97,7 +97,7 @@ class _ByVerb:
         return {key: value for key, value in data.items() if key not in strange}
 
     def _verbs(self, data: dict[Any, Any]) -> list[str]:
-        given = {said(str(key)) for key, value in data.items() if value is not None}
+        given = {spelled(str(key)) for key, value in data.items() if value is not None}
         return [verb for verb in self._cues if verb in given]
 
 

@@ -45,16 +45,7 @@ HOW: dict[str, dict[str, Any]] = {
 
 _FACTORS = (1e-3, 1e3)
 """Least and largest factor of sizes, speeds and durations."""
-_LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *(mm|cm|m)", re.ASCII)
-_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _MARK = rf"{NAME}( \d+)?"
-
-
-def metres(value: Any) -> Any:
-    """A length with its unit (``12 cm``) in metres; anything else as it is."""
-    if isinstance(value, str) and (match := _LENGTH.fullmatch(value.strip())):
-        return float(match[1]) * _METRES[match[2]]
-    return value
 
 
 def _factor(number: float) -> float:
@@ -74,13 +65,6 @@ def _time(value: Any) -> float | str:
     if not 0.0 <= number <= 1e6:
         raise mistake(f"found {shown(value)}; needed: a time, or one by name: turn + 2, wave.up")
     return number
-
-
-def _length(value: Any) -> float:
-    number = metres(value)
-    if isinstance(number, str):
-        raise mistake(f"found {shown(value)}; needed: a length, as 0.06, 6 cm or 60 mm")
-    return read_real(number)
 
 
 def _to(value: Any) -> Any:
@@ -129,14 +113,6 @@ Mark = Annotated[
     str, AfterValidator(_mark), WithJsonSchema({"type": "string", "pattern": f"^{_MARK}$"})
 ]
 """A mark of a gesture; of those of one name the second is called `left 2`."""
-Length = Annotated[
-    float,
-    BeforeValidator(_length),
-    SIZED,
-    WithJsonSchema(
-        {"anyOf": [{"type": "number"}, {"type": "string", "pattern": "^.+ *(mm|cm|m)$"}]}
-    ),
-]
 To = Annotated[
     tuple[float, float, float] | str,
     BeforeValidator(_to, json_schema_input_type=Place | str),

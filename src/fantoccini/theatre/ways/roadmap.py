@@ -26,7 +26,7 @@ TURN = np.radians(22.5)
 METRE, CORNER = 1e-3, 1e-6
 """Costs of a metre and of a turn, over that of a step."""
 BESIDE = 1e-4
-"""How much farther than the clearance the corners of ways are from obstacles [m]."""
+"""Distance of the corners of ways from obstacles, beside the clearance [m]."""
 EDGE = 1e-9
 """Clearances are kept up to this [m]."""
 _STRAIGHT = 1e-10

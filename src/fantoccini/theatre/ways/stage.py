@@ -17,18 +17,18 @@ from fantoccini.theatre.ways.traffic import SAMPLE, Other, Traffic
 HORIZON = 120
 """Most steps for which a puppet waits, at its start and on its way."""
 CLOSER = 1e-5
-"""By how much those who pass each other may be closer than their radii, between samples [m]."""
+"""Distance by which passing players may be closer than their radii, between samples [m]."""
 _BESIDE_PATHS = 8
 """Places of a path beside which there are places to make way to."""
 _BESIDE_OTHERS = 2e-3
-"""How much farther than the clearance places to turn are from who moves [m]: more than the
-clearance from them has for what happens between samples."""
+"""Distance of places to turn from those who move, beside the clearance [m]: more than the clearance
+adds for the time between samples."""
 _CLEAR = 1.1
 """Their distance from the path, over that at which two pass."""
 
 
 class Stage:
-    """What a puppet finds on the stage.
+    """The stage around a puppet that walks.
 
     Attributes:
         start, begin, step_time, longest_step, radius, blocked: see ``find_way``.
@@ -58,7 +58,7 @@ class Stage:
     # -- checks ------------------------------------------------------------------------------
 
     def too_near(self, place: complex, t: float) -> str | None:
-        """What or who is too near to a place at a time [s]."""
+        """Names of obstacles and players too near to a place at a time [s]."""
         for one in self.standing:
             if one.distance(np.array(place)) < self.radius - EDGE:
                 return one.name
@@ -76,7 +76,7 @@ class Stage:
 
     @property
     def at_last(self) -> list[Region]:
-        """What stands when all have come to rest."""
+        """All obstacles once everybody has come to rest."""
         return [*self.standing, *(one.at_rest() for one in self.movers)]
 
     def are_open(self, standing: Sequence[Region], first: Complex, last: Complex) -> Mask:

@@ -9,7 +9,7 @@ from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.gesture_file import bundled, gesture_names, load_gesture
 from fantoccini.theatre.gestures.parameters import Parameters, made_gesture, member_prefix
 from fantoccini.theatre.gestures.placing import place_lanes
-from fantoccini.theatre.script import GestureCue, Notes, PhraseCue, PlayedCue, ScoreFile, Spot
+from fantoccini.theatre.script import GestureCue, PhraseCue, PlayedCue, ScoreFile, ScriptLog, Spot
 
 _DEEPEST = 30
 """Phrases within phrases."""
@@ -17,7 +17,7 @@ _MOST = 100_000
 """Pieces of a gesture that is repeated, at most, for memory."""
 
 
-class Repertoire:
+class ScoreGestures:
     """Gestures by cue, each file and phrase read once.
 
     Args:
@@ -25,14 +25,14 @@ class Repertoire:
         file: the score.
         start: where the puppet hangs.
         most: (2, n_vK) bounds of speeds and accelerations.
-        notes: take mistakes and changes.
+        log: collects mistakes and changes.
     """
 
     def __init__(
-        self, marionette: Marionette, file: ScoreFile, start: State, most: Array, notes: Notes
+        self, marionette: Marionette, file: ScoreFile, start: State, most: Array, log: ScriptLog
     ):
         self._marionette, self._file, self._start = marionette, file, start
-        self._most, self._notes = most, notes
+        self._most, self._log = most, log
         self._files: dict[tuple[str, str, Parameters], Gesture | None] = {}
         self._wrong: dict[tuple[str, str, Parameters], list[tuple[Spot, str]]] = {}
         self._phrases: dict[str, Gesture | None] = {}
@@ -46,80 +46,82 @@ class Repertoire:
     def of(self, cue: PlayedCue, spot: Spot) -> tuple[Gesture, Gesture] | None:
         """The cue's gesture once, and as often as it is repeated; None after a mistake."""
         if isinstance(cue, PhraseCue):
-            made = self._phrase(cue.phrase, (*spot, "phrase"))
+            gesture = self._phrase(cue.phrase, (*spot, "phrase"))
         else:
             assert isinstance(cue, GestureCue)
-            made = self._gesture(cue, spot)
-        if made is None:
+            gesture = self._gesture(cue, spot)
+        if gesture is None:
             return None
         try:
-            made = made.mirrored() if cue.mirrored else made
+            gesture = gesture.mirrored() if cue.mirrored else gesture
         except (UnknownNameError, StateError) as error:
-            self._notes.mistake((*spot, "mirrored"), str(error))
+            self._log.mistakes.add((*spot, "mirrored"), str(error))
             return None
         if cue.heading is not None:
             try:
-                made = made.turned(cue.heading)
+                gesture = gesture.turned(cue.heading)
             except StateError as error:
-                self._notes.mistake((*spot, "heading"), str(error))
+                self._log.mistakes.add((*spot, "heading"), str(error))
                 return None
-        pieces = cue.repeat * (len(made.breaks) - 1)
+        pieces = cue.repeat * (len(gesture.breaks) - 1)
         if pieces > _MOST:
-            text = f"found {cue.repeat}; {made.name} would have {pieces} pieces, of {_MOST} at most"
-            self._notes.mistake((*spot, "repeat"), text)
+            text = (
+                f"found {cue.repeat}; {gesture.name} would have {pieces} pieces, of {_MOST} at most"
+            )
+            self._log.mistakes.add((*spot, "repeat"), text)
             return None
         try:
-            made = made.scaled(cue.larger).faster(cue.faster)
+            gesture = gesture.scaled(cue.larger).faster(cue.faster)
         except StateError as error:
-            self._notes.mistake((*spot, "larger"), str(error))
+            self._log.mistakes.add((*spot, "larger"), str(error))
             return None
         if cue.lasts is not None:
-            made = made.lasting(cue.lasts * self._notes.beat)
+            gesture = gesture.lasting(cue.lasts * self._log.beat)
         try:
-            whole = made.repeated(
+            whole = gesture.repeated(
                 cue.repeat, speed=self._file.speed, acceleration=self._file.acceleration
             )
         except StateError as error:
-            self._notes.mistake(spot, str(error))
+            self._log.mistakes.add(spot, str(error))
             return None
-        return made, whole
+        return gesture, whole
 
     def _gesture(self, cue: GestureCue, spot: Spot) -> Gesture | None:
         name, of = cue.gesture, cue.of or ""
         given = Parameters(cue.steps, cue.step, cue.turn, cue.to)
         if (name, of, given) in self._files:
             for key, text in self._wrong.get((name, of, given), ()):
-                self._notes.mistake((*spot, *key), text)
+                self._log.mistakes.add((*spot, *key), text)
             return self._files[name, of, given]
         self._files[name, of, given] = None
-        before = len(self._notes.found)
-        path, is_bundled = self._notes.located.beside(name), False
+        before = len(self._log.mistakes)
+        path, is_bundled = self._log.located.beside(name), False
         if path is None and name in gesture_names():
             path, is_bundled = bundled(name), True
         if path is None:
             text = "no gesture file in this one's folder, and no bundled gesture, is called "
-            found = f"{text}{name!r}{nearest(name, gesture_names())}"
-            self._notes.mistake((*spot, "gesture"), found)
-            self._wrong[name, of, given] = [(("gesture",), found)]
+            message = f"{text}{name!r}{nearest(name, gesture_names())}"
+            self._log.mistakes.add((*spot, "gesture"), message)
+            self._wrong[name, of, given] = [(("gesture",), message)]
             return None
         try:
             if is_bundled and given.makes(name):
                 prefix = member_prefix(self._marionette.coordinates, of)
-                made = made_gesture(self._marionette, name, given, prefix, self._start)
+                gesture = made_gesture(self._marionette, name, given, prefix, self._start)
             else:
                 given.refuse(name)
-                made = load_gesture(self._marionette, path, self._start, of=of)
-            self._files[name, of, given] = made
+                gesture = load_gesture(self._marionette, path, self._start, of=of)
+            self._files[name, of, given] = gesture
         except UnknownNameError as error:
-            self._notes.mistake((*spot, "of" if of else "gesture"), str(error))
+            self._log.mistakes.add((*spot, "of" if of else "gesture"), str(error))
         except InputError as error:
-            for one in error.mistakes:
-                self._notes.mistake((*spot, one.key), one.message)
+            for mistake in error.mistakes:
+                self._log.mistakes.add((*spot, mistake.key), mistake.message)
         except FileError as error:
-            for one in error.mistakes:
-                self._notes.mistake((*spot, "gesture"), str(one))
+            for mistake in error.mistakes:
+                self._log.mistakes.add((*spot, "gesture"), str(mistake))
         self._wrong[name, of, given] = [
-            (found[len(spot) :], text) for found, text in self._notes.found[before:]
+            (path[len(spot) :], text) for path, text in self._log.mistakes.found[before:]
         ]
         return self._files[name, of, given]
 
@@ -127,16 +129,16 @@ class Repertoire:
         """A phrase as one gesture: from where the puppet hangs, at rest at its end."""
         if name in self._open:
             way = " -> ".join([*self._open[self._open.index(name) :], name])
-            self._notes.mistake(spot, f"a phrase is part of itself: {way}")
+            self._log.mistakes.add(spot, f"a phrase is part of itself: {way}")
             return None
         if name not in self._file.phrases:
             text = f"no phrase is called {name!r}{nearest(name, self._file.phrases)}"
-            self._notes.mistake(spot, text)
+            self._log.mistakes.add(spot, text)
             return None
         if name in self._phrases:
             return self._phrases[name]
         if len(self._open) >= _DEEPEST:
-            self._notes.mistake(spot, f"phrases are more than {_DEEPEST} deep; needed: fewer")
+            self._log.mistakes.add(spot, f"phrases are more than {_DEEPEST} deep; needed: fewer")
             return None
         self._open.append(name)
         self._phrases[name] = self._made(name)
@@ -145,12 +147,12 @@ class Repertoire:
 
     def _made(self, name: str) -> Gesture | None:
         lanes = {name: (("phrases", name), self._file.phrases[name])}
-        placed = place_lanes(lanes, {}, self.of, self._most, self._notes, phrase=True)
-        if placed is None or self._notes.found:
+        placed = place_lanes(lanes, {}, self.of, self._most, self._log, phrase=True)
+        if placed is None or self._log.mistakes:
             return None
         marks: dict[str, float] = {}
-        for _, one, _ in placed.played:
-            for mark, t in one.marks.items():
+        for _, played, _ in placed.played:
+            for mark, t in played.marks.items():
                 marks[numbered(mark, marks)] = t
-        (line,) = placed.lines.values()
+        (line,) = placed.hands.lanes
         return Gesture(self._marionette.coordinates, *line.motion, name, marks, placed.turns)

@@ -1,4 +1,4 @@
-"""What players do in cues, as gestures: from files, and made for a place or a way."""
+"""Gestures of players in cues: from files, and made for a place or a way."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from fantoccini.theatre.script import (
     VERBS,
     DoesCue,
     LooksAtCue,
-    Notes,
     PlayCue,
     PointsAtCue,
+    ScriptLog,
     Spot,
-    said,
+    spelled,
 )
 
 _STEP_TIMES = 0.5, 0.8
@@ -53,7 +53,7 @@ _PARTS = (1.0, 0.5, 2.0, 1.5, 1.0 / 3.0, 3.0)
 
 @dataclass(frozen=True)
 class Style:
-    """How a gesture is played: factors of size and speed, mirrored, how often."""
+    """Variation of a gesture: factors of size and speed, mirrored, repetitions."""
 
     larger: float = 1.0
     faster: float = 1.0
@@ -74,7 +74,7 @@ class Style:
         return cls(larger, faster, mirrored, repeat)
 
 
-class Repertory:
+class PlayerGestures:
     """Gestures of players, each read or made once.
 
     Attributes:
@@ -83,12 +83,12 @@ class Repertory:
 
     Args:
         cast: of the play.
-        notes: take mistakes.
+        log: collects mistakes.
         kept: takes clips that were made into gestures, for the next time.
     """
 
-    def __init__(self, cast: Cast, notes: Notes, kept: Kept):
-        self.cast, self.kept, self._notes = cast, kept, notes
+    def __init__(self, cast: Cast, log: ScriptLog, kept: Kept):
+        self.cast, self.kept, self._log = cast, kept, log
         self._files: dict[tuple[Marionette, str], Gesture | Clip | str] = {}
         self._kept: dict[tuple[Any, ...], Gesture | str] = {}
         self._wrong: set[tuple[str, str]] = set()
@@ -107,7 +107,7 @@ class Repertory:
             found = self._read(player, given.does)
             if isinstance(found, str):
                 if (player.name, given.does) not in self._wrong:
-                    self._notes.mistake((*spot, "does"), found)
+                    self._log.mistakes.add((*spot, "does"), found)
                 self._wrong.add((player.name, given.does))
                 continue
             whole = _repeated_marks(found.marks, Style.of(given).repeat)
@@ -115,7 +115,7 @@ class Repertory:
         return tuple(marks)
 
     def gesture(self, player: Player, given: DoesCue, style: Style, heading: float) -> Gesture:
-        """What `does` says, as the player does it that looks into a direction [rad].
+        """The gesture of `does` for a player with a heading [rad].
 
         Raises:
             StateError: it cannot be done so.
@@ -196,7 +196,7 @@ class Repertory:
             else:
                 player.ends()
         except UnknownNameError as error:
-            what = f"do `{said(given.verb)}`"
+            what = f"do `{spelled(given.verb)}`"
             return f"{player.name} cannot {what}: {error}"
         return ""
 
@@ -208,7 +208,7 @@ class Repertory:
         return self._files[key]
 
     def _loaded(self, player: Player, name: str) -> Gesture | Clip | str:
-        path: Path | None = self._notes.located.beside(name)
+        path: Path | None = self._log.located.beside(name)
         if path is None and name in gesture_names():
             if not bundled(name).is_file():
                 say = {"walk": "walks to"}.get(name, name)
@@ -235,10 +235,10 @@ class Repertory:
         if isinstance(found, str):
             return found
         stage = self.cast.file.stage
-        lasts = None if given.lasts is None else given.lasts * self._notes.beat
+        lasts = None if given.lasts is None else given.lasts * self._log.beat
         try:
             if isinstance(found, Clip):
-                beat = self._notes.beat
+                beat = self._log.beat
                 found = found.gesture(style.larger, style.faster, lasts, stage, beat, self.kept)
             else:
                 found = found.faster(style.faster)

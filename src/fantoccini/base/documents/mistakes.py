@@ -1,0 +1,67 @@
+"""Collects the mistakes of a document or of arguments, each with its key path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path as FilePath
+from typing import TypeVar
+
+from fantoccini.base import FantocciniError, FileError, InputError
+from fantoccini.base.documents.located import Finding, Located
+
+Checked = TypeVar("Checked")
+
+
+class Mistakes:
+    """Mistakes of a document, collected so that its author hears of all of them at once.
+
+    Attributes:
+        located: the document, which knows the line of every path.
+        found: key path and message of each mistake.
+
+    Args:
+        located: the document.
+        error: class of the error.
+    """
+
+    def __init__(self, located: Located, error: type[FileError] = FileError):
+        self.located, self._error = located, error
+        self.found: list[Finding] = []
+
+    @classmethod
+    def of_inputs(cls) -> Mistakes:
+        """Mistakes in inputs that no file has: arguments of a function."""
+        return cls(Located(file="inputs", folder=FilePath()), InputError)
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def add(self, path: Iterable[str | int], message: str) -> None:
+        """Records a mistake."""
+        self.found.append((tuple(path), message))
+
+    def __call__(self, path: tuple[str | int, ...], make: Callable[..., Checked]) -> Checked | None:
+        """Result of ``make``; None if it raised, and the mistake is recorded at ``path``."""
+        try:
+            return make()
+        except FileError as error:
+            self.found += [(path, str(mistake)) for mistake in error.mistakes]
+        except (FantocciniError, ValueError) as error:
+            self.add(path, str(error))
+        return None
+
+    def need(self, path: tuple[str | int, ...], make: Callable[[], Checked]) -> Checked:
+        """Result of ``make``.
+
+        Raises:
+            FileError: ``make`` raised, or an earlier check did; lists every mistake.
+        """
+        made = self(path, make)
+        self.refuse()
+        assert made is not None
+        return made
+
+    def refuse(self) -> None:
+        """Raises the error if there are mistakes."""
+        if self.found:
+            raise self.located.error(self.found, self._error)

@@ -1,0 +1,103 @@
+"""Rules of a round about time: limbs lag behind hands, so that hands begin earlier."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from fantoccini.motion import Trajectory
+from fantoccini.theatre.cast import lane_name
+from fantoccini.theatre.gestures import Placed, Played, Score, lateness
+from fantoccini.theatre.plays.placing import IN_TIME
+from fantoccini.theatre.plays.rounds import Results, Round, Rule, Stage
+from fantoccini.theatre.script import PlayCue, Spot, walks
+
+_ENOUGH = 0.25 * IN_TIME
+"""Lateness that is not mended [s]."""
+_TRIES = 4
+"""Largest number of times that a cue's hands are moved in time."""
+_MOST_EARLY = 0.6
+"""Longest time by which hands lead limbs [s]."""
+
+
+def mark_lateness(stage: Stage, this_round: Round) -> dict[tuple[Spot, str], float]:
+    """Cue and player -> lateness of its limb on the mark of `on` [s]."""
+    return {
+        (cue.spot, name): late
+        for name, run in this_round.runs.players.items()
+        for late, cue in _late(stage, name, run, this_round)
+    }
+
+
+def advance_hands(results: Results, late: Mapping[tuple[Spot, str], float]) -> Rule:
+    """Lets hands begin earlier, where limbs are late on the marks that cues are timed by."""
+    changed = False
+    for key, seconds in late.items():
+        tried = results.hand_tries.get(key, 0)
+        if abs(seconds) < _ENOUGH or tried >= _TRIES:
+            continue
+        before = results.corrections.earlier.get(key, 0.0)
+        after = float(np.clip(before + seconds, -_MOST_EARLY, _MOST_EARLY))
+        corrections = results.corrections.setting("earlier", key, after)
+        results = replace(
+            results, corrections=corrections, hand_tries={**results.hand_tries, key: tried + 1}
+        )
+        changed = changed or after != before
+    return results, changed
+
+
+def refuse_late(
+    results: Results, this_round: Round, late: Mapping[tuple[Spot, str], float]
+) -> Rule:
+    """Refuses cues whose limbs are not on their marks, however early the hands begin."""
+    before, of_spot = results, {placed.spot: placed for placed in this_round.placement.cues}
+    for (spot, name), seconds in late.items():
+        if abs(seconds) > IN_TIME:
+            side = "late" if seconds > 0.0 else "early"
+            text = f"{name} would be {1e3 * abs(seconds):.0f} ms {side}, whenever its hands begin"
+            results = results.refusing(of_spot[spot], text) or results
+    return results, results is not before
+
+
+def _late(
+    stage: Stage, name: str, run: Trajectory, this_round: Round
+) -> list[tuple[float, Placed[PlayCue]]]:
+    """Lateness of a player's limbs on the marks of `on` [s], with the cues."""
+    timed: dict[int, Placed[PlayCue]] = {}
+    played = []
+    for cue in this_round.placement.cues:
+        for part in cue.parts if cue.given.mark and not walks(cue.given) else ():
+            if part.who == name:
+                lane, called = lane_name(part.who, part.lane), cue.cue.name
+                played.append(Played(lane, called, part.start, part.end, part.marks, called))
+                timed[id(played[-1])] = cue
+    if not timed:
+        return []
+    score = Score(
+        stage.script.cast.players[name].alone,
+        this_round.placement.motions[name],
+        tuple(played),
+        {},
+        (),
+        stage.beat,
+        lanes=this_round.placement.lanes[name],
+    )
+    seconds: dict[Spot, list[float]] = {}
+    for late in lateness(score, run):
+        cue = timed[id(late.cue)]
+        if late.mark == cue.given.mark:
+            seconds.setdefault(cue.spot, []).append(late.seconds)
+    result = []
+    for cue in timed.values():
+        off = float(np.mean(seconds.get(cue.spot, [0.0]))) + _of_hands(cue, name)
+        # Within what it may wait it is in time.
+        result.append((off - min(max(off, 0.0), cue.given.patience * stage.beat), cue))
+    return result
+
+
+def _of_hands(cue: Placed[PlayCue], name: str) -> float:
+    """Lateness of a player's hands on the mark of `on` [s]."""
+    part = next(part for part in cue.parts if part.who == name)
+    return part.marks[cue.given.mark] - cue.wanted

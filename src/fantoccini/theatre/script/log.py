@@ -1,0 +1,42 @@
+"""Log of a score or a play as it is compiled: mistakes, and changes."""
+
+from __future__ import annotations
+
+from fantoccini.base import Mistake
+from fantoccini.base.documents import Located, Mistakes
+from fantoccini.theatre.script.values import Spot
+
+LATE = 1e-6
+"""Lateness that is reported [s]."""
+
+
+class ScriptLog:
+    """Mistakes of a script, and what of it is not compiled as it is written.
+
+    Attributes:
+        located: the file.
+        beat: duration of a beat [s].
+        mistakes: collects mistakes.
+        changes: what is not as it is written.
+
+    Args:
+        located: the file.
+        tempo: beats in a minute; None where times are in seconds.
+    """
+
+    def __init__(self, located: Located, tempo: float | None):
+        self.located, self._tempo = located, tempo
+        self.beat = 1.0 if tempo is None else 60.0 / tempo
+        self.mistakes = Mistakes(located)
+        self.changes: list[Mistake] = []
+
+    def change(self, spot: Spot, text: str) -> None:
+        """Records what is not as it is written."""
+        self.changes.append(self.located.problem(spot, text))
+
+    def in_words(self, t: float, of_phrase: bool = False) -> str:
+        """A time of the script or of a phrase in words: ``on beat 4.00 (2.40 s)``."""
+        end = " of the phrase" if of_phrase else ""
+        if self._tempo is None:
+            return f"at {t:.2f} s{end}"
+        return f"on beat {t / self.beat:.2f}{end} ({t:.2f} s)"
