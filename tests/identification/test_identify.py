@@ -89,7 +89,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
             method=fan.Event(rtol=1e-11, atol=1e-11),
             save_at=t,
         ).resample(t)
-        return fit.channels.look(run.q_D, run.q_K, puppet.p, fit.places(theta))
+        return fit.channels.evaluate(run.q_D, run.q_K, puppet.p, fit.places(theta))
 
     for i, name in enumerate(one.labels):
         step = 1e-4 * one.scales[i]
@@ -417,7 +417,7 @@ def test_columns_without_samples_are_left_out(case, recwarn):
         ({"t": np.append(np.arange(149) / 50, np.inf)}, "must be finite"),
         ({"t": np.arange(150) / 50 + 1.7e9}, r"from 1\.7e\+09 s .* the inputs from 0 s"),
         ({"columns": {"pin": np.append(np.zeros(149), np.inf)}}, "column pin has infinite"),
-        ({"offsets": ("slide", "slide")}, "slide is looked for twice"),
+        ({"offsets": ("slide", "slide")}, "slide is unknown twice"),
     ],
 )
 def test_a_record_checks_its_numbers(change, message):

@@ -1,8 +1,8 @@
-"""Segments that were caught in another order of events than the puppet's, looked for anew.
+"""Detached segments, whose simulation has another order of events than the puppet had, reattached.
 
-Such a segment begins far from where the one before ends, and no small move brings it back: the gap
-counts ever less the larger it is. It begins anew where the one before ends, and it and its
-neighbours are fitted while the drift is narrowed step by step.
+Such a segment begins far from the end of the previous one, and no small move brings it back,
+because Cauchy's loss hardly grows with a large jump. It is started again at the end of the previous
+segment, and fitted together with its neighbours while the drift is narrowed step by step.
 """
 
 from __future__ import annotations
@@ -12,90 +12,96 @@ from dataclasses import replace
 import numpy as np
 
 from fantoccini.base import MaskRows
-from fantoccini.lab.identification.blocks import LARGEST_MOVE
+from fantoccini.lab.identification.blocks import MAX_MOVE
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.fit import Fit
-from fantoccini.lab.identification.point import Jacobians, Point, Predicted
-from fantoccini.lab.identification.rolling import roll
+from fantoccini.lab.identification.rollouts import roll_out
+from fantoccini.lab.identification.search_point import Jacobians, Point, Predicted
 from fantoccini.lab.identification.windows import cheaper, spread
 
-_REACH = 3
-"""Segments on both sides that are fitted, too."""
-_DRIFTS = (15.0, 4.0, 1.0)
-"""Factors of the drift, one after the other."""
-_MOVES = 3
-"""With each of them."""
-_FIRST_DAMPING, _LEAST_DAMPING, _FROZEN = 1e-3, 1e-4, 1e12
+N_NEIGHBOURS = 3
+"""Number of segments on each side that are fitted, too."""
+DRIFT_FACTORS = (15.0, 4.0, 1.0)
+"""Factors of the drift, in order."""
+MOVES_PER_DRIFT = 3
+"""Number of moves with each factor."""
+FIRST_DAMPING, MIN_DAMPING, FREEZING_DAMPING = 1e-3, 1e-4, 1e12
 
 
-def untangled(cost: Cost, at: Point) -> Point:
-    """The point with tangled segments replaced where that costs less; the unknowns stay."""
+def reattached(cost: Cost, point: Point) -> Point:
+    """The point with detached segments replaced where that costs less; the unknowns stay fixed."""
     fit = cost.fit
-    first = fit.predict(at, extrapolated=True)
+    first = fit.predict(point, extrapolated=True)
     if not first.arrived:
-        return at
-    far = cost.tangled(at, first)
-    loose = spread(far, _REACH, _REACH - 1)
-    if not np.any(loose):
-        return at
-    to = _chained(fit, at, first, far)
-    seen = fit.predict(to, extrapolated=True, only=loose, kept=first)
-    if not seen.arrived:
-        return at
+        return point
+    detached = cost.detached(point, first)
+    free = spread(detached, N_NEIGHBOURS, N_NEIGHBOURS - 1)
+    if not np.any(free):
+        return point
+    trial = _chain_detached(fit, point, first, detached)
+    trial_predicted = fit.predict(trial, extrapolated=True, only=free, others=first)
+    if not trial_predicted.arrived:
+        return point
     cost = replace(cost, weights=replace(cost.weights, joined=True))
     drift = cost.weights.drift
-    jacobians = _jacobians(fit, to, loose)
-    for factor in _DRIFTS:
+    jacobians = _jacobians(fit, trial, free)
+    for factor in DRIFT_FACTORS:
         wider = replace(cost.weights, drift=(factor * drift[0], factor * drift[1]))
-        to, seen = _fitted(replace(cost, weights=wider), to, seen, jacobians, loose)
-    return at.mixed(to, cheaper(loose, cost.parts(at, first), cost.parts(to, seen)))
+        trial, trial_predicted = _fit_free(
+            replace(cost, weights=wider), trial, trial_predicted, jacobians, free
+        )
+    return point.mixed(
+        trial, cheaper(free, cost.parts(point, first), cost.parts(trial, trial_predicted))
+    )
 
 
-def _jacobians(fit: Fit, at: Point, loose: MaskRows) -> Jacobians:
-    """Those of loose segments; the others do not move, theirs are 0."""
+def _jacobians(fit: Fit, point: Point, free: MaskRows) -> Jacobians:
+    """Derivatives of free segments; 0 for the others, which do not move."""
     m, P = 2 * fit.marionette.coordinates.n_vD, len(fit.layout)
-    none = [np.zeros((*lead, m + P)) for lead in (fit.y.shape, (len(loose), m), (len(loose), m))]
-    return fit.jacobians(at, only=loose, kept=Jacobians(*none))
+    zeros = [np.zeros((*lead, m + P)) for lead in (fit.y.shape, (len(free), m), (len(free), m))]
+    return fit.jacobians(point, only=free, others=Jacobians(*zeros))
 
 
-def _fitted(
-    cost: Cost, at: Point, predicted: Predicted, jacobians: Jacobians, loose: MaskRows
+def _fit_free(
+    cost: Cost, point: Point, predicted: Predicted, jacobians: Jacobians, free: MaskRows
 ) -> tuple[Point, Predicted]:
-    """Moves the loose states, every window for itself; the jacobians are written over."""
+    """Moves the free states, each window independently; updates the derivatives in place."""
     fit, P = cost.fit, len(cost.fit.layout)
-    damping = np.where(loose, _FIRST_DAMPING, _FROZEN)
-    parts = cost.parts(at, predicted)
-    largest = np.repeat(LARGEST_MOVE, at.v_D.shape[1])
-    for _ in range(_MOVES):
-        normal = cost.normal(at, predicted, jacobians, loose).of_states()
-        by = np.where(loose[:, None], normal.step(damping, 1.0)[0], 0.0)
-        by /= np.maximum(1.0, np.max(np.abs(by) / largest, axis=1))[:, None]
-        to = fit.moved(at, by, np.zeros(P), loose)
-        seen = fit.predict(to, extrapolated=True, only=loose, kept=predicted)
-        better = cheaper(loose, parts, cost.parts(to, seen))
-        damping = np.where(better, np.maximum(damping / 4.0, _LEAST_DAMPING), 16.0 * damping)
-        damping[~loose] = _FROZEN
+    damping = np.where(free, FIRST_DAMPING, FREEZING_DAMPING)
+    parts = cost.parts(point, predicted)
+    max_move = np.repeat(MAX_MOVE, point.v_D.shape[1])
+    for _ in range(MOVES_PER_DRIFT):
+        normal = cost.normal(point, predicted, jacobians, free).of_states()
+        move = np.where(free[:, None], normal.step(damping, 1.0)[0], 0.0)
+        move /= np.maximum(1.0, np.max(np.abs(move) / max_move, axis=1))[:, None]
+        trial = fit.moved(point, move, np.zeros(P), free)
+        trial_predicted = fit.predict(trial, extrapolated=True, only=free, others=predicted)
+        better = cheaper(free, parts, cost.parts(trial, trial_predicted))
+        damping = np.where(better, np.maximum(damping / 4.0, MIN_DAMPING), 16.0 * damping)
+        damping[~free] = FREEZING_DAMPING
         if np.any(better):
-            at = at.mixed(to, better)
-            predicted = predicted.mixed(seen, better, fit.segments(at.theta))
-            parts = cost.parts(at, predicted)
-            fit.jacobians(at, only=better, kept=jacobians)
-    return at, predicted
+            point = point.mixed(trial, better)
+            predicted = predicted.mixed(trial_predicted, better, fit.segments(point.theta))
+            parts = cost.parts(point, predicted)
+            fit.jacobians(point, only=better, others=jacobians)
+    return point, predicted
 
 
-def _chained(fit: Fit, at: Point, predicted: Predicted, far: MaskRows) -> Point:
-    """Far segments begin where those before them end, one after the other."""
-    q_D, v_D, held = at.q_D.copy(), at.v_D.copy(), at.held.copy()
-    driven, p = fit.driven(at.theta, 0.5 * fit.dt), fit.p(at.theta)
-    for s in np.flatnonzero(far):
-        if far[s - 1]:
-            before = roll(
+def _chain_detached(fit: Fit, point: Point, predicted: Predicted, detached: MaskRows) -> Point:
+    """The point whose detached segments begin where the previous ones end, in order."""
+    q_D, v_D, held = point.q_D.copy(), point.v_D.copy(), point.held.copy()
+    driven, p = fit.driven(point.theta, 0.5 * fit.dt), fit.p(point.theta)
+    for s in np.flatnonzero(detached):
+        if detached[s - 1]:
+            previous = roll_out(
                 fit.marionette, driven.some(slice(s - 1, s)), q_D[s - 1, None], v_D[s - 1, None], p
             )
-            if not before.arrived:
+            if not previous.arrived:
                 continue
-            q_D[s], v_D[s] = before.q_D[-1, 0], before.v_D[-1, 0]
+            q_D[s], v_D[s] = previous.q_D[-1, 0], previous.v_D[-1, 0]
         else:
             q_D[s], v_D[s] = predicted.q_D[s - 1], predicted.v_D[s - 1]
-    held[far] = fit.holding(at.theta, np.flatnonzero(far)).near(q_D[far], v_D[far])
-    return fit.placed(q_D, v_D, at.theta, held, far)
+    held[detached] = fit.row_projection(point.theta, np.flatnonzero(detached)).near(
+        q_D[detached], v_D[detached]
+    )
+    return fit.placed(q_D, v_D, point.theta, held, detached)

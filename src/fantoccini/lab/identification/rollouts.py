@@ -1,12 +1,12 @@
-"""Many short rollouts at once, and how their ends and samples change with what is not known.
+"""Rollouts of all segments at once, with derivatives by their first states and the unknowns.
 
-A record is cut into segments. Each is simulated by time-stepping from a state of its own, all of
+A record is cut into segments. Each is simulated by time-stepping from its own first state, all of
 them in lanes:
 
     x_k+1 = f(x_k, q_K(t_k), p),      Z_k+1 = f_x Z_k + [0, f_p, f_qK]
 
-Z has the derivatives of (dq_D, v_D) by the segment's first state, by the parameters that are
-looked for, and by constant offsets of driven coordinates.
+Z has the derivatives of (dq_D, v_D) by the segment's first state, by unknown parameters and by
+unknown offsets of driven coordinates.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from fantoccini.dynamics.derivatives import StepLinearisations, linearise_steps
 from fantoccini.kernel.runtime import LaneRecord, LaneSteppers
 from fantoccini.motion import Input
 
-_STEPS_AT_ONCE = 1500
-"""Steps that are linearised together, which bounds the memory."""
-_LEAST_PART = 24
-"""Segments of one thread, at least: three full lanes."""
+MAX_STEPS_PER_BLOCK = 1500
+"""Largest number of steps that are linearised together; bounds the memory."""
+MIN_SEGMENTS_PER_THREAD = 24
+"""Smallest number of segments per thread: three full vectors of lanes."""
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
-    """The driven coordinates over the steps of S segments.
+class DrivenSteps:
+    """Driven coordinates over the steps of S segments.
 
     Attributes:
         q_K, v_K: (n + 1, S, ...) at the nodes.
-        acc_K: (n, S, n_vK) that lead from one q_K to the next.
-        u_D: (n, S, n_vD) user forces in the middle of the steps; None for none.
+        acc_K: (n, S, n_vK) accelerations that lead from one q_K to the next.
+        u_D: (n, S, n_vD) user forces in the middle of the steps; None without forces.
         dt: length of the steps [s].
     """
 
@@ -48,15 +48,17 @@ class Driven:
     dt: float
 
     @classmethod
-    def of(cls, marionette: Marionette, inputs: Input, starts: Array, n: int, dt: float) -> Driven:
+    def of(
+        cls, marionette: Marionette, inputs: Input, starts: Array, n: int, dt: float
+    ) -> DrivenSteps:
         """n steps from each of S times [s].
 
         Args:
             marionette: the puppet.
-            inputs: that name all driven coordinates.
-            starts: (S,).
-            n: steps.
-            dt: their length [s].
+            inputs: of all driven coordinates.
+            starts: (S,) start times [s].
+            n: number of steps.
+            dt: length of the steps [s].
         """
         t, table = starts + dt * np.arange(n + 1)[:, None], marionette.coordinates
         q_K, v_K, _ = inputs.evaluate(t)
@@ -64,8 +66,8 @@ class Driven:
         force = None if inputs.force is None else inputs.evaluate_force(t[:-1] + 0.5 * dt)
         return cls(q_K, v_K, 2.0 * (move / dt - v_K[:-1]) / dt, force, dt)
 
-    def moved(self, marionette: Marionette, offsets: Array) -> Driven:
-        """Those with (n_vK,) added to scalar coordinates."""
+    def moved(self, marionette: Marionette, offsets: Array) -> DrivenSteps:
+        """The steps with offsets (n_vK,) added to scalar coordinates."""
         if not np.any(offsets):
             return self
         q_K = self.q_K.copy()
@@ -74,25 +76,25 @@ class Driven:
         return replace(self, q_K=q_K)
 
     @property
-    def first(self) -> Driven:
-        """Those of the first step."""
+    def first(self) -> DrivenSteps:
+        """The first step."""
         force = None if self.u_D is None else self.u_D[:1]
-        return Driven(self.q_K[:2], self.v_K[:2], self.acc_K[:1], force, self.dt)
+        return DrivenSteps(self.q_K[:2], self.v_K[:2], self.acc_K[:1], force, self.dt)
 
-    def some(self, s: slice | Indices) -> Driven:
-        """Those of some segments."""
+    def some(self, s: slice | Indices) -> DrivenSteps:
+        """The steps of chosen segments."""
         force = None if self.u_D is None else self.u_D[:, s]
-        return Driven(self.q_K[:, s], self.v_K[:, s], self.acc_K[:, s], force, self.dt)
+        return DrivenSteps(self.q_K[:, s], self.v_K[:, s], self.acc_K[:, s], force, self.dt)
 
 
 @dataclass(frozen=True, eq=False)
-class Rolled:
+class Rollouts:
     """S rollouts of n steps.
 
     Attributes:
         q_D, v_D: (n + 1, S, ...) states.
         tension: (n, S, n_rows) of the steps [N or N m].
-        arrived: whether all reached their ends.
+        arrived: whether all rollouts reached their ends.
     """
 
     q_D: Array
@@ -101,35 +103,40 @@ class Rolled:
     arrived: bool
 
 
-def roll(
-    marionette: Marionette, driven: Driven, q_D: Array, v_D: Array, p: Array, threads: int = 1
-) -> Rolled:
-    """Rollouts from S states (S, ...) at parameters p (n_p,).
+def roll_out(
+    marionette: Marionette, driven: DrivenSteps, q_D: Array, v_D: Array, p: Array, threads: int = 1
+) -> Rollouts:
+    """Rollouts from S states (S, ...) with parameters p (n_p,).
 
-    Every step depends on its state alone, as those of :func:`fantoccini.linearise_steps` do.
+    A step depends on its state alone, as in :func:`fantoccini.linearise_steps`.
     """
-    parts = _parts(len(q_D), threads)
+    parts = _segment_slices(len(q_D), threads)
     with ThreadPoolExecutor(len(parts)) as pool:
-        found = list(
-            pool.map(lambda own: _roll(marionette, driven.some(own), q_D[own], v_D[own], p), parts)
+        rollouts = list(
+            pool.map(
+                lambda part: _roll_out_part(marionette, driven.some(part), q_D[part], v_D[part], p),
+                parts,
+            )
         )
-    if len(found) == 1:
-        return found[0]
+    if len(rollouts) == 1:
+        return rollouts[0]
     q, v, tension = (
-        np.concatenate([getattr(one, name) for one in found], axis=1)
+        np.concatenate([getattr(rollout, name) for rollout in rollouts], axis=1)
         for name in ("q_D", "v_D", "tension")
     )
-    return Rolled(q, v, tension, all(one.arrived for one in found))
+    return Rollouts(q, v, tension, all(rollout.arrived for rollout in rollouts))
 
 
-def _parts(S: int, threads: int) -> list[slice]:
-    """S segments in parts, one for each thread that is worth it."""
-    n = max(1, min(threads, S // _LEAST_PART))
+def _segment_slices(S: int, threads: int) -> list[slice]:
+    """S segments divided among threads, each with enough of them."""
+    n = max(1, min(threads, S // MIN_SEGMENTS_PER_THREAD))
     ends = [S * i // n for i in range(n + 1)]
     return [slice(a, b) for a, b in pairwise(ends)]
 
 
-def _roll(marionette: Marionette, driven: Driven, q_D: Array, v_D: Array, p: Array) -> Rolled:
+def _roll_out_part(
+    marionette: Marionette, driven: DrivenSteps, q_D: Array, v_D: Array, p: Array
+) -> Rollouts:
     n, S = driven.acc_K.shape[:2]
     record = LaneRecord(S, marionette.libraries.lanes.sizes)
     record.begin(q_D=q_D, v_D=v_D, p=p)
@@ -138,13 +145,13 @@ def _roll(marionette: Marionette, driven: Driven, q_D: Array, v_D: Array, p: Arr
     force = None if driven.u_D is None else np.zeros((S, marionette.coordinates.n_vD))
     steppers = LaneSteppers(marionette.libraries.lanes, record, 1, options, marionette.winches)
     advance = steppers.bound(driven.dt, acc, force)
-    out = Rolled(
+    rollouts = Rollouts(
         np.empty((n + 1, *q_D.shape)),
         np.empty((n + 1, *v_D.shape)),
         np.empty((n, *record.tension.shape)),
         True,
     )
-    out.q_D[0], out.v_D[0] = q_D, v_D
+    rollouts.q_D[0], rollouts.v_D[0] = q_D, v_D
     status = np.empty((n, S), dtype=np.int32)
     for k in range(n):
         record.begin(q_K=driven.q_K[k], v_K=driven.v_K[k])
@@ -152,20 +159,24 @@ def _roll(marionette: Marionette, driven: Driven, q_D: Array, v_D: Array, p: Arr
         if force is not None and driven.u_D is not None:
             force[:] = driven.u_D[k]
         advance()
-        out.q_D[k + 1], out.v_D[k + 1], out.tension[k] = record.q_D, record.v_D, record.tension
+        rollouts.q_D[k + 1], rollouts.v_D[k + 1], rollouts.tension[k] = (
+            record.q_D,
+            record.v_D,
+            record.tension,
+        )
         status[k] = record.status
-    whole = bool(np.all(np.isin(status, ARRIVED)) and np.all(np.isfinite(out.q_D[-1])))
-    return Rolled(out.q_D, out.v_D, out.tension, whole)
+    arrived = bool(np.all(np.isin(status, ARRIVED)) and np.all(np.isfinite(rollouts.q_D[-1])))
+    return Rollouts(rollouts.q_D, rollouts.v_D, rollouts.tension, arrived)
 
 
 @dataclass(frozen=True, eq=False)
-class Sensed:
-    """Derivatives by the first states and by P parameters and offsets.
+class RolloutDerivatives:
+    """Derivatives by first states, and by P parameters and offsets.
 
     Attributes:
-        end: (S, 2 n_vD, 2 n_vD + P) of the ends of the segments.
+        end: (S, 2 n_vD, 2 n_vD + P) of the segments' last states.
         between: (N, n_vD, 2 n_vD + P) of q_D at the samples.
-        pull: (N, n_rows, 2 n_vD + P) of the tensions of their steps; None where not asked for.
+        pull: (N, n_rows, 2 n_vD + P) of the tensions of their steps; None if not requested.
     """
 
     end: Array
@@ -173,10 +184,10 @@ class Sensed:
     pull: Array | None
 
 
-def sense(
+def differentiate(
     marionette: Marionette,
-    driven: Driven,
-    rolled: Rolled,
+    driven: DrivenSteps,
+    rolled: Rollouts,
     p: Array,
     of_p: Sequence[int],
     of_K: Sequence[int],
@@ -185,59 +196,66 @@ def sense(
     *,
     pull: bool,
     threads: int,
-) -> Sensed:
-    """How rollouts change with their first states, with parameters and with offsets.
+) -> RolloutDerivatives:
+    """Derivatives of rollouts by their first states, parameters and offsets.
 
     Args:
         marionette: the puppet.
-        driven, rolled: the rollouts.
-        p: (n_p,).
-        of_p, of_K: places of the parameters in p, and of the offsets among v_K.
+        driven, rolled: inputs and states of the rollouts.
+        p: (n_p,) parameters.
+        of_p, of_K: indices of the unknown parameters in p, and of the unknown offsets in v_K.
         begin: (S, 2 n_vD, 2 n_vD + P) the same derivatives of the first states.
-        samples: (N,) step and segment of every sample, and the part of the step before it.
-        pull: also of the tensions.
-        threads: that share the work.
+        samples: (N,) step and segment of every sample, and its position within the step, 0 to 1.
+        pull: whether to differentiate tensions, too.
+        threads: number of threads.
     """
     n, S = driven.acc_K.shape[:2]
     n_v, n_k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
-    steps, segments, share = samples
+    steps, segments, fraction = samples
     width = 2 * n_v + len(of_p) + len(of_K)
     columns = [2 * n_v + 3 * n_k + i for i in of_p] + [2 * n_v + k for k in of_K]
     Z = begin.copy()
     between = np.empty((len(steps), n_v, width))
-    pulled = np.empty((len(steps), marionette.tree.n_rows, width)) if pull else None
-    of_step = {}
-    for own in _parts(S, threads):
-        mine = np.flatnonzero((segments >= own.start) & (segments < own.stop))
-        order = mine[np.argsort(steps[mine], kind="stable")]
+    tension_derivatives = np.empty((len(steps), marionette.tree.n_rows, width)) if pull else None
+    samples_of_step = {}
+    for part in _segment_slices(S, threads):
+        in_part = np.flatnonzero((segments >= part.start) & (segments < part.stop))
+        order = in_part[np.argsort(steps[in_part], kind="stable")]
         first = np.searchsorted(steps[order], np.arange(n + 1))
-        of_step[own.start, own.stop] = [order[a:b] for a, b in pairwise(first)]
-    block = max(b for b in range(1, n + 1) if n % b == 0 and (b == 1 or b * S <= _STEPS_AT_ONCE))
+        samples_of_step[part.start, part.stop] = [order[a:b] for a, b in pairwise(first)]
+    block = max(
+        b for b in range(1, n + 1) if n % b == 0 and (b == 1 or b * S <= MAX_STEPS_PER_BLOCK)
+    )
 
-    def carry(own: tuple[int, int], k: int, lin: StepLinearisations) -> None:
-        """Carries derivatives of some segments over the steps of a block that begins with k."""
-        mine = slice(*own)
+    def carry(part: tuple[int, int], k: int, lin: StepLinearisations) -> None:
+        """Carries a part's derivatives over the steps of the block that begins with k."""
+        own = slice(*part)
         for j in range(block):
-            here, now = slice(j * S + own[0], j * S + own[1]), of_step[own][k + j]
-            part = share[now, None, None]
-            between[now] = (1.0 - part) * Z[segments[now], :n_v]
-            if pulled is not None and lin.pull is not None and len(now):
-                by = lin.pull[j * S + segments[now]]
-                pulled[now] = by[..., : 2 * n_v] @ Z[segments[now]]
-                pulled[now, :, 2 * n_v :] += by[..., columns]
-            Z[mine] = lin.motion[here, :, : 2 * n_v] @ Z[mine]
-            Z[mine, :, 2 * n_v :] += lin.motion[here][..., columns]
-            between[now] += part * Z[segments[now], :n_v]
+            rows = slice(j * S + part[0], j * S + part[1])
+            samples_now = samples_of_step[part][k + j]
+            weight = fraction[samples_now, None, None]
+            between[samples_now] = (1.0 - weight) * Z[segments[samples_now], :n_v]
+            if tension_derivatives is not None and lin.pull is not None and len(samples_now):
+                derivative = lin.pull[j * S + segments[samples_now]]
+                tension_derivatives[samples_now] = (
+                    derivative[..., : 2 * n_v] @ Z[segments[samples_now]]
+                )
+                tension_derivatives[samples_now, :, 2 * n_v :] += derivative[..., columns]
+            Z[own] = lin.motion[rows, :, : 2 * n_v] @ Z[own]
+            Z[own, :, 2 * n_v :] += lin.motion[rows][..., columns]
+            between[samples_now] += weight * Z[segments[samples_now], :n_v]
 
-    room = None
-    with ThreadPoolExecutor(len(of_step)) as pool:
+    work = None
+    with ThreadPoolExecutor(len(samples_of_step)) as pool:
         for k in range(0, n, block):
-            some = slice(k, k + block)
+            steps_of_block = slice(k, k + block)
             q_D, v_D, q_K, v_K, acc_K = (
-                x[some].reshape(block * S, -1)
+                x[steps_of_block].reshape(block * S, -1)
                 for x in (rolled.q_D, rolled.v_D, driven.q_K, driven.v_K, driven.acc_K)
             )
-            force = None if driven.u_D is None else driven.u_D[some].reshape(block * S, -1)
+            force = (
+                None if driven.u_D is None else driven.u_D[steps_of_block].reshape(block * S, -1)
+            )
             lin = linearise_steps(
                 marionette,
                 q_D,
@@ -250,9 +268,9 @@ def sense(
                 dt=driven.dt,
                 pull=pull,
                 threads=threads,
-                room=room,
+                room=work,
             )
-            room = lin.motion
-            for done in [pool.submit(carry, own, k, lin) for own in of_step]:
-                done.result()
-    return Sensed(Z, between, pulled)
+            work = lin.motion
+            for task in [pool.submit(carry, part, k, lin) for part in samples_of_step]:
+                task.result()
+    return RolloutDerivatives(Z, between, tension_derivatives)

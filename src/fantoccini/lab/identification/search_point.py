@@ -1,4 +1,4 @@
-"""Where a search stands: the unknowns, the states, and what they predict."""
+"""Points of a search: unknowns and first states, with their predictions and derivatives."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from fantoccini.base import Array, Indices, MaskRows
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the unknowns stand in theta.
+    """Order of the unknowns in theta.
 
     Attributes:
-        parameters: places in p of those that are looked for.
-        offsets: places among v_K of driven coordinates with an unknown offset.
-        places: numbers of the markers whose places are looked for.
-        delay: whether the delay is looked for.
+        parameters: indices in p of unknown parameters.
+        offsets: indices in v_K of driven coordinates with an unknown offset.
+        places: indices of markers with an unknown position.
+        delay: whether the delay is unknown.
     """
 
     parameters: tuple[int, ...]
@@ -27,7 +27,7 @@ class Layout:
 
     @property
     def n_rolled(self) -> int:
-        """Unknowns that act through the motion."""
+        """Number of unknowns that change the motion: parameters and offsets."""
         return len(self.parameters) + len(self.offsets)
 
     def __len__(self) -> int:
@@ -36,12 +36,12 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Where a search stands.
+    """Unknowns and the first states of all segments.
 
     Attributes:
         q_D, v_D: (S, ...) first states of the segments.
         theta: (P,) unknowns.
-        held: (S, n_rows) bool, the strings and limits that hold the first states.
+        held: (S, n_rows) bool, the active set of the first states.
     """
 
     q_D: Array
@@ -50,27 +50,27 @@ class Point:
     held: MaskRows
 
     def differs(self, other: Point) -> MaskRows:
-        """(S,) bool, segments that begin elsewhere than another point's."""
+        """(S,) bool, segments with another first state than the other point's."""
         moved = np.any(self.q_D != other.q_D, axis=1) | np.any(self.v_D != other.v_D, axis=1)
         return np.asarray(moved | np.any(self.held != other.held, axis=1))
 
-    def mixed(self, other: Point, some: MaskRows) -> Point:
-        """This point with the states of some segments (S,) from another."""
-        own = some[:, None]
+    def mixed(self, other: Point, chosen: MaskRows) -> Point:
+        """This point, with the states of chosen segments (S,) from another."""
+        mask = chosen[:, None]
         return Point(
-            np.where(own, other.q_D, self.q_D),
-            np.where(own, other.v_D, self.v_D),
+            np.where(mask, other.q_D, self.q_D),
+            np.where(mask, other.v_D, self.v_D),
             self.theta,
-            np.where(own, other.held, self.held),
+            np.where(mask, other.held, self.held),
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """What a point predicts.
+    """Predictions of a point.
 
     Attributes:
-        y: (N, n_c) the channels.
+        y: (N, n_c) channels.
         q_D, v_D: (S, ...) ends of the segments.
         arrived: whether all segments were simulated to their ends.
     """
@@ -80,25 +80,28 @@ class Predicted:
     v_D: Array
     arrived: bool
 
-    def mixed(self, other: Predicted, some: MaskRows, segments: Indices) -> Predicted:
-        """This with what another says of some segments (S,); samples lie in ``segments`` (N,)."""
-        own = some[:, None]
+    def mixed(self, other: Predicted, chosen: MaskRows, segments: Indices) -> Predicted:
+        """These predictions, with those of chosen segments (S,) from another.
+
+        ``segments`` (N,) are the segments of the samples.
+        """
+        mask = chosen[:, None]
         return Predicted(
-            np.where(own[segments], other.y, self.y),
-            np.where(own, other.q_D, self.q_D),
-            np.where(own, other.v_D, self.v_D),
+            np.where(mask[segments], other.y, self.y),
+            np.where(mask, other.q_D, self.q_D),
+            np.where(mask, other.v_D, self.v_D),
             self.arrived and other.arrived,
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Jacobians:
-    """Derivatives of what a point predicts, by (dq_D, dv_D) of the segment and theta.
+    """Derivatives of predictions by (dq_D, dv_D) of the segment's first state and by theta.
 
     Attributes:
         samples: (N, n_c, 2 n_vD + P) of the channels.
-        begin: (S, 2 n_vD, 2 n_vD + P) of the first states, as far as strings let them move.
-        end: (S, 2 n_vD, 2 n_vD + P) of the ends of the segments.
+        begin: (S, 2 n_vD, 2 n_vD + P) of the first states, projected onto the active rows.
+        end: (S, 2 n_vD, 2 n_vD + P) of the segments' last states.
     """
 
     samples: Array
@@ -108,15 +111,15 @@ class Jacobians:
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """What residuals count.
+    """Weights of residuals and jumps.
 
     Attributes:
         noise: (n_c,) standard deviations of the channels.
-        drift: by how much a segment may begin elsewhere than the one before ends: standard
-            deviations of configuration and velocity [m or rad, and per second].
-        final: whether samples far off count by Cauchy's measure instead of Huber's: a segment that
-            is caught in another order of events must not bend the numbers in the end.
-        joined: whether gaps count by Huber's measure instead of Cauchy's, so that none is given up.
+        drift: standard deviations of the jumps between segments, of configuration and velocity [m
+            or rad, and per second].
+        final: whether samples have Cauchy's loss instead of Huber's, so that a segment with another
+            order of events does not distort the final estimates.
+        joined: whether jumps have Huber's loss instead of Cauchy's, so that large ones shrink, too.
     """
 
     noise: Array
