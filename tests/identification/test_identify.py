@@ -66,13 +66,13 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
     J = fit.jacobians(at).samples
     s, m = 4, 2 * one.marionette.coordinates.n_vD
-    _, segments, _ = fit.located(at.theta, fit.dt)
+    _, segments, _ = fit.sample_positions(at.theta, fit.dt)
     own = np.flatnonzero(segments == s)[2:-2]
 
     def seen(theta):
         values = dict(zip([u.name for u in one.unknowns], theta, strict=False))
         puppet = one.marionette.with_parameters(values)
-        point = fit.placed(at.q_D, at.v_D, theta, at.held)
+        point = fit.projected(at.q_D, at.v_D, theta, at.held)
         q_K, v_K, _ = fit.inputs.evaluate(fit.starts[s])
         offset = fit.offsets(theta)
         x = puppet.rest().replace(
@@ -117,7 +117,7 @@ def test_derivatives_of_the_steps_are_exact(case):
     found = fit.jacobians(at)
     J = found.samples
     m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)
-    _, segments, _ = fit.located(at.theta, fit.dt)
+    _, segments, _ = fit.sample_positions(at.theta, fit.dt)
     for i in range(len(at.theta)):
         by = np.zeros(len(at.theta))
         by[i] = 1e-5 * one.scales[i]

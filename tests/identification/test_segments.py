@@ -77,7 +77,7 @@ def test_derivatives_are_renewed_where_a_row_lets_go(setting):
     assert not np.any(renewed.stale)
     theta = at.theta.copy()
     theta[1] *= 1.2
-    far = fit.placed(at.q_D, at.v_D, theta, at.held)
+    far = fit.projected(at.q_D, at.v_D, theta, at.held)
     assert np.array_equal(renewed.renewed(fit, far, positive).theta, theta)
 
 
@@ -102,7 +102,7 @@ def test_a_tangled_segment_is_found_and_mended(setting):
     q_D, v_D = at.q_D.copy(), at.v_D.copy()
     q_D[6:8, -1] += 0.3
     v_D[6:9] += 3.0
-    bad = fit.placed(q_D, v_D, at.theta, at.held)
+    bad = fit.projected(q_D, v_D, at.theta, at.held)
     seen = fit.predict(bad, extrapolated=True)
     assert np.all(cost.detached(bad, seen)[6:9])
     assert not np.any(cost.explained(bad, seen)[6:8])

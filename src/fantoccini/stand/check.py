@@ -185,7 +185,7 @@ def check_stand(
         stand = load_stand(stand)
     if marionette is None:
         if run.puppet is None:
-            raise ValueError("the run does not say what moved; needed: its marionette")
+            raise ValueError("the run does not describe its puppet; needed: its marionette")
         marionette = Marionette(run.puppet)
     elif (marionette.coordinates.q_D, marionette.coordinates.v_K) != (
         run.coordinates.q_D,

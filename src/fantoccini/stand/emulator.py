@@ -88,11 +88,11 @@ class Block:
 
     def done(self, t: Times) -> Array:
         """(T,) fraction of the path covered, at times since its start."""
-        peak, rise, cruise, down = self.phases()
+        peak, rise, cruise, fall = self.phases()
         a = self.acceleration
         first = np.clip(t, 0.0, rise)
         second = np.clip(t - rise, 0.0, cruise)
-        third = np.clip(t - rise - cruise, 0.0, down)
+        third = np.clip(t - rise - cruise, 0.0, fall)
         s = self.entry * first + a * first**2 / 2.0 + peak * second
         return np.minimum((s + peak * third - a * third**2 / 2.0) / self.length, 1.0)
 

@@ -83,15 +83,15 @@ def letters(stand: Stand, controller: Any) -> str:
         )
     names = controller.names
     free = [letter for letter in allowed if letter not in names.values()]
-    letters, mistakes = [], []
+    used, mistakes = [], []
     for axis in axes:
         name = str(names[axis]) if axis in names else free.pop(0)
-        if name not in allowed or name in letters:
+        if name not in allowed or name in used:
             text = f"found {name!r}; needed: a letter of {allowed}, a different one for each axis"
             mistakes.append((("controller", "names", axis), text))
-        letters.append(name)
+        used.append(name)
     stand.refuse([*mistakes])
-    return "".join(letters)
+    return "".join(used)
 
 
 def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
@@ -163,6 +163,7 @@ class GcodeWriter:
         self.at: dict[str, str] = {}
 
     def before(self) -> list[str]:
+        """Lines before the motion: units, homing, slack, and the move to the start."""
         points, names = self.points, self.settings.letters
         lines = ["G21", "G90", "G94"]
         if points.home:
@@ -172,14 +173,15 @@ class GcodeWriter:
             legs = points.legs_before()
             first = legs[-1] if legs else points.motion.position[0]
             lines.append(self._set_position(self._words(self._whole_steps(first * self.scale))))
-        at = points.at_home() if points.home else points.motion.position[0]
+        position = points.at_home() if points.home else points.motion.position[0]
         for leg in points.legs_before():
-            lines += self._slow_move(at, leg)
-            at = leg
+            lines += self._slow_move(position, leg)
+            position = leg
         self.at = dict(zip(names, self._position_texts(points.counts[0]), strict=True))
         return [*lines, self._dwell(SETTLING_DWELL), *(["G93"] if self.inverse else []), "; motion"]
 
     def timed(self, moves: TimedMoves) -> list[str]:
+        """Lines of the motion."""
         lines = []
         for k in range(len(moves)):
             if moves.dwells[k]:
@@ -196,6 +198,7 @@ class GcodeWriter:
         return lines
 
     def after(self) -> list[str]:
+        """Lines after the motion: parking and the end."""
         lines = ["; end", "G94"]
         park = self.points.leg_after()
         if park is not None:

@@ -80,7 +80,7 @@ class SetPoints:
         return np.rint(self.motion.position * [axis.counts for axis in self.axes]).astype(np.int64)
 
     def at_home(self) -> Array:
-        """(n,) positions after homing; for an axis without `home`, its position at the end."""
+        """(n,) positions after homing; an axis without `home` stays where the motion ends."""
         position = self.motion.position[-1].copy()
         for k, axis in enumerate(self.axes):
             home = axis.file.home

@@ -32,11 +32,11 @@ REPEATED = 0.25
 """Time for which the first position is repeated before the motion, and the last after it [s]."""
 LATEST = 0.1
 """Largest delay of a packet [s]; after a longer pause the axes would jump."""
-SOFT = 2.0
+HOLD_TIME_FACTOR = 2.0
 """Duration of a hold's slowing down over the time that the axes need from their largest speed."""
 
 Send = Callable[[bytes], object]
-"""Sends a packet."""
+"""Function that sends a packet."""
 
 
 @dataclass
@@ -117,17 +117,19 @@ def check_first(first: float, end: float) -> None:
 
 
 class Sender:
+    """Sender of one stream of set points."""
+
     def __init__(self, points: SetPoints, send: Send, progress: Sending, latest: float):
         motion = points.whole()
         self.packets = packets_of(points.map.stand, points.controller, points.rate)
         self.path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
         self.end = float(motion.t[-1])
         self.interval = 1.0 / points.rate
-        self.stop_time = SOFT * max(
+        self.stop_time = HOLD_TIME_FACTOR * max(
             (a.file.speed or 0.0) / (a.file.acceleration or np.inf) for a in points.axes
         )
         self.send, self.progress, self.latest = send, progress, latest
-        self.due, self.epoch = time.monotonic(), _epoch()
+        self.due, self.epoch = time.monotonic(), _monotonic_epoch()
 
     def repeat(self, t: float) -> None:
         """Repeats the position of a time for ``REPEATED``."""
@@ -222,7 +224,7 @@ class Sender:
         self.due = time.monotonic()
 
 
-def _epoch() -> float:
+def _monotonic_epoch() -> float:
     """Unix time at which the monotonic clock is 0 [s]: the most precise of a few readings."""
     readings = []
     for _ in range(5):

@@ -125,7 +125,7 @@ def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
     rest = [line for line in lines if line.number >= first]
     if not rest:
         raise StandError(f"there is no line {first} to go on from; the last is {lines[-1].number}")
-    at: dict[str, str] = {}
+    positions: dict[str, str] = {}
     mode = "G94"
     for line in lines:
         if line.number >= first:
@@ -134,8 +134,8 @@ def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
             mode = line.text
         for letter, value in _WORD.findall(line.text) if _sets_position(line.text) else ():
             if letter in "XYZABCUVW":
-                at[letter] = value
-    words = "".join(letter + value for letter, value in at.items())
+                positions[letter] = value
+    words = "".join(letter + value for letter, value in positions.items())
     preamble = ["G21", "G90", "G94"]
     if words:
         preamble += [f"G1{words}F{feed:g}", "G4P0.1"]
@@ -189,14 +189,14 @@ def stream(
                 raise StreamError(line.number, line.text, STOPPED)
             port.write(RESUME)
             last_answer = time.monotonic()
-        under_way = sum(len(line.text) + 1 for line in unanswered)
-        fits_buffer = bool(unsent) and under_way + len(unsent[0].text) + 1 <= capacity
+        n_unanswered = sum(len(line.text) + 1 for line in unanswered)
+        fits_buffer = bool(unsent) and n_unanswered + len(unsent[0].text) + 1 <= capacity
         if fits_buffer and (counting or not unanswered):
             line = unsent.popleft()
             port.write(line.text.encode("ascii", "replace") + b"\n")
             unanswered.append(line)
             counts.sent += 1
-            counts.most = max(counts.most, under_way + len(line.text) + 1)
+            counts.most = max(counts.most, n_unanswered + len(line.text) + 1)
             continue
         answer = port.readline().decode("ascii", "replace").strip()
         error = _ERROR.match(answer)

@@ -86,7 +86,7 @@ class Fit:
     def offsets(self, theta: Array) -> Array:
         """(n_vK,) offsets of the driven coordinates."""
         offsets, n = np.zeros(self.marionette.coordinates.n_vK), len(self.layout.parameters)
-        offsets[list(self.layout.offsets)] = theta[n : self.layout.n_rolled]
+        offsets[list(self.layout.offsets)] = theta[n : self.layout.n_motion]
         return offsets
 
     def places(self, theta: Array) -> Array:
@@ -94,12 +94,12 @@ class Fit:
         positions = np.array([marker.at for marker in self.channels.markers], dtype=float).reshape(
             -1, 3
         )
-        n = self.layout.n_rolled
+        n = self.layout.n_motion
         estimated = theta[n : n + 3 * len(self.layout.places)].reshape(-1, 3)
         positions[list(self.layout.places)] = estimated
         return positions
 
-    def located(self, theta: Array, dt: float) -> tuple[Indices, Indices, Array]:
+    def sample_positions(self, theta: Array, dt: float) -> tuple[Indices, Indices, Array]:
         """(N,) step and segment of every sample, and its position within the step, 0 to 1."""
         starts, n = self.starts, round(self.segment / dt)
         position = (self.t - self.delay_of(theta) - starts[0]) / dt
@@ -116,7 +116,7 @@ class Fit:
 
     def segments(self, theta: Array) -> Indices:
         """(N,) segment of every sample."""
-        return self.located(theta, self.dt)[1]
+        return self.sample_positions(theta, self.dt)[1]
 
     def predict(
         self,
@@ -137,7 +137,9 @@ class Fit:
         """
         if not extrapolated:
             return self._predict(point, self.dt, only, others)
-        coarse, fine = (self._predict(point, part * self.dt, only, others) for part in (0.5, 0.25))
+        coarse, fine = (
+            self._predict(point, factor * self.dt, only, others) for factor in (0.5, 0.25)
+        )
         if not (coarse.arrived and fine.arrived):
             return replace(fine, arrived=False)
         segments = slice(None) if only is None else only
@@ -154,57 +156,57 @@ class Fit:
         self, point: Point, dt: float, only: MaskRows | None, others: Predicted | None
     ) -> Predicted:
         chosen = _chosen(len(point.q_D), only)
-        driven, rolled = self._rolled(point, dt, chosen)
-        if not rolled.arrived:
+        driven, rollouts = self._rollouts(point, dt, chosen)
+        if not rollouts.arrived:
             return Predicted(np.full(self.y.shape, np.nan), point.q_D, point.v_D, False)
-        steps, segments, fraction, samples = self._within(point.theta, dt, chosen)
+        steps, segments, fraction, samples = self._samples_in(point.theta, dt, chosen)
         p, places = self.p(point.theta), self.places(point.theta)
-        q_D, q_K, _, _ = self._between(driven, rolled, steps, segments, fraction)
+        q_D, q_K, _, _ = self._at_samples(driven, rollouts, steps, segments, fraction)
         y = self.channels.evaluate(q_D, q_K, p, places)
-        tension = rolled.tension[steps, segments][:, self.channels.rows]
+        tension = rollouts.tension[steps, segments][:, self.channels.rows]
         y = np.concatenate([y, tension], axis=1)
         if others is None:
-            return Predicted(y, rolled.q_D[-1], rolled.v_D[-1], True)
+            return Predicted(y, rollouts.q_D[-1], rollouts.v_D[-1], True)
         predicted = Predicted(others.y.copy(), others.q_D.copy(), others.v_D.copy(), True)
         predicted.y[samples], predicted.q_D[chosen], predicted.v_D[chosen] = (
             y,
-            rolled.q_D[-1],
-            rolled.v_D[-1],
+            rollouts.q_D[-1],
+            rollouts.v_D[-1],
         )
         return predicted
 
-    def _between(
+    def _at_samples(
         self,
         driven: DrivenSteps,
-        rolled: Rollouts,
+        rollouts: Rollouts,
         steps: Indices,
         segments: Indices,
         fraction: Array,
     ) -> tuple[Array, Array, Array, Array]:
         """(N, ...) q_D and q_K at the samples, and the changes over their steps."""
-        q_D, q_K = rolled.q_D[steps, segments], driven.q_K[steps, segments]
-        move_D = difference(self.marionette, q_D, rolled.q_D[steps + 1, segments])
+        q_D, q_K = rollouts.q_D[steps, segments], driven.q_K[steps, segments]
+        move_D = difference(self.marionette, q_D, rollouts.q_D[steps + 1, segments])
         move_K = difference(self.marionette, q_K, driven.q_K[steps + 1, segments], driven=True)
         at_D = integrate(self.marionette, q_D, fraction[:, None] * move_D)
         at_K = integrate(self.marionette, q_K, fraction[:, None] * move_K, driven=True)
         return at_D, at_K, move_D, move_K
 
-    def _rolled(self, point: Point, dt: float, chosen: Indices) -> tuple[DrivenSteps, Rollouts]:
+    def _rollouts(self, point: Point, dt: float, chosen: Indices) -> tuple[DrivenSteps, Rollouts]:
         """The rollouts of chosen segments."""
         driven = self.driven(point.theta, dt)
         if len(chosen) < len(point.q_D):
-            driven = driven.some(chosen)
+            driven = driven.subset(chosen)
         q_D, v_D = point.q_D[chosen], point.v_D[chosen]
         return driven, roll_out(
             self.marionette, driven, q_D, v_D, self.p(point.theta), self.threads
         )
 
-    def _within(
+    def _samples_in(
         self, theta: Array, dt: float, chosen: Indices
     ) -> tuple[Indices, Indices, Array, Indices]:
         """Samples in chosen segments: step, index of the segment in ``chosen``, position within the
         step, and index of the sample."""
-        steps, segments, fraction = self.located(theta, dt)
+        steps, segments, fraction = self.sample_positions(theta, dt)
         index = np.full(len(self.starts), -1)
         index[chosen] = np.arange(len(chosen))
         samples = np.flatnonzero(index[segments] >= 0)
@@ -225,16 +227,16 @@ class Fit:
         """
         layout, channels, marionette, dt = self.layout, self.channels, self.marionette, self.dt
         chosen = _chosen(len(point.q_D), only)
-        driven, rolled = self._rolled(point, dt, chosen)
-        if not rolled.arrived:
+        driven, rollouts = self._rollouts(point, dt, chosen)
+        if not rollouts.arrived:
             dt *= 0.25
-            driven, rolled = self._rolled(point, dt, chosen)
-        if not rolled.arrived:
+            driven, rollouts = self._rollouts(point, dt, chosen)
+        if not rollouts.arrived:
             raise StateError(
                 f"a segment of the record cannot be simulated in steps of {dt:g} s; "
                 "take a smaller dt"
             )
-        steps, segments, fraction, samples = self._within(point.theta, dt, chosen)
+        steps, segments, fraction, samples = self._samples_in(point.theta, dt, chosen)
         p = self.p(point.theta)
         begin = self.row_projection(point.theta, chosen).moves(
             point.q_D[chosen],
@@ -246,7 +248,7 @@ class Fit:
         derivatives = differentiate(
             marionette,
             driven,
-            rolled,
+            rollouts,
             p,
             layout.parameters,
             layout.offsets,
@@ -256,26 +258,26 @@ class Fit:
             threads=self.threads,
         )
         m, n_places = 2 * marionette.coordinates.n_vD, channels.n_places
-        first, n_rolled = m + len(layout.parameters), m + layout.n_rolled
-        q_D, q_K, move_D, move_K = self._between(driven, rolled, steps, segments, fraction)
+        first, n_motion = m + len(layout.parameters), m + layout.n_motion
+        q_D, q_K, move_D, move_K = self._at_samples(driven, rollouts, steps, segments, fraction)
         channel_values = channels.derivatives(
             q_D, q_K, p, self.places(point.theta), self.moves_channels
         )
         J = np.zeros((len(samples), len(channels), m + len(layout)))
-        np.matmul(channel_values.by_D, derivatives.between, out=J[:, :n_places, :n_rolled])
-        J[:, :n_places, first:n_rolled] += channel_values.by_K[..., list(layout.offsets)]
+        np.matmul(channel_values.by_D, derivatives.between, out=J[:, :n_places, :n_motion])
+        J[:, :n_places, first:n_motion] += channel_values.by_K[..., list(layout.offsets)]
         if channel_values.by_p is not None:
             J[:, :n_places, m:first] += channel_values.by_p[..., list(layout.parameters)]
         for j, marker in enumerate(layout.places):
-            places = slice(n_rolled + 3 * j, n_rolled + 3 * j + 3)
+            places = slice(n_motion + 3 * j, n_motion + 3 * j + 3)
             J[:, 3 * marker : 3 * marker + 3, places] = channel_values.frames[:, marker]
         if layout.delay:
             rate = channel_values.by_D @ move_D[..., None] + channel_values.by_K @ move_K[..., None]
             J[:, :n_places, -1] = -rate[..., 0] / dt
         if derivatives.pull is not None:
-            J[:, n_places:, :n_rolled] = derivatives.pull[:, channels.rows]
+            J[:, n_places:, :n_motion] = derivatives.pull[:, channels.rows]
         ends = np.zeros((2, len(chosen), m, m + len(layout)))
-        ends[0, ..., :n_rolled], ends[1, ..., :n_rolled] = begin, derivatives.end
+        ends[0, ..., :n_motion], ends[1, ..., :n_motion] = begin, derivatives.end
         if others is None:
             return Jacobians(J, *ends)
         others.samples[samples], others.begin[chosen], others.end[chosen] = J, *ends
@@ -289,7 +291,7 @@ class Fit:
             q_K[:, q] += self.offsets(theta)[v]
         return RowProjection(self.marionette, q_K, v_K, self.p(theta))
 
-    def placed(
+    def projected(
         self, q_D: Array, v_D: Array, theta: Array, held: MaskRows, only: MaskRows | None = None
     ) -> Point:
         """The point with states projected onto what strings and limits allow.
@@ -300,14 +302,14 @@ class Fit:
         projection = self.row_projection(theta, chosen)
         q, v = projection.project(q_D[chosen], v_D[chosen], held[chosen])
         closed = projection.closed(q, v)
-        first_step = self.driven(theta, self.dt).first.some(chosen)
+        first_step = self.driven(theta, self.dt).first.subset(chosen)
         first = roll_out(self.marionette, first_step, q, v, self.p(theta))
         forced = (first.tension[0] > 0.0) | self.marionette.two_sided
         q_D, v_D, held = q_D.copy(), v_D.copy(), held.copy()
         q_D[chosen], v_D[chosen], held[chosen] = q, v, closed & forced
         return Point(q_D, v_D, theta, held)
 
-    def freed(self, point: Point, predicted: Predicted) -> Point:
+    def released(self, point: Point, predicted: Predicted) -> Point:
         """The same point, with rows released that are slack at the end of the previous segment."""
         if not predicted.arrived:
             return point
@@ -316,18 +318,20 @@ class Fit:
         slack[0] = False
         return replace(point, held=point.held & ~slack)
 
-    def moved(self, point: Point, by: Array, theta: Array, only: MaskRows | None = None) -> Point:
+    def moved(
+        self, point: Point, move: Array, theta_move: Array, only: MaskRows | None = None
+    ) -> Point:
         """A point moved by tangent vectors (S, 2 n_vD) and theta (P,); only states in ``only``."""
-        n = by.shape[1] // 2
-        q_D = integrate(self.marionette, point.q_D, by[:, :n])
-        moved_theta = point.theta + theta
+        n = move.shape[1] // 2
+        q_D = integrate(self.marionette, point.q_D, move[:, :n])
+        moved_theta = point.theta + theta_move
         if self.layout.delay:
             moved_theta[-1] = np.clip(
                 moved_theta[-1],
                 self.begin[-1] - MAX_DELAY_CHANGE,
                 self.begin[-1] + MAX_DELAY_CHANGE,
             )
-        return self.placed(q_D, point.v_D + by[:, n:], moved_theta, point.held, only)
+        return self.projected(q_D, point.v_D + move[:, n:], moved_theta, point.held, only)
 
 
 def _chosen(S: int, only: MaskRows | None) -> Indices:
@@ -340,15 +344,15 @@ def chained(fit: Fit, start: State) -> Point:
     driven = fit.driven(theta, fit.dt)
     q_D, v_D = [start.q_D], [start.v_D]
     for s in range(len(fit.starts) - 1):
-        segment = driven.some(slice(s, s + 1))
-        rolled = roll_out(fit.marionette, segment, q_D[-1][None], v_D[-1][None], fit.p(theta))
-        if not rolled.arrived:
+        segment = driven.subset(slice(s, s + 1))
+        rollouts = roll_out(fit.marionette, segment, q_D[-1][None], v_D[-1][None], fit.p(theta))
+        if not rollouts.arrived:
             raise StateError(
                 f"with the initial values of the unknowns, the puppet cannot follow the inputs: "
                 f"it stops between {fit.starts[s]:.4g} s and {fit.starts[s] + fit.segment:.4g} s. "
                 "Give better initial values"
             )
-        q_D.append(rolled.q_D[-1, 0])
-        v_D.append(rolled.v_D[-1, 0])
+        q_D.append(rollouts.q_D[-1, 0])
+        v_D.append(rollouts.v_D[-1, 0])
     q, v = np.array(q_D), np.array(v_D)
-    return fit.placed(q, v, theta, fit.row_projection(theta).near(q, v))
+    return fit.projected(q, v, theta, fit.row_projection(theta).near(q, v))

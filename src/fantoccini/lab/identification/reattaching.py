@@ -94,7 +94,11 @@ def _chain_detached(fit: Fit, point: Point, predicted: Predicted, detached: Mask
     for s in np.flatnonzero(detached):
         if detached[s - 1]:
             previous = roll_out(
-                fit.marionette, driven.some(slice(s - 1, s)), q_D[s - 1, None], v_D[s - 1, None], p
+                fit.marionette,
+                driven.subset(slice(s - 1, s)),
+                q_D[s - 1, None],
+                v_D[s - 1, None],
+                p,
             )
             if not previous.arrived:
                 continue
@@ -104,4 +108,4 @@ def _chain_detached(fit: Fit, point: Point, predicted: Predicted, detached: Mask
     held[detached] = fit.row_projection(point.theta, np.flatnonzero(detached)).near(
         q_D[detached], v_D[detached]
     )
-    return fit.placed(q_D, v_D, point.theta, held, detached)
+    return fit.projected(q_D, v_D, point.theta, held, detached)

@@ -56,13 +56,11 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     unknown = []
     for label, entry in file.unknown.items():
         spot = ("unknown", label)
-        taken = [marker.parameter for marker in marks]
+        taken = [m.parameter for m in marks]
         mark = check(spot, lambda label=label, taken=taken: find(puppet.data, label, taken))
         if mark is None:
             continue
-        duplicate = next(
-            (marker for marker in marks if set(marker.places) & set(mark.places)), None
-        )
+        duplicate = next((m for m in marks if set(m.places) & set(mark.places)), None)
         if duplicate is not None:
             text = f"the same number as {duplicate.label}; leave one out"
             check(spot, lambda text=text: _raise_error(text))
@@ -102,9 +100,9 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     noise = _noise_levels(file, values, check)
     check.refuse()
     if values:
-        seen = t[np.any(np.isfinite(list(values.values())), axis=0)]
-        if len(seen):
-            check(played, lambda: check_span(seen - delay, inputs, 0.0))
+        measured_t = t[np.any(np.isfinite(list(values.values())), axis=0)]
+        if len(measured_t):
+            check(played, lambda: check_span(measured_t - delay, inputs, 0.0))
             check.refuse()
     record = check.need(
         (),

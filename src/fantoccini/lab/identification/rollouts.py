@@ -81,7 +81,7 @@ class DrivenSteps:
         force = None if self.u_D is None else self.u_D[:1]
         return DrivenSteps(self.q_K[:2], self.v_K[:2], self.acc_K[:1], force, self.dt)
 
-    def some(self, s: slice | Indices) -> DrivenSteps:
+    def subset(self, s: slice | Indices) -> DrivenSteps:
         """The steps of chosen segments."""
         force = None if self.u_D is None else self.u_D[:, s]
         return DrivenSteps(self.q_K[:, s], self.v_K[:, s], self.acc_K[:, s], force, self.dt)
@@ -114,7 +114,9 @@ def roll_out(
     with ThreadPoolExecutor(len(parts)) as pool:
         rollouts = list(
             pool.map(
-                lambda part: _roll_out_part(marionette, driven.some(part), q_D[part], v_D[part], p),
+                lambda part: _roll_out_part(
+                    marionette, driven.subset(part), q_D[part], v_D[part], p
+                ),
                 parts,
             )
         )
@@ -187,7 +189,7 @@ class RolloutDerivatives:
 def differentiate(
     marionette: Marionette,
     driven: DrivenSteps,
-    rolled: Rollouts,
+    rollouts: Rollouts,
     p: Array,
     of_p: Sequence[int],
     of_K: Sequence[int],
@@ -201,7 +203,7 @@ def differentiate(
 
     Args:
         marionette: the puppet.
-        driven, rolled: inputs and states of the rollouts.
+        driven, rollouts: inputs and states of the rollouts.
         p: (n_p,) parameters.
         of_p, of_K: indices of the unknown parameters in p, and of the unknown offsets in v_K.
         begin: (S, 2 n_vD, 2 n_vD + P) the same derivatives of the first states.
@@ -251,7 +253,7 @@ def differentiate(
             steps_of_block = slice(k, k + block)
             q_D, v_D, q_K, v_K, acc_K = (
                 x[steps_of_block].reshape(block * S, -1)
-                for x in (rolled.q_D, rolled.v_D, driven.q_K, driven.v_K, driven.acc_K)
+                for x in (rollouts.q_D, rollouts.v_D, driven.q_K, driven.v_K, driven.acc_K)
             )
             force = (
                 None if driven.u_D is None else driven.u_D[steps_of_block].reshape(block * S, -1)

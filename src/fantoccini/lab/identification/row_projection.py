@@ -75,7 +75,7 @@ class RowProjection:
         """(S, n_rows) bool, rows that are open."""
         return np.asarray((self.rows(q_D, v_D).h < -MAX_STEP_GAP) & ~self.marionette.two_sided)
 
-    def some(self, chosen: MaskRows | Indices) -> RowProjection:
+    def subset(self, chosen: MaskRows | Indices) -> RowProjection:
         """The projection of chosen states."""
         return RowProjection(self.marionette, self.q_K[chosen], self.v_K[chosen], self.p)
 
@@ -84,7 +84,7 @@ class RowProjection:
         q_D, v_D = q_D.copy(), v_D.copy()
         remaining = np.arange(len(q_D))
         for _ in range(MAX_ITERATIONS):
-            rows = self.some(remaining).rows(q_D[remaining], v_D[remaining])
+            rows = self.subset(remaining).rows(q_D[remaining], v_D[remaining])
             active = held[remaining] | (rows.h > 0.0)
             violation = np.where(active, rows.h, 0.0)
             move = _smallest_move(rows.by["A_D"], violation, active)

@@ -26,12 +26,12 @@ class Layout:
     delay: bool
 
     @property
-    def n_rolled(self) -> int:
+    def n_motion(self) -> int:
         """Number of unknowns that change the motion: parameters and offsets."""
         return len(self.parameters) + len(self.offsets)
 
     def __len__(self) -> int:
-        return self.n_rolled + 3 * len(self.places) + int(self.delay)
+        return self.n_motion + 3 * len(self.places) + int(self.delay)
 
 
 @dataclass(frozen=True, eq=False)

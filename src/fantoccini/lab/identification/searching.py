@@ -116,7 +116,7 @@ def search(
             "the puppet cannot be simulated with the numbers that the search has reached; give "
             "better initial values, or take a smaller dt"
         )
-    freed = fit.freed(point, predicted)
+    freed = fit.released(point, predicted)
     if saved is None:
         saved = SavedJacobians.at(fit, freed)
     saved = replace(saved, stale=saved.stale | cost.regrouped(point, freed))
@@ -160,7 +160,7 @@ def search(
         steep = fall > STEEP_FALL * float(np.sum(parts))
         shared, n_moves = max(MIN_DAMPING, shared / 8.0), n_moves + 1
         before, stale = stale, cost.stale(point, trial, predicted, trial_predicted, saved.jacobians)
-        freed = fit.freed(trial, trial_predicted)
+        freed = fit.released(trial, trial_predicted)
         poorly_predicted = before & stale
         saved = replace(saved, stale=stale | cost.regrouped(point, freed))
         point, parts, predicted, normal = freed, trial_parts, trial_predicted, None
@@ -188,7 +188,7 @@ def _restore_worsened(
     """The trial with the old first states of worsened segments, where that costs less."""
     fit = cost.fit
     restored = trial.mixed(point, bad)
-    restored = fit.placed(restored.q_D, restored.v_D, restored.theta, restored.held, bad)
+    restored = fit.projected(restored.q_D, restored.v_D, restored.theta, restored.held, bad)
     restored_predicted = fit.predict(
         restored, extrapolated=extrapolated, only=bad, others=predicted
     )
