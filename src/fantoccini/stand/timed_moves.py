@@ -26,6 +26,7 @@ MIN_SPEED = 0.02
 """Slowest move [units/s]; GRBL's own minimum is 1 unit per minute."""
 MAX_ITERATIONS = 400
 SPEED_TOLERANCE = 1e-9
+"""Relative change of the speeds at which the iteration ends."""
 
 
 @dataclass(frozen=True, eq=False)

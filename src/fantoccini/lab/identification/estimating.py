@@ -130,7 +130,7 @@ def identify(
                 cost = replace(cost, trusted=trusted)
             report = None
             if progress is not None:
-                report = _reporting(progress, stage.name)
+                report = _with_stage_name(progress, stage.name)
                 progress(Progress(stage.name))
             result = search(
                 cost,
@@ -165,7 +165,7 @@ def _thin(fit: Fit) -> Fit:
     return replace(fit, t=fit.t[rows_left], y=np.where(chosen, fit.y, np.nan)[rows_left])
 
 
-def _reporting(progress: OnProgress, name: str) -> OnProgress:
+def _with_stage_name(progress: OnProgress, name: str) -> OnProgress:
     return lambda at: progress(replace(at, what=name))
 
 
@@ -182,7 +182,7 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
     layout = Layout(
         tuple(indices),
         tuple(table.v_K.index(name) for name in record.offsets),
-        tuple(i for i, unknown in enumerate(record.markers) if unknown.find),
+        tuple(i for i, marker in enumerate(record.markers) if marker.find),
         record.find_delay,
     )
     prior = np.full(len(record.labels), np.inf)

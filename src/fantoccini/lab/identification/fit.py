@@ -355,4 +355,4 @@ def chained(fit: Fit, start: State) -> Point:
         q_D.append(rollouts.q_D[-1, 0])
         v_D.append(rollouts.v_D[-1, 0])
     q, v = np.array(q_D), np.array(v_D)
-    return fit.projected(q, v, theta, fit.row_projection(theta).near(q, v))
+    return fit.projected(q, v, theta, fit.row_projection(theta).nearly_closed(q, v))

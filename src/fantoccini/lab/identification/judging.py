@@ -228,14 +228,14 @@ def _doubts(identified: Identified) -> Iterator[str]:
         ("less than", [f for f in fits if f.given and f.spread < QUIET_RATIO * f.noise]),
     ):
         if doubtful_fits:
-            names = _names_text([f.name for f in doubtful_fits])
-            yield f"Residuals of {names} are {text} the noise given."
+            fit_names = _names_text([f.name for f in doubtful_fits])
+            yield f"Residuals of {fit_names} are {text} the noise given."
     leanings = leaning(identified)
     if leanings:
+        names = [jump.name for jump in leanings]
         yield (
-            "Jumps between segments go mostly to one side: "
-            f"{_names_text([one.name for one in leanings])}, by {abs(leanings[0].mean):.2g} of the "
-            "drift. A force or a position is missing or wrong."
+            f"Jumps between segments go mostly to one side: {_names_text(names)}, by "
+            f"{abs(leanings[0].mean):.2g} of the drift. A force or a position is missing or wrong."
         )
     if identified.drift > MAX_MEDIAN_JUMP:
         yield (

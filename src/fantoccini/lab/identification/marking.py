@@ -60,13 +60,13 @@ def find(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
     if entries:
         places = tuple(path for path, _ in entries)
         return Mark(label, label, places, float(entries[0][1]["value"]), _positive(places))
-    starts = list(_named_prefixes(data, label))
-    if not starts:
+    prefixes = list(_named_prefixes(data, label))
+    if not prefixes:
         names = [name for name, _ in _named_items(data)]
-        if (twin := _mirrored_original(data, label, names)) is not None:
+        if (original := _mirrored_original(data, label, names)) is not None:
             raise StateError(
-                f"{label.split('.', 1)[0]} is the mirror image of {twin}, whose "
-                f"numbers it shares; name those of {twin}"
+                f"{label.split('.', 1)[0]} is the mirror image of {original}, whose "
+                f"numbers it shares; name those of {original}"
             )
         hint = nearest(label.split(".", 1)[0], names)
         raise StateError(
@@ -74,7 +74,7 @@ def find(data: Any, label: str, taken: Collection[str] = ()) -> Mark:
             f"before its first dot{hint}"
         )
     refused = ""
-    for path, keys in starts:
+    for path, keys in prefixes:
         try:
             place, value = _follow_keys(data, path, keys)
         except StateError as error:

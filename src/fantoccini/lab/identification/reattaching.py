@@ -105,7 +105,7 @@ def _chain_detached(fit: Fit, point: Point, predicted: Predicted, detached: Mask
             q_D[s], v_D[s] = previous.q_D[-1, 0], previous.v_D[-1, 0]
         else:
             q_D[s], v_D[s] = predicted.q_D[s - 1], predicted.v_D[s - 1]
-    held[detached] = fit.row_projection(point.theta, np.flatnonzero(detached)).near(
+    held[detached] = fit.row_projection(point.theta, np.flatnonzero(detached)).nearly_closed(
         q_D[detached], v_D[detached]
     )
     return fit.projected(q_D, v_D, point.theta, held, detached)

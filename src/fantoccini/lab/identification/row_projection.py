@@ -67,7 +67,7 @@ class RowProjection:
         closed = (rows.h >= -CLOSED_GAP) & (rows.hdot >= -MAX_CLOSED_SPEED)
         return np.asarray(closed | self.marionette.two_sided)
 
-    def near(self, q_D: Array, v_D: Array) -> MaskRows:
+    def nearly_closed(self, q_D: Array, v_D: Array) -> MaskRows:
         """(S, n_rows) bool, rows that are closed up to the error of a time step."""
         return np.asarray((self.rows(q_D, v_D).h >= -MAX_STEP_GAP) | self.marionette.two_sided)
 
