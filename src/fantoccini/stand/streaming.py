@@ -48,7 +48,7 @@ class Port(Protocol):
     """The methods of a serial port that a stream uses."""
 
     def write(self, data: bytes) -> Any:
-        """Sends."""
+        """Sends data."""
 
     def readline(self) -> bytes:
         """The next line, or the part of it that arrived within a short timeout."""

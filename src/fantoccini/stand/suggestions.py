@@ -224,10 +224,10 @@ def _passes(check: StandCheck, changed: Axis, k: int) -> bool:
     limits = {limit.quantity: limit for limit in check.limits_with(k, changed)}
     if any(limits[name].broken is not None for name in MOTOR_QUANTITIES if name in limits):
         return False
-    return _has_spare(limits.get("torque"), now.get("torque"))
+    return _keeps_reserve(limits.get("torque"), now.get("torque"))
 
 
-def _has_spare(changed: Limit | None, now: Limit | None) -> bool:
+def _keeps_reserve(changed: Limit | None, now: Limit | None) -> bool:
     if changed is None or now is None:
         return True
     min_margin = 100.0 * (1.0 - 1.0 / TORQUE_RESERVE)

@@ -204,8 +204,11 @@ class Fit:
     def _samples_in(
         self, theta: Array, dt: float, chosen: Indices
     ) -> tuple[Indices, Indices, Array, Indices]:
-        """Samples in chosen segments: step, index of the segment in ``chosen``, position within the
-        step, and index of the sample."""
+        """Samples in chosen segments.
+
+        Returns:
+            Step, index of the segment in ``chosen``, position within the step, index of the sample.
+        """
         steps, segments, fraction = self.sample_positions(theta, dt)
         index = np.full(len(self.starts), -1)
         index[chosen] = np.arange(len(chosen))

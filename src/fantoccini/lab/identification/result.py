@@ -32,7 +32,7 @@ LISTED = 4.0
 
 @dataclass(frozen=True)
 class Combination:
-    """Numbers that the record cannot tell apart.
+    """A combination of numbers that the record does not determine.
 
     Attributes:
         parts: name -> share; relative changes, or steps of 1 cm and 10 ms, in this proportion do

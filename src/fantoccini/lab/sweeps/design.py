@@ -243,7 +243,7 @@ def _draw(name: str, distribution: Any, entropy: tuple[int, ...]) -> Any:
 
 
 def check_whole(name: str, value: Any, minimum: int) -> int:
-    """The value as an int; ValueError unless it is an integer and at least ``least``."""
+    """The value as an int; ValueError unless it is an integer and at least ``minimum``."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < minimum:
         raise ValueError(f"{name} is {value!r}; it must be an integer, {minimum} or more")
     return int(value)
