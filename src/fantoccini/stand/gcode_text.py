@@ -21,7 +21,7 @@ from fantoccini.stand.timed_moves import Limits, TimedMoves, timed_moves
 
 LETTERS = {"grbl": "XYZABC", "fluidnc": "XYZABC", "marlin": "XYZABCUVW"}
 """Letters of the axes that a controller has."""
-ACCELERATION_RESERVE = 3.0
+RAMP_RESERVE = 3.0
 """The controller's acceleration over that of the axes: its ramps between set points are then short.
 """
 SPEED_RESERVE = 1.5
@@ -105,9 +105,7 @@ def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
         raise StandError(f"{controller.type} is not grbl, fluidnc or marlin; give --controller")
     axes = axes_of(stand)
     scale = units(axes)
-    acceleration = (
-        ACCELERATION_RESERVE * scale * np.array([axis.file.acceleration for axis in axes])
-    )
+    acceleration = RAMP_RESERVE * scale * np.array([axis.file.acceleration for axis in axes])
     junction = float(np.max(acceleration)) / rate**2 / 4.0
     return GrblSettings(
         np.array([axis.counts for axis in axes]) / scale,

@@ -108,8 +108,8 @@ class ArtNetPackets:
         self.low, self.high = np.array([axis.travel for axis in axes]).T
 
     @property
-    def channels_per_axis(self) -> int:
-        """Channels per axis."""
+    def n_channels(self) -> int:
+        """Number of channels per axis."""
         return self.controller.bits // 8
 
     @property
@@ -128,11 +128,11 @@ class ArtNetPackets:
 
     def encode(self, position: Array, when: float) -> bytes:
         """The packet for positions, as in :class:`Packets`; Art-Net has no time tags."""
-        n = max(self.first) + self.channels_per_axis - 1
+        n = max(self.first) + self.n_channels - 1
         data = bytearray(n + n % 2)
         for first, value in zip(self.first, self.values(position), strict=True):
-            data[first - 1 : first - 1 + self.channels_per_axis] = int(value).to_bytes(
-                self.channels_per_axis, "big"
+            data[first - 1 : first - 1 + self.n_channels] = int(value).to_bytes(
+                self.n_channels, "big"
             )
         high, low = divmod(self.controller.universe, 256)
         rest = DMX_HEADER.pack(VERSION, 0, 0, low, high, len(data))
@@ -172,19 +172,19 @@ def channels(stand: Stand, controller: ArtNet) -> tuple[int, ...]:
         FileError: a name is not a channel, or two axes overlap.
         StandError: the universe has too few channels.
     """
-    channels_per_axis = controller.bits // 8
-    last = CHANNELS + 1 - channels_per_axis
+    n_channels = controller.bits // 8
+    last = CHANNELS + 1 - n_channels
     first: dict[str, int] = {}
     used: set[int] = set()
     mistakes = []
     for axis, name in controller.names.items():
         if not str(name).isdecimal() or not 1 <= int(name) <= last:
             text = f"found {name!r}; needed: a channel, 1 to {last}"
-        elif used & set(range(int(name), int(name) + channels_per_axis)):
-            text = f"found {name!r}; needed: {channels_per_axis} channels of its own"
+        elif used & set(range(int(name), int(name) + n_channels)):
+            text = f"found {name!r}; needed: {n_channels} channels of its own"
         else:
             first[axis] = int(name)
-            used |= set(range(int(name), int(name) + channels_per_axis))
+            used |= set(range(int(name), int(name) + n_channels))
             continue
         mistakes.append((("controller", "names", axis), text))
     stand.refuse([*mistakes])
@@ -192,13 +192,13 @@ def channels(stand: Stand, controller: ArtNet) -> tuple[int, ...]:
     for axis in stand.axes:
         if axis in first:
             continue
-        while used & set(range(channel, channel + channels_per_axis)):
+        while used & set(range(channel, channel + n_channels)):
             channel += 1
         first[axis] = channel
-        channel += channels_per_axis
+        channel += n_channels
     if max(first.values()) > last:
         raise StandError(
             f"a universe has {CHANNELS} channels, too few for {len(first)} axes of "
-            f"{channels_per_axis}; needed: bits: 8, or fewer axes"
+            f"{n_channels}; needed: bits: 8, or fewer axes"
         )
     return tuple(first[axis] for axis in stand.axes)

@@ -163,12 +163,9 @@ class _ArtNetReader:
         if len(data) < size or PACKET_HEADER.unpack_from(data) != (NAME, OUTPUT):
             return None
         _, _, _, low, high, length = DMX_HEADER.unpack_from(data, PACKET_HEADER.size)
-        slots, first, channels_per_axis = (
-            data[size : size + length],
-            self._packets.first,
-            self._packets.channels_per_axis,
-        )
-        if 256 * high + low != self._universe or len(slots) < max(first) + channels_per_axis - 1:
+        slots, first = data[size : size + length], self._packets.first
+        n_channels = self._packets.n_channels
+        if 256 * high + low != self._universe or len(slots) < max(first) + n_channels - 1:
             return None
-        values = [int.from_bytes(slots[k - 1 : k - 1 + channels_per_axis], "big") for k in first]
+        values = [int.from_bytes(slots[k - 1 : k - 1 + n_channels], "big") for k in first]
         return self._packets.positions(np.array(values))

@@ -18,7 +18,7 @@ from fantoccini.motion import Input, State
 MARGIN = 0.2513
 """Time simulated beyond both ends of the record, where a delay may move samples [s]. It is not a
 round number, so that samples do not fall on nodes, where predictions have kinks."""
-MAX_DELAY_CHANGE = 0.25
+DELAY_RANGE = 0.25
 """Largest change of a delay from its initial value [s]."""
 
 
@@ -168,11 +168,8 @@ class Fit:
         if others is None:
             return Predicted(y, rollouts.q_D[-1], rollouts.v_D[-1], True)
         predicted = Predicted(others.y.copy(), others.q_D.copy(), others.v_D.copy(), True)
-        predicted.y[samples], predicted.q_D[chosen], predicted.v_D[chosen] = (
-            y,
-            rollouts.q_D[-1],
-            rollouts.v_D[-1],
-        )
+        predicted.y[samples] = y
+        predicted.q_D[chosen], predicted.v_D[chosen] = rollouts.q_D[-1], rollouts.v_D[-1]
         return predicted
 
     def _at_samples(
@@ -263,19 +260,17 @@ class Fit:
         m, n_places = 2 * marionette.coordinates.n_vD, channels.n_places
         first, n_motion = m + len(layout.parameters), m + layout.n_motion
         q_D, q_K, move_D, move_K = self._at_samples(driven, rollouts, steps, segments, fraction)
-        channel_values = channels.derivatives(
-            q_D, q_K, p, self.places(point.theta), self.moves_channels
-        )
+        values = channels.derivatives(q_D, q_K, p, self.places(point.theta), self.moves_channels)
         J = np.zeros((len(samples), len(channels), m + len(layout)))
-        np.matmul(channel_values.by_D, derivatives.between, out=J[:, :n_places, :n_motion])
-        J[:, :n_places, first:n_motion] += channel_values.by_K[..., list(layout.offsets)]
-        if channel_values.by_p is not None:
-            J[:, :n_places, m:first] += channel_values.by_p[..., list(layout.parameters)]
+        np.matmul(values.by_D, derivatives.between, out=J[:, :n_places, :n_motion])
+        J[:, :n_places, first:n_motion] += values.by_K[..., list(layout.offsets)]
+        if values.by_p is not None:
+            J[:, :n_places, m:first] += values.by_p[..., list(layout.parameters)]
         for j, marker in enumerate(layout.places):
             places = slice(n_motion + 3 * j, n_motion + 3 * j + 3)
-            J[:, 3 * marker : 3 * marker + 3, places] = channel_values.frames[:, marker]
+            J[:, 3 * marker : 3 * marker + 3, places] = values.frames[:, marker]
         if layout.delay:
-            rate = channel_values.by_D @ move_D[..., None] + channel_values.by_K @ move_K[..., None]
+            rate = values.by_D @ move_D[..., None] + values.by_K @ move_K[..., None]
             J[:, :n_places, -1] = -rate[..., 0] / dt
         if derivatives.pull is not None:
             J[:, n_places:, :n_motion] = derivatives.pull[:, channels.rows]
@@ -329,11 +324,8 @@ class Fit:
         q_D = integrate(self.marionette, point.q_D, move[:, :n])
         moved_theta = point.theta + theta_move
         if self.layout.delay:
-            moved_theta[-1] = np.clip(
-                moved_theta[-1],
-                self.begin[-1] - MAX_DELAY_CHANGE,
-                self.begin[-1] + MAX_DELAY_CHANGE,
-            )
+            low, high = self.begin[-1] - DELAY_RANGE, self.begin[-1] + DELAY_RANGE
+            moved_theta[-1] = np.clip(moved_theta[-1], low, high)
         return self.projected(q_D, point.v_D + move[:, n:], moved_theta, point.held, only)
 
 

@@ -75,20 +75,17 @@ class ColumnFit:
         )
 
 
-def columns(identified: Identified) -> tuple[ColumnFit, ...]:
+def columns(result: Identified) -> tuple[ColumnFit, ...]:
     """Residuals of every column that has samples."""
-    channels, units, fits = identified.record.channels, channel_units(identified.record), []
+    channels, units, fits = result.record.channels, channel_units(result.record), []
     for j, (name, group) in enumerate(zip(channels.names, channels.groups, strict=True)):
-        r, noise = (
-            np.where(identified.counts, identified.residuals[:, j], np.nan),
-            identified.noise[name],
-        )
+        r, noise = (np.where(result.counts, result.residuals[:, j], np.nan), result.noise[name])
         present = np.isfinite(r)
         if np.any(present):
             z = np.abs(r[present]) / noise
             rms = float(np.sqrt(np.mean(r[present] ** 2)))
             spread = float(MAD_FACTOR * np.median(z) * noise)
-            given = name in identified.record.noise or group in identified.record.noise
+            given = name in result.record.noise or group in result.record.noise
             fits.append(
                 ColumnFit(
                     name,
@@ -99,7 +96,7 @@ def columns(identified: Identified) -> tuple[ColumnFit, ...]:
                     noise,
                     given,
                     float(np.mean(z <= 2.0)),
-                    _neighbour_correlation(identified.t, r / noise),
+                    _neighbour_correlation(result.t, r / noise),
                     int(np.sum(z > LISTED)),
                 )
             )
@@ -146,36 +143,36 @@ class Leaning:
         return text
 
 
-def leaning(identified: Identified) -> tuple[Leaning, ...]:
+def leaning(result: Identified) -> tuple[Leaning, ...]:
     """Configurations and velocities that jump mostly to one side, the largest mean first."""
-    counts = ~np.isin(identified.starts[:-1], identified.lost)
-    jumps = np.clip(identified.jumps[counts], -LISTED, LISTED)
-    table = identified.record.marionette.coordinates
+    counts = ~np.isin(result.starts[:-1], result.lost)
+    jumps = np.clip(result.jumps[counts], -LISTED, LISTED)
+    table = result.record.marionette.coordinates
     if len(jumps) < 2:
         return ()
-    mean, n, names = np.mean(jumps, axis=0), table.n_vD, jump_names(identified)
+    mean, n, names = np.mean(jumps, axis=0), table.n_vD, jump_names(result)
     significant = np.abs(mean) > MEAN_JUMP_DEVIATIONS * np.std(jumps, axis=0) / np.sqrt(len(jumps))
     units = {row.name: row.unit for row in table.rows}
-    span, leanings = identified.starts[1] - identified.starts[0], []
+    span, leanings = result.starts[1] - result.starts[0], []
     for k in np.argsort(-np.abs(mean)):
         if significant[k] and abs(mean[k]) > MIN_MEAN_JUMP:
-            rate = 0.0 if k < n else identified.allowed[1] / span
+            rate = 0.0 if k < n else result.allowed[1] / span
             unit = f"{units.get(table.v_D[k % n], 'rad')}/s²"
             leanings.append(Leaning(names[k], float(mean[k]), float(mean[k] * rate), unit))
     return tuple(leanings)
 
 
-def jump_names(identified: Identified) -> tuple[str, ...]:
+def jump_names(result: Identified) -> tuple[str, ...]:
     """(2 n_vD,) names of the columns of ``jumps``: configurations, then velocities."""
-    names = identified.record.marionette.coordinates.v_D
+    names = result.record.marionette.coordinates.v_D
     return (*names, *(f"velocity of {name}" for name in names))
 
 
-def from_before(identified: Identified) -> dict[str, float]:
+def from_before(result: Identified) -> dict[str, float]:
     """Unknown with prior knowledge -> its share in the estimate; 1 if the record adds nothing."""
     shares = {}
     for name, unknown, deviation in zip(
-        identified.names, identified.record.unknowns, identified.deviations.tolist(), strict=False
+        result.names, result.record.unknowns, result.deviations.tolist(), strict=False
     ):
         if unknown.known is not None:
             shares[name] = (
@@ -184,38 +181,38 @@ def from_before(identified: Identified) -> dict[str, float]:
     return shares
 
 
-def doubts(identified: Identified) -> tuple[str, ...]:
+def doubts(result: Identified) -> tuple[str, ...]:
     """Reasons to doubt an identification, in words; none if the residuals look like noise.
 
     A wrong model that can still fit the record is not noticed: a given mass that is too large makes
     the estimated ones too large.
     """
-    return tuple(_doubts(identified))
+    return tuple(_doubts(result))
 
 
-def _doubts(identified: Identified) -> Iterator[str]:
-    if identified.at_bound:
+def _doubts(result: Identified) -> Iterator[str]:
+    if result.at_bound:
         yield "The delay reached the end of its range; begin nearer: delay: {about: ...}."
-    elif not identified.converged:
+    elif not result.converged:
         yield (
-            f"The search was cut short: one more step would move a number by {identified.left:.2g} "
+            f"The search was cut short: one more step would move a number by {result.left:.2g} "
             "standard deviations."
         )
-    if identified.combinations:
+    if result.combinations:
         undetermined = [
-            n for n, d in zip(identified.names, identified.deviations, strict=True) if np.isinf(d)
+            n for n, d in zip(result.names, result.deviations, strict=True) if np.isinf(d)
         ]
         yield f"The record does not determine {_names_text(undetermined)}."
     for name, x, unknown in zip(
-        identified.names, identified.values.tolist(), identified.record.unknowns, strict=False
+        result.names, result.values.tolist(), result.record.unknowns, strict=False
     ):
-        begin = identified.record.begin[identified.names.index(name)]
+        begin = result.record.begin[result.names.index(name)]
         if unknown.known is not None and abs(x - begin) > MAX_PRIOR_DEVIATIONS * unknown.known:
             yield (
                 f"{name} is {abs(x - begin) / unknown.known:.1f} standard deviations from the "
                 "value known beforehand."
             )
-    fits = columns(identified)
+    fits = columns(result)
     correlated = sorted((f for f in fits if f.alike), key=lambda f: -f.neighbours)
     if correlated:
         yield (
@@ -230,24 +227,24 @@ def _doubts(identified: Identified) -> Iterator[str]:
         if doubtful_fits:
             fit_names = _names_text([f.name for f in doubtful_fits])
             yield f"Residuals of {fit_names} are {text} the noise given."
-    leanings = leaning(identified)
+    leanings = leaning(result)
     if leanings:
         names = [jump.name for jump in leanings]
         yield (
             f"Jumps between segments go mostly to one side: {_names_text(names)}, by "
             f"{abs(leanings[0].mean):.2g} of the drift. A force or a position is missing or wrong."
         )
-    if identified.drift > MAX_MEDIAN_JUMP:
+    if result.drift > MAX_MEDIAN_JUMP:
         yield (
-            f"Jumps between segments are {identified.drift:.2g} of the drift; the model is too "
+            f"Jumps between segments are {result.drift:.2g} of the drift; the model is too "
             "simple or the drift too small."
         )
-    n, n_outliers = sum(f.samples for f in fits), len(identified.outliers)
+    n, n_outliers = sum(f.samples for f in fits), len(result.outliers)
     if n_outliers > MAX_OUTLIER_SHARE * n:
         yield f"{n_outliers} of {n} samples are outliers."
-    if len(identified.lost) > MAX_LOST_SHARE * len(identified.starts):
+    if len(result.lost) > MAX_LOST_SHARE * len(result.starts):
         yield (
-            f"{len(identified.lost)} of {len(identified.starts)} segments are not explained and do "
+            f"{len(result.lost)} of {len(result.starts)} segments are not explained and do "
             "not count: strings may have snapped taut in another order, or samples are far off."
         )
 

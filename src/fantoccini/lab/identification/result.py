@@ -12,7 +12,7 @@ from fantoccini.base import Array, MaskRows, StateError, UnknownNameError
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.identification.blocks import NormalEquations
 from fantoccini.lab.identification.cost import Cost
-from fantoccini.lab.identification.fit import MAX_DELAY_CHANGE
+from fantoccini.lab.identification.fit import DELAY_RANGE
 from fantoccini.lab.identification.marking import write_numbers
 from fantoccini.lab.identification.record import Record
 from fantoccini.lab.identification.searching import MIN_DAMPING, SearchResult
@@ -131,7 +131,7 @@ class Identified:
     def at_bound(self) -> bool:
         """Whether the delay reached the end of its range, 0.25 s from its initial value."""
         change = abs(self.values[-1] - self.record.delay) if self.record.find_delay else 0.0
-        return bool(change > 0.999 * MAX_DELAY_CHANGE)
+        return bool(change > 0.999 * DELAY_RANGE)
 
     @property
     def delay(self) -> float:
@@ -269,7 +269,7 @@ class Identified:
         )
         if self.at_bound:
             lines.append(
-                f"the delay is {MAX_DELAY_CHANGE:g} s from its initial value, the largest change; "
+                f"the delay is {DELAY_RANGE:g} s from its initial value, the largest change; "
                 "begin nearer"
             )
         return "\n".join(lines)
