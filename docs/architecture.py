@@ -57,7 +57,7 @@ ROOMS = {
     ),
     "stand": (
         "stands: machines with motors that move a puppet",
-        "`stand_file.py`; `check.py`: whether the axes can follow a run; `losing.py`: "
+        "`stand_file.py`; `check.py`: whether the axes can follow a run; `step_loss.py`: "
         "lost steps of stepper motors; `points.py`: set points; `gcode_text.py`; `streaming.py`: "
         "G-code over a serial port; `sending.py`: packets over a network; `stands`: bundled files",
     ),

@@ -2,7 +2,7 @@
 
 The puppet conducts. A check says how much of every motor is left, and which one loses steps first;
 for the weak ones it computes what would help and simulates a slower tempo, at which the puppet
-moves otherwise. Writes out/strong.html and out/weak.html.
+moves differently. Writes out/strong.html and out/weak.html.
 """
 
 from pathlib import Path

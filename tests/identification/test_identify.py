@@ -66,13 +66,13 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
     at = chained(fit, one.start_state(fit.inputs, float(fit.starts[0])))
     J = fit.jacobians(at).samples
     s, m = 4, 2 * one.marionette.coordinates.n_vD
-    _, segments, _ = fit.located(at.theta, fit.dt)
+    _, segments, _ = fit.sample_positions(at.theta, fit.dt)
     own = np.flatnonzero(segments == s)[2:-2]
 
     def seen(theta):
         values = dict(zip([u.name for u in one.unknowns], theta, strict=False))
         puppet = one.marionette.with_parameters(values)
-        point = fit.placed(at.q_D, at.v_D, theta, at.held)
+        point = fit.projected(at.q_D, at.v_D, theta, at.held)
         q_K, v_K, _ = fit.inputs.evaluate(fit.starts[s])
         offset = fit.offsets(theta)
         x = puppet.rest().replace(
@@ -89,7 +89,7 @@ def test_derivatives_agree_with_differences_of_event_driven_runs(case):
             method=fan.Event(rtol=1e-11, atol=1e-11),
             save_at=t,
         ).resample(t)
-        return fit.channels.look(run.q_D, run.q_K, puppet.p, fit.places(theta))
+        return fit.channels.evaluate(run.q_D, run.q_K, puppet.p, fit.places(theta))
 
     for i, name in enumerate(one.labels):
         step = 1e-4 * one.scales[i]
@@ -117,7 +117,7 @@ def test_derivatives_of_the_steps_are_exact(case):
     found = fit.jacobians(at)
     J = found.samples
     m, rng = J.shape[2] - len(at.theta), np.random.default_rng(0)
-    _, segments, _ = fit.located(at.theta, fit.dt)
+    _, segments, _ = fit.sample_positions(at.theta, fit.dt)
     for i in range(len(at.theta)):
         by = np.zeros(len(at.theta))
         by[i] = 1e-5 * one.scales[i]
@@ -417,7 +417,7 @@ def test_columns_without_samples_are_left_out(case, recwarn):
         ({"t": np.append(np.arange(149) / 50, np.inf)}, "must be finite"),
         ({"t": np.arange(150) / 50 + 1.7e9}, r"from 1\.7e\+09 s .* the inputs from 0 s"),
         ({"columns": {"pin": np.append(np.zeros(149), np.inf)}}, "column pin has infinite"),
-        ({"offsets": ("slide", "slide")}, "slide is looked for twice"),
+        ({"offsets": ("slide", "slide")}, "slide is unknown twice"),
     ],
 )
 def test_a_record_checks_its_numbers(change, message):

@@ -31,8 +31,8 @@ def test_a_turned_camera_is_doubted(good):
     found = fan.identify(turned(good, 1.0))
     assert found.chi2 < 1.15 and found.drift < 0.5
     said = " ".join(doubts(found))
-    assert "are like those just before" in said and "tip.z" in said
-    assert "go to one side" in said and leaning(found)
+    assert "are correlated" in said and "tip.z" in said
+    assert "go mostly to one side" in said and leaning(found)
 
 
 def test_a_noise_level_that_is_wrong_is_doubted(good):
@@ -49,14 +49,14 @@ def test_neighbours_are_samples_of_a_column(good):
     one = turned(good, 1.0)
     columns_ = {name: np.where(half, x, np.nan) for name, x in one.columns.items()}
     found = fan.identify(replace(one, columns=columns_))
-    assert any("are like those just before" in said for said in doubts(found))
+    assert any("are correlated" in said for said in doubts(found))
 
 
 def test_what_was_known_and_is_not_so_is_doubted(good):
     """0.13 kg known to 1 g, and in truth 0.16 kg."""
     known = [replace(one, known=1e-3) if one.name == "upper_mass" else one for one in good.unknown]
     found = fan.identify(replace(good, unknown=known))
-    assert any("upper_mass" in one and "known of it beforehand" in one for one in doubts(found))
+    assert any("upper_mass" in one and "the value known beforehand" in one for one in doubts(found))
     assert 0.0 < from_before(found)["upper_mass"] <= 1.0
 
 

@@ -18,7 +18,7 @@ from fantoccini.base.documents.yaml_text import read_text
 from fantoccini.base.errors import FileError, StateError
 from fantoccini.base.files import write_table
 from fantoccini.lab.identification import record_schema
-from fantoccini.lab.identification.estimating import Noise
+from fantoccini.lab.identification.estimating import NoiseLevels
 from fantoccini.lab.identification.marking import find, missing_files, write_numbers
 from fantoccini.model.puppet.written import parameters
 
@@ -156,8 +156,8 @@ def test_mistakes_have_their_place(folder, old, new, message):
 @pytest.mark.parametrize(
     ("time", "message"),
     [
-        ("0.02", r"found 0\.02 after 0\.04; times must rise"),
-        ("0.04", r"found 0\.04 after 0\.04; times must rise"),
+        ("0.02", r"found 0\.02 after 0\.04; times must increase"),
+        ("0.04", r"found 0\.04 after 0\.04; times must increase"),
         ("", "found no time"),
     ],
 )
@@ -208,7 +208,7 @@ delay: {about: 0.02}
     (folder / "units.yaml").write_text(TEXT.replace("delay: find\n", new), encoding="utf-8")
     plain, one = (fan.lab.load_record(folder / f"{name}.yaml") for name in ("swing", "units"))
     assert one.noise == {"wrist.x": 0.01, "middle": 0.004}
-    given = dict(zip(one.channels.names, Noise.of(one).given.tolist(), strict=True))
+    given = dict(zip(one.channels.names, NoiseLevels.of(one).given.tolist(), strict=True))
     assert given["wrist.x"] == 0.01 and np.isnan(given["wrist.y"]) and given["middle.z"] == 0.004
     q = one.marionette.coordinates.q_K.index("hand.length")
     lengths = [x.inputs.evaluate(3.0)[0][q] for x in (plain, one)]

@@ -11,9 +11,9 @@ from benchmarks.identify.cases import arm, record
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.estimating import fit_of
 from fantoccini.lab.identification.fit import chained
-from fantoccini.lab.identification.point import Weights
-from fantoccini.lab.identification.searching import Kept
-from fantoccini.lab.identification.untangling import untangled
+from fantoccini.lab.identification.reattaching import reattached
+from fantoccini.lab.identification.search_point import Weights
+from fantoccini.lab.identification.searching import SavedJacobians
 from fantoccini.lab.identification.windows import cheaper, spread
 
 
@@ -39,7 +39,7 @@ def test_some_segments_are_predicted_as_all_are(setting, extrapolated):
     assert np.array_equal(to.q_D[~some], at.q_D[~some])
     before = fit.predict(at, extrapolated=extrapolated)
     whole = fit.predict(to, extrapolated=extrapolated)
-    part = fit.predict(to, extrapolated=extrapolated, only=some, kept=before)
+    part = fit.predict(to, extrapolated=extrapolated, only=some, others=before)
     for name in ("y", "q_D", "v_D"):
         assert np.allclose(getattr(part, name), getattr(whole, name), rtol=0, atol=1e-12), name
     assert np.max(np.abs(part.y - before.y)) > 1e-3
@@ -52,7 +52,7 @@ def test_some_jacobians_are_those_of_all(setting):
     by = np.where(some[:, None], 0.01, np.zeros((len(some), 8)))
     to = fit.moved(at, by, 0.0 * at.theta, some)
     whole = fit.jacobians(to)
-    part = fit.jacobians(to, only=some, kept=fit.jacobians(at))
+    part = fit.jacobians(to, only=some, others=fit.jacobians(at))
     for name in ("samples", "begin", "end"):
         a, b = getattr(part, name), getattr(whole, name)
         assert np.max(np.abs(a - b)) < 1e-9 * np.max(np.abs(b)), name
@@ -63,11 +63,11 @@ def test_derivatives_are_renewed_where_a_row_lets_go(setting):
     fit, at = setting
     assert np.all(at.held[3:5, 0])
     cost = Cost(fit, at, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
-    kept, positive = Kept.at(fit, at), np.arange(len(at.theta)) < 3
+    kept, positive = SavedJacobians.at(fit, at), np.arange(len(at.theta)) < 3
     held = at.held.copy()
     held[3:5] = False
     free = replace(at, held=held)
-    other = cost.other(at, free)
+    other = cost.regrouped(at, free)
     assert np.flatnonzero(other).tolist() == [3, 4]
     whole = fit.jacobians(free)
     assert np.max(np.abs(whole.begin[3] - kept.jacobians.begin[3])) > 0.1
@@ -77,7 +77,7 @@ def test_derivatives_are_renewed_where_a_row_lets_go(setting):
     assert not np.any(renewed.stale)
     theta = at.theta.copy()
     theta[1] *= 1.2
-    far = fit.placed(at.q_D, at.v_D, theta, at.held)
+    far = fit.projected(at.q_D, at.v_D, theta, at.held)
     assert np.array_equal(renewed.renewed(fit, far, positive).theta, theta)
 
 
@@ -98,19 +98,19 @@ def test_a_tangled_segment_is_found_and_mended(setting):
     """Three segments begin elsewhere, too far for small moves; the states come back."""
     fit, at = setting
     cost = Cost(fit, at, Weights(np.full(9, 2e-3), (5e-4, 5e-3)))
-    assert not np.any(cost.tangled(at, fit.predict(at, extrapolated=True)))
+    assert not np.any(cost.detached(at, fit.predict(at, extrapolated=True)))
     q_D, v_D = at.q_D.copy(), at.v_D.copy()
     q_D[6:8, -1] += 0.3
     v_D[6:9] += 3.0
-    bad = fit.placed(q_D, v_D, at.theta, at.held)
+    bad = fit.projected(q_D, v_D, at.theta, at.held)
     seen = fit.predict(bad, extrapolated=True)
-    assert np.all(cost.tangled(bad, seen)[6:9])
+    assert np.all(cost.detached(bad, seen)[6:9])
     assert not np.any(cost.explained(bad, seen)[6:8])
-    mended = untangled(cost, bad)
+    mended = reattached(cost, bad)
     assert np.array_equal(mended.q_D[:3], bad.q_D[:3])  # far from there nothing moved
     assert np.max(np.abs(mended.q_D - at.q_D)) < 2e-3
     assert np.max(np.abs(mended.v_D - at.v_D)) < 2e-2
-    assert not np.any(cost.tangled(mended, fit.predict(mended, extrapolated=True)))
+    assert not np.any(cost.detached(mended, fit.predict(mended, extrapolated=True)))
 
 
 def test_what_is_not_trusted_costs_nothing(setting):

@@ -75,5 +75,5 @@ def test_coordinates_that_one_axis_moves_must_go_together(crane):
     given = fan.Input.waypoints(crane, along).bound(start.q_K)
     assert np.allclose(bound.motion_of(given, times).position[-1], -0.5)
     apart = fan.Input.waypoints(crane, along | {"trolley": [(0, 0), (1, -0.8)]}).bound(start.q_K)
-    with pytest.raises(FileError, match=r"cannot move .* apart from what else they move"):
+    with pytest.raises(FileError, match=r"cannot move .* independently of their other coordinates"):
         bound.motion_of(apart, times)

@@ -13,8 +13,8 @@ from tests.stand.hoist import HOIST, LIFT, MASS, RADIUS, ROTOR, STAND, stand
 
 import fantoccini as fan
 from fantoccini.stand import axes_of, check_stand, remedies
-from fantoccini.stand.catches import impulses_of, taken
-from fantoccini.stand.losing import lost_steps
+from fantoccini.stand.catches import impulses_of, max_impulse
+from fantoccini.stand.step_loss import lost_steps
 
 G = 9.81
 
@@ -103,7 +103,7 @@ def test_the_hump_that_a_catch_must_not_pass(load):
     (axis,) = axes_of(stand("0.4"))
     T, M, caught = 0.4, 0.4 * load, 2e-5
     J = axis.inertia + caught
-    most = float(taken(axis, *(np.array(x) for x in (M, 0.0, caught))))
+    most = float(max_impulse(axis, *(np.array(x) for x in (M, 0.0, caught))))
     rest = -np.arcsin(load) / 50
 
     def escapes(impulse: float) -> bool:

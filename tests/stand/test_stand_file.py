@@ -76,7 +76,12 @@ WRONG = {
     "a torque of 0": ("TORQUE", "0", 5, "needed: a positive number"),
     "speeds that fall": ("TORQUE", "[[0, 1], [5, 1], [4, 1]]", 5, "needed: speeds that increase"),
     "a curve that begins late": ("TORQUE", "[[1, 1], [5, 1]]", 5, "needed: one at 0"),
-    "radius and diameter": ("radius: 0.01", "radius: 0.01, diameter: 0.02", 6, "one of them"),
+    "radius and diameter": (
+        "radius: 0.01",
+        "radius: 0.01, diameter: 0.02",
+        6,
+        "either radius or diameter",
+    ),
     "no travel": ("    travel: [0.2, 0.9]\n", "", 4, "travel: this key is missing"),
     "a travel backwards": ("[0.2, 0.9]", "[0.9, 0.2]", 8, "the lower one first"),
     "a factor of 0": ("line.length: 1", "line.length: 0", 7, "a factor that is not 0"),

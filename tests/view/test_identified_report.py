@@ -183,7 +183,7 @@ def test_what_is_not_told_is_said(tmp_path):
     assert rows["upper_mass"]["found"] == rows["lower_mass"]["found"] == "not told"
     assert rows["upper_mass"]["95 % interval"] == ""
     assert str(found.combinations[0]) in page.words and "reason" in page.words
-    assert any("does not tell" in doubt for doubt in doubts(found))
+    assert any("does not determine" in doubt for doubt in doubts(found))
 
 
 def test_doubts_are_on_the_page(found, tmp_path):

@@ -1,4 +1,4 @@
-"""Checks the claims of the paper's Sec. VI for one puppet: may driven coordinates be inputs?
+"""Check of the claims of the paper's Sec. VI for one puppet: may driven coordinates be inputs?
 
 Sec. VI moves the driven coordinates by drives, here of inertia J. Over v = (v_D, v_K) the kinetic
 energy then has the metric M = [M_DD, M_DK; M_DK^T, M_KK + J]. A force on driven coordinate i
@@ -26,21 +26,21 @@ Rows = NDArray[np.intp]
 N_STATES = 12
 """Configurations of each kind."""
 MAX_OUTSIDE = 1e-9
-"""A share outside of a span, or a relative entry or change, up to this counts as rounding."""
-_NEAR = 0.25
-"""Standard deviation of moves near the file's pose [rad, mean string lengths]."""
-_MAX_ITERATIONS = 50
+"""Largest share outside of a span, relative entry or relative change that counts as rounding."""
+POSE_SPREAD = 0.25
+"""Standard deviation of random moves from the file's pose [rad, mean string lengths]."""
+MAX_ITERATIONS = 50
 """Newton iterations of :func:`fit_strings`."""
-_MAX_GAP = 1e-12
+MAX_GAP = 1e-12
 """Largest gap of a fitted string, relative to its length."""
-_RANK = 1e-9
-"""Singular values, loads and residuals up to this, relative to the largest, count as zero."""
-_TIED = 1e-6
+RANK_TOLERANCE = 1e-9
+"""Largest singular value, load or residual that counts as zero, relative to the largest of all."""
+TIE_TOLERANCE = 1e-6
 """Largest component of a string in the null space of A_D^T (rows of unit length) that counts as
 zero."""
-_TINY = 1e-300
+MIN_DIVISOR = 1e-300
 """Smallest divisor; M_KK is 0 for a coordinate that moves no mass."""
-_GYRATION_RADIUS = 0.1
+GYRATION_RADIUS = 0.1
 """Radius of gyration of a rotary drive, relative to the mean string length."""
 
 
@@ -100,7 +100,7 @@ class Tracking:
 
 @dataclass(frozen=True)
 class ReductionReport:
-    """Which claims of Sec. VI hold for a puppet, and the consequences for the mixed model.
+    """Claims of Sec. VI that hold for a puppet, and the consequences for the mixed model.
 
     Attributes:
         name: of the puppet.
@@ -131,7 +131,7 @@ class ReductionReport:
     @property
     def claims(self) -> tuple[Claim, ...]:
         """The claims of Sec. VI in order."""
-        kinetic, at = self.kinetic, f"({N_STATES} configurations)"
+        kinetic, count = self.kinetic, f"({N_STATES} configurations)"
         pair = f", of {' with '.join(kinetic.coupled)}" if kinetic.coupled else ""
         D, K = kinetic.M_DD_change, kinetic.M_KK_change
         any_acc_K, products = None, None
@@ -139,12 +139,12 @@ class ReductionReport:
         if n := len(self.taut):
             any_acc_K, products = not self.tied, max(self.taut) <= MAX_OUTSIDE
             tied = ", ".join(f"{' + '.join(names)} ({k})" for names, k in self.tied.items())
-            kept = min(t.min_acceleration for t in self.tracking)
+            share = min(t.min_acceleration for t in self.tracking)
             smallest = min(t.min_singular_value for t in self.tracking)
             reason = (
                 f"strings tie drives to one another: {tied} of {n} configurations"
                 if tied
-                else f"a drive keeps {kept:.2g} or more of its acceleration; smallest singular "
+                else f"a drive keeps {share:.2g} or more of its acceleration; smallest singular "
                 f"value of the scaled A_D {smallest:.2g} ({n} configurations)"
             )
             outside = (
@@ -155,17 +155,17 @@ class ReductionReport:
             Claim(
                 "the kinetic energy is block diagonal in [q_D, q_K]",
                 not pair,
-                f"largest |M_DK| {kinetic.coupling:.2g} of sqrt(M_DD M_KK){pair} {at}",
+                f"largest |M_DK| {kinetic.coupling:.2g} of sqrt(M_DD M_KK){pair} {count}",
             ),
             Claim(
                 "each block depends on its own coordinates alone",
                 max(D, K) <= MAX_OUTSIDE,
-                f"M_DD changes with q_K by {D:.2g} of itself, M_KK with q_D by {K:.2g} {at}",
+                f"M_DD changes with q_K by {D:.2g} of itself, M_KK with q_D by {K:.2g} {count}",
             ),
             Claim(
                 "<Y_i, Y_j> lies in span{Y_k} while the strings are slack",
                 self.slack <= MAX_OUTSIDE,
-                f"largest part outside {self.slack:.2g} {at}",
+                f"largest part outside {self.slack:.2g} {count}",
             ),
             Claim("with taut strings the drives can still give any acc_K", any_acc_K, reason),
             Claim(
@@ -245,7 +245,7 @@ def without_drives(marionette: Marionette) -> Marionette:
 def drive(mixed: Marionette, ratio: float = 1.0) -> tuple[float, float]:
     """Mass of a drive, ``ratio`` times the puppet's [kg]; inertia of a rotary drive [kg m^2]."""
     mass = ratio * (mixed.mass or 1.0)
-    return mass, mass * (_GYRATION_RADIUS * mean_length(mixed)) ** 2
+    return mass, mass * (GYRATION_RADIUS * mean_length(mixed)) ** 2
 
 
 def mean_length(marionette: Marionette) -> float:
@@ -276,15 +276,15 @@ def taut_states(
     All strings are taut in states of even index, a random subset in those of odd index.
     """
     x, n_s = marionette.state(), len(marionette.tree.strings)
-    spread = _NEAR * np.where(in_metres(marionette), mean_length(marionette), 1.0)
+    spread = POSE_SPREAD * np.where(in_metres(marionette), mean_length(marionette), 1.0)
     states = []
     for k in range(n if n_s else 0):
         rows: Rows = np.arange(n_s)
         if k % 2:
             rows = np.flatnonzero(rng.random(n_s) < 0.5)
             rows = rows if len(rows) else rng.integers(n_s, size=1)
-        near = displaced(marionette, x, spread * rng.normal(size=spread.shape))
-        if (fitted := fit_strings(marionette, near)) is not None:
+        nearby = displaced(marionette, x, spread * rng.normal(size=spread.shape))
+        if (fitted := fit_strings(marionette, nearby)) is not None:
             states.append((fitted, rows))
     return states
 
@@ -296,10 +296,10 @@ def fit_strings(marionette: Marionette, x: State) -> State | None:
     """
     strings = marionette.tree.strings
     fixed = [i for i, s in enumerate(strings) if s.length_index is None]
-    for _ in range(_MAX_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         h = marionette.constraint(x)
         scales = marionette.row_scales(x.q_D, x.q_K)[fixed]
-        if np.all(np.abs(h[fixed]) <= _MAX_GAP * scales):
+        if np.all(np.abs(h[fixed]) <= MAX_GAP * scales):
             break
         A = np.hstack([marionette.A_D(x), marionette.A_K(x)])[fixed]
         x = displaced(marionette, x, -np.linalg.pinv(A) @ h[fixed])
@@ -352,7 +352,7 @@ def kinetic_energy(marionette: Marionette, states: list[State]) -> KineticEnergy
 def _relative(block: Array, size: Array) -> Array:
     """|block[i, j]| / (size[i] size[j]); 0 where the divisor is 0."""
     scale = np.outer(size, size)
-    return np.divide(np.abs(block), scale, out=np.zeros_like(block), where=scale > _TINY)
+    return np.divide(np.abs(block), scale, out=np.zeros_like(block), where=scale > MIN_DIVISOR)
 
 
 def symmetric_products(
@@ -380,7 +380,7 @@ def symmetric_products(
     A = np.hstack([marionette.A_D(x), marionette.A_K(x)])[taut]
     L = np.linalg.cholesky(metric(marionette, x, inertia))
     free, W = np.linalg.solve(L, np.eye(n)[:, n_vD:]), np.linalg.solve(L, A.T)
-    mu = -np.linalg.pinv(W, rcond=_RANK) @ free
+    mu = -np.linalg.pinv(W, rcond=RANK_TOLERANCE) @ free
     fields = np.linalg.solve(L.T, free + W @ mu)
     C, Adot = np.zeros((k, n, n)), np.zeros((k, len(taut), n))
     for i in range(k):
@@ -407,14 +407,14 @@ def symmetric_products(
             rest = total - along @ (along.T @ total)
             size = float(np.sum(np.linalg.norm(terms, axis=0)))
             products[:, i, j] = products[:, j, i] = np.linalg.solve(L.T, total)
-            outside = max(outside, float(np.linalg.norm(rest)) / max(size, _TINY))
+            outside = max(outside, float(np.linalg.norm(rest)) / max(size, MIN_DIVISOR))
     return products, outside
 
 
 def _basis(columns: Array) -> Array:
     """(n, rank) orthonormal basis of the columns' span."""
     U, s, _ = np.linalg.svd(columns, full_matrices=False)
-    return U[:, s > _RANK * np.max(s, initial=0.0)] if len(s) else columns[:, :0]
+    return U[:, s > RANK_TOLERANCE * np.max(s, initial=0.0)] if len(s) else columns[:, :0]
 
 
 def tracking(marionette: Marionette, x: State, inertia: Array, rows: Rows) -> Tracking:
@@ -428,9 +428,9 @@ def tracking(marionette: Marionette, x: State, inertia: Array, rows: Rows) -> Tr
     n, M = marionette.coordinates.n_vD, metric(marionette, x, inertia)
     A_D, A_K = marionette.A_D(x)[rows], marionette.A_K(x)[rows]
     W = np.linalg.solve(np.linalg.cholesky(M[:n, :n]), A_D.T)
-    W = W / np.maximum(np.linalg.norm(W, axis=0), _TINY)
+    W = W / np.maximum(np.linalg.norm(W, axis=0), MIN_DIVISOR)
     _, s, V = np.linalg.svd(np.hstack([A_D, A_K]))
-    N = V[int(np.sum(s > _RANK * np.max(s, initial=0.0))) :].T  # null space of A
+    N = V[int(np.sum(s > RANK_TOLERANCE * np.max(s, initial=0.0))) :].T  # null space of A
     G = (N @ np.linalg.solve(N.T @ M @ N, N.T))[n:, n:]
     D = np.sqrt(np.diag(M)[n:])
     tied, pulls_apart = _ties(A_D, A_K)
@@ -444,16 +444,18 @@ def tracking(marionette: Marionette, x: State, inertia: Array, rows: Rows) -> Tr
 
 def _ties(A_D: Array, A_K: Array) -> tuple[NDArray[np.bool_], bool]:
     """(n,) mask of rows in a y with A_D^T y = 0, A_K^T y != 0; whether some such y is >= 0."""
-    size = np.maximum(np.linalg.norm(np.hstack([A_D, A_K]), axis=1), _TINY)[:, None]
+    size = np.maximum(np.linalg.norm(np.hstack([A_D, A_K]), axis=1), MIN_DIVISOR)[:, None]
     A_D, A_K = A_D / size, A_K / size
     U, s, _ = np.linalg.svd(A_D)
-    null = U[:, int(np.sum(s > _RANK * np.max(s, initial=0.0))) :]
+    null = U[:, int(np.sum(s > RANK_TOLERANCE * np.max(s, initial=0.0))) :]
     loads = null @ np.linalg.svd(A_K.T @ null)[2].T if null.shape[1] else null
-    loads = loads[:, np.linalg.norm(A_K.T @ loads, axis=0) > _RANK]
-    tied = np.linalg.norm(loads, axis=1) > _TIED
+    loads = loads[:, np.linalg.norm(A_K.T @ loads, axis=0) > RANK_TOLERANCE]
+    tied = np.linalg.norm(loads, axis=1) > TIE_TOLERANCE
     if not np.any(tied):
         return tied, False
     # y >= 0 with A_D^T y = 0 and a sum of 1, by least squares.
     B = np.vstack([A_D[tied].T, np.ones(int(tied.sum()))])
     y, residual = nnls(B, np.append(np.zeros(A_D.shape[1]), 1.0))
-    return tied, bool(residual < _RANK and np.linalg.norm(A_K[tied].T @ y) > _RANK)
+    return tied, bool(
+        residual < RANK_TOLERANCE and np.linalg.norm(A_K[tied].T @ y) > RANK_TOLERANCE
+    )

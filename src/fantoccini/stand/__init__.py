@@ -1,11 +1,10 @@
-"""Stands: the machines that move puppets, and whether they can do a motion."""
+"""Stands, the machines that move puppets: their check, set points, G-code and packets."""
 
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion, axes_of
 from fantoccini.stand.check import StandCheck, check_stand
 from fantoccini.stand.controllers import ArtNet, Grbl, Marlin, Osc
 from fantoccini.stand.emulator import Emulator, GrblMachine
 from fantoccini.stand.gcode_text import GrblSettings, gcode, gentle_feed, grbl_settings
-from fantoccini.stand.helping import lost_lines, remedies
 from fantoccini.stand.limits import QUANTITIES, Limit
 from fantoccini.stand.packets import packets_of
 from fantoccini.stand.point_files import ENDINGS, joint_trajectory, save_points
@@ -29,6 +28,7 @@ from fantoccini.stand.streaming import (
     serial_port,
     stream,
 )
+from fantoccini.stand.suggestions import lost_lines, remedies
 from fantoccini.stand.tempo import SlowedRun, inputs_of, slowed, slower
 
 __all__ = [

@@ -3,8 +3,8 @@
     q_K = zero + J p,   v_K = J pdot,   acc_K = J pddot,   F = J^T f_K
 
 p are the positions of the axes, J their factors, f_K the forces on the driven coordinates (virtual
-work). J has full column rank, so that p follows from q_K; with more coordinates than axes, what
-q_K leaves over is not zero where a motion asks for what the stand cannot do.
+work). J has full column rank, so that p follows from q_K. With more coordinates than axes, a motion
+that the stand cannot do leaves a residual q_K - zero - J p.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ import numpy as np
 from fantoccini.base import Array, Times, interpolate, nearest
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import Input, Trajectory
-from fantoccini.stand.determined import factors, listed
+from fantoccini.stand.axis_rank import factors, listed
 from fantoccini.stand.motors import Motor, Shaft, Transmission
 from fantoccini.stand.stand_file import AxisFile, Stand
 
 MAX_COUPLED = 1e-4
-"""By how much coordinates may leave what coupled axes can do [m or rad]."""
+"""Largest residual of coordinates that coupled axes move [m or rad]."""
 MAX_HELD = 1e-6
-"""By how much a coordinate that no axis moves may change [m or rad]."""
+"""Largest change of a coordinate that no axis moves [m or rad]."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Axis:
 
     Attributes:
         name: of the axis.
-        motor, transmission: as written.
-        file: what the file says of it.
+        motor, transmission: from the file.
+        file: its entry in the file.
     """
 
     name: str
@@ -46,22 +46,22 @@ class Axis:
 
     @property
     def unit(self) -> str:
-        """Of its position: m or rad."""
+        """Unit of its position: m or rad."""
         return "rad" if isinstance(self.transmission, Shaft) else "m"
 
     @property
     def kind(self) -> str:
-        """stepper, dc or servo."""
+        """Kind of motor: stepper, dc or servo."""
         return self.motor.type
 
     @property
     def ratio(self) -> float:
-        """n > 0: angle of the motor per position [rad/m or 1]."""
+        """Motor angle per unit of position, n > 0 [rad/m or 1]."""
         return 2.0 * math.pi * self.file.gear / self.transmission.way
 
     @property
     def inertia(self) -> float:
-        """J: at the motor, of rotor, transmission and what moves along [kg m^2]."""
+        """Inertia of rotor, transmission and carried mass, at the motor [kg m^2]."""
         shared = self.transmission.inertia / self.file.gear**2 + self.file.mass / self.ratio**2
         return self.motor.inertia + shared
 
@@ -73,7 +73,7 @@ class Axis:
 
     @property
     def counts(self) -> float:
-        """Microsteps, or counts of the encoder, per position [1/m or 1/rad]."""
+        """Microsteps, or counts of the encoder, per unit of position [1/m or 1/rad]."""
         return self.motor.counts * self.ratio / (2.0 * math.pi)
 
     def count(self, position: Array) -> Array:
@@ -82,7 +82,7 @@ class Axis:
 
     @property
     def direction(self) -> int:
-        """1, or -1 where the motor turns backwards."""
+        """1, or -1 if the motor turns backwards as the position grows."""
         return -1 if self.file.reversed else 1
 
 
@@ -119,7 +119,7 @@ class AxisMap:
         stand: the stand.
         axes: n axes, in the file's order.
         names: m driven coordinates that they move.
-        held: driven coordinates that nothing moves.
+        held: driven coordinates that no axis moves.
         q, v: (m,) places of the moved ones in q_K and v_K.
         held_q: places of the held ones in q_K.
         J: (m, n) factors.
@@ -144,13 +144,13 @@ class AxisMap:
             FileError: a coordinate is not driven, or axes are not determined by coordinates.
         """
         places = {table.v_K[v]: (q, v) for q, v in table.scalars_K}
-        found: list[tuple[tuple[str | int, ...], str]] = []
+        mistakes: list[tuple[tuple[str | int, ...], str]] = []
         for axis, file in stand.axes.items():
             for name in file.moves:
                 if name not in places:
                     text = _not_driven(name, table, places)
-                    found.append((("axes", axis, "moves", name), text))
-        stand.refuse(found)
+                    mistakes.append((("axes", axis, "moves", name), text))
+        stand.refuse(mistakes)
         names, J = factors({name: axis.moves for name, axis in stand.axes.items()})
         held = [name for name in table.q_K if name not in names]
         return cls(
@@ -171,14 +171,15 @@ class AxisMap:
         return np.asarray(np.linalg.pinv(self.J))
 
     def motion(self, t: Times, q_K: Array, v_K: Array, acc_K: Array) -> AxisMotion:
-        """Axis positions, velocities and accelerations of driven motion (T, n_qK), (T, n_vK) twice.
+        """The axes' motion for a driven motion: q_K (T, n_qK), v_K and acc_K (T, n_vK).
 
         Raises:
-            FileError: the motion moves what no axis moves, or what coupled axes cannot.
+            FileError: the motion needs coordinates that no axis moves, or moves that coupled axes
+                cannot do.
         """
         q, v, acc = q_K[:, self.q] - self.zero, v_K[:, self.v], acc_K[:, self.v]
-        found = [*self._moved_though_held(t, q_K), *self._left_over(t, q)]
-        self.stand.refuse(found)
+        mistakes = [*self._moved_held(t, q_K), *self._beyond_coupled(t, q)]
+        self.stand.refuse(mistakes)
         p, pdot, pddot = (x @ self.inverse.T for x in (q, v, acc))
         return AxisMotion(self.axes, t, p, pdot, pddot)
 
@@ -198,55 +199,55 @@ class AxisMap:
         return self.motion(times, *between)
 
     def refuse_held(self, t: Times, q_K: Array) -> None:
-        """Raises a FileError if motion (T, n_qK) moves what no axis moves."""
-        self.stand.refuse(self._moved_though_held(t, q_K))
+        """Raises a FileError if a motion (T, n_qK) moves a coordinate that no axis moves."""
+        self.stand.refuse(self._moved_held(t, q_K))
 
     def coordinates_of(self, position: Array) -> Array:
         """(..., m) driven coordinates [m or rad] at axis positions (..., n)."""
         return self.zero + position @ self.J.T
 
     def forces(self, effort: Array) -> Array:
-        """(..., n) forces F = J^T f_K of the axes on what they move, of efforts (..., n_vK)."""
+        """(..., n) forces F = J^T f_K of the axes on their loads, for efforts f_K (..., n_vK)."""
         return effort[..., self.v] @ self.J
 
-    def _moved_though_held(self, t: Times, q_K: Array) -> list[tuple[tuple[str | int, ...], str]]:
-        found: list[tuple[tuple[str | int, ...], str]] = []
-        for name, place in zip(self.held, self.held_q, strict=True):
-            away = np.abs(q_K[:, place] - q_K[0, place])
-            if np.max(away) > MAX_HELD:
-                first = t[np.argmax(away > MAX_HELD)]
+    def _moved_held(self, t: Times, q_K: Array) -> list[tuple[tuple[str | int, ...], str]]:
+        mistakes: list[tuple[tuple[str | int, ...], str]] = []
+        for name, index in zip(self.held, self.held_q, strict=True):
+            change = np.abs(q_K[:, index] - q_K[0, index])
+            if np.max(change) > MAX_HELD:
+                first = t[np.argmax(change > MAX_HELD)]
                 text = (
                     f"no axis moves {name}, and the motion moves it from t = {first:.4g} s on, by "
-                    f"up to {np.max(away):.4g}; hold it still, or let an axis move it"
+                    f"up to {np.max(change):.4g}; hold it still, or let an axis move it"
                 )
-                found.append((("axes",), text))
-        return found
+                mistakes.append((("axes",), text))
+        return mistakes
 
-    def _left_over(self, t: Times, q: Array) -> list[tuple[tuple[str | int, ...], str]]:
-        left = np.abs(q - q @ self.inverse.T @ self.J.T)
-        if not left.size or np.max(left) <= MAX_COUPLED:
+    def _beyond_coupled(self, t: Times, q: Array) -> list[tuple[tuple[str | int, ...], str]]:
+        residual = np.abs(q - q @ self.inverse.T @ self.J.T)
+        if not residual.size or np.max(residual) <= MAX_COUPLED:
             return []
-        sample, k = np.unravel_index(np.argmax(left), left.shape)
-        own = [axis.name for axis, factor in zip(self.axes, self.J[k], strict=True) if factor]
+        sample, k = np.unravel_index(np.argmax(residual), residual.shape)
+        axes = [axis.name for axis, factor in zip(self.axes, self.J[k], strict=True) if factor]
         text = (
-            f"{listed(own)} cannot move {self.names[k]} apart from what else they move, and the "
-            f"motion asks for {left[sample, k]:.4g} more at t = {t[sample]:.4g} s; check `zero`, "
-            "or give it an axis of its own"
+            f"{listed(axes)} cannot move {self.names[k]} independently of their other coordinates; "
+            f"at t = {t[sample]:.4g} s the motion needs {residual[sample, k]:.4g} more of it; "
+            "check `zero`, or give it an axis of its own"
         )
-        return [(("axes", own[0], "moves"), text)]
+        return [(("axes", axes[0], "moves"), text)]
 
 
 def axes_of(stand: Stand) -> tuple[Axis, ...]:
     """The axes of a stand."""
-    made = []
+    axes = []
     for name, file in stand.axes.items():
         assert file.motor is not None and file.transmission is not None
-        made.append(Axis(name, file.motor, file.transmission, file))
-    return tuple(made)
+        axes.append(Axis(name, file.motor, file.transmission, file))
+    return tuple(axes)
 
 
 def with_axis(axis: Axis, **changes: object) -> Axis:
-    """The axis with other values of its file, as ``gear``."""
+    """The axis with changed keys of its file, such as ``gear``."""
     return dataclasses.replace(axis, file=axis.file.model_copy(update=changes))
 
 

@@ -1,12 +1,13 @@
-"""Catches of strings as an axis feels them: impulses, and what a stepper can take.
+"""Catches of strings: impulses on the axes, and the largest that a stepper withstands.
 
 Where strings snap taut while the driven coordinates move on (Eqs. 13-15), an axis takes
 
     P = J^T (M_KD dv_D + A_K^T Lambda)
 
-on its side, as the run's winches do not give way. A motor that does moves on together with what
-caught it, of mass m_e = P^2 / sum(Lambda hdot) as felt by the axis. A stepper stays in step if that
-energy does not carry it over the hump of its torque T sin(steps/4 angle), held against the load M:
+if its motor does not give way, as in the run. A motor that gives way moves on together with the
+bodies that the string caught, whose mass at the axis is m_e = P^2 / sum(Lambda hdot). A stepper
+stays in step if this energy does not carry it past the maximum of its torque T sin(steps/4 angle)
+while it holds the load M:
 
     1/2 (P/n)^2 / (J_m + m_e / n^2) <= (4/steps) (2 T cos a - M (pi - 2 a)),   sin a = M / T
 """
@@ -23,10 +24,10 @@ from fantoccini.motion import EventKind, Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.motors import Stepper
 
-_LEAST = 1e-9
-"""Impulse at the motor from which a catch is kept [N m s]."""
-_MOST = 10.0
-"""Impulse over bound that is told at most: a motor at its largest torque takes none."""
+MIN_IMPULSE = 1e-9
+"""Smallest impulse at the motor that counts as a catch [N m s]."""
+MAX_IMPULSE_RATIO = 10.0
+"""Largest reported ratio of impulse to bound; the bound of a motor at its largest torque is 0."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +35,12 @@ class Kick:
     """A catch that hits an axis.
 
     Attributes:
-        axis: its name.
-        t: when [s].
-        strings: that snapped taut.
+        axis: name of the axis.
+        t: time [s].
+        strings: the strings that snapped taut.
         impulse: at the motor [N m s].
-        bound: the largest that the stepper takes without losing steps [N m s].
-        margin: [%]
+        bound: largest impulse that the stepper withstands without losing steps [N m s].
+        margin: of the impulse below the bound [%].
     """
 
     axis: str
@@ -56,7 +57,7 @@ class Impacts:
 
     Attributes:
         t: (I,) times [s].
-        impulse: (I, n) P on the bodies moved by the axes [N s or N m s].
+        impulse: (I, n) P of the axes on their loads [N s or N m s].
         lost: (I,) sum(Lambda hdot) of the strings that snapped taut [J].
         strings: for every impact, the strings that snapped taut.
     """
@@ -73,14 +74,14 @@ def impacts_of(bound: AxisMap, marionette: Marionette, run: Trajectory) -> Impac
     Args:
         bound: the stand.
         marionette: the run's puppet.
-        run: with the samples of its impacts.
+        run: a run that has samples at its impacts.
     """
-    caught = [e for e in run.events if e.impulse and e.kind is EventKind.CATCH]
-    if run.method != "event" or not caught:
+    catches = [e for e in run.events if e.impulse and e.kind is EventKind.CATCH]
+    if run.method != "event" or not catches:
         return None
     times, impulses = impulses_of(run, marionette)
     lost, strings = np.zeros(len(times)), [dict[str, None]() for _ in times]
-    for event in caught:
+    for event in catches:
         i = int(np.searchsorted(times, event.t))
         if i < len(times) and times[i] == event.t:
             lost[i] += event.impulse * abs(event.speed)
@@ -99,20 +100,21 @@ def kicks(
         k: its number.
         motion: of the axes, (T, n).
         torque: (T,) of its motor [N m].
-        unknown: (T,) where the motion does not determine it: catches there are left out.
+        unknown: (T,) times at which the motion does not determine the torque; catches there are
+            left out.
     """
     if impacts is None or not isinstance(axis.motor, Stepper):
         return []
     at = np.minimum(np.searchsorted(motion.t, impacts.t), len(motion.t) - 1)
-    size = np.abs(impacts.impulse[:, k]) / axis.ratio
-    hit = np.flatnonzero((size > _LEAST) & (impacts.lost > 0.0) & ~unknown[at])
-    here, own = at[hit], size[hit]
-    w = motion.velocity[here, k] * axis.ratio
-    most = taken(axis, np.abs(torque[here]), w, own**2 / impacts.lost[hit])
-    margin = 100.0 * (1.0 - own / np.maximum(most, own / _MOST))
+    impulses = np.abs(impacts.impulse[:, k]) / axis.ratio
+    hit = np.flatnonzero((impulses > MIN_IMPULSE) & (impacts.lost > 0.0) & ~unknown[at])
+    samples, impulse = at[hit], impulses[hit]
+    speed = motion.velocity[samples, k] * axis.ratio
+    largest = max_impulse(axis, np.abs(torque[samples]), speed, impulse**2 / impacts.lost[hit])
+    margin = 100.0 * (1.0 - impulse / np.maximum(largest, impulse / MAX_IMPULSE_RATIO))
     return [
-        Kick(axis.name, float(impacts.t[i]), impacts.strings[i], float(x), float(m), float(left))
-        for i, x, m, left in zip(hit, own, most, margin, strict=True)
+        Kick(axis.name, float(impacts.t[i]), impacts.strings[i], float(p), float(m), float(rest))
+        for i, p, m, rest in zip(hit, impulse, largest, margin, strict=True)
     ]
 
 
@@ -121,37 +123,37 @@ def impulses_of(run: Trajectory, marionette: Marionette) -> tuple[Array, Array]:
     table = run.coordinates
     names = run.tension.names
     first = np.flatnonzero(np.diff(run.t) == 0.0)
-    # Of several samples at one time, from the first to the last.
+    # An impact is several samples at one time: before is the first of them, after the last.
     times = np.unique(run.t[first])
     before = np.searchsorted(run.t, times, side="left")
     after = np.searchsorted(run.t, times, side="right") - 1
-    change = run.v_D[after] - run.v_D[before]
+    dv_D = run.v_D[after] - run.v_D[before]
     tension = np.zeros((len(times), len(names)))
     for event in run.events:
         i = int(np.searchsorted(times, event.t))
         if event.impulse and event.name in names and i < len(times) and times[i] == event.t:
             tension[i, names.index(event.name)] += event.impulse
-    at, still = run.q_D[after], np.zeros_like(change)
+    q_D, zero = run.q_D[after], np.zeros_like(dv_D)
     driven = np.zeros((len(times), table.n_vK))
-    given = at, still, run.q_K[after], driven
-    pushed = marionette.effort(*given, change, driven, tension)
-    rest = marionette.effort(*given, still, driven, np.zeros_like(tension))
-    return times, np.asarray(pushed - rest)
+    state = q_D, zero, run.q_K[after], driven
+    with_impulse = marionette.effort(*state, dv_D, driven, tension)
+    without = marionette.effort(*state, zero, driven, np.zeros_like(tension))
+    return times, np.asarray(with_impulse - without)
 
 
-def taken(axis: Axis, load: Array, speed: Array, caught: Array) -> Array:
-    """(...) largest impulses that a stepper takes without losing steps [N m s].
+def max_impulse(axis: Axis, load: Array, speed: Array, load_inertia: Array) -> Array:
+    """(...) largest impulses that a stepper withstands without losing steps [N m s].
 
     Args:
-        axis: of the stepper.
-        load: (...) of its motor [N m].
+        axis: the stepper's axis.
+        load: (...) torque of its motor [N m].
         speed: (...) of its motor [rad/s].
-        caught: (...) inertia of what catches it, at the motor [kg m^2].
+        load_inertia: (...) of the bodies that the string caught, at the motor [kg m^2].
     """
     motor = axis.motor
     assert isinstance(motor, Stepper)
-    most = np.maximum(motor.largest(speed, load), 1e-300)
-    a = np.arcsin(np.minimum(load / most, 1.0))
-    hump = 4.0 / motor.steps * (2.0 * most * np.cos(a) - load * (np.pi - 2.0 * a))
-    held = np.where(load < most, np.maximum(hump, 0.0), 0.0)
-    return np.asarray(np.sqrt(2.0 * (axis.inertia + caught) * held))
+    torque = np.maximum(motor.largest(speed, load), 1e-300)
+    a = np.arcsin(np.minimum(load / torque, 1.0))
+    energy = 4.0 / motor.steps * (2.0 * torque * np.cos(a) - load * (np.pi - 2.0 * a))
+    max_energy = np.where(load < torque, np.maximum(energy, 0.0), 0.0)
+    return np.asarray(np.sqrt(2.0 * (axis.inertia + load_inertia) * max_energy))

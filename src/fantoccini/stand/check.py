@@ -1,13 +1,14 @@
-"""Whether a stand can do a run: travel, speed, acceleration, step rate and torque of every axis.
+"""Check of a run on a stand: travel, speed, acceleration, step rate and torque of every axis.
 
-An axis at p moves driven coordinates by J (:mod:`fantoccini.stand.axes`), and needs at its motor,
-which turns by n per position at w = n pdot, with the inertia J_m of all that turns with it:
+An axis at position p moves driven coordinates by its factors J (:mod:`fantoccini.stand.axes`). Its
+motor turns by n per unit of position, at the speed w = n pdot, with the inertia J_m of everything
+that turns with it, and needs
 
     torque = (F / n) e + J_m n pddot + viscous w + coulomb w / sqrt(w^2 + speed^2),   F = J^T f_K
 
 f_K = M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda is the run's effort: strings, weight and inertia
 of driven bodies. e = 1 / efficiency where the motor drives its load, efficiency where the load
-drives it. The run's winches hold exactly; what gives way changes the motion.
+drives it. The check assumes winches that follow exactly; one that gives way changes the motion.
 """
 
 from __future__ import annotations
@@ -27,40 +28,40 @@ from fantoccini.motion import Columns, Trajectory
 from fantoccini.stand.axes import Axis, AxisMap, AxisMotion
 from fantoccini.stand.catches import Impacts, Kick, impacts_of
 from fantoccini.stand.limits import Limit, limits_of, load_of
-from fantoccini.stand.losing import LostSteps, lost_steps
 from fantoccini.stand.motors import Stepper
 from fantoccini.stand.stand_file import Stand, load_stand
+from fantoccini.stand.step_loss import LostSteps, lost_steps
 
-RATE = 1000.0
-"""Samples per second at which a run is looked at, its own samples beside them."""
-COARSE = 0.02, 0.2
-"""Time between samples of a run [s], and change of a force from one to the next over its largest,
-from which both on peaks may be missed between them."""
+CHECK_RATE = 1000.0
+"""Rate of the times at which a run is checked, in addition to its own samples [1/s]."""
+COARSE_SAMPLES = 0.02, 0.2
+"""Time between samples [s], and change of a force between them relative to its largest value. Where
+a run exceeds both, peaks may be missed."""
 
-_INTERPOLATED = 3
-"""Number of samples on either side that an interpolated value depends on."""
-_LEAST_SMOOTH = 3
-"""Samples through which a smooth curve goes; a line goes through fewer."""
+INTERPOLATION_REACH = 3
+"""Samples on either side on which an interpolated value depends."""
+MIN_SMOOTH_SAMPLES = 3
+"""Smallest number of samples for smooth interpolation; it is linear with fewer."""
 
 
 @dataclass(frozen=True, eq=False)
 class StandCheck:
-    """A stand's verdict on a run; T samples, n axes.
+    """Verdict on whether a stand can do a run; T samples, n axes.
 
     Attributes:
         map: the stand, bound to the run's puppet.
-        run: what it is to do.
+        run: the checked run.
         marionette: the run's puppet.
         motion: of the axes.
-        force: (T, n) F = J^T f_K of the axes on what they move [N or N m].
-        torque: (T, n) of the motors, with the sign of the axis' position [N m].
-        available: (T, n) their largest torque at that moment [N m].
-        limits: of every axis and quantity, in order.
-        impacts: of the run; None where it has none.
+        force: (T, n) F = J^T f_K of the axes on their loads [N or N m].
+        torque: (T, n) of the motors, positive where it acts along growing position [N m].
+        available: (T, n) the motors' largest torque at each sample [N m].
+        limits: one for every axis and quantity, in order.
+        impacts: of the run; None if it has none.
         kicks: catches of strings that hit an axis.
         lost: axis -> steps that it loses, for steppers that lose some.
-        unknown: (T, n) where the motion does not determine the force of an axis, so that its torque
-            and catches are not judged.
+        unknown: (T, n) true where the motion does not determine the force of an axis; its torque
+            and catches are not judged there.
         notes: remarks on the check itself.
     """
 
@@ -85,14 +86,14 @@ class StandCheck:
 
     @property
     def ok(self) -> bool:
-        """Whether the stand can do it: no limit is broken, and all forces are known."""
+        """Whether the stand can do the run: no limit is broken, and all forces are known."""
         return not self.broken and not self.undetermined
 
     @property
     def broken(self) -> tuple[Limit, ...]:
-        """The limits that are broken, the earliest first."""
-        found = [limit for limit in self.limits if limit.broken is not None]
-        return tuple(sorted(found, key=lambda limit: limit.broken or 0.0))
+        """The broken limits, the earliest first."""
+        broken = [limit for limit in self.limits if limit.broken is not None]
+        return tuple(sorted(broken, key=lambda limit: limit.broken or 0.0))
 
     @property
     def first(self) -> Limit | None:
@@ -110,12 +111,12 @@ class StandCheck:
 
     @property
     def judged(self) -> Array:
-        """(T, n) size of the torques that are judged; 0 where they are not determined [N m]."""
+        """(T, n) magnitude of the torques that are judged; 0 where not determined [N m]."""
         return np.where(self.unknown, 0.0, np.abs(self.torque))
 
     @property
     def margin(self) -> float:
-        """The smallest margin of what is known [%]."""
+        """The smallest margin of all limits [%]."""
         return min(limit.margin for limit in self.limits)
 
     def of(self, axis: str) -> dict[str, Limit]:
@@ -126,8 +127,8 @@ class StandCheck:
         """The margin of an axis and quantity [%], with ``?`` where not all forces are known."""
         limit = self.of(axis).get(quantity)
         text = "" if limit is None else f"{limit.margin:.0f}"
-        of_forces = quantity in ("torque", "catch") and axis in self.undetermined
-        return f"{text}?" if of_forces else text
+        is_force = quantity in ("torque", "catch") and axis in self.undetermined
+        return f"{text}?" if is_force else text
 
     def limits_with(self, k: int, axis: Axis) -> tuple[Limit, ...]:
         """The limits of axis number ``k`` with another motor or transmission, for this motion."""
@@ -168,22 +169,23 @@ class StandCheck:
 def check_stand(
     stand: Stand | str | os.PathLike[str], run: Trajectory, marionette: Marionette | None = None
 ) -> StandCheck:
-    """Whether a stand can do a run: margins of travel, speed, acceleration, step rate and torque.
+    """Checks whether a stand can do a run.
 
     Args:
-        stand: as :func:`load_stand` gives it, or its file, or the name of a bundled one.
+        stand: a stand, its file, or the name of a bundled one.
         run: of a puppet whose driven coordinates follow their inputs exactly.
-        marionette: the run's puppet; made of what the run says of it when not given.
+        marionette: the run's puppet; built from the run's own description by default.
 
     Raises:
-        FileError: the stand is not one for this puppet, or moves what this run moves otherwise.
-        ValueError: the run does not say what its puppet is, and none is given; or it is another.
+        FileError: the stand does not fit the puppet, or its axes cannot make this motion.
+        ValueError: the run does not describe its puppet and none is given, or the given one has
+            other coordinates.
     """
     if not isinstance(stand, Stand):
         stand = load_stand(stand)
     if marionette is None:
         if run.puppet is None:
-            raise ValueError("the run does not say what moved; needed: its marionette")
+            raise ValueError("the run does not describe its puppet; needed: its marionette")
         marionette = Marionette(run.puppet)
     elif (marionette.coordinates.q_D, marionette.coordinates.v_K) != (
         run.coordinates.q_D,
@@ -191,11 +193,11 @@ def check_stand(
     ):
         raise ValueError(f"the run is not one of {marionette.name}: it has other coordinates")
     bound = AxisMap.of(stand, run.coordinates)
-    bound.motion_of(run)  # refuses what the stand's axes do not move
+    bound.motion_of(run)  # raises at the run's own samples if the axes cannot make the motion
     if run.effort is None:
         run = with_effort(run, marionette)
     assert run.effort is not None
-    times = _times(run)
+    times = _check_times(run)
     motion = bound.motion_of(run, times)
     force = between(run.t, bound.forces(run.effort.values), times)
     impacts = impacts_of(bound, marionette, run)
@@ -231,45 +233,45 @@ def check_stand(
 
 
 def _unknown(bound: AxisMap, marionette: Marionette, run: Trajectory, times: Array) -> Mask:
-    """(len(times), n) whether the motion does not determine the forces of the axes there."""
+    """(len(times), n) true where the motion does not determine the force of an axis."""
     flags = run.undetermined
     if flags is None:
         flags = undetermined(marionette, run)
-    own = flags.values[:, len(run.tension.names) :][:, bound.v]
-    found = np.any(own[:, :, None] & (bound.J != 0.0), axis=1)
-    near = np.array(found)
-    for shift in range(1, _INTERPOLATED + 1):
-        near[shift:] |= found[:-shift]
-        near[:-shift] |= found[shift:]
-    again = run.t[1:] == run.t[:-1]
-    found[1:][again] |= found[:-1][again]
+    flags_of_axes = flags.values[:, len(run.tension.names) :][:, bound.v]
+    unknown = np.any(flags_of_axes[:, :, None] & (bound.J != 0.0), axis=1)
+    nearby = np.array(unknown)
+    for shift in range(1, INTERPOLATION_REACH + 1):
+        nearby[shift:] |= unknown[:-shift]
+        nearby[:-shift] |= unknown[shift:]
+    repeated = run.t[1:] == run.t[:-1]
+    unknown[1:][repeated] |= unknown[:-1][repeated]
     at = np.searchsorted(run.t, times, side="right") - 1
     exact = run.t[at] == times
-    return np.where(exact[:, None], found[at], near[at])
+    return np.where(exact[:, None], unknown[at], nearby[at])
 
 
 def between(t: Array, values: Array, times: Array) -> Array:
-    """Values (T, n) of a run at other times, smooth between its samples (Akima) but for impacts.
+    """Values (T, n) of a run at other times, interpolated smoothly (Akima) between impacts.
 
-    At an impact, which is several samples at one time, they are those after it.
+    At an impact, which is several samples at one time, the values are those after it.
     """
     out = np.empty((len(times), values.shape[1]))
     impacts = np.flatnonzero(np.diff(t) <= 0.0) + 1
     for first, last in pairwise([0, *impacts, len(t)]):
-        own, end = slice(first, last), len(times)
+        samples, stop = slice(first, last), len(times)
         if last < len(t):
-            end = int(np.searchsorted(times, t[last]))
-        at = slice(int(np.searchsorted(times, t[first])), end)
-        if last - first < _LEAST_SMOOTH:
+            stop = int(np.searchsorted(times, t[last]))
+        wanted = slice(int(np.searchsorted(times, t[first])), stop)
+        if last - first < MIN_SMOOTH_SAMPLES:
             for k in range(values.shape[1]):
-                out[at, k] = np.interp(times[at], t[own], values[own, k])
-        elif at.stop > at.start:
-            out[at] = Akima1DInterpolator(t[own], values[own])(times[at])
+                out[wanted, k] = np.interp(times[wanted], t[samples], values[samples, k])
+        elif wanted.stop > wanted.start:
+            out[wanted] = Akima1DInterpolator(t[samples], values[samples])(times[wanted])
     return out
 
 
 def with_effort(run: Trajectory, marionette: Marionette) -> Trajectory:
-    """The run with the force on every driven coordinate."""
+    """The run, completed by its effort: the force on every driven coordinate."""
     force = marionette.effort(
         run.q_D, run.v_D, run.q_K, run.v_K, run.acc_D, run.acc_K, run.tension.values
     )
@@ -279,9 +281,9 @@ def with_effort(run: Trajectory, marionette: Marionette) -> Trajectory:
     return dataclasses.replace(run, effort=columns)
 
 
-def _times(run: Trajectory) -> Array:
-    """Times at which a run is looked at: its own, and those of a clock."""
-    n = max(2, round(run.duration * RATE) + 1)
+def _check_times(run: Trajectory) -> Array:
+    """Times at which a run is checked: its own samples and evenly spaced ones."""
+    n = max(2, round(run.duration * CHECK_RATE) + 1)
     return np.union1d(run.t, np.linspace(run.t[0], run.t[-1], n))
 
 
@@ -293,21 +295,21 @@ def _lost(
     available: Array,
     hits: tuple[Kick, ...],
 ) -> dict[str, LostSteps]:
-    found = {}
+    lost_of_axes = {}
     for k, axis in enumerate(bound.axes):
         if isinstance(axis.motor, Stepper):
-            carried = marionette.mass / axis.ratio**2
+            puppet_inertia = marionette.mass / axis.ratio**2
             lost = lost_steps(
                 axis.motor.steps,
                 motion.t,
                 np.abs(torque[:, k]),
                 available[:, k],
-                axis.inertia + carried,
+                axis.inertia + puppet_inertia,
                 [hit.t for hit in hits if hit.axis == axis.name and hit.margin < 0.0],
             )
             if lost is not None:
-                found[axis.name] = lost
-    return found
+                lost_of_axes[axis.name] = lost
+    return lost_of_axes
 
 
 def _notes(run: Trajectory, bound: AxisMap, unknown: Mask) -> tuple[str, ...]:
@@ -317,23 +319,23 @@ def _notes(run: Trajectory, bound: AxisMap, unknown: Mask) -> tuple[str, ...]:
         share = 100.0 * float(np.max(np.mean(unknown, axis=0)))
         notes.append(
             f"the motion does not determine the forces of {', '.join(axes)} in up to {share:.3g} % "
-            "of the run, where other tensions move the puppet alike: torques and catches are not "
-            "judged there. Strings that stretch (--string-model chain) have tensions of their own; "
-            "so do fewer strings"
+            "of the run, because other tensions give the same motion: torques and catches are not "
+            "judged there. Strings that stretch (--string-model chain), or fewer strings, have "
+            "tensions that the motion determines"
         )
     assert run.effort is not None
     force, gap = np.abs(run.effort.values), np.diff(run.t)
     change = np.max(np.abs(np.diff(force, axis=0)) / np.max(force, initial=1e-9), axis=1)
-    coarse = np.flatnonzero((gap > COARSE[0]) & (change > COARSE[1]))
+    coarse = np.flatnonzero((gap > COARSE_SAMPLES[0]) & (change > COARSE_SAMPLES[1]))
     if len(coarse):
         notes.append(
             f"the run has samples {1e3 * np.max(gap[coarse]):.0f} ms apart where its forces change "
-            f"(at t = {run.t[coarse[0]]:.3f} s): peaks between them are not seen"
+            f"(at t = {run.t[coarse[0]]:.3f} s): peaks between them may be missed"
         )
     if run.status is not Status.DONE:
         notes.append(f"the run itself did not end well: {run.status.message}")
     if run.method != "event":
         notes.append(
-            f"method {run.method}: a catch is a force over one step, not an impulse of its own"
+            f"method {run.method}: a catch is a force over one step, not a separate impulse"
         )
     return tuple(notes)

@@ -1,4 +1,4 @@
-"""Controllers of stands: what takes the set points, and how much of them it takes at once."""
+"""Controllers of stands: the kinds that take set points, and their keys in a stand file."""
 
 from __future__ import annotations
 
@@ -8,31 +8,35 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from fantoccini.base.documents import Model, Name, Size, mistake, shown
 
-MOST_FRAMES = 44.0
-"""Frames of DMX per second, at most."""
-_MAX_LENGTH = 128
-"""Of what a controller calls an axis [characters]."""
+MAX_FRAME_RATE = 44.0
+"""Largest frame rate of DMX [1/s]."""
+MAX_NAME_LENGTH = 128
+"""Largest length of a controller's name of an axis [characters]."""
 
 
-def _called(value: Any) -> Any:
+def _axis_name(value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, str | int):
         raise mistake(f"found {shown(value)}; needed: a text or a whole number")
     text = str(value)
-    if not text.isprintable() or not 0 < len(text) <= _MAX_LENGTH or any(c.isspace() for c in text):
+    if (
+        not text.isprintable()
+        or not 0 < len(text) <= MAX_NAME_LENGTH
+        or any(c.isspace() for c in text)
+    ):
         raise mistake(
-            f"found {shown(value)}; needed: up to {_MAX_LENGTH} characters without blanks"
+            f"found {shown(value)}; needed: up to {MAX_NAME_LENGTH} characters without blanks"
         )
     return value
 
 
-Called = Annotated[
-    str | int, BeforeValidator(_called), WithJsonSchema({"type": ["string", "integer"]})
+AxisName = Annotated[
+    str | int, BeforeValidator(_axis_name), WithJsonSchema({"type": ["string", "integer"]})
 ]
 
 
-def _frames(rate: float) -> float:
-    if rate > MOST_FRAMES:
-        raise mistake(f"found {rate:g}; DMX takes at most {MOST_FRAMES:g} frames per second")
+def _frame_rate(rate: float) -> float:
+    if rate > MAX_FRAME_RATE:
+        raise mistake(f"found {rate:g}; DMX takes at most {MAX_FRAME_RATE:g} frames per second")
     return rate
 
 
@@ -41,38 +45,38 @@ Size16 = Annotated[int, Field(ge=1, le=65_535)]
 Host = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.:-]{1,253}$")]
 
 
-class _Controller(Model):
-    """What all have."""
+class ControllerBase(Model):
+    """Keys of every controller."""
 
-    names: dict[Name, Called] = Field(default_factory=dict)
-    """Axis -> what the controller calls it: a letter, a section, a joint, an id, an address."""
+    names: dict[Name, AxisName] = Field(default_factory=dict)
+    """Axis -> its name in the controller: a letter, a section, a joint, an id or an address."""
 
 
-class _OnSerialPort(_Controller):
-    """What those on a serial port have."""
+class SerialController(ControllerBase):
+    """Keys of controllers on a serial port."""
 
     port: Annotated[str, Field(pattern=r"^[A-Za-z0-9_./:\\-]{1,253}$")] | None = None
     """Serial port, as `/dev/ttyUSB0` or `COM3`."""
     baud: Baud = 115_200
     """Bits per second."""
     step_rate: Size | None = None
-    """Most step pulses per second of an axis; no bound by default."""
+    """Largest step rate of an axis [pulses/s]; no bound by default."""
 
 
-class Grbl(_OnSerialPort):
-    """GRBL 1.1 or FluidNC: G-code by counting the characters in its buffer."""
+class Grbl(SerialController):
+    """GRBL 1.1 or FluidNC: G-code, streamed by counting the characters in its buffer."""
 
     type: Literal["grbl", "fluidnc"]
     """Kind of controller."""
     buffer: Size16 = 128
-    """Characters that its serial buffer holds."""
+    """Size of its serial buffer [characters]."""
     planner: Size16 = 16
-    """Moves that its planner looks ahead."""
+    """Number of moves that its planner looks ahead."""
     step_rate: Size | None = 30_000.0
-    """Most step pulses per second of an axis; GRBL on an 8-bit board makes 30,000."""
+    """Largest step rate of an axis [pulses/s]; an 8-bit board with GRBL makes 30,000."""
 
 
-class Klipper(_OnSerialPort):
+class Klipper(SerialController):
     """Klipper: G-code macros with `MANUAL_STEPPER`, or a printer's own axes."""
 
     type: Literal["klipper"]
@@ -81,21 +85,21 @@ class Klipper(_OnSerialPort):
     """Bits per second."""
 
 
-class Marlin(_OnSerialPort):
-    """Marlin and firmware like it: G-code, one `ok` a line."""
+class Marlin(SerialController):
+    """Marlin and similar firmware: G-code, acknowledged by one `ok` for each line."""
 
     type: Literal["marlin"]
     """Kind of controller."""
     baud: Baud = 250_000
     """Bits per second."""
     buffer: Size16 = 4
-    """Commands that its queue holds."""
+    """Size of its queue [commands]."""
     planner: Size16 = 16
-    """Moves that its planner looks ahead."""
+    """Number of moves that its planner looks ahead."""
 
 
-class Sampled(_Controller):
-    """One that takes set points at a rate."""
+class Sampled(ControllerBase):
+    """A controller that reads set points from a table, at a fixed rate."""
 
     type: Literal["csv"]
     """Kind of controller."""
@@ -103,18 +107,18 @@ class Sampled(_Controller):
     """Set points per second."""
 
 
-class ODrive(_Controller):
-    """ODrive, by a CSV of set points or on a CAN bus; names are node ids."""
+class ODrive(ControllerBase):
+    """ODrive, fed from a CSV of set points or over a CAN bus; names are node ids."""
 
     type: Literal["odrive", "can"]
     """Kind of controller."""
     rate: Size = 100.0
     """Set points per second."""
     bitrate: Baud = 250_000
-    """Of the CAN bus [bits per second]."""
+    """Bit rate of the CAN bus [bits per second]."""
 
 
-class Dynamixel(_Controller):
+class Dynamixel(ControllerBase):
     """Dynamixel servos, protocol 2; names are ids."""
 
     type: Literal["dynamixel"]
@@ -125,7 +129,7 @@ class Dynamixel(_Controller):
     """Bits per second."""
 
 
-class Ros2(_Controller):
+class Ros2(ControllerBase):
     """A ROS 2 `JointTrajectory`; names are joints."""
 
     type: Literal["ros2"]
@@ -135,10 +139,10 @@ class Ros2(_Controller):
     topic: Annotated[str, Field(pattern=r"^/?[A-Za-z0-9_/~]{1,253}$")] = (
         "/joint_trajectory_controller/joint_trajectory"
     )
-    """Of the controller."""
+    """Topic on which the controller listens."""
 
 
-class Osc(_Controller):
+class Osc(ControllerBase):
     """Open Sound Control over UDP; names are addresses."""
 
     type: Literal["osc"]
@@ -146,28 +150,28 @@ class Osc(_Controller):
     rate: Size = 50.0
     """Messages per second and axis."""
     host: Host = "127.0.0.1"
-    """Where they go."""
+    """Host that receives the packets."""
     port: Size16 = 9000
-    """Where they go."""
+    """UDP port of the receiver."""
 
 
-class ArtNet(_Controller):
-    """Art-Net: DMX over UDP; names are channels, of 16 bits two each."""
+class ArtNet(ControllerBase):
+    """Art-Net: DMX over UDP; names are first channels (an axis of 16 bits takes two)."""
 
     type: Literal["artnet"]
     """Kind of controller."""
-    rate: Annotated[Size, AfterValidator(_frames)] = 40.0
+    rate: Annotated[Size, AfterValidator(_frame_rate)] = 40.0
     """Frames per second; DMX takes at most 44."""
     host: Host = "127.0.0.1"
-    """Where they go."""
+    """Host that receives the packets."""
     port: Size16 = 6454
-    """Where they go."""
+    """UDP port of the receiver."""
     universe: Annotated[int, Field(ge=0, le=32_767)] = 0
-    """Of the channels."""
+    """Universe of the channels."""
     broadcast: bool = False
-    """Whether all machines of a network may be sent to: a broadcast or multicast `host`."""
+    """Whether `host` may be a broadcast or multicast address, which many machines receive."""
     bits: Literal[8, 16] = 16
-    """Of an axis: its travel goes from 0 to the largest number."""
+    """Bits per axis: 0 is the lower end of its travel, the largest number the upper end."""
 
 
 Controller = Annotated[

@@ -26,25 +26,25 @@ from itertools import pairwise
 import numpy as np
 
 from fantoccini.base import Array, Indices, StandError, Times
-from fantoccini.stand.gcode_text import LONGEST, GrblSettings
+from fantoccini.stand.gcode_text import MAX_LINE_LENGTH, GrblSettings
 from fantoccini.stand.streaming import HOLD, RESET, RESUME
 from fantoccini.stand.timed_moves import DWELL
 
 GREETING = b"\r\nGrbl 1.1h ['$' for help]\r\n"
-LEAST_RATE = 1.0 / 60.0
-"""Slowest move [units/s]."""
+MIN_RATE = 1.0 / 60.0
+"""Speed of the slowest move [units/s]."""
 
-_WORD = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
-_DROPPED = re.compile(r"\([^)]*\)|;.*|\s")
-_KNOWN = {"G1", "G4", "G10", "G21", "G90", "G92", "G93", "G94", "M2"}
-_STRAIGHT = 0.999999
+WORD_PATTERN = re.compile(r"([A-Z])([+-]?(?:\d+\.?\d*|\.\d+))")
+IGNORED_TEXT = re.compile(r"\([^)]*\)|;.*|\s")
+SUPPORTED_COMMANDS = {"G1", "G4", "G10", "G21", "G90", "G92", "G93", "G94", "M2"}
+STRAIGHT_COSINE = 0.999999
 """|cos| of a corner above which the path counts as straight on, or as reversed."""
-_WAIT = 0.02
+POLL_TIMEOUT = 0.02
 """Timeout of a wait for characters, after which the stop flag is checked [s]."""
 
 
-class _Refused(Exception):
-    """A line that cannot be done, with GRBL's number of the error."""
+class LineRefusedError(Exception):
+    """A line that the machine refuses; the argument is GRBL's error number."""
 
 
 @dataclass(eq=False)
@@ -76,11 +76,11 @@ class Block:
     def phases(self) -> tuple[float, float, float, float]:
         """Peak speed [units/s]; durations of acceleration, cruise and deceleration [s]."""
         a, d, v0, v1 = self.acceleration, self.length, self.entry, self.leave
-        top = min(self.rate, math.sqrt(max(a * d + (v0 * v0 + v1 * v1) / 2.0, 0.0)))
-        top = max(top, v0, v1)
-        up, down = (top - v0) / a, (top - v1) / a
-        even = (d - (top + v0) / 2.0 * up - (top + v1) / 2.0 * down) / top
-        return top, up, max(even, 0.0), down
+        peak = min(self.rate, math.sqrt(max(a * d + (v0 * v0 + v1 * v1) / 2.0, 0.0)))
+        peak = max(peak, v0, v1)
+        rise, fall = (peak - v0) / a, (peak - v1) / a
+        cruise = (d - (peak + v0) / 2.0 * rise - (peak + v1) / 2.0 * fall) / peak
+        return peak, rise, max(cruise, 0.0), fall
 
     def reach(self, speed: float) -> float:
         """Largest speed at one end, given the speed at the other end [units/s]."""
@@ -88,13 +88,13 @@ class Block:
 
     def done(self, t: Times) -> Array:
         """(T,) fraction of the path covered, at times since its start."""
-        top, up, even, down = self.phases()
+        peak, rise, cruise, fall = self.phases()
         a = self.acceleration
-        first = np.clip(t, 0.0, up)
-        second = np.clip(t - up, 0.0, even)
-        third = np.clip(t - up - even, 0.0, down)
-        s = self.entry * first + a * first**2 / 2.0 + top * second
-        return np.minimum((s + top * third - a * third**2 / 2.0) / self.length, 1.0)
+        first = np.clip(t, 0.0, rise)
+        second = np.clip(t - rise, 0.0, cruise)
+        third = np.clip(t - rise - cruise, 0.0, fall)
+        s = self.entry * first + a * first**2 / 2.0 + peak * second
+        return np.minimum((s + peak * third - a * third**2 / 2.0) / self.length, 1.0)
 
 
 @dataclass(eq=False)
@@ -104,15 +104,15 @@ class GrblMachine:
     Attributes:
         settings: of the machine.
         waiting: planned moves, whose speeds may still change.
-        made: executed moves, in order.
+        executed: the moves made so far, in order.
         time: end time of the last executed move [s].
-        steps: (n,) end position of the last planned move [steps].
+        steps: (n,) end of the last planned move [steps].
         starts: end times of dwells [s].
     """
 
     settings: GrblSettings
     waiting: deque[Block] = field(default_factory=deque)
-    made: list[Block] = field(default_factory=list)
+    executed: list[Block] = field(default_factory=list)
     time: float = 0.0
     steps: Indices = field(init=False)
     starts: list[float] = field(default_factory=list)
@@ -128,64 +128,64 @@ class GrblMachine:
 
     @property
     def position(self) -> Array:
-        """(n,) where the last planned move ends, in the axes' own positions [units]."""
+        """(n,) end of the last planned move, in the axes' positions [units]."""
         return self.steps / self.settings.steps - self._offset
 
     def positions(self, times: Times) -> Array:
         """(T, n) positions of the motors at times [units]."""
-        out = np.zeros((len(times), len(self.settings.letters)), dtype=np.int64)
-        begins = np.array([block.t for block in self.made])
-        at = np.searchsorted(begins, times, side="right") - 1
-        for k in np.unique(at[at >= 0]):
-            block, chosen = self.made[k], at == k
+        positions = np.zeros((len(times), len(self.settings.letters)), dtype=np.int64)
+        begins = np.array([block.t for block in self.executed])
+        indices = np.searchsorted(begins, times, side="right") - 1
+        for k in np.unique(indices[indices >= 0]):
+            block, during = self.executed[k], indices == k
             events = int(np.max(np.abs(block.delta)))
-            beats = np.floor(block.done(times[chosen] - block.t) * events + 1e-6)
-            share = np.abs(block.delta) / events
-            steps = np.floor(beats[:, None] * share + 0.5).astype(np.int64)
-            out[chosen] = block.begin + np.sign(block.delta) * steps
-        return out / self.settings.steps - self._offset
+            step_events = np.floor(block.done(times[during] - block.t) * events + 1e-6)
+            ratio = np.abs(block.delta) / events
+            steps = np.floor(step_events[:, None] * ratio + 0.5).astype(np.int64)
+            positions[during] = block.begin + np.sign(block.delta) * steps
+        return positions / self.settings.steps - self._offset
 
     def line(self, text: str) -> str:
         """The answer to a line."""
         try:
-            text = _DROPPED.sub("", text).upper()
-            if len(text) > LONGEST:
-                raise _Refused(11)
+            text = IGNORED_TEXT.sub("", text).upper()
+            if len(text) > MAX_LINE_LENGTH:
+                raise LineRefusedError(11)
             if text == "$H":
                 self.finish()
             elif text.startswith("$"):
-                raise _Refused(3)
+                raise LineRefusedError(3)
             elif text:
-                self._block(text)
-        except _Refused as refused:
+                self._interpret(text)
+        except LineRefusedError as refused:
             return f"error:{refused.args[0]}"
         return "ok"
 
     def finish(self) -> None:
         """Executes all planned moves; the machine is then at rest."""
         while self.waiting:
-            self._make()
+            self._execute_next()
         self._direction, self._rate = None, 0.0
 
     def reset(self) -> None:
-        """Drops the moves that wait, and all modes; the machine stands where the last one ended."""
+        """Drops the waiting moves and all modes; the machine stays where its last move ended."""
         if self.waiting:
             self.steps = self.waiting[0].begin
         self.waiting.clear()
         self.finish()
         self._inverse, self._feed = False, 0.0
 
-    def _block(self, text: str) -> None:
-        """Does a line of words."""
-        words, rest = _WORD.findall(text), _WORD.sub("", text)
+    def _interpret(self, text: str) -> None:
+        """Executes or plans a line of G-code words."""
+        words, rest = WORD_PATTERN.findall(text), WORD_PATTERN.sub("", text)
         if rest:
-            raise _Refused(2 if rest[0].isalpha() else 1)
+            raise LineRefusedError(2 if rest[0].isalpha() else 1)
         commands = {f"{letter}{float(value):g}" for letter, value in words if letter in "GM"}
         values = {letter: float(value) for letter, value in words if letter not in "GM"}
-        if commands - _KNOWN:
-            raise _Refused(20)
+        if commands - SUPPORTED_COMMANDS:
+            raise LineRefusedError(20)
         if len(commands) + len(values) < len(words):
-            raise _Refused(25)
+            raise LineRefusedError(25)
         if commands & {"G93", "G94"}:
             self._inverse = "G93" in commands
         letters = enumerate(self.settings.letters)
@@ -195,83 +195,86 @@ class GrblMachine:
         self._feed = self._feed if self._inverse else feed
         if "G4" in commands:
             if "P" not in values:
-                raise _Refused(2)
+                raise LineRefusedError(2)
             self.finish()
             self.time += math.ceil(values.pop("P") / DWELL - 1e-9) * DWELL
             self.starts.append(self.time)
         elif commands & {"G10", "G92"}:
             if "G10" in commands and (values.pop("L", 0.0), values.pop("P", 0.0)) != (20.0, 1.0):
-                raise _Refused(20)
+                raise LineRefusedError(20)
             if not target:
-                raise _Refused(26)
+                raise LineRefusedError(26)
             self.finish()
-            for k, value in target.items():  # the present place is called so
+            for k, value in target.items():  # the present position gets this value
                 self._offset[k] = self.steps[k] / self.settings.steps[k] - value
         elif target:
             self._move(target, feed / 60.0)
         if values:
-            raise _Refused(36)
+            raise LineRefusedError(36)
         if "M2" in commands:
             self.finish()
 
     def _move(self, target: dict[int, float], rate: float) -> None:
-        """Plans a move at a rate [units/s], or at so many moves per second (G93)."""
-        own = self.settings
+        """Plans a move at a rate [units/s, or moves per second with G93]."""
+        settings = self.settings
         if not rate > 0.0:
-            raise _Refused(22)
-        to = self.position
-        to[list(target)] = list(target.values())
-        steps = np.rint((to + self._offset) * own.steps).astype(np.int64)
+            raise LineRefusedError(22)
+        position = self.position
+        position[list(target)] = list(target.values())
+        steps = np.rint((position + self._offset) * settings.steps).astype(np.int64)
         delta = steps - self.steps
         if not np.any(delta):
-            return  # too short for a step: no move at all
-        length = float(np.linalg.norm(delta / own.steps))
-        direction = delta / own.steps / length
-        used = direction != 0.0
-        share = np.abs(direction[used])
-        rate = min(rate * length if self._inverse else rate, float(np.min(own.rate[used] / share)))
-        rate = max(rate, LEAST_RATE)
+            return  # shorter than a step
+        length = float(np.linalg.norm(delta / settings.steps))
+        direction = delta / settings.steps / length
+        moving = direction != 0.0
+        components = np.abs(direction[moving])
+        rate = min(
+            rate * length if self._inverse else rate,
+            float(np.min(settings.rate[moving] / components)),
+        )
+        rate = max(rate, MIN_RATE)
         junction = min(self._junction(direction), self._rate, rate)
-        acceleration = float(np.min(own.acceleration[used] / share))
+        acceleration = float(np.min(settings.acceleration[moving] / components))
         self.waiting.append(Block(self.steps, delta, length, rate, acceleration, junction))
         self.steps, self._direction, self._rate = steps, direction, rate
         self._plan()
-        while len(self.waiting) >= own.planner:
-            self._make()
+        while len(self.waiting) >= settings.planner:
+            self._execute_next()
 
     def _junction(self, direction: Array) -> float:
-        """Speed with which a path may turn [units/s]."""
+        """Largest speed at the junction with a move in this direction [units/s]."""
         if self._direction is None:
             return 0.0
         cosine = -float(np.dot(self._direction, direction))
-        if cosine > _STRAIGHT:
+        if cosine > STRAIGHT_COSINE:
             return 0.0
-        if cosine < -_STRAIGHT:
+        if cosine < -STRAIGHT_COSINE:
             return math.inf
-        turn = direction - self._direction
-        share = np.abs(turn / np.linalg.norm(turn))
-        used = share > 0.0
-        a = float(np.min(self.settings.acceleration[used] / share[used]))
+        change = direction - self._direction
+        components = np.abs(change / np.linalg.norm(change))
+        used = components > 0.0
+        a = float(np.min(self.settings.acceleration[used] / components[used]))
         s = math.sqrt((1.0 - cosine) / 2.0)
         return math.sqrt(a * self.settings.junction * s / (1.0 - s))
 
     def _plan(self) -> None:
-        """Entry speeds of the waiting moves; the first one's is set by the move before it."""
+        """Sets the entry speeds of the waiting moves, except that of the first."""
         blocks, after = list(self.waiting), 0.0
         for block in blocks[:0:-1]:
             block.entry = after = min(block.junction, block.reach(after))
         for before, block in pairwise(blocks):
             block.entry = min(block.entry, before.reach(before.entry))
 
-    def _make(self) -> None:
+    def _execute_next(self) -> None:
         block = self.waiting.popleft()
         block.t, block.leave = self.time, self.waiting[0].entry if self.waiting else 0.0
         self.time += sum(block.phases()[1:])
-        self.made.append(block)
+        self.executed.append(block)
 
 
 class Emulator:
-    """A controller that answers at the other end of a pseudo-terminal, in a thread of its own.
+    """An emulated controller at the other end of a pseudo-terminal; runs in its own thread.
 
     Args:
         machine: executes the lines.
@@ -321,31 +324,31 @@ class Emulator:
         os.close(self._master)
 
     def wait_until_read(self) -> None:
-        """Waits until all that it said was read, at most for five seconds."""
+        """Waits until all its answers have been read, at most five seconds."""
         import fcntl
         import termios
 
         end = time.monotonic() + 5.0
         while time.monotonic() < end and any(fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))):
-            time.sleep(_WAIT)
+            time.sleep(POLL_TIMEOUT)
 
     def _serve(self) -> None:
         while not self._stop.is_set():
-            wait = 0.0 if self._ready else _WAIT
+            wait = 0.0 if self._ready else POLL_TIMEOUT
             while select.select([self._master], [], [], wait)[0]:
-                wait = 0.0  # all characters that are there come before the next line
+                wait = 0.0  # read all waiting characters before the next line
                 for character in os.read(self._master, 4096):
-                    self._take(bytes([character]))
+                    self._receive(bytes([character]))
             if self._ready:
-                self._one_line()
+                self._answer_line()
 
     @property
     def _ready(self) -> bool:
-        """Whether a line is to be done."""
+        """Whether a complete line is waiting and no hold is active."""
         return b"\n" in self._received and not self.held
 
-    def _take(self, character: bytes) -> None:
-        """Obeys a command of one character at once; stores any other one, where there is room."""
+    def _receive(self, character: bytes) -> None:
+        """Executes a one-character command; other characters go into the buffer, unless full."""
         if character == RESET:
             self._received.clear()
             self.machine.reset()
@@ -360,7 +363,7 @@ class Emulator:
             self._received += character
             self.fullest = max(self.fullest, len(self._received))
 
-    def _one_line(self) -> None:
+    def _answer_line(self) -> None:
         end = self._received.index(b"\n")
         text = self._received[:end].decode("ascii", "replace").strip("\r")
         time.sleep(self.pace)

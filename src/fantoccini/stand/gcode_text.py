@@ -1,7 +1,7 @@
 """G-code of set points for GRBL, FluidNC, Marlin and Klipper.
 
-Lengths are mm; an axis that turns counts in degrees, as the letters A, B and C do. The path of a
-move is the root of the sum of squares over all axes, degrees beside mm, as GRBL takes it.
+Positions are in mm, or in degrees for an axis that turns (A, B and C). As in GRBL, the path length
+of a move is the root of the sum of squares over all axes, with degrees counted as mm.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from fantoccini.stand.stand_file import Stand
 from fantoccini.stand.timed_moves import Limits, TimedMoves, timed_moves
 
 LETTERS = {"grbl": "XYZABC", "fluidnc": "XYZABC", "marlin": "XYZABCUVW"}
-"""Of axes that a controller knows."""
-SPARE = 3.0
-"""Acceleration that the controller is to have, over that of the axes: its ramps are short, between
-set points that keep the axes' own."""
-SPARE_RATE = 1.5
-"""Speed that it is to have, over that of the axes."""
-LEAST_JUNCTION = 0.01
-"""Deviation at junctions [mm]."""
-LONGEST = 79
-"""Characters of a line for GRBL."""
+"""Letters of the axes that a controller has."""
+RAMP_RESERVE = 3.0
+"""The controller's acceleration over that of the axes: its ramps between set points are then short.
+"""
+SPEED_RESERVE = 1.5
+"""The controller's largest speed over that of the axes."""
+MIN_JUNCTION_DEVIATION = 0.01
+"""Smallest junction deviation [mm]."""
+MAX_LINE_LENGTH = 79
+"""Longest line for GRBL [characters]."""
 
 _KLIPPER_NAME = re.compile(r"[A-Za-z0-9_]+")
-_PAUSE = 0.1
-"""Of a dwell before the motion, in which all moves come to their end [s]."""
+SETTLING_DWELL = 0.1
+"""Dwell before the motion, in which all earlier moves end [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class GrblSettings(Limits):
-    """What a controller is told of its machine; n axes. Units are mm, or degrees of a turn.
+    """A controller's settings for its machine; n axes. Units are mm, or degrees for a turning axis.
 
     Attributes:
         letters: of the axes, in order.
-        reversed: which motors turn backwards.
-        buffer: characters that its serial buffer holds.
+        reversed: for every axis, whether its motor turns backwards.
+        buffer: size of the serial buffer [characters].
     """
 
     letters: str
@@ -51,16 +51,16 @@ class GrblSettings(Limits):
     buffer: int
 
     def lines(self) -> list[str]:
-        """As GRBL's own settings, ``$100=...``."""
+        """Lines of GRBL's settings, ``$100=...``."""
         mask = sum(1 << k for k, back in enumerate(self.reversed) if back)
-        found = [f"$3={mask}", f"$11={self.junction:.3f}"]
+        lines = [f"$3={mask}", f"$11={self.junction:.3f}"]
         for k in range(len(self.letters)):
-            found += [
+            lines += [
                 f"${100 + k}={self.steps[k]:.3f}",
                 f"${110 + k}={60.0 * self.rate[k]:.3f}",
                 f"${120 + k}={self.acceleration[k]:.3f}",
             ]
-        return found
+        return lines
 
 
 def units(axes: tuple[Axis, ...]) -> Array:
@@ -69,48 +69,49 @@ def units(axes: tuple[Axis, ...]) -> Array:
 
 
 def letters(stand: Stand, controller: Any) -> str:
-    """Of a stand's axes, in order.
+    """Letters of a stand's axes, in order.
 
     Raises:
-        StandError: there are too many axes.
-        FileError: the controller has other names.
+        StandError: the controller has too few axes.
+        FileError: a name in the file is not a free letter of the controller.
     """
-    known, axes = LETTERS[controller.type], tuple(stand.axes)
-    if len(axes) > len(known):
+    allowed, axes = LETTERS[controller.type], tuple(stand.axes)
+    if len(axes) > len(allowed):
         raise StandError(
-            f"{controller.type} moves up to {len(known)} axes, the stand has {len(axes)}; needed: "
-            "several controllers, or klipper"
+            f"{controller.type} moves up to {len(allowed)} axes, the stand has {len(axes)}; "
+            "needed: several controllers, or klipper"
         )
     names = controller.names
-    free = [letter for letter in known if letter not in names.values()]
-    out, found = [], []
+    free = [letter for letter in allowed if letter not in names.values()]
+    used, mistakes = [], []
     for axis in axes:
         name = str(names[axis]) if axis in names else free.pop(0)
-        if name not in known or name in out:
-            text = f"found {name!r}; needed: a letter of {known}, one an axis"
-            found.append((("controller", "names", axis), text))
-        out.append(name)
-    stand.refuse([*found])
-    return "".join(out)
+        if name not in allowed or name in used:
+            text = f"found {name!r}; needed: a letter of {allowed}, a different one for each axis"
+            mistakes.append((("controller", "names", axis), text))
+        used.append(name)
+    stand.refuse([*mistakes])
+    return "".join(used)
 
 
 def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
-    """What a controller is to be told of a stand that takes set points at a rate.
+    """Settings that a controller needs for a stand and a rate of set points.
 
     Raises:
-        StandError, FileError: as of :func:`letters`; it is not GRBL, FluidNC or Marlin.
+        StandError, FileError: as for :func:`letters`; the controller is not GRBL, FluidNC or
+            Marlin.
     """
     if not isinstance(controller, Grbl | Marlin):
         raise StandError(f"{controller.type} is not grbl, fluidnc or marlin; give --controller")
     axes = axes_of(stand)
     scale = units(axes)
-    acceleration = SPARE * scale * np.array([axis.file.acceleration for axis in axes])
+    acceleration = RAMP_RESERVE * scale * np.array([axis.file.acceleration for axis in axes])
     junction = float(np.max(acceleration)) / rate**2 / 4.0
     return GrblSettings(
         np.array([axis.counts for axis in axes]) / scale,
-        SPARE_RATE * scale * np.array([axis.file.speed for axis in axes]),
+        SPEED_RESERVE * scale * np.array([axis.file.speed for axis in axes]),
         acceleration,
-        max(LEAST_JUNCTION, junction),
+        max(MIN_JUNCTION_DEVIATION, junction),
         controller.planner,
         letters(stand, controller),
         tuple(axis.direction < 0 for axis in axes),
@@ -119,11 +120,11 @@ def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
 
 
 def gcode(points: SetPoints, inverse: bool = True) -> str:
-    """The lines for the points' controller.
+    """G-code of set points for their controller.
 
     Args:
         points: the set points.
-        inverse: of GRBL and FluidNC, whether moves have inverse times (G93) or mm/min (G94).
+        inverse: for GRBL and FluidNC, whether feeds are inverse times (G93) or mm/min (G94).
 
     Raises:
         StandError: the controller takes no G-code, or cannot keep the times.
@@ -138,20 +139,20 @@ def gcode(points: SetPoints, inverse: bool = True) -> str:
     settings = grbl_settings(points.map.stand, points.controller, points.rate)
     moves = timed_moves(points.motion.t, points.counts, settings)
     marlin = isinstance(points.controller, Marlin)
-    text = _Text(points, settings, inverse and not marlin, marlin)
-    lines = [*_head(points, settings, marlin), *text.before(), *text.timed(moves), *text.after()]
-    _refuse_slow_port(points, moves, lines)
+    text = GcodeWriter(points, settings, inverse and not marlin, marlin)
+    lines = [*_header(points, settings, marlin), *text.before(), *text.timed(moves), *text.after()]
+    _check_port_speed(points, moves, lines)
     return "\n".join([*lines, ""])
 
 
 def gentle_feed(points: SetPoints) -> float:
-    """Feed at which no axis is faster than gently [mm/min]."""
+    """Feed of slow moves: no axis exceeds ``GENTLE`` of its largest speed [mm/min]."""
     speeds = np.array([axis.file.speed for axis in points.axes]) * units(points.axes)
     return float(np.floor(60.0 * GENTLE * np.min(speeds)))
 
 
-class _Text:
-    """Lines for GRBL and firmware like it."""
+class GcodeWriter:
+    """Writer of G-code lines for GRBL, FluidNC and Marlin; ``at`` holds the last words sent."""
 
     def __init__(self, points: SetPoints, settings: GrblSettings, inverse: bool, marlin: bool):
         self.points, self.settings = points, settings
@@ -160,96 +161,103 @@ class _Text:
         self.at: dict[str, str] = {}
 
     def before(self) -> list[str]:
+        """Lines before the motion: units, homing, slack, and the move to the start."""
         points, names = self.points, self.settings.letters
         lines = ["G21", "G90", "G94"]
         if points.home:
-            home = self._words(self._steps(points.at_home() * self.scale))
-            lines += ["G28" if self.marlin else "$H", self._called(home)]
+            home = self._words(self._whole_steps(points.at_home() * self.scale))
+            lines += ["G28" if self.marlin else "$H", self._set_position(home)]
         else:
             legs = points.legs_before()
             first = legs[-1] if legs else points.motion.position[0]
-            lines.append(self._called(self._words(self._steps(first * self.scale))))
-        at = points.at_home() if points.home else points.motion.position[0]
+            lines.append(self._set_position(self._words(self._whole_steps(first * self.scale))))
+        position = points.at_home() if points.home else points.motion.position[0]
         for leg in points.legs_before():
-            lines += self._gently(at, leg)
-            at = leg
-        self.at = dict(zip(names, self._texts(points.counts[0]), strict=True))
-        return [*lines, self._dwell(_PAUSE), *(["G93"] if self.inverse else []), "; motion"]
+            lines += self._slow_move(position, leg)
+            position = leg
+        self.at = dict(zip(names, self._position_texts(points.counts[0]), strict=True))
+        return [*lines, self._dwell(SETTLING_DWELL), *(["G93"] if self.inverse else []), "; motion"]
 
     def timed(self, moves: TimedMoves) -> list[str]:
+        """Lines of the motion."""
         lines = []
         for k in range(len(moves)):
             if moves.dwells[k]:
                 lines.append(self._dwell(moves.seconds[k]))
                 continue
             before = {**self.at}
-            words = self._changed(self._texts(moves.target[k]))
+            words = self._changed_words(self._position_texts(moves.target[k]))
             length = moves.length[k]
             if self.marlin:
                 length = self._marlin_length(before)
             speed = moves.speed[k] * length / moves.length[k]
             feed = 60.0 * speed / length if self.inverse else 60.0 * speed
-            lines.append(f"G1{words}F{_digits(feed, 8)}")
+            lines.append(f"G1{words}F{_significant(feed, 8)}")
         return lines
 
     def after(self) -> list[str]:
+        """Lines after the motion: parking and the end."""
         lines = ["; end", "G94"]
         park = self.points.leg_after()
         if park is not None:
-            lines += self._gently(self.points.motion.position[-1], park)
+            lines += self._slow_move(self.points.motion.position[-1], park)
         return lines if self.marlin else [*lines, "M2"]
 
-    def _gently(self, first: Array, last: Array) -> list[str]:
+    def _slow_move(self, first: Array, last: Array) -> list[str]:
         """A slow move to positions [m or rad]."""
-        far = np.abs(last - first) * self.scale
-        if not np.any(np.rint(far * self.settings.steps)):
+        distance = np.abs(last - first) * self.scale
+        if not np.any(np.rint(distance * self.settings.steps)):
             return []
-        length = float(np.linalg.norm(far))
+        length = float(np.linalg.norm(distance))
         speed = np.array([axis.file.speed for axis in self.points.axes]) * self.scale
-        moved = far > 0.0
-        rate = GENTLE * float(np.min(speed[moved] * length / far[moved]))
-        words = self._words(self._steps(last * self.scale))
-        return [f"G1{words}F{_digits(60.0 * rate, 6)}"]
+        moving = distance > 0.0
+        rate = GENTLE * float(np.min(speed[moving] * length / distance[moving]))
+        words = self._words(self._whole_steps(last * self.scale))
+        return [f"G1{words}F{_significant(60.0 * rate, 6)}"]
 
-    def _called(self, words: str) -> str:
-        """Calls where the axes stand."""
+    def _set_position(self, words: str) -> str:
+        """The command that sets the present position to these words."""
         return f"G92{words}" if self.marlin else f"G10L20P1{words}"
 
     def _dwell(self, seconds: float) -> str:
-        return f"G4P{1000.0 * seconds:.0f}" if self.marlin else f"G4P{_digits(seconds, 6)}"
+        return f"G4P{1000.0 * seconds:.0f}" if self.marlin else f"G4P{_significant(seconds, 6)}"
 
-    def _steps(self, position: Array) -> Array:
+    def _whole_steps(self, position: Array) -> Array:
         return np.rint(position * self.settings.steps)
 
-    def _texts(self, steps: Array) -> list[str]:
-        """Positions of whole steps, as they are written."""
+    def _position_texts(self, steps: Array) -> list[str]:
+        """Positions of whole steps, with as many decimals as one step needs."""
         return [
-            _fixed(float(count / per), int(np.clip(np.ceil(np.log10(per)) + 2, 3, 5)))
+            _decimals(float(count / per), int(np.clip(np.ceil(np.log10(per)) + 2, 3, 5)))
             for count, per in zip(steps, self.settings.steps, strict=True)
         ]
 
     def _words(self, steps: Array) -> str:
-        return "".join(map("".join, zip(self.settings.letters, self._texts(steps), strict=True)))
+        return "".join(
+            map("".join, zip(self.settings.letters, self._position_texts(steps), strict=True))
+        )
 
-    def _changed(self, texts: list[str]) -> str:
-        out = ""
+    def _changed_words(self, texts: list[str]) -> str:
+        words = ""
         for letter, text in zip(self.settings.letters, texts, strict=True):
             if self.at.get(letter) != text:
                 self.at[letter] = text
-                out += letter + text
-        return out
+                words += letter + text
+        return words
 
     def _marlin_length(self, before: dict[str, str]) -> float:
-        """Of the path as Marlin takes it: X, Y and Z, or the others where those stand."""
-        far = {a: float(self.at[a]) - float(before[a]) for a in self.at}
-        linear = np.array([far[a] for a in far if a in "XYZ"])
+        """Path length as Marlin computes it: over X, Y and Z, or over the others if those rest."""
+        distances = {letter: float(self.at[letter]) - float(before[letter]) for letter in self.at}
+        linear = np.array([distances[letter] for letter in distances if letter in "XYZ"])
         if np.any(linear):
             return float(np.linalg.norm(linear))
-        return float(np.linalg.norm([far[a] for a in far if a not in "XYZ"]))
+        return float(
+            np.linalg.norm([distances[letter] for letter in distances if letter not in "XYZ"])
+        )
 
 
-def _head(points: SetPoints, settings: GrblSettings, marlin: bool) -> list[str]:
-    """Comments: what this is, which axis is which, and what the controller must be told."""
+def _header(points: SetPoints, settings: GrblSettings, marlin: bool) -> list[str]:
+    """Comment lines: the stand, the letter of every axis, and the controller's settings."""
     name, seconds = points.map.stand.name, points.motion.t[-1]
     lines = [f"; {name}: {len(points)} set points in {seconds:.3f} s"]
     for letter, axis in zip(settings.letters, points.axes, strict=True):
@@ -268,34 +276,37 @@ def _head(points: SetPoints, settings: GrblSettings, marlin: bool) -> list[str]:
     ]
 
 
-def _refuse_slow_port(points: SetPoints, moves: TimedMoves, lines: list[str]) -> None:
-    """Raises a StandError where the port cannot carry the lines in time."""
+def _check_port_speed(points: SetPoints, moves: TimedMoves, lines: list[str]) -> None:
+    """Raises a StandError if the port cannot carry the lines in time."""
     if isinstance(points.controller, Grbl):
         longest = max((line for line in lines if not line.startswith(";")), key=len)
-        if len(longest) > LONGEST:
-            raise StandError(f"a line has {len(longest)} characters, GRBL takes {LONGEST}")
-    own = lines[lines.index("; motion") + 1 : lines.index("; end")]
-    seconds = np.array([10.0 * (len(line) + 1) / points.controller.baud for line in own])
-    known = points.controller.planner - 1
-    for i in range(len(own) - known):
-        sent, lasts = np.sum(seconds[i : i + known]), np.sum(moves.seconds[i : i + known])
-        if sent > lasts:
+        if len(longest) > MAX_LINE_LENGTH:
+            raise StandError(f"a line has {len(longest)} characters, GRBL takes {MAX_LINE_LENGTH}")
+    motion_lines = lines[lines.index("; motion") + 1 : lines.index("; end")]
+    seconds = np.array([10.0 * (len(line) + 1) / points.controller.baud for line in motion_lines])
+    moves_ahead = points.controller.planner - 1
+    for i in range(len(motion_lines) - moves_ahead):
+        sending, moving = (
+            np.sum(seconds[i : i + moves_ahead]),
+            np.sum(moves.seconds[i : i + moves_ahead]),
+        )
+        if sending > moving:
             raise StandError(
-                f"at {points.controller.baud} baud, {known} lines take {sent:.3f} s, and the moves "
-                f"last {lasts:.3f} s (t = {moves.begin[i]:.3f} s); needed: fewer set points per "
-                "second (--rate), or a faster port"
+                f"at {points.controller.baud} baud, {moves_ahead} lines take {sending:.3f} s, but "
+                f"the moves last {moving:.3f} s (t = {moves.begin[i]:.3f} s); needed: fewer set "
+                "points per second (--rate), or a faster port"
             )
 
 
 def _klipper(points: SetPoints) -> str:
-    """A macro file for Klipper: every axis a `manual_stepper`; G4 is the clock."""
+    """G-code for Klipper: every axis is a `manual_stepper`, and G4 keeps the time."""
     names = [str(points.controller.names.get(a.name, a.name)) for a in points.axes]
-    found = [
+    mistakes = [
         (("controller", "names", axis.name), f"found {name!r}; needed: letters, digits and _")
         for axis, name in zip(points.axes, names, strict=True)
         if not _KLIPPER_NAME.fullmatch(name)
     ]
-    points.map.stand.refuse([*found])
+    points.map.stand.refuse([*mistakes])
     scale, motion = units(points.axes), points.motion
     lines = [f"; {points.map.stand.name}: {len(points)} set points in {motion.t[-1]:.3f} s"]
     start = points.at_home() if points.home else motion.position[0]
@@ -303,72 +314,73 @@ def _klipper(points: SetPoints) -> str:
         if points.home and axis.file.home is not None:
             home = axis.file.home
             first, last = (scale[k] * x for x in axis.travel)
-            over = (first - last) if home.towards == "min" else (last - first)
+            search = (first - last) if home.towards == "min" else (last - first)
             lines += [
                 f"MANUAL_STEPPER STEPPER={name} ENABLE=1 SET_POSITION=0",
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_fixed(over, 4)} "
-                f"SPEED={_digits(home.speed * scale[k], 6)} STOP_ON_ENDSTOP=1",
-                f"MANUAL_STEPPER STEPPER={name} SET_POSITION={_fixed(home.at * scale[k], 4)}",
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_fixed(start[k] * scale[k], 4)} "
-                f"SPEED={_digits(home.speed * scale[k], 6)}",
+                f"MANUAL_STEPPER STEPPER={name} MOVE={_decimals(search, 4)} "
+                f"SPEED={_significant(home.speed * scale[k], 6)} STOP_ON_ENDSTOP=1",
+                f"MANUAL_STEPPER STEPPER={name} SET_POSITION={_decimals(home.at * scale[k], 4)}",
+                f"MANUAL_STEPPER STEPPER={name} MOVE={_decimals(start[k] * scale[k], 4)} "
+                f"SPEED={_significant(home.speed * scale[k], 6)}",
             ]
         else:
             lines.append(
                 f"MANUAL_STEPPER STEPPER={name} ENABLE=1 "
-                f"SET_POSITION={_fixed(start[k] * scale[k], 4)}"
+                f"SET_POSITION={_decimals(start[k] * scale[k], 4)}"
             )
     for leg in points.legs_before():
-        lines += _klipper_move(points, names, start, leg, None)
+        lines += _klipper_leg(points, names, start, leg, None)
         start = leg
     lines.append("; motion")
     for i in range(len(motion) - 1):
         seconds = float(motion.t[i + 1] - motion.t[i])
         p = motion.position
-        lines += _klipper_move(points, names, p[i], p[i + 1], seconds)
+        lines += _klipper_leg(points, names, p[i], p[i + 1], seconds)
     lines.append("; end")
     park = points.leg_after()
     if park is not None:
-        lines += _klipper_move(points, names, motion.position[-1], park, None)
+        lines += _klipper_leg(points, names, motion.position[-1], park, None)
     return "\n".join([*lines, ""])
 
 
-def _klipper_move(
+def _klipper_leg(
     points: SetPoints, names: list[str], first: Array, last: Array, seconds: float | None
 ) -> list[str]:
-    """All axes together, evenly in a time, or gently; then the clock goes on."""
+    """A move of all axes, evenly within a given time or else slowly, and a wait for its end."""
     scale = units(points.axes)
     lines = []
-    begin, end = ([float(_fixed(x, 4)) for x in p * scale] for p in (first, last))
-    far = [abs(b - a) for a, b in zip(begin, end, strict=True)]
-    lasts, ramps = seconds or 0.0, [0.0] * len(names)
+    begin, end = ([float(_decimals(x, 4)) for x in p * scale] for p in (first, last))
+    distances = [abs(b - a) for a, b in zip(begin, end, strict=True)]
+    duration, ramps = seconds or 0.0, [0.0] * len(names)
     if seconds is None:
-        top = [axis.file.speed or 0.0 for axis in points.axes]
-        speeds = [GENTLE * s * v for s, v in zip(scale, top, strict=True)]
+        max_speeds = [axis.file.speed or 0.0 for axis in points.axes]
+        speeds = [GENTLE * s * v for s, v in zip(scale, max_speeds, strict=True)]
         ramps = [s * (a.file.acceleration or 0.0) for s, a in zip(scale, points.axes, strict=True)]
-        lasts = max(d / v for d, v in zip(far, speeds, strict=True))
+        duration = max(d / v for d, v in zip(distances, speeds, strict=True))
     for k, name in enumerate(names):
-        if far[k]:
+        if distances[k]:
             lines.append(
-                f"MANUAL_STEPPER STEPPER={name} MOVE={_fixed(end[k], 4)} "
-                f"SPEED={_digits(far[k] / lasts, 9)} ACCEL={_digits(ramps[k], 6)} SYNC=0"
+                f"MANUAL_STEPPER STEPPER={name} MOVE={_decimals(end[k], 4)} "
+                f"SPEED={_significant(distances[k] / duration, 9)} "
+                f"ACCEL={_significant(ramps[k], 6)} SYNC=0"
             )
     if seconds is None and lines:  # each ramp takes speed / acceleration more
-        lasts += max(d / lasts / a for d, a in zip(far, ramps, strict=True))
-    return [*lines, f"G4 P{_digits(1000.0 * lasts, 9)}"] if lasts else []
+        duration += max(d / duration / a for d, a in zip(distances, ramps, strict=True))
+    return [*lines, f"G4 P{_significant(1000.0 * duration, 9)}"] if duration else []
 
 
 def macro(text: str, name: str) -> str:
-    """Lines of Klipper as a `[gcode_macro]` of its configuration."""
+    """G-code lines as a `[gcode_macro]` section of Klipper's configuration."""
     lines = [f"  {line}" for line in text.splitlines() if not line.startswith(";")]
     return "\n".join([f"[gcode_macro {name}]", "gcode:", *lines, ""])
 
 
-def _fixed(value: float, decimals: int) -> str:
+def _decimals(value: float, decimals: int) -> str:
     text = f"{value:.{decimals}f}".rstrip("0").rstrip(".")
     return "0" if text in ("-0", "") else text
 
 
-def _digits(value: float, digits: int) -> str:
-    """A positive number with so many digits, without exponent."""
+def _significant(value: float, digits: int) -> str:
+    """A positive number with this many significant digits, without exponent."""
     before = int(np.floor(np.log10(value))) + 1 if value > 0.0 else 1
-    return _fixed(value, max(0, digits - max(before, 1)))
+    return _decimals(value, max(0, digits - max(before, 1)))

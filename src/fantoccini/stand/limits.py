@@ -1,6 +1,7 @@
-"""Limits of an axis: how near a motion comes to what its motor and its travel allow.
+"""Limits of an axis: margins that a motion leaves of its travel, speed, motor and controller.
 
-With the motor's angle n per position, w = n pdot, and the inertia J_m of all that turns with it:
+With the motor's angle n per unit of position, w = n pdot, and the inertia J_m of everything that
+turns with it:
 
     torque = (F / n) e + J_m n pddot + viscous w + coulomb w / sqrt(w^2 + speed^2)
 
@@ -20,27 +21,27 @@ from fantoccini.stand.motors import Stepper
 from fantoccini.stand.stand_file import Stand
 
 QUANTITIES = ("travel", "speed", "acceleration", "step rate", "torque", "catch")
-"""What may not be enough, in order."""
+"""Checked quantities, in order."""
 
-_MOST = 10.0
-"""Demand over bound that is told at most: a motor beyond its curve has no torque at all."""
-_ROUNDING = 1e-9
-"""By how much a bound may be passed, relative to it."""
+MAX_RATIO = 10.0
+"""Largest reported ratio of demand to bound; beyond its torque curve a motor's bound is 0."""
+ROUNDING = 1e-9
+"""Relative excess over a bound that counts as rounding."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """How near an axis comes to one of its bounds.
+    """Margin of an axis to one of its bounds, where it is smallest.
 
     Attributes:
-        axis: its name.
+        axis: name of the axis.
         quantity: one of :data:`QUANTITIES`.
         unit: of value and bound.
-        value: the largest demand, or the position nearest to an end of the travel.
-        bound: what is there at that moment.
-        margin: what is left of the bound [%]; below 0 it is broken.
-        t: when that is [s].
-        broken: when it is first broken [s]; None where it holds.
+        value: the demand, or the position nearest to an end of the travel.
+        bound: the bound at that time.
+        margin: remaining part of the bound [%]; below 0 the limit is broken.
+        t: time of this value [s].
+        broken: first time at which the limit is broken [s]; None if it holds.
     """
 
     axis: str
@@ -61,9 +62,10 @@ class Limit:
 
     @property
     def over(self) -> str:
-        """By how much it is broken at worst."""
-        much = -self.margin >= 100.0 * (_MOST - 1.0)
-        return f"over {_MOST:.0f} times" if much else f"{max(-self.margin, 0.0):.0f} %"
+        """Largest excess over the bound, as text."""
+        if -self.margin >= 100.0 * (MAX_RATIO - 1.0):
+            return f"over {MAX_RATIO:.0f} times"
+        return f"{max(-self.margin, 0.0):.0f} %"
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,7 @@ class Load:
 def load_of(
     axis: Axis, k: int, motion: AxisMotion, force: Array, impacts: Impacts | None, unknown: Mask
 ) -> Load:
-    """The load of axis number ``k``; arguments as of a check's attributes."""
+    """The load of axis number ``k``; the arguments are attributes of a check."""
     torque = torque_of(axis, motion, force, k)
     available = axis.motor.largest(axis.ratio * motion.velocity[:, k], torque)
     return Load(torque, available, ~unknown, kicks(impacts, axis, k, motion, torque, unknown))
@@ -96,19 +98,19 @@ def limits_of(stand: Stand, axis: Axis, k: int, motion: AxisMotion, load: Load) 
     p, v, acc = motion.position[:, k], motion.velocity[:, k], motion.acceleration[:, k]
     t, unit, file = motion.t, axis.unit, axis.file
     low, high = axis.travel
-    room = np.minimum(p - low, high - p)
-    i = int(np.argmin(room))
-    end = low if p[i] - low < high - p[i] else high
-    made = [
+    to_end = np.minimum(p - low, high - p)
+    nearest = int(np.argmin(to_end))
+    end = low if p[nearest] - low < high - p[nearest] else high
+    limits = [
         Limit(
             axis.name,
             "travel",
             unit,
-            float(p[i]),
+            float(p[nearest]),
             end,
-            100.0 * float(room[i]) / (high - low),
-            float(t[i]),
-            _first(t, room < -_ROUNDING * (high - low)),
+            100.0 * float(to_end[nearest]) / (high - low),
+            float(t[nearest]),
+            _first_time(t, to_end < -ROUNDING * (high - low)),
         )
     ]
     assert file.speed is not None and file.acceleration is not None
@@ -124,12 +126,12 @@ def limits_of(stand: Stand, axis: Axis, k: int, motion: AxisMotion, load: Load) 
     if np.any(load.known):
         torque = np.where(load.known, np.abs(load.torque), 0.0)
         rates.append(("torque", "N m", torque, load.available))
-    for quantity, of, demand, bound in rates:
-        made.append(_rate(axis.name, quantity, of, t, demand, bound))
+    for quantity, unit_of_rate, demand, bound in rates:
+        limits.append(_limit(axis.name, quantity, unit_of_rate, t, demand, bound))
     if load.kicks:
-        worst = min(load.kicks, key=lambda hit: hit.margin)
-        broken = [hit.t for hit in load.kicks if hit.margin < 0.0]
-        made.append(
+        worst = min(load.kicks, key=lambda kick: kick.margin)
+        broken = [kick.t for kick in load.kicks if kick.margin < 0.0]
+        limits.append(
             Limit(
                 axis.name,
                 "catch",
@@ -141,37 +143,37 @@ def limits_of(stand: Stand, axis: Axis, k: int, motion: AxisMotion, load: Load) 
                 min(broken, default=None),
             )
         )
-    return made
+    return limits
 
 
-def _rate(axis: str, quantity: str, unit: str, t: Array, demand: Array, bound: Array) -> Limit:
-    """The limit of a demand (T,) with a bound (T,) of its own at every moment."""
-    share = demand / np.maximum(bound, 1e-12 * max(1.0, float(np.max(bound))))
-    i = int(np.argmax(share))
-    margin = 100.0 * (1.0 - min(float(share[i]), _MOST))
+def _limit(axis: str, quantity: str, unit: str, t: Array, demand: Array, bound: Array) -> Limit:
+    """The limit of a demand (T,) under a bound (T,)."""
+    ratio = demand / np.maximum(bound, 1e-12 * max(1.0, float(np.max(bound))))
+    worst = int(np.argmax(ratio))
+    margin = 100.0 * (1.0 - min(float(ratio[worst]), MAX_RATIO))
     return Limit(
         axis,
         quantity,
         unit,
-        float(demand[i]),
-        float(bound[i]),
+        float(demand[worst]),
+        float(bound[worst]),
         margin,
-        float(t[i]),
-        _first(t, demand > bound * (1.0 + _ROUNDING)),
+        float(t[worst]),
+        _first_time(t, demand > bound * (1.0 + ROUNDING)),
     )
 
 
-def _first(t: Array, broken: Mask) -> float | None:
+def _first_time(t: Array, broken: Mask) -> float | None:
     return float(t[np.argmax(broken)]) if np.any(broken) else None
 
 
 def torque_of(axis: Axis, motion: AxisMotion, force: Array, k: int) -> Array:
-    """(T,) torque of the motor of axis number ``k`` that exerts forces (T, n) [N m]."""
+    """(T,) motor torque of axis number ``k`` for forces (T, n) of all axes [N m]."""
     n, v, acc = axis.ratio, motion.velocity[:, k], motion.acceleration[:, k]
     load = force[:, k] / n
-    drives = np.sign(load * v)  # 1 where the motor drives its load
-    arrives = axis.file.efficiency**-drives
-    torque = load * arrives + axis.inertia * n * acc
+    direction = np.sign(load * v)  # 1 where the motor drives its load
+    gain = axis.file.efficiency**-direction
+    torque = load * gain + axis.inertia * n * acc
     friction = axis.file.friction
     if friction is not None:
         w = n * v

@@ -1,6 +1,6 @@
-"""Motors and transmissions of a stand's axes: what a motor can give, and what a turn of it moves.
+"""Motors and transmissions of a stand's axes: largest torque, and travel per turn.
 
-With gear ratio g and a transmission that moves h per turn, the motor turns by n = 2 pi g / h
+With gear ratio g and a transmission with travel h per turn, the motor turns by n = 2 pi g / h
 radians per metre (or radian) of the axis.
 """
 
@@ -17,15 +17,15 @@ from fantoccini.base import Array
 from fantoccini.base.documents import Model, NotNegative, Size, mistake, read_real, shown
 from fantoccini.model.puppet import Count
 
-_TURN = 2.0 * math.pi
-_POINTS = {
+TURN = 2.0 * math.pi
+CURVE_SCHEMA = {
     "type": "array",
     "minItems": 2,
     "items": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
 }
 
 
-def _torque(value: Any) -> Any:
+def _torque_curve(value: Any) -> Any:
     """A torque curve: one number, or points [turns per second, N m] of increasing speed."""
     if not isinstance(value, list | tuple):
         number = read_real(value)
@@ -54,17 +54,17 @@ def _torque(value: Any) -> Any:
 
 Torque = Annotated[
     tuple[tuple[float, float], ...],
-    BeforeValidator(_torque),
-    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _POINTS]}),
+    BeforeValidator(_torque_curve),
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, CURVE_SCHEMA]}),
 ]
-"""A torque [N m], or points [turns per second, N m], linear between and 0 beyond the last."""
+"""A torque [N m], or a curve of points [turns per second, N m]: linear between them, 0 beyond."""
 
 
-def _of_curve(curve: tuple[tuple[float, float], ...], speed: Array) -> Array:
+def _torque_at(curve: tuple[tuple[float, float], ...], speed: Array) -> Array:
     points = np.array(curve)
     if len(points) == 1:
         return np.full_like(speed, points[0, 1])
-    return np.interp(np.abs(speed) / _TURN, points[:, 0], points[:, 1], right=0.0)
+    return np.interp(np.abs(speed) / TURN, points[:, 0], points[:, 1], right=0.0)
 
 
 class Stepper(Model):
@@ -83,16 +83,16 @@ class Stepper(Model):
 
     @property
     def counts(self) -> int:
-        """Positions that it can be sent to in a turn."""
+        """Microsteps per turn."""
         return self.steps * self.microsteps
 
     def largest(self, speed: Array, torque: Array) -> Array:
         """(...) largest torque [N m] at speeds [rad/s] with the sign of torques [N m]."""
-        return _of_curve(self.torque, speed)
+        return _torque_at(self.torque, speed)
 
 
 class ServoMotor(Model):
-    """A motor with feedback that gives the torque its controller asks for, within a bound."""
+    """A motor with feedback whose controller sets its torque, up to a bound."""
 
     type: Literal["servo"]
     """Kind of motor."""
@@ -105,7 +105,7 @@ class ServoMotor(Model):
 
     def largest(self, speed: Array, torque: Array) -> Array:
         """(...) largest torque [N m] at speeds [rad/s] with the sign of torques [N m]."""
-        return _of_curve(self.torque, speed)
+        return _torque_at(self.torque, speed)
 
 
 class DCMotor(Model):
@@ -142,21 +142,21 @@ class Drum(Model):
     type: Literal["drum"]
     """Kind of transmission."""
     radius: Size | None = None
-    """To the middle of the string [m]."""
+    """Radius to the middle of the string [m]."""
     diameter: Size | None = None
-    """Twice the radius; one of them [m]."""
+    """Twice the radius, given instead of it [m]."""
     inertia: NotNegative = 0.0
     """Moment of inertia of the drum [kg m^2]."""
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuses none and both."""
+        """Raises unless exactly one of radius and diameter is given."""
         if (self.radius is None) == (self.diameter is None):
-            raise mistake("needed: radius or diameter, one of them")
+            raise mistake("needed: either radius or diameter")
 
     @property
     def way(self) -> float:
-        """What a turn moves [m]."""
-        return _TURN * self.radius if self.radius is not None else math.pi * (self.diameter or 0.0)
+        """Travel per turn [m]."""
+        return TURN * self.radius if self.radius is not None else math.pi * (self.diameter or 0.0)
 
 
 class Belt(Model):
@@ -165,15 +165,15 @@ class Belt(Model):
     type: Literal["belt"]
     """Kind of transmission."""
     pitch: Size
-    """From tooth to tooth [m]."""
+    """Distance between teeth [m]."""
     teeth: Annotated[int, Field(ge=4, le=10_000)]
-    """Of the pulley."""
+    """Teeth of the pulley."""
     inertia: NotNegative = 0.0
     """Moment of inertia of all pulleys, at the driven one [kg m^2]."""
 
     @property
     def way(self) -> float:
-        """What a turn moves [m]."""
+        """Travel per turn [m]."""
         return self.pitch * self.teeth
 
 
@@ -183,13 +183,13 @@ class Screw(Model):
     type: Literal["screw"]
     """Kind of transmission."""
     lead: Size
-    """What a turn moves [m]."""
+    """Travel per turn [m]."""
     inertia: NotNegative = 0.0
     """Moment of inertia of the screw [kg m^2]."""
 
     @property
     def way(self) -> float:
-        """What a turn moves [m]."""
+        """Travel per turn [m]."""
         return self.lead
 
 
@@ -199,18 +199,18 @@ class Shaft(Model):
     type: Literal["shaft"]
     """Kind of transmission."""
     inertia: NotNegative = 0.0
-    """Moment of inertia of what turns with the joint beside the puppet's file [kg m^2]."""
+    """Moment of inertia that turns with the joint and is not in the puppet's file [kg m^2]."""
 
     @property
     def way(self) -> float:
-        """What a turn moves [rad]."""
-        return _TURN
+        """Travel per turn [rad]."""
+        return TURN
 
 
 Transmission = Annotated[Drum | Belt | Screw | Shaft, Field(discriminator="type")]
 
 
-def _share(value: float) -> float:
+def _efficiency(value: float) -> float:
     if not 0.0 < value <= 1.0:
         raise mistake(f"found {value:g}; needed: a number above 0, up to 1")
     return value
@@ -219,7 +219,7 @@ def _share(value: float) -> float:
 Efficiency = Annotated[
     float,
     BeforeValidator(read_real),
-    AfterValidator(_share),
+    AfterValidator(_efficiency),
     WithJsonSchema({"type": "number", "exclusiveMinimum": 0, "maximum": 1}),
 ]
 
@@ -228,8 +228,8 @@ class AxisFriction(Model):
     """Friction torque at the motor: viscous w + coulomb w / sqrt(w^2 + speed^2)."""
 
     viscous: NotNegative = 0.0
-    """[N m s]"""
+    """Viscous coefficient [N m s]."""
     coulomb: NotNegative = 0.0
-    """[N m]"""
+    """Coulomb friction [N m]."""
     speed: Size = 0.05
     """Speed at which Coulomb friction is 0.7 of its full value [rad/s]."""

@@ -1,7 +1,7 @@
 """Packets of axis positions for controllers on a network: Open Sound Control and Art-Net.
 
-OSC: a bundle with the time at which it is due; in it a message for every axis, with its position
-[m or rad] as a 32-bit float. Art-Net: an ArtDmx packet; the travel of an axis with b bits is
+OSC: a bundle, tagged with the time at which it is due, with one message for every axis: its
+position [m or rad] as a 32-bit float. Art-Net: an ArtDmx packet; an axis with b bits has the value
 
     value = rint((2^b - 1) (p - low) / (high - low)),   the coarse channel before the fine one
 """
@@ -16,53 +16,55 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, MissingLibraryError, StandError
 from fantoccini.stand.axes import Axis, axes_of
-from fantoccini.stand.controllers import MOST_FRAMES, ArtNet, Osc
+from fantoccini.stand.controllers import MAX_FRAME_RATE, ArtNet, Osc
 from fantoccini.stand.stand_file import Stand
 
-HEADER = struct.Struct("<8sH")
-"""Of all packets of Art-Net: name and kind."""
-REST = struct.Struct(">HBBBBH")
-"""Of an ArtDmx packet: version, sequence, physical port, low and high part of the universe, and
-length."""
+PACKET_HEADER = struct.Struct("<8sH")
+"""First fields of every Art-Net packet: name and kind."""
+DMX_HEADER = struct.Struct(">HBBBBH")
+"""Further fields of an ArtDmx packet: version, sequence number, physical port, low and high byte of
+the universe, length."""
 NAME, OUTPUT, VERSION = b"Art-Net\0", 0x5000, 14
 CHANNELS = 512
-"""Of a universe."""
+"""Channels of a universe."""
 
 _ADDRESS = re.compile(r"(?:/[^\s#*,/?\[\]{}]+)+", re.ASCII)
 
 
 class Packets(Protocol):
-    """How positions become packets."""
+    """Encoder of axis positions as packets."""
 
     def encode(self, position: Array, when: float) -> bytes:
-        """The packet of positions (n,) [m or rad] that are due at a time [s of the epoch]."""
+        """The packet for positions (n,) [m or rad] that are due at a time [s since the epoch]."""
 
     def told(self, position: Array) -> str:
-        """What is in it, in words."""
+        """The packet's contents as text."""
 
 
 def packets_of(stand: Stand, controller: Any, rate: float) -> Packets:
-    """What makes packets for a stand's controller.
+    """The encoder of packets for a stand's controller.
 
     Raises:
-        StandError: the controller takes none, or not so many per second.
-        FileError: it has other names.
+        StandError: the controller takes no packets, or not at this rate.
+        FileError: a name in the file is not an address or channel.
         MissingLibraryError: python-osc is not installed.
     """
     if isinstance(controller, Osc):
         return OscPackets(addresses(stand, controller))
     if not isinstance(controller, ArtNet):
         raise StandError(f"{controller.type} takes no packets; needed: --controller osc or artnet")
-    if rate > MOST_FRAMES:
-        raise StandError(f"found {rate:g} set points per second; DMX takes at most {MOST_FRAMES:g}")
+    if rate > MAX_FRAME_RATE:
+        raise StandError(
+            f"found {rate:g} set points per second; DMX takes at most {MAX_FRAME_RATE:g}"
+        )
     return ArtNetPackets(axes_of(stand), channels(stand, controller), controller)
 
 
 class OscPackets:
-    """Bundles of OSC.
+    """Encoder of OSC bundles.
 
     Args:
-        addresses: of the axes.
+        addresses: one for each axis.
     """
 
     def __init__(self, addresses: tuple[str, ...]):
@@ -74,7 +76,7 @@ class OscPackets:
         self.addresses, self._bundle, self._message = addresses, OscBundleBuilder, OscMessageBuilder
 
     def encode(self, position: Array, when: float) -> bytes:
-        """As of :class:`Packets`."""
+        """The bundle for positions, as in :class:`Packets`."""
         bundle = self._bundle(when)
         for address, value in zip(self.addresses, position, strict=True):
             message = self._message(address)
@@ -84,20 +86,21 @@ class OscPackets:
         return data
 
     def told(self, position: Array) -> str:
-        """Addresses with their positions."""
+        """Every address with its position."""
         pairs = zip(self.addresses, position, strict=True)
         return " ".join(f"{address} {np.float32(value)}" for address, value in pairs)
 
 
 class ArtNetPackets:
-    """ArtDmx packets, without sequence numbers (0).
+    """Encoder of ArtDmx packets, with sequence numbers disabled (0).
 
-    Receivers that count would leave out what a sender that begins again sends first, and jump then.
+    A receiver that checks sequence numbers would drop the first packets of a restarted sender, and
+    then jump.
 
     Args:
         axes: n axes.
         first: (n,) first channel of each, from 1.
-        controller: as written.
+        controller: the controller in the stand's file.
     """
 
     def __init__(self, axes: tuple[Axis, ...], first: tuple[int, ...], controller: ArtNet):
@@ -105,8 +108,8 @@ class ArtNetPackets:
         self.low, self.high = np.array([axis.travel for axis in axes]).T
 
     @property
-    def wide(self) -> int:
-        """Channels of an axis."""
+    def n_channels(self) -> int:
+        """Number of channels per axis."""
         return self.controller.bits // 8
 
     @property
@@ -115,26 +118,28 @@ class ArtNetPackets:
         return int(2**self.controller.bits - 1)
 
     def values(self, position: Array) -> Indices:
-        """(..., n) numbers of positions (..., n) [m or rad]."""
+        """(..., n) channel values for positions (..., n) [m or rad]."""
         share = np.clip((position - self.low) / (self.high - self.low), 0.0, 1.0)
         return np.asarray(np.rint(self.largest * share).astype(np.int64))
 
     def positions(self, values: Indices) -> Array:
-        """(..., n) positions [m or rad] of numbers (..., n)."""
+        """(..., n) positions [m or rad] for channel values (..., n)."""
         return np.asarray(self.low + values * (self.high - self.low) / self.largest)
 
     def encode(self, position: Array, when: float) -> bytes:
-        """As of :class:`Packets`; Art-Net has no times."""
-        n = max(self.first) + self.wide - 1
+        """The packet for positions, as in :class:`Packets`; Art-Net has no time tags."""
+        n = max(self.first) + self.n_channels - 1
         data = bytearray(n + n % 2)
         for first, value in zip(self.first, self.values(position), strict=True):
-            data[first - 1 : first - 1 + self.wide] = int(value).to_bytes(self.wide, "big")
+            data[first - 1 : first - 1 + self.n_channels] = int(value).to_bytes(
+                self.n_channels, "big"
+            )
         high, low = divmod(self.controller.universe, 256)
-        rest = REST.pack(VERSION, 0, 0, low, high, len(data))
-        return HEADER.pack(NAME, OUTPUT) + rest + data
+        rest = DMX_HEADER.pack(VERSION, 0, 0, low, high, len(data))
+        return PACKET_HEADER.pack(NAME, OUTPUT) + rest + data
 
     def told(self, position: Array) -> str:
-        """First channels with their numbers."""
+        """Every axis' first channel with its value."""
         pairs = zip(self.first, self.values(position), strict=True)
         return " ".join(f"{first}={value}" for first, value in pairs)
 
@@ -143,57 +148,57 @@ def addresses(stand: Stand, controller: Osc) -> tuple[str, ...]:
     """OSC addresses of a stand's axes; ``/NAME`` by default.
 
     Raises:
-        FileError: one is none, or two are the same.
+        FileError: a name is not an OSC address, or two are the same.
     """
-    out: list[str] = []
-    found = []
+    addresses: list[str] = []
+    mistakes = []
     for axis in stand.axes:
         address = str(controller.names.get(axis, f"/{axis}"))
         if not _ADDRESS.fullmatch(address) or not address.isascii():
             text = f"found {address!r}; needed: an OSC address, such as /{axis}"
-            found.append((("controller", "names", axis), text))
-        elif address in out:
+            mistakes.append((("controller", "names", axis), text))
+        elif address in addresses:
             text = f"found {address!r} twice; needed: an address of its own"
-            found.append((("controller", "names", axis), text))
-        out.append(address)
-    stand.refuse([*found])
-    return tuple(out)
+            mistakes.append((("controller", "names", axis), text))
+        addresses.append(address)
+    stand.refuse([*mistakes])
+    return tuple(addresses)
 
 
 def channels(stand: Stand, controller: ArtNet) -> tuple[int, ...]:
     """First DMX channels of a stand's axes, from 1; the first free ones by default.
 
     Raises:
-        FileError: one is none, or two overlap.
-        StandError: the universe has too few.
+        FileError: a name is not a channel, or two axes overlap.
+        StandError: the universe has too few channels.
     """
-    wide = controller.bits // 8
-    last = CHANNELS + 1 - wide
-    own: dict[str, int] = {}
-    taken: set[int] = set()
-    found = []
+    n_channels = controller.bits // 8
+    last = CHANNELS + 1 - n_channels
+    first: dict[str, int] = {}
+    used: set[int] = set()
+    mistakes = []
     for axis, name in controller.names.items():
         if not str(name).isdecimal() or not 1 <= int(name) <= last:
             text = f"found {name!r}; needed: a channel, 1 to {last}"
-        elif taken & set(range(int(name), int(name) + wide)):
-            text = f"found {name!r}; needed: {wide} channels of its own"
+        elif used & set(range(int(name), int(name) + n_channels)):
+            text = f"found {name!r}; needed: {n_channels} channels of its own"
         else:
-            own[axis] = int(name)
-            taken |= set(range(int(name), int(name) + wide))
+            first[axis] = int(name)
+            used |= set(range(int(name), int(name) + n_channels))
             continue
-        found.append((("controller", "names", axis), text))
-    stand.refuse([*found])
-    at = 1
+        mistakes.append((("controller", "names", axis), text))
+    stand.refuse([*mistakes])
+    channel = 1
     for axis in stand.axes:
-        if axis in own:
+        if axis in first:
             continue
-        while taken & set(range(at, at + wide)):
-            at += 1
-        own[axis] = at
-        at += wide
-    if max(own.values()) > last:
+        while used & set(range(channel, channel + n_channels)):
+            channel += 1
+        first[axis] = channel
+        channel += n_channels
+    if max(first.values()) > last:
         raise StandError(
-            f"a universe has {CHANNELS} channels, and {len(own)} axes of {wide} do not fit beside "
-            "each other; needed: bits: 8, or fewer axes"
+            f"a universe has {CHANNELS} channels, too few for {len(first)} axes of "
+            f"{n_channels}; needed: bits: 8, or fewer axes"
         )
-    return tuple(own[axis] for axis in stand.axes)
+    return tuple(first[axis] for axis in stand.axes)

@@ -17,16 +17,16 @@ from fantoccini.stand.gcode_text import gcode, macro
 from fantoccini.stand.points import SetPoints
 
 ENDINGS = (".csv", ".gcode", ".nc", ".cfg", ".json", ".yaml", ".yml")
-"""Of files that can be written."""
-_MIDDLE, _TURN = 2048, 4096
-"""Of a Dynamixel: position at 0, and counts per turn."""
+"""Endings of files that can be written."""
+DYNAMIXEL_CENTRE, COUNTS_PER_TURN = 2048, 4096
+"""Counts of a Dynamixel at position 0, and per turn."""
 
 
 def save_points(points: SetPoints, path: str | os.PathLike[str]) -> Path:
-    """Writes set points to a file; its ending and the controller select what is in it.
+    """Writes set points to a file; its ending and the controller select the format.
 
     Raises:
-        StandError: the controller takes no such file, or cannot keep the times.
+        StandError: the controller does not read such a file, or cannot keep the times.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -49,22 +49,22 @@ def save_points(points: SetPoints, path: str | os.PathLike[str]) -> Path:
 
 
 def table(points: SetPoints) -> str:
-    """CSV: time, then every axis, in what the controller counts in.
+    """CSV text: time, then every axis, in the controller's units.
 
-    Positions [m or rad]; turns and turns per second of the motor for ODrive; counts for Dynamixel.
+    ODrive: turns of the motor and turns per second; Dynamixel: counts; others: [m or rad].
     """
     motion, controller, axes = points.whole(), points.controller, points.axes
     names = [str(controller.names.get(axis.name, axis.name)) for axis in axes]
     for name in names:
         if "," in name or '"' in name:
-            raise StandError(f'controller names: found {name!r}; needed: a name without , and "')
+            raise StandError(f'controller names: found {name!r}; needed: a name without , or "')
     turns = np.array([axis.direction * axis.ratio / (2.0 * math.pi) for axis in axes])
     if isinstance(controller, ODrive):
-        head = [f"{name}.{what}" for name in names for what in ("position", "velocity")]
+        head = [f"{name}.{quantity}" for name in names for quantity in ("position", "velocity")]
         values = np.stack([motion.position * turns, motion.velocity * turns], axis=2)
         rows = values.reshape(len(motion), -1)
     elif isinstance(controller, Dynamixel):
-        head, rows = names, np.rint(_MIDDLE + _TURN * motion.position * turns)
+        head, rows = names, np.rint(DYNAMIXEL_CENTRE + COUNTS_PER_TURN * motion.position * turns)
     else:
         units = ["m" if axis.unit == "m" else "rad" for axis in axes]
         head = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]

@@ -1,4 +1,4 @@
-"""Set points: where a stand's axes are to be at what time, and what comes before and after."""
+"""Set points: positions of a stand's axes over time, with the moves before and after the motion."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from fantoccini.stand.stand_file import Stand, load_stand
 GCODE_RATE = 50.0
 """Set points per second of G-code."""
 GENTLE = 0.2
-"""Of an axis' largest speed, with which it goes to the start and is parked."""
-PULL_OFF = 0.002
-"""Of the switch, after homing and where it is parked [m or rad]."""
+"""Speed of moves to the start and to the parking position, over an axis' largest speed."""
+PULL_OFF_DISTANCE = 0.002
+"""Distance from the switch after homing and when parked [m or rad]."""
 TYPES = (
     "grbl",
     "fluidnc",
@@ -46,12 +46,12 @@ class SetPoints:
 
     Attributes:
         map: the stand, bound to the puppet.
-        controller: that takes them.
+        controller: the controller that takes them.
         rate: points per second; the last interval may be shorter.
         motion: positions, velocities and accelerations at times from 0 on.
-        home: whether the controller finds the axes' places first.
-        slack: by how much drums pay out and wind in again before the start [m].
-        park: whether the axes go home in the end.
+        home: whether the controller homes the axes first.
+        slack: length that drums let out and wind in again before the start [m].
+        park: whether the axes go home at the end.
     """
 
     map: AxisMap
@@ -80,34 +80,34 @@ class SetPoints:
         return np.rint(self.motion.position * [axis.counts for axis in self.axes]).astype(np.int64)
 
     def at_home(self) -> Array:
-        """(n,) where the axes stand after homing; where the motion ends for those without."""
-        out = self.motion.position[-1].copy()
+        """(n,) positions after homing; an axis without `home` stays where the motion ends."""
+        position = self.motion.position[-1].copy()
         for k, axis in enumerate(self.axes):
             home = axis.file.home
             if home is not None:
-                out[k] = home.at + PULL_OFF * (1.0 if home.towards == "min" else -1.0)
-        return out
+                position[k] = home.at + PULL_OFF_DISTANCE * (1.0 if home.towards == "min" else -1.0)
+        return position
 
     def legs_before(self) -> list[Array]:
-        """Positions (n,) to which the axes go before the motion, the last of them its start."""
+        """Positions (n,) to which the axes go before the motion; the last one is its start."""
         start, legs = self.motion.position[0], []
         if self.slack:
-            out = start.copy()
+            position = start.copy()
             for k, axis in enumerate(self.axes):
                 if isinstance(axis.transmission, Drum):
-                    out[k] += self.slack * _pays_out(axis)
-            legs.append(out)
+                    position[k] += self.slack * _unwinding_direction(axis)
+            legs.append(position)
         return [*legs, start] if legs or self.home else []
 
     def leg_after(self) -> Array | None:
-        """Positions (n,) where the axes are parked."""
+        """Parking positions (n,) of the axes; None without parking."""
         return self.at_home() if self.park else None
 
     def whole(self) -> AxisMotion:
-        """The motion with smooth moves before and after, from t = 0 on.
+        """The motion together with smooth moves before and after it, from t = 0 on.
 
         Raises:
-            StandError: they begin with homing, which only G-code can ask for.
+            StandError: it begins with homing, which only G-code can request.
         """
         if self.home:
             raise StandError(
@@ -130,20 +130,20 @@ class SetPoints:
         return AxisMotion(self.axes, t, p, v, a)
 
     def _leg(self, first: Array, last: Array) -> tuple[Array, Array, Array, Array]:
-        """A smooth move from rest to rest at the points' rate."""
-        far = np.abs(last - first)
+        """A smooth move from rest to rest, sampled at the points' rate."""
+        distance = np.abs(last - first)
         speed = GENTLE * np.array([axis.file.speed for axis in self.axes])
         acceleration = np.array([axis.file.acceleration for axis in self.axes])
-        need = polynomial.minimum_jerk_duration(far, speed, acceleration)
-        n = max(1, int(np.ceil(need * self.rate)))
+        duration = polynomial.minimum_jerk_duration(distance, speed, acceleration)
+        n = max(1, int(np.ceil(duration * self.rate)))
         T = n / self.rate
         s = np.arange(n + 1)[:, None] / n
-        way, (share, rate, curve) = last - first, polynomial.minimum_jerk(s)
+        displacement, (share, rate, curve) = last - first, polynomial.minimum_jerk(s)
         return (
             np.arange(n + 1) / self.rate,
-            first + way * share,
-            way * rate / T,
-            way * curve / T**2,
+            first + displacement * share,
+            displacement * rate / T,
+            displacement * curve / T**2,
         )
 
 
@@ -163,14 +163,14 @@ def set_points(
 
     Args:
         stand: a stand, its file or the name of a bundled one.
-        run: what it is to do.
-        marionette: the run's puppet, where the run does not say.
+        run: the run.
+        marionette: the run's puppet, needed if the run does not describe it.
         rate: points per second; the controller's by default, 50 for G-code.
         controller: kind of controller instead of the stand's, with its default values.
-        home: let the controller find the axes' places first (G-code).
-        slack: by how much drums pay out and wind in again before the start [m].
-        park: go home in the end.
-        anyway: also what :func:`check_stand` says that the stand cannot do.
+        home: let the controller home the axes first (G-code).
+        slack: length that drums let out and wind in again before the start [m].
+        park: go home at the end.
+        anyway: export the run even if :func:`check_stand` finds that the stand cannot do it.
 
     Raises:
         FileError: the stand does not fit the run, or has no controller.
@@ -178,8 +178,8 @@ def set_points(
     """
     if not isinstance(stand, Stand):
         stand = load_stand(stand)
-    kind = controller_of(stand, controller)
-    rate = getattr(kind, "rate", GCODE_RATE) if rate is None else rate
+    chosen = controller_of(stand, controller)
+    rate = getattr(chosen, "rate", GCODE_RATE) if rate is None else rate
     if not 1.0 <= rate <= 10_000.0:
         raise ValueError(f"rate: found {rate:g}; needed: 1 to 10000 set points per second")
     if not 0.0 <= slack <= 1.0:
@@ -195,24 +195,24 @@ def set_points(
     bound = AxisMap.of(stand, run.coordinates)
     moved = bound.motion_of(run, run.t[0] + t)
     motion = AxisMotion(moved.axes, t, moved.position, moved.velocity, moved.acceleration)
-    made = SetPoints(bound, kind, rate, motion, home, slack, park)
-    _refuse_sequences(stand, made)
-    return made
+    points = SetPoints(bound, chosen, rate, motion, home, slack, park)
+    _check_sequences(stand, points)
+    return points
 
 
-def _refuse_sequences(stand: Stand, made: SetPoints) -> None:
-    """Raises an error where homing, slack or parking cannot be."""
-    homeless = [axis.name for axis in made.axes if axis.file.home is None]
-    if (made.home or made.park) and homeless:
-        text = f"this key is missing; homing and parking need it of every axis ({homeless[0]})"
-        stand.refuse([(("axes", homeless[0], "home"), text)])
-    for leg in made.legs_before():
-        for k, axis in enumerate(made.axes):
+def _check_sequences(stand: Stand, points: SetPoints) -> None:
+    """Raises an error if homing, slack or parking is impossible."""
+    without_home = [axis.name for axis in points.axes if axis.file.home is None]
+    if (points.home or points.park) and without_home:
+        text = f"this key is missing; homing and parking need it for every axis ({without_home[0]})"
+        stand.refuse([(("axes", without_home[0], "home"), text)])
+    for leg in points.legs_before():
+        for k, axis in enumerate(points.axes):
             low, high = axis.travel
-            if made.slack and not low <= leg[k] <= high:
+            if points.slack and not low <= leg[k] <= high:
                 raise StandError(
-                    f"{axis.name} would go to {leg[k]:.4g} {axis.unit} to pay out slack of "
-                    f"{made.slack:g} m, and its travel is {low:g} to {high:g}"
+                    f"{axis.name} would go to {leg[k]:.4g} {axis.unit} to let out slack of "
+                    f"{points.slack:g} m, but its travel is {low:g} to {high:g}"
                 )
 
 
@@ -220,14 +220,14 @@ def controller_of(stand: Stand, kind: str | None = None) -> Any:
     """The controller of a stand, or one of another kind with its default values.
 
     Raises:
-        FileError: the stand names none, or there is no such kind.
+        FileError: the stand has no controller, or there is no such kind.
     """
-    own = stand.controller
-    if kind is None or (own is not None and own.type == kind):
-        if own is None:
-            text = "this key is missing: it says what takes the set points; or give --controller"
+    controller = stand.controller
+    if kind is None or (controller is not None and controller.type == kind):
+        if controller is None:
+            text = "this key is missing: it names the controller; or give --controller"
             stand.refuse([(("controller",), text)])
-        return own
+        return controller
     if kind not in TYPES:
         text = f"found {kind!r}{nearest(kind, TYPES)}"
         raise FileError([Mistake("--controller", None, "", text)])
@@ -238,7 +238,7 @@ def controller_of(stand: Stand, kind: str | None = None) -> Any:
         raise AssertionError(kind) from error
 
 
-def _pays_out(axis: Axis) -> float:
-    """1 where a drum's string gets longer as its position grows, else -1."""
-    wound = [factor for name, factor in axis.file.moves.items() if name.endswith(".length")]
-    return float(np.sign(wound[0])) if wound else 1.0
+def _unwinding_direction(axis: Axis) -> float:
+    """1 if a drum's string gets longer as its position grows, else -1."""
+    factors = [factor for name, factor in axis.file.moves.items() if name.endswith(".length")]
+    return float(np.sign(factors[0])) if factors else 1.0

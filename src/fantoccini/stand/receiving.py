@@ -1,4 +1,4 @@
-"""An emulated stand at the other end of a network: it hears packets, and its motors follow."""
+"""An emulated stand at the other end of a network: it receives packets, and its motors follow."""
 
 from __future__ import annotations
 
@@ -12,32 +12,40 @@ from fantoccini.base import AddressError, Array, MissingLibraryError, StandError
 from fantoccini.stand.axes import axes_of
 from fantoccini.stand.controllers import ArtNet, Osc
 from fantoccini.stand.gcode_text import units
-from fantoccini.stand.packets import HEADER, NAME, OUTPUT, REST, ArtNetPackets, addresses, channels
+from fantoccini.stand.packets import (
+    DMX_HEADER,
+    NAME,
+    OUTPUT,
+    PACKET_HEADER,
+    ArtNetPackets,
+    addresses,
+    channels,
+)
 from fantoccini.stand.stand_file import Stand
 
 WATCHDOG = 0.5
-"""Time without packets after which the motors are stopped [s]."""
-_LARGEST = 65_536
-_PAUSE = 0.05
-"""Interval at which the thread looks whether it is to end [s]."""
+"""Time without packets after which the watchdog stops the motors [s]."""
+MAX_DATAGRAM = 65_536
+STOP_CHECK_INTERVAL = 0.05
+"""Interval at which the thread checks its stop flag [s]."""
 
 
 class Receiver:
-    """Motors that go to where packets send them, in a thread of its own.
+    """Emulated motors that go to the positions in the packets received; runs in its own thread.
 
     Args:
-        stand: with its axes.
+        stand: the stand.
         controller: osc or artnet.
-        host, port: where it listens; the controller's by default, and a free port for 0.
+        host, port: address to listen on; the controller's by default, and a free port for 0.
 
     Attributes:
-        address: where it listens.
-        wrong: packets that were none.
-        stops: how often the watchdog stopped the motors.
+        address: the address it listens on.
+        wrong: number of packets that could not be read.
+        stops: number of times the watchdog stopped the motors.
 
     Raises:
         StandError: it cannot listen there, or the controller takes no packets.
-        FileError: the controller has wrong names.
+        FileError: the stand's file has wrong names of axes.
         MissingLibraryError: python-osc is not installed.
     """
 
@@ -47,15 +55,15 @@ class Receiver:
         self._read = _reader(stand, controller)
         axes = axes_of(stand)
         self._counts, self._scale = np.array([a.counts for a in axes]), units(axes)
-        there = (host or controller.host, controller.port if port is None else port)
+        endpoint = (host or controller.host, controller.port if port is None else port)
         try:
-            self._socket = socket_at(*there, many=True)
+            self._socket = socket_at(*endpoint, many=True)
         except AddressError as error:
             raise StandError(str(error)) from None
-        self._socket.settimeout(_PAUSE)
+        self._socket.settimeout(STOP_CHECK_INTERVAL)
         self.address: tuple[str, int] = self._socket.getsockname()[:2]
         self.wrong = self.stops = 0
-        self._heard: list[tuple[float, Array]] = []
+        self._received: list[tuple[float, Array]] = []
         self._moving = False
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="stand", daemon=True)
@@ -74,25 +82,25 @@ class Receiver:
         self._socket.close()
 
     def __len__(self) -> int:
-        return len(self._heard)
+        return len(self._received)
 
     @property
     def silent(self) -> bool:
         """Whether the watchdog has stopped the motors."""
-        return bool(self._heard) and not self._moving
+        return bool(self._received) and not self._moving
 
     @property
     def t(self) -> Times:
-        """(T,) when packets came, from the first one on [s]."""
-        return np.array([when - self._heard[0][0] for when, _ in self._heard])
+        """(T,) arrival times of the packets, from the first one on [s]."""
+        return np.array([when - self._received[0][0] for when, _ in self._received])
 
     @property
     def steps(self) -> Array:
-        """(T, n) microsteps or counts where the motors were sent."""
-        return np.rint(np.array([p for _, p in self._heard]) * self._counts)
+        """(T, n) positions received, in microsteps or counts."""
+        return np.rint(np.array([p for _, p in self._received]) * self._counts)
 
     def positions(self, t: Times) -> Array:
-        """(T, n) where the motors were [mm or deg]: whole steps, even between packets."""
+        """(T, n) motor positions [mm or deg]: whole steps, linear in time between packets."""
         at = self.steps / self._counts * self._scale
         return np.stack([np.interp(t, self.t, x) for x in at.T], axis=-1)
 
@@ -103,7 +111,7 @@ class Receiver:
                 self._moving = False
                 self.stops += 1
             try:
-                data = self._socket.recv(_LARGEST)
+                data = self._socket.recv(MAX_DATAGRAM)
             except OSError:
                 continue
             position = self._read.position(data)
@@ -111,7 +119,7 @@ class Receiver:
                 self.wrong += 1
                 continue
             last = time.monotonic()
-            self._heard.append((last, position))
+            self._received.append((last, position))
             self._moving = True
 
 
@@ -132,15 +140,15 @@ class _OscReader:
         self._packet, self._addresses = OscPacket, addresses
 
     def position(self, data: bytes) -> Array | None:
-        """(n,) of a packet; None where it is none."""
+        """(n,) positions in a packet; None if it cannot be read."""
         try:
             messages = [timed.message for timed in self._packet(data).messages]
-            found = {m.address: float(m.params[0]) for m in messages if len(m.params) == 1}
+            values = {m.address: float(m.params[0]) for m in messages if len(m.params) == 1}
         except Exception:  # python-osc raises more than its own on broken datagrams
             return None
-        if any(address not in found for address in self._addresses):
+        if any(address not in values for address in self._addresses):
             return None
-        position = np.array([found[address] for address in self._addresses])
+        position = np.array([values[address] for address in self._addresses])
         return position if np.all(np.isfinite(position)) else None
 
 
@@ -150,13 +158,14 @@ class _ArtNetReader:
         self._universe = controller.universe
 
     def position(self, data: bytes) -> Array | None:
-        """(n,) of a packet; None where it is none, or for others."""
-        size = HEADER.size + REST.size
-        if len(data) < size or HEADER.unpack_from(data) != (NAME, OUTPUT):
+        """(n,) positions in a packet; None if it cannot be read or is for another universe."""
+        size = PACKET_HEADER.size + DMX_HEADER.size
+        if len(data) < size or PACKET_HEADER.unpack_from(data) != (NAME, OUTPUT):
             return None
-        _, _, _, low, high, length = REST.unpack_from(data, HEADER.size)
-        slots, first, wide = data[size : size + length], self._packets.first, self._packets.wide
-        if 256 * high + low != self._universe or len(slots) < max(first) + wide - 1:
+        _, _, _, low, high, length = DMX_HEADER.unpack_from(data, PACKET_HEADER.size)
+        slots, first = data[size : size + length], self._packets.first
+        n_channels = self._packets.n_channels
+        if 256 * high + low != self._universe or len(slots) < max(first) + n_channels - 1:
             return None
-        values = [int.from_bytes(slots[k - 1 : k - 1 + wide], "big") for k in first]
+        values = [int.from_bytes(slots[k - 1 : k - 1 + n_channels], "big") for k in first]
         return self._packets.positions(np.array(values))

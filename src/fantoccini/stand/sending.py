@@ -1,8 +1,8 @@
-"""Set points sent over a network in real time: one packet after the other, each when it is due.
+"""Set points sent over a network in real time, one packet at a time, each when it is due.
 
-A controller that takes packets has no buffer, so the sender keeps the time: it goes along the path
-p(s) with ds/dt = 1. A hold lets ds/dt fall evenly to 0, and going on lets it rise again, so the
-axes stay on their path: velocity p' ds/dt, acceleration p'' (ds/dt)^2 + p' d2s/dt2.
+A controller that takes packets has no buffer, so the sender keeps the time: it follows the path
+p(s) with ds/dt = 1. A hold lowers ds/dt evenly to 0, and going on raises it again, so the axes stay
+on their path: velocity p' ds/dt, acceleration p'' (ds/dt)^2 + p' d2s/dt2.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from fantoccini.stand.points import SetPoints
 from fantoccini.stand.streaming import STOPPED
 
 REPEATED = 0.25
-"""For so long the first position is sent before the motion, and the last one after it [s]."""
+"""Time for which the first position is repeated before the motion, and the last after it [s]."""
 LATEST = 0.1
-"""How late a packet may be [s]; after a longer pause the axes would jump."""
-SOFT = 2.0
-"""How much longer a hold takes than the axes need to stop from their largest speed."""
+"""Largest delay of a packet [s]; after a longer pause the axes would jump."""
+HOLD_TIME_FACTOR = 2.0
+"""Duration of a hold's slowing down over the time that the axes need from their largest speed."""
 
 Send = Callable[[bytes], object]
-"""Sends a packet."""
+"""Function that sends a packet."""
 
 
 @dataclass
 class Sending:
-    """How far the set points are, and how well they kept the time.
+    """Progress and delays of set points sent over a network.
 
     Attributes:
-        sent: packets that were sent.
-        dropped: set points that were too late, and were left out.
-        times: of the set points that were sent, in order [s].
-        late: by how much each of them was late [s].
-        lost: set when nobody listens any more while the motion is held.
+        sent: number of packets sent.
+        dropped: number of set points left out because they were too late.
+        times: of the set points sent, in order [s].
+        late: their delays [s].
+        lost: set if the receiver disappears while the motion is held.
     """
 
     sent: int = 0
@@ -64,12 +64,12 @@ class Sending:
 
     @property
     def latest(self) -> float:
-        """The largest lateness [s]."""
+        """The largest delay [s]."""
         return max(self.late, default=0.0)
 
     @property
     def jitter(self) -> float:
-        """Standard deviation of the lateness [s]."""
+        """Standard deviation of the delays [s]."""
         return float(np.std(self.late)) if self.late else 0.0
 
 
@@ -85,64 +85,70 @@ def send_points(
 ) -> Sending:
     """Sends set points as packets, and returns when the last one was due.
 
-    A set point whose successor is due already is left out; packets never come in bunches.
+    A set point is left out if its successor is due already; packets are never sent in bunches.
 
     Args:
-        points: for a controller that takes packets.
-        send: sends one.
-        first: time of the set points to begin at [s], from rest. The axes must stand there, as
-            after a hold: the first packet sends them there, as fast as they are.
-        hold: set from elsewhere to hold all motion, softly.
-        go_on: then asked whether to go on or to stop, while the held position is sent on; it may
-            return once ``lost`` is set, what it says does not count then.
-        counts: to count in, for who catches what interrupts.
-        latest: how late a packet may be [s]; ``LATEST`` by default.
+        points: set points for a controller that takes packets.
+        send: sends a packet.
+        first: time in the set points at which to begin, from rest [s]. The axes must be there, as
+            after a hold: the first packet sends them there at their full speed.
+        hold: event that another thread sets to hold all motion, softly.
+        go_on: callback that decides, during a hold, whether to go on; meanwhile the held position
+            is repeated. If ``lost`` is set it should return, and its answer is ignored.
+        counts: object that is updated, so that it is available after an exception.
+        latest: largest delay of a packet [s]; ``LATEST`` by default.
 
     Raises:
-        PacketError: nobody listens, the sender is too late, or it was held and stopped.
-        StandError, FileError: as of :func:`packets_of`, and there is nothing to go on from.
+        PacketError: there is no receiver, the sender is too late, or it was held and stopped.
+        StandError, FileError: as for :func:`packets_of`; or ``first`` is not within the motion.
     """
-    sender = _Sender(points, send, counts or Sending(), LATEST if latest is None else latest)
+    sender = Sender(points, send, counts or Sending(), LATEST if latest is None else latest)
     check_first(first, sender.end)
-    sender.stand(first)
-    sender.go(first, hold or threading.Event(), go_on, soft=first > 0.0)
-    sender.stand(sender.end)
+    sender.repeat(first)
+    sender.follow(first, hold or threading.Event(), go_on, from_rest=first > 0.0)
+    sender.repeat(sender.end)
     return sender.counts
 
 
 def check_first(first: float, end: float) -> None:
-    """Raises a StandError unless set points that last so long have a time to go on from [s]."""
+    """Raises a StandError unless 0 <= first < end [s]."""
     if not 0.0 <= first < end:
         raise StandError(f"found {first:g} s to go on from; the set points last {end:g} s")
 
 
-class _Sender:
+class Sender:
+    """Sender of one stream of set points."""
+
     def __init__(self, points: SetPoints, send: Send, counts: Sending, latest: float):
         motion = points.whole()
         self.packets = packets_of(points.map.stand, points.controller, points.rate)
         self.path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
         self.end = float(motion.t[-1])
         self.interval = 1.0 / points.rate
-        self.stops = SOFT * max(
+        self.stop_time = HOLD_TIME_FACTOR * max(
             (a.file.speed or 0.0) / (a.file.acceleration or np.inf) for a in points.axes
         )
         self.send, self.counts, self.latest = send, counts, latest
-        self.due, self.epoch = time.monotonic(), _epoch()
+        self.due, self.epoch = time.monotonic(), _monotonic_epoch()
 
-    def stand(self, t: float) -> None:
-        """Sends one position for a while."""
+    def repeat(self, t: float) -> None:
+        """Repeats the position of a time for ``REPEATED``."""
         for _ in range(max(2, round(REPEATED / self.interval))):
             self.due += self.interval
-            self._at(t)
+            self._send_when_due(t)
 
-    def go(
-        self, t: float, hold: threading.Event, go_on: Callable[[Sending], bool] | None, soft: bool
+    def follow(
+        self,
+        t: float,
+        hold: threading.Event,
+        go_on: Callable[[Sending], bool] | None,
+        from_rest: bool,
     ) -> None:
-        """Goes along the path from a time on."""
-        rate, goal, most = (0.0 if soft else 1.0), 1.0, self.interval / self.stops
+        """Follows the path from a time on, to its end."""
+        rate, goal, max_change = (0.0 if from_rest else 1.0), 1.0, self.interval / self.stop_time
         self.due += self.interval
         while True:
-            self._at(t)
+            self._send_when_due(t)
             if hold.is_set():
                 hold.clear()
                 goal = 0.0
@@ -151,22 +157,22 @@ class _Sender:
                 goal = 1.0
             if t >= self.end:
                 return
-            behind = time.monotonic() - self.due - self.interval
-            if behind > self.latest:
-                raise self._too_late(t, behind)
-            for left_out in reversed(range(1 + max(0, int(behind / self.interval)))):
-                before = rate
-                rate += float(np.clip(goal - rate, -most, most))
-                step, left = 0.5 * (before + rate) * self.interval, self.end - t
-                self.due += self.interval * (min(1.0, left / step) if step else 1.0)
-                if left <= step + 1e-6 * self.interval:
+            lateness = time.monotonic() - self.due - self.interval
+            if lateness > self.latest:
+                raise self._too_late(t, lateness)
+            for remaining in reversed(range(1 + max(0, int(lateness / self.interval)))):
+                previous = rate
+                rate += float(np.clip(goal - rate, -max_change, max_change))
+                step, rest = 0.5 * (previous + rate) * self.interval, self.end - t
+                self.due += self.interval * (min(1.0, rest / step) if step else 1.0)
+                if rest <= step + 1e-6 * self.interval:
                     t = self.end
                     break
                 t += step
-                self.counts.dropped += bool(left_out)
+                self.counts.dropped += bool(remaining)
 
-    def _at(self, t: float) -> None:
-        """Sends the position of a time when it is due."""
+    def _send_when_due(self, t: float) -> None:
+        """Waits until the next packet is due, and sends the position of time t."""
         time.sleep(max(0.0, self.due - time.monotonic()))
         late = time.monotonic() - self.due
         if late > self.latest:
@@ -186,69 +192,69 @@ class _Sender:
         self.counts.sent += 1
 
     def _held(self, go_on: Callable[[Sending], bool] | None) -> None:
-        """Asks whether to go on, and sends the position on meanwhile.
+        """Calls ``go_on``, and repeats the held position meanwhile.
 
         Raises:
-            PacketError: no.
+            PacketError: it said no, or there is no receiver any more.
         """
-        ended = threading.Event()
-        wrong: list[PacketError] = []
+        released = threading.Event()
+        errors: list[PacketError] = []
         position = self.path(self.counts.t)
 
-        def keep() -> None:
-            while not ended.wait(self.interval):
+        def repeat_position() -> None:
+            while not released.wait(self.interval):
                 try:
                     self._send(position, time.monotonic())
                 except PacketError as error:
-                    wrong.append(error)
+                    errors.append(error)
                     self.counts.lost.set()
                     return
 
-        thread = threading.Thread(target=keep, name="held", daemon=True)
+        thread = threading.Thread(target=repeat_position, name="held", daemon=True)
         thread.start()
         try:
-            goes = go_on is not None and go_on(self.counts)
+            going_on = go_on is not None and go_on(self.counts)
         finally:
-            ended.set()
+            released.set()
             thread.join()
-        if wrong:
-            raise wrong[0]
-        if not goes:
+        if errors:
+            raise errors[0]
+        if not going_on:
             raise PacketError(self.counts.t, STOPPED)
         self.due = time.monotonic()
 
 
-def _epoch() -> float:
-    """Where the clock that nobody sets is 0 [s of the epoch]: the closest of a few looks."""
-    looks = []
+def _monotonic_epoch() -> float:
+    """Unix time at which the monotonic clock is 0 [s]: the most precise of a few readings."""
+    readings = []
     for _ in range(5):
         before = time.monotonic()
         now = time.time()
-        looks.append((time.monotonic() - before, now - before))
-    return min(looks)[1]
+        readings.append((time.monotonic() - before, now - before))
+    return min(readings)[1]
 
 
 @contextmanager
 def udp_sender(host: str, port: int, broadcast: bool = False) -> Iterator[Send]:
-    """What sends packets to a port of a host. It raises an OSError once nobody listens there.
+    """A function that sends packets to a host and port; it raises an OSError without a receiver.
 
     Args:
-        host, port: where they go.
-        broadcast: whether the host may be a broadcast or multicast address, which many hear.
+        host, port: address of the receiver.
+        broadcast: whether the host may be a broadcast or multicast address.
 
     Raises:
-        StandError: there is no such host, no way there, or many would hear it.
+        StandError: the host is unknown or unreachable, or many would receive the packets.
     """
     try:
-        out, there = socket_to(host, port, many=broadcast)
+        udp_socket, address = socket_to(host, port, many=broadcast)
     except ManyHearersError as error:
         artnet = "or `broadcast: true` in the file of a stand on artnet"
         raise StandError(f"{error}, {artnet}") from None
     except AddressError as error:
         raise StandError(str(error)) from None
-    with out:
+    with udp_socket:
         try:
-            out.connect(there)
+            udp_socket.connect(address)
         except OSError as error:
             raise StandError(f"cannot send to {host}:{port}: {error.strerror or error}") from None
-        yield out.send
+        yield udp_socket.send

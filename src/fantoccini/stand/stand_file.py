@@ -39,35 +39,35 @@ from fantoccini.base.documents import (
     unknown_names,
 )
 from fantoccini.model.puppet import QUANTITIES, named_file
+from fantoccini.stand.axis_rank import undetermined
 from fantoccini.stand.controllers import Controller
-from fantoccini.stand.determined import undetermined
 from fantoccini.stand.motors import AxisFriction, Efficiency, Motor, Transmission
 
 STANDS = Path(__file__).parent / "stands"
 """Folder of the bundled stands."""
 
-_OWN = {"moves", "like", "home", "reversed"}
-"""Keys of an axis that it does not take from the one it is like."""
-_NEEDED = ("motor", "transmission", "travel", "speed", "acceleration")
-"""Keys that an axis has, or takes from the one it is like."""
-_MAX_LIKE = 64
-"""Largest number of axes that are like one another in a row."""
+NEVER_INHERITED = {"moves", "like", "home", "reversed"}
+"""Keys that an axis does not take from the one named by `like`."""
+REQUIRED_KEYS = ("motor", "transmission", "travel", "speed", "acceleration")
+"""Keys that an axis must have, by itself or through `like`."""
+MAX_LIKE_CHAIN = 64
+"""Longest chain of `like`."""
 
 
-def _factor(value: float) -> float:
+def _nonzero(value: float) -> float:
     if value == 0.0 or not 1e-6 <= abs(value) <= QUANTITIES["ratio"].max_size:
         raise mistake(f"found {value:g}; needed: a factor that is not 0")
     return value
 
 
-def _between(bounds: tuple[float, float]) -> tuple[float, float]:
+def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     low, high = bounds
     if not low < high:
         raise mistake(f"found [{low:g}, {high:g}]; needed: the lower one first")
     return bounds
 
 
-def _some(moves: dict[str, float]) -> dict[str, float]:
+def _not_empty(moves: dict[str, float]) -> dict[str, float]:
     if not moves:
         raise mistake("found nothing; needed: a driven coordinate with its factor, or several")
     return moves
@@ -80,12 +80,14 @@ def _coordinate(value: Any) -> Any:
 
 
 Coordinate = Annotated[str, BeforeValidator(_coordinate), WithJsonSchema({"type": "string"})]
-Moves = Annotated[dict[Coordinate, Annotated[Real, AfterValidator(_factor)]], AfterValidator(_some)]
+Moves = Annotated[
+    dict[Coordinate, Annotated[Real, AfterValidator(_nonzero)]], AfterValidator(_not_empty)
+]
 Travel = Annotated[
     tuple[Angle, Angle],
     sized(2),
     SIZED,
-    AfterValidator(_between),
+    AfterValidator(_ordered),
     WithJsonSchema(
         {"type": "array", "items": {"type": ["number", "string"]}, "minItems": 2, "maxItems": 2}
     ),
@@ -93,36 +95,35 @@ Travel = Annotated[
 
 
 class HomeFile(Model):
-    """How an axis finds its place after it is switched on."""
+    """Homing of an axis: how it finds its position after it is switched on."""
 
     towards: Literal["min", "max"]
     """The end of its travel with the switch."""
     at: Angle
     """Its position where the switch closes [m or rad]."""
     speed: Size
-    """With which it goes there [m/s or rad/s]."""
+    """Speed of homing [m/s or rad/s]."""
 
 
 class AxisFile(Model):
-    """An axis: a motor with what it moves."""
+    """An axis: a motor, its transmission, and the driven coordinates that it moves."""
 
     like: Name | None = None
-    """Another axis, whose keys stand for those that this one lacks, except `moves`, `home` and
-    `reversed`."""
+    """Another axis, which supplies missing keys, except `moves`, `home` and `reversed`."""
     motor: Motor | None = None
-    """What turns it."""
+    """Its motor."""
     gear: Size = 1.0
     """Turns of the motor per turn of the drum, pulley, screw or joint."""
     transmission: Transmission | None = None
-    """What makes a motion of its turns."""
+    """Drum, belt, screw or shaft that turns the motor's rotation into motion."""
     efficiency: Efficiency = 1.0
-    """Of gear and transmission: part of the motor's power that arrives."""
+    """Efficiency of gear and transmission: output power over the motor's power."""
     mass: NotNegative = 0.0
-    """What moves along with it and is not in the puppet's file, without weight [kg]."""
+    """Carried mass that is not in the puppet's file; it has inertia but no weight here [kg]."""
     friction: AxisFriction | None = None
-    """At the motor."""
+    """Friction at the motor."""
     moves: Moves
-    """Driven coordinate -> by how much it changes with the axis' position."""
+    """Driven coordinate -> its change per unit of the axis' position."""
     travel: Travel | None = None
     """Lowest and highest position [m or rad]."""
     speed: Size | None = None
@@ -130,20 +131,20 @@ class AxisFile(Model):
     acceleration: Size | None = None
     """Largest acceleration of the axis [m/s^2 or rad/s^2]."""
     home: HomeFile | None = None
-    """How it finds its place."""
+    """Homing."""
     reversed: bool = False
-    """Whether the motor turns backwards where the position grows."""
+    """Whether the motor turns backwards as the position grows."""
 
 
 class Stand(Document):
-    """A stand as it is written; every axis has its motor, transmission and bounds."""
+    """The contents of a stand file; every axis has its motor, transmission and bounds."""
 
     kind: ClassVar = Kind("stand", "a stand has the keys `stand` and `axes`", STANDS)
 
     stand: Name
     """The stand's name."""
     about: str = ""
-    """What it is."""
+    """A sentence about it."""
     puppet: str | None = None
     """The puppet that it moves: a file beside this one, or the name of a bundled one."""
     axes: Annotated[dict[Name, AxisFile], Field(min_length=1)]
@@ -151,38 +152,38 @@ class Stand(Document):
     zero: dict[Coordinate, Angle] = Field(default_factory=dict)
     """Driven coordinate -> its value where all axes are at 0; 0 by default."""
     controller: Controller | None = None
-    """What takes the set points."""
+    """The controller that takes the set points."""
 
     @field_validator("axes")
     @classmethod
     def _complete(cls, axes: dict[str, AxisFile]) -> dict[str, AxisFile]:
-        """Completes every axis by the one it is like."""
-        found: list[Finding] = []
-        made = {name: _like(axes, name, found) for name in axes}
-        refuse(found)
-        for name, axis in made.items():
-            missing = [key for key in _NEEDED if getattr(axis, key) is None]
-            found += [((name, key), "this key is missing") for key in missing]
+        """Completes every axis by the keys of its `like`."""
+        mistakes: list[Finding] = []
+        complete = {name: _like(axes, name, mistakes) for name in axes}
+        refuse(mistakes)
+        for name, axis in complete.items():
+            missing = [key for key in REQUIRED_KEYS if getattr(axis, key) is None]
+            mistakes += [((name, key), "this key is missing") for key in missing]
             if axis.travel is None or axis.home is None:
                 continue
             low, high = axis.travel
             if not low <= axis.home.at <= high:
                 text = f"needed: a position within travel, {low:g} to {high:g}"
-                found.append(((name, "home", "at"), f"found {axis.home.at:g}; {text}"))
-        wrong = undetermined({name: axis.moves for name, axis in made.items()})
-        if wrong is not None:
-            found.append(((wrong[0], "moves"), wrong[1]))
-        refuse(found)
-        return made
+                mistakes.append(((name, "home", "at"), f"found {axis.home.at:g}; {text}"))
+        unclear = undetermined({name: axis.moves for name, axis in complete.items()})
+        if unclear is not None:
+            mistakes.append(((unclear[0], "moves"), unclear[1]))
+        refuse(mistakes)
+        return complete
 
     @model_validator(mode="after")
     def _known(self) -> Stand:
-        """Refuses coordinates and axes that are not there."""
-        known = {coordinate for axis in self.axes.values() for coordinate in axis.moves}
+        """Raises for unknown coordinates in `zero` and unknown axes in `names`."""
+        coordinates = {coordinate for axis in self.axes.values() for coordinate in axis.moves}
         names = {} if self.controller is None else self.controller.names
         refuse(
             [
-                *unknown_names(self.zero, known, "no axis moves {}", ("zero",)),
+                *unknown_names(self.zero, coordinates, "no axis moves {}", ("zero",)),
                 *unknown_names(names, self.axes, "there is no axis {}", ("controller", "names")),
             ]
         )
@@ -203,7 +204,7 @@ class Stand(Document):
 
     @property
     def puppet_path(self) -> Path | None:
-        """The file of its puppet: beside its own, or a bundled one; None where it names none.
+        """The file of its puppet: beside its own, or a bundled one; None if it names none.
 
         Raises:
             FileError: there is no such file.
@@ -211,25 +212,25 @@ class Stand(Document):
         return None if self.puppet is None else named_file(self.puppet, self.located)
 
 
-def _like(axes: Mapping[str, AxisFile], name: str, found: list[Finding]) -> AxisFile:
-    """An axis with the keys that it lacks, from the one it is like; notes mistakes."""
-    axis, given, seen = axes[name], dict[str, Any](), [name]
+def _like(axes: Mapping[str, AxisFile], name: str, mistakes: list[Finding]) -> AxisFile:
+    """An axis completed by the keys of its `like`; mistakes are appended to the list."""
+    axis, inherited, seen = axes[name], dict[str, Any](), [name]
     other = axis
     while other.like is not None:
         like = other.like
         if like not in axes:
             others = [key for key in axes if key != name]
-            found.append(((name, "like"), f"there is no axis {like!r}{nearest(like, others)}"))
+            mistakes.append(((name, "like"), f"there is no axis {like!r}{nearest(like, others)}"))
             break
-        if like in seen or len(seen) > _MAX_LIKE:
-            found.append(((name, "like"), f"{shown(name)} would be like itself"))
+        if like in seen or len(seen) > MAX_LIKE_CHAIN:
+            mistakes.append(((name, "like"), f"{shown(name)} would be like itself"))
             break
         seen.append(like)
         other = axes[like]
-        keys = other.model_fields_set - _OWN
-        given = {key: getattr(other, key) for key in keys} | given
-    own = axis.model_fields_set
-    return axis.model_copy(update={k: v for k, v in given.items() if k not in own})
+        keys = other.model_fields_set - NEVER_INHERITED
+        inherited = {key: getattr(other, key) for key in keys} | inherited
+    written = axis.model_fields_set
+    return axis.model_copy(update={k: v for k, v in inherited.items() if k not in written})
 
 
 def stand_names() -> tuple[str, ...]:
@@ -255,7 +256,7 @@ def load_stand(path: str | os.PathLike[str]) -> Stand:
 
 
 def loads_stand(text: str, name: str = "<string>", folder: Path | None = None) -> Stand:
-    """Reads a stand from a text; arguments as of :func:`fantoccini.model.loads`."""
+    """Reads a stand from a text; arguments as for :func:`fantoccini.model.loads`."""
     return parse_document(text, Stand, name=name, folder=folder)
 
 

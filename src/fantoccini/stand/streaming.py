@@ -1,4 +1,4 @@
-"""Streaming G-code to a controller: no more characters under way than its buffer holds."""
+"""Streaming of G-code to a controller, with no more unanswered characters than its buffer holds."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from fantoccini.base import MissingLibraryError, OnProgress, Progress, StandErro
 
 HOLD, RESUME, RESET = b"!", b"~", b"\x18"
 SILENCE = 30.0
-"""Time without an answer after which a controller is given up [s]; dwells and homing are waits."""
+"""Time without an answer after which a stream gives up [s]; dwells and homing take long."""
 STOPPED = "stopped here"
-"""Why a stream ended, after a hold."""
-GENTLE_FEED = 600.0
-"""With which the axes go where a stream goes on [mm/min]."""
+"""Reason of a stream that was held and not resumed."""
+RETURN_FEED = 600.0
+"""Feed of the move to where a stream resumes [mm/min]."""
 ERRORS = {
     1: "a word does not begin with a letter",
     2: "a number is missing or wrong",
@@ -33,25 +33,25 @@ ERRORS = {
     26: "no axis is named",
     36: "a word is not used by this command",
 }
-"""GRBL's numbers of errors, and what they mean."""
+"""GRBL's error numbers and their meanings."""
 
 _COMMENT = re.compile(r"\([^)]*\)|;.*")
 _ERROR = re.compile(r"(error|alarm):\s*(\d+)?", re.IGNORECASE)
 _WORD = re.compile(r"([A-Z])(-?[\d.]+)")
-_STOPS = 0.5
-"""Time in which a feed hold comes to rest [s]."""
-_WAKE = 2.0
-"""Time in which a controller greets after its port was opened [s]."""
+HOLD_TIME = 0.5
+"""Time within which a feed hold comes to rest [s]."""
+GREETING_TIME = 2.0
+"""Longest wait for a controller's greeting after its port was opened [s]."""
 
 
 class Port(Protocol):
-    """What a serial port is to a stream."""
+    """The methods of a serial port that a stream uses."""
 
     def write(self, data: bytes) -> Any:
-        """Sends."""
+        """Sends data."""
 
     def readline(self) -> bytes:
-        """The next line; what there is of it after a short wait."""
+        """The next line, or the part of it that arrived within a short timeout."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Line:
 
     Attributes:
         number: in the file, from 1.
-        text: of it, without comments and blanks at its ends.
+        text: its text, without comments and surrounding blanks.
     """
 
     number: int
@@ -69,12 +69,12 @@ class Line:
 
 @dataclass
 class Streamed:
-    """How far a stream is.
+    """Progress of a stream.
 
     Attributes:
-        sent, done: lines sent, and lines that the controller took.
-        most: most characters that were under way.
-        last: number of the last line that it took.
+        sent, done: number of lines sent, and of lines acknowledged.
+        most: largest number of unanswered characters.
+        last: number of the last acknowledged line.
     """
 
     sent: int = 0
@@ -84,39 +84,39 @@ class Streamed:
 
 
 def lines_of(text: str) -> list[Line]:
-    """The lines of a file that are to be sent."""
-    found = []
+    """The lines of a file that are sent: without comments and empty lines."""
+    lines = []
     for number, line in enumerate(text.splitlines(), 1):
-        bare = _COMMENT.sub("", line).strip()
-        if bare:
-            found.append(Line(number, bare))
-    return found
+        content = _COMMENT.sub("", line).strip()
+        if content:
+            lines.append(Line(number, content))
+    return lines
 
 
 def first_lost(text: str, last: int, planner: int) -> int:
-    """Number of the first line that a reset may have lost, where line ``last`` was taken.
+    """Number of the first line that a reset may have lost, if ``last`` was acknowledged last.
 
-    Moves that were taken wait in the controller's planner, until a dwell lets it make them all.
+    Acknowledged moves wait in the controller's planner; only a dwell guarantees that all were made.
     """
-    lines = [line for line in lines_of(text) if line.number <= last]
+    taken = [line for line in lines_of(text) if line.number <= last]
     first = last
-    for line in reversed(lines[-planner:]):
+    for line in reversed(taken[-planner:]):
         if not line.text.startswith(("G1", "X")):
             break
         first = line.number
     return first
 
 
-def resumed(text: str, first: int, feed: float = GENTLE_FEED) -> list[Line]:
-    """The lines from number ``first`` on, with what they need of those before.
+def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
+    """The lines from number ``first`` on, after lines that restore the controller's state.
 
-    The controller must still know where its axes are. They go gently to where the line before left
-    them. Its modes are set; homing and what calls positions by others are not repeated.
+    The controller must still know its axes' positions. The modes are set again, and the axes go
+    slowly to the end of the previous line. Homing and set positions are not repeated.
 
     Args:
         text: of the file.
-        first: number of the line.
-        feed: with which the axes go there [mm/min].
+        first: number of the first line to send.
+        feed: of the move to the end of the previous line [mm/min].
 
     Raises:
         StandError: there is no such line.
@@ -125,21 +125,21 @@ def resumed(text: str, first: int, feed: float = GENTLE_FEED) -> list[Line]:
     rest = [line for line in lines if line.number >= first]
     if not rest:
         raise StandError(f"there is no line {first} to go on from; the last is {lines[-1].number}")
-    at: dict[str, str] = {}
+    positions: dict[str, str] = {}
     mode = "G94"
     for line in lines:
         if line.number >= first:
             break
         if line.text in ("G93", "G94"):
             mode = line.text
-        for letter, value in _WORD.findall(line.text) if _positions(line.text) else ():
+        for letter, value in _WORD.findall(line.text) if _sets_position(line.text) else ():
             if letter in "XYZABCUVW":
-                at[letter] = value
-    words = "".join(letter + value for letter, value in at.items())
-    begin = ["G21", "G90", "G94"]
+                positions[letter] = value
+    words = "".join(letter + value for letter, value in positions.items())
+    preamble = ["G21", "G90", "G94"]
     if words:
-        begin += [f"G1{words}F{feed:g}", "G4P0.1"]
-    return [*(Line(first, text) for text in [*begin, mode]), *rest]
+        preamble += [f"G1{words}F{feed:g}", "G4P0.1"]
+    return [*(Line(first, text) for text in [*preamble, mode]), *rest]
 
 
 def stream(
@@ -154,62 +154,63 @@ def stream(
     hold: threading.Event | None = None,
     go_on: Callable[[Streamed], bool] | None = None,
 ) -> Streamed:
-    """Sends lines, and waits until the controller took them all.
+    """Sends lines, and returns when the controller has acknowledged them all.
 
     Args:
         port: of the controller.
-        lines: to send.
-        buffer: characters that the controller holds, one of which stays free.
-        counting: whether to count characters; otherwise a line waits for the last one's ``ok``.
-        progress: called when the controller took a line.
+        lines: the lines.
+        buffer: size of the controller's buffer, of which one stays free [characters].
+        counting: whether to fill the buffer by counting characters; otherwise every line waits for
+            the ``ok`` of the previous one.
+        progress: callback after every acknowledged line.
         silence: longest wait for an answer [s].
-        counts: to count in, for who catches what interrupts.
-        hold: set from elsewhere to hold all motion.
-        go_on: then asked whether to go on or to stop.
+        counts: object that is updated, so that it is available after an exception.
+        hold: event that another thread sets to hold all motion.
+        go_on: callback that decides, during a hold, whether to go on.
 
     Raises:
-        StreamError: it refused a line, or does not answer; it was held and reset.
+        StreamError: the controller refused a line or does not answer, or it was held and reset.
     """
     done = counts or Streamed()
-    waiting: deque[Line] = deque()
-    todo = deque(lines)
-    room = buffer - 1
+    unanswered: deque[Line] = deque()
+    unsent = deque(lines)
+    capacity = buffer - 1
     for line in lines:
-        if len(line.text) + 1 > room:
+        if len(line.text) + 1 > capacity:
             raise StreamError(line.number, line.text, f"longer than the buffer of {buffer}")
-    heard = time.monotonic()
-    while todo or waiting:
+    last_answer = time.monotonic()
+    while unsent or unanswered:
         if hold is not None and hold.is_set():
             port.write(HOLD)
             hold.clear()
-            line = waiting[0] if waiting else todo[0]
+            line = unanswered[0] if unanswered else unsent[0]
             if go_on is None or not go_on(done):
                 _stop(port)
                 raise StreamError(line.number, line.text, STOPPED)
             port.write(RESUME)
-            heard = time.monotonic()
-        under_way = sum(len(line.text) + 1 for line in waiting)
-        fits = bool(todo) and under_way + len(todo[0].text) + 1 <= room
-        if fits and (counting or not waiting):
-            line = todo.popleft()
+            last_answer = time.monotonic()
+        n_unanswered = sum(len(line.text) + 1 for line in unanswered)
+        fits_buffer = bool(unsent) and n_unanswered + len(unsent[0].text) + 1 <= capacity
+        if fits_buffer and (counting or not unanswered):
+            line = unsent.popleft()
             port.write(line.text.encode("ascii", "replace") + b"\n")
-            waiting.append(line)
+            unanswered.append(line)
             done.sent += 1
-            done.most = max(done.most, under_way + len(line.text) + 1)
+            done.most = max(done.most, n_unanswered + len(line.text) + 1)
             continue
         answer = port.readline().decode("ascii", "replace").strip()
-        wrong = _ERROR.match(answer)
-        if wrong:
+        error = _ERROR.match(answer)
+        if error:
             _stop(port)
-            raise StreamError(waiting[0].number, waiting[0].text, _reason(answer, wrong))
+            raise StreamError(unanswered[0].number, unanswered[0].text, _reason(answer, error))
         if answer:
-            heard = time.monotonic()
-        elif time.monotonic() - heard > silence:
+            last_answer = time.monotonic()
+        elif time.monotonic() - last_answer > silence:
             _stop(port)
             text = f"no answer in {silence:g} s"
-            raise StreamError(waiting[0].number, waiting[0].text, text)
+            raise StreamError(unanswered[0].number, unanswered[0].text, text)
         if answer.lower() == "ok" or answer.lower().startswith("ok "):
-            line = waiting.popleft()
+            line = unanswered.popleft()
             done.done, done.last = done.done + 1, line.number
             if progress is not None:
                 progress(Progress(done=done.done, total=len(lines)))
@@ -218,7 +219,7 @@ def stream(
 
 @contextmanager
 def serial_port(name: str, baud: int) -> Iterator[Port]:
-    """A serial port; what the controller says when it wakes is read.
+    """An open serial port, after the controller's greeting.
 
     Raises:
         MissingLibraryError: pyserial is not installed.
@@ -233,25 +234,25 @@ def serial_port(name: str, baud: int) -> Iterator[Port]:
     except (OSError, ValueError) as error:  # serial.SerialException is an OSError
         raise StandError(f"cannot open {name}: {error}") from None
     with port:
-        end = time.monotonic() + _WAKE
+        end = time.monotonic() + GREETING_TIME
         while time.monotonic() < end:
             if b"grbl" in port.readline().lower():
                 break
         yield port
 
 
-def _positions(text: str) -> bool:
+def _sets_position(text: str) -> bool:
     return text.startswith(("G1", "G0", "X", "G92")) or text.startswith("G10L20P1")
 
 
 def _stop(port: Port) -> None:
-    """Feed hold, then a reset, which keeps positions where nothing moves any more."""
+    """Stops by a feed hold and then a reset, which keeps positions because nothing moves."""
     port.write(HOLD)
-    time.sleep(_STOPS)
+    time.sleep(HOLD_TIME)
     port.write(RESET)
 
 
-def _reason(answer: str, wrong: re.Match[str]) -> str:
-    number = int(wrong[2]) if wrong[2] else None
-    known = ERRORS.get(number or 0) if wrong[1].lower() == "error" else None
-    return f"{answer}, {known}" if known else answer
+def _reason(answer: str, error: re.Match[str]) -> str:
+    number = int(error[2]) if error[2] else None
+    meaning = ERRORS.get(number or 0) if error[1].lower() == "error" else None
+    return f"{answer}, {meaning}" if meaning else answer

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import ARRIVED, Array, SimulationError, StateError, Status, check_positive
+from fantoccini.base import ARRIVED, Array, SimulationError, StateError, Status
 from fantoccini.dynamics.compiled import CompiledPuppet, Screws, Touch, integrate, vector
 from fantoccini.dynamics.derivatives.contact_rows import ContactMode, ContactRows, HeldPoint
 from fantoccini.dynamics.derivatives.driven_step import DrivenStep

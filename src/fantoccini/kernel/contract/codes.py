@@ -87,17 +87,14 @@ class StepEdge(Code):
 
     WITHOUT_FORCE = 1, "a point touches without force"
     STRAINED = 2, "a point sticks at the edge of its cone"
-    MAY_REBOUND = (
-        4,
-        ("a point springs back if it is any faster, or is not the only one that touches first"),
-    )
+    MAY_REBOUND = 4, "a point springs back if any faster, or is not the only one that touches first"
     NOT_SMOOTH = 8, "the place of a point has no derivative"
     ASKEW = 16, "a point touches without force, and slides askew of those that push"
     LEAVES_LAW = (
         32,
         (
-            "bodies are wedged in, restitution is scaled down to add no energy, or points spring back "
-            "one after the other"
+            "bodies are wedged in, restitution is scaled down to add no energy, or points spring "
+            "back one after the other"
         ),
     )
     JAMS = 64, "friction jams: no forces keep the modes"

@@ -1,4 +1,4 @@
-"""Identification: the numbers of a puppet from records of its motion."""
+"""Identification: estimates of a puppet's numbers from records of its motion."""
 
 from fantoccini.lab.identification.channels import Marker
 from fantoccini.lab.identification.estimating import identify

@@ -2,7 +2,7 @@
 
     min  1/2 sum_s |r_s + J_s dx_s + K_s dtheta|^2 + 1/2 |dx_s+1 - A_s dx_s - B_s dtheta + e_s|^2_W
 
-The normal equations are block tridiagonal in the states, with a border of the parameters: states
+The normal equations are block tridiagonal in the states, with a border for the parameters. States
 are eliminated one by one (the Riccati recursion of a smoother), which leaves a small system.
 """
 
@@ -15,20 +15,21 @@ from scipy import linalg
 
 from fantoccini.base import Array
 
-LARGEST_MOVE = (0.1, 1.0)
-"""Of a configuration and of a velocity, in one move of a search [rad or m, and per second]."""
+MAX_MOVE = (0.1, 1.0)
+"""Largest change of a configuration and of a velocity in one step of a search [rad or m, and per
+second]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Normal:
-    """Normal equations of S states of m numbers and P parameters.
+class NormalEquations:
+    """Normal equations for S states of m numbers each and P parameters.
 
     Attributes:
-        H: (S, m, m) of every state.
-        next: (S - 1, m, m) between a state and the next.
-        border: (S, m, P) between states and parameters.
-        T: (P, P) of the parameters.
-        g, h: (S, m), (P,) the cost's gradient.
+        H: (S, m, m) blocks of the states.
+        next: (S - 1, m, m) blocks between a state and the next.
+        border: (S, m, P) blocks between states and parameters.
+        T: (P, P) block of the parameters.
+        g, h: (S, m), (P,) gradient of the cost.
     """
 
     H: Array
@@ -39,11 +40,11 @@ class Normal:
     h: Array
 
     def step(self, damping: Array, shared: float) -> tuple[Array, Array]:
-        """(S, m), (P,) the move that reduces the cost, with Levenberg and Marquardt's damping.
+        """(S, m), (P,) the step of Levenberg and Marquardt.
 
         Args:
-            damping: (S,) of every state.
-            shared: of the parameters.
+            damping: (S,) damping of the states.
+            shared: damping of the parameters.
         """
         reduced = self._reduced(damping)
         T = self.T + shared * np.diag(np.diag(self.T))
@@ -52,43 +53,45 @@ class Normal:
         theta = -linalg.lstsq(T, h)[0] if len(h) else np.zeros(0)
         return -reduced[..., 0] - reduced[..., 1:] @ theta, theta
 
-    def of_states(self) -> Normal:
-        """Those of the states alone, with the parameters held."""
-        none = np.zeros(0)
-        return Normal(self.H, self.next, self.border[..., :0], none[:, None], self.g, none)
+    def of_states(self) -> NormalEquations:
+        """The normal equations of the states alone, with fixed parameters."""
+        empty = np.zeros(0)
+        return NormalEquations(
+            self.H, self.next, self.border[..., :0], empty[:, None], self.g, empty
+        )
 
     def information(self) -> Array:
-        """(P, P) of the parameters: the Fisher information with the states free."""
+        """(P, P) Fisher information of the parameters, with the states unknown."""
         reduced = self._reduced(np.zeros(len(self.g)))
         F = self.T - np.einsum("smp,smq->pq", self.border, reduced[..., 1:])
         return np.asarray(0.5 * (F + F.T))
 
     def _reduced(self, damping: Array) -> Array:
-        """(S, m, 1 + P) the states' inverse times gradient and border."""
+        """(S, m, 1 + P) the states' inverse block matrix times gradient and border."""
         S, m = self.g.shape
-        scale = np.repeat(1.0 / np.square(LARGEST_MOVE), m // 2)
+        damping_weights = np.repeat(1.0 / np.square(MAX_MOVE), m // 2)
         right = np.concatenate([self.g[..., None], self.border], axis=2)
         factors: list[Array] = []
-        below: list[Array] = []
+        couplings: list[Array] = []
         for s in range(S):
-            D = self.H[s] + damping[s] * np.diag(scale)
+            D = self.H[s] + damping[s] * np.diag(damping_weights)
             if s:
-                share = _solved(factors[-1], self.next[s - 1])
-                below.append(share)
-                D = D - self.next[s - 1].T @ share
-                right[s] -= share.T @ right[s - 1]
+                coupling = _solve_cholesky(factors[-1], self.next[s - 1])
+                couplings.append(coupling)
+                D = D - self.next[s - 1].T @ coupling
+                right[s] -= coupling.T @ right[s - 1]
             factor, info = linalg.lapack.dpotrf(D, lower=1)
             if info:
                 raise np.linalg.LinAlgError(f"the normal equations of segment {s} are singular")
             factors.append(factor)
         for s in range(S)[::-1]:
-            right[s] = _solved(factors[s], right[s])
+            right[s] = _solve_cholesky(factors[s], right[s])
             if s < S - 1:
-                right[s] -= below[s] @ right[s + 1]
+                right[s] -= couplings[s] @ right[s + 1]
         return right
 
 
-def _solved(factor: Array, right: Array) -> Array:
-    """Of a Cholesky factor; LAPACK's own, as the matrices are small and many."""
-    found: Array = linalg.lapack.dpotrs(factor, right, lower=1)[0]
-    return found
+def _solve_cholesky(factor: Array, right: Array) -> Array:
+    """Solution from a Cholesky factor; calls LAPACK, as the matrices are small and many."""
+    solution: Array = linalg.lapack.dpotrs(factor, right, lower=1)[0]
+    return solution

@@ -1,4 +1,4 @@
-"""identify: the numbers of a puppet that explain a record best."""
+"""``identify``: least-squares estimates of a puppet's numbers from a record."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from fantoccini.dynamics.compiled import bind_input
 from fantoccini.kernel.runtime import default_threads
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.fit import Fit, chained
-from fantoccini.lab.identification.point import Layout, Weights
+from fantoccini.lab.identification.reattaching import reattached
 from fantoccini.lab.identification.record import Record
 from fantoccini.lab.identification.result import Identified
-from fantoccini.lab.identification.searching import Found, search
-from fantoccini.lab.identification.untangling import untangled
+from fantoccini.lab.identification.search_point import Layout, Weights
+from fantoccini.lab.identification.searching import SearchResult, search
 
-_GUESS = {"marker": 5e-3, "coordinate": 0.03, "tension": 0.3}
-"""Noise levels before anything is known of them [m, rad or m, N]."""
-_LEAST_NOISE = {"marker": 1e-6, "coordinate": 1e-6, "tension": 1e-4}
-_MAD = 1.4826
-"""Standard deviation over the median of |r|, of normal noise."""
+INITIAL_NOISE = {"marker": 5e-3, "coordinate": 0.03, "tension": 0.3}
+"""Noise levels with which the search begins [m, rad or m, N]."""
+MIN_NOISE = {"marker": 1e-6, "coordinate": 1e-6, "tension": 1e-4}
+MAD_FACTOR = 1.4826
+"""Standard deviation of normal noise over the median of its magnitude."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """Part of a search.
+    """A stage of the search.
 
     Attributes:
         name: for the progress callback.
-        drift: factor of the drift that is allowed at the end.
-        moves: at most, but while the cost falls steeply.
-        tolerance: relative fall of the cost that ends it.
-        extrapolated: whether the steps' length is extrapolated to none.
-        states_only: whether the unknowns stay as they are.
-        final: whether all samples count, and those far off ever less, not by their size.
+        drift: factor by which the drift is larger than in the last stage.
+        moves: maximum number of moves, unless the cost still falls steeply.
+        tolerance: relative fall of the cost that ends the stage.
+        extrapolated: whether predictions are extrapolated to a step length of 0.
+        states_only: whether the unknowns stay fixed.
+        final: whether all samples count, with Cauchy's loss.
     """
 
     name: str
@@ -51,11 +51,10 @@ class Stage:
 
 
 DRIFT = (5e-4, 5e-3)
-"""Of configurations and velocities, from a segment to the next [rad or m, and per second]. Time
-steps err by as much at catches, so that whether segments are joined is never judged by less.
-"""
-_RARE = 3
-"""Of so many samples one counts, but in the last stage."""
+"""Standard deviations of the jumps of configurations and velocities between segments [rad or m, and
+per second]. Time steps have errors of this size at catches, so jumps are never judged by less."""
+THINNING = 3
+"""One of this many samples counts, except in the last stage."""
 STAGES = (
     Stage("states near the record", 50.0, 3, 0.1, False, True),
     Stage("first numbers", 50.0, 12, 0.05, False),
@@ -63,7 +62,7 @@ STAGES = (
     Stage("segments joined closely", 1.0, 6, 1e-4),
     Stage("all samples", 1.0, 3, 2e-5, final=True),
 )
-"""Segments are loosely joined at first, so that none of them has to be right before the others."""
+"""Segments are joined loosely at first, so that all can approach the record at the same time."""
 
 
 def identify(
@@ -75,117 +74,125 @@ def identify(
     threads: int | None = None,
     progress: OnProgress | None = None,
 ) -> Identified:
-    """The numbers that explain a record best, with their errors and what it cannot tell apart.
+    """Estimates the unknowns of a record, their errors, and combinations that it leaves open.
 
         min  sum rho((y_i - y(t_i - delay; x_s, theta)) / noise)
              + sum |x_s+1 - x(T_s+1; x_s, theta)|^2 / drift^2
 
     over the unknowns theta and the first states x_s of all segments (multiple shooting), by
-    Levenberg and Marquardt with exact derivatives of the time steps; residuals are extrapolated to
-    steps of no length. rho is Huber's, and Cauchy's in the end, so that outliers count little.
+    Levenberg and Marquardt with exact derivatives of the time steps. Residuals are extrapolated to
+    a step length of 0. rho is Huber's loss, and Cauchy's in the last stage, so that outliers count
+    little.
 
     Args:
-        record: what was measured.
+        record: the record.
         segment: duration of a segment [s].
         dt: step of the time-stepper [s].
-        drift: how far a segment may begin from where the one before ends, as standard deviations
-            of configuration and velocity [m or rad, and per second]: what the model leaves out.
-        threads: all processors when not given.
-        progress: called with the stage, and the cost as ``best``; None where a stage begins.
+        drift: standard deviations of the jumps between segments, of configuration and velocity [m
+            or rad, and per second]; they stand for what the model leaves out.
+        threads: number of threads; all processors by default.
+        progress: called with the stage, and with the cost as ``best`` (None when a stage begins).
 
     Raises:
-        StateError: the search cannot begin, as there is no hanging pose or the puppet cannot follow
-            the inputs; or it broke down.
+        StateError: the puppet has no hanging pose or cannot follow the inputs with the initial
+            values, or the search broke down.
     """
     check_positive(segment=segment, dt=dt, configuration=drift[0], velocity=drift[1])
-    began = time.perf_counter()
-    with one_blas_thread(), _solvable():
+    start_time = time.perf_counter()
+    with one_blas_thread(), _explain_singular():
         fit = fit_of(record, segment, dt, threads)
         positive = np.zeros(len(record.labels), dtype=bool)
-        positive[: len(record.unknowns)] = [one.positive for one in record.unknowns]
-        noise = Noise.of(record)
-        first = at = chained(fit, record.start_state(fit.inputs, float(fit.starts[0])))
-        levels, found, kept = noise.guess, None, None
-        rare = _thinned(fit)
+        positive[: len(record.unknowns)] = [unknown.positive for unknown in record.unknowns]
+        noise = NoiseLevels.of(record)
+        first_point = point = chained(fit, record.start_state(fit.inputs, float(fit.starts[0])))
+        levels, result, saved = noise.guess, None, None
+        thinned = _thin(fit)
         for stage in STAGES:
-            wide = (stage.drift * max(drift[0], DRIFT[0]), stage.drift * max(drift[1], DRIFT[1]))
-            weights = Weights(levels, drift if stage.final else wide, stage.final)
-            some = fit if stage.final else rare
-            cost = Cost(some, first, weights)
-            if stage.drift == 1.0 and found is not None:
-                judged = replace(cost, weights=replace(weights, drift=wide))
-                at = untangled(replace(judged, fit=rare), found.at)
-                kept = replace(found.kept, stale=found.kept.stale | found.at.differs(at))
-                trusted = judged.explained(at, some.predict(at, extrapolated=True))
+            loose_drift = (
+                stage.drift * max(drift[0], DRIFT[0]),
+                stage.drift * max(drift[1], DRIFT[1]),
+            )
+            weights = Weights(levels, drift if stage.final else loose_drift, stage.final)
+            stage_fit = fit if stage.final else thinned
+            cost = Cost(stage_fit, first_point, weights)
+            if stage.drift == 1.0 and result is not None:
+                loose_cost = replace(cost, weights=replace(weights, drift=loose_drift))
+                point = reattached(replace(loose_cost, fit=thinned), result.point)
+                saved = replace(
+                    result.saved, stale=result.saved.stale | result.point.differs(point)
+                )
+                trusted = loose_cost.explained(point, stage_fit.predict(point, extrapolated=True))
                 if stage.final:
-                    smooth = trusted & ~found.odd
-                    trusted = smooth if 2 * np.sum(smooth) > np.sum(trusted) else trusted
+                    well_predicted = trusted & ~result.poorly_predicted
+                    trusted = (
+                        well_predicted if 2 * np.sum(well_predicted) > np.sum(trusted) else trusted
+                    )
                 cost = replace(cost, trusted=trusted)
             report = None
             if progress is not None:
-                report = _reporting(progress, stage.name)
+                report = _with_stage_name(progress, stage.name)
                 progress(Progress(stage.name))
-            found = search(
+            result = search(
                 cost,
-                at,
+                point,
                 positive,
-                None if stage.final else kept,
+                None if stage.final else saved,
                 moves=stage.moves,
                 tolerance=stage.tolerance,
                 extrapolated=stage.extrapolated,
                 states_only=stage.states_only,
                 progress=report,
             )
-            # Derivatives by the unknowns are not tried while these stay.
-            at, kept = found.at, None if stage.states_only else found.kept
+            # While the unknowns are fixed, derivatives by them are not checked.
+            point, saved = result.point, None if stage.states_only else result.saved
             if not stage.states_only:
-                levels = noise.estimated(some, found)
-        assert found is not None
+                levels = noise.estimated(stage_fit, result)
+        assert result is not None
         cost = replace(cost, weights=Weights(levels, drift, final=True))
-        normal = cost.normal(at, found.predicted, fit.jacobians(at))
-        spent = time.perf_counter() - began
-        return Identified.of(record, cost, found, normal, spent)
+        normal = cost.normal(point, result.predicted, fit.jacobians(point))
+        seconds = time.perf_counter() - start_time
+        return Identified.of(record, cost, result, normal, seconds)
 
 
-def _thinned(fit: Fit) -> Fit:
-    """The fit of every third sample: of rows, or of a column's own where rows would leave few."""
-    there = np.isfinite(fit.y)
-    rows = (np.arange(len(fit.y)) % _RARE == 0)[:, None] & there
-    own = (np.cumsum(there, axis=0) % _RARE == 1) & there
-    few = 2 * _RARE * np.sum(rows, axis=0) < np.sum(there, axis=0)
-    kept = np.where(few, own, rows)
-    some = np.any(kept, axis=1)
-    return replace(fit, t=fit.t[some], y=np.where(kept, fit.y, np.nan)[some])
+def _thin(fit: Fit) -> Fit:
+    """The fit of every third row; of every third sample in columns where rows would leave few."""
+    present = np.isfinite(fit.y)
+    rows = (np.arange(len(fit.y)) % THINNING == 0)[:, None] & present
+    by_column = (np.cumsum(present, axis=0) % THINNING == 1) & present
+    too_few = 2 * THINNING * np.sum(rows, axis=0) < np.sum(present, axis=0)
+    chosen = np.where(too_few, by_column, rows)
+    rows_left = np.any(chosen, axis=1)
+    return replace(fit, t=fit.t[rows_left], y=np.where(chosen, fit.y, np.nan)[rows_left])
 
 
-def _reporting(progress: OnProgress, name: str) -> OnProgress:
+def _with_stage_name(progress: OnProgress, name: str) -> OnProgress:
     return lambda at: progress(replace(at, what=name))
 
 
 def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fit:
-    """The record as a problem of least squares."""
+    """The least-squares problem of a record."""
     marionette, table = record.marionette, record.marionette.coordinates
     p = marionette.p.copy()
-    places = [marionette.parameter_index[one.name] for one in record.unknowns]
-    p[places] = record.begin[: len(places)]
+    indices = [marionette.parameter_index[unknown.name] for unknown in record.unknowns]
+    p[indices] = record.begin[: len(indices)]
     marionette = marionette.with_p(p)
     x0 = record.start_state()
-    given = record.inputs
-    inputs = bind_input(marionette, given, x0.q_K, x0.v_K, given.start, given.end)
+    commanded = record.inputs
+    inputs = bind_input(marionette, commanded, x0.q_K, x0.v_K, commanded.start, commanded.end)
     layout = Layout(
-        tuple(places),
+        tuple(indices),
         tuple(table.v_K.index(name) for name in record.offsets),
-        tuple(i for i, one in enumerate(record.markers) if one.find),
+        tuple(i for i, marker in enumerate(record.markers) if marker.find),
         record.find_delay,
     )
     prior = np.full(len(record.labels), np.inf)
-    for i, one in enumerate(record.unknowns):
-        if one.known is not None:
-            prior[i] = one.known
-    there = np.any(np.isfinite(record.values), axis=1)
-    t, y = record.t[there], record.values[there]
+    for i, unknown in enumerate(record.unknowns):
+        if unknown.known is not None:
+            prior[i] = unknown.known
+    present = np.any(np.isfinite(record.values), axis=1)
+    t, y = record.t[present], record.values[present]
     begin = record.begin
-    span = (t[0] - record.delay, t[-1] - record.delay)
+    ends = (t[0] - record.delay, t[-1] - record.delay)
     return Fit(
         marionette,
         inputs,
@@ -199,20 +206,20 @@ def fit_of(record: Record, segment: float, dt: float, threads: int | None) -> Fi
         segment,
         segment / max(1, round(segment / dt)),
         default_threads() if threads is None else threads,
-        span,
-        record.channels.depends(x0.q_D, x0.q_K, p, places),
+        ends,
+        record.channels.depends(x0.q_D, x0.q_K, p, indices),
     )
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
-    """Noise levels of channels; those of one group share one.
+class NoiseLevels:
+    """Noise levels of channels; the channels of a group share one.
 
     Attributes:
-        given: (n_c,) NaN where they are to be estimated.
-        guess: (n_c,) before anything is known.
-        least: (n_c,) of estimates.
-        groups: (n_c,) names.
+        given: (n_c,) known levels; NaN where they are estimated.
+        guess: (n_c,) levels with which the search begins.
+        least: (n_c,) smallest estimates.
+        groups: (n_c,) names of the groups.
     """
 
     given: Array
@@ -221,51 +228,51 @@ class Noise:
     groups: tuple[str, ...]
 
     @classmethod
-    def of(cls, record: Record) -> Noise:
+    def of(cls, record: Record) -> NoiseLevels:
         channels = record.channels
         kinds = ["marker"] * (3 * len(channels.markers))
         kinds += ["coordinate"] * len(channels.coordinates) + ["tension"] * len(channels.tensions)
-        given = np.array(
+        known = np.array(
             [
                 record.noise.get(name, record.noise.get(group, np.nan))
                 for name, group in zip(channels.names, channels.groups, strict=True)
             ]
         )
-        guess = np.array([_GUESS[kind] for kind in kinds])
+        guess = np.array([INITIAL_NOISE[kind] for kind in kinds])
         return cls(
-            given,
-            np.where(np.isfinite(given), np.maximum(given, guess), guess),
-            np.array([_LEAST_NOISE[kind] for kind in kinds]),
+            known,
+            np.where(np.isfinite(known), np.maximum(known, guess), guess),
+            np.array([MIN_NOISE[kind] for kind in kinds]),
             channels.groups,
         )
 
-    def estimated(self, fit: Fit, found: Found) -> Array:
-        """(n_c,) levels from the residuals of a point, by their median, which outliers spare."""
-        r = np.abs(found.predicted.y - fit.y)
-        out = np.empty(len(self.groups))
+    def estimated(self, fit: Fit, result: SearchResult) -> Array:
+        """(n_c,) levels from the median of the residuals, which outliers hardly change."""
+        r = np.abs(result.predicted.y - fit.y)
+        levels = np.empty(len(self.groups))
         for group in set(self.groups):
-            own = np.array([one == group for one in self.groups])
-            some = r[:, own][np.isfinite(r[:, own])]
-            out[own] = _MAD * np.median(some) if len(some) else np.nan
-        out = np.where(np.isfinite(self.given), self.given, np.maximum(out, self.least))
-        return np.where(np.isfinite(out), out, self.guess)
+            members = np.array([name == group for name in self.groups])
+            residuals = r[:, members][np.isfinite(r[:, members])]
+            levels[members] = MAD_FACTOR * np.median(residuals) if len(residuals) else np.nan
+        levels = np.where(np.isfinite(self.given), self.given, np.maximum(levels, self.least))
+        return np.where(np.isfinite(levels), levels, self.guess)
 
 
 @contextmanager
-def _solvable() -> Iterator[None]:
-    """A search whose equations cannot be solved ends in an error that says what to do."""
+def _explain_singular() -> Iterator[None]:
+    """Turns the error of singular equations into one that says what to do."""
     try:
         yield
     except np.linalg.LinAlgError as error:
         raise StateError(
             f"the search broke down: {error}. Errors grow too much within a segment; take shorter "
-            "segments, or begin nearer to the truth"
+            "segments, or better initial values"
         ) from error
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Keeps BLAS to one thread: matrices here are small, and many threads only wait."""
+    """Limits BLAS to one thread, as the matrices are small."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, user_api="blas"):

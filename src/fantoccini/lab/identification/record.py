@@ -1,4 +1,4 @@
-"""A record: what was measured of a puppet under known inputs, and what is to be found."""
+"""A record: measurements of a puppet under known inputs, and the unknowns to estimate."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from fantoccini.lab.identification.fit import MARGIN
 from fantoccini.lab.identification.marking import Mark, missing_files
 from fantoccini.motion import Input, State
 
-_LEAST_SAMPLES = 8
-_POSITION = 0.01
-"""Size of an unknown place or length error, for what counts as found [m or rad]."""
-_TIME = 0.01
-"""Likewise of a delay [s]."""
-_STILL, _INSTANTS = 1e-9, 500
-"""Range below which an input stands still [m or rad], and instants at which it is looked at."""
-_HELD = 0.5
-"""Share of the samples that may lie beyond the inputs, which are held there."""
+MIN_SAMPLES = 8
+POSITION_SCALE = 0.01
+"""Size of an unknown position or offset, against which errors are judged [m or rad]."""
+DELAY_SCALE = 0.01
+"""Size of an unknown delay, for the same purpose [s]."""
+MAX_STILL_RANGE, N_INSTANTS = 1e-9, 500
+"""Largest range of an input that stands still [m or rad], and instants at which it is evaluated."""
+MAX_BEYOND_SHARE = 0.5
+"""Largest share of samples beyond the inputs, which are constant there."""
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """A parameter of the puppet that is looked for.
+    """An unknown parameter of the puppet.
 
     Attributes:
         name: of the parameter.
-        about: where the search begins; the puppet's own value when not given.
-        known: standard deviation of ``about`` that was measured beforehand; None for nothing known.
-        label: how it is called in reports; the name when not given.
+        about: initial value; the puppet's own value by default.
+        known: standard deviation of ``about``, if it was measured beforehand.
+        label: its name in reports; the parameter's name by default.
         positive: whether it stays above 0.
     """
 
@@ -62,44 +62,44 @@ def driven_scalars(marionette: Marionette) -> list[str]:
 
 
 def check_span(t: Array, inputs: Input, share: float) -> None:
-    """Refuses samples, at times by the inputs' clock, of which more than a share lie beyond it."""
+    """Raises if more than a share of the samples lie beyond the inputs; t by the inputs' clock."""
     beyond = (t < inputs.start - MARGIN) | (t > inputs.end + MARGIN)
     if np.mean(beyond) > share:
         raise StateError(
             f"the samples, less the delay, go from {t[0]:.6g} s to {t[-1]:.6g} s, the inputs from "
             f"{inputs.start:.6g} s to {inputs.end:.6g} s; samples may lie at most {MARGIN:.2g} s "
-            "beyond. Correct the clock, leave samples out, or add to the inputs where they stay"
+            "beyond. Correct the clock, leave samples out, or extend the inputs"
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """What was measured of a puppet, and what is not known of it.
+    """Measurements of a puppet in motion, and its unknowns.
 
     Attributes:
-        marionette: the puppet, with the numbers that are known or guessed.
-        inputs: that it was moved by, as commanded.
+        marionette: the puppet, with known or guessed numbers.
+        inputs: the commanded motion.
         t: (N,) times of the samples by the record's clock, rising [s].
         columns: name -> (N,) numbers, NaN in gaps: ``marker.x``, ``.y`` and ``.z`` [m], scalar
             dynamic coordinates [rad or m], ``string.tension`` [N].
-        markers: points of bodies that ``columns`` have.
-        unknown: parameters that are looked for, by name or with what is known of them.
-        offsets: scalar driven coordinates whose commands are off by an unknown constant: where a
-            string was tied, where a winch was zeroed.
-        find_delay: whether the delay is looked for.
-        delay: of the record: its clock shows t + delay when the inputs' shows t [s]. Where the
-            search begins, if it is looked for; it ends within 0.25 s of that.
-        noise: standard deviations by marker or column; estimated where not given.
-        start: values of the pose that the puppet hangs in when the record begins, for ``rest``.
+        markers: points of bodies measured in ``columns``.
+        unknown: unknown parameters, by name or as :class:`Unknown`.
+        offsets: scalar driven coordinates whose commands are off by an unknown constant, because
+            a string was tied or a winch zeroed elsewhere.
+        find_delay: whether the delay is unknown.
+        delay: of the record's clock, which shows t + delay when the inputs' clock shows t [s]. An
+            unknown delay is searched within 0.25 s of it.
+        noise: standard deviations by marker or column; estimated by default.
+        start: values for ``rest`` of the pose in which the puppet hangs when the record begins.
         name: of the record.
-        marks: numbers of ``puppet_file`` that are looked for, as of :class:`Mark`.
-        puppet_file: the puppet's file, for writing it with other numbers.
+        marks: unknown numbers of ``puppet_file``.
+        puppet_file: the puppet's file, for writing it with the estimates.
 
     Raises:
-        UnknownNameError: of a parameter, coordinate, marker or column.
+        UnknownNameError: a parameter, coordinate, marker or column that does not exist.
         StateError: the puppet has contact or slipping winches, more than half of the samples lie
-            beyond the inputs, times do not rise, a column has another length or infinite numbers,
-            something is looked for twice, or nothing is.
+            beyond the inputs, times do not increase, a column has another length or infinite
+            numbers, something is unknown twice, or nothing is.
         ValueError: a delay that is not finite, or a noise level that is not above 0.
     """
 
@@ -123,63 +123,63 @@ class Record:
         refuse_contact(marionette, "identification")
         if np.any(np.isfinite(self.marionette.winches[:, 0])):
             raise StateError(
-                f"{marionette.name} has slipping winches, which identification does not know; "
+                f"{marionette.name} has slipping winches, which identification cannot handle; "
                 "leave max_tension out of its file"
             )
         t = np.asarray(self.t, dtype=float)
         object.__setattr__(self, "t", t)
-        if t.ndim != 1 or len(t) < _LEAST_SAMPLES:
-            raise StateError(f"found {t.size} samples; a record has at least {_LEAST_SAMPLES}")
+        if t.ndim != 1 or len(t) < MIN_SAMPLES:
+            raise StateError(f"found {t.size} samples; a record has at least {MIN_SAMPLES}")
         if not np.all(np.isfinite(t)) or not np.all(np.diff(t) > 0.0):
-            raise StateError("the times of the samples must be finite and rise")
+            raise StateError("the times of the samples must be finite and increase")
         if not np.isfinite(self.delay):
             raise ValueError(f"delay is {self.delay!r}; it must be a finite number")
-        for one in self.unknowns:
-            if one.name not in marionette.parameter_index:
-                raise UnknownNameError("parameter", one.name, tuple(marionette.parameter_index))
+        for unknown in self.unknowns:
+            if unknown.name not in marionette.parameter_index:
+                known = tuple(marionette.parameter_index)
+                raise UnknownNameError("parameter", unknown.name, known)
         scalars = driven_scalars(self.marionette)
         for name in self.offsets:
             if name not in scalars:
                 raise UnknownNameError("scalar driven coordinate", name, scalars)
-        known = (*self.channels.groups, *self.channels.names)
+        measured = (*self.channels.groups, *self.channels.names)
         for name in self.noise:
-            if name not in known:
-                raise UnknownNameError("marker or column", name, known)
+            if name not in measured:
+                raise UnknownNameError("marker or column", name, measured)
         check_positive(**{f"noise of {name}": level for name, level in self.noise.items()})
-        names = [one.name for one in self.unknowns]
+        names = [unknown.name for unknown in self.unknowns]
         names += self.offsets
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise StateError(f"{twice[0]} is looked for twice; leave one out")
+        if duplicates := sorted({name for name in names if names.count(name) > 1}):
+            raise StateError(f"{duplicates[0]} is unknown twice; leave one out")
         if not self.labels:
             raise StateError(
-                "nothing is looked for; name what is unknown: parameters, offsets, markers with "
-                "`find`, or the delay"
+                "nothing is unknown; name parameters, offsets, markers with `find`, or the delay"
             )
-        for one, begin in zip(self.unknowns, self.begin, strict=False):
-            if one.positive and not begin > 0.0:
+        for unknown, begin in zip(self.unknowns, self.begin, strict=False):
+            if unknown.positive and not begin > 0.0:
                 raise StateError(
-                    f"{one.name} begins at {begin:g} and is to stay positive; let it begin above 0 "
-                    "(about), or let it be negative (positive: false)"
+                    f"{unknown.name} begins at {begin:g} and must stay positive; let it begin "
+                    "above 0 (about), or let it be negative (positive: false)"
                 )
         if not marionette.coordinates.n_vD:
             raise StateError(
-                f"{marionette.name} has no dynamic coordinates; its motion tells nothing"
+                f"{marionette.name} has no dynamic coordinates, so its motion depends on no number"
             )
         self._check_times()
 
     def _check_times(self) -> None:
-        there = self.t[np.any(np.isfinite(self.values), axis=1)]
-        check_span(there - self.delay, self.inputs, _HELD)
+        times = self.t[np.any(np.isfinite(self.values), axis=1)]
+        check_span(times - self.delay, self.inputs, MAX_BEYOND_SHARE)
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
-        """The parameters that are looked for."""
-        return tuple(Unknown(one) if isinstance(one, str) else one for one in self.unknown)
+        """The unknown parameters."""
+        return tuple(Unknown(x) if isinstance(x, str) else x for x in self.unknown)
 
     @cached_property
     def channels(self) -> Channels:
-        """What the columns are."""
-        axes = {f"{one.name}.{axis}" for one in self.markers for axis in "xyz"}
+        """The channels that the columns measure."""
+        axes = {f"{marker.name}.{axis}" for marker in self.markers for axis in "xyz"}
         others = [name for name in self.columns if name not in axes]
         tensions = [name for name in others if name.endswith(".tension")]
         coordinates = [name for name in others if name not in tensions]
@@ -188,7 +188,7 @@ class Record:
 
     @cached_property
     def values(self) -> Array:
-        """(N, channels) the numbers in the channels' order; NaN where there is none."""
+        """(N, channels) the samples in the channels' order; NaN in gaps."""
         empty = np.full(len(self.t), np.nan)
         rows = []
         for name in self.channels.names:
@@ -198,20 +198,20 @@ class Record:
                     f"the column {name} has the shape {column.shape}; needed: {self.t.shape}, as t"
                 )
             rows.append(column)
-        found = np.stack(rows, axis=1)
-        if np.any(np.isinf(found)):
-            name = self.channels.names[int(np.argwhere(np.isinf(found))[0, 1])]
+        values = np.stack(rows, axis=1)
+        if np.any(np.isinf(values)):
+            name = self.channels.names[int(np.argwhere(np.isinf(values))[0, 1])]
             raise StateError(f"the column {name} has infinite numbers; gaps are NaN")
-        if not np.any(np.isfinite(found)):
+        if not np.any(np.isfinite(values)):
             raise StateError("the record has no numbers")
-        return found
+        return values
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """Names of all that is looked for, in the order of results."""
-        places = [f"{one.name}.at.{axis}" for one in self.markers if one.find for axis in "xyz"]
+        """Names of all unknowns, in the order of results."""
+        places = [f"{m.name}.at.{axis}" for m in self.markers if m.find for axis in "xyz"]
         return (
-            *(one.label or one.name for one in self.unknowns),
+            *(unknown.label or unknown.name for unknown in self.unknowns),
             *(f"{name} offset" for name in self.offsets),
             *places,
             *(("delay",) if self.find_delay else ()),
@@ -219,36 +219,40 @@ class Record:
 
     @cached_property
     def begin(self) -> Array:
-        """(P,) where the search begins."""
+        """(P,) initial values of the unknowns."""
         marionette = self.marionette
         values = [
-            marionette.p[marionette.parameter_index[one.name]] if one.about is None else one.about
-            for one in self.unknowns
+            marionette.p[marionette.parameter_index[unknown.name]]
+            if unknown.about is None
+            else unknown.about
+            for unknown in self.unknowns
         ]
-        places = [x for one in self.markers if one.find for x in one.at]
+        places = [x for marker in self.markers if marker.find for x in marker.at]
         delay = [self.delay] if self.find_delay else []
         return np.array([*values, *([0.0] * len(self.offsets)), *places, *delay])
 
     @cached_property
     def scales(self) -> Array:
-        """(P,) sizes against which errors are small or large, at first."""
+        """(P,) sizes of the unknowns at their initial values, against which errors are judged."""
         return self.sizes(self.begin)
 
     def sizes(self, values: Array) -> Array:
-        """(P,) likewise at values (P,): those of positive numbers, or where the search began.
+        """(P,) the same at values (P,); for positive numbers, the larger of value and first value.
 
-        The larger one counts, since a number that is found to be 0 was told.
+        So an estimate of 0 can count as determined.
         """
-        larger = np.maximum(np.abs(self.begin), np.abs(values))
+        magnitudes = np.maximum(np.abs(self.begin), np.abs(values))
         sizes = [
-            value if one.positive and value else _POSITION
-            for one, value in zip(self.unknowns, larger, strict=False)
+            value if unknown.positive and value else POSITION_SCALE
+            for unknown, value in zip(self.unknowns, magnitudes, strict=False)
         ]
         rest = len(self.labels) - len(sizes) - int(self.find_delay)
-        return np.array([*sizes, *([_POSITION] * rest), *([_TIME] if self.find_delay else [])])
+        return np.array(
+            [*sizes, *([POSITION_SCALE] * rest), *([DELAY_SCALE] if self.find_delay else [])]
+        )
 
     def check_folder(self, folder: Path) -> None:
-        """Refuses a folder for the puppet's file that lacks a file, such as a mesh, it names."""
+        """Raises if a folder for the puppet's file lacks a file that it names, such as a mesh."""
         if self.puppet_file is None:
             return
         if missing := missing_files(read_file(self.puppet_file).data, folder):
@@ -260,18 +264,20 @@ class Record:
     @property
     def still(self) -> tuple[str, ...]:
         """Scalar driven coordinates that the inputs do not move."""
-        table, n = self.marionette.coordinates, _INSTANTS
+        table, n = self.marionette.coordinates, N_INSTANTS
         q_K = self.inputs.evaluate(np.linspace(self.inputs.start, self.inputs.end, n))[0]
-        return tuple(table.q_K[q] for q, _ in table.scalars_K if np.ptp(q_K[:, q]) < _STILL)
+        return tuple(
+            table.q_K[q] for q, _ in table.scalars_K if np.ptp(q_K[:, q]) < MAX_STILL_RANGE
+        )
 
     @cached_property
     def guessed(self) -> Marionette:
-        """The puppet with the first values of what is unknown."""
+        """The puppet with the initial values of the unknowns."""
         values = zip(self.unknowns, self.begin, strict=False)
-        return self.marionette.with_parameters({one.name: float(x) for one, x in values})
+        return self.marionette.with_parameters({unknown.name: float(x) for unknown, x in values})
 
     def start_state(self, inputs: Input | None = None, t: float = 0.0) -> State:
-        """Where the puppet hangs at the inputs' first values, or at those of other inputs at t."""
+        """The hanging pose at the inputs' first values, or at those of other inputs at time t."""
         x0 = self.guessed.rest({**self.inputs.first_values(), **self.start})
         if inputs is None:
             return x0

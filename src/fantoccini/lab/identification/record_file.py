@@ -29,10 +29,10 @@ from fantoccini.lab.identification.schema import ColumnFile, DelayFile, RecordFi
 from fantoccini.model.puppet import named_file
 from fantoccini.motion import Input, csv_columns
 
-_MAX_NUMBER = 1e9
+MAX_SAMPLE = 1e9
 """Largest size of a number in the samples [s, m, rad or N]."""
-_TIMES = ("time", "t")
-_KINDS = {"deg": "rad", "rad": "rad", "mm": "m", "m": "m", "N": "N"}
+TIME_COLUMNS = ("time", "t")
+SI_UNITS = {"deg": "rad", "rad": "rad", "mm": "m", "m": "m", "N": "N"}
 
 
 def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = None) -> Record:
@@ -55,56 +55,60 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     puppet = read_file(puppet_path)
     marks: dict[Mark, float] = {}
     unknown = []
-    for label, given in file.unknown.items():
+    for label, entry in file.unknown.items():
         spot = ("unknown", label)
-        taken = [one.parameter for one in marks]
+        taken = [m.parameter for m in marks]
         mark = check(spot, lambda label=label, taken=taken: find(puppet.data, label, taken))
         if mark is None:
             continue
-        same = next((one for one in marks if set(one.places) & set(mark.places)), None)
-        if same is not None:
-            text = f"the same number as {same.label}; leave one out"
-            check(spot, lambda text=text: _refuse(text))
+        duplicate = next((m for m in marks if set(m.places) & set(mark.places)), None)
+        if duplicate is not None:
+            text = f"the same number as {duplicate.label}; leave one out"
+            check(spot, lambda text=text: _raise_error(text))
             continue
-        about = given.about if given is not None else None
+        about = entry.about if entry is not None else None
         value = mark.value if about is None else about
         if value is None:
-            check(spot, lambda: _refuse("the puppet's file leaves it out; needed: about"))
+            check(spot, lambda: _raise_error("the puppet's file leaves it out; needed: about"))
             continue
         marks[mark] = value
-        known = None if given is None else given.known
+        known = None if entry is None else entry.known
         unknown.append(Unknown(mark.parameter, about, known, mark.label, mark.positive))
     check.refuse()
-    made = check.need(("puppet",), lambda: Marionette(marked(puppet, marks), progress))
-    for name, one in file.markers.items():
-        check(("markers", name, "body"), lambda one=one: made.link_index(one.body))
-    scalars = driven_scalars(made)
+    marionette = check.need(("puppet",), lambda: Marionette(marked(puppet, marks), progress))
+    for name, marker in file.markers.items():
+        check(("markers", name, "body"), lambda marker=marker: marionette.link_index(marker.body))
+    scalars = driven_scalars(marionette)
     for i, name in enumerate(file.offsets):
         if name not in scalars:
             text = f"{shown(name)} is no scalar driven coordinate{nearest(name, scalars)}"
-            check(("offsets", i), lambda text=text: _refuse(text))
+            check(("offsets", i), lambda text=text: _raise_error(text))
     for name, pose in file.start.items():
-        check(("start", name), lambda name=name, pose=pose: made.state({name: pose}))
-    t, cells = check.need(("samples",), lambda: _samples(file.samples, located))
-    columns = _named(file, made, cells, check)
+        check(("start", name), lambda name=name, pose=pose: marionette.state({name: pose}))
+    t, cells = check.need(("samples",), lambda: _read_samples(file.samples, located))
+    columns = _by_quantity(file, marionette, cells, check)
     find_delay = file.delay == "find" or isinstance(file.delay, DelayFile)
     delay = file.delay.about if isinstance(file.delay, DelayFile) else file.delay
     delay = 0.0 if delay == "find" else float(delay)
     played = ("samples",) if file.inputs is None else ("inputs",)
-    inputs = check.need(played, lambda: _inputs(file, located, made, t - delay, t, columns))
-    values = _measured(file, made, columns, check)
-    markers = [Marker(name, one.body, one.at, one.find) for name, one in file.markers.items()]
-    noise = _noise(file, values, check)
+    inputs = check.need(
+        played, lambda: _read_inputs(file, located, marionette, t - delay, t, columns)
+    )
+    values = _measured(file, marionette, columns, check)
+    markers = [
+        Marker(name, marker.body, marker.at, marker.find) for name, marker in file.markers.items()
+    ]
+    noise = _noise_levels(file, values, check)
     check.refuse()
     if values:
-        seen = t[np.any(np.isfinite(list(values.values())), axis=0)]
-        if len(seen):
-            check(played, lambda: check_span(seen - delay, inputs, 0.0))
+        measured_t = t[np.any(np.isfinite(list(values.values())), axis=0)]
+        if len(measured_t):
+            check(played, lambda: check_span(measured_t - delay, inputs, 0.0))
             check.refuse()
     record = check.need(
         (),
         lambda: Record(
-            made,
+            marionette,
             inputs,
             t,
             values,
@@ -130,111 +134,115 @@ def record_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     """
     file = read_document(path, RecordFile)
     names = [file.puppet, file.samples, *([] if file.inputs is None else [file.inputs])]
-    beside = [file.located.beside(name) for name in names]
-    return (Path(path), *(one for one in beside if one is not None))
+    paths = [file.located.beside(name) for name in names]
+    return (Path(path), *(path for path in paths if path is not None))
 
 
-def _refuse(text: str) -> None:
+def _raise_error(text: str) -> None:
     raise StateError(text)
 
 
-def _samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
-    """The times and the other columns of a CSV file; empty cells are NaN."""
+def _read_samples(name: str, located: Located) -> tuple[Array, dict[str, Array]]:
+    """Times and other columns of a CSV file; empty cells are NaN."""
     columns, lines = csv_columns(located.required(name), gaps=True, name=name)
-    clock = next((column for column in _TIMES if column in columns), None)
+    clock = next((column for column in TIME_COLUMNS if column in columns), None)
     if clock is None:
         raise lines.error(
-            [((), f"no column is called time; found: {', '.join(columns)}")], FileError
+            [((), f"there is no column time; found: {', '.join(columns)}")], FileError
         )
     t = columns.pop(clock)
     if not len(t):
         raise StateError(f"{name} has no samples")
-    found: list[Finding] = []
+    mistakes: list[Finding] = []
     last = -np.inf
     for k, now in enumerate(t):
         if not now > last:
             text = "found no time" if np.isnan(now) else f"found {now:.12g} after {last:.12g}"
-            found.append(((clock, k), text if np.isnan(now) else f"{text}; times must rise"))
+            mistakes.append(((clock, k), text if np.isnan(now) else f"{text}; times must increase"))
         else:
             last = now
     for column, values in {clock: t, **columns}.items():
-        large = np.flatnonzero(np.abs(values) > _MAX_NUMBER)
-        text = f"needed: a number of at most {_MAX_NUMBER:g} in size"
-        found += [((column, int(k)), f"found {values[k]:g}; {text}") for k in large[:1]]
-    if found:
-        raise lines.error(found, FileError)
+        large = np.flatnonzero(np.abs(values) > MAX_SAMPLE)
+        text = f"needed: a number of at most {MAX_SAMPLE:g} in size"
+        mistakes += [((column, int(k)), f"found {values[k]:g}; {text}") for k in large[:1]]
+    if mistakes:
+        raise lines.error(mistakes, FileError)
     return t, columns
 
 
-def _named(
+def _by_quantity(
     file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Mistakes
 ) -> dict[str, Array]:
-    """The columns under the names of what they are, in SI units."""
-    table, out = marionette.coordinates, {}
+    """Columns by the quantity that they hold, in SI units."""
+    table, by_quantity = marionette.coordinates, {}
     axes = {f"{name}.{axis}" for name in file.markers for axis in "xyz"}
-    scalars = [*(table.q_D[q] for q, _ in table.scalars_D), *_driven(marionette)]
-    strings = [f"{one.name}.tension" for one in marionette.tree.strings]
+    scalars = [*(table.q_D[q] for q, _ in table.scalars_D), *_driven_names(marionette)]
+    strings = [f"{string.name}.tension" for string in marionette.tree.strings]
     kinds = {row.name: row.unit for row in table.rows} | dict.fromkeys(axes, "m")
     kinds |= dict.fromkeys(strings, "N")
-    for name, given in file.columns.items():
+    for name, column in file.columns.items():
         spot = ("columns", name)
         if name not in columns:
-            text = f"no column is called so{nearest(name, tuple(columns))}"
-            check(spot, lambda text=text: _refuse(text))
+            text = f"there is no such column{nearest(name, tuple(columns))}"
+            check(spot, lambda text=text: _raise_error(text))
             continue
-        if given.coordinate is not None and given.coordinate not in scalars:
-            text = f"found no scalar coordinate {shown(given.coordinate)}"
-            text += nearest(given.coordinate, scalars)
-            check((*spot, "coordinate"), lambda text=text: _refuse(text))
-        own = _own(name, given)
-        if given.tension is not None and own not in strings:
-            text = f"found no string {shown(given.tension)}"
-            text += nearest(own, strings).replace(".tension", "")
-            check((*spot, "tension"), lambda text=text: _refuse(text))
-        kind = _KINDS.get(given.unit or "", "")
-        if kind and kinds.get(own, kind) != kind:
-            text = f"found {given.unit}; {own} is in {kinds[own]}"
-            check((*spot, "unit"), lambda text=text: _refuse(text))
+        if column.coordinate is not None and column.coordinate not in scalars:
+            text = f"found no scalar coordinate {shown(column.coordinate)}"
+            text += nearest(column.coordinate, scalars)
+            check((*spot, "coordinate"), lambda text=text: _raise_error(text))
+        quantity = _quantity(name, column)
+        if column.tension is not None and quantity not in strings:
+            text = f"found no string {shown(column.tension)}"
+            text += nearest(quantity, strings).replace(".tension", "")
+            check((*spot, "tension"), lambda text=text: _raise_error(text))
+        kind = SI_UNITS.get(column.unit or "", "")
+        if kind and kinds.get(quantity, kind) != kind:
+            text = f"found {column.unit}; {quantity} is in {kinds[quantity]}"
+            check((*spot, "unit"), lambda text=text: _raise_error(text))
     for name, values in columns.items():
-        one = file.columns.get(name)
-        own = _own(name, one)
-        if own in out:
-            first = next(other for other in columns if _own(other, file.columns.get(other)) == own)
-            key = name if one is not None else first
-            text = f"the columns {first} and {name} are both {own}; leave one out"
-            check(("columns", key), lambda text=text: _refuse(text))
-        unit = one.unit if one is not None else None
-        size = {**LENGTHS, **ANGLES}.get(unit or (file.unit if own in axes else ""), 1.0)
-        out[own] = size * values
-    return out
+        declared = file.columns.get(name)
+        quantity = _quantity(name, declared)
+        if quantity in by_quantity:
+            first = next(
+                other for other in columns if _quantity(other, file.columns.get(other)) == quantity
+            )
+            key = name if declared is not None else first
+            text = f"the columns {first} and {name} are both {quantity}; leave one out"
+            check(("columns", key), lambda text=text: _raise_error(text))
+        unit = declared.unit if declared is not None else None
+        size = {**LENGTHS, **ANGLES}.get(unit or (file.unit if quantity in axes else ""), 1.0)
+        by_quantity[quantity] = size * values
+    return by_quantity
 
 
-def _own(name: str, given: ColumnFile | None) -> str:
-    """The name of what a column is."""
-    if given is None:
+def _quantity(name: str, column: ColumnFile | None) -> str:
+    """Name of the quantity in a column."""
+    if column is None:
         return name
-    return given.coordinate or (name if given.tension is None else f"{given.tension}.tension")
+    return column.coordinate or (name if column.tension is None else f"{column.tension}.tension")
 
 
-def _driven(marionette: Marionette) -> list[str]:
+def _driven_names(marionette: Marionette) -> list[str]:
     table = marionette.coordinates
     return [*table.q_K, *table.commands]
 
 
-def _noise(file: RecordFile, values: Mapping[str, Array], check: Mistakes) -> dict[str, float]:
-    """Noise levels under the names of what the columns are."""
-    out = {}
-    known = [*file.markers, *values, *file.columns]
+def _noise_levels(
+    file: RecordFile, values: Mapping[str, Array], check: Mistakes
+) -> dict[str, float]:
+    """Noise levels by marker or quantity."""
+    levels = {}
+    names = [*file.markers, *values, *file.columns]
     for name, level in file.noise.items():
-        own = name if name in file.markers else _own(name, file.columns.get(name))
-        if own not in file.markers and own not in values:
-            text = f"{shown(name)} is no marker or column{nearest(name, known)}"
-            check(("noise", name), lambda text=text: _refuse(text))
-        out[own] = level
-    return out
+        quantity = name if name in file.markers else _quantity(name, file.columns.get(name))
+        if quantity not in file.markers and quantity not in values:
+            text = f"{shown(name)} is no marker or column{nearest(name, names)}"
+            check(("noise", name), lambda text=text: _raise_error(text))
+        levels[quantity] = level
+    return levels
 
 
-def _inputs(
+def _read_inputs(
     file: RecordFile,
     located: Located,
     marionette: Marionette,
@@ -242,54 +250,56 @@ def _inputs(
     t: Array,
     columns: dict[str, Array],
 ) -> Input:
-    """The inputs that were played; their columns are taken out.
+    """The inputs that were played; their columns are removed.
 
     Args:
         file: the record.
-        located: it.
+        located: the record's file, for the lines of mistakes.
         marionette: the puppet.
         clock: (N,) times of the samples by the inputs' clock [s].
-        t: (N,) of what was commanded [s].
+        t: (N,) times of the commands [s].
         columns: of the samples.
     """
     table = marionette.coordinates
-    whole = {
+    rotation_parts = {
         f"{name[: -len('rotation')]}{part}"
         for name in table.rotations
         for part in ("qw", "qx", "qy", "qz")
     }
-    known = {*_driven(marionette), *whole}
-    given = {name: columns.pop(name) for name in sorted(known & set(columns))}
+    driven = {*_driven_names(marionette), *rotation_parts}
+    commanded = {name: columns.pop(name) for name in sorted(driven & set(columns))}
     if file.inputs is not None:
         return Input.load(marionette, located.required(file.inputs))
-    if not given:
+    if not commanded:
         return Input.hold(marionette, float(clock[-1] - clock[0])).shifted(float(clock[0]))
-    there = np.all([np.isfinite(x) for x in given.values()], axis=0)
-    return Input.samples(marionette, t[there], {name: x[there] for name, x in given.items()})
+    present = np.all([np.isfinite(x) for x in commanded.values()], axis=0)
+    return Input.samples(
+        marionette, t[present], {name: x[present] for name, x in commanded.items()}
+    )
 
 
 def _measured(
     file: RecordFile, marionette: Marionette, columns: dict[str, Array], check: Mistakes
 ) -> dict[str, Array]:
     """The measured columns."""
-    table, out = marionette.coordinates, {}
+    table, measured = marionette.coordinates, {}
     axes = {f"{name}.{axis}" for name in file.markers for axis in "xyz"}
     scalars = {table.q_D[q] for q, _ in table.scalars_D}
-    strings = {f"{one.name}.tension" for one in marionette.tree.strings}
+    strings = {f"{string.name}.tension" for string in marionette.tree.strings}
     for name in file.markers:
         if not any(f"{name}.{axis}" in columns for axis in "xyz"):
             check(
                 ("markers", name),
-                lambda name=name: _refuse(
+                lambda name=name: _raise_error(
                     f"the samples have none of the columns {name}.x, {name}.y and {name}.z"
                 ),
             )
     for name, values in columns.items():
         if name in axes or name in scalars or name in strings:
-            out[name] = values
+            measured[name] = values
         else:
-            known = (*axes, *scalars, *strings)
+            names = (*axes, *scalars, *strings)
             text = f"the column {shown(name)} is no marker, coordinate or tension"
-            text += f"{nearest(name, known)}; name it under columns"
-            check(("samples",), lambda text=text: _refuse(text))
-    return out
+            text += f"{nearest(name, names)}; name it under columns"
+            check(("samples",), lambda text=text: _raise_error(text))
+    return measured

@@ -25,53 +25,53 @@ from fantoccini.base.documents import (
 
 
 class MarkerFile(Model):
-    """A point of a body that is filmed."""
+    """A point of a body whose position is measured."""
 
     body: Name
     """The body that carries it."""
     at: Place = (0.0, 0.0, 0.0)
-    """Its place in the body's frame [m]."""
+    """Its position in the body's frame [m]."""
     find: bool = False
-    """Whether `at` is only a guess, and the place is looked for."""
+    """Whether `at` is only a guess, and the position is estimated."""
 
 
 class ColumnFile(Model):
-    """What a column is that has another name or unit: `coordinate` or `tension`, `unit`."""
+    """A column with another name or unit: `coordinate` or `tension`, and `unit`."""
 
     coordinate: str | None = None
-    """A scalar coordinate; driven ones are what was commanded."""
+    """A scalar coordinate; a driven one holds its command."""
     tension: Name | None = None
     """A string."""
     unit: Literal["rad", "deg", "m", "mm", "N"] | None = None
-    """Of its numbers; rad, m or N by default."""
+    """Unit of its numbers; rad, m or N by default."""
 
     @model_validator(mode="after")
     def _is_one(self) -> ColumnFile:
         if self.coordinate is not None and self.tension is not None:
-            raise mistake("found `coordinate` and `tension`; needed: one of them")
+            raise mistake("found `coordinate` and `tension`; needed: only one of them")
         if self.coordinate is None and self.tension is None and self.unit is None:
             raise mistake("needed: `coordinate` or `tension`, or a `unit`")
         return self
 
 
 class DelayFile(Model):
-    """A delay that is looked for."""
+    """An unknown delay."""
 
     about: Sized
-    """Where the search begins [s]; it ends within 0.25 s of that."""
+    """Initial value [s]; the delay is searched within 0.25 s of it."""
 
 
 class UnknownFile(Model):
-    """What is known of a number that is looked for."""
+    """Prior knowledge of an unknown number."""
 
     about: Real | None = None
-    """Where the search begins; the file's number by default."""
+    """Initial value; the file's number by default."""
     known: Annotated[Positive, SIZED] | None = None
     """Standard deviation of `about`, if it was measured beforehand."""
 
 
 class RecordFile(Document):
-    """A record of a puppet in motion, and what is to be found from it."""
+    """A record of a puppet in motion, and the unknowns to estimate from it."""
 
     kind: ClassVar = Kind("record", "a record has the keys `record`, `puppet` and `samples`")
 
@@ -87,19 +87,18 @@ class RecordFile(Document):
     """The inputs file or recording that was played; columns named after driven coordinates by
     default."""
     markers: dict[Name, MarkerFile] = Field(default_factory=dict)
-    """Marker -> where it sits; its columns are `name.x`, `name.y` and `name.z` [m]."""
+    """Marker -> its body and position; its columns are `name.x`, `name.y` and `name.z` [m]."""
     columns: dict[str, ColumnFile] = Field(default_factory=dict)
-    """Column of another name or unit -> what it is."""
+    """Column with another name or unit -> its quantity and unit."""
     unit: Literal["m", "mm"] = "m"
-    """Of the markers' columns."""
+    """Unit of the markers' columns."""
     unknown: dict[str, UnknownFile | None] = Field(default_factory=dict)
-    """What is looked for: parameters of the puppet, or places of numbers in its file such as
-    `forearm.mass`."""
+    """Unknowns: parameters of the puppet, or numbers in its file such as `forearm.mass`."""
     offsets: tuple[str, ...] = ()
     """Scalar driven coordinates whose commands are off by an unknown constant."""
     delay: Sized | Literal["find"] | DelayFile = 0.0
-    """By how much the record's clock shows more than the inputs' [s]; `find`, or `{about}`, looks
-    for it."""
+    """Time of the record's clock less that of the inputs' clock [s]; estimated with `find` or
+    `{about}`."""
     noise: dict[str, Annotated[Size, SIZED]] = Field(default_factory=dict)
     """Marker or column -> standard deviation [m, rad or N]; estimated by default."""
     start: dict[str, Value] = Field(default_factory=dict)
@@ -108,7 +107,7 @@ class RecordFile(Document):
     @model_validator(mode="after")
     def _offsets_differ(self) -> RecordFile:
         refuse(
-            (("offsets", i), f"{name} is looked for twice")
+            (("offsets", i), f"{name} is unknown twice")
             for i, name in enumerate(self.offsets)
             if name in self.offsets[:i]
         )

@@ -7,34 +7,35 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fantoccini.base import Array, MaskRows, OnProgress, Progress, StateError
-from fantoccini.lab.identification.blocks import LARGEST_MOVE, Normal
+from fantoccini.lab.identification.blocks import MAX_MOVE, NormalEquations
 from fantoccini.lab.identification.cost import Cost
 from fantoccini.lab.identification.fit import Fit
-from fantoccini.lab.identification.point import Jacobians, Point, Predicted
+from fantoccini.lab.identification.search_point import Jacobians, Point, Predicted
 from fantoccini.lab.identification.windows import cheaper, spread
 
 FIRST_DAMPING = 1e-3
-LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e8
-_LEAST_FALL = 0.01
-"""Of the cost: a fall that is smaller ends a search. One standard deviation costs 0.5."""
-_STEEP = 0.1
-"""Part of the cost by which a move reduces it while the search is far from its end."""
-_FAR = 0.1
-"""Part of a positive number by which it may move before all derivatives are found anew."""
-_MIXED = 3.0
-"""The costs of all segments may change by so many times the fall that ends a search."""
-LARGEST_FACTOR = 4.0
-"""By which a positive number may grow or shrink in one move."""
+MIN_DAMPING, MAX_DAMPING = 1e-4, 1e8
+MIN_FALL = 0.01
+"""Fall of the cost below which a search ends; a move by one standard deviation costs 0.5."""
+STEEP_FALL = 0.1
+"""Relative fall of the cost in a move above which the search continues beyond its largest number
+of moves."""
+MAX_THETA_CHANGE = 0.1
+"""Relative change of a positive number after which all derivatives are computed again."""
+MAX_COST_CHANGE = 3.0
+"""Sum of the segments' cost changes, over the fall that ends a search, up to which it may end."""
+MAX_FACTOR = 4.0
+"""Largest factor by which a positive number may grow or shrink in one move."""
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
-    """Derivatives that are kept from one move to the next.
+class SavedJacobians:
+    """Derivatives that are reused from one move to the next.
 
     Attributes:
-        jacobians: of all segments; those of some are written over.
-        theta: (P,) unknowns at which all were found.
-        stale: (S,) bool, segments whose derivatives are to be found anew.
+        jacobians: of all segments; updated in place.
+        theta: (P,) unknowns at which all were computed.
+        stale: (S,) bool, segments whose derivatives must be computed again.
     """
 
     jacobians: Jacobians
@@ -42,168 +43,179 @@ class Kept:
     stale: MaskRows
 
     @classmethod
-    def at(cls, fit: Fit, at: Point) -> Kept:
-        """All of a point."""
-        return cls(fit.jacobians(at), at.theta, np.zeros(len(at.q_D), dtype=bool))
+    def at(cls, fit: Fit, point: Point) -> SavedJacobians:
+        """All derivatives at a point."""
+        return cls(fit.jacobians(point), point.theta, np.zeros(len(point.q_D), dtype=bool))
 
-    def renewed(self, fit: Fit, at: Point, positive: MaskRows) -> Kept:
-        """Those of stale segments anew; all where a positive number went far."""
-        if np.any(np.abs(at.theta - self.theta)[positive] > _FAR * self.theta[positive]):
-            return Kept.at(fit, at)
+    def renewed(self, fit: Fit, point: Point, positive: MaskRows) -> SavedJacobians:
+        """Computes stale segments again, and all of them if a positive number changed much."""
+        if np.any(
+            np.abs(point.theta - self.theta)[positive] > MAX_THETA_CHANGE * self.theta[positive]
+        ):
+            return SavedJacobians.at(fit, point)
         if np.any(self.stale):
-            fit.jacobians(at, only=self.stale, kept=self.jacobians)
+            fit.jacobians(point, only=self.stale, others=self.jacobians)
         return replace(self, stale=np.zeros(len(self.stale), dtype=bool))
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """Where a search ended.
+class SearchResult:
+    """Result of a search.
 
     Attributes:
-        at: the point.
-        predicted: what it predicts.
-        cost: there.
-        moves: that were taken.
-        settled: whether the last move changed the costs by little.
-        odd: (S,) bool, segments whose derivatives did not tell the last two moves.
-        kept: the derivatives.
+        point: the best point.
+        predicted: its predictions.
+        cost: its cost.
+        moves: number of moves.
+        settled: whether the last move hardly changed the costs.
+        poorly_predicted: (S,) bool, segments whose derivatives predicted neither of the last two
+            moves well.
+        saved: the derivatives.
     """
 
-    at: Point
+    point: Point
     predicted: Predicted
     cost: float
     moves: int
     settled: bool
-    odd: MaskRows
-    kept: Kept
+    poorly_predicted: MaskRows
+    saved: SavedJacobians
 
 
 def search(
     cost: Cost,
-    at: Point,
+    point: Point,
     positive: MaskRows,
-    kept: Kept | None = None,
+    saved: SavedJacobians | None = None,
     *,
     moves: int,
     tolerance: float,
     extrapolated: bool = False,
     states_only: bool = False,
     progress: OnProgress | None = None,
-) -> Found:
+) -> SearchResult:
     """Moves a point until the cost no longer falls.
 
     Args:
-        cost: of points.
-        at: where the search begins.
+        cost: the cost.
+        point: the initial point.
         positive: (P,) bool, unknowns that stay above zero.
-        kept: derivatives from an earlier search.
-        moves: largest number, but while the cost falls steeply, four times as many.
+        saved: derivatives from an earlier search.
+        moves: maximum number of moves; four times as many tries while the cost falls steeply.
         tolerance: relative fall of the cost that ends the search.
-        extrapolated: residuals of steps of no length; derivatives stay those of steps of dt.
-        states_only: leave the unknowns as they are.
+        extrapolated: whether residuals are extrapolated to a step length of 0; derivatives are not.
+        states_only: whether the unknowns stay fixed.
         progress: called with the cost, as ``best``, after every move.
     """
-    damping, taken, settled = np.full(len(at.q_D), FIRST_DAMPING), 0, False
+    damping, n_moves, settled = np.full(len(point.q_D), FIRST_DAMPING), 0, False
     shared = FIRST_DAMPING
     fit = cost.fit
-    predicted = fit.predict(at, extrapolated=extrapolated)
+    predicted = fit.predict(point, extrapolated=extrapolated)
     if not predicted.arrived:
         raise StateError(
-            "the puppet cannot be simulated with the numbers that the search has come to; begin "
-            "nearer to the truth, or take a smaller dt"
+            "the puppet cannot be simulated with the numbers that the search has reached; give "
+            "better initial values, or take a smaller dt"
         )
-    free = fit.freed(at, predicted)
-    if kept is None:
-        kept = Kept.at(fit, free)
-    kept = replace(kept, stale=kept.stale | cost.other(at, free))
-    at = free
-    normal: Normal | None = None
-    parts = cost.parts(at, predicted)
-    tries = failed = 0
-    odd = stale = np.zeros(len(at.q_D), dtype=bool)
+    freed = fit.released(point, predicted)
+    if saved is None:
+        saved = SavedJacobians.at(fit, freed)
+    saved = replace(saved, stale=saved.stale | cost.regrouped(point, freed))
+    point = freed
+    normal: NormalEquations | None = None
+    parts = cost.parts(point, predicted)
+    n_tries = n_failed = 0
+    poorly_predicted = stale = np.zeros(len(point.q_D), dtype=bool)
     steep = False
-    while (taken < moves or steep) and not settled and tries < 4 * moves:
-        tries += 1
+    while (n_moves < moves or steep) and not settled and n_tries < 4 * moves:
+        n_tries += 1
         if normal is None:
-            kept = kept.renewed(fit, at, positive)
-            normal = cost.normal(at, predicted, kept.jacobians)
+            saved = saved.renewed(fit, point, positive)
+            normal = cost.normal(point, predicted, saved.jacobians)
         if states_only:
-            by, theta = _step(normal.of_states(), damping, shared)[0], 0.0 * at.theta
+            move, theta_move = _step(normal.of_states(), damping, shared)[0], 0.0 * point.theta
         else:
-            by, theta = _step(normal, damping, shared)
-        trial = fit.moved(at, by, _bounded(at.theta, theta, positive) - at.theta)
-        seen = fit.predict(trial, extrapolated=extrapolated)
-        new = cost.parts(trial, seen)
-        bad = _bad(parts, new)
-        if np.any(bad) and seen.arrived:
-            trial, seen, new = _stayed(cost, at, trial, seen, new, bad, extrapolated)
-        if not np.sum(new) < np.sum(parts):
-            damping = np.where(bad, np.minimum(16.0 * damping, MOST_DAMPING), damping)
-            failed += 1
-            if failed > 2 or not np.any(bad):
+            move, theta_move = _step(normal, damping, shared)
+        trial = fit.moved(point, move, _bounded(point.theta, theta_move, positive) - point.theta)
+        trial_predicted = fit.predict(trial, extrapolated=extrapolated)
+        trial_parts = cost.parts(trial, trial_predicted)
+        worsened = _worsened(parts, trial_parts)
+        if np.any(worsened) and trial_predicted.arrived:
+            trial, trial_predicted, trial_parts = _restore_worsened(
+                cost, point, trial, trial_predicted, trial_parts, worsened, extrapolated
+            )
+        if not np.sum(trial_parts) < np.sum(parts):
+            damping = np.where(worsened, np.minimum(16.0 * damping, MAX_DAMPING), damping)
+            n_failed += 1
+            if n_failed > 2 or not np.any(worsened):
                 shared *= 8.0
-            settled = shared > MOST_DAMPING
+            settled = shared > MAX_DAMPING
             continue
-        damping = np.where(bad, 4.0 * damping, np.maximum(damping / 4.0, LEAST_DAMPING))
-        failed = 0
-        # Some segments may rise by what others fall: then the search is not at its end.
-        change, least = np.abs(parts - new), max(tolerance * float(np.sum(parts)), _LEAST_FALL)
-        fall = float(np.sum(parts - new))
-        settled = fall <= least and bool(np.sum(change) <= _MIXED * least)
-        steep = fall > _STEEP * float(np.sum(parts))
-        shared, taken = max(LEAST_DAMPING, shared / 8.0), taken + 1
-        before, stale = stale, cost.stale(at, trial, predicted, seen, kept.jacobians)
-        free = fit.freed(trial, seen)
-        odd, kept = before & stale, replace(kept, stale=stale | cost.other(at, free))
-        at, parts, predicted, normal = free, new, seen, None
+        damping = np.where(worsened, 4.0 * damping, np.maximum(damping / 4.0, MIN_DAMPING))
+        n_failed = 0
+        # The costs of segments may still change while their sum does not: the search then goes on.
+        change = np.abs(parts - trial_parts)
+        min_fall = max(tolerance * float(np.sum(parts)), MIN_FALL)
+        fall = float(np.sum(parts - trial_parts))
+        settled = fall <= min_fall and bool(np.sum(change) <= MAX_COST_CHANGE * min_fall)
+        steep = fall > STEEP_FALL * float(np.sum(parts))
+        shared, n_moves = max(MIN_DAMPING, shared / 8.0), n_moves + 1
+        before, stale = stale, cost.stale(point, trial, predicted, trial_predicted, saved.jacobians)
+        freed = fit.released(trial, trial_predicted)
+        poorly_predicted = before & stale
+        saved = replace(saved, stale=stale | cost.regrouped(point, freed))
+        point, parts, predicted, normal = freed, trial_parts, trial_predicted, None
         if progress is not None:
             progress(Progress(best=float(np.sum(parts))))
-    return Found(at, predicted, float(np.sum(parts)), taken, settled, odd, kept)
+    return SearchResult(
+        point, predicted, float(np.sum(parts)), n_moves, settled, poorly_predicted, saved
+    )
 
 
-def _bad(parts: Array, new: Array) -> MaskRows:
-    """(S,) bool, segments that went wrong, and those beside them, whose gaps are theirs, too."""
+def _worsened(parts: Array, new: Array) -> MaskRows:
+    """(S,) bool, segments that cost more, and their neighbours, which share their jumps."""
     return spread((new - parts)[:-1] > 0.02 * parts[:-1] + 1.0, 1, 1)
 
 
-def _stayed(
+def _restore_worsened(
     cost: Cost,
-    at: Point,
+    point: Point,
     trial: Point,
-    seen: Predicted,
-    new: Array,
+    predicted: Predicted,
+    parts: Array,
     bad: MaskRows,
     extrapolated: bool,
 ) -> tuple[Point, Predicted, Array]:
-    """The trial with the first states of bad segments where they were, if that costs less."""
+    """The trial with the old first states of worsened segments, where that costs less."""
     fit = cost.fit
-    stay = trial.mixed(at, bad)
-    stay = fit.placed(stay.q_D, stay.v_D, stay.theta, stay.held, bad)
-    same = fit.predict(stay, extrapolated=extrapolated, only=bad, kept=seen)
-    if not same.arrived:
-        return trial, seen, new
-    better = cheaper(bad, new, cost.parts(stay, same))
-    trial = trial.mixed(stay, better)
-    seen = seen.mixed(same, better, fit.segments(trial.theta))
-    return trial, seen, cost.parts(trial, seen)
+    restored = trial.mixed(point, bad)
+    restored = fit.projected(restored.q_D, restored.v_D, restored.theta, restored.held, bad)
+    restored_predicted = fit.predict(
+        restored, extrapolated=extrapolated, only=bad, others=predicted
+    )
+    if not restored_predicted.arrived:
+        return trial, predicted, parts
+    cheaper_ones = cheaper(bad, parts, cost.parts(restored, restored_predicted))
+    trial = trial.mixed(restored, cheaper_ones)
+    predicted = predicted.mixed(restored_predicted, cheaper_ones, fit.segments(trial.theta))
+    return trial, predicted, cost.parts(trial, predicted)
 
 
-def _step(normal: Normal, damping: Array, shared: float) -> tuple[Array, Array]:
-    """A move in which no state goes too far; the damping of those that would is raised."""
+def _step(normal: NormalEquations, damping: Array, shared: float) -> tuple[Array, Array]:
+    """A move within the bounds of ``MAX_MOVE``; raises the damping of states that exceed them."""
     while True:
-        by, theta = normal.step(damping, shared)
-        n = by.shape[1] // 2
-        far = np.maximum(
-            np.max(np.abs(by[:, :n]), axis=1) / LARGEST_MOVE[0],
-            np.max(np.abs(by[:, n:]), axis=1) / LARGEST_MOVE[1],
+        move, theta = normal.step(damping, shared)
+        n = move.shape[1] // 2
+        excess = np.maximum(
+            np.max(np.abs(move[:, :n]), axis=1) / MAX_MOVE[0],
+            np.max(np.abs(move[:, n:]), axis=1) / MAX_MOVE[1],
         )
-        if not np.any(far > 1.0) or np.min(damping[far > 1.0]) >= MOST_DAMPING:
-            return by, theta
-        damping[far > 1.0] *= np.maximum(4.0, far[far > 1.0] ** 2)
+        if not np.any(excess > 1.0) or np.min(damping[excess > 1.0]) >= MAX_DAMPING:
+            return move, theta
+        damping[excess > 1.0] *= np.maximum(4.0, excess[excess > 1.0] ** 2)
 
 
 def _bounded(theta: Array, move: Array, positive: MaskRows) -> Array:
-    """theta moved, where positive numbers change by a bounded factor."""
-    to = theta + move
-    low, high = theta / LARGEST_FACTOR, theta * LARGEST_FACTOR
-    return np.where(positive, np.clip(to, low, high), to)
+    """theta moved; positive numbers change by a bounded factor."""
+    moved = theta + move
+    low, high = theta / MAX_FACTOR, theta * MAX_FACTOR
+    return np.where(positive, np.clip(moved, low, high), moved)

@@ -1,11 +1,11 @@
-"""suggest_motion: the motion that would tell most of what is looked for.
+"""``suggest_motion``: the motion whose record would determine the unknowns best.
 
 For every candidate the Fisher information F of the unknowns is predicted, with the states unknown
-as well, and scaled by the sizes of the numbers. The candidate of the largest
+as well, and scaled by the sizes of the numbers. The best candidate has the largest
 
-    gain = 1/2 log2 det(1 + F)
+    gain = 1/2 log2 det(1 + F),
 
-is best: the bits by which it narrows down numbers of which only the size is known (D-optimality).
+the information in bits about numbers of which only the size is known (D-optimality).
 """
 
 from __future__ import annotations
@@ -28,36 +28,36 @@ from fantoccini.base import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import whole
 from fantoccini.lab.identification.cost import Cost
-from fantoccini.lab.identification.estimating import DRIFT, Noise, fit_of, one_blas_thread
+from fantoccini.lab.identification.estimating import DRIFT, NoiseLevels, fit_of, one_blas_thread
 from fantoccini.lab.identification.fit import chained
-from fantoccini.lab.identification.point import Weights
 from fantoccini.lab.identification.record import Record
-from fantoccini.lab.identification.result import Combination, told
+from fantoccini.lab.identification.result import Combination, determined
+from fantoccini.lab.identification.search_point import Weights
 from fantoccini.motion import Input
 
-_BEATS = (0.4, 0.8, 1.6)
-"""Times between the waypoints of random motions [s]."""
-_REACHES = (1.0, 0.4)
-"""Sizes of random motions, relative to the reach."""
-_ANGLE = 3.0
-"""Reach of a driven angle over that of a place [rad/m]."""
-_RATE = 100.0
-"""Of the samples that are written [Hz]."""
+WAYPOINT_INTERVALS = (0.4, 0.8, 1.6)
+"""Intervals between the waypoints of random motions [s]."""
+REACH_FACTORS = (1.0, 0.4)
+"""Amplitudes of random motions, relative to the reach."""
+ANGLE_PER_LENGTH = 3.0
+"""Reach of a driven angle over that of a length [rad/m]."""
+SAVE_RATE = 100.0
+"""Rate of the samples that are written [Hz]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A motion, and what a record of it would tell.
+    """A motion, with the predicted errors of estimates from its record.
 
     Attributes:
         name: of the motion.
-        inputs: it.
-        gain: bits that it tells.
-        deviations: name -> predicted standard deviation; infinite where it does not tell.
-        combinations: that it would leave untold.
+        inputs: the motion.
+        gain: information about the unknowns [bits].
+        deviations: name -> predicted standard deviation; infinite for numbers not determined.
+        combinations: combinations of numbers that it would not determine.
         worst: largest deviation relative to the number's size (E-optimality's measure is its
-            square); infinite where something is not told.
-        refused: why it cannot be done; empty where it can.
+            square); infinite if a number is not determined.
+        refused: reason why it cannot be done; empty if it can.
     """
 
     name: str
@@ -72,11 +72,11 @@ class Candidate:
         """Writes the motion as an inputs file of samples (CSV).
 
         Raises:
-            StateError: an orientation is driven, which moves.
+            StateError: a driven orientation moves.
             FileNotFoundError: the folder does not exist.
         """
         t = np.linspace(
-            self.inputs.start, self.inputs.end, 1 + int(np.ceil(_RATE * self.inputs.duration))
+            self.inputs.start, self.inputs.end, 1 + int(np.ceil(SAVE_RATE * self.inputs.duration))
         )
         q_K, v_K, _ = self.inputs.evaluate(t)
         table = self.inputs.coordinates
@@ -105,20 +105,20 @@ def suggest_motion(
     threads: int | None = None,
     progress: OnProgress | None = None,
 ) -> tuple[Candidate, ...]:
-    """Motions, best first, with the errors that records of them would leave.
+    """Motions ranked by the information of their records, the best first.
 
     Args:
-        record: what would be measured (its columns and noise) and what is looked for. Its samples
-            are not used.
-        candidates: name -> inputs, such as gestures; random smooth motions when not given.
+        record: the columns and noise that would be measured, and the unknowns. Its samples are not
+            used.
+        candidates: name -> inputs, such as gestures; random smooth motions by default.
         duration: of random motions [s].
         rate: samples per second.
-        reach: how far random motions go from the start: places and, by 0.6 as much, lengths [m],
-            angles by 3 rad per metre.
+        reach: largest displacement of random motions from the start [m]; string lengths go 0.6 as
+            far, angles 3 rad per metre.
         ranges: driven coordinate -> (low, high), within which random motions stay.
-        draws: random motions of every tempo and size.
+        draws: number of random motions for every interval and amplitude.
         seed: of random motions.
-        segment, dt, threads: as of :func:`identify`.
+        segment, dt, threads: as for :func:`identify`.
         progress: called with the name of every candidate.
 
     Raises:
@@ -127,17 +127,19 @@ def suggest_motion(
     check_positive(duration=duration, rate=rate, reach=reach, segment=segment, dt=dt)
     draws = whole("draws", draws, least=1)
     if candidates is None:
-        candidates = _random(record.marionette, record, duration, reach, ranges or {}, draws, seed)
-    found = []
+        candidates = _random_motions(
+            record.marionette, record, duration, reach, ranges or {}, draws, seed
+        )
+    ranked = []
     with one_blas_thread():
         for name, inputs in candidates.items():
             if progress is not None:
                 progress(Progress(name))
-            found.append(_candidate(name, inputs, record, rate, segment, dt, threads))
-    found.sort(key=lambda one: -one.gain)
-    if found[0].refused:
-        raise StateError(f"no candidate can be done; {found[0].name}: {found[0].refused}")
-    return tuple(found)
+            ranked.append(_candidate(name, inputs, record, rate, segment, dt, threads))
+    ranked.sort(key=lambda candidate: -candidate.gain)
+    if ranked[0].refused:
+        raise StateError(f"no candidate can be done; {ranked[0].name}: {ranked[0].refused}")
+    return tuple(ranked)
 
 
 def _candidate(
@@ -152,19 +154,19 @@ def _candidate(
     t = np.arange(inputs.start, inputs.end, 1.0 / rate)
     columns = {column: np.zeros(len(t)) for column in record.channels.names}
     try:
-        own = replace(record, inputs=inputs, t=t + record.delay, columns=columns)
-        fit = fit_of(own, segment, dt, threads)
-        at = chained(fit, own.start_state(fit.inputs, float(fit.starts[0])))
-        noise = Noise.of(own)
+        planned = replace(record, inputs=inputs, t=t + record.delay, columns=columns)
+        fit = fit_of(planned, segment, dt, threads)
+        point = chained(fit, planned.start_state(fit.inputs, float(fit.starts[0])))
+        noise = NoiseLevels.of(planned)
         levels = np.where(np.isfinite(noise.given), noise.given, noise.guess)
-        predicted = fit.predict(at)
-        cost = Cost(replace(fit, y=predicted.y), at, Weights(levels, DRIFT))
-        F = cost.normal(at, predicted, fit.jacobians(at)).information()
+        predicted = fit.predict(point)
+        cost = Cost(replace(fit, y=predicted.y), point, Weights(levels, DRIFT))
+        F = cost.normal(point, predicted, fit.jacobians(point)).information()
     except (FantocciniError, np.linalg.LinAlgError) as error:
         return Candidate(name, inputs, -np.inf, {}, (), np.inf, str(error))
     scaled = F * np.outer(record.scales, record.scales)
     eigenvalues = np.maximum(np.linalg.eigvalsh(0.5 * (scaled + scaled.T)), 0.0)
-    deviations, _, combinations = told(F, record.scales, record.labels)
+    deviations, _, combinations = determined(F, record.scales, record.labels)
     return Candidate(
         name,
         inputs,
@@ -175,7 +177,7 @@ def _candidate(
     )
 
 
-def _random(
+def _random_motions(
     marionette: Marionette,
     record: Record,
     duration: float,
@@ -184,36 +186,38 @@ def _random(
     draws: int,
     seed: int,
 ) -> dict[str, Input]:
-    """Smooth random motions about the start, of several tempos and sizes."""
+    """Smooth random motions about the start, with several intervals and amplitudes."""
     table = marionette.coordinates
     x0 = marionette.rest({**record.inputs.first_values(), **record.start})
     kinds = {row.name: row.unit for row in table.rows}
-    out = {}
-    for beat in _BEATS:
-        for size in _REACHES:
+    motions = {}
+    for interval in WAYPOINT_INTERVALS:
+        for size in REACH_FACTORS:
             for draw in range(draws):
                 rng = np.random.default_rng((seed, draw))
-                times = np.arange(0.0, duration - 1e-9, beat)
+                times = np.arange(0.0, duration - 1e-9, interval)
                 points: dict[str, list[tuple[float, float]]] = {}
                 for q, _ in table.scalars_K:
-                    name, still = table.q_K[q], float(x0.q_K[q])
-                    far = reach * size * (_ANGLE if kinds.get(name) == "rad" else 1.0)
-                    far *= 0.6 if name.endswith(".length") else 1.0
-                    values = still + far * rng.uniform(-1.0, 1.0, len(times))
-                    values[[0, -1]] = still
-                    values = _within(name, values, still, ranges)
+                    name, start = table.q_K[q], float(x0.q_K[q])
+                    amplitude = (
+                        reach * size * (ANGLE_PER_LENGTH if kinds.get(name) == "rad" else 1.0)
+                    )
+                    amplitude *= 0.6 if name.endswith(".length") else 1.0
+                    values = start + amplitude * rng.uniform(-1.0, 1.0, len(times))
+                    values[[0, -1]] = start
+                    values = _clip_to_range(name, values, start, ranges)
                     points[name] = list(zip(times.tolist(), values.tolist(), strict=True))
-                key = f"random, {beat:g} s, {100 * reach * size:g} cm, {draw}"
-                out[key] = Input.waypoints(marionette, points)
-    return out
+                key = f"random, {interval:g} s, {100 * reach * size:g} cm, {draw}"
+                motions[key] = Input.waypoints(marionette, points)
+    return motions
 
 
-def _within(
-    name: str, values: Array, still: float, ranges: Mapping[str, tuple[float, float]]
+def _clip_to_range(
+    name: str, values: Array, start: float, ranges: Mapping[str, tuple[float, float]]
 ) -> Array:
     if name not in ranges:
         return values
     low, high = ranges[name]
-    if not low <= still <= high:
-        raise StateError(f"{name} starts at {still:g}, beyond its range of {low:g} to {high:g}")
+    if not low <= start <= high:
+        raise StateError(f"{name} starts at {start:g}, beyond its range of {low:g} to {high:g}")
     return np.clip(values, low, high)

@@ -1,4 +1,4 @@
-"""Units of what is looked for and of what is measured."""
+"""Units of unknowns and of channels."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fantoccini.base.documents import Path
 from fantoccini.lab.identification.record import Record
 from fantoccini.model.puppet import parameters, plain
 
-_UNITS = {
+KEY_UNITS = {
     "mass": "kg",
     "density": "kg/m³",
     "gravity": "m/s²",
@@ -23,8 +23,8 @@ _UNITS = {
     "voltage": "V",
     "bandwidth": "rad/s",
 } | dict.fromkeys(("at", "com", "world", "drum", "length"), "m")
-"""Of keys that have one unit everywhere."""
-_KINDS = {
+"""Units of keys that have the same unit everywhere."""
+SLIDING_AND_TURNING_UNITS = {
     "damping": ("N s/m", "N m s/rad"),
     "viscous": ("N s/m", "N m s/rad"),
     "stiffness": ("N/m", "N m/rad"),
@@ -36,16 +36,16 @@ _KINDS = {
     "armature": ("kg", "kg m²"),
     "constant": ("N/A", "N m/A"),
 }
-"""Of keys that mean one thing where something slides, and another where it turns."""
-_OF_CHAIN = {"stiffness": "N", "damping": "N s"}
-_SLIDING = {"prismatic", "translation"}
+"""Units of keys whose unit depends on the joint: sliding, turning."""
+CHAIN_UNITS = {"stiffness": "N", "damping": "N s"}
+SLIDING_JOINTS = {"prismatic", "translation"}
 
 
 def units(record: Record) -> dict[str, str]:
-    """Unit of every unknown, by its label; empty where the puppet's file does not tell it."""
+    """Unit of every unknown, by its label; empty if it is not clear from the puppet's file."""
     kinds = {row.name: row.unit for row in record.marionette.coordinates.rows}
-    found = parameter_units(plain(record.marionette.puppet), kinds)
-    parts = [found.get(one.name, "") for one in record.unknowns]
+    parameter_unit = parameter_units(plain(record.marionette.puppet), kinds)
+    parts = [parameter_unit.get(unknown.name, "") for unknown in record.unknowns]
     parts += [kinds.get(name, "") for name in record.offsets]
     rest = len(record.labels) - len(parts) - int(record.find_delay)
     parts += ["m"] * rest + ["s"] * int(record.find_delay)
@@ -64,38 +64,38 @@ def channel_units(record: Record) -> tuple[str, ...]:
 
 
 def parameter_units(data: Any, kinds: dict[str, str]) -> dict[str, str]:
-    """Unit of every parameter, by where it stands in a puppet's plain data.
+    """Unit of every parameter, from its path in a puppet's plain data.
 
     Args:
-        data: of the puppet.
+        data: plain data of the puppet.
         kinds: coordinate -> its unit.
     """
-    found: dict[str, str] = {}
+    units: dict[str, str] = {}
     for path, value in parameters(data):
-        found.setdefault(value["parameter"], _unit(data, path, kinds))
-    return found
+        units.setdefault(value["parameter"], _unit(data, path, kinds))
+    return units
 
 
 def _unit(data: Any, path: Path, kinds: dict[str, str]) -> str:
     keys = [key for key in path if isinstance(key, str)]
     key = keys[-1]
-    if "chain" in keys and key in _OF_CHAIN:
-        return _OF_CHAIN[key]
-    if key not in _KINDS:
-        return _UNITS.get(key, "")
-    sliding, turning = _KINDS[key]
+    if "chain" in keys and key in CHAIN_UNITS:
+        return CHAIN_UNITS[key]
+    if key not in SLIDING_AND_TURNING_UNITS:
+        return KEY_UNITS.get(key, "")
+    sliding, turning = SLIDING_AND_TURNING_UNITS[key]
     item = data[path[0]][path[1]]
     if "joint" in keys:
         kind = item["joint"]["type"]
         both = f"{sliding} or {turning}"
-        return both if kind == "free" else _of(kind in _SLIDING, sliding, turning)
+        return both if kind == "free" else _choose(kind in SLIDING_JOINTS, sliding, turning)
     if path[0] == "drives":
         on = item["on"]
         slides = kinds.get(on if isinstance(on, str) else on[0]) == "m"
         wound = "drum" in item and "control" not in keys
-        return _of(slides and not wound, sliding, turning)
+        return _choose(slides and not wound, sliding, turning)
     return sliding
 
 
-def _of(slides: bool, sliding: str, turning: str) -> str:
+def _choose(slides: bool, sliding: str, turning: str) -> str:
     return sliding if slides else turning

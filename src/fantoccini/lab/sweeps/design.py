@@ -1,4 +1,4 @@
-"""The cases of a sweep: a grid or a list of points, repeated, with random values drawn for each."""
+"""Cases of a sweep: a grid or a list of points, repetitions, and random values for every case."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Axis:
     """One axis of the results.
 
     Attributes:
-        name: of the value; ``case`` for a list of cases, ``repeat`` for repetitions.
-        labels: of the values in tables; numbers and texts label themselves.
+        name: name of the value; ``case`` for a list of cases, ``repeat`` for repetitions.
+        labels: names of the values in tables; numbers and texts are their own labels.
     """
 
     name: str
@@ -45,9 +45,9 @@ class Design:
     """All cases of a sweep.
 
     Attributes:
-        axes: the slowest first.
-        names: of all values, in the order of tables.
-        cases: in order, without their marionettes.
+        axes: axes of the results, the slowest first.
+        names: names of all values, in the order of tables.
+        cases: all cases in order, without their marionettes.
         labels: per case, name -> label of the value in tables.
         keys: per case, a digest of everything that defines it except the study and the seed.
         puppets: label -> marionette.
@@ -67,12 +67,12 @@ class Design:
 
 
 @dataclass(frozen=True, eq=False)
-class _Item:
+class Item:
     """A varied value.
 
     Attributes:
-        value: itself.
-        label: in tables.
+        value: the value.
+        label: its name in tables.
         stream: identifies its random numbers.
         key: digest that identifies its stored results.
     """
@@ -108,29 +108,34 @@ def make_design(
     keys: list[str] = []
     for point in points:
         stream = int(digest({n: item.stream for n, item in point.items()}), 16)
-        own = {n: item.key for n, item in (point | ({PUPPET: shared} if shared else {})).items()}
+        point_keys = {
+            n: item.key for n, item in (point | ({PUPPET: shared} if shared else {})).items()
+        }
         for repeat in range(seeds or 1):
             entropy = (seed, stream, repeat)
-            drawn = {n: _draw(n, how, (*entropy, streams[n])) for n, how in draw.items()}
+            drawn = {
+                n: _draw(n, distribution, (*entropy, streams[n]))
+                for n, distribution in draw.items()
+            }
             values = {n: i.label if n == PUPPET else i.value for n, i in point.items()} | drawn
             if shared is not None:
                 values = {PUPPET: shared.label} | values
             cases.append(Case(len(cases), values, repeat, entropy))
             labels.append({n: item.label for n, item in point.items()} | drawn)
-            keys.append(digest([own, drawn, stream, repeat]))
+            keys.append(digest([point_keys, drawn, stream, repeat]))
     _check_unique(keys, labels)
     if seeds is not None:
         axes = (*axes, Axis(REPEAT, tuple(range(seeds))))
     return Design(axes, names, tuple(cases), tuple(labels), tuple(keys), puppets)
 
 
-def _points(over: Over | None) -> tuple[tuple[Axis, ...], list[dict[str, _Item]]]:
+def _points(over: Over | None) -> tuple[tuple[Axis, ...], list[dict[str, Item]]]:
     """The axes, and all points: the product of a mapping's values, or a list of mappings."""
     if over is None or isinstance(over, Mapping):
-        columns = {name: _column(name, given) for name, given in (over or {}).items()}
+        columns = {name: _column(name, values) for name, values in (over or {}).items()}
         axes = tuple(Axis(n, tuple(item.label for item in c)) for n, c in columns.items())
-        every = itertools.product(*columns.values())
-        return axes, [dict(zip(columns, point, strict=True)) for point in every]
+        combinations = itertools.product(*columns.values())
+        return axes, [dict(zip(columns, point, strict=True)) for point in combinations]
     points = list(over) if isinstance(over, Iterable) and not isinstance(over, str) else []
     if not points or not all(isinstance(p, Mapping) for p in points):
         raise TypeError(
@@ -149,25 +154,27 @@ def _points(over: Over | None) -> tuple[tuple[Axis, ...], list[dict[str, _Item]]
     return (axis,), [{name: columns[name][k] for name in names} for k in range(len(points))]
 
 
-def _column(name: str, given: Any) -> list[_Item]:
+def _column(name: str, values: Any) -> list[Item]:
     """The values of an axis: a list, or a mapping label -> value."""
-    if isinstance(given, str | Marionette) or not isinstance(given, Iterable):
-        raise TypeError(f"{name} is {given!r:.80}; it must be a list of values, even for one value")
-    labels = [str(label) for label in given] if isinstance(given, Mapping) else None
-    found = _items(name, list(given.values() if isinstance(given, Mapping) else given), labels)
-    if not found:
+    if isinstance(values, str | Marionette) or not isinstance(values, Iterable):
+        raise TypeError(
+            f"{name} is {values!r:.80}; it must be a list of values, even for one value"
+        )
+    labels = [str(label) for label in values] if isinstance(values, Mapping) else None
+    items = _items(name, list(values.values() if isinstance(values, Mapping) else values), labels)
+    if not items:
         raise ValueError(f"{name} has no values; give at least one")
     seen: set[str] = set()
-    for item in found:
+    for item in items:
         if repr(item.stream) in seen:
             raise ValueError(f"{name} has {item.label!r} twice; seeds=N repeats every case N times")
         seen.add(repr(item.stream))
-    return found
+    return items
 
 
-def _items(name: str, values: list[Any], labels: list[str] | None = None) -> list[_Item]:
+def _items(name: str, values: list[Any], labels: list[str] | None = None) -> list[Item]:
     """Values with labels; equal objects share a label, others are numbered."""
-    made: list[_Item] = []
+    items: list[Item] = []
     by_key: dict[str, str] = {}
     label: Any
     stream: Any
@@ -184,11 +191,11 @@ def _items(name: str, values: list[Any], labels: list[str] | None = None) -> lis
         elif isinstance(value, np.ndarray):
             label, stream = value, key
         else:
-            named = value.name if isinstance(value, Marionette | Input) else ""
-            label = by_key.setdefault(key, _unused(named or name, by_key, bare=bool(named)))
-            stream = label if named else key
-        made.append(_Item(value, label, stream, key))
-    return made
+            own_name = value.name if isinstance(value, Marionette | Input) else ""
+            label = by_key.setdefault(key, _unused(own_name or name, by_key, bare=bool(own_name)))
+            stream = label if own_name else key
+        items.append(Item(value, label, stream, key))
+    return items
 
 
 def _unused(base: str, by_key: dict[str, str], bare: bool) -> str:
@@ -200,49 +207,49 @@ def _unused(base: str, by_key: dict[str, str], bare: bool) -> str:
     return next(label for label in numbered if label not in taken)
 
 
-def _marionette(given: Any) -> Marionette:
-    if isinstance(given, Puppet | Scene):
-        return Marionette(given)
-    if not isinstance(given, Marionette):
+def _marionette(puppet: Any) -> Marionette:
+    if isinstance(puppet, Puppet | Scene):
+        return Marionette(puppet)
+    if not isinstance(puppet, Marionette):
         raise TypeError(
-            f"found the puppet {given!r:.80}; it must be a Marionette (from fan.load('arm.yaml') "
+            f"found the puppet {puppet!r:.80}; it must be a Marionette (from fan.load('arm.yaml') "
             "or fan.puppets.arm2d()), a Puppet or a Scene"
         )
-    return given
+    return puppet
 
 
-def _draw(name: str, how: Any, entropy: tuple[int, ...]) -> Any:
+def _draw(name: str, distribution: Any, entropy: tuple[int, ...]) -> Any:
     """A random value for one case.
 
     Every name has its own entropy, so that adding or removing a name changes no other value.
     """
     rng = np.random.default_rng(np.random.SeedSequence(entropy))
-    if hasattr(how, "rvs"):
-        value = how.rvs(random_state=rng)
-    elif callable(how):
-        value = how(rng)
+    if hasattr(distribution, "rvs"):
+        value = distribution.rvs(random_state=rng)
+    elif callable(distribution):
+        value = distribution(rng)
     else:
         try:
-            low, high = (float(x) for x in how)
+            low, high = (float(x) for x in distribution)
         except (TypeError, ValueError):
             raise TypeError(
-                f"cannot draw {name} from {how!r:.80}; give a range (low, high), a distribution of "
-                "scipy.stats, or a function of a numpy Generator"
+                f"cannot draw {name} from {distribution!r:.80}; give a range (low, high), a "
+                "distribution of scipy.stats, or a function of a numpy Generator"
             ) from None
         if not (np.isfinite([low, high]).all() and low <= high):
-            raise ValueError(f"cannot draw {name} from {how!r}; low must not exceed high")
+            raise ValueError(f"cannot draw {name} from {distribution!r}; low must not exceed high")
         value = rng.uniform(low, high)
     return value.item() if isinstance(value, np.generic) else value
 
 
-def check_whole(name: str, value: Any, least: int) -> int:
-    """The value as an int; ValueError unless it is an integer and at least ``least``."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
-        raise ValueError(f"{name} is {value!r}; it must be an integer, {least} or more")
+def check_whole(name: str, value: Any, minimum: int) -> int:
+    """The value as an int; ValueError unless it is an integer and at least ``minimum``."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < minimum:
+        raise ValueError(f"{name} is {value!r}; it must be an integer, {minimum} or more")
     return int(value)
 
 
-def _check_names(names: tuple[str, ...], over: Any, draw: Any, shared: _Item | None) -> None:
+def _check_names(names: tuple[str, ...], over: Any, draw: Any, shared: Item | None) -> None:
     for name in names:
         if not isinstance(name, str) or not name:
             raise TypeError(f"found the name {name!r} in over or draw; names must be texts")
@@ -256,10 +263,10 @@ def _check_names(names: tuple[str, ...], over: Any, draw: Any, shared: _Item | N
 
 def _check_parameters(names: tuple[str, ...], puppets: dict[str, Marionette]) -> None:
     """Raises for a parameter that no puppet has."""
-    known = [name for m in puppets.values() for name in m.tree.parameters]
+    parameters = [name for m in puppets.values() for name in m.tree.parameters]
     for name in names:
-        if name.startswith(PARAMETER) and name[len(PARAMETER) :] not in known:
-            raise UnknownNameError("parameter", name[len(PARAMETER) :], known)
+        if name.startswith(PARAMETER) and name[len(PARAMETER) :] not in parameters:
+            raise UnknownNameError("parameter", name[len(PARAMETER) :], parameters)
 
 
 def _check_unique(keys: list[str], labels: list[dict[str, Any]]) -> None:

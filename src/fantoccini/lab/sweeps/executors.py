@@ -18,14 +18,14 @@ class Executor(Protocol):
     """Runs the cases of a sweep, several of them per task.
 
     Attributes:
-        task_seconds: how long one task should take, so that its overhead is negligible [s].
+        task_seconds: duration of a task for which its overhead is negligible [s].
     """
 
     task_seconds: float
 
     @property
     def capacity(self) -> int:
-        """How many tasks may be pending: one per worker, and one that waits for each."""
+        """Largest number of pending tasks: for each worker one that runs and one that waits."""
 
     @property
     def pending(self) -> int:

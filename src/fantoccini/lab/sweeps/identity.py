@@ -1,6 +1,6 @@
-"""Digests of values and studies: equal digests for whatever gives equal results.
+"""Digests of values and studies, equal if these give equal results.
 
-They identify stored cases and tell whether a store was made by the same study.
+They identify stored cases, and show whether the same study wrote a store.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ def study_name(study: Any) -> str:
     """Module and name of a study, for messages."""
     while isinstance(study, partial):
         study = study.func
-    named = study if hasattr(study, "__qualname__") else type(study)
-    return f"{named.__module__}.{named.__qualname__}"
+    owner = study if hasattr(study, "__qualname__") else type(study)
+    return f"{owner.__module__}.{owner.__qualname__}"
 
 
 def study_digest(study: Any) -> str | None:
-    """A digest of a study's code and settings; None if it is no function, partial or dataclass.
+    """A digest of a study's code and settings; None unless a function, partial or dataclass.
 
     It covers a function's byte code, constants, defaults and captured values, but not the functions
     it calls.
@@ -56,8 +56,8 @@ def study_digest(study: Any) -> str | None:
         return inner and digest([inner, [_digest_or_type(v) for v in study.args], keywords])
     if inspect.isfunction(study):
         captured = [_digest_or_type(cell.cell_contents) for cell in study.__closure__ or ()]
-        given = [_digest_or_type(study.__defaults__), _digest_or_type(study.__kwdefaults__)]
-        return digest([_code(study.__code__), captured, given])
+        defaults = [_digest_or_type(study.__defaults__), _digest_or_type(study.__kwdefaults__)]
+        return digest([_code(study.__code__), captured, defaults])
     if dataclasses.is_dataclass(study) and not isinstance(study, type):
         return _digest_or_type(study)
     return None
@@ -72,7 +72,7 @@ def _digest_or_type(value: Any) -> str:
 
 
 def _type_name(value: Any) -> str:
-    """A type's name; one of this package is the same wherever its module stands."""
+    """A type's name; without the module for types of this package, so that they can move."""
     module = type(value).__module__
     module = "fantoccini" if module.startswith("fantoccini.") else module
     return f"{module}.{type(value).__qualname__}"
@@ -92,7 +92,7 @@ def _constant(value: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """JSON-able data; types that JSON does not distinguish are tagged."""
+    """Data for JSON; types that JSON does not distinguish are tagged."""
     match value:
         case enum.Enum():
             return _plain(value.value)
@@ -118,8 +118,8 @@ def _plain(value: Any) -> Any:
         case Sequence():
             return [_plain(v) for v in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        kept = [f.name for f in dataclasses.fields(value) if f.compare]
-        fields = {name: _plain(getattr(value, name)) for name in kept}
+        compared = [f.name for f in dataclasses.fields(value) if f.compare]
+        fields = {name: _plain(getattr(value, name)) for name in compared}
         return {_type_name(value): fields}
     raise TypeError(
         f"found {value!r:.80}, a {type(value).__name__}; a sweep takes numbers, texts, arrays, "

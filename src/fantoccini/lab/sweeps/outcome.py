@@ -1,4 +1,4 @@
-"""How a case is run, and its outcome."""
+"""Running of one case, and its outcome."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from fantoccini.lab.sweeps.case import PUPPET, Case
 
 Study = Callable[[Case], Mapping[str, Any]]
 
-_MAX_TRACE = 20_000
-"""Characters kept of a traceback."""
-_building = threading.Lock()
-"""One thread at a time derives equations."""
+MAX_TRACE_LENGTH = 20_000
+"""Length to which a traceback is cut, from its end [characters]."""
+_compile_lock = threading.Lock()
+"""Lock so that only one thread at a time compiles puppets."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a case has no results.
+    """Exception that ended a case.
 
     Attributes:
         error: name of the exception, or ``WorkerDied``.
@@ -45,7 +45,7 @@ class Failure:
         """The failure of an exception just caught, without the frame that caught it."""
         inner = error.__traceback__ and error.__traceback__.tb_next
         lines = traceback.format_exception(type(error), error, inner)
-        return cls(type(error).__name__, str(error), "".join(lines)[-_MAX_TRACE:])
+        return cls(type(error).__name__, str(error), "".join(lines)[-MAX_TRACE_LENGTH:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Outcome:
     Attributes:
         figures: name -> array; shape () for a number.
         seconds: duration [s].
-        failure: why there are no figures, or None.
+        failure: the exception of a case without figures, or None.
     """
 
     figures: dict[str, np.ndarray]
@@ -65,7 +65,7 @@ class Outcome:
 
 @dataclass
 class Job:
-    """What every worker of a sweep needs.
+    """Study and puppets of a sweep, for its workers.
 
     Attributes:
         study: the function to run.
@@ -94,7 +94,7 @@ class Job:
         """A compiled marionette; a failed compilation is not repeated for every case."""
         if label in self._compiled:
             return self.puppets[label]
-        with _building:
+        with _compile_lock:
             if label in self._broken:
                 raise self._broken[label].with_traceback(None)
             try:
@@ -106,22 +106,23 @@ class Job:
             return self.puppets[label]
 
 
-def as_figures(found: Any, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
+def as_figures(returned: Any, names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
     """The dict that a study returned, as arrays.
 
     Args:
-        found: name -> number, text or array of numbers.
-        names: that are taken.
+        returned: name -> number, text or array of numbers.
+        names: names of values, which figures must not have.
 
     Raises:
-        TypeError: it is something else; names the figure.
+        TypeError: it is something else; the message names the figure.
     """
-    if not isinstance(found, Mapping):
+    if not isinstance(returned, Mapping):
         raise TypeError(
-            f"the study returned {found!r:.80}; it must return a dict: name -> number, text, array"
+            f"the study returned {returned!r:.80}; it must return a dict: name -> number, text, "
+            "array"
         )
     figures = {}
-    for name, value in found.items():
+    for name, value in returned.items():
         if not isinstance(name, str) or not name or name in names:
             raise TypeError(
                 f"the study returned a figure called {name!r}; the name must be a text that no "

@@ -23,9 +23,9 @@ class RayExecutor:
     machine: its processes share the cache and wait for one another there.
 
     Args:
-        job: what to run.
-        workers: most cases at a time; one per processor of the cluster when None.
-        address: of a cluster, as ``ray.init`` takes it.
+        job: study and puppets.
+        workers: largest number of cases at a time; one per processor of the cluster when None.
+        address: of a cluster, as for ``ray.init``.
     """
 
     task_seconds = 0.5
@@ -50,9 +50,9 @@ class RayExecutor:
 
     @property
     def capacity(self) -> int:
-        """How many tasks may be pending; follows a cluster that grows.
+        """Largest number of pending tasks; follows a cluster that grows.
 
-        With fewer workers than processors none may wait: Ray would run it at once.
+        With fewer workers than processors no task may wait, as Ray would run it at once.
         """
         processors = int(self._ray.cluster_resources().get("CPU", 1)) or 1
         if self._workers is not None and self._workers < processors:

@@ -1,4 +1,4 @@
-"""sweep: runs a study for many cases, on threads or a cluster, resumable -> SweepResult."""
+"""``sweep``: a study run for many cases, on threads or a cluster, resumable."""
 
 from __future__ import annotations
 
@@ -25,14 +25,15 @@ from fantoccini.model.scene import Scene
 
 
 @dataclass(frozen=True)
-class _Dispatch:
-    """How cases are handed to an executor.
+class Dispatch:
+    """Settings for handing cases to an executor.
 
     Attributes:
         poll_timeout: longest wait for a completed task, so that Ctrl-C is noticed soon [s].
-        max_cases_per_task: bounds a task when cases take next to no time.
+        max_cases_per_task: bound on a task of very short cases.
         recent_cases: number of cases whose median duration predicts the next one's.
-        max_worker_deaths: after so many a case counts as failed; one may not be its own fault.
+        max_worker_deaths: number of workers that a case may end before it counts as failed; one
+            death may be the fault of another case.
     """
 
     poll_timeout: float = 0.2
@@ -41,7 +42,7 @@ class _Dispatch:
     max_worker_deaths: int = 2
 
 
-_DISPATCH = _Dispatch()
+DISPATCH = Dispatch()
 
 
 def sweep(
@@ -84,10 +85,10 @@ def sweep(
         address: of a Ray cluster, as ``ray.init`` takes it.
         store: a folder that keeps every finished case. The same sweep, or one with more values or
             seeds, reads those and runs only the others.
-        version: of the study, in a store. When not given it is the study's own code, without the
-            functions it calls; a store made by another version is refused.
+        version: of the study, for the store; a store of another version is refused. By default it
+            is a digest of the study's code, without the functions that it calls.
         retry: run stored cases that failed again.
-        progress: show a bar on a terminal; or a callback with the cases done and failed.
+        progress: whether to show a bar on a terminal; or a callback for the cases done and failed.
 
     Returns:
         The figures, shaped like the grid, and the failures.
@@ -110,8 +111,10 @@ def sweep(
         outcomes = [disk.read(key) for key in design.keys]
         if retry:
             outcomes = [None if o is not None and o.failure else o for o in outcomes]
-    todo = [case for case, outcome in zip(design.cases, outcomes, strict=True) if outcome is None]
-    if todo:
+    remaining = [
+        case for case, outcome in zip(design.cases, outcomes, strict=True) if outcome is None
+    ]
+    if remaining:
         job = Job(study, design.puppets, design.names)
         try:
             executor: Executor = (
@@ -119,7 +122,7 @@ def sweep(
             )
             try:
                 with reporting("sweeping", _callback(progress), counted=True) as report:
-                    _run(executor, todo, _Recorder(design, outcomes, disk, report))
+                    _run(executor, remaining, Recorder(design, outcomes, disk, report))
             finally:
                 executor.close()
         except KeyboardInterrupt:
@@ -128,13 +131,13 @@ def sweep(
 
 
 def _callback(progress: bool | OnProgress) -> OnProgress | None:
-    """The callback asked for; None for a bar."""
+    """The progress callback; None for a bar."""
     if callable(progress):
         return progress
     return None if progress else lambda at: None
 
 
-class _Recorder:
+class Recorder:
     """Records outcomes in the list and the store, and reports progress."""
 
     def __init__(
@@ -159,29 +162,29 @@ class _Recorder:
         self._tell()
 
 
-def _run(executor: Executor, cases: list[Case], recorder: _Recorder) -> None:
+def _run(executor: Executor, cases: list[Case], recorder: Recorder) -> None:
     """Submits the cases, a bounded number of tasks ahead, and records their outcomes."""
-    todo: deque[Case] = deque(cases)
-    suspects: deque[Case] = deque()  # each runs in a task of its own
+    remaining: deque[Case] = deque(cases)
+    suspects: deque[Case] = deque()  # cases of a dead worker; each then runs alone in a task
     deaths: Counter[int] = Counter()
     # The median, because a worker's first case may compile a puppet.
-    recent = deque([executor.task_seconds], maxlen=_DISPATCH.recent_cases)
-    while todo or suspects or executor.pending:
+    recent = deque([executor.task_seconds], maxlen=DISPATCH.recent_cases)
+    while remaining or suspects or executor.pending:
         capacity = executor.capacity
-        while (todo or suspects) and executor.pending < capacity:
+        while (remaining or suspects) and executor.pending < capacity:
             if suspects:
                 executor.submit((suspects.popleft(),))
                 continue
-            fitting = executor.task_seconds / max(median(recent), 1e-9)
-            fair = len(todo) / capacity
-            n = max(1, min(_DISPATCH.max_cases_per_task, int(fitting), int(fair)))
-            executor.submit(tuple(todo.popleft() for _ in range(n)))
-        for task, outcomes in executor.collect(_DISPATCH.poll_timeout):
+            fitting_cases = executor.task_seconds / max(median(recent), 1e-9)
+            fair_share = len(remaining) / capacity
+            n = max(1, min(DISPATCH.max_cases_per_task, int(fitting_cases), int(fair_share)))
+            executor.submit(tuple(remaining.popleft() for _ in range(n)))
+        for task, outcomes in executor.collect(DISPATCH.poll_timeout):
             if outcomes is None:
                 # One of the cases killed the worker.
                 for case in task:
                     deaths[case.index] += 1
-                    if deaths[case.index] < _DISPATCH.max_worker_deaths:
+                    if deaths[case.index] < DISPATCH.max_worker_deaths:
                         suspects.append(case)
                     else:
                         recorder.record(case, Outcome({}, 0.0, _worker_died()))
@@ -194,13 +197,13 @@ def _run(executor: Executor, cases: list[Case], recorder: _Recorder) -> None:
 def _worker_died() -> Failure:
     return Failure(
         "WorkerDied",
-        f"the process that ran this case ended {_DISPATCH.max_worker_deaths} times: it crashed, "
+        f"the process that ran this case ended {DISPATCH.max_worker_deaths} times: it crashed, "
         "was killed, or ran out of memory",
     )
 
 
 def _manifest(study: Study, design: Design, seed: int, version: str | None) -> dict[str, Any]:
-    """What all cases of a store have in common."""
+    """Properties that all cases of a store share."""
     code = study_digest(study) if version is None else None
     if version is None and code is None:
         raise ValueError(
@@ -219,9 +222,9 @@ def _manifest(study: Study, design: Design, seed: int, version: str | None) -> d
 
 def _stopped(outcomes: list[Outcome | None], store: str | Path | None) -> str:
     done = sum(o is not None for o in outcomes)
-    how = (
+    advice = (
         f"{store} keeps them; run the same sweep again to resume"
         if store is not None
         else "the error carries them; with store='folder' a sweep can resume"
     )
-    return f"stopped after {done} of {len(outcomes)} cases; {how}"
+    return f"stopped after {done} of {len(outcomes)} cases; {advice}"

@@ -1,11 +1,11 @@
 """The folder of a sweep: one file per finished case, so that an interrupted sweep can resume.
 
-    sweep.json             what all cases have in common: study, seed, names of the values
+    sweep.json             properties that all cases share: study, seed, names of the values
     cases/ab/ab12....npz   one case: its figures, or its failure; no pickle
 
 Files are written under a temporary name and renamed, so a file with a case's name is complete. A
-damaged one counts as missing. A case's name is a digest of its values: a larger grid finds the
-cases that a smaller one left.
+damaged one counts as missing. A case's name is a digest of its values, so a larger grid reuses the
+cases of a smaller one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fantoccini.lab.sweeps.outcome import Failure, Outcome
 
 FORMAT = "fantoccini.sweep.1"
 MANIFEST = "sweep.json"
-_FIGURE = "figure:"
+FIGURE_PREFIX = "figure:"
 
 
 class Store:
@@ -28,8 +28,8 @@ class Store:
 
     Args:
         folder: its path.
-        manifest: what all cases have in common, as JSON-able data. A folder with other contents is
-            never written to.
+        manifest: properties that all cases share, as data for JSON. A folder with another manifest
+            is never written to.
 
     Raises:
         StoreError: the folder belongs to another sweep, or holds something else.
@@ -49,7 +49,7 @@ class Store:
         try:
             arrays = npz.read(self._path(key))
             about = npz.about_of(arrays)
-            figures = {n: arrays[f"{_FIGURE}{k}"] for k, n in enumerate(about["figures"])}
+            figures = {n: arrays[f"{FIGURE_PREFIX}{k}"] for k, n in enumerate(about["figures"])}
             if about["key"] != key:
                 return None
             failure = None if about["failure"] is None else Failure(**about["failure"])
@@ -62,8 +62,8 @@ class Store:
 
         Args:
             key: digest of its values.
-            outcome: to write.
-            labels: of its values, for people who open the file.
+            outcome: the outcome.
+            labels: names of its values, for people who open the file.
 
         Raises:
             StoreError: the disk is full, or the folder is gone.
@@ -75,7 +75,9 @@ class Store:
             "figures": list(outcome.figures),
             "failure": outcome.failure and dataclasses.asdict(outcome.failure),
         }
-        arrays = {f"{_FIGURE}{k}": figure for k, figure in enumerate(outcome.figures.values())}
+        arrays = {
+            f"{FIGURE_PREFIX}{k}": figure for k, figure in enumerate(outcome.figures.values())
+        }
         path = self._path(key)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -102,16 +104,16 @@ class Store:
                 temporary.write_text(json.dumps(self._manifest, indent=1) + "\n", encoding="utf-8")
             return
         try:
-            found = json.loads(path.read_bytes())
-            names = {**self._manifest, **found}
-            differ = [name for name in names if found.get(name) != self._manifest.get(name)]
+            stored = json.loads(path.read_bytes())
+            names = {**self._manifest, **stored}
+            differ = [name for name in names if stored.get(name) != self._manifest.get(name)]
         except (ValueError, TypeError) as error:
             raise StoreError(
                 f"{path} was not written by a sweep ({error}); give another folder"
             ) from None
         if differ:
             reasons = [
-                f"{name} is {found.get(name)!r} there and {self._manifest.get(name)!r} here"
+                f"{name} is {stored.get(name)!r} there and {self._manifest.get(name)!r} here"
                 for name in differ
                 if name != "code"
             ] or ["the code or the settings of the study have changed (version='1' disables this)"]

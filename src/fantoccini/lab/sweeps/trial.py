@@ -1,4 +1,4 @@
-"""Trial: the study that most sweeps need, one simulation per case."""
+"""``Trial``: a ready-made study, one simulation per case."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OPTIONS = ("t_end", "save_every")
 
 
 def _integral(t: Array, x: Array) -> float:
-    """Trapezoidal rule."""
+    """Integral of a column by the trapezoidal rule."""
     return float(np.sum(0.5 * (x[1:] + x[:-1]) * np.diff(t)))
 
 
@@ -50,14 +50,14 @@ STATISTICS = {
 class Trial:
     """A study that simulates each case and returns figures of the run.
 
-    The names of varied values decide where they go: ``puppet`` and ``p:NAME`` to the puppet,
+    The name of a varied value decides its use: ``puppet`` and ``p:NAME`` go to the puppet,
     ``inputs`` to the inputs, ``t_end``, ``method``, ``dt``, ``rtol`` and the like to
     :func:`fantoccini.simulate`, and names of coordinates and velocities (``hand.length``,
     ``v:elbow``) to the start state. The puppet starts at rest, with its driven coordinates where
     the inputs begin. If a dynamic coordinate or a velocity is given, it starts from the nearest
     state that the strings allow.
 
-    A run that stops before its end is not a failure: ``status`` says how it ended.
+    A run that stops before its end is not a failure: ``status`` gives the reason.
 
     Attributes:
         inputs: an ``Input``, or waypoints, name -> [(t [s], value), ...]; nothing moves when None.
@@ -99,7 +99,7 @@ class Trial:
     def __call__(self, case: Case) -> dict[str, Any]:
         """The figures of a simulated case by name."""
         run = self.run(case)
-        return {**_summary(run), **self._kept(run)}
+        return {**_summary(run), **self._kept_columns(run)}
 
     def run(self, case: Case) -> Trajectory:
         """The trajectory of a case."""
@@ -107,39 +107,39 @@ class Trial:
         if marionette is None:
             raise ValueError("a Trial needs a puppet: sweep(trial, ..., puppet=arm), or in over")
         table = marionette.coordinates
-        start, method, varied = dict(self.start), self.method, {}
+        start, method, method_options = dict(self.start), self.method, {}
         options = {**self.options, "t_end": self.t_end}
         inputs = self.inputs
-        places = {*table.q_D, *table.q_K, *(f"v:{name}" for name in (*table.v_D, *table.v_K))}
-        places |= {n[:-2] + "rotation" for n in places if n.endswith(".qw")}
+        state_names = {*table.q_D, *table.q_K, *(f"v:{name}" for name in (*table.v_D, *table.v_K))}
+        state_names |= {n[:-2] + "rotation" for n in state_names if n.endswith(".qw")}
         for name, value in case.values.items():
             if name == INPUTS:
                 inputs = value
             elif name == METHOD:
                 method = value
             elif name in METHOD_OPTIONS:
-                varied[name] = value
+                method_options[name] = value
             elif name in OPTIONS:
                 options[name] = value
-            elif name in places:
+            elif name in state_names:
                 start[name] = value
             elif name != PUPPET and not name.startswith(PARAMETER):
-                known = {*places, *OPTIONS, *METHOD_OPTIONS, METHOD, INPUTS}
-                raise UnknownNameError("value of a Trial", name, known)
+                allowed = {*state_names, *OPTIONS, *METHOD_OPTIONS, METHOD, INPUTS}
+                raise UnknownNameError("value of a Trial", name, allowed)
         if inputs is not None and not isinstance(inputs, Input):
             inputs = Input.waypoints(marionette, inputs)
         x0 = start_state(marionette, inputs, start)
         if inputs is None and options["t_end"] is None:
             raise ValueError("a Trial without inputs needs t_end, the end of its runs [s]")
         if isinstance(method, str):
-            chosen = as_method(method, **varied)
+            chosen = as_method(method, **method_options)
         else:
-            chosen = replace(method, **varied)
+            chosen = replace(method, **method_options)
         return simulate(marionette, x0, inputs, method=chosen, throw=False, **options)
 
-    def _kept(self, run: Trajectory) -> dict[str, Any]:
+    def _kept_columns(self, run: Trajectory) -> dict[str, Any]:
         columns, times = run.columns(), np.asarray(self.times)
-        kept: dict[str, Any] = {}
+        figures: dict[str, Any] = {}
         inside = (times >= run.t[0]) & (times <= run.t[-1])
         resampled = run.resample(times[inside]).columns() if inside.any() else {}
         for entry in self.keep:
@@ -147,20 +147,20 @@ class Trial:
             if column not in columns:
                 raise UnknownNameError("column of the run", column, columns)
             if statistic:
-                kept[entry] = STATISTICS[statistic](run.t, columns[column].astype(float))
+                figures[entry] = STATISTICS[statistic](run.t, columns[column].astype(float))
             else:
-                kept[entry] = np.full(len(times), np.nan)
+                figures[entry] = np.full(len(times), np.nan)
                 if inside.any():
-                    kept[entry][inside] = resampled[column]
-        return kept
+                    figures[entry][inside] = resampled[column]
+        return figures
 
 
-def start_state(marionette: Marionette, inputs: Input | None, given: Mapping[str, Any]) -> State:
-    """At rest where the inputs begin; projected onto the strings if q_D or a velocity is given."""
-    values = {**({} if inputs is None else inputs.first_values()), **given}
+def start_state(marionette: Marionette, inputs: Input | None, start: Mapping[str, Any]) -> State:
+    """Rest state at the inputs' start; projected onto the strings if q_D or a velocity is given."""
+    values = {**({} if inputs is None else inputs.first_values()), **start}
     table = marionette.coordinates
     driven = {*table.q_K, *table.rotations, *table.commands}
-    if all(name in driven for name in given):
+    if all(name in driven for name in start):
         x = marionette.rest(values)
     else:
         x = marionette.project(marionette.state(values))
@@ -168,7 +168,7 @@ def start_state(marionette: Marionette, inputs: Input | None, given: Mapping[str
 
 
 def _summary(run: Trajectory) -> dict[str, Any]:
-    """Figures that every run has, whatever its strings are called."""
+    """Figures that every run has, independent of the names of its strings."""
     forces = np.concatenate([run.tension.values.ravel(), [0.0]])
     return {
         "status": run.status.name,

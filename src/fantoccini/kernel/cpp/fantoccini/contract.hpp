@@ -131,8 +131,7 @@ enum class ReachEnd : int {
 enum StepEdge : int {
   WITHOUT_FORCE = 1,  // a point touches without force
   STRAINED = 2,  // a point sticks at the edge of its cone
-  // a point springs back if it is any faster, or is not the only one that touches first
-  MAY_REBOUND = 4,
+  MAY_REBOUND = 4,  // a point springs back if any faster, or is not the only one that touches first
   NOT_SMOOTH = 8,  // the place of a point has no derivative
   ASKEW = 16,  // a point touches without force, and slides askew of those that push
   // bodies are wedged in, restitution is scaled down to add no energy, or points spring back

@@ -1,0 +1,128 @@
+"""Points of a search: unknowns and first states, with their predictions and derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array, Indices, MaskRows
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Order of the unknowns in theta.
+
+    Attributes:
+        parameters: indices in p of unknown parameters.
+        offsets: indices in v_K of driven coordinates with an unknown offset.
+        places: indices of markers with an unknown position.
+        delay: whether the delay is unknown.
+    """
+
+    parameters: tuple[int, ...]
+    offsets: tuple[int, ...]
+    places: tuple[int, ...]
+    delay: bool
+
+    @property
+    def n_motion(self) -> int:
+        """Number of unknowns that change the motion: parameters and offsets."""
+        return len(self.parameters) + len(self.offsets)
+
+    def __len__(self) -> int:
+        return self.n_motion + 3 * len(self.places) + int(self.delay)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Unknowns and the first states of all segments.
+
+    Attributes:
+        q_D, v_D: (S, ...) first states of the segments.
+        theta: (P,) unknowns.
+        held: (S, n_rows) bool, the active set of the first states.
+    """
+
+    q_D: Array
+    v_D: Array
+    theta: Array
+    held: MaskRows
+
+    def differs(self, other: Point) -> MaskRows:
+        """(S,) bool, segments with another first state than the other point's."""
+        moved = np.any(self.q_D != other.q_D, axis=1) | np.any(self.v_D != other.v_D, axis=1)
+        return np.asarray(moved | np.any(self.held != other.held, axis=1))
+
+    def mixed(self, other: Point, chosen: MaskRows) -> Point:
+        """This point, with the states of chosen segments (S,) from another."""
+        mask = chosen[:, None]
+        return Point(
+            np.where(mask, other.q_D, self.q_D),
+            np.where(mask, other.v_D, self.v_D),
+            self.theta,
+            np.where(mask, other.held, self.held),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """Predictions of a point.
+
+    Attributes:
+        y: (N, n_c) channels.
+        q_D, v_D: (S, ...) ends of the segments.
+        arrived: whether all segments were simulated to their ends.
+    """
+
+    y: Array
+    q_D: Array
+    v_D: Array
+    arrived: bool
+
+    def mixed(self, other: Predicted, chosen: MaskRows, segments: Indices) -> Predicted:
+        """These predictions, with those of chosen segments (S,) from another.
+
+        ``segments`` (N,) are the segments of the samples.
+        """
+        mask = chosen[:, None]
+        return Predicted(
+            np.where(mask[segments], other.y, self.y),
+            np.where(mask, other.q_D, self.q_D),
+            np.where(mask, other.v_D, self.v_D),
+            self.arrived and other.arrived,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Jacobians:
+    """Derivatives of predictions by (dq_D, dv_D) of the segment's first state and by theta.
+
+    Attributes:
+        samples: (N, n_c, 2 n_vD + P) of the channels.
+        begin: (S, 2 n_vD, 2 n_vD + P) of the first states, projected onto the active rows.
+        end: (S, 2 n_vD, 2 n_vD + P) of the segments' last states.
+    """
+
+    samples: Array
+    begin: Array
+    end: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Weights of residuals and jumps.
+
+    Attributes:
+        noise: (n_c,) standard deviations of the channels.
+        drift: standard deviations of the jumps between segments, of configuration and velocity [m
+            or rad, and per second].
+        final: whether samples have Cauchy's loss instead of Huber's, so that a segment with another
+            order of events does not distort the final estimates.
+        joined: whether jumps have Huber's loss instead of Cauchy's, so that large ones shrink, too.
+    """
+
+    noise: Array
+    drift: tuple[float, float]
+    final: bool = False
+    joined: bool = False

@@ -1,0 +1,80 @@
+"""Lower bound of the steps that a stepper loses.
+
+When the demand exceeds the pull-out torque T, the motor exerts T, and the missing torque turns it
+back. It turns with the inertia of the axis and of the whole puppet, as if all of it hung there:
+
+    (J_m + m / n^2) lag'' = |torque| - T,   until it catches up (lag' = 0)
+
+The lag is lost in multiples of four full steps; a lag below two is recovered. The demand is
+computed for winches that hold; a winch that yields is pulled with less force.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fantoccini.base import Array
+
+STEPS_PER_PERIOD = 4
+"""Full steps in a period of a stepper's torque; it loses steps in multiples of this."""
+
+
+@dataclass(frozen=True)
+class LostSteps:
+    """Steps that a stepper loses in a run.
+
+    Attributes:
+        since: first time at which the demand exceeds the available torque [s].
+        steps: minimum number of full steps lost; 0 if it may recover.
+        lag: the largest lag [full steps].
+    """
+
+    since: float
+    steps: int
+    lag: float
+
+
+def lost_steps(
+    steps: int,
+    t: Array,
+    demand: Array,
+    available: Array,
+    inertia: float,
+    thrown: Sequence[float] = (),
+) -> LostSteps | None:
+    """Steps that a motor loses; None if its torque suffices.
+
+    Args:
+        steps: full steps per turn.
+        t: (T,) times [s].
+        demand, available: (T,) required and available torque [N m].
+        inertia: of everything that turns back with the motor, at the motor [kg m^2].
+        thrown: times of catches that throw it out of step [s].
+    """
+    excess = demand - available
+    over = np.flatnonzero(excess > 0.0)
+    starts = [*thrown, *(t[over[:1]])]
+    if not starts:
+        return None
+    lost, largest, at = STEPS_PER_PERIOD * len(thrown), 0.0, int(over[0]) if len(over) else len(t)
+    step = 2.0 * math.pi / steps
+    while at < len(t):
+        lag, rate, peak = 0.0, 0.0, 0.0
+        while at + 1 < len(t):
+            dt = t[at + 1] - t[at]
+            acceleration = 0.5 * (excess[at] + excess[at + 1]) / inertia
+            lag += dt * rate + 0.5 * dt * dt * acceleration
+            rate += dt * acceleration
+            at += 1
+            peak = max(peak, lag / step)
+            if rate <= 0.0 and excess[at] <= 0.0:
+                break
+        lost += STEPS_PER_PERIOD * math.floor(peak / STEPS_PER_PERIOD + 0.5)
+        largest = max(largest, peak)
+        next_over = over[over > at]
+        at = int(next_over[0]) if len(next_over) else len(t)
+    return LostSteps(float(min(starts)), lost, largest)
