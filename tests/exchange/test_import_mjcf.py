@@ -389,7 +389,7 @@ def test_a_winch_is_told_how_to_come_back(tmp_path):
     winch = '<actuator><position tendon="idle"/></actuator>'
     made = imported(REST.replace("<sensor>", f"{winch}<sensor>"), tmp_path)
     (note,) = (note for note in made.report if note.what == "tendon idle")
-    assert note.message.endswith("; a string with `length: driven` is wound in and out by inputs")
+    assert note.message.endswith("; inputs can change the length of a string with `length: driven`")
 
 
 def test_a_tendon_with_play_keeps_its_damping(tmp_path):
