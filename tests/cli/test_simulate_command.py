@@ -13,7 +13,7 @@ import pytest
 from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
-from fantoccini.app.console.reporting import longest_slack
+from fantoccini.app.cli_support.reporting import longest_slack
 from fantoccini.base.errors import Status
 
 pytestmark = pytest.mark.slow

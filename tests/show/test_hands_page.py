@@ -88,7 +88,7 @@ def test_a_bead_never_goes_against_the_mouse(scene, monkeypatch):
 
 def press_view(scene, name: str) -> None:
     before = np.array(scene.client.camera.position)
-    scene.live.nodes.look(scene.client.camera, name)
+    scene.live.nodes.aim_camera(scene.client.camera, name)
     until(lambda: np.linalg.norm(scene.client.camera.position - before) > 0.1, "another view")
 
 

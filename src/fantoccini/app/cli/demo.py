@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fantoccini.app.cli.simulate import end_with, timed
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     Steps,
     check_new_folder,
     check_outputs,
@@ -26,8 +26,8 @@ def show_demo(folder: Path, quiet: bool) -> None:
     """Simulates the bundled performance, prints a summary and writes numbers, picture and film.
 
     Args:
-        folder: of the files; created if it does not exist.
-        quiet: no progress and no summary.
+        folder: folder for the files, created if it does not exist.
+        quiet: print no progress and no summary.
     """
     check_new_folder(folder, "--out")
     with writing(folder):

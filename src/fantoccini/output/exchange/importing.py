@@ -103,7 +103,7 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     add_notes(bodies, keyframe)
     for text in compiled.warnings:
         draft.note("mujoco", "", f"warns: {text[:300]}")
-    return draft.finish([f"{draft.name}: made of the MuJoCo model {file.path.name}."])
+    return draft.finish([f"{draft.name}: converted from the MuJoCo model {file.path.name}."])
 
 
 @dataclass(frozen=True)

@@ -172,9 +172,7 @@ class _Robot:
                 if end not in links:
                     say(joint, f"no link is called {end!r}{nearest(str(end), links)}")
             if joint.child in joint_of:
-                say(
-                    joint, f"{joint.child!r} is carried by {joint_of[joint.child].name!r} already"
-                )
+                say(joint, f"{joint.child!r} is carried by {joint_of[joint.child].name!r} already")
             if joint.type not in _WORDS:
                 say(joint, f"found the type {joint.type!r}; allowed: {', '.join(_WORDS)}")
             joint_of.setdefault(joint.child, joint)
