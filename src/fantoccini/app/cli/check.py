@@ -103,12 +103,12 @@ def _stand(file: str, inputs: list[Path], quiet: bool) -> bool:
         return False
     if not quiet:
         moves = "no puppet named" if puppet is None else f"moves {puppet.name}"
-        held = (
+        held_text = (
             ""
             if axis_map is None or not axis_map.held
             else f", {len(axis_map.held)} coordinates held"
         )
-        write(f"{file}: no mistakes; {len(stand.axes)} axes, {moves}{held}")
+        write(f"{file}: no mistakes; {len(stand.axes)} axes, {moves}{held_text}")
     clean = True
     for inputs_file in inputs:
         if puppet is None or axis_map is None:

@@ -77,9 +77,9 @@ def _write(arguments: PlanArguments, result: PlanResult, steps: Steps) -> None:
     if arguments.picture is not None:
         steps.step(f"drawing {arguments.picture}")
         result.plot(arguments.picture, **arguments.output_options.given("theme"))
-    drawn = result.problem.drawn_marionette
+    puppet = result.problem.drawn_marionette
     write_outputs(
-        drawn,
+        puppet,
         result.trajectory,
         arguments.out or [],
         None,

@@ -45,8 +45,8 @@ def play_file(arguments: PlayArguments) -> None:
         compiled = time.perf_counter()
         steps.step(f"simulating and measuring {play.duration:.1f} s")
         within = arguments.within
-        left = None if within is None else max(within - (compiled - began), 0.0)
-        verification = verify_play(play, within=left)
+        remaining = None if within is None else max(within - (compiled - began), 0.0)
+        verification = verify_play(play, within=remaining)
         verified = time.perf_counter()
     # Printed first, because the outputs may take longer than everything else.
     if not arguments.quiet:

@@ -43,8 +43,8 @@ def show_file(arguments: ShowArguments) -> None:
         if arguments.html is not None:
             if arguments.forces and subject.run is not None and subject.run.contact is None:
                 fail("this motion has no contacts, so there are no forces to draw", "--forces")
-            done = steps.bar(f"writing {arguments.html}")
-            write_motion(subject, arguments.html, arguments.theme.value, done, arguments.forces)
+            progress = steps.bar(f"writing {arguments.html}")
+            write_motion(subject, arguments.html, arguments.theme.value, progress, arguments.forces)
             return
         if arguments.balance and subject.run is not None:
             fail("applies to a live puppet, not to a motion", "--balance")

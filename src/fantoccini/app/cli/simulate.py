@@ -160,7 +160,7 @@ def timed(
 
 
 def end_with(run: Trajectory, reason: str) -> None:
-    """If a run stopped early, prints the reason and exits with the code of its status."""
+    """Exits with the reason and the code of its status, if a run stopped early."""
     if reason:
         say(f"fantoccini: {reason}")
         raise typer.Exit(INTERRUPTED if run.status is Status.STOPPED else FAILED)
@@ -199,10 +199,10 @@ def _method(
     if rate is not None and rate * dt > 1.0 + 1e-9:
         fail(f"steps of {dt:g} s give at most {1.0 / dt:g} samples per second", "--rate")
     # Rounded down, to save at least as many samples as requested.
-    every = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
-    every = max(every, math.ceil(n / _BOUNDS.samples))
+    interval = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
+    interval = max(interval, math.ceil(n / _BOUNDS.samples))
     fixed = TimeStepping(dt=dt) if arguments.method == "timestepping" else Variational(dt=dt)
-    return fixed, {"save_every": every}
+    return fixed, {"save_every": interval}
 
 
 def _check_options(arguments: SimulateArguments) -> None:

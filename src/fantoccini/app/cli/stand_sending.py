@@ -77,7 +77,7 @@ def send_lines(points: SetPoints, arguments: StandStreamArguments) -> None:
                 counting,
                 progress=progress,
                 hold=hold,
-                go_on=lambda done: _ask(f"line {done.last}"),
+                go_on=lambda sent: _ask(f"line {sent.last}"),
             )
     except StreamError as error:
         say(f"fantoccini: {error}")
@@ -127,7 +127,7 @@ def send_packets(points: SetPoints, arguments: StandStreamArguments) -> None:
                 first=first,
                 hold=hold,
                 progress=progress,
-                go_on=lambda done: _ask(f"t = {done.t:.3f} s", done.lost),
+                go_on=lambda sent: _ask(f"t = {sent.t:.3f} s", sent.lost),
             )
     except PacketError as error:
         say(f"fantoccini: {error}")

@@ -51,11 +51,11 @@ def puppet_path(name: str) -> Path:
         missing = not path.exists()
     except OSError:
         return path  # reading it reports the error
-    known = (*bundled_files.names(), *bundled_files.scenes())
-    if name in known:
+    names = (*bundled_files.names(), *bundled_files.scenes())
+    if name in names:
         return bundled_files.path(name)
     if missing and path.name == name and not path.suffix:
-        hint = nearest(name, known)
+        hint = nearest(name, names)
         message = f"no such file, and no bundled puppet or scene with this name{hint}"
         raise PuppetError([Mistake(name, None, "", message)])
     return path
@@ -74,10 +74,10 @@ def inputs_path(path: Path) -> Path:
         return path  # reading it reports the error
     if not missing or path.name != name or path.suffix:
         return path
-    known = bundled_files.performances()
-    if name in known:
+    names = bundled_files.performances()
+    if name in names:
         return bundled_files.performance(name)
-    message = f"no such file, and no bundled performance with this name{nearest(name, known)}"
+    message = f"no such file, and no bundled performance with this name{nearest(name, names)}"
     raise InputError([Mistake(name, None, "", message)])
 
 

@@ -50,8 +50,8 @@ def inputs_warnings(marionette: Marionette, inputs: Input, path: Path) -> list[M
         inputs: inputs of the file.
         path: path of the inputs file.
     """
-    written = path.suffix.lower() in (".yaml", ".yml")
-    located = read_file(path) if written else Located(file=str(path), folder=path.parent)
+    is_yaml = path.suffix.lower() in (".yaml", ".yml")
+    located = read_file(path) if is_yaml else Located(file=str(path), folder=path.parent)
     mistakes = []
     for warning in input_warnings(marionette, inputs):
         place = _waypoint(marionette, located.data, warning.name, warning.t)

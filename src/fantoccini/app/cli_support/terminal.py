@@ -129,11 +129,11 @@ class Steps:
 
     def named(self, at: Progress) -> None:
         """Progress callback of a job that names its steps, with or without their share."""
-        known = not math.isnan(at.share)
-        if not known or (at.what != self._named and (self._bars is None or not self._named)):
-            self._begin(at.what, 1.0 if known else None)
-        self._named = at.what if known else ""
-        if known:
+        share_known = not math.isnan(at.share)
+        if not share_known or (at.what != self._named and (self._bars is None or not self._named)):
+            self._begin(at.what, 1.0 if share_known else None)
+        self._named = at.what if share_known else ""
+        if share_known:
             self._update(at.share, plain(at.what))
 
     def _update(self, share: float, text: str | None = None) -> None:

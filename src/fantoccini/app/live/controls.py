@@ -281,7 +281,7 @@ class Controls:
     def _colour(self, name: str, lags: bool) -> tuple[int, int, int]:
         if lags:
             return to_bytes(WARNING)
-        if name == self.selected or any(held == name for _, held in list(self.grabs)):
+        if name == self.selected or any(grabbed == name for _, grabbed in list(self.grabs)):
             return to_bytes(rgb(self._theme.cycle[0]))
         return to_bytes(mix(self._theme.handle, np.ones(3), 0.15))
 

@@ -151,7 +151,7 @@ class Live(PageLoop):
         return True
 
     def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool:
-        """As :meth:`act`, but in the loop's thread, between two frames."""
+        """Queues an action as in :meth:`act` for the loop's thread, between two frames."""
         return self.act(viewer, lambda: self.jobs.put(do))
 
     def pause(self) -> None:
@@ -178,12 +178,12 @@ class Live(PageLoop):
         law = self.performance.law
         return law if isinstance(law, Balance) else None
 
-    def set_balance(self, wanted: bool) -> None:
+    def set_balance(self, balance_on: bool) -> None:
         """Lets the hands balance the puppet at its current place, or follow their targets again."""
         # Shown first, so that a click after the change is not undone.
-        self.panel.show_balance(wanted)
+        self.panel.show_balance(balance_on)
         try:
-            self.performance.let(Balance(self.performance, threaded=True) if wanted else None)
+            self.performance.let(Balance(self.performance, threaded=True) if balance_on else None)
         except Exception:
             self.panel.show_balance(self.balance is not None)
             raise

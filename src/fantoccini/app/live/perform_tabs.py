@@ -331,10 +331,10 @@ class TakesTab:
         finally:
             self._show_name(name)
 
-    def _show_name(self, shown: str) -> None:
+    def _show_name(self, listed: str) -> None:
         """Corrects the list if it shows another take than the chosen one."""
         chosen = self._live.stage.takes.chosen or self._shown[0]
-        if chosen != shown:
+        if chosen != listed:
             self.choice.value = chosen
 
     async def _edit(self, event: Any) -> None:

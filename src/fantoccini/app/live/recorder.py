@@ -30,9 +30,9 @@ class Recorder:
         self,
         performance: Performance,
         folder: Path,
-        made: Callable[[Recording, Path], None] = lambda recording, path: None,
+        on_recording: Callable[[Recording, Path], None] = lambda recording, path: None,
     ):
-        self._performance, self._folder, self._made = performance, folder, made
+        self._performance, self._folder, self._on_recording = performance, folder, on_recording
         self._name = ""
         self._writers: list[threading.Thread] = []
         self._used: set[Path] = set()
@@ -89,7 +89,7 @@ class Recorder:
         path = free_path(self._folder, self._name, datetime.now(), self._used)
         self._used.add(path)
         self.status = f"writing {path.name}"
-        self._made(recording, path)
+        self._on_recording(recording, path)
         return recording, path
 
     def _write(self, recording: Recording, path: Path) -> None:

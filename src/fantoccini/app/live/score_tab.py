@@ -98,9 +98,9 @@ class ScoreTab:
         t = 0.0 if playing is None else playing.t
         if abs(self._time.value - round(t, 2)) > 0.005:
             self._time.value = round(t, 2)
-        drawn = drawing(score, t, self._theme)
-        if self._line.content != drawn:
-            self._line.content = drawn
+        content = drawing(score, t, self._theme)
+        if self._line.content != content:
+            self._line.content = content
         status = _status_html(score, t, None if playing is None else playing.conductor.waiting)
         if self._about.content != status:
             self._about.content = status
@@ -165,15 +165,15 @@ def _upright(x: float, height: int, ink: str) -> dict[str, str]:
 
 def _changes_html(changes: tuple[str, ...]) -> str:
     """Changes to the score, as HTML."""
-    shown = list(changes[: _SIZES.max_changes])
-    if len(changes) > len(shown):
-        shown.append(f"and {len(changes) - len(shown)} more")
+    listed = list(changes[: _SIZES.max_changes])
+    if len(changes) > len(listed):
+        listed.append(f"and {len(changes) - len(listed)} more")
     box = (
         "margin:0 0.5em;padding:0.4em 0.7em;border-left:4px solid #d9a23b;"
         "font-size:0.82em;overflow-wrap:anywhere"
     )
     head = element("b", "Changes to the score:")
-    return to_html(element("div", head, *lines(shown), style=box))
+    return to_html(element("div", head, *lines(listed), style=box))
 
 
 def _status_html(score: Score, t: float, waiting: Any) -> str:

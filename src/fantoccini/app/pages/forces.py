@@ -62,8 +62,8 @@ class Forces:
             self._draw()
 
     def _draw(self) -> None:
-        shown = self._visible and len(self._arrows) > 0
-        if shown:
+        visible = self._visible and len(self._arrows) > 0
+        if visible:
             self.node.points = self._arrows
-        if self.node.visible != shown:
-            self.node.visible = shown
+        if self.node.visible != visible:
+            self.node.visible = visible

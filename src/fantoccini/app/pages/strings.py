@@ -57,8 +57,8 @@ class Colours:
         """Colour of a tension as ``#rrggbb``."""
         return to_hex(self._ramp[self._step(tension)])
 
-    def _own_colour(self, own: np.ndarray | None) -> tuple[int, int, int]:
-        return to_bytes(self._ramp[0] if own is None else own)
+    def _own_colour(self, colour: np.ndarray | None) -> tuple[int, int, int]:
+        return to_bytes(self._ramp[0] if colour is None else colour)
 
     def _step(self, tension: float) -> int:
         share = min(abs(tension) / self.top, 1.0) if self.top > 0.0 else 0.0

@@ -117,9 +117,13 @@ def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
     return joints
 
 
-def _in_zero_frames(parent: Quaternion, motion: LocalMotion, own: Quaternion) -> Quaternion:
+def _in_zero_frames(
+    parent: Quaternion, motion: LocalMotion, zero_orientation: Quaternion
+) -> Quaternion:
     """(T, 4) orientation in the parent's frame, for frames parallel to the world at zero."""
-    return rotation.multiply(rotation.multiply(parent, motion.q), rotation.conjugate(own))
+    return rotation.multiply(
+        rotation.multiply(parent, motion.q), rotation.conjugate(zero_orientation)
+    )
 
 
 def _upright(q: Quaternion) -> Quaternion:

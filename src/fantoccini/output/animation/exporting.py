@@ -65,10 +65,10 @@ def export(
     """
     path = Path(path)
     form, rate = format_of(path, fps)
-    shown, run = _parts(what)
+    puppet, run = _parts(what)
     if marionette is not None:
-        shown = marionette
-    scene = AnimatedScene.of(shown, run, bodies, rate)
+        puppet = marionette
+    scene = AnimatedScene.of(puppet, run, bodies, rate)
     with replacing(path) as temporary:
         # The temporary name has another ending, but USD chooses its format by the ending.
         complete = temporary.with_name(temporary.name + path.suffix.lower())

@@ -82,8 +82,8 @@ def _topics(scene: AnimatedScene, run: Trajectory) -> Iterator[tuple[str, Messag
         yield "/tension", _numbers("Tension", {name: columns[name] for name in names})
         flags = run.undetermined
         if flags is not None and np.any(flags.values):
-            shown = [n for n in flags.names if n in names or n not in columns]
-            undetermined = {name: flags[name].astype(float) for name in shown}
+            listed = [n for n in flags.names if n in names or n not in columns]
+            undetermined = {name: flags[name].astype(float) for name in listed}
             yield "/undetermined", _numbers("Undetermined", undetermined)
 
 

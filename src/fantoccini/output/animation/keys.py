@@ -70,9 +70,9 @@ class Keys:
         middle = middle[(middle > self.after[k]) & (middle < self.before[k + 1])]
         t = curve.t[middle]
         first, last = (np.searchsorted(curve.t, t, side=side) for side in ("left", "right"))
-        both = np.append(self.before, first), np.append(self.after, last - 1)
-        order = np.argsort(both[0])
-        return Keys(both[0][order], both[1][order])
+        indices = np.append(self.before, first), np.append(self.after, last - 1)
+        order = np.argsort(indices[0])
+        return Keys(indices[0][order], indices[1][order])
 
 
 def cubic_keys(curve: Curve) -> Keys:
@@ -96,10 +96,10 @@ def linear_keys(t: Times, x: Array, tolerance: float, unit: bool = False) -> Ind
 
     def error(at: int, to: int) -> float:
         s = ((t[at + 1 : to] - t[at]) / max(t[to] - t[at], 1e-12))[:, None]
-        shown = x[at] + s * (x[to] - x[at])
+        values = x[at] + s * (x[to] - x[at])
         if unit:
-            shown /= np.linalg.norm(shown, axis=1, keepdims=True)
-        return float(np.max(np.abs(shown - x[at + 1 : to]), initial=0.0) / tolerance)
+            values /= np.linalg.norm(values, axis=1, keepdims=True)
+        return float(np.max(np.abs(values - x[at + 1 : to]), initial=0.0) / tolerance)
 
     while keys[-1] < last:
         at = keys[-1]
@@ -143,8 +143,8 @@ def _farthest(error: Callable[[int], float], at: int, end: int, stride: int, pow
 def _error(curve: Curve, at: int, to: int) -> float:
     """Largest error between two keys, in units of the tolerance."""
     inside = slice(at + 1, to)
-    shown = _shown(curve, np.array([at]), np.array([to]), curve.t[inside])
-    offsets = shown - curve.x[inside]
+    values = _shown(curve, np.array([at]), np.array([to]), curve.t[inside])
+    offsets = values - curve.x[inside]
     errors = np.sqrt(np.einsum("ij,ij->i", offsets, offsets)) / curve.tolerance[inside]
     return float(np.max(errors, initial=0.0))
 

@@ -89,8 +89,8 @@ class AnimatedScene:
         check_bodies(still, bodies)
         names = None if bodies == "all" else bodies
         named = _chosen(tree, names)
-        every = _lines(still)
-        lines = tuple(line for line in every if _ends_on(line, named, tree))
+        all_lines = _lines(still)
+        lines = tuple(line for line in all_lines if _ends_on(line, named, tree))
         ends = {point.link for line in lines for point in line.points} - {WORLD}
         links = tuple(sorted({*named, *ends}))
         return cls(

@@ -123,8 +123,8 @@ class _Writer:
         if colours is None:
             self._colour(mesh, colour)
             return
-        shown = [Gf.Vec3f(*linear_colour(c)) for c in colours]
-        mesh.CreateDisplayColorAttr(Vt.Vec3fArray(shown))
+        values = [Gf.Vec3f(*linear_colour(c)) for c in colours]
+        mesh.CreateDisplayColorAttr(Vt.Vec3fArray(values))
         mesh.GetDisplayColorPrimvar().SetInterpolation(UsdGeom.Tokens.uniform)
         for k, shade in enumerate(np.unique(colours, axis=0)):
             places = np.flatnonzero(np.all(colours == shade, axis=1)).tolist()

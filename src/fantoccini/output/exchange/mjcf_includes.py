@@ -82,8 +82,8 @@ def with_includes(file: ModelFile) -> ModelFile:
 
 def asset_folders(file: ModelFile) -> list[str]:
     """Folders in which MuJoCo may search for meshes; those that a compiler element names first."""
-    first, *others = (os.path.dirname(os.fspath(path)) for path in (file.path, *file.others))
-    below = ["", *(os.path.relpath(folder or ".", first or ".") for folder in others)]
+    first, *other_folders = (os.path.dirname(os.fspath(path)) for path in (file.path, *file.others))
+    below = ["", *(os.path.relpath(folder or ".", first or ".") for folder in other_folders)]
     named = [
         element.attributes[key]
         for element in file.elements
@@ -111,11 +111,11 @@ def locate(mujoco: Any, file: ModelFile, spec: Any) -> None:
     except (ValueError, RuntimeError, mujoco.FatalError):
         twin = None
     for kind in _LISTS:
-        own = list(getattr(spec, kind, ()))
-        others = [] if twin is None else list(getattr(twin, kind, ()))
-        same_length = len(others) == len(own)
-        for k, element in enumerate(own):
-            match = _LINE.search(others[k].info) if same_length else None
+        elements = list(getattr(spec, kind, ()))
+        located = [] if twin is None else list(getattr(twin, kind, ()))
+        same_length = len(located) == len(elements)
+        for k, element in enumerate(elements):
+            match = _LINE.search(located[k].info) if same_length else None
             line = int(match[2]) - _EMPTY_LINES if match else 0
             element.info = f"line {line}" if line > 0 else ""
 

@@ -71,11 +71,11 @@ def _with_defaults(file: ModelFile) -> Iterator[tuple[Element, bool]]:
     yield from sorted(flagged, key=lambda pair: not pair[1])
 
 
-def _widen(known: dict[str, str], element: Element) -> None:
+def _widen(widest: dict[str, str], element: Element) -> None:
     """Merges a default's attributes, keeping the largest number of each over all classes."""
     for key, text in element.attributes.items():
-        if key not in known or max(_numbers(text)) > max(_numbers(known[key])):
-            known[key] = text
+        if key not in widest or max(_numbers(text)) > max(_numbers(widest[key])):
+            widest[key] = text
 
 
 def _bytes(

@@ -151,8 +151,8 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
     try:
         place = Path(name)
         if not place.is_file():
-            found = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
-            raise fail(f"found {found} here; a file in MJCF or URDF is needed")
+            kind = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
+            raise fail(f"found {kind} here; a file in MJCF or URDF is needed")
         with place.open("rb") as stream:
             text = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as reason:

@@ -64,23 +64,25 @@ class Camera:
 
     def to_camera(self, points: np.ndarray) -> np.ndarray:
         """Points in camera axes with depth instead of back: (..., 3) world -> (..., 3) [m]."""
-        seen = (points - self.eye) @ self.axes.T
-        seen[..., 2] *= -1.0
-        return seen
+        camera_points = (points - self.eye) @ self.axes.T
+        camera_points[..., 2] *= -1.0
+        return camera_points
 
     def scale(self, depth: Depth, viewport: Viewport) -> Depth:
         """Pixels per metre at a depth [px/m]."""
         return 0.5 * viewport.height / (self.tangent * depth)
 
-    def place(self, seen: np.ndarray, viewport: Viewport) -> np.ndarray:
+    def place(self, camera_points: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Pixels of points in camera axes: (..., 3) [m] -> (..., 2) [px]."""
-        scale = self.scale(seen[..., 2:], viewport)
-        return seen[..., :2] * scale + viewport.centre
+        scale = self.scale(camera_points[..., 2:], viewport)
+        return camera_points[..., :2] * scale + viewport.centre
 
     def project(self, points: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Pixels and depth: (..., 3) world [m] -> (..., 3) [px, px, m]."""
-        seen = self.to_camera(np.asarray(points, dtype=float))
-        return np.concatenate([self.place(seen, viewport), seen[..., 2:]], axis=-1)
+        camera_points = self.to_camera(np.asarray(points, dtype=float))
+        return np.concatenate(
+            [self.place(camera_points, viewport), camera_points[..., 2:]], axis=-1
+        )
 
     def rays(self, pixels: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Lines of sight through pixels: (..., 2) [px] -> (..., 3), one metre deep."""
@@ -130,8 +132,8 @@ def fit(
         distances.append(0.5 * (high + low) / tan)
     # Stay in front of the nearest ball.
     nearest = np.max(local[:, 2] + radii)
-    back = max(*distances, nearest + 0.05 * max(1e-3, float(np.ptp(local[:, :2])), radii.max()))
-    return Camera(np.array([*middles, back]) @ rows, rows, float(tangent))
+    distance = max(*distances, nearest + 0.05 * max(1e-3, float(np.ptp(local[:, :2])), radii.max()))
+    return Camera(np.array([*middles, distance]) @ rows, rows, float(tangent))
 
 
 def point_of_view(

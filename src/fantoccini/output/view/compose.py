@@ -64,14 +64,14 @@ def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
             painted.append(polygons)
             occluders.append(occluder(solid, pose, polygons))
     strings = lines(geometry, k, layout)
-    drawn = shadows(geometry, k, layout)
+    composed = shadows(geometry, k, layout)
     for item in painting_order(camera, viewport, occluders, [line.points for line in strings]):
         if isinstance(item, StringPiece):
             line = strings[item.string]
-            drawn.append(_stroke(line, line.points[item.start : item.stop + 1], layout))
+            composed.append(_stroke(line, line.points[item.start : item.stop + 1], layout))
         else:
-            drawn += painted[item]
-    return drawn + arrows(geometry, k, layout) + guides(geometry, k, layout)
+            composed += painted[item]
+    return composed + arrows(geometry, k, layout) + guides(geometry, k, layout)
 
 
 def guides(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
@@ -106,8 +106,8 @@ def arrows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
 def occluder(solid: Solid, pose: np.ndarray, polygons: list[Polygon]) -> Occluder:
     """Occluder of a solid at its link's pose (3, 4), from its painted polygons."""
     # The first polygon of a round solid contains all others.
-    shown = polygons if solid.kind == "faces" else polygons[:1]
-    corners = np.concatenate([p.outline for p in shown])
+    outlines = polygons if solid.kind == "faces" else polygons[:1]
+    corners = np.concatenate([p.outline for p in outlines])
     turn = pose[:, :3]
     half = solid.radius * np.eye(3) if solid.kind == "capsule" else solid.half
     return Occluder(
@@ -169,15 +169,15 @@ class Line:
 
 def lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
     """Strings and springs at time ``t[k]``, except those behind the eye."""
-    drawn = []
+    curves = []
     for string in geometry.string_curves(k):
         width = (1.75 if string.wire else 1.35) if string.taut else 0.95
-        drawn.append((string.points, width, layout.string_colour(string)))
+        curves.append((string.points, width, layout.string_colour(string)))
     steel = mix(layout.theme.faint, layout.theme.ink, 0.4)
-    drawn += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]
+    curves += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]
     return [
         Line(_refined(points), width * layout.pen, colour)
-        for points, width, colour in drawn
+        for points, width, colour in curves
         if np.isfinite(points).all() and np.all(layout.camera.to_camera(points)[:, 2] > MIN_DEPTH)
     ]
 

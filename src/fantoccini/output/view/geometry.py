@@ -135,17 +135,17 @@ class Geometry:
         return np.maximum(line, [-np.inf, -np.inf, self.floor]) if self.ground else line
 
     def balls(
-        self, strings: bool = True, most: int = 240, pan: np.ndarray | None = None
+        self, strings: bool = True, max_times: int = 240, pan: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Centres (n, 3) and radii (n,) [m] of balls that cover the motion, for framing it.
+        """Centres (n, 3) and radii (n,) [m] of balls that cover the motion, to frame it.
 
         Args:
             strings: cover strings and springs as well as solids.
-            most: largest number of times to cover.
+            max_times: largest number of times to cover.
             pan: (T, 3) displacement of a camera that follows the puppet [m]; centres are then
                 relative to it, and obstacles are left out.
         """
-        samples = spread(len(self.t), most)
+        samples = spread(len(self.t), max_times)
         centres, radii = [np.zeros((0, 3))], [np.zeros(0)]
         displacement = np.zeros((len(samples), 3)) if pan is None else pan[samples]
         for solid in self.solids:
@@ -156,8 +156,8 @@ class Geometry:
                 centres.append(poses[..., :3] @ end + poses[..., 3] - displacement)
                 radii.append(np.full(len(samples), _radius(solid)))
         lines = (*self.points, *self.chains, *self.springs)
-        shown = lines if strings or not self.solids else ()
-        for points in (*shown, *self.guides):
+        covered = lines if strings or not self.solids else ()
+        for points in (*covered, *self.guides):
             flat = (points[samples] - displacement[:, None]).reshape(-1, 3)
             centres.append(flat)
             radii.append(np.zeros(len(flat)))
@@ -193,9 +193,9 @@ class Geometry:
         return float(unit * min(f for f in steps if f * unit >= top * (1.0 - 1e-9)))
 
 
-def spread(n: int, most: int) -> np.ndarray:
-    """At most ``most`` of the indices 0 to n - 1, evenly spaced."""
-    return np.unique(np.linspace(0, n - 1, most).astype(int))
+def spread(n: int, max_count: int) -> np.ndarray:
+    """Evenly spaced indices from 0 to n - 1, at most ``max_count``."""
+    return np.unique(np.linspace(0, n - 1, max_count).astype(int))
 
 
 def round_down(length: float) -> float:

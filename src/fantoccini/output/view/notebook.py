@@ -202,12 +202,12 @@ def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | 
     """Table; a long one ends with the number of lines left out."""
     if not rows:
         return None
-    shown = [[_cell("td", str(cell)) for cell in row] for row in rows[:MAX_LINES]]
-    if len(rows) > len(shown):
-        remainder = _cell("td", f"and {len(rows) - len(shown)} more", str(len(shown[0])))
-        shown.append([remainder])
+    lines = [[_cell("td", str(cell)) for cell in row] for row in rows[:MAX_LINES]]
+    if len(rows) > len(lines):
+        remainder = _cell("td", f"and {len(rows) - len(lines)} more", str(len(lines[0])))
+        lines.append([remainder])
     head = [[_cell("th", text) for text in heads]] if heads else []
-    return element("table", *(element("tr", *cells) for cells in head + shown))
+    return element("table", *(element("tr", *cells) for cells in head + lines))
 
 
 def _cell(tag: str, text: str, columns: str = "") -> Element:

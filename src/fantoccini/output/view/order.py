@@ -212,27 +212,27 @@ def _sorted(depths: list[float], after: list[tuple[int, int]]) -> list[int]:
     n = len(depths)
     n_farther = [0] * n
     nearer: list[list[int]] = [[] for _ in range(n)]
-    for far, near in after:
-        nearer[far].append(near)
-        n_farther[near] += 1
+    for farther, nearer_item in after:
+        nearer[farther].append(nearer_item)
+        n_farther[nearer_item] += 1
     free = [(-depths[k], k) for k in range(n) if n_farther[k] == 0]
     heapq.heapify(free)
     by_depth = sorted(range(n), key=lambda k: -depths[k])
-    done, cursor = [False] * n, 0
+    painted, cursor = [False] * n, 0
     order: list[int] = []
     while len(order) < n:
         if free:
             k = heapq.heappop(free)[1]
         else:
-            while done[by_depth[cursor]]:
+            while painted[by_depth[cursor]]:
                 cursor += 1
             k = by_depth[cursor]
-        if done[k]:
+        if painted[k]:
             continue
-        done[k] = True
+        painted[k] = True
         order.append(k)
         for m in nearer[k]:
             n_farther[m] -= 1
-            if n_farther[m] == 0 and not done[m]:
+            if n_farther[m] == 0 and not painted[m]:
                 heapq.heappush(free, (-depths[m], m))
     return order

@@ -87,12 +87,12 @@ def stand_ins(tree: Tree, size: float) -> list[Solid]:
 def handles(tree: Tree, theme: Theme, size: float) -> list[Solid]:
     """Beads on string ends held by a hand or a winch, and hooks on the world; ``size`` [m]."""
     solids: list[Solid] = []
-    done = set()
+    visited = set()
     for point in _string_points(tree):
         key = (point.link, point.at)
-        if key in done or not _is_held(tree, point.link):
+        if key in visited or not _is_held(tree, point.link):
             continue
-        done.add(key)
+        visited.add(key)
         if point.link == WORLD or not tree.links[point.link].shapes:
             at = np.tile(np.array(point.at, dtype=float), (2, 1))
             solids.append(capsule(point.link, theme.handle, at, 0.009 * size))
@@ -118,9 +118,9 @@ def _mesh_solid(shape: Mesh, link: int, colour: np.ndarray) -> Solid:
     if colours is not None:
         colours = np.where(np.isfinite(colours), colours, colour)
 
-    def simplified(most: int) -> Solid:
+    def simplified(max_faces: int) -> Solid:
         points, corners = np.array(triangles.vertices), np.array(triangles.faces)
-        vertices, faces, original = coarser(points, corners, most)
+        vertices, faces, original = coarser(points, corners, max_faces)
         return mesh(link, colour, vertices, faces, None if colours is None else colours[original])
 
     coarse = simplified(MAX_FACES)
@@ -132,9 +132,9 @@ def _mesh_solid(shape: Mesh, link: int, colour: np.ndarray) -> Solid:
 
 
 def coarser(
-    vertices: np.ndarray, faces: np.ndarray, most: int
+    vertices: np.ndarray, faces: np.ndarray, max_faces: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The mesh simplified to about ``most`` triangles, by merging vertices on a grid.
+    """The mesh simplified to about ``max_faces`` triangles, by merging vertices on a grid.
 
     Takes and returns vertices (n, 3) [m] and faces (m, 3), indices of vertices; also returns the
     original index of each face.
@@ -142,8 +142,8 @@ def coarser(
     low, span = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
     original = np.arange(len(faces))
     # A closed surface crosses about 6 k^2 cells of a k x k x k grid, two triangles a cell.
-    cells = max(4, int(np.sqrt(most / 12.0)) * 2)
-    while len(faces) > most and cells >= 4:
+    cells = max(4, int(np.sqrt(max_faces / 12.0)) * 2)
+    while len(faces) > max_faces and cells >= 4:
         cell = np.floor((vertices - low) / span * cells).astype(int)
         key = cell @ [(cells + 1) ** 2, cells + 1, 1]
         _, cluster, count = np.unique(key, return_inverse=True, return_counts=True)
