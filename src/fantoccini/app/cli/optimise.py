@@ -86,7 +86,7 @@ def _write(arguments: OptimiseArguments, optimum: Optimum, steps: Steps) -> None
     if arguments.picture is not None:
         steps.step(f"drawing {arguments.picture}")
         with writing(arguments.picture):
-            optimum.plot(arguments.picture, **arguments.output_options.given("theme"))
+            optimum.plot(arguments.picture, **arguments.output_options.nondefault("theme"))
     write_outputs(
         marionette,
         optimum.run,
@@ -119,7 +119,7 @@ def _report(optimum: Optimum) -> None:
         ("violation of bounds", f"{optimum.violation:.2g}"),
     ]
     if low < high:
-        lines[1] = (f"duration, of {low:g} to {high:g} [s]", lines[1][1])
+        lines[1] = (f"duration [s], allowed {low:g} to {high:g}", lines[1][1])
     if optimum.task.goal is not None:
         lines.append(("distance from its end", f"{optimum.end_gap:.2g}"))
     lines += list(optimum.parameters.items())

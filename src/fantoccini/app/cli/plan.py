@@ -76,7 +76,7 @@ def _write(arguments: PlanArguments, result: PlanResult, steps: Steps) -> None:
         result.save(arguments.save)
     if arguments.picture is not None:
         steps.step(f"drawing {arguments.picture}")
-        result.plot(arguments.picture, **arguments.output_options.given("theme"))
+        result.plot(arguments.picture, **arguments.output_options.nondefault("theme"))
     puppet = result.problem.drawn_marionette
     write_outputs(
         puppet,

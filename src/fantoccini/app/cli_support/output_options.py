@@ -89,7 +89,7 @@ class OutputOptions:
             if value is not None and not applies:
                 fail(f"applies to {outputs}, but none is written", option)
 
-    def given(self, *names: str) -> dict[str, Any]:
+    def nondefault(self, *names: str) -> dict[str, Any]:
         """Those of the named attributes that are not None."""
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}

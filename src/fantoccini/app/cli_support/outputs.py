@@ -96,7 +96,7 @@ def write_outputs(
         from fantoccini.output import view
 
         steps.step(f"drawing {plot}")
-        view.plot(run, plot, **output_options.given("theme"))
+        view.plot(run, plot, **output_options.nondefault("theme"))
 
 
 def _write(
@@ -116,12 +116,12 @@ def _write(
         from fantoccini.output.animation import export
 
         steps.step(f"writing {path}")
-        export(run, path, marionette=marionette, **output_options.given("fps", "bodies"))
+        export(run, path, marionette=marionette, **output_options.nondefault("fps", "bodies"))
     elif ending in PICTURES:
         from fantoccini.output import view
 
         steps.step(f"drawing {path}")
-        options = output_options.given("view", "focus", "theme", "size", "forces")
+        options = output_options.nondefault("view", "focus", "theme", "size", "forces")
         view.strip(marionette, run, path, times=poses, guides=guides, **options)
     else:
         from fantoccini.output import view
@@ -134,7 +134,7 @@ def _write(
             run,
             path,
             progress=steps.bar(f"rendering {path}"),
-            **output_options.given("view", "focus", "theme", "size", "fps", "forces"),
+            **output_options.nondefault("view", "focus", "theme", "size", "fps", "forces"),
             guides=guides,
             **films,
         )

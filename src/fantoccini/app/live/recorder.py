@@ -23,7 +23,7 @@ class Recorder:
     Args:
         performance: performance to record.
         folder: folder for the files.
-        made: callback with every recording and its path.
+        on_recording: callback with every recording and its path.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ def is_take_name(stem: str) -> bool:
     return _TAKE_NAME.fullmatch(stem) is not None
 
 
-def unused(folder: Path, stem: str, ending: str, used: Collection[Path] = frozenset()) -> Path:
+def unused_path(folder: Path, stem: str, ending: str, used: Collection[Path] = frozenset()) -> Path:
     """Unused path in a folder: ``STEM.ENDING``, ``STEM-2.ENDING``, ...
 
     Args:
@@ -143,4 +143,4 @@ def free_path(folder: Path, name: str, now: datetime, used: Collection[Path] = f
         used: paths that are about to be written.
     """
     plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:64] or "puppet"
-    return unused(folder, f"{plain}-{now:%Y%m%d-%H%M%S}", ".npz", used)
+    return unused_path(folder, f"{plain}-{now:%Y%m%d-%H%M%S}", ".npz", used)

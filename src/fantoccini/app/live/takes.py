@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from fantoccini.app.live.recorder import unused
+from fantoccini.app.live.recorder import unused_path
 from fantoccini.app.live.worker import Worker
 from fantoccini.base import StateError, npz
 from fantoccini.base.documents import NAME
@@ -173,7 +173,7 @@ class Takes:
         self.chosen, self.edits, self._edited = name, Edits(0.0, take.duration), None
 
     def _unused(self, stem: str, ending: str) -> Path:
-        path = unused(self._folder, stem, ending, self._used)
+        path = unused_path(self._folder, stem, ending, self._used)
         self._used.add(path)
         return path
 

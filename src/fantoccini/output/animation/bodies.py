@@ -23,7 +23,7 @@ _MIN_EXTENT = 1e-3
 _SHARE_PASSES = 2
 _REFINEMENTS = 12
 _FIRST_FACTOR = 3.0
-"""Factor of the first shares: errors of the joints of a limb rarely add up."""
+"""Factor by which the first shares exceed equal ones: errors of joints rarely add up."""
 _TARGET_SHARE = 0.9
 """Share of the tolerance that the passes aim at."""
 _SAMPLE_SHARE = 0.97
@@ -37,7 +37,7 @@ class Track:
     """A curve with its keys.
 
     Attributes:
-        curve: on the grid.
+        curve: values on the grid.
         keys: its keys; None for a constant curve.
     """
 
@@ -45,7 +45,7 @@ class Track:
     keys: Keys | None
 
     @property
-    def shown(self) -> Array:
+    def values(self) -> Array:
         """(T, n) values that a player shows on the grid."""
         if self.keys is None:
             return np.tile(self.curve.x[0], (len(self.curve.t), 1))
@@ -53,8 +53,8 @@ class Track:
 
     @property
     def errors(self) -> Array:
-        """(T,) errors of the shown values, in units of the tolerance."""
-        offsets: Array = np.linalg.norm(self.shown - self.curve.x, axis=1) / self.curve.tolerance
+        """(T,) errors of these values, in units of the tolerance."""
+        offsets: Array = np.linalg.norm(self.values - self.curve.x, axis=1) / self.curve.tolerance
         return offsets
 
     def finer(self, at: Indices) -> Track:
@@ -131,7 +131,7 @@ def _tracks(t: Times, motion: LocalMotion, share: Array, reach: float) -> BodyTr
 
 
 def _track(curve: Curve) -> Track:
-    return Track(curve, None if curve.still else cubic_keys(curve))
+    return Track(curve, None if curve.constant else cubic_keys(curve))
 
 
 def _extents(scene: AnimatedScene) -> dict[int, float]:
@@ -178,8 +178,8 @@ def _errors(
     for k in scene.links:
         R0, r0, R1, r1 = poses[scene.parents[k]]
         motion, body = motions[k], tracks[k]
-        r0, r1 = rotation.apply(R0, motion.r) + r0, rotation.apply(R1, body.r.shown) + r1
-        R0, R1 = R0 @ rotation.matrix(motion.q), R1 @ rotation.matrix(body.q.shown)
+        r0, r1 = rotation.apply(R0, motion.r) + r0, rotation.apply(R1, body.r.values) + r1
+        R0, R1 = R0 @ rotation.matrix(motion.q), R1 @ rotation.matrix(body.q.values)
         poses[k] = R0, r0, R1, r1
         angle = np.linalg.norm(R1 - R0, axis=(1, 2)) / np.sqrt(2.0)
         errors[k] = np.linalg.norm(r1 - r0, axis=1) + extents[k] * angle

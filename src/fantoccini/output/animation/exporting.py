@@ -65,7 +65,7 @@ def export(
     """
     path = Path(path)
     form, rate = format_of(path, fps)
-    puppet, run = _parts(what)
+    puppet, run = _puppet_and_run(what)
     if marionette is not None:
         puppet = marionette
     scene = AnimatedScene.of(puppet, run, bodies, rate)
@@ -80,7 +80,7 @@ def export(
     return path
 
 
-def _parts(what: Moving) -> tuple[Drawable, Trajectory]:
+def _puppet_and_run(what: Moving) -> tuple[Drawable, Trajectory]:
     """The puppet to show, and its motion."""
     match what:
         case Trajectory():

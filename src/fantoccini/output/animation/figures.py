@@ -22,12 +22,12 @@ def material(document: Document, colour: Array) -> int:
         "roughnessFactor": ROUGHNESS,
     }
     entry = {"name": f"colour_{hex_of(colour)}", "pbrMetallicRoughness": shading}
-    return document.once("materials", entry)
+    return document.add_once("materials", entry)
 
 
 def mesh(document: Document, surfaces: Iterable[tuple[Array, TriangleMesh]]) -> int:
     """Index of a mesh of surfaces, each with its colour (3,)."""
-    return document.once("meshes", {"primitives": [_primitive(document, *s) for s in surfaces]})
+    return document.add_once("meshes", {"primitives": [_primitive(document, *s) for s in surfaces]})
 
 
 def _primitive(document: Document, colour: Array, surface: TriangleMesh) -> dict[str, Any]:

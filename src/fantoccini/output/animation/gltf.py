@@ -46,7 +46,7 @@ class Document:
         items.append(item)
         return len(items) - 1
 
-    def once(self, kind: str, item: dict[str, Any]) -> int:
+    def add_once(self, kind: str, item: dict[str, Any]) -> int:
         """The index of an item, which is added only if no equal item is there."""
         key = (kind, json.dumps(item, sort_keys=True))
         if key not in self._indices:

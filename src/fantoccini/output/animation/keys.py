@@ -38,7 +38,7 @@ class Curve:
     unit: bool
 
     @property
-    def still(self) -> bool:
+    def constant(self) -> bool:
         """Whether the curve is constant, within 1 % of the tolerance."""
         return bool(np.all(np.abs(self.x - self.x[0]) < 0.01 * self.tolerance[:, None]))
 
@@ -60,7 +60,7 @@ class Keys:
         times = curve.t[self.before]
         k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
         a, b = self.after[k], self.before[k + 1]
-        return _shown(curve, a, b, t)
+        return _evaluate_cubics(curve, a, b, t)
 
     def halved(self, curve: Curve, at: Indices) -> Keys:
         """The keys with another one in the middle of each span that contains a sample of `at`."""
@@ -112,11 +112,11 @@ def linear_keys(t: Times, x: Array, tolerance: float, unit: bool = False) -> Ind
 
 def _jumps(curve: Curve) -> Indices:
     """Samples before the impacts at which the curve's rate jumps."""
-    twice = np.flatnonzero(np.diff(curve.t) <= 0.0)
-    if not len(twice):
-        return twice
-    jump = np.max(np.abs(curve.v[twice + 1] - curve.v[twice]), axis=1)
-    return twice[jump > _MIN_JUMP * np.max(np.abs(curve.v))]
+    impacts = np.flatnonzero(np.diff(curve.t) <= 0.0)
+    if not len(impacts):
+        return impacts
+    jump = np.max(np.abs(curve.v[impacts + 1] - curve.v[impacts]), axis=1)
+    return impacts[jump > _MIN_JUMP * np.max(np.abs(curve.v))]
 
 
 def _farthest(error: Callable[[int], float], at: int, end: int, stride: int, power: int) -> int:
@@ -143,13 +143,13 @@ def _farthest(error: Callable[[int], float], at: int, end: int, stride: int, pow
 def _error(curve: Curve, at: int, to: int) -> float:
     """Largest error between two keys, in units of the tolerance."""
     inside = slice(at + 1, to)
-    values = _shown(curve, np.array([at]), np.array([to]), curve.t[inside])
+    values = _evaluate_cubics(curve, np.array([at]), np.array([to]), curve.t[inside])
     offsets = values - curve.x[inside]
     errors = np.sqrt(np.einsum("ij,ij->i", offsets, offsets)) / curve.tolerance[inside]
     return float(np.max(errors, initial=0.0))
 
 
-def _shown(curve: Curve, a: Indices, b: Indices, t: Times) -> Array:
+def _evaluate_cubics(curve: Curve, a: Indices, b: Indices, t: Times) -> Array:
     """(m, n) values of the cubics from samples ``a`` to samples ``b``, at times (m,) [s]."""
     start, h = curve.t[a], curve.t[b] - curve.t[a]
     s = ((t - start) / np.where(h > 0.0, h, 1.0))[:, None]

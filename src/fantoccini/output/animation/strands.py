@@ -94,14 +94,14 @@ class Strands:
         joints = []
         for k, frame in enumerate(spans.frames):
             for end, point in enumerate(line.points[k : k + 2]):
-                on = self.root if point.link == WORLD else self.nodes[point.link]
+                parent = self.root if point.link == WORLD else self.nodes[point.link]
                 q = frame
                 if point.link != WORLD:
                     q = rotation.multiply(rotation.conjugate(spans.turns[point.link]), frame)
                 q = rotation.continuous(q)
                 node = placed({"name": f"{line.name}_{2 * k + end}"}, self.scene.at(point), q[0])
                 index = self.document.add("nodes", node)
-                self.document.content["nodes"][on].setdefault("children", []).append(index)
+                self.document.content["nodes"][parent].setdefault("children", []).append(index)
                 joints.append(index)
                 keys = linear_keys(spans.t, q, _TURN_TOLERANCE, unit=True)
                 if np.abs(q - q[0]).max() > _TURN_TOLERANCE:

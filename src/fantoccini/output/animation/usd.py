@@ -66,28 +66,28 @@ class _Writer:
         stage.SetDefaultPrim(root.GetPrim())
         prims = {WORLD: root}
         for k in scene.links:
-            above = prims[scene.parents[k]].GetPath()
-            prims[k] = self._prim(UsdGeom.Xform, above, scene.tree.links[k].name)
+            parent_path = prims[scene.parents[k]].GetPath()
+            prims[k] = self._prim(UsdGeom.Xform, parent_path, scene.tree.links[k].name)
             motion = scene.motion(k, self.run)
             self._set(prims[k].AddTranslateOp(), [Gf.Vec3d(*x) for x in motion.r.tolist()])
             turns = rotation.continuous(motion.q).tolist()
-            self._set(_turn(prims[k]), [Gf.Quatd(*x) for x in turns])
+            self._set(_add_orientation(prims[k]), [Gf.Quatd(*x) for x in turns])
         for name, solid in named_solids(scene):
-            above = prims[solid.link].GetPath()
-            self._piece(above, name, piece_of(solid), solid.colour, solid.full.colours)
+            parent_path = prims[solid.link].GetPath()
+            self._piece(parent_path, name, piece_of(solid), solid.colour, solid.full.colours)
         if scene.geometry.ground and scene.whole:
             self._piece(root.GetPath(), "floor", floor_of(scene), LIGHT.bottom)
         samples = StringSamples.of(scene, self.run, self.run.t, np.arange(len(self.run)))
         for line in scene.lines:
             self._line(root.GetPath(), line, Spans.of(scene, line, samples))
 
-    def _prim(self, kind: Any, above: Any, name: str) -> Any:
+    def _prim(self, kind: Any, parent_path: Any, name: str) -> Any:
         """New prim with a name that is valid in USD; another name becomes its display name."""
         valid = Tf.MakeValidIdentifier(name)
-        while f"{above}/{valid}" in self._names:
+        while f"{parent_path}/{valid}" in self._names:
             valid += "_"
-        self._names.add(f"{above}/{valid}")
-        prim = kind.Define(self.stage, f"{above}/{valid}")
+        self._names.add(f"{parent_path}/{valid}")
+        prim = kind.Define(self.stage, f"{parent_path}/{valid}")
         if valid != name:
             prim.GetPrim().SetDisplayName(name)
         return prim
@@ -102,13 +102,13 @@ class _Writer:
             attribute.Set(value, float(code))
 
     def _piece(
-        self, above: Any, name: str, piece: Piece, colour: Array, colours: Array | None = None
+        self, parent_path: Any, name: str, piece: Piece, colour: Array, colours: Array | None = None
     ) -> None:
         """Adds a surface in one colour, or with a colour for each face."""
         surface = piece.surface
-        mesh = self._prim(UsdGeom.Mesh, above, name)
+        mesh = self._prim(UsdGeom.Mesh, parent_path, name)
         mesh.AddTranslateOp().Set(Gf.Vec3d(*piece.r.tolist()))
-        _turn(mesh).Set(Gf.Quatd(*piece.q.tolist()))
+        _add_orientation(mesh).Set(Gf.Quatd(*piece.q.tolist()))
         if np.any(piece.scale != 1.0):
             mesh.AddScaleOp().Set(Gf.Vec3f(*piece.scale.tolist()))
         mesh.CreatePointsAttr(_vectors(surface.vertices))
@@ -132,9 +132,9 @@ class _Writer:
             part = binding.CreateMaterialBindSubset(f"colour{k + 1}", Vt.IntArray(places))
             UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(self._material(shade))
 
-    def _line(self, above: Any, line: Line, spans: Spans) -> None:
+    def _line(self, parent_path: Any, line: Line, spans: Spans) -> None:
         """Adds a string as a curve with moving points."""
-        curve = self._prim(UsdGeom.BasisCurves, above, line.name)
+        curve = self._prim(UsdGeom.BasisCurves, parent_path, line.name)
         rings = 2 if spans.sag is None else RINGS
         points = spans.curves(rings)
         # Spans meet in one point.
@@ -174,7 +174,7 @@ class _Writer:
         return self._materials[tuple(linear)]
 
 
-def _turn(prim: Any) -> Any:
+def _add_orientation(prim: Any) -> Any:
     """Orientation in doubles: USD takes the arc cosine of w, which loses half of the digits."""
     return prim.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
 

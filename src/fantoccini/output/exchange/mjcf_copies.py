@@ -52,7 +52,7 @@ class _Size(NamedTuple):
         return (self.copies + _WORK_PER_COPYING * self.copying) * self.elements
 
     def plus(self, times: int, copies: int, copying: int, elements: int) -> _Size:
-        """The size with `times` times something else added."""
+        """The size with `times` copies of another size added."""
         return _Size(
             self.copies + times * copies,
             self.copying + times * copying,
@@ -94,13 +94,13 @@ class _Sizes:
         self.open.append(real_path)
         models = self._models(file)
         largest = max(models.values(), default=_Size(), key=lambda size: size.elements)
-        size, above, parts = _Size(), list[int](), _Parts()
+        size, copies_of_ancestors, parts = _Size(), list[int](), _Parts()
         for element in file.elements:
-            del above[element.depth :]
-            times, tag, attributes = math.prod(above), element.tag, element.attributes
+            del copies_of_ancestors[element.depth :]
+            times, tag, attributes = math.prod(copies_of_ancestors), element.tag, element.attributes
             parts.add(element, times, size.elements)
             count = _copies(file, element) if tag in _COPYING else 1
-            above.append(count)
+            copies_of_ancestors.append(count)
             size = size.plus(times, 0, 0, 1)
             if tag in _COPYING:
                 if times * count > _MAX_COPIES:
@@ -121,7 +121,7 @@ class _Sizes:
             if size.work > _MAX_WORK:
                 text = (
                     "up to here, copying would take MuJoCo longer than about ten seconds "
-                    f"({size.copies} copies, {size.elements} elements); make fewer"
+                    f"({size.copies} copies, {size.elements} elements); reduce them"
                 )
                 raise file.mistake(text, element.line, tag)
         self.open.pop()
@@ -139,7 +139,7 @@ class _Sizes:
             if name is None:
                 continue  # MuJoCo reports it
             if os.path.realpath(name) in self.open or len(self.open) > _MAX_MODEL_DEPTH:
-                text = f"{file_name[:100]!r} contains itself, or models within models without end"
+                text = f"{file_name[:100]!r} contains itself, or models are nested too deeply"
                 raise file.mistake(text, element.line, "model")
             sizes[element.attributes.get("name", "")] = self.of(_read(file, name, element.line))
         return sizes

@@ -49,7 +49,7 @@ def add_tendons(bodies: Bodies) -> None:
         reason = _unlike_a_string(bodies, places)
         low, high = map(float, m.tendon_range[t])
         limited = bool(m.tendon_limited[t]) and bool(bodies.limits)
-        elastic = _elastic(bodies, t)
+        elastic = _stiffness_and_damping(bodies, t)
         for quantity, values in (
             ("frictionloss", m.tendon_frictionloss[t]),
             ("armature", field(m, "tendon_armature", t)),
@@ -100,7 +100,9 @@ def add_constraints(bodies: Bodies) -> None:
         elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _add_wires(bodies, e, name, line):
             continue
         elif not (
-            kind == kinds.mjEQ_TENDON and _is_plain(m, e) and int(m.eq_obj1id[e]) in bodies.wires
+            kind == kinds.mjEQ_TENDON
+            and _fixes_one_tendon(m, e)
+            and int(m.eq_obj1id[e]) in bodies.wires
         ):
             draft.note("equality", name, f"{word}: left out, has no counterpart", line)
 
@@ -119,7 +121,7 @@ def _unlike_a_string(bodies: Bodies, places: range) -> str:
     return "its length never changes" if len(carriers) == 1 else ""
 
 
-def _elastic(bodies: Bodies, t: int) -> tuple[float, float]:
+def _stiffness_and_damping(bodies: Bodies, t: int) -> tuple[float, float]:
     """Stiffness and damping of a tendon; 0 if a flag disables them."""
     m = bodies.m
     return (
@@ -137,7 +139,7 @@ def _add_spring(
         text = "has a spring, left out: springs of puppets have two ends"
         draft.note("tendon", name, text, line)
         return
-    stiffness, damping = _elastic(bodies, t)
+    stiffness, damping = _stiffness_and_damping(bodies, t)
     if stiffness and low != high:
         text = f"has a spring with play from {low:g} to {high:g} m, left out"
         draft.note("tendon", name, text, line)
@@ -152,7 +154,7 @@ def _add_spring(
     draft.springs.append(data)
 
 
-def _is_plain(m: Any, e: int) -> bool:
+def _fixes_one_tendon(m: Any, e: int) -> bool:
     """Whether a tendon constraint fixes the length of a single tendon."""
     return int(m.eq_obj2id[e]) < 0  # polycoef, which couples it to another, is then not used
 
@@ -165,7 +167,9 @@ def _prescribed_lengths(bodies: Bodies) -> dict[int, float]:
     return {
         int(m.eq_obj1id[e]): float(m.eq_data[e, 0])
         for e in range(m.neq)
-        if kinds(int(m.eq_type[e])) == kinds.mjEQ_TENDON and m.eq_active0[e] and _is_plain(m, e)
+        if kinds(int(m.eq_type[e])) == kinds.mjEQ_TENDON
+        and m.eq_active0[e]
+        and _fixes_one_tendon(m, e)
     }
 
 

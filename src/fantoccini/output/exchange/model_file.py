@@ -62,7 +62,7 @@ class ModelFile:
         root: tag of the first element, one of :data:`ROOTS`.
         text: content; if it includes files, the merged content with one element per line.
         elements: all elements, in order; their lines refer to ``text``.
-        origins: file, as a user would name it, and line there, of each line of ``text``; empty
+        origins: original file, as a user would name it, and line of each line of ``text``; empty
             without included files.
         others: files that it includes.
     """
@@ -89,7 +89,7 @@ class ModelFile:
         return self._lines.get((tag, name))
 
     def place(self, line: int | None) -> tuple[str, int | None]:
-        """File and line there of a line of ``text``."""
+        """Original file and line of a line of ``text``."""
         if line and line <= len(self.origins):
             return self.origins[line - 1]
         return self.name, None if self.origins else line or None

@@ -24,7 +24,7 @@ _VIEWS = {
 
 Depth = TypeVar("Depth", float, np.ndarray)
 
-FLAT = 1e-3
+MAX_FLAT_SPREAD = 1e-3
 """Spread across a plane, relative to the size, below which a motion counts as flat."""
 
 
@@ -72,7 +72,7 @@ class Camera:
         """Pixels per metre at a depth [px/m]."""
         return 0.5 * viewport.height / (self.tangent * depth)
 
-    def place(self, camera_points: np.ndarray, viewport: Viewport) -> np.ndarray:
+    def to_pixels(self, camera_points: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Pixels of points in camera axes: (..., 3) [m] -> (..., 2) [px]."""
         scale = self.scale(camera_points[..., 2:], viewport)
         return camera_points[..., :2] * scale + viewport.centre
@@ -81,7 +81,7 @@ class Camera:
         """Pixels and depth: (..., 3) world [m] -> (..., 3) [px, px, m]."""
         camera_points = self.to_camera(np.asarray(points, dtype=float))
         return np.concatenate(
-            [self.place(camera_points, viewport), camera_points[..., 2:]], axis=-1
+            [self.to_pixels(camera_points, viewport), camera_points[..., 2:]], axis=-1
         )
 
     def rays(self, pixels: np.ndarray, viewport: Viewport) -> np.ndarray:
@@ -164,13 +164,13 @@ def _front(points: np.ndarray, plane: str | None) -> tuple[float, bool]:
     level = points[:, :2] - points[:, :2].mean(axis=0)
     size = float(np.ptp(points, axis=0).max())
     spreads, directions = np.linalg.eigh(level.T @ level / len(points))
-    flat = bool(np.sqrt(max(spreads[0], 0.0)) < FLAT * max(size, 1e-12))
+    flat = bool(np.sqrt(max(spreads[0], 0.0)) < MAX_FLAT_SPREAD * max(size, 1e-12))
     if plane in ("xz", "xy"):
         return 0.0, flat
     if plane == "yz":
         return -0.5 * np.pi, flat
     normal = directions[:, 0]
-    if np.sqrt(max(spreads[1], 0.0)) < FLAT * max(size, 1e-12):
+    if np.sqrt(max(spreads[1], 0.0)) < MAX_FLAT_SPREAD * max(size, 1e-12):
         normal = np.array([0.0, 1.0])
     # The front is the side with +x to the right, or else with +y to the right.
     sign = -1.0 if (normal[1] > 1e-6 or (abs(normal[1]) <= 1e-6 and normal[0] < 0.0)) else 1.0

@@ -339,8 +339,8 @@ def _grid(geometry: Geometry, layout: Layout, middle: np.ndarray, reach: float) 
     one_way = np.stack([np.column_stack([np.full(49, t), along]) for t in ticks])
     points = np.concatenate([one_way, one_way[..., ::-1]]) + origin
     points = np.concatenate([points, np.full((*points.shape[:2], 1), geometry.floor)], axis=2)
-    placed = camera.project(points, layout.viewport)
-    lines = np.stack([placed[:, :-1], placed[:, 1:]], axis=2).reshape(-1, 2, 3)
+    projected = camera.project(points, layout.viewport)
+    lines = np.stack([projected[:, :-1], projected[:, 1:]], axis=2).reshape(-1, 2, 3)
     distance = np.linalg.norm(
         0.5 * (points[:, :-1] + points[:, 1:])[..., :2] - middle, axis=2
     ).ravel()

@@ -89,8 +89,8 @@ def _draw_poses(
 ) -> None:
     """Draws the puppet and the paths of its points."""
     marionette, run, theme = optimum.task.marionette, optimum.run, options.theme
-    chosen = pose_times(marionette, run, poses)
-    geometry = geometry_of(marionette, run.resample(chosen))
+    times = pose_times(marionette, run, poses)
+    geometry = geometry_of(marionette, run.resample(times))
     width = _PUPPET_SHARE * sheet.width
     inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, sheet.height - 8.0 * unit)
     layout = layout_of(geometry, inner, options)
@@ -124,8 +124,8 @@ def _draw_poses(
         )
     sheet.title(optimum.task.name or geometry.title, unit, sheet.height - 1.5 * unit)
     sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit, width - 1.6 * unit)
-    times = ", ".join(f"{t - run.t[0]:.2f}" for t in chosen)
-    caption = f"cost {optimum.cost:.3g}; poses at {times} s"
+    times_text = ", ".join(f"{t - run.t[0]:.2f}" for t in times)
+    caption = f"cost {optimum.cost:.3g}; poses at {times_text} s"
     sheet.write(1.6 * unit, 2.2 * unit, caption, unit, theme.ink, ha="left", va="center")
 
 
@@ -150,9 +150,8 @@ def _panels(optimum: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
     if np.any(np.isfinite(speed)):
         panels.append(lambda axes: _inputs(axes, optimum, optimum.nodes.v_K, speed, "speed", theme))
     limits = bounds.magnitudes(marionette, "acceleration")
-    accelerations = np.concatenate(
-        [optimum.nodes.acc_K, optimum.nodes.acc_K[-1:]]
-    )  # constant over the last interval
+    # Constant over the last interval.
+    accelerations = np.concatenate([optimum.nodes.acc_K, optimum.nodes.acc_K[-1:]])
     panels.append(lambda axes: _inputs(axes, optimum, accelerations, limits, "acceleration", theme))
     return panels
 

@@ -59,8 +59,8 @@ def plan_picture(
         The path of the picture.
     """
     path, options = checked(path), PictureOptions.of(view, "all", theme, size)
-    chosen = pose_times(marionette, run, poses)
-    geometry = geometry_of(marionette, run.resample(chosen))
+    times = pose_times(marionette, run, poses)
+    geometry = geometry_of(marionette, run.resample(times))
     sheet, layout, unit = framed_sheet(geometry, options)
     dots = layout.camera.project(nodes[spread(len(nodes), MAX_DOTS)], layout.viewport)
     sheet.axes.plot(
@@ -78,7 +78,7 @@ def plan_picture(
     line = layout.camera.project(way, layout.viewport)
     sheet.axes.plot(line[:, 0], line[:, 1], color=PATH_COLOUR, linewidth=0.12 * unit, zorder=4.0)
     caption = f"{len(nodes)} nodes; {run.t[-1] - run.t[0]:.2f} s, poses at " + ", ".join(
-        f"{t - run.t[0]:.2f} s" for t in chosen
+        f"{t - run.t[0]:.2f} s" for t in times
     )
     sheet.write(1.6 * unit, 2.2 * unit, caption, unit, options.theme.ink, ha="left", va="center")
     add_captions(sheet, geometry, layout, unit)
@@ -93,11 +93,11 @@ def fading_poses(sheet: Sheet, geometry: Geometry, layout: Layout) -> None:
     for k in range(last + 1):
         opacity = FIRST_OPACITY + (1.0 - FIRST_OPACITY) * k / max(last, 1)
         polygons = [
-            replace(p, face=_faint(p.face, opacity), edge=_faint(p.edge, opacity))
+            replace(p, face=_faded(p.face, opacity), edge=_faded(p.edge, opacity))
             for p in compose(geometry if k == last else moving, k, layout)
         ]
         sheet.polygons(polygons, zorder=2.0 + 0.1 * k)
 
 
-def _faint(colour: tuple[float, ...], opacity: float) -> tuple[float, ...]:
+def _faded(colour: tuple[float, ...], opacity: float) -> tuple[float, ...]:
     return (*colour[:3], colour[3] * opacity)

@@ -18,9 +18,8 @@ class _Tolerances(NamedTuple):
 
     straight: float = 1e-9
     """Excess length relative to the span below which the string is straight: no visible sag."""
-    vertical: float = (
-        1e-12  # Width relative to length below which the curve's direction is arbitrary
-    )
+    vertical: float = 1e-12
+    """Width relative to the length below which the curve's direction is arbitrary."""
 
 
 _TOLERANCES = _Tolerances()

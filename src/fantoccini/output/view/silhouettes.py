@@ -166,7 +166,7 @@ def paint(
     if solid.kind == "faces":
         return _paint_faces(solid, points, camera, viewport, ink, pen)
     if solid.kind == "capsule":
-        centres = camera.place(points, viewport)
+        centres = camera.to_pixels(points, viewport)
         radii = solid.radius * camera.scale(points[:, 2], viewport)
         size = float(radii.max())
         stack = _capsule_stack(centres, radii, _tones(size))
@@ -208,7 +208,7 @@ def _paint_faces(
     ink: tuple[float, ...],
     pen: float,
 ) -> list[Polygon]:
-    pixels = camera.place(points, viewport)
+    pixels = camera.to_pixels(points, viewport)
     polygons, depths = [], []
     camera_points = points * np.array([1.0, 1.0, -1.0])
     for k, face in enumerate(solid.faces):
