@@ -93,7 +93,7 @@ WRONG = {
     "messages without a port": (["perform", "p.yaml", "--osc-in", "host"], "needed: HOST:PORT"),
     "messages that come back": (
         ["perform", "p.yaml", "--osc-in", "53001", "--osc-out", "127.0.0.1:53001"],
-        "needed: two addresses",
+        "needed: another address",
     ),
     "a negative duration": (["simulate", "arm2d", "--duration", "-1"], "not a positive number"),
     "no duration": (["simulate", "arm2d", "--duration", "0"], "not a positive number"),

@@ -139,7 +139,7 @@ def test_strings_are_wound_without_scrolling(browser, tmp_path):
             return len(sliders) >= n and all(one["bottom"] < 700 for one in sliders[:n])
 
         until(lie_above_the_fold, "the sliders are seen")  # once the page is laid out
-        until(lambda: "Shift and drag" in words(browser), "how strings are wound is told")
+        until(lambda: "with Shift" in words(browser), "how strings are wound is told")
 
 
 def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):

@@ -185,7 +185,7 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     assert gesture.duration == pytest.approx(1.0)
     until(lambda: "reach" in str(list(scene.viewer.controls.values())), "its button")
     # The same name again, and names that are none, or lead elsewhere, are refused.
-    for wrong, why in (("reach", "already"), ("../out", "no name"), ("wave", "already")):
+    for wrong, why in (("reach", "already"), ("../out", "not a valid name"), ("wave", "already")):
         scene.viewer.type_in("Name", wrong)
         until(lambda wrong=wrong: scene.live.panel.takes.name_field.value == wrong, "the name")
         scene.viewer.press("Make a gesture of it")
@@ -342,7 +342,7 @@ def test_a_puppet_without_these_strings_has_no_buttons(tmp_path):
         Viewer(page.url) as viewer,
     ):
         assert page.show.stage.gesture_player.gestures == {}
-        viewer.until_said("No bundled gesture is for these strings")
+        viewer.until_said("No bundled gesture fits these strings")
         viewer.press("Play (L)")
         viewer.until_said("there is no take yet")
 
