@@ -247,7 +247,8 @@ def test_a_name_of_no_performance_is_a_mistake(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = mistake(command, "arm2d", "--inputs", "tos")
     assert (
-        said == "tos: no such file, and no bundled performance of this name; did you mean 'toss'?\n"
+        said
+        == "tos: no such file, and no bundled performance with this name; did you mean 'toss'?\n"
     )
 
 

@@ -92,7 +92,7 @@ Bodies = Annotated[
 SaveInputs = Annotated[
     Path | None,
     typer.Option(
-        metavar="PATH", help="Save the inputs as a recording (.npz), for simulate --inputs."
+        metavar="PATH", help="Save the inputs as a recording (.npz), which simulate reads."
     ),
 ]
 ShowMotion = Annotated[
