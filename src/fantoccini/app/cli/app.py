@@ -180,7 +180,7 @@ def export(
     bodies: Bodies = None,
     problem: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Problem file of a plan of no bundled problem."),
+        typer.Option(metavar="FILE", help="Problem file of a plan, if it is not bundled."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -304,7 +304,7 @@ def identify(
 def follow(arguments: FollowArguments) -> None:
     """Make a puppet follow captured motion.
 
-    Reports how far the motion that the strings allow is from the clip, and how much swing adds.
+    Reports the error of the poses that the strings allow, and the error that swing adds.
     """
     from fantoccini.app.cli.follow import follow_file
 
@@ -326,7 +326,7 @@ def play(arguments: PlayArguments) -> None:
 @app.command("show")
 @takes(ShowArguments)
 def show(arguments: ShowArguments) -> None:
-    """Play a puppet, or replay a run, in the browser.
+    """Show a live puppet, or replay a run, in the browser.
 
     Serves the page on this machine only, until Ctrl-C.
     """

@@ -25,7 +25,7 @@ def stand_check(
     ],
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Run or recording (.npz).")],
     puppet: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Puppet of a run that does not carry it.")
+        str | None, typer.Option(metavar="FILE", help="Puppet, if the run does not contain it.")
     ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="PATH", help="Write a page with plots (.html).")

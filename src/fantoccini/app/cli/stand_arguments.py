@@ -21,7 +21,7 @@ class StandMotionOptions:
     """Options of set points."""
 
     puppet: Annotated[
-        str | None, typer.Option(metavar="FILE", help="Puppet of a run that does not carry it.")
+        str | None, typer.Option(metavar="FILE", help="Puppet, if the run does not contain it.")
     ] = None
     controller: Annotated[
         str | None, typer.Option(metavar="TYPE", help="Kind of controller [the stand's].")

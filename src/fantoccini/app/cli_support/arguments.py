@@ -76,7 +76,7 @@ class PictureOptions:
     ] = None
     focus: Annotated[
         Focus | None,
-        typer.Option(help="Contents that fit strips and films; bodies may crop strings [all]."),
+        typer.Option(help="Content to fit into strips and films; bodies may crop strings [all]."),
     ] = None
     theme: Annotated[
         Theme | None, typer.Option(help="Theme of pictures, plots and films [light].")
@@ -233,7 +233,8 @@ class OptimiseArguments(PictureOptions):
     cost_tolerance: Annotated[
         float,
         typer.Option(
-            min=0.0, help="Relative decrease of the cost; four smaller ones in a row end it."
+            min=0.0,
+            help="Relative decrease of the cost; four smaller ones in a row end the search.",
         ),
     ] = 0.0
     iterations: Annotated[int, typer.Option(min=1, help="Largest number of iterations.")] = 100
@@ -269,8 +270,7 @@ class FollowArguments(PictureOptions):
         ),
     ] = None
     travel: Annotated[
-        float,
-        typer.Option(metavar="F", min=0.0, help="Factor on the way along the floor; 0 stays."),
+        float, typer.Option(metavar="F", min=0.0, help="Factor on travel along the floor.")
     ] = 1.0
     up: Annotated[
         UpAxis | None,
@@ -385,5 +385,5 @@ class ShowArguments(PageOptions):
     ] = None
     problem: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Problem file of a plan of no bundled problem."),
+        typer.Option(metavar="FILE", help="Problem file of a plan, if it is not bundled."),
     ] = None
