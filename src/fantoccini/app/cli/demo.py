@@ -38,11 +38,11 @@ def show_demo(folder: Path, quiet: bool) -> None:
         puppet = marionette(_STAGE, steps.named)
         steps.step("finding the rest pose")
         x0, inputs, duration = walk(puppet)
-        run, seconds, trouble = timed(
+        run, seconds, reason = timed(
             steps, puppet, x0, inputs, duration, _METHOD, save_every=_SAVE_EVERY
         )
         write_outputs(puppet, run, out, None, steps, WALK_POSES)
     if not quiet:
         report(run, seconds)
         write("wrote " + ", ".join(map(str, out)))
-    end_with(run, trouble)
+    end_with(run, reason)

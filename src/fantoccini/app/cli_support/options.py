@@ -45,7 +45,7 @@ def resolve_bundled(value: Path | list[Path] | None) -> Path | list[Path] | None
     """The value, with names of bundled performances replaced by their files."""
     if value is None:
         return None
-    # Imported late: --help must not import what reads puppets.
+    # Imported here, because --help must not import the reader of puppets.
     from fantoccini.app.cli_support.files import inputs_path
 
     return [inputs_path(path) for path in value] if isinstance(value, list) else inputs_path(value)

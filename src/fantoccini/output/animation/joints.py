@@ -35,7 +35,7 @@ class LocalMotion:
         """(T, 4) rate of the quaternion: qdot = q (0, w) / 2 [1/s]."""
         return 0.5 * rotation.multiply(self.q, _pure(self.w))
 
-    def then(self, other: LocalMotion) -> LocalMotion:
+    def composed_with(self, other: LocalMotion) -> LocalMotion:
         """Motion of a link that moves by ``other`` relative to this one."""
         turn = rotation.matrix(self.q)
         inverse = np.swapaxes(rotation.matrix(other.q), -1, -2)
@@ -49,7 +49,7 @@ class LocalMotion:
     @classmethod
     def chained(cls, motions: Iterable[LocalMotion]) -> LocalMotion:
         """Composition of motions, from the ancestor down."""
-        return reduce(cls.then, motions)
+        return reduce(cls.composed_with, motions)
 
 
 def local_motion(link: Link, run: Trajectory, number: Callable[[Number], float]) -> LocalMotion:
@@ -58,21 +58,21 @@ def local_motion(link: Link, run: Trajectory, number: Callable[[Number], float])
     q = (run.q_D if dynamic else run.q_K)[:, link.q]
     u = (run.v_D if dynamic else run.v_K)[:, link.v]
     n = len(run)
-    zero, same = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    joint = LocalMotion(zero, same, zero, zero)
+    zero, identity = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    joint = LocalMotion(zero, identity, zero, zero)
     match link.kind:
         case "revolute":
             axis = link.axes[:, 0]
             joint = LocalMotion(zero, rotation.exp(q * axis), zero, u * axis)
         case "prismatic" | "translation":
-            joint = LocalMotion(q @ link.axes.T, same, u @ link.axes.T, zero)
+            joint = LocalMotion(q @ link.axes.T, identity, u @ link.axes.T, zero)
         case "ball":
             joint = LocalMotion(zero, rotation.normalised(q), zero, u)
         case "free":
             joint = LocalMotion(q[:, :3], rotation.normalised(q[:, 3:]), u[:, :3], u[:, 3:])
     offset = np.tile([number(x) for x in link.offset], (n, 1))
     fixed = LocalMotion(offset, np.tile(rotation.quaternion(link.rotation), (n, 1)), zero, zero)
-    return fixed.then(joint)
+    return fixed.composed_with(joint)
 
 
 def _pure(w: Vec3) -> Quaternion:

@@ -126,23 +126,23 @@ def clearance_table(verification: Verification) -> Table:
 def string_table(verification: Verification) -> Table:
     """Largest tensions, also relative to the weight, and catches."""
     cast = verification.play.cast
-    hardest: dict[str, float] = {}
+    largest_impulse: dict[str, float] = {}
     for event in verification.run.events:
         if event.kind is EventKind.CATCH:
-            hardest[event.name] = max(hardest.get(event.name, 0.0), event.impulse)
+            largest_impulse[event.name] = max(largest_impulse.get(event.name, 0.0), event.impulse)
     weights = {name: _weight(verification, name) for name in cast.players}
     lines = []
     for name, tension in verification.tension.items():
         weight = weights.get(cast.owner(name), 0.0)
         share = f"{100.0 * tension / weight:.0f}" if weight > 0.0 else ""
-        impulse = f"{1e3 * hardest[name]:.1f}" if name in hardest else ""
+        impulse = f"{1e3 * largest_impulse[name]:.1f}" if name in largest_impulse else ""
         lines.append((name, f"{tension:.2f}", share, f"{verification.catches[name]}", impulse))
     header = (
         "string",
         "largest tension [N]>",
         "of the player's weight [%]>",
         "catches>",
-        "hardest catch [mN s]>",
+        "largest impulse [mN s]>",
     )
     return Table(header, tuple(lines))
 
@@ -189,8 +189,8 @@ def space_table(verification: Verification) -> Table:
     for part, (low, high) in zip("xy", verification.space, strict=True):
         bound = None if space is None else getattr(space, part)
         allowed = "anywhere" if bound is None else f"{bound[0]:g} to {bound[1]:g}"
-        shown = f"{round(low, 3) + 0.0:.3f} to {round(high, 3) + 0.0:.3f}"  # no -0.000
-        lines.append((part, shown, allowed))
+        range_text = f"{round(low, 3) + 0.0:.3f} to {round(high, 3) + 0.0:.3f}"  # no -0.000
+        lines.append((part, range_text, allowed))
     return Table(("", "hands reach [m]", "allowed [m]"), tuple(lines))
 
 

@@ -32,8 +32,8 @@ def plan(play: Play, reached: Box) -> Figure:
     """
     stage = overhead(play)
     low, high = _extent(play, stage, reached)
-    width, deep = high[1] - low[1], high[0] - low[0]
-    size = (_WIDTH, round(np.clip(_WIDTH * deep / width, 0.4 * _WIDTH, 1.6 * _WIDTH)) + 60)
+    width, depth = high[1] - low[1], high[0] - low[0]
+    size = (_WIDTH, round(np.clip(_WIDTH * depth / width, 0.4 * _WIDTH, 1.6 * _WIDTH)) + 60)
     figure = blank_figure(size, facecolor=LIGHT.top)
     figure.set_layout_engine("constrained")
     axes = figure.subplots()
