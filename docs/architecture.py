@@ -68,7 +68,7 @@ ROOMS = {
     ),
     "app": (
         "command line and browser pages",
-        "`cli`: commands; `console`: their arguments and messages; `web`: starts the right page; "
+        "`cli`: commands; `cli_support`: arguments and messages; `web`: starts the right page; "
         "`pages`: drawing and replay in the browser; `live`: pages with a live puppet",
     ),
 }
@@ -287,7 +287,7 @@ TASKS = (
                 "checks of its results",
                 ("dynamics/simulation/soundness.py", "dynamics/simulation/batch_verdicts.py"),
             ),
-            ("its name on the command line", ("app/console/options.py",)),
+            ("its name on the command line", ("app/cli_support/options.py",)),
         ),
     ),
     Task(
@@ -326,7 +326,7 @@ TASKS = (
             ("declare it and its help; import the module inside the function", ("app/cli/app.py",)),
             (
                 "declare its arguments in the same file, or in a class if there are many",
-                ("app/console/requests.py",),
+                ("app/cli_support/arguments.py",),
             ),
             ("do the work in a module of its own", ("app/cli/check.py",)),
             ("describe it; a test looks for every option", ("/docs/cli.md",)),

@@ -44,7 +44,7 @@ def test_a_rate_that_is_none_is_refused(thrown: fan.Trajectory, tmp_path: Path, 
 
 
 def test_what_has_no_motion_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="found Marionette; what can be exported is a run"):
+    with pytest.raises(ValueError, match="found Marionette; expected a run"):
         fan.export(fan.puppets.arm2d(), tmp_path / "run.glb")
 
 

@@ -15,7 +15,7 @@ from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
 from fantoccini.app.cli import doctor
-from fantoccini.app.console.terminal import plain
+from fantoccini.app.cli_support.terminal import plain
 from fantoccini.base.errors import BuildError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -88,12 +88,12 @@ WRONG = {
     "a file that is not there": (["info", "none.yaml"], "none.yaml: found nothing here"),
     "a folder": (["info", "."], "found a folder here"),
     "an unknown schema": (["schema", "foo"], "puppet"),
-    "a play that is none": (["perform", fan.puppets.path("arm2d")], "is no play"),
+    "a play that is none": (["perform", fan.puppets.path("arm2d")], "is not a play"),
     "a play that is not there": (["perform", "none.yaml"], "none.yaml"),
     "messages without a port": (["perform", "p.yaml", "--osc-in", "host"], "needed: HOST:PORT"),
     "messages that come back": (
         ["perform", "p.yaml", "--osc-in", "53001", "--osc-out", "127.0.0.1:53001"],
-        "needed: two addresses",
+        "needed: another address",
     ),
     "a negative duration": (["simulate", "arm2d", "--duration", "-1"], "not a positive number"),
     "no duration": (["simulate", "arm2d", "--duration", "0"], "not a positive number"),
@@ -206,7 +206,10 @@ def test_no_compiler_ends_with_1(monkeypatch) -> None:
     assert result.exit_code == 1
     assert "no-such-compiler" in result.stderr
     assert "Traceback" not in result.stderr
-    assert "cannot be on this machine (see fantoccini doctor)" in fantoccini("info", "arm2d").stdout
+    assert (
+        "cannot be compiled on this machine (see fantoccini doctor)"
+        in fantoccini("info", "arm2d").stdout
+    )
 
 
 def test_a_fault_of_our_own_is_said_in_one_line(monkeypatch) -> None:

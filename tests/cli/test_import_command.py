@@ -30,7 +30,7 @@ def test_the_puppet_is_written_and_the_report_printed(folder):
     assert result.stdout.splitlines()[0] == (
         "swing.xml:6: actuator push: left out: what it moves is free"
     )
-    assert "swing.yaml: 1 joint, 1 mesh beside it; 2 things are not as in" in result.stderr
+    assert "swing.yaml: 1 joint, 1 mesh beside it; 2 differences from the model" in result.stderr
     assert (folder / "swing_meshes" / "cylinder.stl").is_file()
     assert fan.model.load("swing.yaml").pose == {"rope": 0.5}
     assert fantoccini("check", "swing.yaml").exit_code == 0
@@ -48,7 +48,7 @@ def test_an_existing_file_is_kept(folder):
     )
     assert (folder / "swing.yaml").read_text() == "mine"
     assert fantoccini("import", "swing.xml", "swing.yaml", "--force").exit_code == 0
-    assert (folder / "swing.yaml").read_text().startswith("# swing: made of")
+    assert (folder / "swing.yaml").read_text().startswith("# swing: converted from")
 
 
 @pytest.mark.parametrize(

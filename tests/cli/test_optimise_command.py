@@ -7,7 +7,7 @@ import pytest
 from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
-from fantoccini.app.console.terminal import Steps
+from fantoccini.app.cli_support.terminal import Steps
 
 CIRCLE = """\
 task: ring

@@ -54,7 +54,7 @@ def test_a_show_is_directed_by_messages_until_ctrl_c(tmp_path):
     said = ""
     while "press Ctrl-C to stop" not in said and (line := process.stderr.readline()):
         said += line
-    heard_at = re.search(r"OSC messages are heard at 127\.0\.0\.1:(\d+)", said)
+    heard_at = re.search(r"OSC messages are received at 127\.0\.0\.1:(\d+)", said)
     assert heard_at is not None, said
     ears.sendto(OscMessageBuilder("/go").build().dgram, ("127.0.0.1", int(heard_at[1])))
     told = [OscPacket(ears.recv(65536)).messages[0].message.address for _ in range(2)]

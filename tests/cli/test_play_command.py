@@ -42,7 +42,7 @@ def test_a_play_that_holds_ends_with_0_and_tells_its_cue_times(played):
     assert ["2", "15", "hop.yaml", "(top)", "two", "2.00", "2.00", "+0"] in lines
     assert "2 players, 6 degrees of freedom, 2 strings, 6 driven coordinates" in played.stdout
     assert "2 of 2 cues can be done" in played.stdout
-    assert "the run holds" in played.stdout
+    assert "the run meets every requirement" in played.stdout
     assert {"1 caption", "drum.wav from 0.00 s for 1.00 s"} <= set(played.stdout.splitlines())
 
 

@@ -162,7 +162,7 @@ def test_mistakes_are_told_with_their_places(run, tmp_path):
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("puppet: wrong\nbodies: []\nstrings: 3\n", encoding="utf-8")
     assert "wrong.yaml:" in mistake("show", wrong)
-    assert "no bundled puppet or scene of this name" in mistake("show", "marionete")
+    assert "no bundled puppet or scene with this name" in mistake("show", "marionete")
     assert "no such file" in mistake("show", tmp_path / "none.npz")
     other = tmp_path / "other.npz"
     np.savez(other, x=np.zeros(3))

@@ -13,7 +13,7 @@ import pytest
 from tests.cli.command import fantoccini, mistake
 
 import fantoccini as fan
-from fantoccini.app.console.reporting import longest_slack
+from fantoccini.app.cli_support.reporting import longest_slack
 from fantoccini.base.errors import Status
 
 pytestmark = pytest.mark.slow
@@ -247,7 +247,8 @@ def test_a_name_of_no_performance_is_a_mistake(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = mistake(command, "arm2d", "--inputs", "tos")
     assert (
-        said == "tos: no such file, and no bundled performance of this name; did you mean 'toss'?\n"
+        said
+        == "tos: no such file, and no bundled performance with this name; did you mean 'toss'?\n"
     )
 
 

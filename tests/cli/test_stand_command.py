@@ -41,7 +41,7 @@ def test_a_stand_that_cannot(files):
         "stand", "check", files / "weak.yaml", files / "run.npz", "--report", page, code=1
     )
     assert "cannot do it: at t = 0." in done.stdout
-    assert "winch loses" in done.stdout and "would help: winch: a motor with" in done.stdout
+    assert "winch loses" in done.stdout and "remedy: winch: a motor with" in done.stdout
     assert "slower, simulated again: 1." in done.stdout and "moves differently" in done.stdout
     text = page.read_text(encoding="utf-8")
     assert text.count("data:image/png") == 2 and "https://" not in text

@@ -150,14 +150,14 @@ def test_two_ctrl_c_stop_grbl_where_it_is_and_it_goes_on_from_the_line(files):
         p = 1e3 * points.motion.position[:, 0]
         assert np.min(p) < stopped_at < np.max(p)
         assert re.search(r"line \d+: 'G1X\S+': stopped here", said)
-        line = re.search(r"go on with --from-line (\d+)", said)[1]
+        line = re.search(r"continue with --from-line (\d+)", said)[1]
         number = lines_of(gcode(points))[taken - 1].number
         assert 1 < number - int(line) <= points.controller.planner
         begun = machine.time
         with streaming(files, *options, "--from-line", line) as process:
             code, out, said = process.end()
         assert code == 0, said
-        assert "characters were under way" in out
+        assert "characters in transit" in out
     machine.finish()
     assert machine.position[0] == pytest.approx(p[-1], abs=0.02)
     # From where it stood, without a jump, and no move was left out.
@@ -176,7 +176,7 @@ def test_enter_goes_on_as_if_nothing_had_been(files):
         with streaming(files, *options) as process:
             wait(lambda: len(emulator.lines) > 20)
             process.interrupt()
-            process.until("held at line")
+            process.until("paused at line")
             assert len(emulator.lines) < 70
             code, _, said = process.end("\n")
         assert code == 0, said
@@ -204,7 +204,7 @@ def test_two_ctrl_c_hold_the_last_position_and_packets_go_on_from_the_time(files
         wait(lambda: stand.silent)
         sent = len(stand)
         assert stand.stops == 1 and stand.steps[-1, 0] == held[0]
-        t = float(re.search(r"go on with --from-time (\S+)", said)[1])
+        t = float(re.search(r"continue with --from-time (\S+)", said)[1])
         assert "stopped here" in said and 0.1 < t < 1.5
         p = points.motion.position[:, 0]
         # Rounded down by up to 1 ms, at 0.8 m/s.
@@ -230,7 +230,7 @@ def test_enter_goes_on_over_the_network(files):
         with streaming(files, *options) as process:
             wait(lambda: len(stand) > 40)
             process.interrupt()
-            process.until("held at t = ")
+            process.until("paused at t = ")
             code, _, said = process.end("\n")
         assert code == 0, said
         time.sleep(0.1)
@@ -255,7 +255,7 @@ def test_a_receiver_lost_in_a_hold_ends_the_prompt(files):
         process.own.kill()
         process.watch.cancel()
     assert re.search(r"t = \d\.\d+ s: not sent: Connection refused", said)
-    assert "go on with --from-time" in said
+    assert "continue with --from-time" in said
 
 
 def test_the_end_of_input_stops(files):

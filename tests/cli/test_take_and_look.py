@@ -7,7 +7,7 @@ from tests.cli.command import fantoccini
 
 import fantoccini as fan
 from fantoccini.app.cli.simulate import suggest_faster
-from fantoccini.app.console.requests import SimulateRequest
+from fantoccini.app.cli_support.arguments import SimulateArguments
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,7 @@ def test_a_run_that_is_slower_than_real_time_says_so(capsys):
     m = fan.puppets.string_pendulum()
     run = fan.simulate(m, m.rest(), t_end=0.5)
     assert run.seconds > 0.0 and run.summary()["seconds"] == run.seconds
-    request = SimulateRequest(file="x")
+    request = SimulateArguments(file="x")
     suggest_faster(request, run, 0.8)
     said = capsys.readouterr().err
     assert "slower than real time: 1.6 s per second of motion" in said

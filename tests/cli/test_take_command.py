@@ -62,7 +62,7 @@ def test_the_ends_of_a_part_may_be_left_out(take, tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--trim", "0.5:1"), "an edited recording needs a file"),
+        (("--trim", "0.5:1"), "needed: a file for the edited recording"),
         (("--trim", "1:0.5", "--out", "new.npz"), "needed: A:B"),
         (("--trim", "half", "--out", "new.npz"), "needed: A:B"),
         (("--trim", "nan:1", "--out", "new.npz"), "needed: A:B"),
@@ -70,7 +70,7 @@ def test_the_ends_of_a_part_may_be_left_out(take, tmp_path):
         (("--stretch", "0", "--out", "new.npz"), "factor is 0"),
         (("--smooth", "-1", "--out", "new.npz"), "seconds"),
         (("--loop", "0", "--out", "new.npz"), "times is 0"),
-        (("--loop", "2"), "an edited recording needs a file"),
+        (("--loop", "2"), "needed: a file for the edited recording"),
         (("--stretch", "2", "--out", "new.csv"), ".npz"),
     ],
 )

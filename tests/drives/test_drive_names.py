@@ -77,7 +77,7 @@ def test_a_table_reads_back_with_its_commands():
 
 def test_a_puppet_hangs_at_rest_where_a_drive_is_started():
     """simulate --start line.length=0.7, and a Trial's start, are those of a mere input."""
-    from fantoccini.app.console.start import start_state
+    from fantoccini.app.cli_support.start import start_state
     from fantoccini.lab.sweeps.trial import start_state as trial_start
 
     bob = fan.loads(BOB)

@@ -10,7 +10,7 @@ import scipy.integrate
 from tests.harness import method_of
 
 import fantoccini as fan
-from fantoccini.app.console.reporting import report
+from fantoccini.app.cli_support.reporting import report
 from fantoccini.base.errors import SimulationError, Status
 
 pytestmark = [pytest.mark.own_puppets, pytest.mark.long]

@@ -246,11 +246,11 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
         "21: tendon hand: is called hand_2 here",
         "23: tendon idle: left out: nothing limits its length, and it has no stiffness or damping",
         "24: tendon inner: left out: its length never changes",
-        "25: tendon sum: left out: it adds up joints; strings run through points",
+        "25: tendon sum: left out: it is a sum of joint positions; strings run through points",
         "26: tendon pulled: left out: it has pulleys that divide its force",
         "29: actuator m: left out: what it moves is free",
         "30: sensor angle: left out",
-        "31: key bent: left out: not the pose",
+        "31: key bent: left out: the puppet starts in another pose",
         " option density: 1.2, left out: bodies have `drag` instead",
         " contact: left out: add `contact: true`, and give bodies room to move",
     }
@@ -389,7 +389,7 @@ def test_a_winch_is_told_how_to_come_back(tmp_path):
     winch = '<actuator><position tendon="idle"/></actuator>'
     made = imported(REST.replace("<sensor>", f"{winch}<sensor>"), tmp_path)
     (note,) = (note for note in made.report if note.what == "tendon idle")
-    assert note.message.endswith("; a string with `length: driven` is wound in and out by inputs")
+    assert note.message.endswith("; inputs can change the length of a string with `length: driven`")
 
 
 def test_a_tendon_with_play_keeps_its_damping(tmp_path):

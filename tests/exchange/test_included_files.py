@@ -232,7 +232,7 @@ prefix="p"/></replicate></worldbody></mujoco>"""
 def test_models_within_models_end(folder):
     """MuJoCo ends with a segmentation fault where they do not."""
     Path("x.xml").write_text(ATTACHED.format("x", 1))
-    with pytest.raises(ExchangeError, match=r"^x\.xml:1: model: 'x\.xml' holds itself"):
+    with pytest.raises(ExchangeError, match=r"^x\.xml:1: model: 'x\.xml' contains itself"):
         import_model("x.xml")
     for k in range(4):
         Path(f"x{k}.xml").write_text(ATTACHED.format(f"x{k + 1}", 100))

@@ -326,7 +326,7 @@ def test_the_next_motion_is_written(folder, tmp_path):
     suggest = tmp_path / "next.csv"
     done = identify(folder / "swing.yaml", "--suggest", suggest, "--duration", 2, "--seed", 3)
     assert done.exit_code == 0, done.output
-    assert "Motions" in done.output and "no motion tells" not in done.output
+    assert "Motions" in done.output and "no motion gives" not in done.output
     assert "the inputs do not move" not in done.output
     assert abs(fan.Input.load(arm().puppet, suggest).end - 2.0) < 0.5
 
@@ -334,7 +334,7 @@ def test_the_next_motion_is_written(folder, tmp_path):
 def test_motions_that_tell_nothing_are_called_so(capsys):
     still = fan.Input.hold(arm().puppet, 1.0)
     print_motions((fan.lab.identification.Candidate("still", still, 0.0, {}, (), np.inf),))
-    assert "no motion tells anything" in capsys.readouterr().out
+    assert "no motion gives information" in capsys.readouterr().out
 
 
 def test_a_failed_suggestion_leaves_what_was_found(folder, tmp_path):

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tests.runs.cable_robot import BOX, FRAME, MIDDLE, NAMES, REWOUND, moved, robot
 
 import fantoccini as fan
-from fantoccini.app.console.reporting import undetermined_lines
+from fantoccini.app.cli_support.reporting import undetermined_lines
 from fantoccini.stand import check_stand, loads_stand
 
 METHODS = ("event", "timestepping", "variational")

@@ -7,7 +7,7 @@ import pytest
 from tests.show.browser import chrome, like, picture, until
 
 import fantoccini as fan
-from fantoccini.app.pages.moment import moment_of
+from fantoccini.app.pages.scene_state import scene_at_sample
 
 pytestmark = pytest.mark.slow
 
@@ -94,7 +94,7 @@ def test_a_replay_draws_them_as_pictures_do(run):
         until(lambda: node_of(replay).visible, "arrows")
         k = replay.motion.frame(0.4)
         until(lambda: replay.shown == k, "that time")
-        wanted = moment_of(replay.motion.geometry, k).arrows
+        wanted = scene_at_sample(replay.motion.geometry, k).arrows
         assert node_of(replay).points == pytest.approx(wanted, abs=1e-6)
         ticked(replay, False)
         assert not node_of(replay).visible

@@ -88,7 +88,7 @@ def test_a_bead_never_goes_against_the_mouse(scene, monkeypatch):
 
 def press_view(scene, name: str) -> None:
     before = np.array(scene.client.camera.position)
-    scene.live.nodes.look(scene.client.camera, name)
+    scene.live.nodes.aim_camera(scene.client.camera, name)
     until(lambda: np.linalg.norm(scene.client.camera.position - before) > 0.1, "another view")
 
 
@@ -139,7 +139,7 @@ def test_strings_are_wound_without_scrolling(browser, tmp_path):
             return len(sliders) >= n and all(one["bottom"] < 700 for one in sliders[:n])
 
         until(lie_above_the_fold, "the sliders are seen")  # once the page is laid out
-        until(lambda: "Shift and drag" in words(browser), "how strings are wound is told")
+        until(lambda: "with Shift" in words(browser), "how strings are wound is told")
 
 
 def test_a_phone_shows_the_puppet_and_not_the_panel(browser, tmp_path):

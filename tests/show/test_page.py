@@ -210,7 +210,7 @@ def test_one_viewer_holds_the_strings(scene):
     assert scene.live.act("somebody else", lambda: None)
     t = scene.performance.t
     press(scene.browser, "Pause")
-    until(lambda: "Somebody else holds the strings" in words(scene.browser), "a notice")
+    until(lambda: "Another viewer holds the strings" in words(scene.browser), "a notice")
     assert not scene.live.paused
     until(lambda: scene.live.holder.viewer is None, "hands are off")
     press(scene.browser, "Pause")
@@ -291,7 +291,7 @@ def test_two_tabs_fight_over_the_strings(scene, monkeypatch):
     held = performance.wanted_length("line")
     browser.switch_to.window(first)
     slider = slide(Keys.ARROW_RIGHT * 9)
-    until(lambda: "Somebody else holds the strings" in words(browser), "the other is told")
+    until(lambda: "Another viewer holds the strings" in words(browser), "the other is told")
     until(lambda: float(slider.get_attribute("aria-valuenow")) == pytest.approx(held), "snaps back")
     assert performance.wanted_length("line") == held
     browser.switch_to.window(second)

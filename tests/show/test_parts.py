@@ -243,7 +243,7 @@ def test_a_file_that_cannot_even_be_read_is_told_of(tmp_path, monkeypatch):
 
 
 def test_what_cannot_be_shown_is_said():
-    with pytest.raises(ValueError, match="found int; what can be shown is a puppet"):
+    with pytest.raises(ValueError, match="found int; expected a puppet"):
         fan.show(3)
     with pytest.raises(ValueError, match="live puppet cannot be written as a file"):
         page.write(page.Subject(fan.puppets.string_pendulum()), "x.html", "light")

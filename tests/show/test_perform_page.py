@@ -14,7 +14,7 @@ from tests.show.viewer import Viewer
 from websockets.sync.client import connect
 
 import fantoccini as fan
-from fantoccini.app.live.instrument import Manner
+from fantoccini.app.live.gesture_player import GestureOptions
 from fantoccini.theatre.perform.player import Player
 
 pytestmark = pytest.mark.slow
@@ -63,7 +63,7 @@ def scene(folder):
         score=folder / "number.yaml",
     )
     with page, Viewer(page.url) as viewer:
-        assert page.show.stage.instrument.tempo.bpm == 120.0
+        assert page.show.stage.gesture_player.tempo.bpm == 120.0
         yield SimpleNamespace(
             page=page,
             live=page.show,
@@ -116,7 +116,7 @@ def test_a_button_plays_a_gesture_and_home_takes_it_back(scene):
 
 
 def test_files_of_the_folder_are_gestures_and_mistakes_are_told(scene):
-    assert "curtsy" in scene.stage.instrument.gestures
+    assert "curtsy" in scene.stage.gesture_player.gestures
     scene.viewer.until_said("kne")  # of wrong.yaml
     assert "wrong.yaml" in scene.viewer.said
 
@@ -127,7 +127,7 @@ def test_mirrored_gestures_and_those_that_go_on_until_pressed_again(scene):
     right = [i for i, name in enumerate(names) if name.startswith("hand_right")]
     scene.viewer.tick("Mirrored", True)
     scene.viewer.tick("Again", True)
-    until(lambda: scene.stage.instrument.manner.again, "the boxes are ticked")
+    until(lambda: scene.stage.gesture_player.options.again, "the boxes are ticked")
     scene.viewer.pick("C V U", "wave")
     until(lambda: scene.performance.playing == ("wave, mirrored",), "it waves")
     until(lambda: np.abs(scene.performance.state.q_K - home)[left].max() > 0.05, "the left hand")
@@ -135,12 +135,12 @@ def test_mirrored_gestures_and_those_that_go_on_until_pressed_again(scene):
     scene.viewer.pick("C V U", "wave")
     scene.viewer.tick("Mirrored", False)
     scene.viewer.tick("Again", False)
-    until(lambda: not scene.stage.instrument.manner.again, "the boxes are clear")
+    until(lambda: not scene.stage.gesture_player.options.again, "the boxes are clear")
     until(lambda: scene.performance.playing == (), "it ends with the round")
 
 
 def test_gestures_begin_on_the_beat(scene, monkeypatch):
-    tempo, play, begun = scene.stage.instrument.tempo, Player.play, []
+    tempo, play, begun = scene.stage.gesture_player.tempo, Player.play, []
 
     def noted(player, gesture, **how):
         begins = play(player, gesture, **how)
@@ -149,7 +149,7 @@ def test_gestures_begin_on_the_beat(scene, monkeypatch):
 
     monkeypatch.setattr(Player, "play", noted)
     scene.viewer.tick("On the beat", True)
-    until(lambda: scene.stage.instrument.manner.on_beat, "the box is ticked")
+    until(lambda: scene.stage.gesture_player.options.on_beat, "the box is ticked")
     scene.viewer.slide("Beats a minute", 60.0)
     until(lambda: tempo.bpm == 60.0, "the tempo")
     scene.viewer.pick("7 8 9", "nod")
@@ -157,7 +157,7 @@ def test_gestures_begin_on_the_beat(scene, monkeypatch):
     beats = tempo.beats(begun[0])
     assert beats == pytest.approx(round(beats), abs=1e-6)
     scene.viewer.tick("On the beat", False)
-    until(lambda: not scene.stage.instrument.manner.on_beat, "the box is clear")
+    until(lambda: not scene.stage.gesture_player.options.on_beat, "the box is clear")
 
 
 def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
@@ -178,14 +178,14 @@ def test_a_take_is_edited_played_kept_and_made_a_gesture(scene):
     scene.viewer.type_in("Name", "reach")
     until(lambda: scene.live.panel.takes.name_field.value == "reach", "the name")
     scene.viewer.press("Make a gesture of it")
-    until(lambda: "reach" in scene.stage.instrument.gestures, "it is a gesture")
+    until(lambda: "reach" in scene.stage.gesture_player.gestures, "it is a gesture")
     until((scene.folder / "reach.npz").is_file, "its file")
     gesture = fan.theatre.load_gesture(scene.performance.marionette, scene.folder / "reach.npz")
     assert gesture.uses == ("hand_left",)
     assert gesture.duration == pytest.approx(1.0)
     until(lambda: "reach" in str(list(scene.viewer.controls.values())), "its button")
     # The same name again, and names that are none, or lead elsewhere, are refused.
-    for wrong, why in (("reach", "already"), ("../out", "no name"), ("wave", "already")):
+    for wrong, why in (("reach", "already"), ("../out", "not a valid name"), ("wave", "already")):
         scene.viewer.type_in("Name", wrong)
         until(lambda wrong=wrong: scene.live.panel.takes.name_field.value == wrong, "the name")
         scene.viewer.press("Make a gesture of it")
@@ -243,7 +243,7 @@ def test_who_does_not_hold_the_strings_changes_nothing(scene, monkeypatch):
         until(lambda: second.notices, "it is told")
         time.sleep(0.5)
         assert not stage.armed and stage.takes.chosen == name == takes.choice.value
-        assert stage.instrument.manner == Manner() and stage.takes.edits.stretch == 1.0
+        assert stage.gesture_player.options == GestureOptions() and stage.takes.edits.stretch == 1.0
         assert takes.stretch.value == 1.0 and not takes.again.value
         assert not takes.lane_boxes["hand_right"].value
         assert second.value("Size") == 1.0
@@ -262,7 +262,7 @@ def test_a_take_becomes_a_film(scene):
 def test_a_score_waits_for_go_pauses_and_goes_to_marks(scene):
     performance = scene.performance
     scene.viewer.until_said(", beat 0.0")
-    scene.viewer.until_said("Not as it is written:")  # the caption ends after the score
+    scene.viewer.until_said("Changes to the score:")  # the caption ends after the score
     scene.viewer.press("GO (Space)")
     until(lambda: performance.score is not None and performance.score.t > 0.5, "it begins")
     scene.viewer.until_said("&lt;b&gt;One&lt;/b&gt;, two")  # words, not markup
@@ -307,7 +307,7 @@ def told(socket, true, patience: float = 20.0) -> dict:
 
 
 def test_the_sound_follows_the_beat_and_the_score(scene):
-    tempo = scene.stage.instrument.tempo
+    tempo = scene.stage.gesture_player.tempo
     with connect(scene.page.url.replace("http", "ws", 1) + "/sound", origin=scene.page.url) as one:
         assert json.loads(one.recv(timeout=20.0)) == {"start": 0.0, "gain": 1.0}
         assert one.recv(timeout=20.0) == (scene.folder / "bell.wav").read_bytes()
@@ -324,7 +324,7 @@ def test_the_sound_follows_the_beat_and_the_score(scene):
 
 
 def test_a_tapped_tempo_is_shown(scene):
-    tempo = scene.stage.instrument.tempo
+    tempo = scene.stage.gesture_player.tempo
     for _ in range(4):
         scene.viewer.pick("B M", "Tap")
         time.sleep(0.4)
@@ -341,8 +341,8 @@ def test_a_puppet_without_these_strings_has_no_buttons(tmp_path):
         ) as page,
         Viewer(page.url) as viewer,
     ):
-        assert page.show.stage.instrument.gestures == {}
-        viewer.until_said("No bundled gesture is for these strings")
+        assert page.show.stage.gesture_player.gestures == {}
+        viewer.until_said("No bundled gesture fits these strings")
         viewer.press("Play (L)")
         viewer.until_said("there is no take yet")
 

@@ -112,8 +112,8 @@ def test_record_trim_gesture_performance_film(scene):
     until(lambda: scene.live.panel.takes.name_field.value == "sweep", "the name is typed")
     assert scene.performance.playing == ()  # typing presses no keys of gestures
     press(scene.browser, "Make a gesture of it")
-    until(lambda: "sweep" in scene.stage.instrument.gestures, "it is a gesture")
-    gesture = scene.stage.instrument.gestures["sweep"]
+    until(lambda: "sweep" in scene.stage.gesture_player.gestures, "it is a gesture")
+    gesture = scene.stage.gesture_player.gestures["sweep"]
     left = whole.duration - scene.stage.takes.edits.start
     assert gesture.duration == pytest.approx(left, abs=0.02)
 
@@ -168,10 +168,10 @@ def test_the_metronome_is_heard(scene):
     said = "return Number(document.documentElement.dataset.clicks)"
     assert scene.browser.execute_script(said) == 0
     button.click()  # a mouse's click: until then browsers are silent
-    until(lambda: scene.stage.instrument.metronome, "it is on")
+    until(lambda: scene.stage.gesture_player.metronome, "it is on")
     until(lambda: scene.browser.execute_script(said) >= 3, "three clicks")
     button.click()
-    until(lambda: not scene.stage.instrument.metronome, "it is off")
+    until(lambda: not scene.stage.gesture_player.metronome, "it is off")
 
 
 def test_keys_are_heard_after_clicks(scene):
@@ -179,8 +179,8 @@ def test_keys_are_heard_after_clicks(scene):
     from selenium.webdriver import ActionChains
     from selenium.webdriver.common.keys import Keys
 
-    instrument = scene.stage.instrument
-    instrument.add(
+    gesture_player = scene.stage.gesture_player
+    gesture_player.add(
         fan.theatre.Gesture.of(
             scene.performance.marionette, {"line.up": [(0, 0), (1, 0.05), (2, 0)]}, name="hop"
         )
@@ -188,7 +188,7 @@ def test_keys_are_heard_after_clicks(scene):
     open_tab(scene.browser, "Gestures")
     until(lambda: "hop" in buttons(scene), "its button")
     shown(scene, "input[type=checkbox]")[0].click()
-    until(lambda: instrument.manner.mirrored, "the box is ticked")
+    until(lambda: gesture_player.options.mirrored, "the box is ticked")
     ActionChains(scene.browser).send_keys("1").perform()
     until(lambda: scene.performance.playing, "the key plays it")
     next(one for one in shown(scene, "button") if one.text == "Record").click()

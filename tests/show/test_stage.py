@@ -45,21 +45,21 @@ def test_go_begins_a_score_also_one_that_waits_at_once_or_has_ended(made):
 
 
 def test_one_beat_a_second_is_a_tempo(made):
-    assert made.stage.score.tempo == made.stage.instrument.tempo.bpm == 60.0
+    assert made.stage.score.tempo == made.stage.gesture_player.tempo.bpm == 60.0
     made.file.write_text(SCORE.replace("tempo: 60\n", ""), encoding="utf-8")
     assert fan.load_score(made.performance.marionette, made.file).tempo is None
 
 
 def test_a_button_ends_what_it_repeats_though_mirrored_has_changed(made):
-    instrument = made.stage.instrument
-    instrument.manner.again = instrument.manner.mirrored = True
-    instrument.press("wave")
+    gesture_player = made.stage.gesture_player
+    gesture_player.options.again = gesture_player.options.mirrored = True
+    gesture_player.press("wave")
     made.performance.advance(0.2)
-    instrument.manner.mirrored = False
-    instrument.press("wave")
-    assert instrument.playing == ("wave, mirrored",)
-    made.performance.advance(instrument.gestures["wave"].duration + 2.0)
-    assert instrument.playing == ()
+    gesture_player.options.mirrored = False
+    gesture_player.press("wave")
+    assert gesture_player.playing == ("wave, mirrored",)
+    made.performance.advance(gesture_player.gestures["wave"].duration + 2.0)
+    assert gesture_player.playing == ()
 
 
 def test_a_score_goes_on_with_a_puppet_that_was_saved(made):

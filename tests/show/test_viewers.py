@@ -75,7 +75,7 @@ def test_of_two_viewers_one_holds_and_the_other_is_told(scene, monkeypatch):
         until(lambda: scene.performance.wanted_length(line) == 0.5, "the first winds")
         until(lambda: two.value(line) == 0.5, "the other sees it")
         two.slide(line, 0.7)
-        two.until_said("Somebody else holds the strings")
+        two.until_said("Another viewer holds the strings")
         until(lambda: two.value(line) == 0.5, "the slider of the other snaps back")
         assert scene.performance.wanted_length(line) == 0.5
         one.close()
@@ -201,7 +201,7 @@ def test_rings_turn_a_bar_and_stay_with_the_hand_that_turns_them(tmp_path, monke
             )
             two.turn("start", RINGS, home, level)
             two.turn("update", RINGS, home, other)
-            two.until_said("Somebody else holds the strings")
+            two.until_said("Another viewer holds the strings")
             assert bar.live.controls.turned == {"bar": 0}
             two.turn("end", RINGS, home, other)
             one.turn("end", RINGS, home, turned)

@@ -48,5 +48,5 @@ def test_points_of_view():
     assert point_of_view((30.0, 10.0), points, None) == pytest.approx(np.radians((30.0, 10.0)))
     flat = points * [1.0, 0.0, 1.0]
     assert point_of_view("auto", flat, None)[0] == pytest.approx(-np.pi / 2)
-    with pytest.raises(ValueError, match="no view is called"):
+    with pytest.raises(ValueError, match="there is no view"):
         point_of_view("above", points, None)

@@ -10,7 +10,7 @@ from PIL import Image
 
 import fantoccini as fan
 from fantoccini.output import view
-from fantoccini.output.view.drawing import Look
+from fantoccini.output.view.drawing import PictureOptions
 from fantoccini.output.view.films import Frames
 from fantoccini.output.view.geometry import geometry_of
 from fantoccini.output.view.theme import DARK
@@ -55,7 +55,7 @@ def test_slow_motion_is_longer(tmp_path, swung):
 
 def test_frames_move_and_repeat_exactly(swung):
     m, run = swung
-    frames = Frames(geometry_of(m, run), Look.of(theme=DARK, size=(320, 240)))
+    frames = Frames(geometry_of(m, run), PictureOptions.of(theme=DARK, size=(320, 240)))
     first = np.array(frames.draw(0))
     later = np.array(frames.draw(20))
     assert first.shape == (240, 320, 4)
@@ -107,9 +107,9 @@ def test_the_camera_goes_along_with_a_puppet_that_walks():
     m = bundled("marionette_bar")
     run = walking(m, 4.0)
     geometry = geometry_of(m, run)
-    frames = Frames(geometry, Look.of(theme=DARK, size=(320, 240)))
+    frames = Frames(geometry, PictureOptions.of(theme=DARK, size=(320, 240)))
     assert frames.pan[-1] - frames.pan[0] == pytest.approx([4.0, 0.0, 0.0], abs=0.1)
-    still = Frames(geometry, Look.of(theme=DARK, size=(320, 240)), follow=False)
+    still = Frames(geometry, PictureOptions.of(theme=DARK, size=(320, 240)), follow=False)
     assert still.pan is None
     for k in (0, 20, 40):
         camera = frames.layout.camera
@@ -127,11 +127,11 @@ def test_the_camera_goes_along_with_a_puppet_that_walks():
 
 def test_the_camera_stands_still_where_nobody_walks(swung):
     m, run = swung
-    look = Look.of(focus="bodies", theme=DARK, size=(160, 120))
+    look = PictureOptions.of(focus="bodies", theme=DARK, size=(160, 120))
     assert Frames(geometry_of(m, run), look).pan is None
     m = bundled("marionette_bar")
     run = walking(m, 0.2)
-    assert Frames(geometry_of(m, run), Look.of(theme=DARK, size=(160, 120))).pan is None
+    assert Frames(geometry_of(m, run), PictureOptions.of(theme=DARK, size=(160, 120))).pan is None
 
 
 def test_pictures_and_films_have_one_default_theme():

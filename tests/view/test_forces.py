@@ -76,7 +76,7 @@ def test_the_command_line_draws_them(tmp_path, monkeypatch):
 
 def test_forces_need_a_run_with_contact_and_matplotlib(block, tmp_path):
     marionette, run = block
-    with pytest.raises(ValueError, match="take renderer='matplotlib'"):
+    with pytest.raises(ValueError, match="use renderer='matplotlib'"):
         film(marionette, run, tmp_path / "a.mp4", renderer="pyvista", forces=True)
     free = fan.loads(BLOCK.replace("CONTACT", "false"))
     falls = fan.simulate(free, free.state({"body.z": 1.0}), t_end=0.1)

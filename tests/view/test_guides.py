@@ -52,6 +52,6 @@ def test_a_picture_frames_its_guides(made, tmp_path):
 )
 def test_lines_of_another_shape_are_refused(made, tmp_path, lines, shape):
     arm, run = made
-    with pytest.raises(ValueError, match=rf"a guide has the shape {shape}; needed: \(2, n, 3\)"):
+    with pytest.raises(ValueError, match=rf"a guide has the shape {shape}; it must be \(2, n, 3\)"):
         view.strip(arm, run, tmp_path / "x.png", n=2, times="even", guides=lambda _: [lines])
     assert not (tmp_path / "x.png").exists()

@@ -103,17 +103,17 @@ def test_the_table_has_the_numbers_found(found, read):
     assert tuple(rows) == found.names
     for name, begin in zip(found.names, found.record.begin, strict=True):
         row, deviation = rows[name], found.deviation(name)
-        assert abs(float(row["found"]) - found[name]) < 0.06 * deviation
+        assert abs(float(row["estimate"]) - found[name]) < 0.06 * deviation
         ends = [float(x) for x in row["95 % interval"].split(" to ")]
         assert np.max(np.abs(np.subtract(ends, found.interval(name)))) < 0.06 * deviation
         assert np.isclose(float(row["standard deviation"]), deviation, rtol=0.05)
-        assert np.isclose(float(row["began at"]), begin, rtol=1e-5)
+        assert np.isclose(float(row["start value"]), begin, rtol=1e-5)
         assert row["unit"] == unit[name] != ""
     share = (found.deviation("upper_mass") / 0.002) ** 2
     assert 0.1 < share < 1.0
-    assert rows["upper_mass"]["known before"] == "± 0.002"
-    assert rows["upper_mass"]["from before"] == f"{100 * share:.0f} %"
-    assert rows["tie"]["known before"] == rows["tie"]["from before"] == ""
+    assert rows["upper_mass"]["prior"] == "± 0.002"
+    assert rows["upper_mass"]["prior share"] == f"{100 * share:.0f} %"
+    assert rows["tie"]["prior"] == rows["tie"]["prior share"] == ""
 
 
 def test_the_table_has_every_column(found, read):
@@ -180,7 +180,7 @@ def test_what_is_not_told_is_said(tmp_path):
     found = fan.identify(free)
     page = Page(reports.identified_report(found, tmp_path / "x.html").read_text(encoding="utf-8"))
     rows = page.rows(0)
-    assert rows["upper_mass"]["found"] == rows["lower_mass"]["found"] == "not told"
+    assert rows["upper_mass"]["estimate"] == rows["lower_mass"]["estimate"] == "undetermined"
     assert rows["upper_mass"]["95 % interval"] == ""
     assert str(found.combinations[0]) in page.words and "reason" in page.words
     assert any("does not determine" in doubt for doubt in doubts(found))
@@ -194,7 +194,7 @@ def test_doubts_are_on_the_page(found, tmp_path):
     page = Page(reports.identified_report(bent, tmp_path / "x.html").read_text(encoding="utf-8"))
     for doubt in doubts(bent):
         assert doubt in page.words
-    assert "Nothing speaks against it" not in page.words
+    assert "No reason for doubt" not in page.words
 
 
 def test_segments_that_do_not_count_are_shaded(found):

@@ -15,7 +15,7 @@ from fantoccini.model.puppet import loads
 from fantoccini.output import view
 from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import compose
-from fantoccini.output.view.drawing import Look, layout_of, plain
+from fantoccini.output.view.drawing import PictureOptions, layout_of, plain
 from fantoccini.output.view.films import Frames
 from fantoccini.output.view.geometry import geometry_at, geometry_of
 from fantoccini.output.view.theme import DARK
@@ -146,7 +146,7 @@ def test_size_does_not_matter(tmp_path, factor):
 
 def still_layout(m, x):
     geometry = geometry_at(m, x)
-    return geometry, layout_of(geometry, Viewport(0.0, 0.0, 300.0, 300.0), Look.of())
+    return geometry, layout_of(geometry, Viewport(0.0, 0.0, 300.0, 300.0), PictureOptions.of())
 
 
 def test_the_tension_bars_texts_keep_apart():
@@ -158,7 +158,7 @@ def test_the_tension_bars_texts_keep_apart():
             peak = np.where(np.arange(len(run)) == 20, 1.7, 1.0)[:, None]
             tension = dataclasses.replace(run.tension, values=run.tension.values * factor * peak)
             geometry = geometry_of(m, dataclasses.replace(run, tension=tension))
-            texts = Frames(geometry, Look.of(theme=DARK, size=size)).sheet.axes.texts
+            texts = Frames(geometry, PictureOptions.of(theme=DARK, size=size)).sheet.axes.texts
             boxes = [text.get_window_extent() for text in texts if text.get_text()]
             assert all(b.x0 >= 0.0 and b.x1 <= size[0] for b in boxes)
             assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))

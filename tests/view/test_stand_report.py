@@ -24,7 +24,7 @@ def test_the_page_says_what_the_check_says(checked, tmp_path):
     text = path.read_text(encoding="utf-8")
     for words in (
         "verdict fails",
-        "What would help",
+        "Remedies",
         "A slower tempo, simulated again",
         "Lost steps",
         "&lt;b&gt;bold&lt;/b&gt; &amp; more",
@@ -43,7 +43,7 @@ def test_a_page_of_a_stand_that_can(checked, tmp_path):
         checked.marionette,
     )
     text = reports.stand_report(again, tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "verdict holds" in text and "What would help" not in text
+    assert "verdict holds" in text and "Remedies" not in text
 
 
 def test_where_no_page_can_be(checked, tmp_path):

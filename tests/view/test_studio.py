@@ -13,7 +13,7 @@ from matplotlib.image import imread
 from fantoccini.base.errors import MissingLibraryError
 from fantoccini.output import view
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.drawing import Look, layout_of
+from fantoccini.output.view.drawing import PictureOptions, layout_of
 from fantoccini.output.view.geometry import geometry_of
 from fantoccini.output.view.studio import Studio
 from view.still_life import bundled, swinging
@@ -48,7 +48,7 @@ def test_links_are_photographed_where_the_camera_projects_them(installed, swung)
     """The window is the sheet, the viewport a part of it that is not in the middle."""
     geometry = geometry_of(*swung)
     viewport = Viewport(20.0, 70.0, 240.0, 300.0)
-    layout = layout_of(geometry, viewport, Look.of())
+    layout = layout_of(geometry, viewport, PictureOptions.of())
     studio = Studio(geometry, layout, SIZE)
     shots = [studio.photograph(k) for k in (0, 20)]
     studio.close()

@@ -1,4 +1,4 @@
-"""The command line, and the pages in the browser."""
+"""Command line, and pages in the browser."""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,4 @@
-"""The command line: ``fantoccini --help``. Every command loads what it needs when it is called."""
+"""The command line: ``fantoccini --help``. Every command imports its modules when it is called."""
 
 from fantoccini.app.cli.app import main
 

@@ -10,21 +10,21 @@ from typing import Annotated
 import typer
 
 from fantoccini.app.cli.stand_app import stand_app
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     Bodies,
+    CommandGroup,
     File,
-    FollowRequest,
+    FollowArguments,
     Fps,
-    GuardedGroup,
-    OptimiseRequest,
-    PerformRequest,
-    PlanRequest,
-    PlayRequest,
+    OptimiseArguments,
+    PerformArguments,
+    PlanArguments,
+    PlayArguments,
     Quiet,
     SchemaOf,
-    ShowRequest,
-    SimulateRequest,
-    performed,
+    ShowArguments,
+    SimulateArguments,
+    resolve_bundled,
     takes,
     version,
 )
@@ -34,15 +34,15 @@ Simulate, plan and play marionettes: articulated bodies hung from massless strin
 
 FILE is a puppet file (YAML) or the name of a bundled puppet; `fantoccini info` lists those.
 
-Exit codes: 0 done. 1 the run stopped before its end, something cannot be done, or this machine
-lacks something. 2 mistakes in files or arguments. 130 stopped with Ctrl-C; results so far are
-still written.
+Exit codes: 0 done. 1 the run stopped early, something cannot be done, or a program or library is
+missing. 2 mistakes in files or arguments. 130 stopped with Ctrl-C; results so far are still
+written.
 
 Data go to stdout, messages and progress to stderr.
 """
 
 app = typer.Typer(
-    cls=GuardedGroup,
+    cls=CommandGroup,
     help=_ABOUT,
     no_args_is_help=True,
     add_completion=False,
@@ -56,7 +56,7 @@ def main() -> None:
     """The entry point of the command ``fantoccini``."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            # A terminal without Unicode shows \N{...} escapes instead of failing.
+            # A terminal without Unicode then shows escapes such as \N{...} instead of failing.
             stream.reconfigure(errors="backslashreplace")
     app(prog_name="fantoccini")
 
@@ -86,8 +86,8 @@ def check(
         list[Path] | None,
         typer.Option(
             metavar="FILE",
-            callback=performed,
-            help="Inputs file, or name of a bundled performance, to check with every puppet; "
+            callback=resolve_bundled,
+            help="Inputs file, or name of a bundled performance, to check with each puppet; "
             "repeatable.",
         ),
     ] = None,
@@ -135,10 +135,10 @@ def schema(of: Annotated[SchemaOf, typer.Argument(help="Kind of file.")] = Schem
 def info(
     file: Annotated[
         str | None,
-        typer.Argument(metavar="[FILE]", help="Puppet; without it, list the bundled ones."),
+        typer.Argument(metavar="[FILE]", help="Puppet; by default, list the bundled puppets."),
     ] = None,
 ) -> None:
-    """Describe a puppet, or list the bundled ones."""
+    """Describe a puppet, or list the bundled puppets."""
     from fantoccini.app.cli.info import describe_puppet, list_bundled
 
     if file is None:
@@ -151,7 +151,7 @@ def info(
 def equations(
     file: File, latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False
 ) -> None:
-    """Print a small puppet's equations.
+    """Print the equations of a small puppet.
 
     Prints the Lagrangian, M, C, g, h, A_D and A_K. Exits with 1 if the equations are too large.
     """
@@ -169,8 +169,8 @@ def export(
         Path,
         typer.Argument(
             metavar="OUT",
-            help="Of a puppet: folder, created if missing. Of a motion: file; its ending selects "
-            "the format, as that of --out does for simulate.",
+            help="For a puppet, a folder, created if missing. For a motion, a file, whose ending "
+            "selects the format, as for --out of simulate.",
         ),
     ],
     force: Annotated[
@@ -180,7 +180,7 @@ def export(
     bodies: Bodies = None,
     problem: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Problem file of a plan, unless it is bundled."),
+        typer.Option(metavar="FILE", help="Problem file of a plan, if it is not bundled."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
@@ -202,54 +202,56 @@ def import_(
     puppet: Annotated[Path, typer.Argument(metavar="PUPPET", help="Puppet file to write, .yaml.")],
     keyframe: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Keyframe of MJCF to start in; else its zero pose."),
+        typer.Option(
+            metavar="NAME", help="Keyframe of MJCF to start in; by default the zero pose."
+        ),
     ] = None,
     density: Annotated[
         float | None,
         typer.Option(
             metavar="KG/M3",
-            help="For the solids of links without inertia in URDF; by default 1000 if a joint "
-            "would move no mass, else such links have no mass.",
+            help="Density of solids of links without inertia in URDF; by default 1000 if a joint "
+            "would otherwise move no mass, else such links have no mass.",
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Write over files that exist.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Make a puppet file of a model in MJCF or URDF.
+    """Convert a model in MJCF or URDF to a puppet file.
 
-    Writes meshes into a folder beside it. Prints what the puppet does not have, or has otherwise,
-    each with its line in the model.
+    Writes meshes into a folder beside it. Prints the differences between puppet and model, each
+    with its line in the model.
     """
-    from fantoccini.app.cli.bring_in import import_file
+    from fantoccini.app.cli.import_file import import_file
 
     import_file(model, puppet, keyframe, density, force, quiet)
 
 
 @app.command("simulate")
-@takes(SimulateRequest)
-def simulate(request: SimulateRequest) -> None:
+@takes(SimulateArguments)
+def simulate(arguments: SimulateArguments) -> None:
     """Simulate a puppet; write numbers, pictures or a film."""
     from fantoccini.app.cli.simulate import simulate_file
 
-    simulate_file(request)
+    simulate_file(arguments)
 
 
 @app.command("plan")
-@takes(PlanRequest)
-def plan(request: PlanRequest) -> None:
+@takes(PlanArguments)
+def plan(arguments: PlanArguments) -> None:
     """Plan a motion to a goal that avoids obstacles."""
     from fantoccini.app.cli.plan import plan_file
 
-    plan_file(request)
+    plan_file(arguments)
 
 
 @app.command("optimise")
-@takes(OptimiseRequest)
-def optimise(request: OptimiseRequest) -> None:
-    """Find the motion of least cost of a task, within its bounds."""
+@takes(OptimiseArguments)
+def optimise(arguments: OptimiseArguments) -> None:
+    """Find the motion of a task with the smallest cost, within its bounds."""
     from fantoccini.app.cli.optimise import optimise_file
 
-    optimise_file(request)
+    optimise_file(arguments)
 
 
 @app.command()
@@ -257,36 +259,40 @@ def identify(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Record file (YAML).")],
     out: Annotated[
         Path | None,
-        typer.Option(metavar="PATH", help="Write the puppet with the numbers found (.yaml)."),
+        typer.Option(metavar="PATH", help="Write the puppet with the identified numbers (.yaml)."),
     ] = None,
     report: Annotated[
         Path | None,
         typer.Option(metavar="PATH", help="Write all results (.json), or a page (.html)."),
     ] = None,
     suggest: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Write the motion that would tell most (.csv)."),
+        Path | None, typer.Option(metavar="PATH", help="Write the most informative motion (.csv).")
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(min=1.0, metavar="S", help="Of the motions tried by --suggest [s]."),
+        typer.Option(
+            min=1.0, metavar="S", help="Duration of the motions that --suggest tries [s]."
+        ),
     ] = None,
     reach: Annotated[
         float | None,
-        typer.Option(min=1e-4, metavar="M", help="How far motions tried by --suggest go [m]."),
+        typer.Option(
+            min=1e-4, metavar="M", help="Amplitude of the motions that --suggest tries [m]."
+        ),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the random motions.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random motions.")] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Write over a puppet's file that exists.")
+        bool, typer.Option("--force", help="Overwrite an existing puppet file.")
     ] = False,
     threads: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Default: all processors.")
+        int | None,
+        typer.Option(min=1, metavar="N", help="Number of threads; default: all processors."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Find lengths, masses, damping and delay of a puppet from a record of its motion.
+    """Identify lengths, masses, damping and delay of a puppet from a record of its motion.
 
-    Exits with 1 if the record leaves numbers untold or the search was cut short.
+    Exits with 1 if the record does not determine every number, or the search did not converge.
     """
     from fantoccini.app.cli.identify import identify_record
 
@@ -294,59 +300,59 @@ def identify(
 
 
 @app.command("follow")
-@takes(FollowRequest)
-def follow(request: FollowRequest) -> None:
+@takes(FollowArguments)
+def follow(arguments: FollowArguments) -> None:
     """Make a puppet follow captured motion.
 
-    Reports what the strings cannot reach, and what the puppet's swing adds to it.
+    Reports the error of the poses that the strings allow, and the error that swing adds.
     """
     from fantoccini.app.cli.follow import follow_file
 
-    follow_file(request)
+    follow_file(arguments)
 
 
 @app.command("play")
-@takes(PlayRequest)
-def play(request: PlayRequest) -> None:
-    """Compile a play, simulate it and measure what it promises; write a report or a film.
+@takes(PlayArguments)
+def play(arguments: PlayArguments) -> None:
+    """Compile a play, simulate it and verify it; write a report or a film.
 
-    Exits with 1 if a cue cannot be done as written or the run does not hold.
+    Exits with 1 if a cue cannot be done as written or the run breaks a requirement.
     """
     from fantoccini.app.cli.play import play_file
 
-    play_file(request)
+    play_file(arguments)
 
 
 @app.command("show")
-@takes(ShowRequest)
-def show(request: ShowRequest) -> None:
-    """Play a puppet, or replay a run, in the browser.
+@takes(ShowArguments)
+def show(arguments: ShowArguments) -> None:
+    """Show a live puppet, or replay a run, in the browser.
 
     Serves the page on this machine only, until Ctrl-C.
     """
     from fantoccini.app.cli.show import show_file
 
-    show_file(request)
+    show_file(arguments)
 
 
 @app.command("perform")
-@takes(PerformRequest)
-def perform(request: PerformRequest) -> None:
+@takes(PerformArguments)
+def perform(arguments: PerformArguments) -> None:
     """Perform a play live in the browser: GO, hold, skip, repeat.
 
-    Serves the page on this machine only, until Ctrl-C. OSC messages direct it and tell of cues,
-    where addresses for them are given.
+    Serves the page on this machine only, until Ctrl-C. With --osc-in and --osc-out, OSC messages
+    control the play and report its cues.
     """
     from fantoccini.app.cli.perform import perform_play
 
-    perform_play(request)
+    perform_play(arguments)
 
 
 @app.command()
 def take(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording (.npz).")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording (.npz).")],
     out: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="The edited recording (.npz).")
+        Path | None, typer.Option(metavar="PATH", help="Write the edited recording (.npz).")
     ] = None,
     trim: Annotated[
         str | None, typer.Option(metavar="A:B", help="Keep the part from A to B [s].")
@@ -362,9 +368,9 @@ def take(
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Describe a recording of hands; cut, smooth, stretch and repeat it.
+    """Describe a recording of hands, or cut, smooth, stretch and repeat it.
 
-    The puppet is simulated again under the edited hands.
+    The puppet is simulated again with the edited motion of the hands.
     """
     from fantoccini.app.cli.take import edit_take
 
@@ -373,11 +379,11 @@ def take(
 
 @app.command("validate-reduction")
 def validate_reduction(file: File, quiet: Quiet = False) -> None:
-    """Check the paper's Section VI on a puppet: may driven coordinates be inputs?
+    """Check the mixed-model reduction of the paper's Section VI on a puppet.
 
-    Prints which claims hold, with numbers from random configurations: the blocks of the kinetic
-    energy, symmetric products with slack and taut strings, and strings that tie drives to one
-    another. Drives of FILE are replaced by one as heavy as the puppet on every driven coordinate.
+    Tests whether driven coordinates can be inputs: blocks of the kinetic energy, symmetric products
+    with slack and taut strings, and strings that couple drives, at random configurations. Every
+    driven coordinate gets a drive as heavy as the puppet; the drives of FILE are ignored.
     """
     from fantoccini.app.cli.reduction import validate_file
 
@@ -403,7 +409,7 @@ def demo(
 
 @app.command()
 def doctor() -> None:
-    """Check that this machine has everything fantoccini needs."""
+    """Check that this machine has everything that fantoccini needs."""
     from fantoccini.app.cli.doctor import examine
 
     examine()

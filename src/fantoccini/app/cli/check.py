@@ -1,4 +1,4 @@
-"""``fantoccini check``: lists every mistake in every file, and warnings."""
+"""``fantoccini check``: lists all mistakes in files, and warnings."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 import typer
 
 from fantoccini.app.cli.play import checked_play
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     MISTAKE,
     fail,
     inputs_warnings,
     marionette,
     motion,
-    parts,
     puppet_warnings,
     say,
+    score_lines,
     write,
 )
 from fantoccini.base import FileError, Mistake
@@ -30,16 +30,16 @@ from fantoccini.theatre.plays import play_names
 from fantoccini.theatre.script import is_play
 
 _RATE = 200.0
-"""Times per second at which inputs are looked at."""
+"""Times per second at which inputs are checked."""
 
 
 def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
-    """Checks plays and stands, and puppets with, against each of them, inputs.
+    """Checks plays, stands and puppets, and each puppet and stand with all inputs.
 
     Args:
         files: FILE arguments: puppets, plays and stands.
         inputs: inputs files.
-        quiet: print nothing about files without mistakes.
+        quiet: print only mistakes and warnings.
     """
     clean = True
     for file in files:
@@ -49,95 +49,101 @@ def check_files(files: list[str], inputs: list[Path], quiet: bool) -> None:
         if is_stand(file) or (file in stand_names() and not os.path.exists(file)):
             clean &= _stand(file, inputs, quiet)
             continue
-        made = _puppet(file)
-        clean &= made is not None
-        if made is None:
+        puppet = _puppet(file)
+        clean &= puppet is not None
+        if puppet is None:
             continue
-        found = puppet_warnings(made, file)
-        _list(found)
+        problems = puppet_warnings(puppet, file)
+        _list(problems)
         if not quiet:
-            table = made.coordinates
+            table = puppet.coordinates
             write(
-                f"{file}: no mistakes{_count(found)}; {table.n_vD} DOF, "
-                f"{len(made.tree.strings)} strings, {table.n_vK} driven"
+                f"{file}: no mistakes{_count(problems)}; {table.n_vD} DOF, "
+                f"{len(puppet.tree.strings)} strings, {table.n_vK} driven"
             )
-            write(f"{file}: {_size(made)}")
+            write(f"{file}: {_size(puppet)}")
         for path in inputs:
-            clean &= _inputs(made, path, quiet)
+            clean &= _inputs(puppet, path, quiet)
     if not clean:
         raise typer.Exit(MISTAKE)
 
 
 def _puppet(file: str) -> Marionette | None:
     try:
-        made = marionette(file)
-        check_mass_matrix(made.puppet, made.tree)
+        puppet = marionette(file)
+        check_mass_matrix(puppet.puppet, puppet.tree)
     except FileError as error:
         _list(error.mistakes)
         return None
-    return made
+    return puppet
 
 
 def _play(file: str, inputs: list[Path], quiet: bool) -> bool:
     if inputs:
         fail(f"applies to puppets, and {file} is a play", "--inputs")
     try:
-        found = checked_play(Path(file))
+        contents = checked_play(Path(file))
     except FileError as error:
         _list(error.mistakes)
         return False
     if not quiet:
-        write(f"{file}: no mistakes; {found}; `fantoccini play` tells whether it can be done")
+        write(f"{file}: no mistakes; {contents}; `fantoccini play` checks whether it can be done")
     return True
 
 
 def _stand(file: str, inputs: list[Path], quiet: bool) -> bool:
-    """A stand by itself, bound to its puppet, and with every inputs file."""
+    """Checks a stand, alone, with its puppet, and with every inputs file."""
     try:
         stand = load_stand(file)
         path = stand.puppet_path
-        made = None if path is None else marionette(str(path))
-        bound = None if made is None else AxisMap.of(stand, made.coordinates)
+        puppet = None if path is None else marionette(str(path))
+        axis_map = None if puppet is None else AxisMap.of(stand, puppet.coordinates)
     except FileError as error:
         _list(error.mistakes)
         return False
     if not quiet:
-        of = "no puppet named" if made is None else f"moves {made.name}"
-        held = "" if bound is None or not bound.held else f", {len(bound.held)} coordinates held"
-        write(f"{file}: no mistakes; {len(stand.axes)} axes, {of}{held}")
+        moves = "no puppet named" if puppet is None else f"moves {puppet.name}"
+        held_text = (
+            ""
+            if axis_map is None or not axis_map.held
+            else f", {len(axis_map.held)} coordinates held"
+        )
+        write(f"{file}: no mistakes; {len(stand.axes)} axes, {moves}{held_text}")
     clean = True
-    for given in inputs:
-        if made is None or bound is None:
+    for inputs_file in inputs:
+        if puppet is None or axis_map is None:
             fail(f"{file} names no puppet, which inputs need", "--inputs")
-        clean &= _inputs(made, given, quiet) and _moved(bound, made, given)
+        clean &= _inputs(puppet, inputs_file, quiet) and _moved(axis_map, puppet, inputs_file)
     return clean
 
 
-def _moved(bound: AxisMap, made: Marionette, path: Path) -> bool:
-    """Whether a stand moves what inputs move."""
-    given = motion(made, path).inputs
-    times = np.linspace(given.start, given.end, max(2, round(_RATE * given.duration)))
-    q_K = np.nan_to_num(given.evaluate(times)[0])
+def _moved(axis_map: AxisMap, puppet: Marionette, path: Path) -> bool:
+    """Whether a stand can move everything that the inputs move."""
+    inputs = motion(puppet, path).inputs
+    times = np.linspace(inputs.start, inputs.end, max(2, round(_RATE * inputs.duration)))
+    q_K = np.nan_to_num(inputs.evaluate(times)[0])
     try:
-        bound.refuse_held(times, q_K)
+        axis_map.refuse_held(times, q_K)
     except FileError as error:
         _list(error.mistakes)
         return False
     return True
 
 
-def _inputs(made: Marionette, path: Path, quiet: bool) -> bool:
+def _inputs(puppet: Marionette, path: Path, quiet: bool) -> bool:
     try:
-        given = motion(made, path)
+        file_motion = motion(puppet, path)
     except FileError as error:
         _list(error.mistakes)
         return False
-    read = given.inputs
-    found = [*given.changes, *inputs_warnings(made, read, path)]
-    _list(found)
+    inputs = file_motion.inputs
+    problems = [*file_motion.changes, *inputs_warnings(puppet, inputs, path)]
+    _list(problems)
     if not quiet:
-        write(f"{path}: no mistakes{_count(found)}; drives {made.name} for {read.duration:g} s")
-        for line in parts(given.score) if given.score is not None else ():
+        write(
+            f"{path}: no mistakes{_count(problems)}; drives {puppet.name} for {inputs.duration:g} s"
+        )
+        for line in score_lines(file_motion.score) if file_motion.score is not None else ():
             write(f"{path}: {line}")
     return True
 
@@ -147,15 +153,15 @@ def _list(problems: Iterable[Mistake]) -> None:
         say(str(problem))
 
 
-def _count(found: list[Mistake]) -> str:
-    if not found:
+def _count(problems: list[Mistake]) -> str:
+    if not problems:
         return ""
-    return ", 1 warning" if len(found) == 1 else f", {len(found)} warnings"
+    return ", 1 warning" if len(problems) == 1 else f", {len(problems)} warnings"
 
 
-def _size(made: Marionette) -> str:
+def _size(puppet: Marionette) -> str:
     """Mass, extent and hanging height of a puppet in its start pose."""
-    size = measure(made.tree, made.number)
+    size = measure(puppet.tree, puppet.number)
     lengths = " x ".join(f"{x:.3g}" for x in size.lengths)
     hangs = "" if size.hangs is None else f", hangs {size.hangs:.3g} m high"
     return f"{size.mass:.4g} kg, {lengths} m (x, y, z){hangs}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fantoccini.app.cli.simulate import end_with, timed
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     Steps,
     check_new_folder,
     check_outputs,
@@ -26,8 +26,8 @@ def show_demo(folder: Path, quiet: bool) -> None:
     """Simulates the bundled performance, prints a summary and writes numbers, picture and film.
 
     Args:
-        folder: of the files; created if it does not exist.
-        quiet: no progress and no summary.
+        folder: folder for the files, created if it does not exist.
+        quiet: print no progress and no summary.
     """
     check_new_folder(folder, "--out")
     with writing(folder):
@@ -38,11 +38,11 @@ def show_demo(folder: Path, quiet: bool) -> None:
         puppet = marionette(_STAGE, steps.named)
         steps.step("finding the rest pose")
         x0, inputs, duration = walk(puppet)
-        run, seconds, trouble = timed(
+        run, seconds, reason = timed(
             steps, puppet, x0, inputs, duration, _METHOD, save_every=_SAVE_EVERY
         )
         write_outputs(puppet, run, out, None, steps, WALK_POSES)
     if not quiet:
         report(run, seconds)
         write("wrote " + ", ".join(map(str, out)))
-    end_with(run, trouble)
+    end_with(run, reason)

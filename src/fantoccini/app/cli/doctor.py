@@ -1,4 +1,4 @@
-"""``fantoccini doctor``: checks that this machine has what fantoccini needs."""
+"""``fantoccini doctor``: checks that this machine has everything that fantoccini needs."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from importlib import metadata
 import typer
 from packaging.requirements import Requirement
 
-from fantoccini.app.console import FAILED, say, version, write
+from fantoccini.app.cli_support import FAILED, say, version, write
 from fantoccini.kernel.build import describe
 
 
 def examine() -> None:
-    """Prints versions on stdout and problems on stderr; exits with 1 if there are any."""
+    """Prints versions on stdout and problems on stderr; exits with 1 if there are problems."""
     facts = {
         "fantoccini": version(),
         "python": f"{platform.python_version()} ({platform.system()} {platform.machine()})",
@@ -25,13 +25,13 @@ def examine() -> None:
         except metadata.PackageNotFoundError:
             facts[name] = "missing"
             problems.append(f"{name} is missing; install it: python -m pip install {name}")
-    found = describe()
-    if trouble := found.pop("problem", ""):
-        problems += trouble.split("\n")
-    facts |= found
-    facts["ffmpeg"], trouble = _ffmpeg()
-    if trouble:
-        problems.append(trouble)
+    compiler = describe()
+    if problem_text := compiler.pop("problem", ""):
+        problems += problem_text.split("\n")
+    facts |= compiler
+    facts["ffmpeg"], problem_text = _ffmpeg()
+    if problem_text:
+        problems.append(problem_text)
     widest = max(map(len, facts))
     for label, text in facts.items():
         write(f"{label:{widest}}  {text}")
@@ -42,7 +42,7 @@ def examine() -> None:
 
 
 def required_distributions() -> list[str]:
-    """Distributions required by the installed package on this system, without those of extras."""
+    """Distributions that the installed package requires on this system, without extras."""
     requirements = map(Requirement, metadata.requires("fantoccini") or [])
     return sorted(r.name for r in requirements if not r.marker or r.marker.evaluate({"extra": ""}))
 

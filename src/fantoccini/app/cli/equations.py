@@ -1,4 +1,4 @@
-"""``fantoccini equations``: prints a small puppet's equations as text or LaTeX."""
+"""``fantoccini equations``: prints the equations of a small puppet as text or LaTeX."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sympy.printing.pretty.pretty import PrettyPrinter
 from sympy.printing.pretty.pretty_symbology import pretty_symbol
 from sympy.printing.str import StrPrinter
 
-from fantoccini.app.console import marionette, number, say, table, width, write
+from fantoccini.app.cli_support import marionette, number, say, table, width, write
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.compiled import check_mass_matrix
 from fantoccini.dynamics.marionette import Marionette
@@ -29,58 +29,61 @@ _UNICODE = "\N{GREEK SMALL LETTER THETA}\N{COMBINING DOT ABOVE}\N{SUBSCRIPT ONE}
 
 
 def print_equations(file: str, latex: bool) -> None:
-    """Prints Lagrangian, M, C, g, h, A_D and A_K, and the laws of motors.
+    """Prints the Lagrangian, M, C, g, h, A_D and A_K, and the laws of motors.
 
     Args:
         file: FILE argument.
-        latex: as LaTeX instead of text.
+        latex: print LaTeX instead of text.
     """
-    made = marionette(file)
-    check_mass_matrix(made.puppet, made.tree)
+    puppet = marionette(file)
+    check_mass_matrix(puppet.puppet, puppet.tree)
     try:
-        page = printing.printable(made.equations)
+        page = printing.printable(puppet.equations)
     except printing.TooLargeError:
-        for symbol, count in printing.operation_counts(made.equations).items():
+        for symbol, count in printing.operation_counts(puppet.equations).items():
             say(f"  {symbol}: {count} operations")
         say(
-            f"the equations of {made.name} are too large to print; `fantoccini export {file} DIR` "
-            "writes them as C99, and marionette.equations has them as CasADi functions"
+            f"the equations of {puppet.name} are too large to print; `fantoccini export {file} "
+            "DIR` writes them as C99, and marionette.equations has them as CasADi functions"
         )
         raise
     if latex:
-        _print_latex(made, page)
+        _print_latex(puppet, page)
     else:
-        _print_text(made, page)
+        _print_text(puppet, page)
 
 
-def _print_latex(made: Marionette, page: printing.Printable) -> None:
-    write("% " + made.name)
+def _print_latex(puppet: Marionette, page: printing.Printable) -> None:
+    write("% " + puppet.name)
     for symbol, name in page.notation.names.items():
         write(f"% ${sp.latex(symbol)}$: {name}")
-    for symbol, name, law in _motors(made, page, sp.latex):
+    for symbol, name, law in _motors(puppet, page, sp.latex):
         write(f"% motor of ${symbol}$, {name}: {law}")
     lines = [
         f"  {sp.latex(sp.Symbol(left))} &= {sp.latex(printing.decimal(right))}"
-        for left, right in [*energies(page), *matrices(made, page), *page_lengths(page)]
+        for left, right in [*energies(page), *matrices(puppet, page), *page_lengths(page)]
     ]
     write("\\begin{align*}\n" + " \\\\\n".join(lines) + "\n\\end{align*}")
 
 
-def _print_text(made: Marionette, page: printing.Printable) -> None:
+def _print_text(puppet: Marionette, page: printing.Printable) -> None:
     layout = Layout(width(), _has_unicode())
-    table("Symbols", ("symbol", "name", "role", "value>"), list(_symbols(made, page, layout)))
+    table("Symbols", ("symbol", "name", "role", "value>"), list(_symbols(puppet, page, layout)))
     write("Lagrangian T - V (Eqs. 5-7)\n")
     for left, right in energies(page):
         write(layout.equation(left, right) + "\n")
-    names = [left for left, _ in matrices(made, page)]
-    moving = " + M_DK acc_K" if "M_DK" in names else ""
-    moving_v = " + C_DK v_K" if "C_DK" in names else ""
-    damped = " + f" if "f" in names else ""
-    pull = " + A_D^T lambda, tension = -lambda >= 0" if "A_D" in names else ""
-    motors = list(_motors(made, page, layout.text))
-    driving = " + f_M" if motors else ""
-    write(f"Motion (Eqs. 8-10): M acc_D{moving} + C v_D{moving_v} + g{damped} = u{driving}{pull}\n")
-    for left, right in matrices(made, page):
+    names = [left for left, _ in matrices(puppet, page)]
+    driven_mass = " + M_DK acc_K" if "M_DK" in names else ""
+    driven_bias = " + C_DK v_K" if "C_DK" in names else ""
+    damping = " + f" if "f" in names else ""
+    string_forces = " + A_D^T lambda, tension = -lambda >= 0" if "A_D" in names else ""
+    motors = list(_motors(puppet, page, layout.text))
+    motor_forces = " + f_M" if motors else ""
+    write(
+        f"Motion (Eqs. 8-10): M acc_D{driven_mass} + C v_D{driven_bias} + g{damping} "
+        f"= u{motor_forces}{string_forces}\n"
+    )
+    for left, right in matrices(puppet, page):
         write(layout.matrix(left, right) + "\n")
     if motors:
         table("f_M: forces of motors", ("symbol", "name", "law"), motors)
@@ -91,10 +94,10 @@ def _print_text(made: Marionette, page: printing.Printable) -> None:
 
 
 def _symbols(
-    made: Marionette, page: printing.Printable, layout: Layout
+    puppet: Marionette, page: printing.Printable, layout: Layout
 ) -> Iterator[tuple[str, str, str, str]]:
-    values = made.tree.parameters
-    roles = {row.name: row.role for row in made.coordinates.rows}
+    values = puppet.tree.parameters
+    roles = {row.name: row.role for row in puppet.coordinates.rows}
     for symbol, name in page.notation.names.items():
         role = roles.get(name, "parameter")
         value = number(float(values[name])) if role == "parameter" else ""
@@ -102,43 +105,43 @@ def _symbols(
 
 
 def _motors(
-    made: Marionette, page: printing.Printable, text: Callable[[sp.Symbol], str]
+    puppet: Marionette, page: printing.Printable, text: Callable[[sp.Symbol], str]
 ) -> Iterator[tuple[str, str, str]]:
     """Symbol, name and law of every motor's coordinate."""
     symbols = page.notation.symbols["q_D"]
-    for row in made.tree.drives:
+    for row in puppet.tree.drives:
         if row.command is not None:
-            moved = ", ".join(text(symbol) for symbol in symbols[row.q])
-            yield moved, row.name, _law(row.drive)
+            coordinates = ", ".join(text(symbol) for symbol in symbols[row.q])
+            yield coordinates, row.name, _motor_law(row.drive)
 
 
-def _law(drive: Drive) -> str:
-    """The law of a motor, with parameters by name."""
+def _motor_law(drive: Drive) -> str:
+    """Law of a motor, with parameters by name."""
 
-    def shown(value: Number) -> str:
+    def text(value: Number) -> str:
         return value.parameter if isinstance(value, Parameter) else number(float(value))
 
     motor, control = drive.motor, drive.control
     if isinstance(control, PD):
-        law = f"{shown(control.stiffness)} e + {shown(control.damping)} edot"
+        law = f"{text(control.stiffness)} e + {text(control.damping)} edot"
     elif isinstance(control, ComputedTorque):
-        w, zeta = shown(control.bandwidth), shown(control.damping_ratio)
-        own = f"a = rddot + 2 zeta w edot + w^2 e, w = {w}, zeta = {zeta}"
-        law = f"M a + c + friction by inverse dynamics, {own}"
+        w, zeta = text(control.bandwidth), text(control.damping_ratio)
+        reference = f"a = rddot + 2 zeta w edot + w^2 e, w = {w}, zeta = {zeta}"
+        law = f"M a + c + friction by inverse dynamics, {reference}"
     if motor is None:
         return law
-    drum = "" if drive.drum is None else f" / {shown(drive.drum)}"
-    ratio = f"n = {shown(drive.gear)}{drum}"
+    drum = "" if drive.drum is None else f" / {text(drive.drum)}"
+    ratio = f"n = {text(drive.gear)}{drum}"
     if isinstance(motor, DirectCurrent):
-        k, R = shown(motor.constant), shown(motor.resistance)
-        current, voltage = shown(motor.current), shown(motor.voltage)
+        k, R = text(motor.constant), text(motor.resistance)
+        current, voltage = text(motor.current), text(motor.voltage)
         bounds = f"|i| <= {current} and |{R} i + {k} n v| <= {voltage}"
         return f"{law} = n {k} i where {bounds}; {ratio}"
-    T = shown(motor.torque)
+    T = text(motor.torque)
     if isinstance(motor, Servo):
         return f"{law} where |f_M| <= n {T}; {ratio}"
     if motor.corner_speed is not None:
-        T += f" min(1, {shown(motor.corner_speed)} / |n rdot|)"
+        T += f" min(1, {text(motor.corner_speed)} / |n rdot|)"
     step, pairs = f"/ ({motor.steps * motor.microsteps} n)", f"{motor.steps / 4:g} n e"
     linear = drive.drum is None and drive.mass is not None
     step, pairs = (f"1 {step}", f"2 pi {pairs}") if linear else (f"2 pi {step}", pairs)
@@ -146,15 +149,15 @@ def _law(drive: Drive) -> str:
 
 
 def energies(page: printing.Printable) -> list[Equation]:
-    """T and V."""
+    """Equations of T and V."""
     return [("T", page.objects["T"]), ("V", page.objects["V"])]
 
 
-def matrices(made: Marionette, page: printing.Printable) -> list[Equation]:
-    """M, C, g, h and A_D; M_DK, C_DK, f and A_K unless they are zero."""
-    objects, n = page.objects, made.coordinates.n_vD
+def matrices(puppet: Marionette, page: printing.Printable) -> list[Equation]:
+    """Equations of M, C, g, h and A_D, and of M_DK, C_DK, f and A_K unless they are zero."""
+    objects, n = page.objects, puppet.coordinates.n_vD
     C = objects["C"]
-    found = [
+    named = [
         ("M", objects["M"]),
         ("M_DK", objects["M_DK"]),
         ("C", C[:n, :n]),
@@ -168,13 +171,13 @@ def matrices(made: Marionette, page: printing.Printable) -> list[Equation]:
     optional = ("M_DK", "C_DK", "f", "A_K")
     return [
         (name, value)
-        for name, value in found
+        for name, value in named
         if 0 not in value.shape and not (name in optional and value.is_zero_matrix)
     ]
 
 
 def page_lengths(page: printing.Printable) -> list[Equation]:
-    """Definitions of the symbols for square roots."""
+    """Definitions of the symbols that stand for square roots."""
     return [(symbol.name, meaning) for symbol, meaning in page.lengths]
 
 
@@ -187,11 +190,11 @@ def _has_unicode() -> bool:
 
 
 class Layout:
-    """Sets equations on lines of a given width.
+    """Layout of equations on lines of a given width.
 
     Args:
-        columns: characters on a line.
-        unicode: Greek letters, dots and subscripts; otherwise ASCII.
+        columns: characters per line.
+        unicode: use Greek letters, dots and subscripts; otherwise ASCII.
     """
 
     def __init__(self, columns: int, unicode: bool):
@@ -202,32 +205,32 @@ class Layout:
         self._line = _Line(unicode)
 
     def text(self, expression: sp.Basic) -> str:
-        """An expression, pretty-printed on several lines."""
+        """The expression, pretty-printed on several lines."""
         return self._printer.doprint(expression)
 
     def equation(self, left: str, right: sp.Expr) -> str:
-        """``left = right``; one line per term if it is too wide."""
+        """Text of ``left = right``; one line per term if it is too wide."""
         symbol, right = sp.Symbol(left), printing.decimal(right)
-        whole = self._side_by_side(symbol, right)
-        if self._fits(whole):
-            return textwrap.indent(whole, "  ")
-        over, under = right.as_numer_denom()
-        if under.is_Symbol:
-            return self._by_terms(sp.Mul(under, symbol, evaluate=False), over)
+        text = self._side_by_side(symbol, right)
+        if self._fits(text):
+            return textwrap.indent(text, "  ")
+        numerator, denominator = right.as_numer_denom()
+        if denominator.is_Symbol:
+            return self._by_terms(sp.Mul(denominator, symbol, evaluate=False), numerator)
         return self._by_terms(symbol, right)
 
     def root(self, left: str, right: sp.Expr) -> str:
-        """``left = right`` for a square root; squared if it is too wide."""
-        whole = self._side_by_side(sp.Symbol(left), printing.decimal(right))
-        if self._fits(whole):
-            return textwrap.indent(whole, "  ")
+        """Text of ``left = right`` for a square root; squared if it is too wide."""
+        text = self._side_by_side(sp.Symbol(left), printing.decimal(right))
+        if self._fits(text):
+            return textwrap.indent(text, "  ")
         return self._by_terms(sp.Symbol(left) ** 2, printing.decimal(right**2))
 
     def _side_by_side(self, left: sp.Expr, right: sp.Expr | sp.Matrix) -> str:
         return self.text(sp.Eq(left, right, evaluate=False))
 
     def _by_terms(self, left: sp.Expr, right: sp.Expr) -> str:
-        """One line per term, with its sign in front."""
+        """Text with one line per term, with its sign in front."""
         lines = textwrap.indent(self.text(left), "  ").split("\n")
         lines[-1] += " ="
         for term in right.as_ordered_terms():
@@ -244,10 +247,10 @@ class Layout:
         return "\n".join(lines)
 
     def matrix(self, left: str, right: sp.Matrix) -> str:
-        """A matrix; entry by entry without zeros if it is too wide."""
-        whole = self._side_by_side(sp.Symbol(left), printing.decimal(right))
-        if self._fits(whole):
-            return textwrap.indent(whole, "  ")
+        """Text of a matrix; if it is too wide, its nonzero entries one by one."""
+        text = self._side_by_side(sp.Symbol(left), printing.decimal(right))
+        if self._fits(text):
+            return textwrap.indent(text, "  ")
         symmetric = right.is_square and right == right.T
         n, columns = right.shape
         entries = []
@@ -255,8 +258,8 @@ class Layout:
             for j in range(i if symmetric else 0, columns):
                 if right[i, j] != 0:
                     place = f"{i + 1}" if columns == 1 else f"{i + 1}{j + 1}"
-                    joint = "," if "_" in left else "_"
-                    entries.append(self.equation(f"{left}{joint}{place}", right[i, j]))
+                    separator = "," if "_" in left else "_"
+                    entries.append(self.equation(f"{left}{separator}{place}", right[i, j]))
         kind = "symmetric, " if symmetric else ""
         zero = ", zero except for" if 0 in right else ""
         head = f"  {self.text(sp.Symbol(left))}: {kind}{n} x {columns}{zero}"
@@ -267,10 +270,10 @@ class Layout:
 
 
 class _Line(StrPrinter):  # type: ignore[misc]  # SymPy has no types
-    """On one line, with the symbols of the pretty printer.
+    """Printer on one line, with the symbols of the pretty printer.
 
     Args:
-        unicode: Greek letters, dots and subscripts; otherwise ASCII.
+        unicode: use Greek letters, dots and subscripts; otherwise ASCII.
     """
 
     def __init__(self, unicode: bool):

@@ -1,4 +1,4 @@
-"""``fantoccini export``: a puppet's equations as C99 files; a saved motion in other formats."""
+"""``fantoccini export``: writes a puppet's equations as C99, or a saved motion in other formats."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from fantoccini.app.console import (
-    Look,
+from fantoccini.app.cli_support import (
+    OutputOptions,
     Steps,
     check_folder,
     check_outputs,
@@ -40,22 +40,24 @@ def export_motion(
     Args:
         file: run, recording or plan (.npz).
         out: file to write.
-        force: of puppets only.
-        fps, bodies: of films and animations.
-        problem: problem file of a plan that is not bundled.
-        quiet: do not say that the run stopped early.
+        force: an error, because it applies to puppets only.
+        fps, bodies: options of films and animations.
+        problem: problem file of a plan whose problem is not bundled.
+        quiet: do not report that the run stopped early.
     """
     if force:
         fail("applies to puppets; a file is replaced in any case", "--force")
-    look = Look.of(None, None, None, None, fps, bodies=bodies)
+    output_options = OutputOptions.of(None, None, None, None, fps, bodies=bodies)
     check_outputs([out], None, _OPTION)
-    look.check([out])
+    output_options.check([out])
     from fantoccini.app.web import subject_of
 
     with Steps(quiet) as steps:
         subject = subject_of(file, problem, steps.named)
         assert subject.run is not None
-        write_outputs(subject.marionette, subject.run, [out], None, steps, look=look)
+        write_outputs(
+            subject.marionette, subject.run, [out], None, steps, output_options=output_options
+        )
     run = subject.run
     if run.status is not Status.DONE and not quiet:
         say(f"fantoccini: the run ended at t = {run.t[-1]:g} s: {run.status.message}")
@@ -70,14 +72,14 @@ def export_c99(
     problem: str | None,
     quiet: bool,
 ) -> None:
-    """Writes the files; each appears complete or not at all.
+    """Writes the C99 files; each appears only when complete.
 
     Args:
         file: FILE argument.
-        folder: of the files; created if it does not exist.
-        force: write into a folder that is not empty, over files of the same name.
-        fps, bodies, problem: of motions only.
-        quiet: do not list them.
+        folder: folder for the files, created if it does not exist.
+        force: write into a folder that is not empty, replacing files of the same name.
+        fps, bodies, problem: an error, because they apply to motions only.
+        quiet: do not list the files.
     """
     for option, value in (("--fps", fps), ("--bodies", bodies), ("--problem", problem)):
         if value is not None:
@@ -109,7 +111,7 @@ def _check(folder: Path, force: bool) -> None:
 
 
 def _write(files: dict[str, str], folder: Path) -> None:
-    """Writes into a temporary folder, then renames it, or moves the files one by one."""
+    """Writes into a temporary folder, then renames the folder or moves the files."""
     parent = folder if folder.exists() else folder.absolute().parent
     temporary = Path(tempfile.mkdtemp(prefix=".fantoccini-", dir=parent))
     try:
@@ -126,7 +128,7 @@ def _write(files: dict[str, str], folder: Path) -> None:
 
 
 def _umask() -> int:
-    """The permissions that new files lack; they can only be read by setting them."""
+    """Permissions that new files lack; reading them requires setting them."""
     mask = os.umask(0o022)
     os.umask(mask)
     return mask

@@ -1,4 +1,4 @@
-"""``fantoccini follow``: a puppet that follows captured motion."""
+"""``fantoccini follow``: makes a puppet follow captured motion."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import typer
 
 from fantoccini.app.cli.show import show_run
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     FAILED,
-    FollowRequest,
+    FollowArguments,
     Steps,
     check_output,
     check_outputs,
@@ -32,50 +32,58 @@ from fantoccini.theatre.retarget import (
 )
 
 _STEP = 0.004
-"""Time step of the recording that is saved [s]."""
+"""Time step of the saved recording [s]."""
 
 
-def follow_file(request: FollowRequest) -> None:
-    """Follows a clip, prints a report and writes the outputs.
+def follow_file(arguments: FollowArguments) -> None:
+    """Makes a puppet follow a clip, prints a report and writes the outputs.
 
-    Exit code 1 where the puppet does not follow the clip to its end.
+    Exits with 1 if the puppet does not follow the clip to its end.
     """
-    out = request.out or []
+    out = arguments.out or []
     check_outputs(out, None)
-    request.look.check(out, None)
-    if request.save is not None:
-        check_output(request.save, (".npz",), "--save")
-    with Steps(request.quiet) as steps:
-        steps.step(f"reading {request.clip}")
-        clip = load_bvh(request.clip)
+    arguments.output_options.check(out, None)
+    if arguments.save is not None:
+        check_output(arguments.save, (".npz",), "--save")
+    with Steps(arguments.quiet) as steps:
+        steps.step(f"reading {arguments.clip}")
+        clip = load_bvh(arguments.clip)
         for note in clip.notes:
             say(note)
-        puppet = marionette(request.file, steps.named)
+        puppet = marionette(arguments.file, steps.named)
         placed = place_clip(
             puppet,
             clip,
-            request.mapping,
-            travel=request.travel,
-            up=request.up and request.up.value,
-            of=request.of,
+            arguments.mapping,
+            travel=arguments.travel,
+            up=arguments.up and arguments.up.value,
+            of=arguments.of,
         )
         followed = follow_clip(
             puppet,
             placed,
-            speed=request.speed or SPEED,
-            acceleration=request.acceleration or ACCELERATION,
+            speed=arguments.speed or SPEED,
+            acceleration=arguments.acceleration or ACCELERATION,
             progress=steps.bar("following"),
         )
-        if request.save is not None:
-            steps.step(f"writing {request.save}")
-            with writing(request.save):
-                _recording(followed).save(request.save)
-        guides = followed.guides if request.guides else None
-        write_outputs(puppet, followed.run, out, None, steps, look=request.look, guides=guides)
-    if not request.quiet:
+        if arguments.save is not None:
+            steps.step(f"writing {arguments.save}")
+            with writing(arguments.save):
+                _recording(followed).save(arguments.save)
+        guides = followed.guides if arguments.guides else None
+        write_outputs(
+            puppet,
+            followed.run,
+            out,
+            None,
+            steps,
+            output_options=arguments.output_options,
+            guides=guides,
+        )
+    if not arguments.quiet:
         _report(followed)
-    if request.show:
-        show_run(puppet, followed.run, request.quiet)
+    if arguments.show:
+        show_run(puppet, followed.run, arguments.quiet)
     for remark in _remarks(followed):
         say(f"fantoccini: {remark}")
     if followed.status is FollowStatus.STOPPED:
@@ -85,32 +93,33 @@ def follow_file(request: FollowRequest) -> None:
 
 
 def _remarks(followed: Followed) -> Iterator[str]:
-    """Remarks that explain the figures of the report."""
+    """Remarks that explain the numbers in the report."""
     for remark in followed.retargeted.remarks:
         yield f"{remark} (--up)"
     if followed.hanging_far > MAX_ERROR:
         yield (
-            f"the puppet cannot hang as the clip shows: {100 * followed.hanging_far:.0f} % of its "
-            "height off; try --travel 0, or another puppet"
+            "the strings cannot hold the poses of the clip: the error is "
+            f"{100 * followed.hanging_far:.0f} % of the puppet's height; try --travel 0, or "
+            "another puppet"
         )
     elif followed.status is FollowStatus.ASTRAY:
         worst = max(followed.report, key=lambda part: part.run)
         yield (
-            f"the puppet does not follow: its {worst.name} are {1e3 * worst.run:.0f} mm off (root "
-            f"mean square), {100 * followed.far:.0f} % of its height, where hanging poses are "
-            f"{1e3 * worst.reach:.0f} mm off; try slower hands (--speed, --acceleration), a slower "
-            "clip, or another puppet"
+            f"the puppet does not follow: the error of its {worst.name} is "
+            f"{1e3 * worst.run:.0f} mm (root mean square), {100 * followed.far:.0f} % of its "
+            f"height; that of hanging poses is {1e3 * worst.reach:.0f} mm; try slower hands "
+            "(--speed, --acceleration), a slower clip, or another puppet"
         )
     if followed.share < 1.0:
         yield (
-            "the puppet went astray within the bounds of speed and acceleration; the hands use "
-            f"{100 * followed.share:.0f} % of them"
+            "with the full bounds of speed and acceleration the puppet does not follow; the hands "
+            f"use {100 * followed.share:.0f} % of them"
         )
     if followed.crossings:
         first = followed.crossings[0]
         yield (
-            f"strings pass through one another {len(followed.crossings)} times, which real strings "
-            f"cannot do: first {first}"
+            f"strings pass through each other {len(followed.crossings)} times, which real strings "
+            f"cannot: first {first}"
         )
 
 
@@ -125,15 +134,15 @@ def _recording(followed: Followed) -> Recording:
 
 
 def _report(followed: Followed) -> None:
-    found = followed.retargeted
+    retargeted = followed.retargeted
     speed, acceleration = abs(followed.run.v_K).max(), abs(followed.acc_K).max()
     table(
         "Clip",
         ("", ">"),
         [
-            ("duration [s]", f"{found.clip.duration:.4g}"),
-            ("frames, and poses that settled", f"{len(found.t)}, {found.settled}"),
-            ("size of the puppet, of the person's", f"{found.places.scale:.3g}"),
+            ("duration [s]", f"{retargeted.clip.duration:.4g}"),
+            ("frames, settled poses", f"{len(retargeted.t)}, {retargeted.settled}"),
+            ("size relative to the person", f"{retargeted.places.scale:.3g}"),
             ("fastest driven coordinate [m/s, rad/s]", f"{speed:.3g}"),
             ("largest acceleration [m/s^2, rad/s^2]", f"{acceleration:.3g}"),
             ("time [s]", f"{followed.seconds:.3g}"),
@@ -141,15 +150,15 @@ def _report(followed: Followed) -> None:
     )
     table(
         "Distance from the clip, root mean squares [mm]",
-        ("", "hanging>", "in motion>", "largest>", "more, of the height>"),
+        ("", "hanging>", "in motion>", "largest>", "added by motion, of the height>"),
         [
             (
-                one.name,
-                f"{1e3 * one.reach:.1f}",
-                f"{1e3 * one.run:.1f}",
-                f"{1e3 * one.largest:.1f}",
-                f"{100 * one.above:.1f} %",
+                part.name,
+                f"{1e3 * part.reach:.1f}",
+                f"{1e3 * part.run:.1f}",
+                f"{1e3 * part.largest:.1f}",
+                f"{100 * part.above:.1f} %",
             )
-            for one in followed.report
+            for part in followed.report
         ],
     )

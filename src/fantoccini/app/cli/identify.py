@@ -1,4 +1,4 @@
-"""``fantoccini identify``: numbers of a puppet from a record of its motion."""
+"""``fantoccini identify``: identifies numbers of a puppet from a record of its motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from fantoccini.app.console import FAILED, Steps, check_output, fail, table, write, writing
+from fantoccini.app.cli_support import FAILED, Steps, check_output, fail, table, write, writing
 from fantoccini.base import Progress, replacing
 from fantoccini.lab.identification import (
     Candidate,
@@ -22,12 +22,12 @@ from fantoccini.lab.identification import (
     suggest_motion,
 )
 
-_MOST = 10
-"""Outliers and motions that are listed."""
+_MAX_LISTED = 10
+"""Largest number of outliers and motions that are listed."""
 _DURATION, _REACH = 10.0, 0.05
-"""Of the motions that are tried [s], [m]."""
-_LITTLE = 0.05
-"""Bits that are printed as 0."""
+"""Defaults: duration [s] and amplitude [m] of the motions that are tried."""
+_MIN_GAIN = 0.05
+"""Information that is printed as 0 [bits]."""
 
 
 def identify_record(
@@ -42,9 +42,9 @@ def identify_record(
     threads: int | None,
     quiet: bool,
 ) -> None:
-    """Identifies, prints what was found, and writes the outputs.
+    """Identifies, prints the results and writes the outputs.
 
-    Exit code 1 where the record leaves something untold or the search was cut short.
+    Exits with 1 if the record does not determine every number or the search did not converge.
     """
     for option, path, endings in (
         ("--out", out, (".yaml", ".yml")),
@@ -58,7 +58,7 @@ def identify_record(
             fail("applies to --suggest PATH", option)
     for option, path in (("--out", out), ("--report", report), ("--suggest", suggest)):
         if path is not None and os.path.exists(path):
-            if any(path.samefile(one) for one in record_files(file)):
+            if any(path.samefile(file_of_record) for file_of_record in record_files(file)):
                 fail(f"{path} is a file of the record; write to another one", option)
             if option == "--out" and not force:
                 fail(f"{path} exists already; use --force to replace it", option)
@@ -68,30 +68,30 @@ def identify_record(
         record = load_record(file, progress=steps.named)
         if out is not None:
             record.check_folder(out.parent)
-        found = identify(record, threads=threads, progress=lambda at: steps.step(_doing(at)))
+        result = identify(record, threads=threads, progress=lambda at: steps.step(_doing(at)))
     if not quiet:
-        _print(found)
+        _print(result)
     if out is not None:
         with writing(out):
-            found.save_puppet(out)
+            result.save_puppet(out)
     if report is not None:
         with writing(report):
-            _save_report(found, report, quiet)
+            _save_report(result, report, quiet)
     if suggest is not None:
         with Steps(quiet) as steps:
-            best = suggest_motion(
+            motions = suggest_motion(
                 record,
                 duration=_DURATION if duration is None else duration,
                 reach=_REACH if reach is None else reach,
                 seed=seed or 0,
                 threads=threads,
-                progress=lambda at: steps.step(f"looking at the motion {at.what}"),
+                progress=lambda at: steps.step(f"evaluating the motion {at.what}"),
             )
             with writing(suggest):
-                best[0].save(suggest)
+                motions[0].save(suggest)
         if not quiet:
-            print_motions(best)
-    if found.combinations or not found.converged:
+            print_motions(motions)
+    if result.combinations or not result.converged:
         raise typer.Exit(FAILED)
 
 
@@ -99,100 +99,108 @@ def _doing(at: Progress) -> str:
     return at.what if at.best is None else f"{at.what}: {at.best:.6g}"
 
 
-def _print(found: Identified) -> None:
+def _print(result: Identified) -> None:
     rows = []
-    for name, value, deviation in zip(found.names, found.values, found.deviations, strict=True):
+    for name, value, deviation in zip(result.names, result.values, result.deviations, strict=True):
         if math.isfinite(deviation):
-            low, high = found.interval(name)
+            low, high = result.interval(name)
             rows.append((name, f"{value:.6g}", f"{deviation:.2g}", f"{low:.6g} to {high:.6g}"))
         else:
-            rows.append((name, "not told", "", ""))
+            rows.append((name, "undetermined", "", ""))
     table("Identified", ("", "value>", "standard deviation>", "95 % interval>"), rows)
-    if found.combinations:
-        write("The record cannot tell apart:")
-        for combination in found.combinations:
+    if result.combinations:
+        write("Combinations that the record does not determine:")
+        for combination in result.combinations:
             write(f"  {combination}")
     table(
         "Residuals (m, rad or N)",
         ("", "root mean square>", "noise>"),
-        [(name, f"{rms:.3g}", f"{found.noise[name]:.3g}") for name, rms in found.rms().items()],
+        [(name, f"{rms:.3g}", f"{result.noise[name]:.3g}") for name, rms in result.rms().items()],
     )
-    for outlier in found.outliers[:_MOST]:
+    for outlier in result.outliers[:_MAX_LISTED]:
         write(f"outlier: {outlier.column} at {outlier.t:.4g} s, {outlier.residual:+.1f} deviations")
-    if len(found.outliers) > _MOST:
-        write(f"and {len(found.outliers) - _MOST} more outliers")
-    if found.record.still:
-        write(f"the inputs do not move {', '.join(found.record.still)}")
-    if found.lost:
-        times = [f"{t + found.delay:.4g} s" for t in found.lost[:_MOST]]
-        more = len(found.lost) - len(times)
+    if len(result.outliers) > _MAX_LISTED:
+        write(f"and {len(result.outliers) - _MAX_LISTED} more outliers")
+    if result.record.still:
+        write(f"the inputs do not move {', '.join(result.record.still)}")
+    if result.lost:
+        times = [f"{t + result.delay:.4g} s" for t in result.lost[:_MAX_LISTED]]
+        n_more = len(result.lost) - len(times)
         write(
-            "segments that do not count, from: "
+            "rejected segments, from: "
             + ", ".join(times)
-            + (f" and {more} more" if more else "")
+            + (f" and {n_more} more" if n_more else "")
         )
-    for doubt in doubts(found):
+    for doubt in doubts(result):
         write(f"doubt: {doubt}")
-    write(f"chi2 {found.chi2:.3f}, drift {found.drift:.2g}, {found.seconds:.1f} s")
+    write(f"chi2 {result.chi2:.3f}, drift {result.drift:.2g}, {result.seconds:.1f} s")
 
 
-def print_motions(best: tuple[Candidate, ...]) -> None:
-    """Prints motions, best first, and whether they tell anything."""
+def print_motions(motions: tuple[Candidate, ...]) -> None:
+    """Prints motions, the most informative first, or that none is informative."""
     table(
         "Motions",
-        ("", "tells [bits]>", "worst deviation>", "untold>"),
+        ("", "information [bits]>", "worst deviation>", "undetermined>"),
         [
-            (one.name, f"{one.gain:.1f}", f"{100 * one.worst:.2g} %", len(one.combinations))
-            for one in best[:_MOST]
-            if not one.refused
+            (
+                motion.name,
+                f"{motion.gain:.1f}",
+                f"{100 * motion.worst:.2g} %",
+                len(motion.combinations),
+            )
+            for motion in motions[:_MAX_LISTED]
+            if not motion.refused
         ],
     )
-    if best[0].gain < _LITTLE:
-        write("no motion tells anything of these numbers; more --reach, or other columns, may")
+    if motions[0].gain < _MIN_GAIN:
+        write(
+            "no motion gives information about these numbers; a larger --reach, or other columns, "
+            "may help"
+        )
 
 
-def _save_report(found: Identified, path: Path, quiet: bool) -> None:
-    """By the ending of the path: a page, or all numbers."""
+def _save_report(result: Identified, path: Path, quiet: bool) -> None:
+    """Writes a page or, by the ending of the path, all numbers as JSON."""
     if path.suffix.lower() == ".html":
         from fantoccini.output import reports
 
         with Steps(quiet) as steps:
             steps.step(f"drawing {path}")
-            reports.identified_report(found, path)
+            reports.identified_report(result, path)
     else:
-        _save_numbers(found, path)
+        _save_numbers(result, path)
 
 
-def _save_numbers(found: Identified, path: Path) -> None:
+def _save_numbers(result: Identified, path: Path) -> None:
     def number(x: float) -> float | None:
         return float(x) if math.isfinite(x) else None
 
     data: dict[str, Any] = {
-        "record": found.record.name,
-        "puppet": found.record.marionette.name,
+        "record": result.record.name,
+        "puppet": result.record.marionette.name,
         "numbers": {
             name: {
                 "value": number(x),
                 "standard_deviation": number(d),
-                "interval": [number(end) for end in found.interval(name)],
+                "interval": [number(end) for end in result.interval(name)],
             }
-            for name, x, d in zip(found.names, found.values, found.deviations, strict=True)
+            for name, x, d in zip(result.names, result.values, result.deviations, strict=True)
         },
-        "correlation": found.correlation.tolist(),
+        "correlation": result.correlation.tolist(),
         "not_told_apart": [
-            {"parts": one.parts, "relative_deviation": number(one.deviation)}
-            for one in found.combinations
+            {"parts": item.parts, "relative_deviation": number(item.deviation)}
+            for item in result.combinations
         ],
-        "residuals": {name: number(x) for name, x in found.rms().items()},
-        "noise": found.noise,
-        "chi2": number(found.chi2),
-        "drift": number(found.drift),
-        "converged": found.converged,
-        "doubts": list(doubts(found)),
-        "left": number(found.left),
-        "lost": list(found.lost),
-        "outliers": [vars(one) for one in found.outliers],
-        "seconds": found.seconds,
+        "residuals": {name: number(x) for name, x in result.rms().items()},
+        "noise": result.noise,
+        "chi2": number(result.chi2),
+        "drift": number(result.drift),
+        "converged": result.converged,
+        "doubts": list(doubts(result)),
+        "left": number(result.left),
+        "lost": list(result.lost),
+        "outliers": [vars(item) for item in result.outliers],
+        "seconds": result.seconds,
     }
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")

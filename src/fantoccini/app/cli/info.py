@@ -1,8 +1,8 @@
-"""``fantoccini info``: the parts of a puppet."""
+"""``fantoccini info``: describes the parts of a puppet."""
 
 from __future__ import annotations
 
-from fantoccini.app.console import marionette, number, table, warn, write
+from fantoccini.app.cli_support import marionette, number, table, warn, write
 from fantoccini.base import BuildError, Progress
 from fantoccini.base.documents import Number, Parameter
 from fantoccini.dynamics.compiled import check_mass_matrix
@@ -13,17 +13,17 @@ from fantoccini.model.puppet import bundled_files
 from fantoccini.model.tree import WORLD, DriveRow, LimitRow, StringRow
 
 _WINCH = ("restitution", "max_tension", "rewind_speed")
-"""Columns of strings that are shown only if a string has them."""
+"""Columns of the strings' table that are shown only if a string has them."""
 _PURPOSE = {
     "dynamics": "an evaluation of an event-driven run",
     "step_dynamics": "a time step",
     "columns": "all limits together, once each",
 }
-"""Function -> what one evaluation is needed for."""
+"""Function -> purpose of one evaluation."""
 
 
 class _NotCachedError(Exception):
-    """The compiled model would have to be made."""
+    """The compiled model is not in the cache."""
 
 
 def list_bundled() -> None:
@@ -32,26 +32,26 @@ def list_bundled() -> None:
     for title, names in bundled.items():
         lines = []
         for name in names:
-            made = marionette(name)
-            counts = made.coordinates
-            lines.append((name, counts.n_vD, len(made.tree.strings), counts.n_vK))
+            puppet = marionette(name)
+            counts = puppet.coordinates
+            lines.append((name, counts.n_vD, len(puppet.tree.strings), counts.n_vK))
         table(title, ("name", "DOF>", "strings>", "driven>"), lines)
 
 
 def describe_puppet(file: str) -> None:
     """Prints tables of a puppet's parts."""
-    made = marionette(file)
-    check_mass_matrix(made.puppet, made.tree)
-    warn(made, file)
-    tree, coordinates = made.tree, made.coordinates
+    puppet = marionette(file)
+    check_mass_matrix(puppet.puppet, puppet.tree)
+    warn(puppet, file)
+    tree, coordinates = puppet.tree, puppet.coordinates
     write(
-        f"{made.name}: {coordinates.n_vD} degrees of freedom ({coordinates.n_qD} configuration "
+        f"{puppet.name}: {coordinates.n_vD} degrees of freedom ({coordinates.n_qD} configuration "
         f"numbers), {coordinates.n_vK} driven ({coordinates.n_qK}), {len(tree.strings)} strings, "
         f"{len(tree.limits)} limits"
     )
-    moving = f"{number(made.mass)} kg move"
-    write(f"{moving}; weight {number(made.weight)} N; {_compiled(file)}")
-    if (rules := made.puppet.touching) is not None:
+    moving_mass = f"moving mass {number(puppet.mass)} kg"
+    write(f"{moving_mass}, weight {number(puppet.weight)} N; {_compiled(file)}")
+    if (rules := puppet.puppet.touching) is not None:
         write(
             f"contact with {', '.join(rules.meets) or 'nothing'}: friction "
             f"{number(rules.friction)}, restitution {number(rules.restitution)}, "
@@ -60,10 +60,10 @@ def describe_puppet(file: str) -> None:
     write()
     names = [link.name for link in tree.links]
     rotors = [_value(link.armature) for link in tree.links]
-    shown = any(rotor != "0" for rotor in rotors)
+    with_armature = any(rotor != "0" for rotor in rotors)
     table(
         "Bodies",
-        ("name", "parent", "joint", "type", "role", *(["armature"] if shown else [])),
+        ("name", "parent", "joint", "type", "role", *(["armature"] if with_armature else [])),
         [
             (
                 link.name,
@@ -71,7 +71,7 @@ def describe_puppet(file: str) -> None:
                 link.joint,
                 link.kind,
                 link.role,
-                *([rotor] if shown else []),
+                *([rotor] if with_armature else []),
             )
             for link, rotor in zip(tree.links, rotors, strict=True)
         ],
@@ -90,11 +90,22 @@ def describe_puppet(file: str) -> None:
             for c in coordinates.rows
         ],
     )
-    given = [key for key in _WINCH if any(getattr(string, key) for string in tree.strings)]
+    winch_columns = [key for key in _WINCH if any(getattr(string, key) for string in tree.strings)]
     table(
         "Strings",
-        ("name", "length", "kind", "from", "to", "points>", *(k.replace("_", " ") for k in given)),
-        [(*_string_cells(made, s), *(_given(getattr(s, k)) for k in given)) for s in tree.strings],
+        (
+            "name",
+            "length",
+            "kind",
+            "from",
+            "to",
+            "points>",
+            *(k.replace("_", " ") for k in winch_columns),
+        ),
+        [
+            (*_string_cells(puppet, s), *(_value_or_empty(getattr(s, k)) for k in winch_columns))
+            for s in tree.strings
+        ],
     )
     table(
         "Springs",
@@ -104,7 +115,7 @@ def describe_puppet(file: str) -> None:
     table(
         "Drives",
         ("coordinate", "command", "ratio", "inertia>", "motor", "control"),
-        [_drive_cells(made, row) for row in tree.drives],
+        [_drive_cells(puppet, row) for row in tree.drives],
     )
     table(
         "Chains",
@@ -120,10 +131,10 @@ def describe_puppet(file: str) -> None:
         ],
     )
     table(
-        "Limits", ("name", "bound>"), [(limit.name, _bound(made, limit)) for limit in tree.limits]
+        "Limits", ("name", "bound>"), [(limit.name, _bound(puppet, limit)) for limit in tree.limits]
     )
     table("Parameters", ("name", "value>"), [(n, float(v)) for n, v in tree.parameters.items()])
-    counts = operations(made.equations)
+    counts = operations(puppet.equations)
     lines = [(name, _PURPOSE.get(name, ""), n) for name, n in counts.items()]
     table("Operations", ("function", "", "count>"), [*lines, ("all", "", sum(counts.values()))])
     flags = describe().get("flags")
@@ -131,7 +142,7 @@ def describe_puppet(file: str) -> None:
 
 
 def _compiled(file: str) -> str:
-    """Whether the cache holds the compiled model."""
+    """Text on whether the cache has the compiled model."""
 
     def stop(at: Progress) -> None:
         raise _NotCachedError(at.what)
@@ -141,7 +152,7 @@ def _compiled(file: str) -> str:
     except _NotCachedError:
         return "not compiled yet"
     except BuildError:
-        return "not compiled, and cannot be on this machine (see fantoccini doctor)"
+        return "not compiled, and cannot be compiled on this machine (see fantoccini doctor)"
     return "compiled"
 
 
@@ -149,33 +160,33 @@ def _start(value: float) -> str:
     return "just taut" if value != value else number(value)
 
 
-def _value(given: Number | None) -> str:
-    if isinstance(given, Parameter):
-        return f"{given.parameter} = {number(float(given.value))}"
-    return "driven" if given is None else number(float(given))
+def _value(value: Number | None) -> str:
+    if isinstance(value, Parameter):
+        return f"{value.parameter} = {number(float(value.value))}"
+    return "driven" if value is None else number(float(value))
 
 
-def _given(value: Number | None) -> str:
+def _value_or_empty(value: Number | None) -> str:
     return "" if value is None else _value(value)
 
 
-def _string_cells(made: Marionette, string: StringRow) -> tuple[object, ...]:
+def _string_cells(puppet: Marionette, string: StringRow) -> tuple[object, ...]:
     ends = [
-        "world" if point.link == WORLD else made.tree.links[point.link].name
+        "world" if point.link == WORLD else puppet.tree.links[point.link].name
         for point in (string.points[0], string.points[-1])
     ]
     kind = "wire" if string.wire else "string"
     return string.name, _value(string.length), kind, *ends, len(string.points)
 
 
-def _drive_cells(made: Marionette, row: DriveRow) -> tuple[object, ...]:
+def _drive_cells(puppet: Marionette, row: DriveRow) -> tuple[object, ...]:
     """Coordinate, command, ratio n, inertia m + n^2 J, motor and control."""
     drive, unit = row.drive, "kg m^2" if row.drive.drum is None and row.drive.mass is None else "kg"
-    n, inertia = row.ratio(made.number), row.inertia(made.number)
+    n, inertia = row.ratio(puppet.number), row.inertia(puppet.number)
     parts = [getattr(part, "type", "") for part in (drive.motor, drive.control)]
     return row.name, row.command_name, number(n), f"{number(inertia)} {unit}", *parts
 
 
-def _bound(made: Marionette, limit: LimitRow) -> str:
-    unit = "m" if made.tree.links[limit.link].kind == "prismatic" else "rad"
+def _bound(puppet: Marionette, limit: LimitRow) -> str:
+    unit = "m" if puppet.tree.links[limit.link].kind == "prismatic" else "rad"
     return f"{number(float(limit.bound))} {unit}"

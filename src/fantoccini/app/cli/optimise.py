@@ -1,4 +1,4 @@
-"""``fantoccini optimise``: the motion of least cost of a task file."""
+"""``fantoccini optimise``: finds the motion of a task with the smallest cost."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from pathlib import Path
 import typer
 
 from fantoccini.app.cli.show import show_run
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     FAILED,
     INTERRUPTED,
-    OptimiseRequest,
+    OptimiseArguments,
     Steps,
     check_extras,
     check_outputs,
@@ -26,120 +26,127 @@ from fantoccini.control.tasks import AnswerStatus, load_task, task_names
 from fantoccini.theatre.perform import Recording
 
 
-def optimise_file(request: OptimiseRequest) -> None:
+def optimise_file(arguments: OptimiseArguments) -> None:
     """Optimises, prints a summary and writes the outputs.
 
-    Exit code 1 where the motion leaves its bounds or does not reach its end; 130 after Ctrl-C, with
-    the best motion so far.
+    Exits with 1 if the motion leaves its bounds or does not reach its end, and with 130 after
+    Ctrl-C, with the best motion so far.
     """
-    if request.file is None:
+    if arguments.file is None:
         for name in task_names():
             write(name)
         return
-    _check_options(request)
-    with Steps(request.quiet) as steps:
-        task = load_task(request.file, progress=steps.named)
-        if request.check:
-            if not request.quiet:
-                write(f"{request.file}: no mistakes")
+    _check_options(arguments)
+    with Steps(arguments.quiet) as steps:
+        task = load_task(arguments.file, progress=steps.named)
+        if arguments.check:
+            if not arguments.quiet:
+                write(f"{arguments.file}: no mistakes")
             return
-        steps.step("looking for poses that reach the paths")
+        steps.step("checking whether poses reach the paths")
         for text in out_of_reach(task):
             say(f"fantoccini: {text}")
-        found = optimise(
+        optimum = optimise(
             task,
-            tolerance=request.tolerance,
-            cost_tolerance=request.cost_tolerance,
-            iterations=request.iterations,
-            time_limit=request.time_limit,
-            threads=request.threads,
-            seed=request.seed,
+            tolerance=arguments.tolerance,
+            cost_tolerance=arguments.cost_tolerance,
+            iterations=arguments.iterations,
+            time_limit=arguments.time_limit,
+            threads=arguments.threads,
+            seed=arguments.seed,
             progress=steps.bar("optimising"),
         )
-        _write(request, found, steps)
-    if not request.quiet:
-        _report(found)
-    if request.show:
-        show_run(task.marionette, found.run, request.quiet)
-    if not found.holds:
-        say(f"fantoccini: {found.message}")
+        _write(arguments, optimum, steps)
+    if not arguments.quiet:
+        _report(optimum)
+    if arguments.show:
+        show_run(task.marionette, optimum.run, arguments.quiet)
+    if not optimum.holds:
+        say(f"fantoccini: {optimum.message}")
         raise typer.Exit(FAILED)
-    if found.status is AnswerStatus.STOPPED:
+    if optimum.status is AnswerStatus.STOPPED:
         raise typer.Exit(INTERRUPTED)
 
 
-def _check_options(request: OptimiseRequest) -> None:
-    """Raises a usage error for outputs that cannot be written."""
-    out = request.out or []
+def _check_options(arguments: OptimiseArguments) -> None:
+    """Raises a usage error if an output cannot be written."""
+    out = arguments.out or []
     check_outputs(out, None)
-    request.look.check(out, request.picture)
-    check_extras(request.picture, request.save)
-    given = {"--out": out, "--picture": request.picture, "--save": request.save}
-    if request.check and any(given.values()):
-        fail("writes nothing; it goes without --out, --picture and --save", "--check")
+    arguments.output_options.check(out, arguments.picture)
+    check_extras(arguments.picture, arguments.save)
+    outputs = {"--out": out, "--picture": arguments.picture, "--save": arguments.save}
+    if arguments.check and any(outputs.values()):
+        fail("writes nothing; omit --out, --picture and --save", "--check")
 
 
-def _write(request: OptimiseRequest, found: Optimum, steps: Steps) -> None:
-    marionette = found.task.marionette
-    if request.save is not None:
-        _save(request.save, found, steps)
-    if request.picture is not None:
-        steps.step(f"drawing {request.picture}")
-        with writing(request.picture):
-            found.plot(request.picture, **request.look.given("theme"))
-    write_outputs(marionette, found.run, request.out or [], None, steps, look=request.look)
+def _write(arguments: OptimiseArguments, optimum: Optimum, steps: Steps) -> None:
+    marionette = optimum.task.marionette
+    if arguments.save is not None:
+        _save(arguments.save, optimum, steps)
+    if arguments.picture is not None:
+        steps.step(f"drawing {arguments.picture}")
+        with writing(arguments.picture):
+            optimum.plot(arguments.picture, **arguments.output_options.nondefault("theme"))
+    write_outputs(
+        marionette,
+        optimum.run,
+        arguments.out or [],
+        None,
+        steps,
+        output_options=arguments.output_options,
+    )
 
 
-def _save(path: Path, found: Optimum, steps: Steps) -> None:
-    """Writes the inputs as a recording: accelerations that hold over every interval."""
+def _save(path: Path, optimum: Optimum, steps: Steps) -> None:
+    """Writes the inputs as a recording: constant accelerations in every interval."""
     steps.step(f"writing {path}")
-    task, nodes = found.task, found.nodes
+    task, nodes = optimum.task, optimum.nodes
     n = max(1, round(nodes.interval / task.dt))
     with writing(path):
-        start = found.run.state(0)
-        Recording(found.marionette, start, nodes.acc_K, nodes.interval, n).save(path)
+        start = optimum.run.state(0)
+        Recording(optimum.marionette, start, nodes.acc_K, nodes.interval, n).save(path)
 
 
-def _report(found: Optimum) -> None:
-    low, high = found.task.durations
+def _report(optimum: Optimum) -> None:
+    low, high = optimum.task.durations
     lines: list[tuple[str, object]] = [
-        ("status", found.status.name.lower()),
-        ("duration [s]", f"{found.t[-1] - found.t[0]:.4g}"),
-        ("cost", found.cost),
-        ("KKT residual", f"{found.kkt:.2g}"),
-        ("iterations", found.iterations),
-        ("time [s]", f"{found.seconds:.3g}"),
-        ("beyond its bounds", f"{found.violation:.2g}"),
+        ("status", optimum.status.name.lower()),
+        ("duration [s]", f"{optimum.t[-1] - optimum.t[0]:.4g}"),
+        ("cost", optimum.cost),
+        ("KKT residual", f"{optimum.kkt:.2g}"),
+        ("iterations", optimum.iterations),
+        ("time [s]", f"{optimum.seconds:.3g}"),
+        ("violation of bounds", f"{optimum.violation:.2g}"),
     ]
     if low < high:
-        lines[1] = (f"duration, of {low:g} to {high:g} [s]", lines[1][1])
-    if found.task.goal is not None:
-        lines.append(("from its end", f"{found.end_gap:.2g}"))
-    lines += list(found.parameters.items())
+        lines[1] = (f"duration [s], allowed {low:g} to {high:g}", lines[1][1])
+    if optimum.task.goal is not None:
+        lines.append(("distance from its end", f"{optimum.end_gap:.2g}"))
+    lines += list(optimum.parameters.items())
     table("Optimum", ("", ">"), lines)
     table(
         "Distance from the paths (m, rad or their rates)",
         ("", "root mean square>", "largest>"),
-        [(name, found.rms()[name], float(e.max())) for name, e in found.errors().items()],
+        [(name, optimum.rms()[name], float(e.max())) for name, e in optimum.errors().items()],
     )
     table(
         "Touches",
         ("", "place", "time [s]>", "distance [m]>"),
         [
             (
-                one.touch.body,
-                ", ".join(f"{x:.4g}" for x in one.touch.place),
-                f"{one.t:.4f}",
-                f"{one.distance:.2g}",
+                contact.touch.body,
+                ", ".join(f"{x:.4g}" for x in contact.touch.place),
+                f"{contact.t:.4f}",
+                f"{contact.distance:.2g}",
             )
-            for one in found.touched
+            for contact in optimum.touched
         ],
     )
     table(
         "Strings",
         ("name", "min [N]>", "max [N]>"),
-        [(name, float(T.min()), float(T.max())) for name, T in found.run.tension.items()],
+        [(name, float(T.min()), float(T.max())) for name, T in optimum.run.tension.items()],
     )
-    write(found.message)
-    for text in found.reservations:
+    write(optimum.message)
+    for text in optimum.reservations:
         write(text)

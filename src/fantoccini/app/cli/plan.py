@@ -1,13 +1,13 @@
-"""``fantoccini plan``: finds inputs that reach the goal of a problem file."""
+"""``fantoccini plan``: finds inputs that reach the goal of a problem."""
 
 from __future__ import annotations
 
 import typer
 
 from fantoccini.app.cli.show import show_plan
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     FAILED,
-    PlanRequest,
+    PlanArguments,
     Steps,
     check_extras,
     check_outputs,
@@ -22,83 +22,90 @@ from fantoccini.control.problems import load_problem, problem_names
 from fantoccini.dynamics.compiled import Event
 
 
-def plan_file(request: PlanRequest) -> None:
-    """Plans, verifies, prints a summary and writes the outputs; exit code 1 without a plan."""
-    if request.file is None:
+def plan_file(arguments: PlanArguments) -> None:
+    """Plans, verifies, prints a summary and writes the outputs; exits with 1 without a plan."""
+    if arguments.file is None:
         for name in problem_names():
             write(name)
         return
-    out = request.out or []
+    out = arguments.out or []
     check_outputs(out, None)
-    request.look.check(out, request.picture)
-    check_extras(request.picture, request.save)
-    if request.seed < 0:
-        fail(f"{request.seed} is negative", "--seed")
-    options = {} if request.tolerance is None else {"tolerance": request.tolerance}
-    objective = None if request.objective is None else request.objective.value
-    with Steps(request.quiet) as steps:
+    arguments.output_options.check(out, arguments.picture)
+    check_extras(arguments.picture, arguments.save)
+    if arguments.seed < 0:
+        fail(f"{arguments.seed} is negative", "--seed")
+    options = {} if arguments.tolerance is None else {"tolerance": arguments.tolerance}
+    objective = None if arguments.objective is None else arguments.objective.value
+    with Steps(arguments.quiet) as steps:
         problem = load_problem(
-            request.file, threads=request.threads, progress=steps.named, **options
+            arguments.file, threads=arguments.threads, progress=steps.named, **options
         )
         steps.step("planning")
-        found = solve(
+        result = solve(
             problem,
-            planner=request.planner.value,
-            time_limit=request.time_limit,
-            improve=request.improve,
-            confirm=request.confirm,
+            planner=arguments.planner.value,
+            time_limit=arguments.time_limit,
+            improve=arguments.improve,
+            confirm=arguments.confirm,
             objective=objective,
-            seed=request.seed,
+            seed=arguments.seed,
         )
         checks = {}
-        if found and not request.quiet:
+        if result and not arguments.quiet:
             steps.step("verifying")
-            checks = {"step halved": found.verify()}
+            checks = {"step halved": result.verify()}
             if problem.touches.expected:
-                checks["step quartered"] = found.verify(0.25)
+                checks["step quartered"] = result.verify(0.25)
             else:
-                checks["event-driven"] = found.verify(method=Event(rtol=1e-9, atol=1e-9))
-        if not found.reason:
-            _write(request, found, steps)
-    if not request.quiet:
-        _report(found, checks)
-    if not found:
-        say(f"fantoccini: {found.message}")
-        if request.show and not found.reason:
-            show_plan(found, request.quiet)
+                checks["event-driven"] = result.verify(method=Event(rtol=1e-9, atol=1e-9))
+        if not result.reason:
+            _write(arguments, result, steps)
+    if not arguments.quiet:
+        _report(result, checks)
+    if not result:
+        say(f"fantoccini: {result.message}")
+        if arguments.show and not result.reason:
+            show_plan(result, arguments.quiet)
         raise typer.Exit(FAILED)
-    if request.show:
-        show_plan(found, request.quiet)
+    if arguments.show:
+        show_plan(result, arguments.quiet)
 
 
-def _write(request: PlanRequest, found: PlanResult, steps: Steps) -> None:
-    if request.save is not None:
-        found.save(request.save)
-    if request.picture is not None:
-        steps.step(f"drawing {request.picture}")
-        found.plot(request.picture, **request.look.given("theme"))
-    drawn = found.problem.drawn_marionette
-    write_outputs(drawn, found.trajectory, request.out or [], None, steps, look=request.look)
+def _write(arguments: PlanArguments, result: PlanResult, steps: Steps) -> None:
+    if arguments.save is not None:
+        result.save(arguments.save)
+    if arguments.picture is not None:
+        steps.step(f"drawing {arguments.picture}")
+        result.plot(arguments.picture, **arguments.output_options.nondefault("theme"))
+    puppet = result.problem.drawn_marionette
+    write_outputs(
+        puppet,
+        result.trajectory,
+        arguments.out or [],
+        None,
+        steps,
+        output_options=arguments.output_options,
+    )
 
 
-def _report(found: PlanResult, checks: dict[str, Check]) -> None:
+def _report(result: PlanResult, checks: dict[str, Check]) -> None:
     table(
         "Plan",
         ("", ">"),
         [
-            ("status", found.status.name.lower()),
-            ("duration [s]", f"{found.duration:.3f}"),
-            ("distance from the goal", f"{found.distance:.4g}"),
-            ("tolerance", f"{found.tolerance:g}"),
-            ("least clearance [mm]", f"{1e3 * found.least_clearance:.1f}"),
-            ("rollouts", found.tried),
-            ("nodes", len(found.tree)),
-            ("search [s]", f"{found.seconds:.3g}"),
-            ("not confirmed by simulation", found.refused),
+            ("status", result.status.name.lower()),
+            ("duration [s]", f"{result.duration:.3f}"),
+            ("distance from the goal", f"{result.distance:.4g}"),
+            ("tolerance", f"{result.tolerance:g}"),
+            ("smallest clearance [mm]", f"{1e3 * result.least_clearance:.1f}"),
+            ("rollouts", result.tried),
+            ("nodes", len(result.tree)),
+            ("search [s]", f"{result.seconds:.3g}"),
+            ("not confirmed by simulation", result.refused),
         ],
     )
-    if found.polished is not None:
-        write(f"polish: {found.polished}")
+    if result.polished is not None:
+        write(f"polish: {result.polished}")
     if checks:
         table(
             "Verification",
@@ -117,7 +124,7 @@ def _report(found: PlanResult, checks: dict[str, Check]) -> None:
     if touches:
         table(
             "Touches",
-            ("", "first [s]>", "speed [m/s]>", "force at the end [N]>", "may"),
+            ("", "first [s]>", "speed [m/s]>", "force at the end [N]>", "allowed"),
             [
                 (
                     " on ".join(m.parts),
@@ -129,6 +136,6 @@ def _report(found: PlanResult, checks: dict[str, Check]) -> None:
                 for m in touches
             ],
         )
-    if found.goal.share is not None and checks:
+    if result.goal.share is not None and checks:
         share = next(iter(checks.values())).share
         write(f"the puppet stands with {100.0 * share:.0f} % of its weight")

@@ -1,4 +1,4 @@
-"""``fantoccini play``: a play compiled and verified; its cue times, report, numbers and film."""
+"""``fantoccini play``: compiles and verifies a play; writes its report, numbers and film."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     FAILED,
-    PlayRequest,
+    PlayArguments,
     Steps,
     check_output,
     check_outputs,
-    films_of,
+    film_options,
     report_score,
     say,
     table,
@@ -28,63 +28,69 @@ if TYPE_CHECKING:
     from fantoccini.theatre.plays import Verification
 
 
-def play_file(request: PlayRequest) -> None:
+def play_file(arguments: PlayArguments) -> None:
     """Compiles and verifies a play, prints its cue times and the verdict, and writes the outputs.
 
-    The exit code is 1 if a cue that is not optional cannot be done as written, or if the
-    verification has faults.
+    Exits with 1 if a cue that is not optional cannot be done as written, or if the verification has
+    faults.
     """
-    out, report = request.out or [], request.report
+    out, report = arguments.out or [], arguments.report
     check_outputs(out, None)
-    request.look.check(out)
+    arguments.output_options.check(out)
     if report is not None:
         check_output(report, (".html",), "--report")
-    with Steps(request.quiet) as steps:
+    with Steps(arguments.quiet) as steps:
         began = time.perf_counter()
-        play = load_play(request.file, progress=steps.named, within=request.within)
+        play = load_play(arguments.file, progress=steps.named, within=arguments.within)
         compiled = time.perf_counter()
         steps.step(f"simulating and measuring {play.duration:.1f} s")
-        within = request.within
-        left = None if within is None else max(within - (compiled - began), 0.0)
-        verification = verify_play(play, within=left)
+        within = arguments.within
+        remaining = None if within is None else max(within - (compiled - began), 0.0)
+        verification = verify_play(play, within=remaining)
         verified = time.perf_counter()
-    # Printed first, because the outputs may take longer than everything before.
-    if not request.quiet:
+    # Printed first, because the outputs may take longer than everything else.
+    if not arguments.quiet:
         _print(verification)
         report_score(play.score, out)
         _summary(verification, compiled - began, verified - compiled)
     for change in play.changes:
         say(str(change))
     for fault in verification.faults:
-        say(f"{request.file}: {fault}")
-    _write(request, verification, out)
+        say(f"{arguments.file}: {fault}")
+    _write(arguments, verification, out)
     if play.lacking or not verification:
         raise typer.Exit(FAILED)
 
 
-def _write(request: PlayRequest, verification: Verification, out: list[Path]) -> None:
+def _write(arguments: PlayArguments, verification: Verification, out: list[Path]) -> None:
     """Writes the report and the outputs."""
-    play, look = verification.play, request.look
-    with Steps(request.quiet) as steps:
-        if request.report is not None:
+    play, output_options = verification.play, arguments.output_options
+    with Steps(arguments.quiet) as steps:
+        if arguments.report is not None:
             from fantoccini.output import reports
 
-            drawing = steps.bar(f"drawing {request.report}")
-            reports.play_report(verification, request.report, progress=drawing)
+            drawing = steps.bar(f"drawing {arguments.report}")
+            reports.play_report(verification, arguments.report, progress=drawing)
         if out:
             from fantoccini.output.view import AUDIENCE
 
-            films = {**films_of(play.score), "follow": False}
-            look = look if look.view is not None else replace(look, view=AUDIENCE)
+            films = {**film_options(play.score), "follow": False}
+            output_options = (
+                output_options
+                if output_options.view is not None
+                else replace(output_options, view=AUDIENCE)
+            )
             run = verification.run
-            write_outputs(play.marionette, run, out, None, steps, look=look, films=films)
+            write_outputs(
+                play.marionette, run, out, None, steps, output_options=output_options, films=films
+            )
 
 
 def checked_play(path: Path) -> str:
-    """What a play without mistakes has, in a line.
+    """Line with the numbers of players, acts and cues of a play.
 
     Raises:
-        FileError: with every mistake found.
+        FileError: the play has mistakes; lists all of them.
     """
     file = check_play(path)
     cues = sum(len(act.cues) for act in file.acts)
@@ -95,45 +101,58 @@ def checked_play(path: Path) -> str:
 
 
 def _print(verification: Verification) -> None:
-    """Prints the cues of every act with their times."""
+    """Prints the cues of every act with their planned and observed times."""
     play = verification.play
-    seen: dict[int, list[tuple[str, ...]]] = {}
-    for one in verification.cues:
-        seen.setdefault(one.cue.number, []).append(
-            (one.who, f"{one.wanted:.2f}", f"{one.seen:.2f}", f"{1e3 * one.late:+.0f}")
+    times_of: dict[int, list[tuple[str, ...]]] = {}
+    for observation in verification.cues:
+        times_of.setdefault(observation.cue.number, []).append(
+            (
+                observation.who,
+                f"{observation.wanted:.2f}",
+                f"{observation.seen:.2f}",
+                f"{1e3 * observation.late:+.0f}",
+            )
         )
     for name, start in play.acts.items():
         lines = []
         for cue in play.cues:
             if cue.act != name:
                 continue
-            what = f"{cue.words} ({cue.mark})" if cue.mark else cue.words
-            wanted = f"{cue.wanted:.2f}"
-            left = "left out" if cue.optional else "cannot be done"
-            refused = [(", ".join(cue.who), wanted, left, "")] if cue.refused else []
-            for times in refused or seen.get(cue.number, []):
-                lines.append((cue.number, cue.line, what, *times))
-        header = ("cue>", "line>", "what", "who", "wanted [s]>", "seen [s]>", "late [ms]>")
+            action = f"{cue.words} ({cue.mark})" if cue.mark else cue.words
+            planned = f"{cue.wanted:.2f}"
+            refusal = "left out" if cue.optional else "cannot be done"
+            refused = [(", ".join(cue.who), planned, refusal, "")] if cue.refused else []
+            for times in refused or times_of.get(cue.number, []):
+                lines.append((cue.number, cue.line, action, *times))
+        header = (
+            "cue>",
+            "line>",
+            "action",
+            "players",
+            "planned [s]>",
+            "observed [s]>",
+            "late [ms]>",
+        )
         table(f"{name}, from {start:.2f} s", header, lines)
 
 
 def _summary(verification: Verification, compiling: float, verifying: float) -> None:
     play = verification.play
-    whole = play.marionette
+    marionette = play.marionette
     write(
         f"{play.duration:.1f} s, {_count(len(play.cast.players), 'player')}, "
-        f"{whole.coordinates.n_vD} degrees of freedom, "
-        f"{_count(len(whole.tree.strings), 'string')}, {whole.coordinates.n_vK} driven "
+        f"{marionette.coordinates.n_vD} degrees of freedom, "
+        f"{_count(len(marionette.tree.strings), 'string')}, {marionette.coordinates.n_vK} driven "
         f"coordinates; compiled in {compiling:.1f} s, {_count(play.rounds, 'round')}, "
         f"verified in {verifying:.1f} s"
     )
-    worst = f"no cue more than {1e3 * verification.worst:.0f} ms off"
+    worst = f"no cue is off by more than {1e3 * verification.worst:.0f} ms"
     broken = len(verification.faults)
-    holds = _count(broken, "fault") if broken else "the run holds"
+    holds = _count(broken, "fault") if broken else "the run meets every requirement"
     write(f"{play.counts}; {worst}; {holds}")
-    for why in dict.fromkeys(verification.stepped):
-        write(f"where something touches, time steps of 0.25 ms were taken: {why}")
+    for reason in dict.fromkeys(verification.stepped):
+        write(f"time steps of 0.25 ms were taken during contacts: {reason}")
 
 
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"
+def _count(n: int, noun: str) -> str:
+    return f"{n} {noun}{'' if n == 1 else 's'}"

@@ -1,19 +1,19 @@
-"""``fantoccini validate-reduction``: which claims of the paper's Sec. VI hold for a puppet."""
+"""``fantoccini validate-reduction``: checks the claims of the paper's Sec. VI on a puppet."""
 
 from __future__ import annotations
 
-from fantoccini.app.console import Steps, marionette, table, write
+from fantoccini.app.cli_support import Steps, marionette, table, write
 from fantoccini.lab import validate_reduction
 
 _WORDS = {True: "holds", False: "fails", None: "-"}
 
 
 def validate_file(file: str, quiet: bool) -> None:
-    """Prints the claims with their evidence, and whether driven coordinates may be inputs.
+    """Prints the claims with their evidence, and whether driven coordinates can be inputs.
 
     Args:
         file: FILE argument.
-        quiet: no progress.
+        quiet: print no progress.
     """
     with Steps(quiet) as steps:
         puppet = marionette(file, steps.named)

@@ -1,13 +1,13 @@
-"""``fantoccini show``: play a puppet, or replay a run or a plan, in the browser."""
+"""``fantoccini show``: shows a live puppet, or replays a run or a plan, in the browser."""
 
 from __future__ import annotations
 
 import contextlib
 from typing import TYPE_CHECKING
 
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     PageOptions,
-    ShowRequest,
+    ShowArguments,
     Steps,
     check_folder,
     check_output,
@@ -24,52 +24,58 @@ if TYPE_CHECKING:
     from fantoccini.app.web import Page
 
 
-def show_file(request: ShowRequest) -> None:
+def show_file(arguments: ShowArguments) -> None:
     """Shows a file until Ctrl-C, or writes it as a page."""
-    if request.html is not None:
-        check_output(request.html, (".html",), "--html")
-    elif request.forces:
-        fail("applies to --html PATH; a page has a box that shows them", "--forces")
-    check_folder(request.record_to, "--record-to")
-    name = request.file
+    if arguments.html is not None:
+        check_output(arguments.html, (".html",), "--html")
+    elif arguments.forces:
+        fail("applies to --html PATH; on the page, a box shows them", "--forces")
+    check_folder(arguments.record_to, "--record-to")
+    name = arguments.file
     if not name.lower().endswith(".npz"):
         name = str(puppet_path(name))
-        if request.html is not None:
+        if arguments.html is not None:
             fail("applies to runs (.npz) only; a live puppet cannot be written to a file", "--html")
     from fantoccini.app.web import open_page, subject_of, write as write_motion
 
-    with Steps(request.quiet) as steps:
-        subject = subject_of(name, request.problem, steps.named)
-        if request.html is not None:
-            if request.forces and subject.run is not None and subject.run.contact is None:
-                fail("this motion has no contact, so that there are no forces to draw", "--forces")
-            done = steps.bar(f"writing {request.html}")
-            write_motion(subject, request.html, request.theme.value, done, request.forces)
+    with Steps(arguments.quiet) as steps:
+        subject = subject_of(name, arguments.problem, steps.named)
+        if arguments.html is not None:
+            if arguments.forces and subject.run is not None and subject.run.contact is None:
+                fail("this motion has no contacts, so there are no forces to draw", "--forces")
+            progress = steps.bar(f"writing {arguments.html}")
+            write_motion(subject, arguments.html, arguments.theme.value, progress, arguments.forces)
             return
-        if request.balance and subject.run is not None:
+        if arguments.balance and subject.run is not None:
             fail("applies to a live puppet, not to a motion", "--balance")
-        if request.score is not None and subject.run is not None:
+        if arguments.score is not None and subject.run is not None:
             fail("applies to a live puppet, not to a motion", "--score")
         steps.step("opening the page")
-        theme, folder = request.theme.value, request.record_to
+        theme, folder = arguments.theme.value, arguments.record_to
         page = open_page(
-            subject, theme, request.host, request.port, folder, request.balance, request.score
+            subject,
+            theme,
+            arguments.host,
+            arguments.port,
+            folder,
+            arguments.balance,
+            arguments.score,
         )
-    serve(page, request)
+    serve(page, arguments)
 
 
-def show_plan(found: PlanResult, quiet: bool) -> None:
+def show_plan(plan: PlanResult, quiet: bool) -> None:
     """Shows a plan until Ctrl-C.
 
     Args:
-        found: the plan.
+        plan: the plan.
         quiet: print only the address.
     """
     from fantoccini.app.web import open_page, subject_of
 
-    request = ShowRequest(file=found.problem.name, quiet=quiet)
-    subject = subject_of(found)
-    serve(open_page(subject, request.theme.value, request.host, request.port), request)
+    arguments = ShowArguments(file=plan.problem.name, quiet=quiet)
+    subject = subject_of(plan)
+    serve(open_page(subject, arguments.theme.value, arguments.host, arguments.port), arguments)
 
 
 def show_run(marionette: Marionette, run: Trajectory, quiet: bool) -> None:
@@ -82,36 +88,38 @@ def show_run(marionette: Marionette, run: Trajectory, quiet: bool) -> None:
     """
     from fantoccini.app.web import Subject, open_page
 
-    request = ShowRequest(file=marionette.name, quiet=quiet)
-    page = open_page(Subject(marionette, run), request.theme.value, request.host, request.port)
-    serve(page, request)
+    arguments = ShowArguments(file=marionette.name, quiet=quiet)
+    page = open_page(
+        Subject(marionette, run), arguments.theme.value, arguments.host, arguments.port
+    )
+    serve(page, arguments)
 
 
-def serve(page: Page, request: PageOptions) -> None:
+def serve(page: Page, arguments: PageOptions) -> None:
     """Prints the address and serves the page until Ctrl-C."""
     try:
         with page, contextlib.suppress(KeyboardInterrupt):
-            _announce(page, request)
-            if not request.no_browser:
+            _announce(page, arguments)
+            if not arguments.no_browser:
                 page.server.open_browser()
             page.wait()
     finally:
-        if page.recording_status and not request.quiet:
+        if page.recording_status and not arguments.quiet:
             say(page.recording_status)
 
 
-def _announce(page: Page, request: PageOptions) -> None:
+def _announce(page: Page, arguments: PageOptions) -> None:
     server = page.server
     if server.moved:
-        say(f"port {request.port} is in use; the page is on port {server.port}")
+        say(f"port {arguments.port} is in use; the page is on port {server.port}")
     if server.exposed:
         say(
-            f"--host {request.host}: anyone who can reach port {server.port} of this machine can "
+            f"--host {arguments.host}: anyone who can reach port {server.port} of this machine can "
             "see the page, move the puppet and write recordings to "
-            f"{request.record_to.absolute()}; there is no password"
+            f"{arguments.record_to.absolute()}; there is no password"
         )
     for change in page.changes:
         say(change)
     write(page.url)
-    if not request.quiet:
+    if not arguments.quiet:
         say("press Ctrl-C to stop")

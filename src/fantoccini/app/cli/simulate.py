@@ -1,4 +1,4 @@
-"""``fantoccini simulate``: puppet, inputs and start -> numbers, pictures and film."""
+"""``fantoccini simulate``: simulates a puppet and writes numbers, pictures and films."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import typer
 
-from fantoccini.app.console import (
+from fantoccini.app.cli_support import (
     FAILED,
     INTERRUPTED,
     Motion,
-    SimulateRequest,
+    SimulateArguments,
     Steps,
     StringModel,
     check_bodies,
@@ -46,9 +46,9 @@ class _Bounds:
     """Bounds on runs from the command line; Python has none.
 
     Attributes:
-        duration: of a run [s].
-        steps: of a run with a fixed step.
-        samples: that are saved; a longer run with a fixed step saves every second one, or fewer.
+        duration: longest run [s].
+        steps: largest number of steps of a run with a fixed step.
+        samples: largest number of saved samples; longer runs with a fixed step save fewer.
         rtol: smallest and largest relative tolerance.
     """
 
@@ -60,69 +60,71 @@ class _Bounds:
 
 _BOUNDS = _Bounds()
 _DURATION_WITHOUT_INPUTS = 5.0
-"""[s]"""
+"""Duration of a run without inputs [s]."""
 _DT = 0.002
 """Default time step [s]."""
 
 
-def simulate_file(request: SimulateRequest) -> None:
+def simulate_file(arguments: SimulateArguments) -> None:
     """Simulates, prints a summary and writes the outputs.
 
-    If the run stops early, the outputs hold the motion so far and the exit code is 1.
+    If the run stops early, the outputs contain the motion so far and the exit code is 1.
     """
-    _check_options(request)
-    out, look = request.out or [], request.look
-    check_outputs(out, request.plot)
-    look.check(out, request.plot)
-    given = read_values(request.start or [])
-    with Steps(request.quiet) as steps:
-        chain = request.string_model is StringModel.CHAIN
-        puppet = marionette(request.file, steps.named, "chain" if chain else "constraint")
-        check_bodies(puppet, look)
-        given_motion = _given(puppet, request, steps)
-        inputs = None if given_motion is None else given_motion.inputs
-        recording = load_recording(request.inputs)
+    _check_options(arguments)
+    out, output_options = arguments.out or [], arguments.output_options
+    check_outputs(out, arguments.plot)
+    output_options.check(out, arguments.plot)
+    start_values = read_values(arguments.start or [])
+    with Steps(arguments.quiet) as steps:
+        chain = arguments.string_model is StringModel.CHAIN
+        puppet = marionette(arguments.file, steps.named, "chain" if chain else "constraint")
+        check_bodies(puppet, output_options)
+        file_motion = _input_motion(puppet, arguments, steps)
+        inputs = None if file_motion is None else file_motion.inputs
+        recording = load_recording(arguments.inputs)
         if recording is not None:
-            puppet = with_recorded_winches(puppet, recording, request.quiet)
-        if not request.quiet:
-            warn(puppet, request.file, inputs, request.inputs)
-        duration = _duration(request, inputs)
-        x0 = None if recording is None or given else recorded_start(puppet, recording)
+            puppet = with_recorded_winches(puppet, recording, arguments.quiet)
+        if not arguments.quiet:
+            warn(puppet, arguments.file, inputs, arguments.inputs)
+        duration = _duration(arguments, inputs)
+        x0 = None if recording is None or start_values else recorded_start(puppet, recording)
         if x0 is None:
-            x0 = start_state(puppet, inputs, given, request.quiet)
-        method, saved = _method(request, x0.t, duration)
-        saved["time_limit"] = request.time_limit
-        run, seconds, trouble = timed(steps, puppet, x0, inputs, duration, method, **saved)
-        films = {} if given_motion is None else given_motion.of_films
-        write_outputs(puppet, run, out, request.plot, steps, look=look, films=films)
-    if not request.quiet:
-        if given_motion is not None:
-            if given_motion.score is not None:
-                report_score(given_motion.score, out)
-            if given_motion.rehearsal is not None:
-                report_lateness(given_motion.rehearsal)
+            x0 = start_state(puppet, inputs, start_values, arguments.quiet)
+        method, options = _method(arguments, x0.t, duration)
+        options["time_limit"] = arguments.time_limit
+        run, seconds, reason = timed(steps, puppet, x0, inputs, duration, method, **options)
+        films = {} if file_motion is None else file_motion.film_options
+        write_outputs(
+            puppet, run, out, arguments.plot, steps, output_options=output_options, films=films
+        )
+    if not arguments.quiet:
+        if file_motion is not None:
+            if file_motion.score is not None:
+                report_score(file_motion.score, out)
+            if file_motion.rehearsal is not None:
+                report_lateness(file_motion.rehearsal)
         report(run, seconds)
-        suggest_faster(request, run, seconds)
-    end_with(run, trouble)
+        suggest_faster(arguments, run, seconds)
+    end_with(run, reason)
 
 
-def _given(puppet: Marionette, request: SimulateRequest, steps: Steps) -> Motion | None:
-    """The motion of ``--inputs``, rehearsed if that is asked for."""
-    if request.inputs is None:
-        if request.on_beat:
+def _input_motion(puppet: Marionette, arguments: SimulateArguments, steps: Steps) -> Motion | None:
+    """Motion of ``--inputs``, rehearsed if ``--on-beat`` is set."""
+    if arguments.inputs is None:
+        if arguments.on_beat:
             fail("applies to a score, but no --inputs are given", "--on-beat")
         return None
-    found = motion(puppet, request.inputs)
-    for change in found.changes:
+    file_motion = motion(puppet, arguments.inputs)
+    for change in file_motion.changes:
         say(str(change))
-    if not request.on_beat:
-        return found
-    if found.score is None:
-        fail(f"applies to a score, and {request.inputs} is none", "--on-beat")
-    if request.start:
+    if not arguments.on_beat:
+        return file_motion
+    if file_motion.score is None:
+        fail(f"applies to a score, and {arguments.inputs} is not a score", "--on-beat")
+    if arguments.start:
         fail("applies to a puppet that hangs at rest, and --start is given", "--on-beat")
     steps.step("rehearsing")
-    return found.rehearsed()
+    return file_motion.rehearsed()
 
 
 def timed(
@@ -132,14 +134,14 @@ def timed(
     inputs: Input | None,
     duration: float,
     method: Method | MethodName = "event",
-    **saved: Any,
+    **options: Any,
 ) -> tuple[Trajectory, float, str]:
     """Simulates with a progress bar.
 
     Returns:
-        The run, its computing time [s], and why it stopped early, or "".
+        The run, its computing time [s], and the reason why it stopped early, or "".
     """
-    began, trouble = time.perf_counter(), ""
+    began, reason = time.perf_counter(), ""
     try:
         run = simulate(
             marionette,
@@ -148,26 +150,26 @@ def timed(
             x0.t + duration,
             method=method,
             progress=steps.bar(f"simulating {duration:g} s"),
-            **saved,
+            **options,
         )
     except SimulationError as error:
         if error.trajectory is None:
             raise
-        run, trouble = error.trajectory, str(error)
-    return run, time.perf_counter() - began, trouble
+        run, reason = error.trajectory, str(error)
+    return run, time.perf_counter() - began, reason
 
 
-def end_with(run: Trajectory, trouble: str) -> None:
-    """If a run stopped early, prints why and exits with the code of its status."""
-    if trouble:
-        say(f"fantoccini: {trouble}")
+def end_with(run: Trajectory, reason: str) -> None:
+    """Exits with the reason and the code of its status, if a run stopped early."""
+    if reason:
+        say(f"fantoccini: {reason}")
         raise typer.Exit(INTERRUPTED if run.status is Status.STOPPED else FAILED)
 
 
-def suggest_faster(request: SimulateRequest, run: Trajectory, seconds: float) -> None:
+def suggest_faster(arguments: SimulateArguments, run: Trajectory, seconds: float) -> None:
     """Suggests faster options after a run slower than real time."""
     if run.method == "event" and seconds > run.duration > 0.0:
-        fewer = "" if request.rate else "; --rate 60 saves fewer samples"
+        fewer = "" if arguments.rate else "; --rate 60 saves fewer samples"
         say(
             f"slower than real time: {seconds / run.duration:.3g} s per second of motion; "
             f"--method timestepping is faster and less accurate{fewer}"
@@ -175,47 +177,49 @@ def suggest_faster(request: SimulateRequest, run: Trajectory, seconds: float) ->
 
 
 def _method(
-    request: SimulateRequest, start: float, duration: float
+    arguments: SimulateArguments, start: float, duration: float
 ) -> tuple[Method, dict[str, Any]]:
-    """The method, and the arguments of ``simulate`` that select the samples to save."""
-    rate = request.rate
+    """Method, and arguments of ``simulate`` that select the samples to save."""
+    rate = arguments.rate
     if rate is not None and rate * duration > _BOUNDS.samples:
         fail(f"{rate * duration:.3g} samples exceed the limit of {_BOUNDS.samples:g}", "--rate")
-    if request.method == "event":
-        tolerances = {} if request.rtol is None else {"rtol": request.rtol, "atol": request.rtol}
+    if arguments.method == "event":
+        tolerances = (
+            {} if arguments.rtol is None else {"rtol": arguments.rtol, "atol": arguments.rtol}
+        )
         method = Event(**tolerances)
         if rate is None:
             return method, {}
         times = start + np.arange(1, int(rate * duration) + 1) / rate
         return method, {"save_at": times[times <= start + duration]}
-    dt = request.dt or _DT
+    dt = arguments.dt or _DT
     n = duration / dt
     if n > _BOUNDS.steps:
         fail(f"{n:.3g} steps exceed the limit of {_BOUNDS.steps:g}; increase the step", "--dt")
     if rate is not None and rate * dt > 1.0 + 1e-9:
         fail(f"steps of {dt:g} s give at most {1.0 / dt:g} samples per second", "--rate")
-    # Rounded down, so that there are at least as many samples as requested.
-    every = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
-    every = max(every, math.ceil(n / _BOUNDS.samples))
-    fixed = TimeStepping(dt=dt) if request.method == "timestepping" else Variational(dt=dt)
-    return fixed, {"save_every": every}
+    # Rounded down, to save at least as many samples as requested.
+    interval = 1 if rate is None else int(1.0 / (rate * dt) + 1e-9)
+    interval = max(interval, math.ceil(n / _BOUNDS.samples))
+    fixed = TimeStepping(dt=dt) if arguments.method == "timestepping" else Variational(dt=dt)
+    return fixed, {"save_every": interval}
 
 
-def _check_options(request: SimulateRequest) -> None:
-    """Raises a usage error for an option that the method does not have."""
-    if request.method == "event":
-        if request.dt is not None:
+def _check_options(arguments: SimulateArguments) -> None:
+    """Raises a usage error for an option that does not apply to the method."""
+    if arguments.method == "event":
+        if arguments.dt is not None:
             fail("applies to --method timestepping or variational only", "--dt")
         low, high = _BOUNDS.rtol
-        if request.rtol is not None and not low <= request.rtol <= high:
-            fail(f"{request.rtol:g} is not between {low:g} and {high:g}", "--rtol")
-    elif request.rtol is not None:
-        fail(f"applies to --method event only; {request.method} has --dt", "--rtol")
+        if arguments.rtol is not None and not low <= arguments.rtol <= high:
+            fail(f"{arguments.rtol:g} is not between {low:g} and {high:g}", "--rtol")
+    elif arguments.rtol is not None:
+        fail(f"applies to --method event only; {arguments.method} has --dt", "--rtol")
 
 
-def _duration(request: SimulateRequest, inputs: Input | None) -> float:
-    if request.duration is not None:
-        duration = request.duration
+def _duration(arguments: SimulateArguments, inputs: Input | None) -> float:
+    if arguments.duration is not None:
+        duration = arguments.duration
     else:
         duration = _DURATION_WITHOUT_INPUTS if inputs is None else inputs.duration
     if duration > _BOUNDS.duration:

@@ -1,4 +1,4 @@
-"""``fantoccini stand``: whether a stand can do a run."""
+"""``fantoccini stand check``: checks whether a stand can do a run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import typer
 
-from fantoccini.app.console import FAILED, Steps, check_output, fail, marionette, table, write
+from fantoccini.app.cli_support import FAILED, Steps, check_output, fail, marionette, table, write
 from fantoccini.base import FileError, Mistake
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
@@ -21,11 +21,11 @@ from fantoccini.stand import (
     load_stand,
     lost_lines,
     remedies,
-    slower as found_slower,
+    slower as find_slower,
 )
 
 _MAX_NAMED = 12
-"""Broken limits that are listed."""
+"""Largest number of broken limits that are listed."""
 
 
 def check_run(
@@ -37,89 +37,89 @@ def check_run(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Checks a stand with a run, prints the margins, and exits with 1 if it cannot do it."""
+    """Checks a stand with a run, prints the margins, and exits with 1 if it cannot do the run."""
     if report is not None:
         check_output(report, (".html",), "--report")
-    read = load_stand(stand)
+    loaded_stand = load_stand(stand)
     with Steps(quiet or as_json) as steps:
-        made, moved = motion_of(run, puppet, steps)
+        marionette, trajectory = motion_of(run, puppet, steps)
         steps.step("checking")
-        found = check_stand(read, moved, made)
+        result = check_stand(loaded_stand, trajectory, marionette)
         tempo: tuple[SlowedRun | None, str] | None = None
-        if slower and not found.ok:
+        if slower and not result.ok:
             steps.step("simulating slower tempos")
-            tempo = found_slower(found)
+            tempo = find_slower(result)
         if report is not None:
             from fantoccini.output import reports
 
             steps.step(f"drawing {report}")
-            reports.stand_report(found, report, tempo)
+            reports.stand_report(result, report, tempo)
     if as_json:
-        write(json.dumps(as_data(found, tempo), indent=2))
+        write(json.dumps(as_data(result, tempo), indent=2))
     elif not quiet:
-        _print(found, tempo)
-    if not found.ok:
+        _print(result, tempo)
+    if not result.ok:
         raise typer.Exit(FAILED)
 
 
 def motion_of(path: Path, puppet: str | None, steps: Steps) -> tuple[Marionette, Trajectory]:
-    """The puppet and the run of a file: a run or a recording."""
-    from fantoccini.app.console import load_recording
+    """Puppet and motion of a run or a recording."""
+    from fantoccini.app.cli_support import load_recording
 
     recording = load_recording(path)
     if recording is not None:
         return recording.marionette, recording.trajectory
     run = Trajectory.load(path)
     if puppet is not None:
-        made, table = marionette(puppet, steps.named), run.coordinates
-        if (made.coordinates.q_D, made.coordinates.v_K) != (table.q_D, table.v_K):
+        loaded, table = marionette(puppet, steps.named), run.coordinates
+        if (loaded.coordinates.q_D, loaded.coordinates.v_K) != (table.q_D, table.v_K):
             fail(f"{puppet} has other coordinates than the run", "--puppet")
-        return made, run
+        return loaded, run
     if run.puppet is None:
         text = "the run does not say what its puppet is; needed: --puppet FILE"
         raise FileError([Mistake(str(path), None, "", text)])
     return Marionette(run.puppet, steps.named), run
 
 
-def _print(found: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> None:
-    used = _columns(found)
+def _print(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> None:
+    quantities = _columns(check)
     lines = []
-    for axis in found.axes:
-        cells = [found.margin_text(axis.name, q) for q in used]
+    for axis in check.axes:
+        cells = [check.margin_text(axis.name, q) for q in quantities]
         lines.append((axis.name, axis.kind, *cells))
-    table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in used)), lines)
-    for limit in found.broken[:_MAX_NAMED]:
-        write(f"from t = {limit.broken:.3f} s: {limit} ({limit.over} too much)")
-    if len(found.broken) > _MAX_NAMED:
-        write(f"and {len(found.broken) - _MAX_NAMED} more")
-    for line in lost_lines(found):
+    table("Margins [%]", ("axis", "motor", *(f"{q}>" for q in quantities)), lines)
+    for limit in check.broken[:_MAX_NAMED]:
+        write(f"from t = {limit.broken:.3f} s: {limit} (exceeded by {limit.over})")
+    if len(check.broken) > _MAX_NAMED:
+        write(f"and {len(check.broken) - _MAX_NAMED} more")
+    for line in lost_lines(check):
         write(line)
-    for line in remedies(found):
-        write(f"would help: {line}")
+    for line in remedies(check):
+        write(f"remedy: {line}")
     if tempo is not None:
         write(f"slower, simulated again: {tempo[1]}")
-    for note in found.notes:
+    for note in check.notes:
         write(f"note: {note}")
-    write(found.summary())
+    write(check.summary())
 
 
-def _columns(found: StandCheck) -> list[str]:
-    told = {limit.quantity for limit in found.limits} | {"torque"}
-    return [quantity for quantity in QUANTITIES if quantity in told]
+def _columns(check: StandCheck) -> list[str]:
+    checked = {limit.quantity for limit in check.limits} | {"torque"}
+    return [quantity for quantity in QUANTITIES if quantity in checked]
 
 
-def as_data(found: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> dict[str, Any]:
-    """What is printed, as plain data."""
+def as_data(check: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> dict[str, Any]:
+    """The printed results as plain data."""
     slow = None if tempo is None else tempo[0]
     return {
-        "stand": found.map.stand.name,
-        "ok": found.ok,
-        "summary": found.summary(),
-        "first": None if found.first is None else dataclasses.asdict(found.first),
-        "limits": [dataclasses.asdict(limit) for limit in found.limits],
-        "undetermined": found.undetermined,
-        "lost_steps": {name: dataclasses.asdict(lost) for name, lost in found.lost.items()},
-        "remedies": list(remedies(found)),
+        "stand": check.map.stand.name,
+        "ok": check.ok,
+        "summary": check.summary(),
+        "first": None if check.first is None else dataclasses.asdict(check.first),
+        "limits": [dataclasses.asdict(limit) for limit in check.limits],
+        "undetermined": check.undetermined,
+        "lost_steps": {name: dataclasses.asdict(lost) for name, lost in check.lost.items()},
+        "remedies": list(remedies(check)),
         "slower": None
         if tempo is None
         else {
@@ -129,5 +129,5 @@ def as_data(found: StandCheck, tempo: tuple[SlowedRun | None, str] | None) -> di
             "apart": None if slow is None else slow.apart,
             "rms": None if slow is None else slow.rms,
         },
-        "notes": list(found.notes),
+        "notes": list(check.notes),
     }

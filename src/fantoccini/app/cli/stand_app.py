@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from fantoccini.app.cli.stand_requests import StandExportRequest, StandStreamRequest
-from fantoccini.app.console import Quiet, positive, takes
+from fantoccini.app.cli.stand_arguments import StandExportArguments, StandStreamArguments
+from fantoccini.app.cli_support import Quiet, positive, takes
 
 stand_app = typer.Typer(
-    help="Stands: whether they can do a run, and set points for it.",
+    help="Check whether a stand can do a run, and send it set points.",
     no_args_is_help=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -25,19 +25,18 @@ def stand_check(
     ],
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Run or recording (.npz).")],
     puppet: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="The run's puppet, where the run does not say."),
+        str | None, typer.Option(metavar="FILE", help="Puppet, if the run does not contain it.")
     ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="PATH", help="Write a page with plots (.html).")
     ] = None,
     slower: Annotated[
-        bool, typer.Option(help="Where it cannot, simulate the run again at slower tempos.")
+        bool, typer.Option(help="If it cannot, simulate the run again at slower tempos.")
     ] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Tell whether a stand can do a run: margins of every axis, what breaks, what would help.
+    """Check whether a stand can do a run: margins of every axis, broken limits, remedies.
 
     Exits with 1 if it cannot.
     """
@@ -47,8 +46,8 @@ def stand_check(
 
 
 @stand_app.command("export")
-@takes(StandExportRequest)
-def stand_export(request: StandExportRequest) -> None:
+@takes(StandExportArguments)
+def stand_export(arguments: StandExportArguments) -> None:
     """Write a run as set points for the stand's controller.
 
     The ending of OUT selects the format: .csv, .gcode or .nc, .cfg (a Klipper macro), .json or
@@ -56,20 +55,20 @@ def stand_export(request: StandExportRequest) -> None:
     """
     from fantoccini.app.cli.stand_motion import export
 
-    export(request)
+    export(arguments)
 
 
 @stand_app.command("stream")
-@takes(StandStreamRequest)
-def stand_stream(request: StandStreamRequest) -> None:
+@takes(StandStreamArguments)
+def stand_stream(arguments: StandStreamArguments) -> None:
     """Send a run to the stand's controller: G-code over a serial port, packets over a network.
 
-    Ctrl-C holds all motion; then Enter goes on, and another Ctrl-C stops. An error of the
-    controller stops too (exit code 1). Both say how to go on.
+    Ctrl-C pauses all motion; then Enter continues, and another Ctrl-C stops. An error of the
+    controller also stops (exit code 1). Both print how to continue later.
     """
     from fantoccini.app.cli.stand_motion import stream_run
 
-    stream_run(request)
+    stream_run(arguments)
 
 
 @stand_app.command("emulate")
@@ -78,32 +77,31 @@ def stand_emulate(
         str, typer.Argument(metavar="STAND", help="Stand file, or name of a bundled stand.")
     ],
     controller: Annotated[
-        str | None, typer.Option(metavar="TYPE", help="Kind of controller, instead of the stand's.")
+        str | None, typer.Option(metavar="TYPE", help="Kind of controller [the stand's].")
     ] = None,
     rate: Annotated[
         float | None,
         typer.Option(
             metavar="N",
             callback=positive,
-            help="Set points per second that GRBL is set up for [50].",
+            help="Set points per second for which GRBL is configured [50].",
         ),
     ] = None,
     listen: Annotated[
         str | None,
         typer.Option(
-            metavar="HOST:PORT", help="Where packets of OSC or Art-Net are heard [the stand's]."
+            metavar="HOST:PORT", help="Address that receives OSC or Art-Net packets [the stand's]."
         ),
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="PATH", help="Write where its motors were, 100 times a second: .csv."),
+        Path | None, typer.Option(metavar="PATH", help="Write the motor positions at 100 Hz: .csv.")
     ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Run an emulated controller with the stand's axes: GRBL on a pseudo-terminal, OSC, Art-Net.
 
-    Prints its port or address. Ends with the program that it is sent (M2), when packets come no
-    more, or with Ctrl-C.
+    Prints its port or address. Ends at the end of the received program (M2), when packets stop, or
+    with Ctrl-C.
     """
     from fantoccini.app.cli.stand_motion import emulate
 

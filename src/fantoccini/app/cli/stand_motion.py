@@ -1,4 +1,4 @@
-"""``fantoccini stand export``, ``stream`` and ``emulate``: runs as motions of real motors."""
+"""``fantoccini stand export``, ``stream`` and ``emulate``: runs as motions of motors."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import numpy as np
 
 from fantoccini.app.cli.perform import address_of
 from fantoccini.app.cli.stand import motion_of
-from fantoccini.app.cli.stand_requests import (
-    StandExportRequest,
+from fantoccini.app.cli.stand_arguments import (
+    StandExportArguments,
     StandMotionOptions,
-    StandStreamRequest,
+    StandStreamArguments,
 )
 from fantoccini.app.cli.stand_sending import send_lines, send_packets
-from fantoccini.app.console import Steps, check_output, fail, say, write, writing
+from fantoccini.app.cli_support import Steps, check_output, fail, say, write, writing
 from fantoccini.base import Array, StandError, Times, replacing
 from fantoccini.stand import (
     ENDINGS,
@@ -42,37 +42,38 @@ from fantoccini.stand import (
 )
 
 _RATE = 50.0
-"""Set points per second that an emulated GRBL is set up for."""
-_SAMPLED = 100.0
-"""Times per second at which the emulator's motors are written."""
+"""Default number of set points per second for which an emulated GRBL is configured."""
+_SAMPLE_RATE = 100.0
+"""Rate at which the positions of the emulator's motors are written [Hz]."""
 
 
-def export(request: StandExportRequest) -> None:
-    """Writes set points."""
-    check_output(request.out, ENDINGS, "OUT")
-    with Steps(request.quiet) as steps:
-        points = _points(request, request.stand, request.run, steps)
-        steps.step(f"writing {request.out}")
-        with writing(request.out):
-            save_points(points, request.out)
-    if not request.quiet:
+def export(arguments: StandExportArguments) -> None:
+    """Writes the set points of a run to a file."""
+    check_output(arguments.out, ENDINGS, "OUT")
+    with Steps(arguments.quiet) as steps:
+        points = _points(arguments, arguments.stand, arguments.run, steps)
+        steps.step(f"writing {arguments.out}")
+        with writing(arguments.out):
+            save_points(points, arguments.out)
+    if not arguments.quiet:
         seconds = points.motion.t[-1]
-        write(f"{request.out}: {len(points)} set points of {len(points.axes)} axes, {seconds:g} s")
+        write(
+            f"{arguments.out}: {len(points)} set points of {len(points.axes)} axes, {seconds:g} s"
+        )
 
 
-def stream_run(request: StandStreamRequest) -> None:
-    """Sends set points to a controller: G-code to a serial port, or packets over a network."""
-    with Steps(request.quiet) as steps:
-        points = _points(request, request.stand, request.run, steps)
+def stream_run(arguments: StandStreamArguments) -> None:
+    """Sends the set points of a run: G-code to a serial port, or packets over a network."""
+    with Steps(arguments.quiet) as steps:
+        points = _points(arguments, arguments.stand, arguments.run, steps)
     if isinstance(points.controller, Osc | ArtNet):
-        send_packets(points, request)
+        send_packets(points, arguments)
     elif isinstance(points.controller, Grbl | Marlin):
-        send_lines(points, request)
+        send_lines(points, arguments)
     else:
         raise StandError(
-            f"{points.controller.type} takes neither G-code over a serial port nor packets from "
-            "here; needed: grbl, fluidnc, marlin, osc or artnet (--controller); `stand export` "
-            "writes files for the others"
+            f"{points.controller.type} cannot be streamed to; needed: grbl, fluidnc, marlin, osc "
+            "or artnet (--controller); `stand export` writes files for other controllers"
         )
 
 
@@ -84,29 +85,31 @@ def emulate(
     out: Path | None,
     quiet: bool,
 ) -> None:
-    """Serves until a program ends, or packets come no more."""
+    """Emulates a controller until a program ends or packets stop."""
     if out is not None:
         check_output(out, (".csv",), "--out")
-    read = load_stand(stand)
-    kind = controller_of(read, controller)
-    names = list(read.axes)
+    loaded_stand = load_stand(stand)
+    kind = controller_of(loaded_stand, controller)
+    names = list(loaded_stand.axes)
     if isinstance(kind, Osc | ArtNet):
         if rate is not None:
             fail(f"applies to G-code, and the controller is {kind.type}", "--rate")
-        heard = _listen(read, kind, listen, quiet)
-        where = _table(heard.t[-1], heard.positions, names) if len(heard) else ""
+        receiver = _listen(loaded_stand, kind, listen, quiet)
+        csv_text = (
+            _positions_csv(receiver.t[-1], receiver.positions, names) if len(receiver) else ""
+        )
     else:
         if listen is not None:
             fail(f"applies to osc and artnet, and the controller is {kind.type}", "--listen")
-        machine = _serve(grbl_settings(read, kind, rate or _RATE), quiet)
-        where = _table(machine.time, machine.positions, names)
-    if out is not None and where:
+        machine = _serve(grbl_settings(loaded_stand, kind, rate or _RATE), quiet)
+        csv_text = _positions_csv(machine.time, machine.positions, names)
+    if out is not None and csv_text:
         with writing(out), replacing(out) as temporary:
-            temporary.write_text(where, encoding="utf-8")
+            temporary.write_text(csv_text, encoding="utf-8")
 
 
 def _serve(settings: GrblSettings, quiet: bool) -> GrblMachine:
-    """GRBL on a pseudo-terminal."""
+    """Emulates GRBL on a pseudo-terminal."""
     machine, ended = GrblMachine(settings), threading.Event()
 
     def heard(text: str, answer: str) -> None:
@@ -125,28 +128,28 @@ def _serve(settings: GrblSettings, quiet: bool) -> GrblMachine:
     machine.finish()
     if not quiet:
         say(
-            f"{len(emulator.lines)} lines, {machine.time:.3f} s of motion, buffer at most "
-            f"{emulator.fullest} characters, {emulator.overrun} lost"
+            f"{len(emulator.lines)} lines, {machine.time:.3f} s of motion, at most "
+            f"{emulator.fullest} characters in the buffer, {emulator.overrun} lost"
         )
     return machine
 
 
 def _listen(stand: Stand, controller: Osc | ArtNet, listen: str | None, quiet: bool) -> Receiver:
-    """Motors that packets send."""
-    with Receiver(stand, controller, *(address_of(listen, "--listen") or ())) as heard:
-        write("{}:{}".format(*heard.address))
+    """Emulates motors that packets control."""
+    with Receiver(stand, controller, *(address_of(listen, "--listen") or ())) as receiver:
+        write("{}:{}".format(*receiver.address))
         sys.stdout.flush()
         with contextlib.suppress(KeyboardInterrupt):
-            while not heard.silent:
+            while not receiver.silent:
                 time.sleep(0.1)
     if not quiet:
-        seconds = heard.t[-1] if len(heard) else 0.0
-        say(f"{len(heard)} packets in {seconds:.3f} s, {heard.wrong} wrong")
-    return heard
+        seconds = receiver.t[-1] if len(receiver) else 0.0
+        say(f"{len(receiver)} packets in {seconds:.3f} s, {receiver.wrong} wrong")
+    return receiver
 
 
-def _table(end: float, positions: Callable[[Times], Array], names: list[str]) -> str:
-    t = np.arange(int(end * _SAMPLED) + 2) / _SAMPLED
+def _positions_csv(end: float, positions: Callable[[Times], Array], names: list[str]) -> str:
+    t = np.arange(int(end * _SAMPLE_RATE) + 2) / _SAMPLE_RATE
     lines = [",".join(["t [s]", *names])]
     for at, row in zip(t, positions(t), strict=True):
         lines.append(",".join([f"{at:.3f}", *(f"{x:.4f}" for x in row)]))
@@ -154,21 +157,21 @@ def _table(end: float, positions: Callable[[Times], Array], names: list[str]) ->
 
 
 def _points(options: StandMotionOptions, stand: str, run: Path, steps: Steps) -> SetPoints:
-    read = load_stand(stand)
-    made, moved = motion_of(run, options.puppet, steps)
+    loaded_stand = load_stand(stand)
+    marionette, trajectory = motion_of(run, options.puppet, steps)
     if not options.anyway:
         steps.step("checking")
-        found = check_stand(read, moved, made)
-        if not found.ok:
+        check = check_stand(loaded_stand, trajectory, marionette)
+        if not check.ok:
             raise StandError(
-                f"{found.summary()}; `fantoccini stand check` says what would help, and --anyway "
-                "exports it all the same"
+                f"{check.summary()}; `fantoccini stand check` lists remedies; --anyway exports the "
+                "run nevertheless"
             )
-    steps.step("making set points")
+    steps.step("computing set points")
     return set_points(
-        read,
-        moved,
-        made,
+        loaded_stand,
+        trajectory,
+        marionette,
         rate=options.rate,
         controller=options.controller,
         home=options.home,

@@ -1,11 +1,11 @@
-"""``fantoccini take``: describes a recording, or cuts, smooths, stretches and repeats it."""
+"""``fantoccini take``: describes or edits a recording."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
 
-from fantoccini.app.console import Steps, check_output, fail, say, table, write, writing
+from fantoccini.app.cli_support import Steps, check_output, fail, say, table, write, writing
 from fantoccini.base import StateError
 from fantoccini.theatre.perform import Recording
 
@@ -23,29 +23,33 @@ def edit_take(
 
     Args:
         file: the recording.
-        out: where the edited one goes; None to describe it only.
+        out: file for the edited recording; None only describes the recording.
         trim: ``A:B``, seconds after its start; either may be missing.
         smooth: time over which the hands' paths are averaged [s].
-        stretch: how many times as long it becomes.
-        loop: how often it is repeated.
+        stretch: factor on its duration.
+        loop: number of repetitions.
         quiet: print nothing.
     """
     edits = [trim, smooth, stretch, loop]
     if out is None and any(edit is not None for edit in edits):
-        fail("an edited recording needs a file", "--out")
+        fail("needed: a file for the edited recording", "--out")
     if out is not None:
         check_output(out, (".npz",), "--out")
     with Steps(quiet) as steps:
         steps.step(f"reading {file}")
         take = Recording.load(file)
         if trim is not None:
-            take = _edited(take, "--trim", lambda one: one.trimmed(*_span(trim, one.duration)))
+            take = _edited(
+                take,
+                "--trim",
+                lambda recording: recording.trimmed(*_span(trim, recording.duration)),
+            )
         if smooth is not None:
-            take = _edited(take, "--smooth", lambda one: one.smoothed(smooth))
+            take = _edited(take, "--smooth", lambda recording: recording.smoothed(smooth))
         if stretch is not None:
-            take = _edited(take, "--stretch", lambda one: one.stretched(stretch))
+            take = _edited(take, "--stretch", lambda recording: recording.stretched(stretch))
         if loop is not None:
-            take = _edited(take, "--loop", lambda one: one.looped(loop))
+            take = _edited(take, "--loop", lambda recording: recording.looped(loop))
         if out is not None:
             steps.step("simulating it again")
             take = take.kept()
@@ -67,7 +71,7 @@ def edit_take(
         )
     if out is not None:
         if run.t[-1] < take.start.t + take.duration - 0.5 * take.tick:
-            say(f"fantoccini: it ends after {run.duration:g} s: {run.status.message}")
+            say(f"fantoccini: the recording ends after {run.duration:g} s: {run.status.message}")
         if not quiet:
             write(out)
 
@@ -80,12 +84,12 @@ def _edited(take: Recording, option: str, edit: Callable[[Recording], Recording]
 
 
 def _span(text: str, duration: float) -> tuple[float, float]:
-    """Both times of A:B [s]."""
-    first, colon, last = text.partition(":")
+    """Start and end of A:B [s]."""
+    begin, colon, end = text.partition(":")
     try:
-        span = float(first or 0.0), float(last or duration)
+        span = float(begin or 0.0), float(end or duration)
     except ValueError:
         span = 0.0, -1.0
     if not colon or not span[0] < span[1]:
-        fail(f"found {text!r}; needed: A:B, seconds after its start, as 1.5:8 or :8", "--trim")
+        fail(f"found {text!r}; needed: A:B, seconds after its start, such as 1.5:8 or :8", "--trim")
     return span

@@ -1,4 +1,4 @@
-"""Pages with a live puppet: controls, takes, scores and shows."""
+"""Pages with a live puppet: controls, takes, scores and live plays."""
 
 from lazy_loader import attach_stub
 

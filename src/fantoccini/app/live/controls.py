@@ -1,4 +1,4 @@
-"""What a viewer moves: a bead for every handle, rings for those that turn, sliders."""
+"""Controls of a live page: a bead for every handle, rings for handles that turn, sliders."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 class _Changes(NamedTuple):
-    """What counts as a change on the page."""
+    """Thresholds for changes on the page."""
 
     lag: float = 0.02
-    """Distance from the target at which a handle is marked, relative to the puppet's size."""
-    position: float = 1e-6  # Least motion of a bead that is sent [m]
+    """Distance from the target above which a handle is marked, relative to the puppet's size."""
+    position: float = 1e-6  # Smallest motion of a bead that is sent [m]
     length: float = 6e-4
-    """Least change of a length that moves its slider, just over half its step [m]."""
+    """Smallest change of a length that moves its slider, just over half its step [m]."""
 
 
 _CHANGES = _Changes()
@@ -33,7 +33,7 @@ _CHANGES = _Changes()
 WARNING = rgb("#d64545")
 
 Act = Callable[[Viewer | None, Callable[[], object]], bool]
-"""Does something for a viewer if it may; returns whether it did."""
+"""Performs an action for a viewer, if permitted; returns whether it was performed."""
 
 DragHandler = Callable[[Any], Coroutine[Any, Any, None]]
 
@@ -43,9 +43,9 @@ class _Grab:
     """A bead in a viewer's hand.
 
     Attributes:
-        anchor: (3,) where the bead was taken [m].
-        position: (3,) the handle's target then [m].
-        length: of the string that ends there, then [m]; None where it cannot be wound.
+        anchor: (3,) point at which the bead was grabbed [m].
+        position: (3,) target of the handle at that time [m].
+        length: length of the handle's string at that time [m]; None if it cannot be wound.
     """
 
     anchor: np.ndarray
@@ -58,21 +58,21 @@ class Controls:
 
     Attributes:
         selected: name of the handle that keys and gamepad move, or None where there is none.
-        labels, rings: by handle.
-        sliders: by string.
+        labels, rings: labels and rings by handle.
+        sliders: sliders by string.
         grabs: beads in viewers' hands.
-        turned: handle -> the viewer who turns it.
+        turned: handle -> viewer who turns it.
 
     Args:
-        server: of viser.
-        performance: what is moved.
+        server: server of viser.
+        performance: performance to control.
         theme: colours.
-        size: of the puppet [m].
-        view: first point of view.
-        act: does something for a viewer if it may.
-        winds: whether dragging a bead winds its string, without Shift.
-        release: called when a viewer lets go of what it dragged.
-        folder: of the sliders.
+        size: size of the puppet [m].
+        view: initial point of view.
+        act: performs an action for a viewer, if permitted.
+        winds: returns whether dragging a bead winds its string, without Shift.
+        release: called when a viewer releases a control.
+        folder: folder for the sliders.
     """
 
     def __init__(
@@ -95,12 +95,12 @@ class Controls:
         self.rings: dict[str, viser.TransformControlsHandle] = {}
         self.turned: dict[str, Viewer] = {}
         self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
-        self._shown: dict[str, float] = {}
+        self._shown_lengths: dict[str, float] = {}
         self.grabs: dict[tuple[Viewer, str], _Grab] = {}
         self._last = np.full((len(self._handles), 3), np.nan)
         self.selected: str | None = next(iter(self._handles), None)
         places = np.array([performance.place(name)[0] for name in self._handles])
-        self._above = heights(tuple(self._handles), places, view, size)
+        self._label_heights = heights(tuple(self._handles), places, view, size)
         with server.atomic():
             for n, handle in enumerate(performance.handles):
                 self._add_handle(n, handle)
@@ -158,37 +158,37 @@ class Controls:
         for n, name in enumerate(self._handles):
             if changed[n]:
                 move(self._beads[name], places[n])
-                move(self.labels[name], places[n] + [0.0, 0.0, self._above[n]])
+                move(self.labels[name], places[n] + [0.0, 0.0, self._label_heights[n]])
         self._last = places
 
     def mark(self, lagging: dict[str, str]) -> None:
-        """Marks the targets of handles that are elsewhere, and handles that cannot follow.
+        """Marks targets that handles have not reached, and handles that cannot follow.
 
         Args:
-            lagging: names of handles and strings that cannot follow, and why.
+            lagging: handles and strings that cannot follow -> reason.
         """
-        behind: list[np.ndarray] = []
+        targets: list[np.ndarray] = []
         leads: list[tuple[np.ndarray, np.ndarray]] = []
-        for (name, handle), here in zip(self._handles.items(), self._last, strict=True):
-            wanted, wxyz = self._performance.aim(name)
+        for (name, handle), position in zip(self._handles.items(), self._last, strict=True):
+            target, wxyz = self._performance.aim(name)
             self._beads[name].color = self._colour(name, name in lagging)
-            if len(handle.axes) and np.linalg.norm(wanted - here) > _CHANGES.lag * self._size:
-                behind.append(wanted)
-                leads.append((here, wanted))
+            if len(handle.axes) and np.linalg.norm(target - position) > _CHANGES.lag * self._size:
+                targets.append(target)
+                leads.append((position, target))
             ring = self.rings.get(name)
             if ring is not None and name not in self.turned:
-                ring.position, ring.wxyz = wanted, wxyz
-        self._show_marks(behind, leads)
+                ring.position, ring.wxyz = target, wxyz
+        self._show_marks(targets, leads)
 
     def update_sliders(self) -> None:
-        """Sets the sliders to the target lengths that have changed.
+        """Sets the sliders of target lengths that have changed.
 
-        Others stay: a viewer may just have moved the slider.
+        Others stay: a viewer may just have moved them.
         """
         for name, slider in self.sliders.items():
-            wanted = round(self._performance.wanted_length(name), 4)
-            if abs(self._shown[name] - wanted) > _CHANGES.length:
-                slider.value = self._shown[name] = wanted
+            length = round(self._performance.wanted_length(name), 4)
+            if abs(self._shown_lengths[name] - length) > _CHANGES.length:
+                slider.value = self._shown_lengths[name] = length
 
     # -- inside --------------------------------------------------------------------------------
 
@@ -211,7 +211,7 @@ class Controls:
             f"/names/{n}",
             handle.name,
             anchor="bottom-center",
-            position=position + np.array([0.0, 0.0, self._above[n]]),
+            position=position + np.array([0.0, 0.0, self._label_heights[n]]),
         )
         if len(handle.turns):
             ring = self._server.scene.add_transform_controls(
@@ -229,11 +229,11 @@ class Controls:
             self.rings[handle.name] = ring
 
     def _add_slider(self, name: str, low: float, high: float) -> None:
-        wanted = self._performance.wanted_length(name)
+        length = self._performance.wanted_length(name)
         slider = self._server.gui.add_slider(
-            name, round(low, 3), round(high, 3), 0.001, round(wanted, 3), hint="Length [m]"
+            name, round(low, 3), round(high, 3), 0.001, round(length, 3), hint="Length [m]"
         )
-        self._shown[name] = slider.value
+        self._shown_lengths[name] = slider.value
 
         async def moved(event: Any) -> None:
             if event.client_id is None:
@@ -246,11 +246,11 @@ class Controls:
         self.sliders[name] = slider
 
     def _add_marks(self) -> None:
-        none = np.zeros((1, 2, 3))
+        zero = np.zeros((1, 2, 3))
         api = self._server.scene
         colour = to_bytes(WARNING)
         self._leads = api.add_line_segments(
-            "/lag/leads", none, colour, thickness=1.5, thickness_units="screen", visible=False
+            "/lag/leads", zero, colour, thickness=1.5, thickness_units="screen", visible=False
         )
         self._ghosts = api.add_point_cloud(
             "/lag/wanted",
@@ -262,26 +262,26 @@ class Controls:
         )
 
     def _show_selected(self) -> None:
-        """Shows the rings of one handle at a time: those of several would overlap."""
+        """Shows the rings of the selected handle only: those of several would overlap."""
         for name, ring in self.rings.items():
             ring.visible = name == self.selected
         for name, label in self.labels.items():
             label.font_screen_scale = 1.0 if name == self.selected else 0.85
 
     def _show_marks(
-        self, behind: list[np.ndarray], leads: list[tuple[np.ndarray, np.ndarray]]
+        self, targets: list[np.ndarray], leads: list[tuple[np.ndarray, np.ndarray]]
     ) -> None:
         for node in (self._ghosts, self._leads):
-            if node.visible != bool(behind):
-                node.visible = bool(behind)
-        if behind:
-            self._ghosts.points = np.array(behind, dtype=np.float32)
+            if node.visible != bool(targets):
+                node.visible = bool(targets)
+        if targets:
+            self._ghosts.points = np.array(targets, dtype=np.float32)
             self._leads.points = np.array(leads, dtype=np.float32)
 
     def _colour(self, name: str, lags: bool) -> tuple[int, int, int]:
         if lags:
             return to_bytes(WARNING)
-        if name == self.selected or any(held == name for _, held in list(self.grabs)):
+        if name == self.selected or any(grabbed == name for _, grabbed in list(self.grabs)):
             return to_bytes(rgb(self._theme.cycle[0]))
         return to_bytes(mix(self._theme.handle, np.ones(3), 0.15))
 
@@ -312,8 +312,10 @@ class Controls:
                 length = grab.length - float((mouse - grab.anchor) @ upwards(camera))
                 self._act(event.client_id, lambda: self._performance.wind(name, length))
                 return
-            by = follow(handle.axes, eye, grab.position, grab.anchor, mouse)
-            self._act(event.client_id, lambda: self._performance.move(name, grab.position + by))
+            displacement = follow(handle.axes, eye, grab.position, grab.anchor, mouse)
+            self._act(
+                event.client_id, lambda: self._performance.move(name, grab.position + displacement)
+            )
 
         return dragged
 
@@ -323,9 +325,9 @@ class Controls:
         async def turned(event: Any) -> None:
             position, wxyz = np.array(event.target.position), np.array(event.target.wxyz)
             viewer = event.client_id
-            done = self._act(viewer, lambda: self._performance.move(name, position, wxyz))
-            # While a viewer turns the ring, only that viewer moves it.
-            if done and event.phase != "end":
+            moved = self._act(viewer, lambda: self._performance.move(name, position, wxyz))
+            # While a viewer turns the ring, nothing else moves it.
+            if moved and event.phase != "end":
                 self.turned[name] = viewer
             elif self.turned.get(name) == viewer:
                 del self.turned[name]
@@ -337,15 +339,15 @@ class Controls:
 
 def line_of_sight(camera: viser.CameraHandle) -> np.ndarray:
     """(3,) unit vector along the line of sight of a viewer's camera."""
-    ahead = np.asarray(camera.look_at, dtype=float) - np.asarray(camera.position, dtype=float)
-    size = float(np.linalg.norm(ahead))
-    return ahead / size if size > 1e-9 else np.array([-1.0, 0.0, 0.0])
+    direction = np.asarray(camera.look_at, dtype=float) - np.asarray(camera.position, dtype=float)
+    size = float(np.linalg.norm(direction))
+    return direction / size if size > 1e-9 else np.array([-1.0, 0.0, 0.0])
 
 
 def upwards(camera: viser.CameraHandle) -> np.ndarray:
     """(3,) unit vector that points up in the picture of a viewer's camera."""
-    ahead = line_of_sight(camera)
+    direction = line_of_sight(camera)
     up = np.asarray(camera.up_direction, dtype=float)
-    up = up - (up @ ahead) * ahead
+    up = up - (up @ direction) * direction
     size = float(np.linalg.norm(up))
     return up / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])

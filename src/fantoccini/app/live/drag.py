@@ -1,4 +1,4 @@
-"""Motion of a handle in the world from that of the mouse in the picture."""
+"""Motion of a handle in the world for a motion of the mouse in the picture."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 
 class _Following(NamedTuple):
-    """How closely a handle follows the mouse."""
+    """Parameters of following the mouse."""
 
     grazing: float = 0.15
     """Foreshortening (1 across the line of sight) below which a handle lags behind the mouse:
-    without a bound, a handle on an axis that points into the picture would run away."""
+    otherwise a handle on an axis that points into the picture would run away."""
     steps: int = 8  # Integration steps along the mouse's path
 
 
@@ -24,21 +24,23 @@ def follow(
 ) -> np.ndarray:
     """(3,) displacement of a handle that stays under the mouse [m].
 
-    The image of a handle at p moves as the mouse m does. With the rays u = (p - e) / |p - e|
-    through the handle and r = (m - e) / |m - e| through the mouse,
+    The image of a handle at p moves with the mouse m. With the rays u = (p - e) / |p - e| through
+    the handle and r = (m - e) / |m - e| through the mouse,
 
       dp = |p - e| A g(P A) dr,   P = 1 - u u^T,
 
     along the mouse's path. g inverts the singular values s of P A, the foreshortening of the axes:
-    1 / s, and s / grazing^2 below ``grazing``. So a handle stays under the mouse where its axes are
-    seen well, and never moves against it: a plane above the eye is seen from below, where down in
-    the picture is away. A handle with three axes moves in the plane of the picture.
+    1 / s, and s / grazing^2 below ``grazing``. A handle stays under the mouse unless its axes are
+    strongly foreshortened, and never moves against the mouse. (A plane above the eye is seen from
+    below: there, down in the picture is away.) A handle with three axes moves in the plane of the
+    picture.
 
     Args:
         axes: (k, 3) unit vectors along which the handle can move.
         eye: (3,) e, the camera's position [m].
-        place: (3,) where the handle was taken [m].
-        start, end: (3,) the mouse then and now, in a plane normal to the camera's axis [m].
+        place: (3,) point at which the handle was grabbed [m].
+        start, end: (3,) positions of the mouse then and now, in a plane normal to the camera's axis
+            [m].
     """
     if len(axes) == 3:
         return end - start
@@ -54,25 +56,30 @@ def _increment(
     axes: np.ndarray, eye: np.ndarray, p: np.ndarray, m: np.ndarray, step: np.ndarray
 ) -> np.ndarray:
     """Displacement of a handle at ``p`` for a small step of the mouse from ``m``."""
-    away, ray = p - eye, m - eye
-    far, near = max(np.linalg.norm(away), 1e-9), max(np.linalg.norm(ray), 1e-9)
-    u, r = away / far, ray / near
-    turned = (step - (r @ step) * r) / near
-    left, seen, right = np.linalg.svd(axes.T - np.outer(u, axes @ u), full_matrices=False)
+    offset, ray = p - eye, m - eye
+    distance, mouse_distance = max(np.linalg.norm(offset), 1e-9), max(np.linalg.norm(ray), 1e-9)
+    u, r = offset / distance, ray / mouse_distance
+    ray_change = (step - (r @ step) * r) / mouse_distance
+    left, foreshortening, right = np.linalg.svd(axes.T - np.outer(u, axes @ u), full_matrices=False)
     grazing = _FOLLOWING.grazing
-    share = np.where(seen > grazing, 1.0 / np.maximum(seen, grazing), seen / grazing**2)
-    return far * axes.T @ (right.T @ (share * (left.T @ turned)))
+    share = np.where(
+        foreshortening > grazing,
+        1.0 / np.maximum(foreshortening, grazing),
+        foreshortening / grazing**2,
+    )
+    return distance * axes.T @ (right.T @ (share * (left.T @ ray_change)))
 
 
 def nudge(axes: np.ndarray, ahead: np.ndarray, right: float, up: float) -> np.ndarray:
     """(3,) displacement of a handle pushed to the right and up in the picture [m].
 
-    It is at most as long as the push. A handle that cannot move up moves away from the viewer.
+    The displacement is at most as long as the push. A handle that cannot move up moves away from
+    the viewer.
 
     Args:
         axes: (k, 3) unit vectors along which the handle can move.
         ahead: (3,) unit vector along the line of sight.
-        right, up: the push [m].
+        right, up: components of the push [m].
     """
     if not len(axes):
         return np.zeros(3)
@@ -81,7 +88,7 @@ def nudge(axes: np.ndarray, ahead: np.ndarray, right: float, up: float) -> np.nd
     sideways = sideways / size if size > 1e-6 else np.array([0.0, -1.0, 0.0])
     forward = np.cross([0.0, 0.0, 1.0], sideways)
     basis = np.linalg.svd(axes.T, full_matrices=False)[0]
-    within = basis @ basis.T
-    vertical = within @ [0.0, 0.0, 1.0]
+    projection = basis @ basis.T
+    vertical = projection @ [0.0, 0.0, 1.0]
     towards = np.array([0.0, 0.0, 1.0]) if float(vertical @ vertical) > 0.5 else forward
-    return within @ (right * sideways + up * towards)
+    return projection @ (right * sideways + up * towards)

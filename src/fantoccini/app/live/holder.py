@@ -1,4 +1,4 @@
-"""Who holds the strings: one viewer at a time, until idle; and the line that shows it."""
+"""The viewer that holds the strings, one at a time, and the line that shows it."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ if TYPE_CHECKING:
     import viser
 
 IDLE = 3.0
-"""A viewer who has moved nothing for so long no longer holds the strings [s]."""
+"""Time without a move after which a viewer no longer holds the strings [s]."""
 
 Viewer = int | str
-"""A client of viser by its number, or a gamepad by its name."""
+"""Client of viser by its number, or gamepad by its name."""
 
 
 class Holder:
-    """The viewer that holds the strings.
+    """Assignment of the strings to one viewer at a time.
 
     Attributes:
         idle: time without a move after which the strings are free [s].
 
     Args:
         idle: see above.
-        clock: returns the time [s].
+        clock: function that returns the time [s].
     """
 
     def __init__(self, idle: float = IDLE, clock: Callable[[], float] = time.monotonic):
@@ -38,13 +38,13 @@ class Holder:
 
     @property
     def viewer(self) -> Viewer | None:
-        """Who holds the strings now, or None."""
+        """Viewer that holds the strings now, or None."""
         with self._lock:
             self._release_when_idle()
             return self._viewer
 
     def claim(self, viewer: Viewer) -> bool:
-        """Whether a viewer may move the puppet now; if so, it holds the strings."""
+        """Assigns the strings to a viewer, unless another one holds them; returns the success."""
         with self._lock:
             self._release_when_idle()
             if self._viewer not in (None, viewer):
@@ -53,7 +53,7 @@ class Holder:
             return True
 
     def leave(self, viewer: Viewer) -> None:
-        """Frees the strings where this viewer holds them."""
+        """Frees the strings, if this viewer holds them."""
         with self._lock:
             if self._viewer == viewer:
                 self._viewer = None
@@ -64,7 +64,7 @@ class Holder:
 
 
 def holder_text(holder: Viewer | None, viewer: Viewer | None = None) -> str:
-    """Who holds the strings, as shown to a viewer."""
+    """Text about the holder of the strings, as shown to a viewer."""
     if holder is None:
         return "The strings are free"
     if holder == viewer:
@@ -74,9 +74,9 @@ def holder_text(holder: Viewer | None, viewer: Viewer | None = None) -> str:
 
 
 class HolderLine:
-    """A line of the panel, different for each viewer, with who holds the strings.
+    """Line of the panel with the holder of the strings, different for each viewer.
 
-    ``order`` is its place in the panel.
+    ``order`` is its position in the panel.
     """
 
     def __init__(self, server: viser.ViserServer, order: float):
@@ -87,7 +87,7 @@ class HolderLine:
         server.on_client_disconnect(lambda client: self._lines.pop(client.client_id, None))
 
     def update(self, holder: Viewer | None) -> None:
-        """Shows who holds the strings now."""
+        """Shows the current holder."""
         if holder == self._holder:
             return
         self._holder = holder

@@ -1,4 +1,4 @@
-"""A page with a live puppet, whose strings every viewer can move."""
+"""Page with a live puppet whose strings every viewer can move."""
 
 from __future__ import annotations
 
@@ -13,15 +13,23 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fantoccini.app.live import midi, pad, sound
+from fantoccini.app.live.body_pulls import BodyPulls
 from fantoccini.app.live.controls import Controls, line_of_sight
 from fantoccini.app.live.drag import nudge
 from fantoccini.app.live.holder import Holder, Viewer, holder_text
 from fantoccini.app.live.live_panel import LivePanel
-from fantoccini.app.live.pushes import Pushes
 from fantoccini.app.live.recorder import Recorder
 from fantoccini.app.live.stage import Stage
 from fantoccini.app.live.watched_file import WatchedFile, compiled
-from fantoccini.app.pages import REFRESH, Handler, Moment, PageLoop, SceneNodes, Server, moment_at
+from fantoccini.app.pages import (
+    REFRESH,
+    Handler,
+    PageLoop,
+    SceneNodes,
+    SceneState,
+    Server,
+    scene_of_state,
+)
 from fantoccini.base import FantocciniError
 from fantoccini.dynamics.derivatives import motion_at
 from fantoccini.output.view import Geometry, Theme, force_arrows, geometry_at
@@ -35,35 +43,35 @@ class _Timing(NamedTuple):
     """Times of a live page."""
 
     max_frame: float = 0.1
-    """Simulated time per frame [s]: after a longer frame the puppet is slow instead of jumping."""
+    """Largest simulated time per frame [s]: after a longer frame the puppet slows, not jumps."""
     history: float = 10.0  # Length of the plot [s]
     samples: float = 0.05  # Interval of the plot's samples [s]
     refusals: float = 2.0  # Interval between notices to a viewer who may not move the strings [s]
     pad_speed: float = 0.5
-    """Speed of a handle at full deflection of a stick, in puppet sizes per second [1/s]."""
+    """Speed of a handle at full deflection of a stick, relative to the puppet's size [1/s]."""
 
 
 _TIMING = _Timing()
 _FULL_FORCE = 0.25
-"""Force of a long arrow, relative to the puppet's weight: several points share the weight."""
+"""Force of a long arrow, relative to the puppet's weight, which several points share."""
 
 
 class Live(PageLoop):
-    """A live puppet on a page.
+    """Live puppet on a page.
 
-    One thread changes the puppet and the page; what viewers do is queued for it, or sets a target
-    that the puppet's hands move to.
+    One thread changes the puppet and the page. Actions of viewers are queued for it, or set targets
+    for the puppet's hands.
 
     Attributes:
         performance: the puppet with hands on its strings.
-        nodes: what the page shows.
-        controls: what a viewer moves.
-        pushes: what a viewer pulls at.
+        nodes: nodes of the drawn scene.
+        controls: beads, rings and sliders.
+        body_pulls: bodies that viewers pull.
         panel: buttons, sliders, numbers.
         stage: gestures, takes, a score, and their sound.
         pads: gamepads.
-        jobs: calls to make between two frames.
-        holder: who holds the strings.
+        jobs: queued calls between two frames.
+        holder: holder of the strings.
         paused: whether time stands still.
         factor: speed of time; below 1 is slow motion.
 
@@ -71,12 +79,12 @@ class Live(PageLoop):
         performance: the puppet.
         theme: colours.
         record_to: folder for recordings.
-        file: the puppet's file, loaded again when it is saved; or None.
+        file: the puppet's file, which is loaded again when it changes; or None.
         score: file of a score, or None.
-        show: a play that is performed on it, or None.
+        show: a play to perform on the page, or None.
 
     Raises:
-        FileError: with the mistakes of the score.
+        FileError: the score has mistakes.
     """
 
     def __init__(
@@ -103,7 +111,7 @@ class Live(PageLoop):
 
     @property
     def handlers(self) -> dict[str, Handler]:
-        """Websockets of our own."""
+        """Additional websockets of the page."""
         return {
             pad.PATH: self.pads.visit,
             sound.PATH: self.stage.sounds.visit,
@@ -112,7 +120,7 @@ class Live(PageLoop):
 
     @property
     def recorder(self) -> Recorder:
-        """Records the performance."""
+        """Recorder of the performance."""
         return self.stage.recorder
 
     def open(self, server: Server) -> None:
@@ -120,7 +128,7 @@ class Live(PageLoop):
         self.server = server
         self.panel = LivePanel(self, server.viser, self.theme)
         self._build()
-        self.nodes.look(server.viser.initial_camera, "three-quarter")
+        self.nodes.aim_camera(server.viser.initial_camera, "three-quarter")
         server.viser.on_client_connect(self._fit)
         server.viser.on_client_disconnect(lambda client: self.holder.leave(client.client_id))
 
@@ -128,10 +136,10 @@ class Live(PageLoop):
         self.performance.let(None)
         self.stage.finish()
 
-    # -- what viewers do -----------------------------------------------------------------------
+    # -- actions of viewers --------------------------------------------------------------------
 
     def act(self, viewer: Viewer | None, do: Callable[[], object]) -> bool:
-        """Does something to the puppet for a viewer if it may; returns whether it did."""
+        """Performs an action for a viewer, if permitted; returns whether it was performed."""
         if viewer is not None and not self.holder.claim(viewer):
             self._refuse(viewer)
             return False
@@ -143,16 +151,16 @@ class Live(PageLoop):
         return True
 
     def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool:
-        """As :meth:`act`, but in the loop's thread, between two frames."""
+        """Queues an action as in :meth:`act` for the loop's thread, between two frames."""
         return self.act(viewer, lambda: self.jobs.put(do))
 
     def pause(self) -> None:
-        """Pauses or resumes."""
+        """Pauses or resumes the time."""
         self.paused = not self.paused
         self.panel.show_paused(self.paused)
 
     def step(self) -> None:
-        """Advances by one frame."""
+        """Pauses, and advances by one frame."""
         if not self.paused:
             self.pause()
         (self.stage.show or self.performance).advance(1.0 / REFRESH.rate)
@@ -162,20 +170,20 @@ class Live(PageLoop):
         balanced = self.balance is not None
         (self.stage.show or self.performance).reset()
         self._past.clear()
-        self.let_balance(balanced)
+        self.set_balance(balanced)
 
     @property
     def balance(self) -> Balance | None:
-        """The law of the hands while they balance the puppet."""
+        """Controller of the hands while they balance the puppet, or None."""
         law = self.performance.law
         return law if isinstance(law, Balance) else None
 
-    def let_balance(self, wanted: bool) -> None:
-        """Lets the hands balance the puppet where it is, or gives them back to their targets."""
-        # Shown first: a click that comes once the law has changed must not be taken back.
-        self.panel.show_balance(wanted)
+    def set_balance(self, balance_on: bool) -> None:
+        """Lets the hands balance the puppet at its current place, or follow their targets again."""
+        # Shown first, so that a click after the change is not undone.
+        self.panel.show_balance(balance_on)
         try:
-            self.performance.let(Balance(self.performance, threaded=True) if wanted else None)
+            self.performance.let(Balance(self.performance, threaded=True) if balance_on else None)
         except Exception:
             self.panel.show_balance(self.balance is not None)
             raise
@@ -185,22 +193,22 @@ class Live(PageLoop):
         self.stage.record()
 
     def push(self, right: float, up: float, camera: viser.CameraHandle | None = None) -> None:
-        """Moves the selected handle in a viewer's picture, in puppet sizes."""
+        """Moves the selected handle in a viewer's picture, in units of the puppet's size."""
         handle = self.controls.handle
         if handle is None:
             return
         size = self.nodes.geometry.size
-        by = nudge(handle.axes, self._line_of_sight(camera), right * size, up * size)
+        displacement = nudge(handle.axes, self._line_of_sight(camera), right * size, up * size)
         position, _ = self.performance.target(handle.name)
-        self.performance.move(handle.name, position + by)
+        self.performance.move(handle.name, position + displacement)
 
     def wind(self, by: float) -> None:
-        """Winds the string of the selected handle in or out, in puppet sizes."""
+        """Winds the string of the selected handle, in units of the puppet's size."""
         if self.controls.selected is not None:
             self.controls.wind(self.controls.selected, by * self.nodes.geometry.size)
 
     def set_parameters(self, values: dict[str, float]) -> None:
-        """Continues with other parameters."""
+        """Continues with other parameter values."""
         self._report(self.performance.set_parameters(values))
 
     # -- the loop ------------------------------------------------------------------------------
@@ -214,17 +222,19 @@ class Live(PageLoop):
             self._safely(partial(self._frame, now, duration))
 
     def _work(self, until: float) -> None:
-        """Does queued jobs until the next frame is due."""
+        """Runs queued jobs until the next frame is due."""
         while not self._end.is_set():
-            left = until - time.perf_counter()
+            remaining = until - time.perf_counter()
             try:
-                job = self.jobs.get(timeout=left) if left > 0.0 else self.jobs.get_nowait()
+                job = (
+                    self.jobs.get(timeout=remaining) if remaining > 0.0 else self.jobs.get_nowait()
+                )
             except queue.Empty:
                 return
             self._safely(job)
 
     def _safely(self, do: Callable[[], None]) -> None:
-        """Does something; errors are shown on the page and do not end the loop."""
+        """Runs something; errors are shown on the page and do not end the loop."""
         try:
             do()
         except FantocciniError as error:
@@ -235,23 +245,23 @@ class Live(PageLoop):
     def _frame(self, now: float, duration: float) -> None:
         self._follow_pads(duration)
         if not self.paused:
-            self.pushes.update(self._poses())
+            self.body_pulls.update(self._poses())
             (self.stage.show or self.performance).advance(duration * self.factor)
         self.stage.factor = 0.0 if self.paused else self.factor
         self.stage.frame()
-        moment = self._moment()
-        self._remember(now, moment)
+        scene = self._scene_state()
+        self._remember(now, scene)
         with self.server.viser.atomic():
-            self.nodes.show(moment)
-            self.controls.update(moment.poses)
+            self.nodes.show(scene)
+            self.controls.update(scene.poses)
             if now >= self._due["marks"]:
                 self._due["marks"] = now + REFRESH.marks
                 self.controls.mark(self.performance.lagging)
             if now >= self._due["numbers"]:
                 self._due["numbers"] = now + REFRESH.numbers
                 self.controls.update_sliders()
-                self.panel.update(moment, self.performance.lagging, self._history())
-        # Otherwise viser waits for more messages and sends two frames as one.
+                self.panel.update(scene, self.performance.lagging, self._history())
+        # Otherwise viser waits for more messages and merges two frames.
         self.server.viser.flush()
         self.recorder.poll()
         self._poll_file(now)
@@ -260,31 +270,31 @@ class Live(PageLoop):
         x = self.performance.state
         return np.asarray(self.performance.marionette.poses(x.q_D, x.q_K))
 
-    def _moment(self) -> Moment:
+    def _scene_state(self) -> SceneState:
         p = self.performance
         arrows, contact = None, p.contact if self.panel.forces else None
         if contact is not None:
-            full = _FULL_FORCE * (p.marionette.weight or 1.0)
-            arrows = force_arrows(contact, full, self.nodes.geometry.size)
-        return moment_at(p.marionette, p.state, p.tension, arrows)
+            long_arrow_force = _FULL_FORCE * (p.marionette.weight or 1.0)
+            arrows = force_arrows(contact, long_arrow_force, self.nodes.geometry.size)
+        return scene_of_state(p.marionette, p.state, p.tension, arrows)
 
-    def _remember(self, now: float, moment: Moment) -> None:
-        if self.paused or now < self._due["sample"] or moment.tension is None:
+    def _remember(self, now: float, scene: SceneState) -> None:
+        if self.paused or now < self._due["sample"] or scene.tension is None:
             return
         self._due["sample"] = now + _TIMING.samples
-        self._past.append((moment.t, moment.tension))
-        while self._past[-1][0] - self._past[0][0] > _TIMING.history or self._past[0][0] > moment.t:
+        self._past.append((scene.t, scene.tension))
+        while self._past[-1][0] - self._past[0][0] > _TIMING.history or self._past[0][0] > scene.t:
             self._past.popleft()
 
     def _history(self) -> tuple[np.ndarray, np.ndarray]:
-        """Times (n,) before now [s] and tensions (n_strings, n) [N]."""
+        """Times (n,) relative to now [s] and tensions (n_strings, n) [N]."""
         if len(self._past) < 2:
             return np.array([-_TIMING.history, 0.0]), np.zeros((len(self.nodes.geometry.names), 2))
         t = np.array([at for at, _ in self._past])
         return t - t[-1], np.array([tension for _, tension in self._past]).T
 
     def _viewer(self, device: str) -> Viewer:
-        """Who uses a device: one person with a mouse and a gamepad is one viewer."""
+        """Viewer that uses a device: with a single client, that client."""
         clients = list(self.server.viser.get_clients())
         return clients[0] if len(clients) == 1 else device
 
@@ -306,9 +316,9 @@ class Live(PageLoop):
             if button in pressed:
                 self.act(viewer, do)
         if sticks.moved:
-            far = _TIMING.pad_speed * duration
-            self.act(viewer, lambda: self.push(far * sticks.right, far * sticks.away))
-            self.act(viewer, lambda: self.wind(-far * sticks.up))
+            distance = _TIMING.pad_speed * duration
+            self.act(viewer, lambda: self.push(distance * sticks.right, distance * sticks.away))
+            self.act(viewer, lambda: self.wind(-distance * sticks.up))
 
     # -- another puppet ------------------------------------------------------------------------
 
@@ -320,9 +330,9 @@ class Live(PageLoop):
         if reload is None:
             return
         self.panel.show_mistakes("puppet", reload.mistakes)
-        if reload.made is None:
+        if reload.content is None:
             return
-        lost = self.stage.replace(reload.made)
+        lost = self.stage.replace(reload.content)
         if self.stage.score is not None:
             self.panel.show_mistakes("score", ())
         self._past.clear()
@@ -347,24 +357,24 @@ class Live(PageLoop):
             self.holder.leave,
             self.panel.lengths,
         )
-        self.pushes = Pushes(
+        self.body_pulls = BodyPulls(
             self.server.viser, self.performance, self.nodes, self.theme, self.act, self.holder.leave
         )
         self.panel.set_up(self.controls)
-        self.nodes.show(self._moment())
+        self.nodes.show(self._scene_state())
 
     def _clear(self) -> None:
         self.controls.remove()
-        self.pushes.remove()
+        self.body_pulls.remove()
         self.panel.clear()
         self.nodes.clear()
 
     def _geometry(self) -> Geometry:
         p = self.performance
-        return geometry_at(p.marionette, p.state, self._resting())
+        return geometry_at(p.marionette, p.state, self._typical_tensions())
 
-    def _resting(self) -> np.ndarray:
-        """(n_strings,) typical tensions of this puppet, for the scale [N]."""
+    def _typical_tensions(self) -> np.ndarray:
+        """(n_strings,) typical tensions of the puppet, for the scale [N]."""
         p = self.performance
         tension = np.asarray(p.tension, dtype=float)
         if tension.any():
@@ -386,19 +396,19 @@ class Live(PageLoop):
         client = self.server.viser.get_clients().get(viewer)
         if client is not None:
             client.add_notification(
-                "Somebody else holds the strings",
+                "Another viewer holds the strings",
                 f"{holder_text(self.holder.viewer, viewer)}.",
                 auto_close_seconds=3.0,
                 color="yellow",
             )
 
     def _fit(self, client: viser.ClientHandle) -> None:
-        """A narrow window, as on a phone, needs a more distant camera."""
+        """Moves the camera of a narrow window, such as a phone's, farther away."""
         if client.camera.aspect < 1.0:
-            self.nodes.look(client.camera, "three-quarter")
+            self.nodes.aim_camera(client.camera, "three-quarter")
 
     def _line_of_sight(self, camera: viser.CameraHandle | None) -> np.ndarray:
-        """(3,) of a camera; without one, that of the last camera, or of the first view."""
+        """(3,) line of sight of a camera; without one, of the last camera or the initial view."""
         if camera is not None:
             self._sight = line_of_sight(camera)
         if self._sight is None:

@@ -1,4 +1,4 @@
-"""The panel of a live page: buttons, sliders, numbers, and errors in the puppet file."""
+"""Panel of a live page: buttons, sliders, numbers, and errors in the puppet file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fantoccini.app.live.play_tab import PlayTab
 from fantoccini.app.live.recorder import Recorder
 from fantoccini.app.live.score_tab import ScoreTab
 from fantoccini.app.live.stage import Stage
-from fantoccini.app.pages import VIEWS, Moment, Plot, SceneNodes, Views, bars, note
+from fantoccini.app.pages import VIEWS, Plot, SceneNodes, SceneState, Views, bars, note
 from fantoccini.output.html import Content, element, lines, to_html
 from fantoccini.output.view import Theme, to_hex
 from fantoccini.theatre.perform import Balance, Performance
@@ -28,22 +28,22 @@ Node = TypeVar("Node")
 SPEEDS = {"1": 1.0, "1/2": 0.5, "1/4": 0.25, "1/8": 0.125, "1/16": 0.0625}
 _PUSH = 0.012
 """Motion of a handle for each press of a key, relative to the puppet's size."""
-_HINT = "Drag a bead to move it, a body to pull at it."
+_HINT = "Drag a bead to move it, or a body to pull it."
 _HINT_WINDS = (
-    "Drag a bead to move it, a body to pull at it; Shift and drag a bead up or down winds its "
+    "Drag a bead to move it, or a body to pull it. Dragging a bead up or down with Shift winds its "
     "string."
 )
 _KEYS = (
     "F and G choose a handle, A D W S move it, Q E wind its string, P pauses, N steps, R resets, "
-    "T records, Shift with F, S, Q, T and the arrow keys turn the camera. Gestures: keys beside "
-    "buttons, H home, B taps the beat, M metronome, L plays the take, O overdubs, Space GO. "
-    "A gamepad works too."
+    "T records; Shift with F, S, Q, T and the arrow keys turn the camera. Gestures: keys beside "
+    "the buttons; H home, B taps the beat, M metronome, L plays the take, O overdubs, Space GO. "
+    "A gamepad works, too."
 )
 _RED = to_hex(WARNING)
 
 
 class LiveActions(Protocol):
-    """The interface of :class:`fantoccini.app.live.live.Live` that the panel shows and changes."""
+    """Interface of :class:`fantoccini.app.live.live.Live` for the panel."""
 
     stage: Stage
     performance: Performance
@@ -57,7 +57,7 @@ class LiveActions(Protocol):
     def recorder(self) -> Recorder: ...
     @property
     def balance(self) -> Balance | None: ...
-    def let_balance(self, wanted: bool) -> None: ...
+    def set_balance(self, balance_on: bool) -> None: ...
     def act(self, viewer: Viewer | None, do: Callable[[], object]) -> bool: ...
     def later(self, viewer: Viewer | None, do: Callable[[], None]) -> bool: ...
     def pause(self) -> None: ...
@@ -70,25 +70,25 @@ class LiveActions(Protocol):
 
 
 class LivePanel:
-    """The panel of a live page.
+    """Panel of a live page.
 
     Attributes:
         lengths: folder of the sliders of strings.
-        views: parts of the world that are shown.
-        takes: the tab of takes.
-        handle_choice: list of the handles; None where there are none.
+        views: boxes for the parts of the world to show.
+        takes: tab of the takes.
+        handle_choice: list of the handles; None without handles.
 
     Args:
-        live: what the buttons act on.
-        server: of viser.
+        live: live puppet on which the buttons act.
+        server: server of viser.
         theme: colours.
     """
 
     def __init__(self, live: LiveActions, server: viser.ViserServer, theme: Theme):
         self._live, self._gui, self._theme = live, server.gui, theme
         self._message = ""
-        self._wrong: dict[str, tuple[str, ...]] = {}
-        self._made: list[Any] = []
+        self._mistakes_by_file: dict[str, tuple[str, ...]] = {}
+        self._removable: list[Any] = []
         gui = server.gui
         self._status = gui.add_html("", order=-4.0)
         self._holder_line = HolderLine(server, order=-3.0)
@@ -101,13 +101,13 @@ class LivePanel:
         self._strings = tabs.add_tab("Strings")
         with self._strings:
             self._balance = gui.add_checkbox(
-                "Let the hands balance it", False, hint="They bring it back to where it is now"
+                "Let the hands balance it", False, hint="They keep it where it is now"
             )
             self._balance.on_update(self._set_balance)
             with gui.add_folder("Speed and view", expand_by_default=False):
                 self._speed = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1")
                 self.views = Views(gui, lambda: live.nodes, self._touches)
-                self._names = gui.add_checkbox("Names", True, hint="Of the handles")
+                self._names = gui.add_checkbox("Names", True, hint="Names of the handles")
                 self._names.on_update(lambda _: live.controls.show_names(self._names.value))
         gestures, takes = tabs.add_tab("Gestures"), tabs.add_tab("Takes")
         self._gestures = GesturesTab(live, gui, gestures, self._command)
@@ -127,7 +127,7 @@ class LivePanel:
         self._add_keys()
 
     def build(self, nodes: SceneNodes) -> None:
-        """Adds what depends on the puppet."""
+        """Adds the parts that depend on the puppet."""
         with self._strings:
             self._build_strings(nodes)
         self._gestures.build()
@@ -148,16 +148,16 @@ class LivePanel:
         self._shown: str | None = None
         if handles:
             choice = gui.add_dropdown("Handle", handles, hint="F and G choose")
-            self.handle_choice = self._keep(choice)
+            self.handle_choice = self._register(choice)
             self._shown = self.handle_choice.value
             self.handle_choice.on_update(self._choose)
         if winds:
-            self._winds = self._keep(
+            self._winds = self._register(
                 gui.add_checkbox("Drag winds", False, hint="Dragging winds strings without Shift")
             )
-        self.lengths = self._keep(gui.add_folder("String lengths [m]", visible=winds))
+        self.lengths = self._register(gui.add_folder("String lengths [m]", visible=winds))
         if names:
-            tension = self._keep(gui.add_folder("Tension"))
+            tension = self._register(gui.add_folder("Tension"))
             with tension:
                 self._bars = gui.add_html("")
                 self._plot = Plot(
@@ -165,16 +165,16 @@ class LivePanel:
                 )
         values = live.performance.marionette.tree.parameters
         if values:
-            with self._keep(gui.add_folder("Parameters")):
+            with self._register(gui.add_folder("Parameters")):
                 current = dict(zip(values, live.performance.marionette.p, strict=True))
                 for name, value in current.items():
                     self._add_parameter(name, float(value))
-        with self._keep(gui.add_folder("Keys", expand_by_default=False)):
+        with self._register(gui.add_folder("Keys", expand_by_default=False)):
             gui.add_html(note(_KEYS))
 
     @property
     def forces(self) -> bool:
-        """Whether the forces of contacts are wanted."""
+        """Whether the forces of contacts are shown."""
         return self.views.forces
 
     @property
@@ -183,57 +183,61 @@ class LivePanel:
         return self._winds is not None and self._winds.value
 
     def set_up(self, controls: Controls) -> None:
-        """Shows new beads and rings as the boxes say."""
+        """Applies the boxes to new beads and rings."""
         controls.show_names(self._names.value)
 
     def clear(self) -> None:
-        """Removes what depends on the puppet."""
-        for node in self._made:
+        """Removes the parts that depend on the puppet."""
+        for node in self._removable:
             node.remove()
-        self._made.clear()
+        self._removable.clear()
 
     def report(self, message: str) -> None:
         """Shows a message, until the next one."""
         self._message = message
 
     def show_paused(self, paused: bool) -> None:
-        """Labels the button with what it does next."""
+        """Labels the button with its next action."""
         self._pause.label = "Go on" if paused else "Pause"
         self._pause.icon = "player-play" if paused else "player-pause"
 
     def show_balance(self, on: bool) -> None:
-        """Ticks the box where the hands balance the puppet."""
+        """Ticks or clears the box for balancing."""
         if self._balance.value != on:
             self._balance.value = on
 
     def show_mistakes(self, what: str, mistakes: tuple[str, ...]) -> None:
-        """Shows the errors in a file, of the puppet or of the score."""
-        self._wrong = {**self._wrong, what: mistakes}
-        wrong = {what: found for what, found in self._wrong.items() if found}
-        self._mistakes.visible = bool(wrong)
-        lead = "; ".join(f"the {what} is unchanged" for what in wrong)
+        """Shows the mistakes in the file of the puppet or of the score."""
+        self._mistakes_by_file = {**self._mistakes_by_file, what: mistakes}
+        with_mistakes = {
+            what: lines_of_file
+            for what, lines_of_file in self._mistakes_by_file.items()
+            if lines_of_file
+        }
+        self._mistakes.visible = bool(with_mistakes)
+        lead = "; ".join(f"the {what} is unchanged" for what in with_mistakes)
         box = (
             f"margin:0 0.5em;padding:0.5em 0.7em;border-left:4px solid {_RED};"
             "background:rgba(214,69,69,0.12);font-size:0.82em;overflow-wrap:anywhere"
         )
         head = element("b", f"The file has errors; {lead}.")
-        rows = lines(line for mistakes in wrong.values() for line in mistakes)
+        rows = lines(line for mistakes in with_mistakes.values() for line in mistakes)
         self._mistakes.content = to_html(element("div", head, *rows, style=box))
 
     def update(
-        self, moment: Moment, lagging: dict[str, str], history: tuple[np.ndarray, np.ndarray]
+        self, scene: SceneState, lagging: dict[str, str], history: tuple[np.ndarray, np.ndarray]
     ) -> None:
         """Shows new numbers.
 
         Args:
-            moment: now.
-            lagging: names of handles and strings that cannot follow, and why.
-            history: times before now [s] and tensions [N].
+            scene: current state of the scene.
+            lagging: handles and strings that cannot follow -> reason.
+            history: times relative to now [s] and tensions [N].
         """
-        self._status.content = self._about(moment, lagging)
+        self._status.content = self._about(scene, lagging)
         self._holder_line.update(self._live.holder.viewer)
         selected = self._live.controls.selected
-        # Only changes are sent: a viewer may just have chosen in the list.
+        # Only changes are sent: a viewer may just have chosen another handle.
         if self.handle_choice is not None and self._shown != selected:
             self.handle_choice.value = self._shown = selected
         self._record.label = "Stop recording" if self._live.recorder.running else "Record"
@@ -246,7 +250,7 @@ class LivePanel:
         if self._play is not None:
             self._play.update()
         if self._nodes.geometry.names:
-            self._bars.content = bars(self._nodes.geometry.names, moment, self._nodes)
+            self._bars.content = bars(self._nodes.geometry.names, scene, self._nodes)
             t, tension = history
             self._plot.draw(t, np.minimum(tension, 10.0 * self._nodes.colours.top))
 
@@ -255,9 +259,9 @@ class LivePanel:
     def _touches(self) -> bool:
         return self._live.performance.contact is not None
 
-    def _about(self, moment: Moment, lagging: dict[str, str]) -> str:
+    def _about(self, scene: SceneState, lagging: dict[str, str]) -> str:
         live = self._live
-        clock: list[Content] = [f"{moment.t:.1f} s"]
+        clock: list[Content] = [f"{scene.t:.1f} s"]
         if live.paused:
             clock.append(", paused")
         elif live.factor != 1.0:
@@ -268,8 +272,8 @@ class LivePanel:
         rows = [element("div", *clock)]
         if live.balance is not None:
             rows.append(element("div", f"The hands balance it: {live.balance.about}"))
-        for name, why in lagging.items():
-            rows.append(element("div", f"{name}: {why}", style=f"color:{_RED}"))
+        for name, reason in lagging.items():
+            rows.append(element("div", f"{name}: {reason}", style=f"color:{_RED}"))
         for message in dict.fromkeys((live.recorder.status, self._message)):
             if message:
                 rows.append(element("div", message, style="opacity:0.75;overflow-wrap:anywhere"))
@@ -282,12 +286,12 @@ class LivePanel:
             self._live.later(None, lambda: self._live.controls.select(name))
 
     async def _set_balance(self, event: Any) -> None:
-        # Asynchronous, so that it sees the click's own value: viser calls it at once.
+        # Asynchronous, because viser calls it at once, with the value of the click.
         if event.client_id is None:
             return
-        live, wanted = self._live, self._balance.value
-        if not live.later(event.client_id, lambda: live.let_balance(wanted)):
-            self._balance.value = not wanted
+        live, balance = self._live, self._balance.value
+        if not live.later(event.client_id, lambda: live.set_balance(balance)):
+            self._balance.value = not balance
 
     def _set_speed(self, event: Any) -> None:
         if event.client_id is None:
@@ -318,12 +322,12 @@ class LivePanel:
             command = self._gui.add_command(label, hotkey=key)
             command.on_trigger(lambda e: live.later(e.client_id, lambda: do(e.client.camera)))
 
-        acts("Pause or go on", "P", lambda _: live.pause())
+        acts("Pause or continue", "P", lambda _: live.pause())
         acts("Step", "N", lambda _: live.step())
         acts("Reset", "R", lambda _: live.reset())
         acts("Record or stop", "T", lambda _: live.record())
         acts("Next handle", "F", lambda _: live.controls.select_next(1))
-        acts("Handle before", "G", lambda _: live.controls.select_next(-1))
+        acts("Previous handle", "G", lambda _: live.controls.select_next(-1))
         for label, key, right, up in (
             ("left", "A", -_PUSH, 0.0),
             ("right", "D", _PUSH, 0.0),
@@ -333,19 +337,19 @@ class LivePanel:
             acts(f"Handle {label}", key, partial(live.push, right, up))
         acts("Wind in", "E", lambda _: live.wind(-_PUSH))
         acts("Wind out", "Q", lambda _: live.wind(_PUSH))
-        # Not Shift with a digit: browsers name that key by what it writes, as `!`.
+        # Not Shift with a digit: browsers name that key by its character, such as `!`.
         for key, view in zip("FSQT", VIEWS, strict=True):
             camera = self._gui.add_command(
                 f"Camera: {view}", hotkey=cast(Any, key), modifier="shift"
             )
-            camera.on_trigger(lambda e, view=view: live.nodes.look(e.client.camera, view))
+            camera.on_trigger(lambda e, view=view: live.nodes.aim_camera(e.client.camera, view))
 
     def _command(self, label: str, key: str, do: Callable[[], None]) -> Any:
-        """Adds a key that does something in the loop's thread."""
+        """Adds a key whose action runs in the loop's thread."""
         command = self._gui.add_command(label, hotkey=cast(Any, key))
         command.on_trigger(lambda e: self._live.later(e.client_id, do))
         return command
 
-    def _keep(self, node: Node) -> Node:
-        self._made.append(node)
+    def _register(self, node: Node) -> Node:
+        self._removable.append(node)
         return node

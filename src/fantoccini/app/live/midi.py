@@ -1,7 +1,7 @@
-"""MIDI of the browser: a note or a program change is GO.
+"""MIDI in the browser: a note or a program change triggers GO.
 
-A script on the page asks the browser for its MIDI inputs and tells a websocket of the same server,
-which accepts connections from its own page only.
+A script on the page listens to the browser's MIDI inputs and sends GO to a websocket of the same
+server, which accepts connections from its own page only.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MIDI_SCRIPT = """
 
 
 class Midi:
-    """What MIDI devices of viewers send.
+    """Receiver of GO from MIDI devices of viewers.
 
     Args:
         go: called on GO.

@@ -1,7 +1,7 @@
-"""Gamepads of the browser.
+"""Gamepads in the browser.
 
-viser does not support gamepads. A script on the page reads them thirty times a second and sends the
-numbers to a websocket of the same server, which accepts connections from its own page only.
+viser does not support gamepads. A script on the page reads them thirty times a second and sends
+their state to a websocket of the same server, which accepts connections from its own page only.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ PAD_SCRIPT = """
 
 
 class _Limits(NamedTuple):
-    """What counts as a move, and what is read of a message."""
+    """Thresholds of sticks, and limits of messages."""
 
     dead_zone: float = 0.15
-    """Deflection (of 1) below which a stick is at rest: sticks do not return to 0 exactly."""
+    """Deflection (of 1) below which a stick counts as at rest: sticks rest off 0."""
     max_silence: float = 0.3
-    """Time without a message after which sticks are at rest [s]: the tab may be closed."""
+    """Time without a message after which sticks count as at rest [s]: the tab may be closed."""
     max_message: int = 2000  # Length of a message [characters]; longer ones are not from our script
-    max_count: int = 16  # Axes, and buttons, that are read
+    max_count: int = 16  # Number of axes and of buttons that are read
 
 
 _LIMITS = _Limits()
@@ -58,12 +58,12 @@ NEXT, BEFORE, PAUSE, RESET, RECORD = 5, 4, 9, 8, 3
 
 @dataclass(frozen=True)
 class Sticks:
-    """The state of a gamepad.
+    """State of a gamepad.
 
     Attributes:
         right, away: left stick, -1 to 1.
         up: right stick, -1 to 1.
-        buttons: those that are down.
+        buttons: numbers of the pressed buttons.
     """
 
     right: float = 0.0
@@ -78,7 +78,7 @@ class Sticks:
 
 
 def read(message: str | bytes) -> Sticks | None:
-    """The gamepad's state in a message; None for an invalid message."""
+    """State of the gamepad in a message; None for an invalid message."""
     if len(message) > _LIMITS.max_message:
         return None
     try:
@@ -90,7 +90,7 @@ def read(message: str | bytes) -> Sticks | None:
     if not all(map(math.isfinite, axes)):
         return None
     pushed = [_deflection(x) for x in (*axes, 0.0, 0.0, 0.0, 0.0)[:4]]
-    # Browsers count downwards.
+    # Browsers count downwards as positive.
     return Sticks(pushed[0], -pushed[1], -pushed[3], down)
 
 
@@ -100,7 +100,7 @@ def _deflection(x: float) -> float:
 
 
 class Pads:
-    """The gamepads of all viewers; the one that sent last counts."""
+    """Gamepads of all viewers; the one with the latest message counts."""
 
     def __init__(self) -> None:
         self._sticks, self._received, self.name = Sticks(), 0.0, ""
@@ -122,10 +122,10 @@ class Pads:
 
     @property
     def sticks(self) -> Sticks:
-        """The gamepad's state now."""
+        """Current state of the gamepad."""
         return self._sticks if time.monotonic() - self._received < _LIMITS.max_silence else Sticks()
 
     def pressed(self) -> set[int]:
-        """Buttons that were pressed since the last call."""
+        """Buttons that have been pressed since the last call."""
         fresh, self._fresh = self._fresh, set()
         return fresh

@@ -1,4 +1,4 @@
-"""Tabs of a live page's panel on which gestures and takes are played."""
+"""Tabs of a live page's panel for gestures and takes."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from fantoccini.theatre.perform import RANGE
 if TYPE_CHECKING:
     import viser
 
-_IN_A_ROW = 3
-"""Gestures."""
+_PER_ROW = 3
+"""Number of gesture buttons in a row."""
 KEYS = "1234567890ZXCVUIJK"
-"""Keys of gestures, in their order; those after the last have none."""
+"""Keys of the gestures, in order; further gestures have no key."""
 _NONE = "none yet"
 
 
 class StageActions(Protocol):
-    """The interface of :class:`fantoccini.app.live.live.Live` that the tabs act on."""
+    """Interface of :class:`fantoccini.app.live.live.Live` for the tabs."""
 
     stage: Stage
 
@@ -31,13 +31,13 @@ class StageActions(Protocol):
 
 
 class GesturesTab:
-    """Buttons and keys of gestures, how they are played, and the beat.
+    """Buttons and keys of gestures, their options, and the beat.
 
     Args:
-        live: what the buttons act on.
-        gui: of the server.
-        tab: of the panel.
-        command: adds a key: what it does in words, the key, and what it does.
+        live: live puppet on which the buttons act.
+        gui: controls of the server.
+        tab: tab of the panel.
+        command: adds a key, given a description, the key, and its action.
     """
 
     def __init__(
@@ -48,40 +48,40 @@ class GesturesTab:
         command: Callable[[str, str, Callable[[], None]], Any],
     ):
         self._live, self._gui, self._tab, self._command = live, gui, tab, command
-        self._made: list[Any] = []
+        self._removable: list[Any] = []
         self._names: tuple[str, ...] | None = None
-        manner, instrument = live.stage.instrument.manner, live.stage.instrument
+        options, player = live.stage.gesture_player.options, live.stage.gesture_player
         with tab:
             self._about = gui.add_html("")
             home = gui.add_button(
                 "Home (H)",
                 icon="home",
                 color="gray",
-                hint="Takes back all gestures; without any, the hands go to the start",
+                hint="Ends all gestures; if there are none, the hands go to the start",
             )
             home.on_click(lambda e: live.later(e.client_id, self._go_home))
             boxes = (
-                ("Mirrored", "mirrored", "Left and right change places"),
-                ("Again", "again", "Begin again at the end, until pressed once more"),
+                ("Mirrored", "mirrored", "Exchange left and right"),
+                ("Again", "again", "Repeat until the button is pressed again"),
                 ("On the beat", "on_beat", "Begin on the next beat"),
             )
             for label, name, hint in boxes:
-                self._sets(gui.add_checkbox(label, False, hint=hint), manner, name)
-            self._sets(gui.add_slider("Size", 0.25, 2.0, 0.05, 1.0), manner, "size")
-            self._sets(gui.add_slider("Speed", 0.5, 2.0, 0.05, 1.0), manner, "speed")
+                self._bind_option(gui.add_checkbox(label, False, hint=hint), options, name)
+            self._bind_option(gui.add_slider("Size", 0.25, 2.0, 0.05, 1.0), options, "size")
+            self._bind_option(gui.add_slider("Speed", 0.5, 2.0, 0.05, 1.0), options, "speed")
             self._bpm = gui.add_slider(
-                "Beats a minute", RANGE.slowest, RANGE.fastest, 1.0, instrument.tempo.bpm
+                "Beats a minute", RANGE.slowest, RANGE.fastest, 1.0, player.tempo.bpm
             )
             beat = gui.add_button_group("B M", ("Tap", "Metronome"), hint="Tap on every beat")
-        command("Home: take back all gestures", "H", self._go_home)
+        command("Home: end all gestures", "H", self._go_home)
         command("Tap the beat", "B", self._tap)
         command("Metronome on or off", "M", self._click)
 
         async def set_bpm(event: Any) -> None:
             if event.client_id is not None:
                 bpm = float(self._bpm.value)
-                if not live.later(event.client_id, lambda: instrument.set_tempo(bpm)):
-                    self._bpm.value = float(round(instrument.tempo.bpm))
+                if not live.later(event.client_id, lambda: player.set_tempo(bpm)):
+                    self._bpm.value = float(round(player.tempo.bpm))
 
         async def pressed(event: Any) -> None:
             do = self._tap if event.target.value == "Tap" else self._click
@@ -91,39 +91,41 @@ class GesturesTab:
         beat.on_click(pressed)
 
     def build(self) -> None:
-        """Shows buttons of the gestures that there are now."""
-        names = tuple(self._live.stage.instrument.gestures)
+        """Shows buttons for the current gestures."""
+        names = tuple(self._live.stage.gesture_player.gestures)
         if names == self._names:
             return
         self._names = names
-        for one in self._made:
-            one.remove()
-        self._made.clear()
+        for button in self._removable:
+            button.remove()
+        self._removable.clear()
         with self._tab:
-            for k in range(0, len(names), _IN_A_ROW):
-                self._add_row(k, names[k : k + _IN_A_ROW])
+            for k in range(0, len(names), _PER_ROW):
+                self._add_row(k, names[k : k + _PER_ROW])
         for key, name in zip(KEYS, names, strict=False):
-            self._made.append(self._command(f"Gesture: {name}", key, partial(self._press, name)))
+            self._removable.append(
+                self._command(f"Gesture: {name}", key, partial(self._press, name))
+            )
 
     def update(self) -> None:
-        """Shows what is played, and the tempo where it has been tapped."""
-        instrument = self._live.stage.instrument
-        if not instrument.gestures:
-            said = "No bundled gesture is for these strings: make one of a take."
-        elif instrument.playing:
-            said = f"Plays {', '.join(instrument.playing)}"
+        """Shows the gestures that are played, and the tempo if it has been tapped."""
+        player = self._live.stage.gesture_player
+        if not player.gestures:
+            text = "No bundled gesture fits these strings: make one from a take."
+        elif player.playing:
+            text = f"Plays {', '.join(player.playing)}"
         else:
-            said = "A button or its key plays a gesture on top of what you hold."
-        if instrument.metronome:
-            said = f"{_dots(instrument.beat)} {said}"
-        self._say("; ".join((said, *instrument.problems)))
-        bpm = float(round(instrument.tempo.bpm))
+            text = "A button or its key plays a gesture, added to your own motion."
+        if player.metronome:
+            text = f"{_dots(player.beat)} {text}"
+        self._set_text("; ".join((text, *player.problems)))
+        bpm = float(round(player.tempo.bpm))
         if abs(self._bpm.value - bpm) >= 1.0:
             self._bpm.value = bpm
 
     # -- inside ------------------------------------------------------------------------------
 
-    def _say(self, words: str) -> None:
+    def _set_text(self, words: str) -> None:
         content = note(words)
         if self._about.content != content:
             self._about.content = content
@@ -137,50 +139,50 @@ class GesturesTab:
             self._live.later(event.client_id, lambda: self._press(name))
 
         row.on_click(pressed)
-        self._made.append(row)
+        self._removable.append(row)
 
     def _press(self, name: str) -> None:
-        self._live.stage.instrument.press(name)
+        self._live.stage.gesture_player.press(name)
 
     def _go_home(self) -> None:
-        self._live.stage.instrument.go_home()
+        self._live.stage.gesture_player.go_home()
 
     def _tap(self) -> None:
-        self._live.stage.instrument.tap()
+        self._live.stage.gesture_player.tap()
         self._live.stage.sounds.changed()
 
     def _click(self) -> None:
-        instrument = self._live.stage.instrument
-        instrument.metronome = not instrument.metronome
+        player = self._live.stage.gesture_player
+        player.metronome = not player.metronome
         self._live.stage.sounds.changed()
 
-    def _sets(self, control: Any, manner: Any, name: str) -> None:
-        """Sets an attribute of the manner to what a control says."""
+    def _bind_option(self, control: Any, options: Any, name: str) -> None:
+        """Binds an option of the gestures to a control."""
 
         async def changed(event: Any) -> None:
             if event.client_id is None:
                 return
             value = control.value
-            if not self._live.later(event.client_id, lambda: setattr(manner, name, value)):
-                control.value = getattr(manner, name)
+            if not self._live.later(event.client_id, lambda: setattr(options, name, value)):
+                control.value = getattr(options, name)
 
         control.on_update(changed)
 
 
 def _dots(beat: int) -> str:
-    """Four beats, with the present one."""
+    """Four dots, with the current beat filled."""
     return "".join("\N{BLACK CIRCLE}" if k == beat % 4 else "\N{WHITE CIRCLE}" for k in range(4))
 
 
 class TakesTab:
-    """Takes: chosen, edited, played, overdubbed, kept, made into gestures and films.
+    """Controls to choose, edit, play, overdub and save takes, and to make gestures and films.
 
     Attributes:
         choice: list of the takes.
         part_of: name of the take whose part is shown.
-        stretch: slider of the factor of its duration.
-        again: box that lets it begin again.
-        name_field: name of the gesture that it becomes.
+        stretch: slider for the factor on its duration.
+        again: box for repetition.
+        name_field: field for the name of a gesture.
         lane_boxes: boxes of an overdub by lane.
 
     Args:
@@ -207,16 +209,16 @@ class TakesTab:
             self._play = gui.add_button(
                 "Play (L)",
                 icon="player-play",
-                hint="From its start; ends the score and gestures that are played",
+                hint="From its start; ends the score and all gestures",
             )
-            self.again = gui.add_checkbox("Loop", False, hint="Again and again, joined smoothly")
+            self.again = gui.add_checkbox("Loop", False, hint="Repeat, joined smoothly")
             with gui.add_folder("Edit"):
                 self._editing = gui.add_html("")
                 self._smooth = gui.add_slider(
                     "Smooth [s]", 0.0, 1.0, 0.02, 0.0, hint="Averages the hands' paths"
                 )
                 self.stretch = gui.add_slider(
-                    "Stretch", 0.25, 4.0, 0.05, 1.0, hint="How many times as long"
+                    "Stretch", 0.25, 4.0, 0.05, 1.0, hint="Factor on the duration"
                 )
                 self._keep = gui.add_button_group("Save as", ("New take", "Film"))
             with gui.add_folder("Gesture"):
@@ -225,8 +227,7 @@ class TakesTab:
             self._armed = gui.add_folder("Overdub", expand_by_default=False)
             with self._armed:
                 gui.add_html(
-                    note("Ticked strings are in your hands, the take moves the others."),
-                    order=-2000.0,
+                    note("You move the ticked strings, the take moves the others."), order=-2000.0
                 )
                 overdub = gui.add_button("Overdub (O)", icon="player-record", color="red")
         self._play.on_click(lambda e: live.later(e.client_id, self._play_take))
@@ -241,7 +242,7 @@ class TakesTab:
         command("Overdub the take", "O", self._overdub)
 
     def build(self) -> None:
-        """Shows boxes of the lanes that there are now."""
+        """Shows boxes for the current lanes."""
         stage = self._live.stage
         if stage.performance.lanes == tuple(self.lane_boxes):
             return
@@ -256,7 +257,7 @@ class TakesTab:
             box.on_update(self._arms(lane, box))
 
     def update(self) -> None:
-        """Shows the takes that there are now, and what becomes of the chosen one."""
+        """Shows the current takes, and the state of the chosen one."""
         takes = self._live.stage.takes
         names = takes.names or (_NONE,)
         if names != self._shown:
@@ -264,9 +265,9 @@ class TakesTab:
             self.choice.options = names
         if takes.chosen != self.part_of and takes.take is not None:
             self._show_chosen()
-        said = self._said()
-        if self._about.content != said:
-            self._about.content = said
+        text = self._status_html()
+        if self._about.content != text:
+            self._about.content = text
         playing = self._live.stage.performance.take_time is not None
         label = "Stop (L)" if playing else "Play (L)"
         if self._play.label != label:
@@ -275,19 +276,19 @@ class TakesTab:
 
     # -- inside ------------------------------------------------------------------------------
 
-    def _said(self) -> str:
+    def _status_html(self) -> str:
         stage = self._live.stage
         take, t = stage.takes.take, stage.performance.take_time
         if take is None:
-            said = "Record one, or choose one."
+            text = "Record a take, or choose one."
         else:
             edits = stage.takes.edits
-            said = f"{take.duration:.2f} s"
+            text = f"{take.duration:.2f} s"
             if edits.start > 0.0 or edits.end < take.duration:
-                said = f"{edits.start:.2f} s to {edits.end:.2f} s of {said}"
+                text = f"{edits.start:.2f} s to {edits.end:.2f} s of {text}"
             if t is not None:
-                said = f"Plays {t:.1f} s of {stage.takes.edited().duration:.1f} s"
-        return note("; ".join(part for part in (said, stage.worker.status) if part))
+                text = f"Plays {t:.1f} s of {stage.takes.edited().duration:.1f} s"
+        return note("; ".join(part for part in (text, stage.worker.status) if part))
 
     def _show_chosen(self) -> None:
         """Sets the controls to the chosen take, without edits."""
@@ -330,10 +331,10 @@ class TakesTab:
         finally:
             self._show_name(name)
 
-    def _show_name(self, said: str) -> None:
-        """Shows which take is chosen where the list says another."""
+    def _show_name(self, listed: str) -> None:
+        """Corrects the list if it shows another take than the chosen one."""
         chosen = self._live.stage.takes.chosen or self._shown[0]
-        if chosen != said:
+        if chosen != listed:
             self.choice.value = chosen
 
     async def _edit(self, event: Any) -> None:
@@ -345,20 +346,20 @@ class TakesTab:
             end = takes.take.duration  # the slider rounds
         edits = Edits(start, end, self._smooth.value, self.stretch.value)
         if not self._live.later(event.client_id, lambda: setattr(takes, "edits", edits)):
-            kept, most = takes.edits, self._part.max
-            self._part.value = min(kept.start, most), min(kept.end, most)
-            self._smooth.value, self.stretch.value = kept.smooth, kept.stretch
+            current, longest = takes.edits, self._part.max
+            self._part.value = min(current.start, longest), min(current.end, longest)
+            self._smooth.value, self.stretch.value = current.smooth, current.stretch
 
     async def _loop(self, event: Any) -> None:
-        wanted = self.again.value
+        loop = self.again.value
         if event.client_id is not None and not self._live.later(event.client_id, lambda: None):
-            self.again.value = not wanted
+            self.again.value = not loop
 
     async def _save(self, event: Any) -> None:
         takes = self._live.stage.takes
         film = event.target.value == "Film"
-        do = (lambda: takes.film(self._theme)) if film else takes.keep
-        self._live.later(event.client_id, do)
+        action = (lambda: takes.film(self._theme)) if film else takes.keep
+        self._live.later(event.client_id, action)
 
     def _play_take(self) -> None:
         self._live.stage.play_take(self.again.value)
@@ -368,7 +369,7 @@ class TakesTab:
 
     def _make(self) -> None:
         stage = self._live.stage
-        stage.instrument.add(stage.takes.gesture(self.name_field.value.strip()))
+        stage.gesture_player.add(stage.takes.gesture(self.name_field.value.strip()))
         self.name_field.value = ""
 
     def _arms(self, lane: str, box: Any) -> Callable[[Any], Any]:

@@ -1,4 +1,4 @@
-"""Recordings of a live performance, each written to a file of its own."""
+"""Recordings of a live performance, each written to its own file."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from fantoccini.theatre.perform import Performance, Recording
 
 
 class Recorder:
-    """Records a performance into files of a folder.
+    """Recorder of a performance, which writes files into a folder.
 
     Attributes:
         running: whether it records.
-        status: what became of the last recording; empty at first.
+        status: message about the last recording; empty at first.
 
     Args:
-        performance: what is recorded.
-        folder: of the files.
-        made: called with every recording, and the path that it is written to.
+        performance: performance to record.
+        folder: folder for the files.
+        on_recording: callback with every recording and its path.
     """
 
     def __init__(
         self,
         performance: Performance,
         folder: Path,
-        made: Callable[[Recording, Path], None] = lambda recording, path: None,
+        on_recording: Callable[[Recording, Path], None] = lambda recording, path: None,
     ):
-        self._performance, self._folder, self._made = performance, folder, made
+        self._performance, self._folder, self._on_recording = performance, folder, on_recording
         self._name = ""
         self._writers: list[threading.Thread] = []
         self._used: set[Path] = set()
@@ -46,18 +46,18 @@ class Recorder:
         return self._performance.t - self._began
 
     def begin(self) -> None:
-        """Records from now on."""
+        """Starts a recording."""
         self._name = self._performance.marionette.name
         self._performance.record()
         self.running, self._began = True, self._performance.t
 
     def poll(self) -> None:
-        """Writes a recording that has ended by itself."""
+        """Writes a recording that the performance has ended."""
         if self.running and not self._performance.recording:
             self.end()
 
     def end(self) -> None:
-        """Ends the recording; a thread of its own writes it."""
+        """Ends the recording; another thread writes it."""
         ended = self._stop()
         if ended is None:
             return
@@ -70,14 +70,14 @@ class Recorder:
             self._writers.append(writer)
 
     def finish(self) -> None:
-        """Ends the recording, and waits until everything is on disk."""
+        """Ends the recording, and waits until everything is written."""
         self.end()
         for writer in self._writers:
             writer.join()
         self._writers.clear()
 
     def _stop(self) -> tuple[Recording, Path] | None:
-        """The recording that was running and its path; None where there is none."""
+        """Ends the recording; returns it and its path, or None if there is none."""
         if not self.running:
             return None
         self.running = False
@@ -89,22 +89,22 @@ class Recorder:
         path = free_path(self._folder, self._name, datetime.now(), self._used)
         self._used.add(path)
         self.status = f"writing {path.name}"
-        self._made(recording, path)
+        self._on_recording(recording, path)
         return recording, path
 
     def _write(self, recording: Recording, path: Path) -> None:
-        """Writes a recording to its path, or failing that to the folder of temporary files."""
+        """Writes a recording to its path or, if that fails, to the folder of temporary files."""
         failed = ""
         for place in (path, Path(tempfile.gettempdir()) / path.name):
             try:
                 recording.save(place)
-            except Exception as error:  # nobody else would report it
+            except Exception as error:  # otherwise nothing would report it
                 reason = str(getattr(error, "strerror", None) or error)
                 lead = f"{place} cannot be written"
                 failed += (reason if reason.startswith(lead) else f"{lead}: {reason}") + "; "
                 continue
-            why = f"; {recording.ended}" if recording.ended else ""
-            self.status = f"{failed}wrote {place} ({recording.duration:.1f} s{why})"
+            ending = f"; {recording.ended}" if recording.ended else ""
+            self.status = f"{failed}wrote {place} ({recording.duration:.1f} s{ending})"
             return
         self.status = f"{failed}the recording is lost"
 
@@ -113,17 +113,17 @@ _TAKE_NAME = re.compile(r".*-\d{8}-\d{6}(-\d+)?(-edited(-\d+)?)?", re.ASCII)
 
 
 def is_take_name(stem: str) -> bool:
-    """Whether a file's name, without its ending, is that of a recording nobody has named."""
+    """Whether a file's name, without ending, is one that the recorder generated."""
     return _TAKE_NAME.fullmatch(stem) is not None
 
 
-def unused(folder: Path, stem: str, ending: str, used: Collection[Path] = frozenset()) -> Path:
-    """A path of the folder without a file: ``STEM.ENDING``, ``STEM-2.ENDING``, ...
+def unused_path(folder: Path, stem: str, ending: str, used: Collection[Path] = frozenset()) -> Path:
+    """Unused path in a folder: ``STEM.ENDING``, ``STEM-2.ENDING``, ...
 
     Args:
-        folder: of the file.
-        stem: of its name.
-        ending: with its dot.
+        folder: folder of the file.
+        stem: name without ending.
+        ending: ending with its dot.
         used: paths that are about to be written.
     """
     path, n = folder / f"{stem}{ending}", 1
@@ -134,13 +134,13 @@ def unused(folder: Path, stem: str, ending: str, used: Collection[Path] = frozen
 
 
 def free_path(folder: Path, name: str, now: datetime, used: Collection[Path] = frozenset()) -> Path:
-    """A path without a file: ``NAME-YYYYmmdd-HHMMSS.npz`` in the folder.
+    """Unused path of a recording: ``NAME-YYYYmmdd-HHMMSS.npz`` in the folder.
 
     Args:
-        folder: of the file.
-        name: of the puppet; other characters than letters, digits, - and _ become _.
+        folder: folder of the file.
+        name: name of the puppet; characters other than letters, digits, - and _ become _.
         now: date and time.
         used: paths that are about to be written.
     """
     plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:64] or "puppet"
-    return unused(folder, f"{plain}-{now:%Y%m%d-%H%M%S}", ".npz", used)
+    return unused_path(folder, f"{plain}-{now:%Y%m%d-%H%M%S}", ".npz", used)

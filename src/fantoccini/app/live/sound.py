@@ -1,8 +1,8 @@
-"""Sound of a page: clicks of a metronome, and the sounds of a score.
+"""Sound of a page: clicks of the metronome, and the sounds of a score.
 
-A script on the page hears from a websocket of the same server where the beat and the score are, and
-plays by the clock of the browser's sound. Browsers stay silent until somebody clicks on the page or
-presses a key.
+A script on the page receives the time of the beat and the score from a websocket of the same
+server, and plays by the clock of the browser's sound. Browsers stay silent until a viewer clicks
+on the page or presses a key.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ PATH = "/sound"
 
 SOUND_SCRIPT = """
 (() => {
-  const AHEAD = 0.15;  // sounds are handed over so long before they are heard [s]
-  const APART = 0.06;  // a sound that is off by more begins anew [s]
+  const AHEAD = 0.15;  // time by which sounds are scheduled in advance [s]
+  const APART = 0.06;  // error of a sound's time above which it restarts [s]
   let context = null, beat = null, score = null, loading = null, last = -1;
   const sounds = [], said = document.documentElement.dataset;
   said.clicks = said.sounds = "0";
@@ -46,7 +46,7 @@ SOUND_SCRIPT = """
     one.source = null;
   };
   const play = (one, zero) => {
-    // zero: when the score's time is 0, by the clock of the browser's sound
+    // zero: time on the clock of the browser's sound at which the score's time is 0
     const now = context.currentTime, begins = zero + one.start;
     if (begins + one.buffer.duration <= now || begins > now + 1.0) return;
     const source = context.createBufferSource(), level = context.createGain();
@@ -65,7 +65,7 @@ SOUND_SCRIPT = """
       const {zero, period} = beat;
       for (let k = Math.ceil((clock - zero) / period); zero + k * period < clock + AHEAD; k++) {
         const at = zero + k * period;
-        if (at < last + 0.4 * period) continue;  // handed over already
+        if (at < last + 0.4 * period) continue;  // scheduled already
         last = at;
         click(now + at - clock, k % 4 === 0);
       }
@@ -110,10 +110,10 @@ SOUND_SCRIPT = """
 
 
 class _Timing(NamedTuple):
-    """How often the script hears of the beat and the score [s]."""
+    """Intervals of messages to the script [s]."""
 
-    look: float = 0.02  # Interval at which it is looked whether something has changed
-    tell: float = 0.25  # Interval at which it is told all the same: clocks drift apart
+    check: float = 0.02  # Interval of checks for sudden changes
+    repeat: float = 0.25  # Interval of messages without changes: clocks drift apart
 
 
 _TIMING = _Timing()
@@ -124,9 +124,9 @@ class Clip:
     """A sound of a score.
 
     Attributes:
-        path: of the file.
-        start: when it begins [s].
-        gain: factor of its loudness.
+        path: path of the file.
+        start: time at which it begins [s].
+        gain: factor on its loudness.
     """
 
     path: Path
@@ -134,38 +134,38 @@ class Clip:
     gain: float
 
 
-class Heard(NamedTuple):
-    """What is heard now.
+class SoundState(NamedTuple):
+    """State of the sounds now.
 
     Attributes:
-        beat: time until the next beat [s], duration of a beat [s], and its number; or None.
-        score: the score's time [s] while it runs, or None.
+        beat: time until the next beat [s], duration of a beat [s], and number of the beat; or None.
+        score: time of the score [s] while it runs, or None.
     """
 
     beat: tuple[float, float, int] | None
     score: float | None
 
 
-SILENCE = Heard(None, None)
+SILENCE = SoundState(None, None)
 
 
 class Sounds:
-    """What the scripts of all viewers are told.
+    """Sender of sounds to the scripts of all viewers.
 
     Attributes:
-        version: counts what has changed: sudden changes are told at once.
+        version: number of sudden changes, which are sent at once.
 
     Args:
-        heard: returns what is heard now; of any thread.
+        heard: returns the current state; called from any thread.
     """
 
-    def __init__(self, heard: Callable[[], Heard]):
+    def __init__(self, heard: Callable[[], SoundState]):
         self._heard = heard
         self._clips: tuple[tuple[Clip, bytes], ...] = ()
         self.version = 0
 
     def load(self, clips: Sequence[Clip]) -> None:
-        """The sounds of a score, for viewers from now on.
+        """Loads the sounds of a score for all viewers.
 
         Raises:
             OSError: a file cannot be read.
@@ -173,39 +173,39 @@ class Sounds:
         self._clips = tuple((clip, clip.path.read_bytes()) for clip in clips)
 
     def changed(self) -> None:
-        """What is heard has changed suddenly."""
+        """Reports a sudden change, which is sent at once."""
         self.version += 1
 
     async def visit(self, connection: Any) -> None:
         """Serves a websocket to :data:`SOUND_SCRIPT`."""
         with contextlib.suppress(ConnectionClosed):
-            await self._tell(connection)
+            await self._send(connection)
 
-    async def _tell(self, connection: Any) -> None:
+    async def _send(self, connection: Any) -> None:
         clips = self._clips
         for clip, content in clips:
             await connection.send(json.dumps({"start": clip.start, "gain": clip.gain}))
             await connection.send(content)
-        version, before, silent = -1, 0.0, False
-        while clips is self._clips:  # otherwise the script comes again, for other sounds
+        version, last_sent, silent = -1, 0.0, False
+        while clips is self._clips:  # otherwise the script connects again, for other sounds
             now = asyncio.get_running_loop().time()
-            if version != self.version or now - before > _TIMING.tell:
-                version, before = self.version, now
-                heard = self._heard()
-                if heard != SILENCE or not silent:
-                    await connection.send(_written(heard))
-                silent = heard == SILENCE
+            if version != self.version or now - last_sent > _TIMING.repeat:
+                version, last_sent = self.version, now
+                state = self._heard()
+                if state != SILENCE or not silent:
+                    await connection.send(_state_json(state))
+                silent = state == SILENCE
             try:
-                # Nothing is expected; this ends with the connection.
-                await asyncio.wait_for(connection.recv(), _TIMING.look)
+                # No message is expected; this raises when the connection ends.
+                await asyncio.wait_for(connection.recv(), _TIMING.check)
             except TimeoutError:
                 continue
 
 
-def _written(heard: Heard) -> str:
+def _state_json(state: SoundState) -> str:
     beat = None
-    if heard.beat is not None:
-        until, period, number = heard.beat
-        beat = {"next": until, "period": period, "number": number}
-    score = None if heard.score is None else {"t": heard.score}
+    if state.beat is not None:
+        delay, period, number = state.beat
+        beat = {"next": delay, "period": period, "number": number}
+    score = None if state.score is None else {"t": state.score}
     return json.dumps({"beat": beat, "score": score})

@@ -1,4 +1,4 @@
-"""What is performed on a live page: gestures, takes, a score, the beat, and their sound."""
+"""Performance on a live page: gestures, takes, a score, the beat, and their sound."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from fantoccini.app.live.instrument import Instrument
+from fantoccini.app.live.gesture_player import GesturePlayer
 from fantoccini.app.live.recorder import Recorder
-from fantoccini.app.live.sound import SILENCE, Clip, Heard, Sounds
+from fantoccini.app.live.sound import SILENCE, Clip, Sounds, SoundState
 from fantoccini.app.live.takes import Takes
 from fantoccini.app.live.watched_file import WatchedFile
 from fantoccini.app.live.worker import Worker
@@ -19,30 +19,30 @@ from fantoccini.theatre.perform import LivePlay, Osc, Performance, Recording, Sc
 
 
 class Stage:
-    """A live puppet with everything that can be performed on it.
+    """Live puppet with everything that viewers can perform.
 
     Attributes:
         performance: the puppet with hands on its strings.
-        instrument: its gestures, and the beat.
+        gesture_player: its gestures, and the beat.
         takes: recordings of it.
-        recorder: makes them.
-        worker: writes and films.
-        sounds: what is heard.
-        score: that is played, or None.
-        show: the play that is performed, or None; its score is then played.
-        osc: messages from and to the show, or None.
+        recorder: recorder of takes.
+        worker: thread that writes files and films.
+        sounds: sounds of the page.
+        score: score that is played, or None.
+        show: play that is performed, or None; its score is then played.
+        osc: OSC connection of the play, or None.
         armed: lanes that a take or a score leaves to the hands.
         factor: speed of the page's time, 0 while it stands still.
 
     Args:
         performance: see above.
-        folder: for recordings, gestures and films.
-        file: the puppet's, with gestures beside it; or None.
+        folder: folder for recordings, gestures and films.
+        file: the puppet's file, with gestures beside it; or None.
         score: file of a score, or None.
-        show: a play that is performed, or None.
+        show: play to perform, or None.
 
     Raises:
-        FileError: with the mistakes of the score.
+        FileError: the score has mistakes.
     """
 
     def __init__(
@@ -55,19 +55,19 @@ class Stage:
     ):
         self.performance, self._score_file, self.show = performance, score, show
         beside = () if file is None else (file.absolute().parent,)
-        self.instrument = Instrument(performance, (*beside, folder))
+        self.gesture_player = GesturePlayer(performance, (*beside, folder))
         self.worker = Worker()
         self.takes = Takes(performance, folder, self.worker)
-        self.recorder = Recorder(performance, folder, self._made)
-        self.sounds = Sounds(self._heard)
+        self.recorder = Recorder(performance, folder, self._add_take)
+        self.sounds = Sounds(self._sound_state)
         self.osc: Osc | None = None
         self.armed: set[str] = set()
         self.factor = 1.0
         self._overdubs = False
         self._frame = time.perf_counter()
-        self._took: list[Callable[[], None]] = []
+        self._on_take: list[Callable[[], None]] = []
         self.score: Score | None = None
-        self._read_for = performance.marionette
+        self._score_marionette = performance.marionette
         self._watched: WatchedFile[Score] | None = None
         if score is not None:
             self._watched = WatchedFile(score, self._read)
@@ -76,25 +76,25 @@ class Stage:
             self._take_score(show.play.score)
 
     def on_take(self, do: Callable[[], None]) -> None:
-        """Calls something whenever there is a new take."""
-        self._took.append(do)
+        """Registers a callback for new takes."""
+        self._on_take.append(do)
 
     def replace(self, marionette: Marionette) -> tuple[str, ...]:
-        """Continues with a changed puppet, and its score where it was.
+        """Continues with a changed puppet, and with its score at the same time.
 
         Returns:
             Messages about what could not be kept.
 
         Raises:
-            FantocciniError: the puppet cannot be performed; nothing changes then.
+            FantocciniError: the puppet cannot be performed; then nothing changes.
         """
         playing = self.performance.score
         lost = self.performance.replace(marionette)
         return lost + self._reload(playing)
 
     def _reload(self, playing: ScoreVoice | None) -> tuple[str, ...]:
-        """Finds gestures and score for a changed puppet; returns what could not be kept."""
-        self.instrument.load()
+        """Loads gestures and score for a changed puppet; returns messages about losses."""
+        self.gesture_player.load()
         self.armed &= set(self.performance.lanes)
         if self._score_file is None:
             return ()
@@ -105,28 +105,28 @@ class Stage:
             self.performance.stop_score()
             return (str(error),)
         ended = playing is not None and self.performance.score is None
-        self._go_on(playing)
-        return ("the score goes on where it was",) if ended else ()
+        self._resume_score(playing)
+        return ("the score continues where it was",) if ended else ()
 
     def poll(self, now: float) -> tuple[str, ...] | None:
-        """Loads the score again when its file was saved, and goes on with it where it was.
+        """Loads the score again when its file has changed, and continues at the same time.
 
         Returns:
-            Its mistakes, once; None where it was not saved.
+            The mistakes of a changed file, once; otherwise None.
         """
         reload = None if self._watched is None else self._watched.poll(now)
         if reload is None or self._watched is None:
             return None
-        if self._read_for is not self.performance.marionette:
-            self._watched.again()  # the puppet was changed meanwhile
+        if self._score_marionette is not self.performance.marionette:
+            self._watched.force_reload()  # the puppet has changed meanwhile
             return None
-        if reload.made is not None:
-            self._take_score(reload.made)
-            self._go_on(self.performance.score)
+        if reload.content is not None:
+            self._take_score(reload.content)
+            self._resume_score(self.performance.score)
         return reload.mistakes
 
     def frame(self) -> None:
-        """A frame has been drawn: the performance is at its time now."""
+        """Reports that a frame has been drawn, at the performance's current time."""
         self._frame = time.perf_counter()
         if self._overdubs and self.performance.take_time is None:
             self._overdubs = False
@@ -141,7 +141,7 @@ class Stage:
 
     @property
     def messages(self) -> str:
-        """What became of OSC messages; empty without them."""
+        """Counts of OSC messages; empty without OSC."""
         return "" if self.osc is None else f"OSC: {self.osc.counts}"
 
     # -- takes -------------------------------------------------------------------------------
@@ -162,23 +162,23 @@ class Stage:
             self.takes.play(armed=self.armed, again=again)
 
     def overdub(self) -> None:
-        """Records while the chosen take is played; ends with it, and before by :meth:`record`."""
+        """Records while the chosen take is played, until its end or :meth:`record`."""
         if self.recorder.running:
             self.recorder.end()
         self.takes.play(armed=self.armed)
         self.recorder.begin()
         self._overdubs = True
 
-    def _made(self, take: Recording, path: Path) -> None:
+    def _add_take(self, take: Recording, path: Path) -> None:
         self.takes.add(take, path)
-        for do in self._took:
+        for do in self._on_take:
             do()
 
     # -- the score ---------------------------------------------------------------------------
 
     def play_score(self) -> None:
-        """Plays the score from where it is, or pauses it."""
-        self._needed()
+        """Plays the score from its current time, or pauses it."""
+        self._score_or_error()
         playing = self.performance.score
         if playing is None:
             self._begin()
@@ -190,13 +190,13 @@ class Stage:
         self.sounds.changed()
 
     def stop_score(self) -> None:
-        """Ends the score; what it moved goes home."""
+        """Ends the score; its hands go home."""
         self.performance.stop_score()
         self.sounds.changed()
 
     def go(self) -> None:
-        """GO: ends a wait of the score; begins the score where it is not played or has ended."""
-        self._needed()
+        """GO: ends a wait of the score, or begins the score if it is not playing."""
+        self._score_or_error()
         playing = self.performance.score
         if self.show is not None:
             self.show.go()
@@ -214,54 +214,54 @@ class Stage:
         self.sounds.changed()
 
     def seek(self, to: float | str) -> None:
-        """Goes to a time of the score [s], or to a mark or a wait; without playing, waits there."""
-        self._needed()
+        """Goes to a time of the score [s], a mark or a wait, and waits there if not playing."""
+        self._score_or_error()
         playing = self.performance.score or self._begin(running=False)
         playing.seek(to)
         self.sounds.changed()
 
     def _begin(self, running: bool = True) -> ScoreVoice:
-        playing = self.performance.play_score(self._needed(), armed=self.armed)
+        playing = self.performance.play_score(self._score_or_error(), armed=self.armed)
         playing.running = running
         return playing
 
-    def _go_on(self, before: ScoreVoice | None) -> None:
-        """Plays the score from where it was in another reading of it."""
-        if before is not None:
-            self._begin(before.running).seek(min(before.t, self._needed().duration))
+    def _resume_score(self, playing: ScoreVoice | None) -> None:
+        """Continues a score that has been read again at the same time."""
+        if playing is not None:
+            self._begin(playing.running).seek(min(playing.t, self._score_or_error().duration))
 
-    def _needed(self) -> Score:
+    def _score_or_error(self) -> Score:
         if self.score is None:
             raise StateError("there is no score: fantoccini show PUPPET --score FILE")
         return self.score
 
     def _read(self, path: Path) -> Score:
-        self._read_for = self.performance.marionette
-        return load_score(self._read_for, path)
+        self._score_marionette = self.performance.marionette
+        return load_score(self._score_marionette, path)
 
     def _take_score(self, score: Score) -> None:
-        clips = [Clip(one.path, one.start, one.gain) for one in score.sounds]
+        clips = [Clip(sound.path, sound.start, sound.gain) for sound in score.sounds]
         try:
             self.sounds.load(clips)
         except OSError as error:
             raise StateError(f"{error.filename} cannot be read: {error.strerror}") from None
         self.score = score
         if score.tempo is not None:
-            self.instrument.set_tempo(score.tempo)
+            self.gesture_player.set_tempo(score.tempo)
 
     # -- sound -------------------------------------------------------------------------------
 
-    def _heard(self) -> Heard:
-        """What is heard now; the performance has gone on since the last frame."""
+    def _sound_state(self) -> SoundState:
+        """State of the sounds now; the performance has advanced since the last frame."""
         factor = self.factor
         if not factor:
             return SILENCE
         ahead = (time.perf_counter() - self._frame) * factor
-        beat, tempo, t = None, self.instrument.tempo, self.performance.t + ahead
-        if self.instrument.metronome:
-            at = tempo.next(t)
-            beat = (at - t) / factor, tempo.beat / factor, round(tempo.beats(at))
+        beat, tempo, t = None, self.gesture_player.tempo, self.performance.t + ahead
+        if self.gesture_player.metronome:
+            next_beat = tempo.next(t)
+            beat = (next_beat - t) / factor, tempo.beat / factor, round(tempo.beats(next_beat))
         playing = self.performance.score
         if playing is None or playing.still or factor != 1.0:
-            return Heard(beat, None)
-        return Heard(beat, playing.t + ahead)
+            return SoundState(beat, None)
+        return SoundState(beat, playing.t + ahead)

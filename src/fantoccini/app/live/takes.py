@@ -1,4 +1,4 @@
-"""Takes of a live performance: chosen, edited, played, kept, made into gestures and films."""
+"""Takes of a live performance: editing, playing, saving, and conversion to gestures and films."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from fantoccini.app.live.recorder import unused
+from fantoccini.app.live.recorder import unused_path
 from fantoccini.app.live.worker import Worker
 from fantoccini.base import StateError, npz
 from fantoccini.base.documents import NAME
@@ -15,20 +15,20 @@ from fantoccini.motion import RECORDING_FORMATS
 from fantoccini.theatre.gestures import Gesture, gesture_names, gesture_of_take
 from fantoccini.theatre.perform import Performance, Recording
 
-_MOST_FILES = 100
-"""Files of the folder that are listed, the newest."""
-_SHORTEST = 0.05
-"""Least length of a part [s]."""
+_MAX_FILES = 100
+"""Largest number of files that are listed, newest first."""
+_MIN_PART = 0.05
+"""Shortest part of a take [s]."""
 
 
 @dataclass(frozen=True)
 class Edits:
-    """What becomes of a take; the take itself stays.
+    """Edits of a take, which itself stays unchanged.
 
     Attributes:
-        start, end: of the part that is kept [s].
-        smooth: time over which the hands' paths are averaged [s]; 0 leaves them.
-        stretch: how many times as long it becomes.
+        start, end: start and end of the part to keep [s].
+        smooth: time over which the hands' paths are averaged [s]; 0 for none.
+        stretch: factor on its duration.
     """
 
     start: float
@@ -38,16 +38,16 @@ class Edits:
 
 
 class Takes:
-    """The takes of a folder and of this performance.
+    """Takes in a folder and of this performance.
 
     Attributes:
-        chosen: name of the one that is edited and played; empty without any.
-        edits: of the chosen one.
+        chosen: name of the take that is edited and played; empty without takes.
+        edits: edits of the chosen take.
 
     Args:
-        performance: that plays them.
-        folder: of the files.
-        worker: writes and films.
+        performance: performance that plays the takes.
+        folder: folder of the files.
+        worker: thread that writes files and films.
     """
 
     def __init__(self, performance: Performance, folder: Path, worker: Worker):
@@ -60,11 +60,11 @@ class Takes:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all takes, the newest first."""
+        """Names of all takes, newest first."""
         return tuple(self._names)
 
     def add(self, take: Recording, path: Path) -> None:
-        """Adds a new take, and chooses it."""
+        """Adds a new take and chooses it."""
         self._read[path.stem] = take
         self._names.insert(0, path.stem)
         self._choose(path.stem, take)
@@ -73,7 +73,7 @@ class Takes:
         """Chooses a take.
 
         Raises:
-            FantocciniError: its file cannot be read, or it is of another puppet.
+            FantocciniError: its file cannot be read, or it belongs to another puppet.
         """
         if name not in self._names:
             raise StateError(f"there is no take {name!r}")
@@ -86,33 +86,33 @@ class Takes:
 
     @property
     def take(self) -> Recording | None:
-        """The chosen take as it was made."""
+        """The chosen take, without edits."""
         return self._read.get(self.chosen)
 
     def edited(self) -> Recording:
         """The chosen take, edited.
 
         Raises:
-            StateError: none is chosen, or it cannot be edited so.
+            StateError: no take is chosen, or the edits are not possible.
         """
         take, edits = self.take, self.edits
         if take is None:
-            raise StateError("there is no take yet: record one")
+            raise StateError("there is no take yet; record one first")
         if self._edited is not None and self._edited[:2] == (self.chosen, edits):
             return self._edited[2]
         try:
-            made = _edited(take, edits)
+            edited_take = _edited(take, edits)
         except ValueError as error:
             raise StateError(str(error)) from None
-        self._edited = self.chosen, edits, made
-        return made
+        self._edited = self.chosen, edits, edited_take
+        return edited_take
 
     def play(self, *, armed: Collection[str] = (), again: bool = False) -> None:
         """Plays the edited take from its start.
 
         Args:
             armed: lanes that it leaves to the hands.
-            again: again and again.
+            again: repeat the take.
         """
         try:
             self._performance.play_take(self.edited(), armed=armed, again=again)
@@ -122,23 +122,23 @@ class Takes:
     # -- files -------------------------------------------------------------------------------
 
     def keep(self) -> None:
-        """Writes the edited take as a take of its own, and chooses it."""
-        made = self.edited()
+        """Writes the edited take as a new take, and chooses it."""
+        take = self.edited()
         path = self._unused(f"{self.chosen}-edited", ".npz")
-        self._save(made, path)
-        self.add(made, path)
+        self._save(take, path)
+        self.add(take, path)
 
     def film(self, theme: str) -> None:
-        """Films the edited take."""
-        made, path = self.edited(), self._unused(self.chosen, ".mp4")
+        """Makes a film of the edited take."""
+        take, path = self.edited(), self._unused(self.chosen, ".mp4")
         what = f"filming {path.name}"
 
         def job() -> str:
             from fantoccini.output.view import film
 
-            run = made.trajectory
+            run = take.trajectory
             film(
-                made.marionette,
+                take.marionette,
                 run,
                 path,
                 theme=theme,
@@ -149,23 +149,23 @@ class Takes:
         self._worker.do(what, job)
 
     def gesture(self, name: str) -> Gesture:
-        """Makes a gesture of the edited take, and writes it as ``NAME.npz``.
+        """Converts the edited take to a gesture, and writes it as ``NAME.npz``.
 
         Raises:
-            FantocciniError: the name is none, or is taken; or the take cannot be a gesture.
+            FantocciniError: the name is invalid or used already, or the take cannot be a gesture.
         """
         if re.fullmatch(NAME, name, re.ASCII) is None:
             raise StateError(
-                f"{name!r} is no name: it begins with a letter, letters, digits, _ and - follow"
+                f"{name!r} is not a valid name; allowed: a letter, then letters, digits, _ and -"
             )
         path = self._folder / f"{name}.npz"
         if name in gesture_names() or path.exists() or path in self._used:
             raise StateError(f"there is a gesture or a file {name} already; choose another name")
         take = self.edited()
-        made = gesture_of_take(take.inputs, name)
+        gesture = gesture_of_take(take.inputs, name)
         self._used.add(path)
         self._save(take, path)
-        return made
+        return gesture
 
     # -- inside ------------------------------------------------------------------------------
 
@@ -173,7 +173,7 @@ class Takes:
         self.chosen, self.edits, self._edited = name, Edits(0.0, take.duration), None
 
     def _unused(self, stem: str, ending: str) -> Path:
-        path = unused(self._folder, stem, ending, self._used)
+        path = unused_path(self._folder, stem, ending, self._used)
         self._used.add(path)
         return path
 
@@ -188,17 +188,17 @@ class Takes:
 def _edited(take: Recording, edits: Edits) -> Recording:
     end = min(edits.end, take.duration)
     if edits.start > 0.0 or end < take.duration - 0.5 * take.tick:
-        end = max(end, min(_SHORTEST, take.duration))
-        take = take.trimmed(min(edits.start, max(0.0, end - _SHORTEST)), end)
+        end = max(end, min(_MIN_PART, take.duration))
+        take = take.trimmed(min(edits.start, max(0.0, end - _MIN_PART)), end)
     if edits.smooth > 0.0:
         take = take.smoothed(edits.smooth)
     return take if edits.stretch == 1.0 else take.stretched(edits.stretch)
 
 
 def _takes_in(folder: Path) -> list[str]:
-    """Names of the recordings in a folder, the newest first."""
+    """Names of the recordings in a folder, newest first."""
     files = [(path.stat().st_mtime, path) for path in folder.glob("*.npz") if path.is_file()]
-    newest = [path for _, path in sorted(files, reverse=True)[:_MOST_FILES]]
+    newest = [path for _, path in sorted(files, reverse=True)[:_MAX_FILES]]
     return [path.stem for path in newest if _form(path) in RECORDING_FORMATS]
 
 

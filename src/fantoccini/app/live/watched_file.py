@@ -1,4 +1,4 @@
-"""A file that is loaded again whenever it is saved: of a puppet, or of a score."""
+"""File of a puppet or a score that is loaded again whenever it changes."""
 
 from __future__ import annotations
 
@@ -11,51 +11,51 @@ from typing import Generic, TypeVar
 from fantoccini.base import FantocciniError
 from fantoccini.dynamics.marionette import Marionette, load
 
-Made = TypeVar("Made")
+Content = TypeVar("Made")
 
 INTERVAL = 0.3
-"""Time between looks at the file [s]."""
+"""Interval of checks of the file [s]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Reload(Generic[Made]):
+class Reload(Generic[Content]):
     """Result of loading the file again.
 
     Attributes:
-        made: what the file describes, or None when it has errors.
-        mistakes: lines, each with its place.
+        content: content of the file, or None if it has errors.
+        mistakes: lines with the errors and their places.
     """
 
-    made: Made | None
+    content: Content | None
     mistakes: tuple[str, ...] = ()
 
 
 def compiled(path: Path) -> Marionette:
-    """The puppet of a file, ready to be simulated."""
-    made = load(path)
-    made.compile()
-    return made
+    """Loads and compiles the puppet of a file."""
+    content = load(path)
+    content.compile()
+    return content
 
 
-class WatchedFile(Generic[Made]):
-    """The file at ``path``.
+class WatchedFile(Generic[Content]):
+    """Watcher of a file.
 
     Args:
-        path: of the file.
-        load: makes of it what it describes.
+        path: path of the file.
+        load: function that reads the file.
     """
 
-    def __init__(self, path: Path, load: Callable[[Path], Made]):
+    def __init__(self, path: Path, load: Callable[[Path], Content]):
         self._path, self._load = path, load
         self._stamp = self._read_stamp()
         self._due = 0.0
         self._reader: threading.Thread | None = None
-        self._result: Reload[Made] | None = None
+        self._result: Reload[Content] | None = None
 
-    def poll(self, now: float) -> Reload[Made] | None:
-        """The result of loading a changed file, once; otherwise None. ``now`` is a time [s].
+    def poll(self, now: float) -> Reload[Content] | None:
+        """Result of loading a changed file, once; otherwise None. ``now`` is a time [s].
 
-        A thread of its own loads it.
+        Another thread loads the file.
         """
         if self._reader is not None:
             if self._reader.is_alive():
@@ -73,8 +73,8 @@ class WatchedFile(Generic[Made]):
         self._reader.start()
         return None
 
-    def again(self) -> None:
-        """Lets the file be loaded again, though it is unchanged."""
+    def force_reload(self) -> None:
+        """Causes the file to be loaded again although it is unchanged."""
         self._stamp = None
 
     def _read(self) -> None:
@@ -87,7 +87,7 @@ class WatchedFile(Generic[Made]):
             self._result = Reload(None, tuple(message.splitlines()))
 
     def _read_stamp(self) -> tuple[int, int, int] | None:
-        """Changes whenever the file does; None while there is no file."""
+        """Time, size and inode of the file, which show changes; None if there is no file."""
         try:
             about = self._path.stat()
         except OSError:

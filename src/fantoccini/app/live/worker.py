@@ -1,4 +1,4 @@
-"""Long work beside a page, one piece after the other."""
+"""Long jobs in a thread beside a page, one after the other."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from fantoccini.base import FantocciniError
 
 
 class Stopped(Exception):
-    """The page is closed: work that can be left undone ends."""
+    """The page is closed: a job that need not be completed ends."""
 
 
 class Worker:
-    """Does long work in a thread of its own.
+    """Thread that runs long jobs.
 
     Attributes:
-        status: what it does, or what became of the last work; empty at first.
-        busy: whether it works.
+        status: description of the running job, or result of the last one; empty at first.
+        busy: whether a job is running.
     """
 
     def __init__(self) -> None:
@@ -28,11 +28,11 @@ class Worker:
         self._end = threading.Event()
 
     def do(self, what: str, job: Callable[[], str]) -> None:
-        """Does something as soon as the work before is done.
+        """Queues a job.
 
         Args:
-            what: it does, as ``writing a.mp4``.
-            job: does it, and returns what became of it.
+            what: description of the job, such as ``writing a.mp4``.
+            job: function that runs it and returns a message about the result.
         """
         self._jobs.put((what, job))
         if self._thread is None:
@@ -40,7 +40,7 @@ class Worker:
             self._thread.start()
 
     def progress(self, what: str, share: float) -> None:
-        """Tells how far work is, 0 to 1.
+        """Reports the completed share of the running job, 0 to 1.
 
         Raises:
             Stopped: the page is closed.
@@ -50,7 +50,7 @@ class Worker:
         self.status = f"{what}, {100.0 * share:.0f} %"
 
     def finish(self) -> None:
-        """Waits for what has to be done, and leaves the rest."""
+        """Waits for jobs that must be completed, and stops the others."""
         self._end.set()
         if self._thread is not None:
             self._jobs.put(None)
@@ -58,8 +58,8 @@ class Worker:
             self._thread = None
 
     def _run(self) -> None:
-        while (one := self._jobs.get()) is not None:
-            self.status, job = one
+        while (item := self._jobs.get()) is not None:
+            self.status, job = item
             self.busy = True
             try:
                 self.status = job()
@@ -67,6 +67,6 @@ class Worker:
                 self.status = ""
             except (FantocciniError, OSError, ValueError) as error:
                 self.status = str(error)
-            except Exception as error:  # nobody else would report it
+            except Exception as error:  # otherwise nothing would report it
                 self.status = f"internal error: {type(error).__name__}: {error}"
             self.busy = False

@@ -1,4 +1,4 @@
-"""Drawing and replay on browser pages; ``live`` adds the pages with a live puppet."""
+"""Drawing and replay on browser pages; ``live`` has the pages with a live puppet."""
 
 from lazy_loader import attach_stub
 

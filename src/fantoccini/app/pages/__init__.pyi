@@ -3,10 +3,10 @@
 from .export import write_html as write_html
 from .labels import heights as heights
 from .loop import REFRESH as REFRESH, PageLoop as PageLoop
-from .moment import Moment as Moment, moment_at as moment_at
 from .nodes import VIEWS as VIEWS, SceneNodes as SceneNodes, View as View
 from .panel import Plot as Plot, Views as Views, bars as bars, note as note
 from .plan_tree import PlanTree as PlanTree
 from .replay import Replay as Replay, ResampledRun as ResampledRun
+from .scene_state import SceneState as SceneState, scene_of_state as scene_of_state
 from .server import Server as Server
 from .viser_private import Handler as Handler, move as move

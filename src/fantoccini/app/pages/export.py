@@ -1,4 +1,4 @@
-"""A motion as one file that any browser plays from disk, without a network."""
+"""Export of a motion as one file that any browser plays from disk, without a network."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.app.pages.loop import REFRESH
-from fantoccini.app.pages.moment import moment_of
 from fantoccini.app.pages.nodes import SceneNodes
 from fantoccini.app.pages.plan_tree import PlanTree
 from fantoccini.app.pages.replay import ResampledRun
+from fantoccini.app.pages.scene_state import scene_at_sample
 from fantoccini.app.pages.server import Server, in_head, policy, with_title
 from fantoccini.base import OnProgress, Progress, replacing
 from fantoccini.output.html import element, to_html
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from fantoccini.motion import Trajectory
 
 _QUANTUM = 1e-4
-"""Positions are rounded to this, relative to the puppet's size: 0.1 mm for one of 1 m."""
+"""Step to which positions are rounded, relative to the puppet's size: 0.1 mm for 1 m."""
 _SCRIPT = """
 (() => {
   const {t0, rate, top, tension, taut, colours} = READINGS;
   const rows = [...document.querySelectorAll("#readings > div")];
   let shown = -1;
   const read = () => {
-    // The player draws the last frame that has begun at its slider's time.
+    // The player draws the last frame that begins at or before its slider's time.
     const slider = document.querySelector("[role=slider]");
     const t = slider === null ? NaN : parseFloat(slider.getAttribute("aria-valuenow"));
     const k = Math.max(0, Math.min(tension.length - 1, Math.floor(t * rate + 1e-6)));
@@ -46,7 +46,7 @@ _SCRIPT = """
         row.children[2].textContent = taut[k][s] ? pull.toFixed(2) + " N" : "slack";
       });
     }
-    requestAnimationFrame(read);  // in step with the picture, however slow
+    requestAnimationFrame(read);  // synchronous with the picture, even if that is slow
   };
   read();
 })();
@@ -62,33 +62,33 @@ def write_html(
     progress: OnProgress | None = None,
     forces: bool = False,
 ) -> Path:
-    """Writes a motion as one HTML file; it appears whole or not at all.
+    """Writes a motion as one HTML file, which appears only when complete.
 
     Args:
         marionette: the puppet.
         run: its motion.
-        path: of the file.
+        path: path of the file.
         theme: colours.
-        tree: search tree of the plan that the motion comes from, or None.
-        progress: called after every frame.
+        tree: search tree of the plan with this motion, or None.
+        progress: callback after every frame.
         forces: draw the forces of contacts.
 
     Returns:
         The path.
 
     Raises:
-        ValueError: forces of a run without contact.
+        ValueError: forces were requested for a run without contacts.
     """
     path = Path(path)
     motion = ResampledRun.of(marionette, run, REFRESH.rate, forces)
-    # viser records what a server would send: it needs one, although nobody connects.
+    # viser records the messages of a server, so it needs one, although nothing connects.
     server = Server(motion.geometry.title, theme, port=0)
     try:
         page = _recorded(server, motion, theme, tree, progress, forces)
     finally:
         server.stop()
     with replacing(path) as temporary:
-        temporary.write_text(_dressed(page, motion, theme), encoding="utf-8")
+        temporary.write_text(_with_caption(page, motion, theme), encoding="utf-8")
     return path
 
 
@@ -104,12 +104,12 @@ def _recorded(
     nodes = SceneNodes(server.viser, geometry, theme, quantum=_QUANTUM * geometry.size)
     if tree is not None:
         tree.add_to(server.viser, theme, geometry.size)
-    nodes.look(server.viser.initial_camera, "three-quarter")
+    nodes.aim_camera(server.viser.initial_camera, "three-quarter")
     nodes.show_forces(forces)
-    nodes.show(moment_of(geometry, 0))
+    nodes.show(scene_at_sample(geometry, 0))
     recorder = server.viser.get_scene_serializer()
     for k in range(frames):
-        nodes.show(moment_of(geometry, k))
+        nodes.show(scene_at_sample(geometry, k))
         if k < frames - 1:
             recorder.insert_sleep(float(geometry.t[k + 1] - geometry.t[k]))
         if progress is not None:
@@ -117,8 +117,8 @@ def _recorded(
     return recorder.as_html(dark_mode=theme.name == "dark")
 
 
-def _dressed(page: str, motion: ResampledRun, theme: Theme) -> str:
-    """The page with its title, a caption with readings, and no access to a network."""
+def _with_caption(page: str, motion: ResampledRun, theme: Theme) -> str:
+    """The page with a title, a caption with readings, and without access to a network."""
     meta = element("meta", http_equiv="Content-Security-Policy", content=policy())
     page = with_title(page, motion.geometry.title)
     page = in_head(page, to_html(meta))
@@ -127,7 +127,7 @@ def _dressed(page: str, motion: ResampledRun, theme: Theme) -> str:
 
 
 def _caption(motion: ResampledRun, theme: Theme) -> str:
-    """Name, time and tensions in the corner, as HTML."""
+    """Caption in the corner with name, time and tensions, as HTML."""
     geometry, run = motion.geometry, motion.run
     grid = "display:grid;grid-template-columns:8em 5em 4.2em;gap:0.6em;align-items:center"
     frame = "background:rgba(128,128,128,0.2);border-radius:3px;height:0.55em"
@@ -154,7 +154,7 @@ def _caption(motion: ResampledRun, theme: Theme) -> str:
         "taut": geometry.taut.astype(int).tolist(),
         "colours": [to_hex(colour) for colour in theme.tension_colours(32)],
     }
-    # No text from the puppet file goes in here; `<` cannot occur.
+    # Contains no text from the puppet file, so `<` cannot occur.
     script = _SCRIPT.replace("READINGS", json.dumps(readings, allow_nan=False))
     clock = element("span", id="clock", style="font-weight:400;opacity:0.7")
     title = element("div", f"{geometry.title} ", clock, style="font-size:18px;font-weight:600")

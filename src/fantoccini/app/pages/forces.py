@@ -1,4 +1,4 @@
-"""The forces of contacts in a viser server: arrows at the points that push."""
+"""Forces of contacts on a page: arrows at the contact points."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fantoccini.app.pages.moment import Moment
+from fantoccini.app.pages.scene_state import SceneState
 from fantoccini.output.view import Geometry, Theme, to_bytes
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class _Shape(NamedTuple):
-    """Sizes of an arrow, relative to the puppet's."""
+    """Sizes of an arrow, relative to the puppet's size."""
 
     shaft: float = 0.003
     head: float = 0.008
@@ -25,19 +25,19 @@ _SHAPE = _Shape()
 
 
 class Forces:
-    """Arrows of the forces of contacts, in the colour of those in pictures.
+    """Arrows of contact forces, in the same colour as in pictures.
 
     Attributes:
-        node: of viser.
+        node: node of viser.
 
     Args:
-        server: of viser.
-        geometry: for their size.
-        theme: for their colour.
+        server: server of viser.
+        geometry: geometry, for the size of the arrows.
+        theme: theme, for the colour of the arrows.
     """
 
     def __init__(self, server: viser.ViserServer, geometry: Geometry, theme: Theme):
-        self._wanted, self._arrows = False, np.zeros((0, 2, 3), dtype=np.float32)
+        self._visible, self._arrows = False, np.zeros((0, 2, 3), dtype=np.float32)
         size = geometry.size
         self.node = server.scene.add_arrows(
             "/forces",
@@ -49,21 +49,21 @@ class Forces:
             head_length=_SHAPE.head_length * size,
         )
 
-    def want(self, wanted: bool) -> None:
-        """Shows or hides them."""
-        self._wanted = wanted
+    def set_visible(self, visible: bool) -> None:
+        """Shows or hides the arrows."""
+        self._visible = visible
         self._draw()
 
-    def show(self, moment: Moment) -> None:
-        """Draws the forces of a moment."""
-        if moment.arrows is not None:
-            finite = np.isfinite(moment.arrows).all(axis=(1, 2))
-            self._arrows = moment.arrows[finite].astype(np.float32)
+    def show(self, scene: SceneState) -> None:
+        """Draws the forces of a state of the scene."""
+        if scene.arrows is not None:
+            finite = np.isfinite(scene.arrows).all(axis=(1, 2))
+            self._arrows = scene.arrows[finite].astype(np.float32)
             self._draw()
 
     def _draw(self) -> None:
-        shown = self._wanted and len(self._arrows) > 0
-        if shown:
+        visible = self._visible and len(self._arrows) > 0
+        if visible:
             self.node.points = self._arrows
-        if self.node.visible != shown:
-            self.node.visible = shown
+        if self.node.visible != visible:
+            self.node.visible = visible

@@ -1,4 +1,4 @@
-"""Heights of the names of handles: close ones do not cover each other."""
+"""Heights of the names of handles, chosen so that they do not overlap."""
 
 from __future__ import annotations
 
@@ -8,35 +8,36 @@ import numpy as np
 
 from fantoccini.app.pages.nodes import View
 
-_ABOVE = 0.026
-"""Least height of a name above its handle, relative to the puppet's size."""
-_HIGH, _WIDE = 0.021, 0.0096
-"""Height of a name and width of a letter, relative to the puppet's size, as seen as a whole."""
+_MIN_HEIGHT = 0.026
+"""Smallest height of a name above its handle, relative to the puppet's size."""
+_NAME_HEIGHT, _LETTER_WIDTH = 0.021, 0.0096
+"""Height of a name and width of a letter, relative to the puppet's size."""
 
 
 def heights(names: Sequence[str], places: np.ndarray, view: View, size: float) -> np.ndarray:
-    """(n,) heights of names above their handles, at which none covers another in a view [m].
+    """(n,) heights of names above their handles at which they do not overlap in a view [m].
 
     Args:
-        names: of the handles.
-        places: (n, 3) of the handles [m].
+        names: names of the handles.
+        places: (n, 3) positions of the handles [m].
         view: point of view.
-        size: of the puppet [m].
+        size: size of the puppet [m].
     """
-    ahead = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
-    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    direction = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
+    right = np.cross(direction, [0.0, 0.0, 1.0])
     right /= max(float(np.linalg.norm(right)), 1e-9)
-    picture = np.array([right, np.cross(right, ahead)])
-    seen = np.asarray(places, dtype=float).reshape(-1, 3) @ picture.T
-    above = np.full(len(names), _ABOVE * size)
-    taken: list[tuple[float, float, float]] = []
-    high = 0.999 * _HIGH * size
-    for n in np.argsort(seen[:, 1], kind="stable"):
-        half = 0.5 * _WIDE * size * len(names[n])
+    picture = np.array([right, np.cross(right, direction)])
+    projected = np.asarray(places, dtype=float).reshape(-1, 3) @ picture.T
+    label_heights = np.full(len(names), _MIN_HEIGHT * size)
+    placed: list[tuple[float, float, float]] = []
+    name_height = 0.999 * _NAME_HEIGHT * size
+    for n in np.argsort(projected[:, 1], kind="stable"):
+        half = 0.5 * _LETTER_WIDTH * size * len(names[n])
         while any(
-            abs(x - seen[n, 0]) < half + wide and abs(y - seen[n, 1] - above[n]) < high
-            for x, y, wide in taken
+            abs(x - projected[n, 0]) < half + half_width
+            and abs(y - projected[n, 1] - label_heights[n]) < name_height
+            for x, y, half_width in placed
         ):
-            above[n] += 0.25 * _HIGH * size
-        taken.append((seen[n, 0], seen[n, 1] + above[n], half))
-    return above
+            label_heights[n] += 0.25 * _NAME_HEIGHT * size
+        placed.append((projected[n, 0], projected[n, 1] + label_heights[n], half))
+    return label_heights

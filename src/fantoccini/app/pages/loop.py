@@ -1,4 +1,4 @@
-"""The thread that keeps a page up to date."""
+"""Thread that updates a page."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from fantoccini.app.pages.server import Server
 
 
 class Refresh(NamedTuple):
-    """How often a page is updated."""
+    """Rates and intervals of updates of a page."""
 
-    rate: float = 60.0  # Frames per second: what browsers draw
+    rate: float = 60.0  # Frames per second, as browsers draw
     numbers: float = 0.1  # Interval of numbers and plots [s]: faster ones cannot be read
     marks: float = 1.0 / 15.0  # Interval of the marks on handles [s]
 
@@ -21,10 +21,10 @@ REFRESH = Refresh()
 
 
 class PageLoop(ABC):
-    """Contents of a page, updated by a thread of its own.
+    """Contents of a page, updated by their own thread.
 
     Attributes:
-        server: serves the page.
+        server: server of the page.
     """
 
     server: Server
@@ -35,7 +35,7 @@ class PageLoop(ABC):
 
     @property
     def running(self) -> bool:
-        """Whether the page is updated."""
+        """Whether the thread is running."""
         return self._thread.is_alive()
 
     def start(self) -> None:
@@ -43,7 +43,7 @@ class PageLoop(ABC):
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends the updates and the server; unfinished work is completed first."""
+        """Ends the updates and, after completing unfinished work, the server."""
         self._end.set()
         if self.running:
             self._thread.join(timeout=2.0)

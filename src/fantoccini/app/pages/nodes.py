@@ -1,4 +1,4 @@
-"""The nodes of a geometry in a viser server: built once, then moved for each moment."""
+"""Nodes of a geometry on a page: built once, then moved for every state of the scene."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.app.pages.forces import Forces
-from fantoccini.app.pages.moment import Moment
+from fantoccini.app.pages.scene_state import SceneState
 from fantoccini.app.pages.strings import Colours, Strings
 from fantoccini.app.pages.viser_private import move
 from fantoccini.base import rotation
@@ -32,24 +32,24 @@ if TYPE_CHECKING:
     import viser
 
 VIEWS = ("front", "side", "three-quarter", "top")
-"""Points of view with buttons on the page."""
+"""Points of view that have buttons on the page."""
 
-_OPENING = np.radians(30.0)
+_FIELD_OF_VIEW = np.radians(30.0)
 _ASPECT = 1.25
-"""Width over height into which the puppet fits; the panel covers the rest of wider windows."""
+"""Ratio of width to height that the puppet must fit: the panel covers the rest of wider windows."""
 _ELEVATIONS = {"three-quarter": 22.0, "top": 78.0}
 """Elevations of views that show hands moving in a horizontal plane [deg]."""
 _MIN_CHANGE = 1e-7
-"""A link moves on the page where a number of its pose changes by more than this [m or 1]."""
+"""Change of a number of a link's pose above which the link is moved on the page [m or 1]."""
 
 
 @dataclass(frozen=True)
 class View:
-    """A point of view.
+    """Point of view.
 
     Attributes:
-        eye: (3,) [m].
-        target: (3,) [m].
+        eye: (3,) position of the eye [m].
+        target: (3,) point in the middle of the picture [m].
     """
 
     eye: np.ndarray
@@ -57,18 +57,18 @@ class View:
 
 
 class SceneNodes:
-    """The viser nodes that show a geometry on a page.
+    """Nodes of viser that show a geometry on a page.
 
     Attributes:
-        bodies: meshes of every link that has any, by its index.
+        bodies: meshes of the links that have shapes, by index.
         forces: arrows of contact forces.
 
     Args:
-        server: of viser.
+        server: server of viser.
         geometry: puppet, strings, floor, obstacles.
         theme: colours.
         top: upper end of the tension scale [N]; by default from the motion.
-        quantum: positions are rounded to this, for smaller files [m]; 0 keeps them.
+        quantum: step to which positions are rounded, for smaller files [m]; 0 for none.
     """
 
     def __init__(
@@ -94,19 +94,19 @@ class SceneNodes:
             self._nodes.append(self.forces.node)
         self._last = np.full((len(geometry.tree.links), 7), np.nan)
 
-    def show(self, moment: Moment) -> None:
-        """Moves everything to a moment, in one bundle of messages."""
+    def show(self, scene: SceneState) -> None:
+        """Shows a state of the scene, in one bundle of messages."""
         with self.server.atomic():
-            self._move_links(moment.poses)
-            self._strings.show(moment)
-            self.forces.show(moment)
+            self._move_links(scene.poses)
+            self._strings.show(scene)
+            self.forces.show(scene)
 
     def show_floor(self, visible: bool) -> None:
         """Shows or hides the floor."""
         self._floor.visible = visible
 
     def show_shadows(self, visible: bool) -> None:
-        """Shows or hides shadows; without a graphics card they take most of the time."""
+        """Shows or hides shadows, which are slow without a graphics card."""
         self.server.scene.configure_default_lights(cast_shadow=visible)
 
     def show_obstacles(self, visible: bool) -> None:
@@ -116,7 +116,7 @@ class SceneNodes:
 
     def show_forces(self, visible: bool) -> None:
         """Shows or hides the forces of contacts."""
-        self.forces.want(visible)
+        self.forces.set_visible(visible)
 
     @property
     def has_obstacles(self) -> bool:
@@ -131,7 +131,7 @@ class SceneNodes:
                 node.remove()
 
     def view(self, name: str, aspect: float = _ASPECT) -> View:
-        """The point of view of this name (see :data:`VIEWS`) with the whole motion in a window."""
+        """Point of view with this name (see :data:`VIEWS`) and the whole motion in the window."""
         geometry = self.geometry
         centres, radii = geometry.balls()
         centres = np.concatenate([centres, geometry.feet(centres)])
@@ -139,15 +139,15 @@ class SceneNodes:
         preset = "front" if name == "top" else name
         azimuth, elevation = point_of_view(preset, centres, geometry.plane)
         elevation = np.radians(_ELEVATIONS[name]) if name in _ELEVATIONS else elevation
-        camera = fit(centres, radii, azimuth, elevation, aspect, _OPENING, margin=0.09)
+        camera = fit(centres, radii, azimuth, elevation, aspect, _FIELD_OF_VIEW, margin=0.09)
         return View(camera.eye, _target(camera, 0.5 * (centres.min(axis=0) + centres.max(axis=0))))
 
-    def look(self, camera: viser.CameraHandle | viser.InitialCameraConfig, name: str) -> None:
-        """Points a camera of viser (a client's, or the initial one) as a view does."""
+    def aim_camera(self, camera: viser.CameraHandle | viser.InitialCameraConfig, name: str) -> None:
+        """Points a camera of viser (a client's, or the initial one) as in a view."""
         aspect = getattr(camera, "aspect", _ASPECT)
         view = self.view(name, min(aspect, _ASPECT) if aspect > 0.0 else _ASPECT)
         camera.position, camera.look_at = view.eye, view.target
-        camera.fov = float(_OPENING)
+        camera.fov = float(_FIELD_OF_VIEW)
 
     # -- built once ----------------------------------------------------------------------------
 
@@ -189,21 +189,21 @@ class SceneNodes:
         solids = [*geometry.solids, *handles(geometry.tree, self.theme, geometry.size)]
         self._meshes("/hooks", [s for s in solids[len(geometry.solids) :] if s.link == WORLD])
         for k, link in enumerate(geometry.tree.links):
-            carried = [s for s in solids if s.link == k]
-            if not carried:
+            solids_of_link = [s for s in solids if s.link == k]
+            if not solids_of_link:
                 continue
             name = f"/puppet/{link.name}"
             self._links[k] = self.server.scene.add_frame(name, show_axes=False)
             self._nodes.append(self._links[k])
-            self.bodies[k] = self._meshes(name, carried)
+            self.bodies[k] = self._meshes(name, solids_of_link)
 
     def _meshes(self, name: str, solids: list[Solid]) -> list[viser.MeshHandle]:
-        """Adds one mesh for each colour and kind of shading."""
+        """Adds a mesh for each colour and kind of shading."""
         groups: dict[tuple[tuple[int, int, int], bool], list[TriangleMesh]] = {}
         for solid in solids:
             sharp = solid.kind == "faces" and not solid.smooth
-            for own, surface in coloured(solid):
-                groups.setdefault((to_bytes(own), sharp), []).append(surface)
+            for shade, surface in coloured(solid):
+                groups.setdefault((to_bytes(shade), sharp), []).append(surface)
         nodes = []
         for n, ((colour, sharp), parts) in enumerate(groups.items()):
             starts = np.cumsum([0, *(len(p.vertices) for p in parts)])[:-1]
@@ -222,28 +222,28 @@ class SceneNodes:
         self._nodes += nodes
         return nodes
 
-    # -- moved every time ----------------------------------------------------------------------
+    # -- moved for every state -----------------------------------------------------------------
 
     def _move_links(self, poses: np.ndarray) -> None:
-        now = np.concatenate([rotation.quaternion(poses[:, :, :3]), poses[:, :, 3]], axis=1)
+        values = np.concatenate([rotation.quaternion(poses[:, :, :3]), poses[:, :, 3]], axis=1)
         if self._quantum:
-            now[:, :4] = np.round(now[:, :4], 4)
-            now[:, 4:] = np.round(now[:, 4:] / self._quantum) * self._quantum
-        changed = ~(np.abs(now - self._last).max(axis=1) <= _MIN_CHANGE)
+            values[:, :4] = np.round(values[:, :4], 4)
+            values[:, 4:] = np.round(values[:, 4:] / self._quantum) * self._quantum
+        changed = ~(np.abs(values - self._last).max(axis=1) <= _MIN_CHANGE)
         for k, node in self._links.items():
-            if changed[k] and np.isfinite(now[k]).all():
-                move(node, now[k, 4:], now[k, :4])
-        self._last = now
+            if changed[k] and np.isfinite(values[k]).all():
+                move(node, values[k, 4:], values[k, :4])
+        self._last = values
 
 
 def _target(camera: Camera, middle: np.ndarray) -> np.ndarray:
-    """The point on the line of sight about which the camera turns."""
-    ahead = -camera.axes[2]
-    return camera.eye + ahead * float((middle - camera.eye) @ ahead)
+    """Point on the line of sight about which the camera turns."""
+    direction = -camera.axes[2]
+    return camera.eye + direction * float((middle - camera.eye) @ direction)
 
 
 def _sky(theme: Theme) -> np.ndarray:
-    """(256, 2, 3) pixels of the background, in 0 to 255."""
+    """(256, 2, 3) pixels of the background, from 0 to 255."""
     share = np.linspace(0.0, 1.0, 256)[:, None, None]
     rows = mix(theme.top, theme.bottom, share)
     return np.round(255.0 * np.tile(rows, (1, 2, 1))).astype(np.uint8)

@@ -1,7 +1,7 @@
-"""The side panel: numbers, plots, and the buttons that every page has.
+"""Side panel: numbers, plots, and the buttons that all pages have.
 
-Texts from puppet files become HTML through elements only, which escape them, and never markdown, in
-which a page would run code.
+Texts from puppet files become HTML only through elements, which escape them. They are never used as
+markdown, in which a page would run code.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fantoccini.app.pages.moment import Moment
 from fantoccini.app.pages.nodes import VIEWS, SceneNodes
+from fantoccini.app.pages.scene_state import SceneState
 from fantoccini.output.html import Content, element, to_html
 from fantoccini.output.view import Theme, to_hex
 
@@ -27,26 +27,26 @@ _GRID = (
 
 
 def note(words: str) -> str:
-    """A line of secondary text, as HTML."""
+    """Line of secondary text, as HTML."""
     return to_html(element("div", words, style=f"padding:0 {_SIDE};font-size:0.82em;opacity:0.75"))
 
 
 def dotted(name: str, colour: str) -> list[Content]:
-    """A name after a dot of its colour."""
+    """A name after a dot in its colour."""
     return [element("span", "\N{BLACK CIRCLE}", style=f"color:{colour}"), f" {name}"]
 
 
-def bars(names: Sequence[str], moment: Moment, nodes: SceneNodes) -> str:
-    """Every string's name, with the colour of its plot, and its tension as bar and number: HTML."""
+def bars(names: Sequence[str], scene: SceneState, nodes: SceneNodes) -> str:
+    """Names of the strings in their colours, with tensions as bars and numbers, as HTML."""
     cells = []
     for s, name in enumerate(names):
-        pull = None if moment.tension is None else float(moment.tension[s])
-        holds = bool(moment.taut[s]) or nodes.geometry.wires[s]
-        if pull is None or not np.isfinite(pull):
-            share, colour, number = 0.0, "transparent", "taut" if holds else "slack"
-        elif holds:
-            share = min(abs(pull) / nodes.colours.top, 1.0)
-            colour, number = nodes.colours.hexadecimal(pull), f"{pull:.2f} N"
+        tension = None if scene.tension is None else float(scene.tension[s])
+        is_taut = bool(scene.taut[s]) or nodes.geometry.wires[s]
+        if tension is None or not np.isfinite(tension):
+            share, colour, number = 0.0, "transparent", "taut" if is_taut else "slack"
+        elif is_taut:
+            share = min(abs(tension) / nodes.colours.top, 1.0)
+            colour, number = nodes.colours.hexadecimal(tension), f"{tension:.2f} N"
         else:
             share, colour, number = 0.0, "transparent", "slack"
         width = f"width:{100.0 * share:.1f}%;height:100%;border-radius:3px;background:{colour}"
@@ -63,33 +63,33 @@ def bars(names: Sequence[str], moment: Moment, nodes: SceneNodes) -> str:
 
 
 class Views:
-    """Buttons for the camera, and boxes for what is shown of the world.
+    """Buttons for the camera, and boxes for the parts of the world to show.
 
     Attributes:
         shadows_box, forces_box: boxes for shadows and for forces of contacts.
 
     Args:
-        gui: of the server.
-        nodes: returns the nodes that are shown now.
-        touches: returns whether the puppet has contact now.
+        gui: controls of the server.
+        nodes: returns the current nodes.
+        touches: returns whether the puppet has contacts.
     """
 
     def __init__(
         self, gui: viser.GuiApi, nodes: Callable[[], SceneNodes], touches: Callable[[], bool]
     ):
         self._nodes, self._touches = nodes, touches
-        gui.add_button_group("Camera", VIEWS).on_click(self._look)
+        gui.add_button_group("Camera", VIEWS).on_click(self._aim_camera)
         self._floor = gui.add_checkbox("Floor", True)
         self._obstacles = gui.add_checkbox("Obstacles", True)
         self.shadows_box = gui.add_checkbox(
             "Shadows", True, hint="Without a graphics card the page is faster without them"
         )
-        self.forces_box = gui.add_checkbox("Forces", False, hint="Of contacts, as arrows")
+        self.forces_box = gui.add_checkbox("Forces", False, hint="Forces of contacts, as arrows")
         for box in (self._floor, self.shadows_box, self._obstacles, self.forces_box):
             box.on_update(lambda _: self.apply())
 
     def apply(self) -> None:
-        """Shows and hides what the boxes say."""
+        """Shows and hides parts of the world according to the boxes."""
         nodes = self._nodes()
         nodes.show_floor(self._floor.value)
         nodes.show_shadows(self.shadows_box.value)
@@ -100,26 +100,26 @@ class Views:
 
     @property
     def forces(self) -> bool:
-        """Whether the forces of contacts are wanted."""
+        """Whether the forces of contacts are shown."""
         return self.forces_box.value and self._touches()
 
-    def _look(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle[str]]) -> None:
+    def _aim_camera(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle[str]]) -> None:
         if event.client is not None:
-            self._nodes().look(event.client.camera, event.target.value)
+            self._nodes().aim_camera(event.client.camera, event.target.value)
 
 
 class Plot:
-    """Lines against time, with a mark at the present.
+    """Plot of lines against time, with a mark at the current time.
 
     Args:
-        gui: of the server.
-        names: of the lines; plain text.
+        gui: controls of the server.
+        names: names of the lines, as plain text.
         theme: colours.
         label: unit of the values.
         span: first and last time [s].
         scale: lower and upper end of the values.
-        mark: mark the present.
-        height: [px].
+        mark: mark the current time.
+        height: height of the plot [px].
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class Plot:
         ]
         if mark:
             series.append({"label": "now", "stroke": ink, "width": 1.4, "points": {"show": False}})
-        # The scale is fixed: the mark is mostly NaN, from which viser derives no range.
+        # The scale is fixed, because viser derives no range from the mark, which is mostly NaN.
         values = {"auto": False, "range": list(scale)}
         zeros = tuple(np.zeros(2) for _ in series[1:])
         self._node = gui.add_uplot(
@@ -174,7 +174,7 @@ class Plot:
 
 
 def _spike(t: np.ndarray, values: np.ndarray, now: float) -> np.ndarray:
-    """(n,) NaN but for two neighbours about the present: an almost vertical line."""
+    """(n,) NaN except at two neighbours of the current time: an almost vertical line."""
     mark = np.full(len(t), np.nan)
     k = int(np.clip(np.searchsorted(t, now), 1, len(t) - 1))
     finite = values[np.isfinite(values)]

@@ -1,4 +1,4 @@
-"""The search tree of a plan in a page: its nodes as dots, the path as a line."""
+"""Search tree of a plan on a page: nodes as dots, the path as a line."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlanTree:
-    """Places of a point of the puppet.
+    """Positions of a point of the puppet in a search tree.
 
     Attributes:
-        nodes: (n, 3) at the nodes of the search tree [m].
-        way: (m, 3) along the plan [m].
+        nodes: (n, 3) positions at the nodes of the tree [m].
+        way: (m, 3) positions along the plan [m].
     """
 
     nodes: np.ndarray
@@ -34,7 +34,7 @@ class PlanTree:
         return cls(nodes, way)
 
     def add_to(self, server: viser.ViserServer, theme: Theme, size: float) -> None:
-        """Adds dots and line to the geometry of a motion of this size [m]."""
+        """Adds dots and line to a page; ``size`` is that of the geometry [m]."""
         dots = self.nodes[spread(len(self.nodes), MAX_DOTS)].astype(np.float32)
         server.scene.add_point_cloud(
             "/plan/tree", dots, to_bytes(theme.faint), point_size=0.005 * size, point_shape="circle"

@@ -1,4 +1,4 @@
-"""A page that plays a motion back, with a timeline, tensions and energies."""
+"""Page that replays a motion, with a timeline, tensions and energies."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fantoccini.app.pages.loop import REFRESH, PageLoop
-from fantoccini.app.pages.moment import moment_of
 from fantoccini.app.pages.nodes import SceneNodes
 from fantoccini.app.pages.panel import Plot, Views, bars, dotted, note
 from fantoccini.app.pages.plan_tree import PlanTree
+from fantoccini.app.pages.scene_state import scene_at_sample
 from fantoccini.app.pages.server import Server
 from fantoccini.output.html import Content, element, to_html
 from fantoccini.output.view import Geometry, Theme, geometry_of
@@ -29,7 +29,7 @@ SPEEDS = {"1/8": 0.125, "1/4": 0.25, "1/2": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
 
 
 class _Sizes(NamedTuple):
-    """How much of a motion is kept and shown."""
+    """Limits of the frames, points and events that are kept and shown."""
 
     max_rate: float = 240.0  # Resampled frames per second: enough for slow motion at 1/4
     max_frames: int = 40_000  # Resampled frames: memory
@@ -57,12 +57,12 @@ EVENT_TEXTS = {
 
 @dataclass(frozen=True, eq=False)
 class ResampledRun:
-    """A motion at evenly spaced times.
+    """Motion at evenly spaced times.
 
     Attributes:
-        run: the original.
-        geometry: at the frames' times.
-        events: without breakpoints of the inputs.
+        run: the original run.
+        geometry: geometry at the times of the frames.
+        events: events, without breakpoints of the inputs.
     """
 
     run: Trajectory
@@ -77,18 +77,18 @@ class ResampledRun:
         rate: float | None = None,
         forces: bool | None = None,
     ) -> ResampledRun:
-        """The motion at ``rate`` frames per second, by default as many as are useful.
+        """The motion at ``rate`` frames per second; by default as many as are useful.
 
-        ``forces``: with the forces of contacts; by default where there are any.
+        ``forces``: with the forces of contacts; by default if there are contacts.
         """
         if rate is None:
             rate = min(_SIZES.max_rate, _SIZES.max_frames / max(run.duration, 1e-9))
         frames = max(1, round(run.duration * rate))
         times = np.linspace(run.t[0], run.t[-1], frames + 1)
         events = tuple(e for e in run.events if e.kind != "breakpoint")
-        again = run.resample(times)
+        resampled = run.resample(times)
         forces = run.contact is not None if forces is None else forces
-        return cls(run, geometry_of(marionette, again, forces), events)
+        return cls(run, geometry_of(marionette, resampled, forces), events)
 
     @property
     def start(self) -> float:
@@ -101,25 +101,25 @@ class ResampledRun:
         return float(self.geometry.t[-1])
 
     def frame(self, t: float) -> int:
-        """The frame of a time."""
+        """Index of the frame at a time."""
         share = (t - self.start) / max(self.end - self.start, 1e-12)
         return int(np.clip(round(share * (len(self.geometry.t) - 1)), 0, len(self.geometry.t) - 1))
 
 
 class Replay(PageLoop):
-    """Plays a motion on a page.
+    """Replay of a motion on a page.
 
     Attributes:
-        t: the time that is shown [s].
-        playing: whether it plays.
-        shown: index of the frame that is shown; -1 before the first.
-        views: parts of the world that are shown.
+        t: shown time [s].
+        playing: whether the motion is playing.
+        shown: index of the shown frame; -1 before the first.
+        views: boxes for the parts of the world to show.
 
     Args:
-        server: of the page.
-        motion: what to play.
+        server: server of the page.
+        motion: motion to replay.
         theme: colours.
-        tree: search tree of the plan that the motion comes from, or None.
+        tree: search tree of the plan with this motion, or None.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class Replay(PageLoop):
         self.nodes = SceneNodes(server.viser, motion.geometry, theme)
         if tree is not None:
             tree.add_to(server.viser, theme, motion.geometry.size)
-        self.nodes.look(server.viser.initial_camera, "three-quarter")
+        self.nodes.aim_camera(server.viser.initial_camera, "three-quarter")
         self.t, self.playing, self.speed = motion.start, True, 1.0
         self.shown = -1
         self._due = {"plot": 0.0, "numbers": 0.0}
@@ -201,13 +201,13 @@ class Replay(PageLoop):
             with gui.add_folder("Events"):
                 self._listing = gui.add_html("")
         gui.add_command("Play or pause", hotkey="P").on_trigger(lambda _: self._toggle())
-        for label, key, what in (
+        for label, key, step in (
             ("Step back", "A", "<"),
-            ("Step on", "D", ">"),
-            ("Event before", "W", "|<"),
+            ("Step forward", "D", ">"),
+            ("Previous event", "W", "|<"),
             ("Next event", "S", ">|"),
         ):
-            gui.add_command(label, hotkey=key).on_trigger(lambda _, what=what: self._step(what))
+            gui.add_command(label, hotkey=key).on_trigger(lambda _, step=step: self._step(step))
 
     def _slid(self, event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
         if event.client is not None:  # a viewer, not this program
@@ -227,20 +227,20 @@ class Replay(PageLoop):
         self.playing = False
         self._play.label, self._play.icon = "Play", "player-play"
 
-    def _step(self, what: str) -> None:
+    def _step(self, step: str) -> None:
         self._pause()
-        if what in ("<", ">"):
-            self.seek(self.t + (1.0 if what == ">" else -1.0) / REFRESH.rate)
+        if step in ("<", ">"):
+            self.seek(self.t + (1.0 if step == ">" else -1.0) / REFRESH.rate)
             return
         times = [e.t for e in self.motion.events]
-        near = 1e-6
-        if what == ">|":
-            self.seek(min((t for t in times if t > self.t + near), default=self.motion.end))
+        tolerance = 1e-6
+        if step == ">|":
+            self.seek(min((t for t in times if t > self.t + tolerance), default=self.motion.end))
         else:
-            self.seek(max((t for t in times if t < self.t - near), default=self.motion.start))
+            self.seek(max((t for t in times if t < self.t - tolerance), default=self.motion.start))
 
     def _finish(self) -> None:
-        """Nothing is left to do."""
+        """Does nothing: there is no unfinished work."""
 
     # -- playing -------------------------------------------------------------------------------
 
@@ -266,14 +266,14 @@ class Replay(PageLoop):
         k = self.motion.frame(self.t)
         if k == self.shown:
             return
-        moment = moment_of(self.motion.geometry, k)
+        scene = scene_at_sample(self.motion.geometry, k)
         with self.server.viser.atomic():
-            self.nodes.show(moment)
+            self.nodes.show(scene)
             if now >= self._due["numbers"]:
                 self._due["numbers"] = now + REFRESH.numbers
                 self._slider.value = round(self.t, 3)
                 if self.motion.geometry.names:
-                    self._bars.content = bars(self.motion.geometry.names, moment, self.nodes)
+                    self._bars.content = bars(self.motion.geometry.names, scene, self.nodes)
                 if self._listing is not None:
                     self._listing.content = listed(self.motion.events, self.t)
             if now >= self._due["plot"]:
@@ -299,12 +299,12 @@ def _about(motion: ResampledRun) -> str:
 
 
 def _marks(motion: ResampledRun) -> tuple[float, ...] | None:
-    caught = [e.t for e in motion.events if e.kind in ("catch", "slip", "accumulation")]
-    return tuple(round(t, 3) for t in caught) if 0 < len(caught) <= _SIZES.max_marks else None
+    times = [e.t for e in motion.events if e.kind in ("catch", "slip", "accumulation")]
+    return tuple(round(t, 3) for t in times) if 0 < len(times) <= _SIZES.max_marks else None
 
 
 def listed(events: Sequence[EventRecord], t: float) -> str:
-    """The last events before a time, and the next, as HTML."""
+    """The last events before a time, and the next one, as HTML."""
     past = sum(e.t <= t + 1e-9 for e in events)
     first = max(0, min(past - _SIZES.listed_events + 2, len(events) - _SIZES.listed_events))
     rows = []

@@ -1,4 +1,4 @@
-"""A viser server that by default only this machine's browser can reach."""
+"""Server of a page, which by default only browsers on this machine can reach."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fantoccini.output.view import Theme, rgb, to_bytes
 HOST = "127.0.0.1"
 PORT = 8080
 MAX_PORTS = 100
-"""Ports that are tried after one that is in use."""
+"""Number of further ports to try if the first one is in use."""
 
 
 class ServerError(FantocciniError):
@@ -32,28 +32,28 @@ class ServerError(FantocciniError):
 
 
 class Server:
-    """A viser server on one port, with an index page and websockets of our own.
+    """Server of viser on one port, with its own index page and additional websockets.
 
-    viser accepts connections from any page that the browser has open, and has no place for scripts.
-    Here a request must name this server as its host and come from its own page, so that no other
-    page, also none by DNS rebinding, can move the puppet.
+    viser accepts connections from any page that the browser has open, and cannot add scripts. Here
+    a request must name this server as its host and come from its own page, so that no other page
+    can move the puppet, not even by DNS rebinding.
 
     Attributes:
         viser: the server of viser.
-        port: that it listens on.
+        port: port on which it listens.
         moved: whether the requested port was in use.
 
     Args:
-        title: of the page; plain text.
+        title: title of the page, as plain text.
         theme: colours.
         host: address to listen on.
         port: first port to try; 0 lets the system choose.
-        script: more JavaScript for the page.
-        handlers: path -> what serves websockets there.
+        script: additional JavaScript for the page.
+        handlers: path -> handler of websockets.
 
     Raises:
         ServerError: no port at this address can be used.
-        ViserError: viser has changed.
+        ViserError: this version of viser is not supported.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Server:
         self.host = host
         self.port = free_port(host, port)
         page = with_title(viser_private.client_page(), title)
-        # Before the client's own script, whose listeners come after ours.
+        # Before the client's own script, so that our listeners run first.
         script = f"<script>{viser_private.CLIENT_SCRIPT + script}</script>"
         self._index = in_head(page, script).encode()
         self._handlers = handlers or {}
@@ -85,7 +85,7 @@ class Server:
     @property
     def url(self) -> str:
         """Address of the page."""
-        host = _reached_at(self.host)
+        host = _browser_address(self.host)
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property
@@ -94,7 +94,7 @@ class Server:
         return not _is_loopback(self.host)
 
     def open_browser(self) -> bool:
-        """Opens the page where there is a display; returns whether it did."""
+        """Opens the page, if there is a display; returns whether it did."""
         if not has_display():
             return False
         return webbrowser.open(self.url)
@@ -105,25 +105,25 @@ class Server:
 
     # -- requests ------------------------------------------------------------------------------
 
-    def _dispatch(self, own: Handler) -> Handler:
+    def _dispatch(self, default: Handler) -> Handler:
         async def handle(connection: Any) -> None:
             path = connection.request.path.partition("?")[0]
-            await self._handlers.get(path, own)(connection)
+            await self._handlers.get(path, default)(connection)
 
         return handle
 
-    def _filter(self, own: Filter) -> Filter:
+    def _filter(self, default: Filter) -> Filter:
         def answer(connection: Any, request: Request) -> Response | None:
             if not self._accepts(request):
                 return _plain(403, "Forbidden", "this page is served to its own address only")
             if request.headers.get("Upgrade", "").lower() == "websocket":
-                own(connection, request)  # silences the log of connections
+                default(connection, request)  # suppresses the log of connections
                 return None
-            # Reads paths as viser does: every spelling of the page's address is the page.
+            # Parses paths as viser does: every spelling of the page's address gives the page.
             path = unquote(request.path.partition("?")[0]).replace("\\", "/")
             if [part for part in path.split("/") if part not in ("", ".")] in ([], ["index.html"]):
                 return self._page(request)
-            return _plain(404, "Not Found", "there is nothing here but the page at /")
+            return _plain(404, "Not Found", "there is only the page at /")
 
         return answer
 
@@ -151,7 +151,7 @@ def _plain(code: int, reason: str, words: str) -> Response:
 
 
 def _safe(code: int, reason: str, headers: Headers, content: bytes, rules: str) -> Response:
-    """A response with the headers that all of ours have."""
+    """Response with the headers that all our responses have."""
     headers["Content-Length"] = str(len(content))
     headers["Cache-Control"] = "no-store"
     headers["X-Frame-Options"] = "SAMEORIGIN"
@@ -161,9 +161,9 @@ def _safe(code: int, reason: str, headers: Headers, content: bytes, rules: str) 
 
 
 def policy(connect: str = "") -> str:
-    """Content security policy of a page that loads nothing from elsewhere.
+    """Content security policy of a page that loads nothing from other addresses.
 
-    ``connect`` lists more addresses that it may connect to.
+    ``connect`` lists additional addresses to which the page may connect.
     """
     inline = "'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' data: blob:"
     return (
@@ -174,7 +174,7 @@ def policy(connect: str = "") -> str:
 
 
 def with_title(page: str, title: str) -> str:
-    """The page with another title; plain text."""
+    """The page with another title, given as plain text."""
     before, _, rest = page.partition("<title>")
     return before + to_html(element("title", title)) + rest.partition("</title>")[2]
 
@@ -186,10 +186,10 @@ def in_head(page: str, html: str) -> str:
 
 
 def free_port(host: str, first: int) -> int:
-    """The first unused port from ``first`` on; 0 stays 0.
+    """First unused port, starting at ``first``; 0 for 0.
 
     Raises:
-        ServerError: there is none, or the address cannot be used.
+        ServerError: all ports are in use, or the address cannot be used.
     """
     last = min(first + MAX_PORTS, 65535)
     for port in range(first, last + 1):
@@ -210,17 +210,17 @@ def _listen_once(host: str, port: int) -> None:
         host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
     )[0]
     with socket.socket(family, kind, protocol) as listener:
-        # As asyncio does: a port in use until a moment ago is free.
+        # As in asyncio: a port that has just been released counts as free.
         if os.name == "posix":
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
         listener.listen(1)
 
 
-def _reached_at(host: str) -> str:
-    """Address at which a browser on this machine reaches a server that listens at ``host``.
+def _browser_address(host: str) -> str:
+    """Address at which a browser on this machine reaches a server that listens on ``host``.
 
-    For an unspecified address it is the loopback of its family: with IPv6 alone nobody answers at
+    For an unspecified address it is the loopback of its family: an IPv6 server does not answer at
     127.0.0.1.
     """
     if not host:

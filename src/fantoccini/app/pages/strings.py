@@ -1,7 +1,7 @@
-"""Strings in a viser server: taut ones coloured by tension, slack ones sagging.
+"""Strings on a page: taut ones coloured by tension, slack ones sagging.
 
-Each span of a taut string is a node with a fixed line that is moved like a body. The curve of a
-slack string is sent whenever it changes, relative to the string's first point.
+Each span of a taut string is a node with a fixed line, which is moved like a body. The curve of a
+slack string is sent again whenever it changes, relative to the string's first point.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fantoccini.app.pages.moment import Moment
+from fantoccini.app.pages.scene_state import SceneState
 from fantoccini.app.pages.viser_private import move
 from fantoccini.base import rotation
 from fantoccini.output.view import Geometry, Theme, mix, to_bytes, to_hex
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 
 class _Resolution(NamedTuple):
-    """How finely strings are drawn."""
+    """Resolution of strings."""
 
     sag_points: int = 30  # Points on each segment of a slack string
     colours: int = 64  # Colours from zero to the largest tension
     stretch: float = 2e-4
-    """Error of a line's length, relative to the puppet's size, at which it is sent again."""
+    """Error of a line's length, relative to the puppet's size, above which it is sent again."""
 
 
 _RESOLUTION = _Resolution()
 
 
 class Colours:
-    """Colours of the strings of a geometry.
+    """Colours of a geometry's strings.
 
     Attributes:
         top: tension with the last colour of the scale [N].
@@ -44,21 +44,21 @@ class Colours:
         self._chains, self._own = geometry.chain_colours, geometry.colours
 
     def of(self, string: int, tension: float | None) -> tuple[int, int, int]:
-        """Colour of a taut string, in 0 to 255."""
+        """Colour of a taut string, from 0 to 255."""
         if tension is None or not np.isfinite(tension):
             return self._own_colour(self._own[string])
         return to_bytes(self._ramp[self._step(tension)])
 
     def of_chain(self, chain: int) -> tuple[int, int, int]:
-        """Colour of a string of masses and springs, in 0 to 255."""
+        """Colour of a chain, from 0 to 255."""
         return self._own_colour(self._chains[chain])
 
     def hexadecimal(self, tension: float) -> str:
         """Colour of a tension as ``#rrggbb``."""
         return to_hex(self._ramp[self._step(tension)])
 
-    def _own_colour(self, own: np.ndarray | None) -> tuple[int, int, int]:
-        return to_bytes(self._ramp[0] if own is None else own)
+    def _own_colour(self, colour: np.ndarray | None) -> tuple[int, int, int]:
+        return to_bytes(self._ramp[0] if colour is None else colour)
 
     def _step(self, tension: float) -> int:
         share = min(abs(tension) / self.top, 1.0) if self.top > 0.0 else 0.0
@@ -66,17 +66,17 @@ class Colours:
 
 
 class Strings:
-    """The strings and springs of a geometry.
+    """Nodes of a geometry's strings, springs and chains.
 
     Attributes:
-        nodes: of viser.
+        nodes: nodes of viser.
 
     Args:
-        server: of viser.
-        geometry: whose strings they are.
-        theme: colours of springs.
-        colours: of the strings.
-        quantum: positions are rounded to this [m]; 0 keeps them.
+        server: server of viser.
+        geometry: geometry with the strings.
+        theme: theme, for the colours of springs.
+        colours: colours of the strings.
+        quantum: step to which positions are rounded [m]; 0 for none.
     """
 
     def __init__(
@@ -126,63 +126,63 @@ class Strings:
         ]
         self.nodes.extend(self._chains)
 
-    def show(self, moment: Moment) -> None:
-        """Draws the strings of a moment."""
-        holds = np.asarray(moment.taut, dtype=bool) | np.array(self._geometry.wires, dtype=bool)
+    def show(self, scene: SceneState) -> None:
+        """Draws the strings of a state of the scene."""
+        is_taut = np.asarray(scene.taut, dtype=bool) | np.array(self._geometry.wires, dtype=bool)
         if self._spans:
-            self._show_spans(moment, holds)
-        self._show_curves(moment, holds)
+            self._show_spans(scene, is_taut)
+        self._show_curves(scene, is_taut)
         if self._springs is not None:
-            ends = np.concatenate(moment.springs)
+            ends = np.concatenate(scene.springs)
             if np.isfinite(ends).all():
                 self._springs.points = self._rounded(ends).astype(np.float32)
-        for node, points in zip(self._chains, moment.chains, strict=True):
+        for node, points in zip(self._chains, scene.chains, strict=True):
             if np.isfinite(points).all():
                 ends = np.stack([points[:-1], points[1:]], axis=1)
                 node.points = self._rounded(ends).astype(np.float32)
 
-    def _show_spans(self, moment: Moment, holds: np.ndarray) -> None:
-        starts = np.concatenate([p[:-1] for p in moment.points])
-        away = np.concatenate([p[1:] for p in moment.points]) - starts
-        lengths = np.linalg.norm(away, axis=1)
-        shown = holds[self._owner] & np.isfinite(lengths) & (lengths > 0.0)
-        directions = away / np.where(shown, lengths, 1.0)[:, None]
+    def _show_spans(self, scene: SceneState, is_taut: np.ndarray) -> None:
+        starts = np.concatenate([p[:-1] for p in scene.points])
+        offsets = np.concatenate([p[1:] for p in scene.points]) - starts
+        lengths = np.linalg.norm(offsets, axis=1)
+        visible = is_taut[self._owner] & np.isfinite(lengths) & (lengths > 0.0)
+        directions = offsets / np.where(visible, lengths, 1.0)[:, None]
         x = np.array([1.0, 0.0, 0.0])
-        wxyz = rotation.shortest(x, np.where(shown[:, None], directions, x))
+        wxyz = rotation.shortest(x, np.where(visible[:, None], directions, x))
         if self._quantum:
             wxyz = np.round(wxyz, 4)
         starts = self._rounded(starts)
         for n, node in enumerate(self._spans):
-            if node.visible != bool(shown[n]):
-                node.visible = bool(shown[n])
-            if not shown[n]:
+            if node.visible != bool(visible[n]):
+                node.visible = bool(visible[n])
+            if not visible[n]:
                 continue
             move(node, starts[n], wxyz[n])
             if abs(lengths[n] - self._drawn[n]) > _RESOLUTION.stretch * self._geometry.size:
                 self._drawn[n] = lengths[n]
                 node.points = np.array([[[0, 0, 0], [lengths[n], 0, 0]]], dtype=np.float32)
             s = self._owner[n]
-            tension = None if moment.tension is None else float(moment.tension[s])
+            tension = None if scene.tension is None else float(scene.tension[s])
             colour = self._colours.of(s, tension)
             if colour != self._coloured[n]:
                 self._coloured[n] = colour
                 node.colors = np.array(colour, dtype=np.uint8)
 
-    def _show_curves(self, moment: Moment, holds: np.ndarray) -> None:
+    def _show_curves(self, scene: SceneState, is_taut: np.ndarray) -> None:
         for s, node in enumerate(self._curves):
-            shown = not holds[s] and bool(np.isfinite(moment.points[s]).all())
-            if node.visible != shown:
-                node.visible = shown
-            if not shown:
+            visible = not is_taut[s] and bool(np.isfinite(scene.points[s]).all())
+            if node.visible != visible:
+                node.visible = visible
+            if not visible:
                 continue
             line = self._rounded(
                 self._geometry.slack_curve(
-                    moment.points[s], float(moment.lengths[s]), _RESOLUTION.sag_points
+                    scene.points[s], float(scene.lengths[s]), _RESOLUTION.sag_points
                 )
             )
             move(node, line[0])
-            away = (line - line[0]).astype(np.float32)
-            node.points = np.stack([away[:-1], away[1:]], axis=1)
+            offsets = (line - line[0]).astype(np.float32)
+            node.points = np.stack([offsets[:-1], offsets[1:]], axis=1)
 
     def _rounded(self, places: np.ndarray) -> np.ndarray:
         return np.round(places / self._quantum) * self._quantum if self._quantum else places

@@ -1,7 +1,7 @@
-"""Everything that fantoccini uses of viser beyond its public interface.
+"""All uses of viser beyond its public interface.
 
-viser may change it in any release. :func:`start` checks that it is all there, and refuses a viser
-in which it is not.
+viser may change these parts in any release. :func:`start` checks that they exist, and refuses a
+version of viser that lacks one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import websockets.asyncio.server
 from fantoccini.base import FantocciniError
 
 CHECKED_VERSIONS = ("1.1.1",)
-"""Versions of viser that the tests have passed with."""
+"""Versions of viser with which the tests have passed."""
 
 UNUSED_MESSAGES = (
     "GuiButtonHoldMessage",
@@ -30,14 +30,14 @@ UNUSED_MESSAGES = (
     "GuiFormDirtyMessage",
     "FileTransferStartUpload",
     "FileTransferPart",
-    # These would open a tunnel through a server of viser's makers.
+    # These would open a tunnel through a server of viser's authors.
     "ShareUrlRequest",
     "ShareUrlDisconnect",
 )
-"""Messages from the browser that no control of ours sends; they are refused."""
+"""Messages from the browser that none of our controls sends; they are refused."""
 
 MESSAGES = (*UNUSED_MESSAGES, "GuiUpdateMessage", "SetPositionMessage", "SetOrientationMessage")
-"""All messages that are used here."""
+"""All messages used here."""
 
 MEMBERS = (
     "_websock_server.register_handler",
@@ -49,26 +49,26 @@ MEMBERS = (
     "scene.world_axes._impl.wxyz",
     "scene.world_axes._impl.api._queue_scene_message",
 )
-"""Members of a server that are used here."""
+"""Members of a server used here."""
 
 MAX_TEXT = 200
-"""Length of a text that a viewer can type [characters]."""
+"""Largest length of a text that a viewer can type [characters]."""
 
 Handler = Callable[[Any], Awaitable[None]]
-"""Serves one websocket connection."""
+"""Handler of one websocket connection."""
 Filter = Callable[[Any, Any], Any]
-"""Answers a request, or returns None to let it pass."""
+"""Filter that answers a request, or returns None to let it pass."""
 
 CLIENT_SCRIPT = """
 (() => {
-  // viser's client flies its camera with these keys; here they are commands of the page. Commands
-  // listen on the root element, the camera on the document: there the event ends.
+  // viser's client moves its camera with these keys; here they are commands of the page. Commands
+  // listen on the root element, the camera listens on the document: the event must end there.
   const keys = new Set(["KeyW", "KeyA", "KeyS", "KeyD", "KeyQ", "KeyE"]);
   document.addEventListener("keydown", (event) => {
     if (keys.has(event.code)) event.stopImmediatePropagation();
   });
-  // What was clicked keeps the keyboard: the space bar would press it again, and keys of the page
-  // are not heard while a box or a list has it. Whoever goes there with Tab keeps it there.
+  // A clicked control keeps the focus: the space bar would press it again, and a box or a list
+  // would receive the keys of the page. So it loses the focus, unless it got it by Tab.
   addEventListener("click", (event) => {
     const what = event.target instanceof Element && event.target.closest(
       "button, [role=button], [role=option], [role=tab], input[type=checkbox], label");
@@ -79,7 +79,7 @@ CLIENT_SCRIPT = """
         + "input:not([type]):not([role=combobox])")) held.blur();
     });
   }, true);
-  // On a phone viser's panel covers the picture: it starts folded.
+  // On a phone viser's panel covers the picture, so it starts collapsed.
   document.addEventListener("DOMContentLoaded", () => {
     if (!matchMedia("(max-width: 36em)").matches) return;
     const watch = new MutationObserver(() => {
@@ -93,13 +93,13 @@ CLIENT_SCRIPT = """
   });
 })();
 """
-"""Changes what viser's client does in the browser."""
+"""Script that changes the behaviour of viser's client in the browser."""
 
 _starting = threading.Lock()
 
 
 class ViserError(FantocciniError):
-    """The installed viser differs from the versions that fantoccini was checked with."""
+    """The installed version of viser is not supported."""
 
     def __init__(self, missing: str):
         super().__init__(
@@ -115,15 +115,15 @@ def start(
     handler: Callable[[Handler], Handler],
     request_filter: Callable[[Filter], Filter],
 ) -> viser.ViserServer:
-    """Starts a viser server that accepts only values its controls can have.
+    """Starts a server of viser that accepts only values that its controls can have.
 
     Args:
-        host, port: where it listens.
-        title: of the page.
-        handler, request_filter: wrap viser's own handler and filter of requests.
+        host, port: address on which it listens.
+        title: title of the page.
+        handler, request_filter: wrappers of viser's own handler and filter of requests.
 
     Raises:
-        ViserError: this viser lacks something that is used here.
+        ViserError: this version of viser lacks something that is used here.
     """
     module = vars(websockets.asyncio.server)
     original, wrapped = module["serve"], threading.Event()
@@ -157,7 +157,7 @@ def stop(server: viser.ViserServer) -> None:
 
 
 def check(server: viser.ViserServer) -> None:
-    """Raises ViserError where a private member that is used here is missing."""
+    """Raises ViserError if a private member that is used here is missing."""
     missing = [f"_messages.{name}" for name in MESSAGES if not hasattr(viser._messages, name)]
     for name in MEMBERS:
         try:
@@ -169,7 +169,7 @@ def check(server: viser.ViserServer) -> None:
 
 
 def client_page() -> str:
-    """The page of viser's client, one file with everything in it."""
+    """Page of viser's client, a single self-contained file."""
     path = Path(viser.__file__).parent / "client" / "build" / "index.html"
     if not path.is_file():
         raise ViserError(f"it has no {path}")
@@ -177,13 +177,13 @@ def client_page() -> str:
 
 
 def move(node: Any, position: np.ndarray, wxyz: np.ndarray | None = None) -> None:
-    """Moves a scene node like ``node.position = ...; node.wxyz = ...``, at a fifth of the cost.
+    """Moves a node like ``node.position = ...; node.wxyz = ...``, at a fifth of the cost.
 
-    viser's own setters spend their time on comparisons with the value before.
+    viser's own setters spend most time on comparisons with the previous value.
 
     Args:
         node: handle of the node.
-        position: (3,) [m].
+        position: (3,) position [m].
         wxyz: (4,) unit quaternion, or None to keep the orientation.
     """
     state, messages = node._impl, viser._messages
@@ -196,9 +196,9 @@ def move(node: Any, position: np.ndarray, wxyz: np.ndarray | None = None) -> Non
 
 
 def _refuse_other_values(server: viser.ViserServer) -> None:
-    """From now on browsers can set only values that the page's controls can have.
+    """Restricts browsers to values that the page's controls can have.
 
-    viser itself would set any attribute that a message names, the list of callbacks too.
+    viser itself would set any attribute that a message names, even the list of callbacks.
     """
     socket, gui, messages = server._websock_server, server.gui, viser._messages
     for name in (*UNUSED_MESSAGES, "GuiUpdateMessage"):
@@ -213,7 +213,7 @@ def _refuse_other_values(server: viser.ViserServer) -> None:
 
 
 def fits(control: Any, value: Any) -> bool:
-    """Whether a control can have a value; False for anything but the page's controls."""
+    """Whether a control can have a value; False for anything except the page's controls."""
     match control:
         case viser.GuiButtonGroupHandle() | viser.GuiDropdownHandle():
             return isinstance(value, str) and value in control.options
@@ -230,7 +230,7 @@ def fits(control: Any, value: Any) -> bool:
             return (
                 isinstance(value, list | tuple)
                 and len(value) == len(control.value)
-                and all(isinstance(one, int | float) and low <= one <= high for one in value)
+                and all(isinstance(item, int | float) and low <= item <= high for item in value)
             )
         case viser.GuiTextHandle():
             return isinstance(value, str) and len(value) <= MAX_TEXT

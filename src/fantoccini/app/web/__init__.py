@@ -1,4 +1,4 @@
-"""``show``: opens a puppet, a motion or a plan in the browser; loads viser when first called."""
+"""``show``: opens a puppet, a motion or a plan in the browser; imports viser when first called."""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,4 @@
-"""What a page can show, and the page that shows it."""
+"""Subjects of pages, and the pages that show them."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from fantoccini.theatre.perform import Address, LivePlay, Osc, Performance, Reco
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What a page shows.
+    """Subject of a page.
 
     Attributes:
         marionette: the puppet, with its obstacles.
         run: its motion, or None for a live puppet.
-        tree: search tree of the plan that the motion comes from, or None.
-        file: the puppet's file, loaded again when it is saved; or None.
+        tree: search tree of the plan with this motion, or None.
+        file: the puppet's file, which is loaded again when it changes; or None.
     """
 
     marionette: Marionette
@@ -49,8 +49,8 @@ class Page:
     """An open page.
 
     Attributes:
-        server: serves it.
-        show: the :class:`Live` or :class:`Replay` that it shows.
+        server: server of the page.
+        show: the live puppet or the replay that the page shows.
     """
 
     def __init__(self, server: Server, show: Live | Replay):
@@ -74,21 +74,21 @@ class Page:
 
     @property
     def recording_status(self) -> str:
-        """What became of the last recording; empty without one."""
+        """Message about the last recording; empty without one."""
         return self.show.recorder.status if isinstance(self.show, Live) else ""
 
     @property
     def changes(self) -> tuple[str, ...]:
-        """What in the score or the play is not as it is written, with file and line."""
+        """Changes to the score or the play, with file and line."""
         if not isinstance(self.show, Live):
             return ()
         stage = self.show.stage
-        performed = stage.score if stage.show is None else stage.show.play
-        return () if performed is None else tuple(map(str, performed.changes))
+        script = stage.score if stage.show is None else stage.show.play
+        return () if script is None else tuple(map(str, script.changes))
 
     @property
     def osc(self) -> Osc | None:
-        """Messages from and to a show, or None."""
+        """OSC connection of a live play, or None."""
         return self.show.stage.osc if isinstance(self.show, Live) else None
 
     def wait(self) -> None:
@@ -103,7 +103,7 @@ class Page:
                 self.close()
 
     def close(self) -> None:
-        """Closes the page; a running recording is written first."""
+        """Closes the page, after writing a running recording."""
         if not self._closed.is_set():
             self._closed.set()
             atexit.unregister(self.close)
@@ -112,32 +112,34 @@ class Page:
 
 @contextlib.contextmanager
 def _exit_on_signals() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise SystemExit, unless they are ignored or handled elsewhere."""
+    """Context in which SIGTERM and SIGHUP raise SystemExit, unless handled elsewhere."""
 
     def end(number: int, frame: FrameType | None) -> None:
         raise SystemExit(128 + number)
 
-    here = threading.current_thread() is threading.main_thread()
+    in_main_thread = threading.current_thread() is threading.main_thread()
     signals = [getattr(signal, name, None) for name in ("SIGTERM", "SIGHUP")]
-    taken = [s for s in signals if here and s and signal.getsignal(s) is signal.SIG_DFL]
-    for number in taken:
+    replaced = [
+        s for s in signals if in_main_thread and s and signal.getsignal(s) is signal.SIG_DFL
+    ]
+    for number in replaced:
         signal.signal(number, end)
     try:
         yield
     finally:
-        for number in taken:
+        for number in replaced:
             signal.signal(number, signal.SIG_DFL)
 
 
 def subject_of(
     what: Any, problem: str | Path | None = None, progress: OnProgress | None = None
 ) -> Subject:
-    """The subject of an argument of :func:`fantoccini.app.show`.
+    """Subject of an argument of :func:`fantoccini.app.show`.
 
     Args:
-        what: puppet, motion, plan, or the file of one.
-        problem: problem file of a plan's file, where the problem is not bundled.
-        progress: called with the name of each long step.
+        what: puppet, motion or plan, or a file with one of them.
+        problem: problem file of a plan whose problem is not bundled.
+        progress: callback with the name of each long step.
 
     Raises:
         FileError: the file cannot be shown.
@@ -158,15 +160,15 @@ def subject_of(
             raise ValueError(f"there is no plan to show: {what.reason}")
         return Subject(what.problem.drawn_marionette, what.trajectory, PlanTree.of(what))
     raise ValueError(
-        f"found {type(what).__name__}; what can be shown is a puppet, a trajectory, a recording, "
-        "a plan, or the file of one"
+        f"found {type(what).__name__}; expected a puppet, a trajectory, a recording, a plan, or a "
+        "file with one of them"
     )
 
 
 def _puppet_of(run: Trajectory, progress: OnProgress | None) -> Marionette:
-    """The puppet of a trajectory."""
+    """Puppet of a trajectory."""
     if run.puppet is None:
-        raise ValueError("the trajectory has no puppet, and cannot be shown")
+        raise ValueError("the trajectory has no puppet, so it cannot be shown")
     return Marionette(run.puppet, progress)
 
 
@@ -190,14 +192,14 @@ def _of_file(name: str, problem: str | Path | None, progress: OnProgress | None)
 
 
 def _check_no_problem(path: Path, problem: str | Path | None) -> None:
-    """Raises FileError where a problem file is given without a plan."""
+    """Raises FileError if a problem file is given without a plan."""
     if problem is not None:
         message = f"is not a plan; a problem file ({problem}) is for plans only"
         raise FileError([Mistake(str(path), None, "", message)])
 
 
 def format_of(path: Path) -> tuple[str, dict[str, Any]]:
-    """Format and description in an npz file; empty where it has none."""
+    """Format and description in an npz file; empty if it has none."""
     try:
         about = npz.about_of(npz.read(path, only=npz.ABOUT))
         return str(about["format"]), about
@@ -226,7 +228,7 @@ def write(
     progress: OnProgress | None = None,
     forces: bool = False,
 ) -> Path:
-    """Writes a motion as one file, with or without the forces of its contacts.
+    """Writes a motion as a page in one file, with or without the forces of its contacts.
 
     Raises:
         ValueError: there is no motion to write, or there are no forces to draw.
@@ -247,47 +249,47 @@ def open_page(
     balance: bool = False,
     score: Path | None = None,
 ) -> Page:
-    """Serves a page.
+    """Serves a page with a subject.
 
     Args:
-        subject: what it shows.
+        subject: subject to show.
         theme: ``light`` or ``dark``.
         host: address to listen on.
         port: first port to try.
         record_to: folder for recordings.
-        balance: let the hands balance a live puppet.
+        balance: balance a live puppet by motions of the hands.
         score: file of a score that a live puppet plays, or None.
 
     Raises:
-        StateError: hands cannot balance this puppet.
+        StateError: the hands cannot balance this puppet.
         FileError: there is no such folder for recordings, or the score has mistakes.
         ServerError: the address cannot be used.
     """
-    look = theme_of(theme)
+    page_theme = theme_of(theme)
     _check_folder(record_to)
     title = subject.marionette.name
     if subject.run is not None:
         motion = ResampledRun.of(subject.marionette, subject.run)
-        server = Server(title, look, host, port)
-        shown: Live | Replay = Replay(server, motion, look, subject.tree)
+        server = Server(title, page_theme, host, port)
+        view: Live | Replay = Replay(server, motion, page_theme, subject.tree)
     else:
         performance = Performance(subject.marionette)
-        live = Live(performance, look, record_to.absolute(), subject.file, score)
-        server = Server(title, look, host, port, PAD_SCRIPT + SOUND_SCRIPT, live.handlers)
+        live = Live(performance, page_theme, record_to.absolute(), subject.file, score)
+        server = Server(title, page_theme, host, port, PAD_SCRIPT + SOUND_SCRIPT, live.handlers)
         live.open(server)
         if balance:
             try:
-                live.let_balance(True)
+                live.set_balance(True)
             except FantocciniError:
                 server.stop()
                 raise
-        shown = live
-    shown.start()
-    return Page(server, shown)
+        view = live
+    view.start()
+    return Page(server, view)
 
 
 def _check_folder(record_to: Path) -> None:
-    """Raises FileError where there is no folder for recordings."""
+    """Raises FileError if the folder for recordings does not exist."""
     if not os.path.isdir(record_to):
         message = "there is no such folder for recordings"
         raise FileError([Mistake(str(record_to), None, "", message)])
@@ -307,18 +309,18 @@ def open_show(
     Args:
         show: the play.
         theme, host, port, record_to: see :func:`open_page`.
-        hear: where OSC messages are heard, or None.
-        send: where they go, or None.
+        hear: address that receives OSC messages, or None.
+        send: address to send OSC messages to, or None.
 
     Raises:
         FileError: there is no such folder for recordings.
         MissingLibraryError: python-osc is not installed.
-        StateError: an address of messages cannot be used.
+        StateError: an address for messages cannot be used.
         ServerError: the address of the page cannot be used.
     """
-    look = theme_of(theme)
+    page_theme = theme_of(theme)
     _check_folder(record_to)
-    live = Live(show.performance, look, record_to.absolute(), show=show)
+    live = Live(show.performance, page_theme, record_to.absolute(), show=show)
 
     def heard(do: Callable[[], None]) -> None:
         do()
@@ -328,7 +330,7 @@ def open_show(
         live.stage.osc = Osc(show, hear, send, lambda do: live.later(None, partial(heard, do)))
     script = PAD_SCRIPT + SOUND_SCRIPT + MIDI_SCRIPT
     try:
-        server = Server(show.play.name, look, host, port, script, live.handlers)
+        server = Server(show.play.name, page_theme, host, port, script, live.handlers)
     except FantocciniError:
         if live.stage.osc is not None:
             live.stage.osc.stop()
@@ -339,5 +341,5 @@ def open_show(
 
 
 def is_script() -> bool:
-    """Whether Python runs a script, at whose end a page closes, and not a prompt or notebook."""
+    """Whether Python runs a script, at whose end a page closes, not a prompt or a notebook."""
     return not (hasattr(sys, "ps1") or sys.flags.interactive or "ipykernel" in sys.modules)

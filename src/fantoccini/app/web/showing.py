@@ -1,7 +1,7 @@
-"""A puppet, a motion or a plan in the browser; the first call loads viser.
+"""A puppet, a motion or a plan in the browser; the first call imports viser.
 
-``show`` opens a page on this machine. A puppet is live there, and whoever looks at it can move its
-strings; a motion and a plan are played back, or written as one file that plays from disk.
+``show`` opens a page on this machine. A puppet is live there, and every viewer can move its
+strings; a motion or a plan is replayed, or written as one file that plays from disk.
 """
 
 from __future__ import annotations
@@ -67,28 +67,28 @@ def show(
     """Shows something in the browser.
 
     Args:
-        what: a puppet (its file, a bundled name, a Marionette) to play with; a trajectory or
-            recording (an object, or its npz file) to play back; a plan.
-        html: writes the motion as one file that plays from disk, instead of opening a page.
+        what: a puppet (its file, a bundled name, a Marionette) to show live; a trajectory, a
+            recording or a plan (an object, or its npz file) to replay.
+        html: file to write the motion to, as a page that plays from disk; opens no page.
         theme: ``light`` or ``dark``.
-        host: address to listen on; any but this machine's own admits other machines.
+        host: address to listen on; other machines can connect if it is not local.
         port: first port to try.
-        browser: open the page, where there is a display.
+        browser: open the page, if there is a display.
         wait: block until Ctrl-C; by default in scripts, and not at a prompt or in a notebook.
         record_to: folder for recordings, gestures and films.
-        forces: with ``html``, draw the forces of contacts; a page has a box for them.
-        balance: let the hands balance a live puppet; the page has a box for it.
+        forces: with ``html``, draw the forces of contacts; on a live page, a box shows them.
+        balance: balance a live puppet by motions of the hands; a box on the page switches it.
         score: file of a score that a live puppet plays.
 
     Returns:
-        The page, to close it; with ``html`` the path of the file.
+        The open page; with ``html`` the path of the file.
 
     Raises:
         FileError: the file cannot be shown, the score has mistakes, or there is no folder
             ``record_to``.
-        ValueError: ``what`` cannot be shown, or not as a file; or there are no forces to draw,
-            or nothing to balance.
-        StateError: hands cannot balance this puppet.
+        ValueError: ``what`` cannot be shown, or not as a file; there are no forces to draw; or
+            there is nothing to balance.
+        StateError: the hands cannot balance this puppet.
     """
     from fantoccini.app.web import page
 
@@ -96,11 +96,11 @@ def show(
     if html is not None:
         return page.write(subject, html, theme, forces=forces)
     if forces:
-        raise ValueError("forces are for html=FILE; a page has a box that shows them")
+        raise ValueError("forces needs html=FILE; on a page, a box shows them")
     if balance and subject.run is not None:
-        raise ValueError("hands can balance a puppet that is live, not a motion")
+        raise ValueError("balance applies to a live puppet, not to a motion")
     if score is not None and subject.run is not None:
-        raise ValueError("a score is played by a puppet that is live, not by a motion")
+        raise ValueError("score applies to a live puppet, not to a motion")
     score = None if score is None else Path(score)
     opened = page.open_page(subject, theme, host, port, Path(record_to), balance, score)
     if browser:

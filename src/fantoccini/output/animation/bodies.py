@@ -1,4 +1,4 @@
-"""The keys of all bodies: as few as keep every point of them within a tolerance in the world."""
+"""Keys of all bodies: as few as keep each point on them within a tolerance, in the world frame."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from fantoccini.output.animation.keys import Curve, Keys, cubic_keys
 from fantoccini.output.animation.scene import AnimatedScene
 
 TOLERANCE = 1e-5
-"""How far a point of a body may be from where the run has it [m]."""
+"""Largest distance of an animated point of a body from its position in the run [m]."""
 
-_LEAST = 1e-3
-"""Size that a link without shapes has at least [m]."""
-_TRIES = 2
-_MENDS = 12
-_FIRST = 3.0
-"""Errors seldom add up: so many times their share are allowed at first."""
-_WANTED = 0.9
-"""Share of the tolerance that is aimed at."""
-_ALLOWED = 0.97
-"""Share of the tolerance that is kept at the samples; between them it may be a little more."""
-_NEAR = 31
-"""Samples about an error in which the keys are moved closer."""
+_MIN_EXTENT = 1e-3
+"""Extent of a link without shapes [m]."""
+_SHARE_PASSES = 2
+_REFINEMENTS = 12
+_FIRST_FACTOR = 3.0
+"""Factor by which the first shares exceed equal ones: errors of joints rarely add up."""
+_TARGET_SHARE = 0.9
+"""Share of the tolerance that the passes aim at."""
+_SAMPLE_SHARE = 0.97
+"""Share of the tolerance allowed at the samples; errors between them may be slightly larger."""
+_WINDOW = 31
+"""Number of samples around an error in which keys are set more densely."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,28 +37,28 @@ class Track:
     """A curve with its keys.
 
     Attributes:
-        curve: on the grid.
-        keys: of it; None where it stands still.
+        curve: values on the grid.
+        keys: its keys; None for a constant curve.
     """
 
     curve: Curve
     keys: Keys | None
 
     @property
-    def shown(self) -> Array:
-        """(T, n) what a player shows on the grid."""
+    def values(self) -> Array:
+        """(T, n) values that a player shows on the grid."""
         if self.keys is None:
             return np.tile(self.curve.x[0], (len(self.curve.t), 1))
         return self.keys.evaluate(self.curve, self.curve.t)
 
     @property
     def errors(self) -> Array:
-        """(T,) how far that is off, in tolerances."""
-        away: Array = np.linalg.norm(self.shown - self.curve.x, axis=1) / self.curve.tolerance
-        return away
+        """(T,) errors of these values, in units of the tolerance."""
+        offsets: Array = np.linalg.norm(self.values - self.curve.x, axis=1) / self.curve.tolerance
+        return offsets
 
     def finer(self, at: Indices) -> Track:
-        """With keys in the middle of the spans about samples."""
+        """The track with another key in the middle of each span that contains a sample of `at`."""
         return self if self.keys is None else Track(self.curve, self.keys.halved(self.curve, at))
 
 
@@ -71,11 +71,11 @@ class BodyTracks:
 
 
 def tracks_of(scene: AnimatedScene, grid: Grid) -> dict[int, BodyTracks]:
-    """The tracks of every link that is shown.
+    """Tracks of every shown link.
 
-    At first every joint of the longest limb has a like share of the tolerance. Shares are then
-    smaller about the times when points are too far off, and larger where more is allowed; what is
-    left is mended by keys in between.
+    At first the joints of the longest limb share the tolerance equally. Shares then shrink around
+    the times when errors are too large, and grow elsewhere. Keys in between remove the remaining
+    errors.
     """
     motions = {k: scene.motion(k, grid.run) for k in scene.links}
     extents = _extents(scene)
@@ -83,45 +83,47 @@ def tracks_of(scene: AnimatedScene, grid: Grid) -> dict[int, BodyTracks]:
     depth = {WORLD: 0}
     for k in scene.links:
         depth[k] = depth[scene.parents[k]] + 1
-    share = np.full(len(grid.t), _FIRST * TOLERANCE / max(depth.values()))
-    for _ in range(_TRIES):
+    share = np.full(len(grid.t), _FIRST_FACTOR * TOLERANCE / max(depth.values()))
+    for _ in range(_SHARE_PASSES):
         tracks = {k: _tracks(grid.t, m, share, reaches[k]) for k, m in motions.items()}
         worst = np.max(list(_errors(scene, motions, tracks, extents).values()), axis=0)
-        near = maximum_filter1d(worst, _NEAR)
-        share = share * np.clip(_WANTED * TOLERANCE / np.maximum(near, 1e-12), 0.2, 2.0)
+        local_worst = maximum_filter1d(worst, _WINDOW)
+        share = share * np.clip(
+            _TARGET_SHARE * TOLERANCE / np.maximum(local_worst, 1e-12), 0.2, 2.0
+        )
         share = np.clip(share, 0.01 * TOLERANCE, TOLERANCE)
-    for _ in range(_MENDS):
-        wrong = {
-            k: np.flatnonzero(error > _ALLOWED * TOLERANCE)
+    for _ in range(_REFINEMENTS):
+        bad_samples = {
+            k: np.flatnonzero(error > _SAMPLE_SHARE * TOLERANCE)
             for k, error in _errors(scene, motions, tracks, extents).items()
         }
-        if not any(len(at) for at in wrong.values()):
+        if not any(len(at) for at in bad_samples.values()):
             break
-        _mend(scene, tracks, wrong)
+        _add_keys(scene, tracks, bad_samples)
     return tracks
 
 
-def _mend(
-    scene: AnimatedScene, tracks: dict[int, BodyTracks], wrong: Mapping[int, Indices]
+def _add_keys(
+    scene: AnimatedScene, tracks: dict[int, BodyTracks], bad_samples: Mapping[int, Indices]
 ) -> None:
-    """Puts keys in between about the samples at which links are too far off."""
-    for k, at in wrong.items():
+    """Adds keys around the samples at which the errors of links are too large."""
+    for k, at in bad_samples.items():
         if not len(at):
             continue
         chain = [k]
         while scene.parents[chain[-1]] != WORLD:
             chain.append(scene.parents[chain[-1]])
         parts = [(link, part) for link in chain for part in ("r", "q")]
-        own = np.array([getattr(tracks[link], part).errors[at] for link, part in parts])
-        for (link, part), blame in zip(parts, own >= 0.5 * own.max(axis=0), strict=True):
-            if blame.any():
-                finer = getattr(tracks[link], part).finer(at[blame])
+        errors = np.array([getattr(tracks[link], part).errors[at] for link, part in parts])
+        for (link, part), at_fault in zip(parts, errors >= 0.5 * errors.max(axis=0), strict=True):
+            if at_fault.any():
+                finer = getattr(tracks[link], part).finer(at[at_fault])
                 tracks[link] = replace(tracks[link], **{part: finer})
 
 
 def _tracks(t: Times, motion: LocalMotion, share: Array, reach: float) -> BodyTracks:
     q = rotation.continuous(motion.q)
-    # A quaternion is off by half the angle.
+    # The error of a quaternion is half the angle.
     return BodyTracks(
         _track(Curve(t, motion.r, motion.v, share, False)),
         _track(Curve(t, q, replace(motion, q=q).q_rate, 0.5 * share / reach, True)),
@@ -129,35 +131,37 @@ def _tracks(t: Times, motion: LocalMotion, share: Array, reach: float) -> BodyTr
 
 
 def _track(curve: Curve) -> Track:
-    return Track(curve, None if curve.still else cubic_keys(curve))
+    return Track(curve, None if curve.constant else cubic_keys(curve))
 
 
 def _extents(scene: AnimatedScene) -> dict[int, float]:
-    """Of every link how far a point on it is from its origin, at most [m]."""
-    own = dict.fromkeys(scene.links, _LEAST)
+    """Largest distance of a point of each link from the link's origin [m]."""
+    extents = dict.fromkeys(scene.links, _MIN_EXTENT)
     for solid in scene.geometry.solids:
-        if solid.link in own:
-            far = np.linalg.norm(solid.points, axis=1).max() + solid.radius
-            far += float(np.linalg.norm(solid.half, axis=0).max()) if solid.kind != "faces" else 0.0
-            own[solid.link] = max(own[solid.link], float(far))
+        if solid.link in extents:
+            distance = np.linalg.norm(solid.points, axis=1).max() + solid.radius
+            distance += (
+                float(np.linalg.norm(solid.half, axis=0).max()) if solid.kind != "faces" else 0.0
+            )
+            extents[solid.link] = max(extents[solid.link], float(distance))
     for line in scene.lines:
         for point in line.points:
             if point.link != WORLD:
-                far = float(np.linalg.norm(scene.at(point)))
-                own[point.link] = max(own[point.link], far)
-    return own
+                distance = float(np.linalg.norm(scene.at(point)))
+                extents[point.link] = max(extents[point.link], distance)
+    return extents
 
 
 def _reaches(
     scene: AnimatedScene, motions: dict[int, LocalMotion], extents: dict[int, float]
 ) -> dict[int, float]:
-    """The same with the points of the links that hang from it [m]."""
+    """Extents that include the points of all descendants [m]."""
     reaches = dict(extents)
     for k in reversed(scene.links):
         parent = scene.parents[k]
         if parent != WORLD:
-            far = float(np.linalg.norm(motions[k].r, axis=1).max())
-            reaches[parent] = max(reaches[parent], far + reaches[k])
+            distance = float(np.linalg.norm(motions[k].r, axis=1).max())
+            reaches[parent] = max(reaches[parent], distance + reaches[k])
     return reaches
 
 
@@ -167,16 +171,16 @@ def _errors(
     tracks: dict[int, BodyTracks],
     extents: dict[int, float],
 ) -> dict[int, Array]:
-    """Of every link (T,) how far a point of it is at most from where the run has it [m]."""
-    found = {}
-    none = np.zeros((1, 3))
-    poses = {WORLD: (np.eye(3)[None], none, np.eye(3)[None], none)}
+    """(T,) largest position error of a point of each link [m]."""
+    errors = {}
+    zero = np.zeros((1, 3))
+    poses = {WORLD: (np.eye(3)[None], zero, np.eye(3)[None], zero)}
     for k in scene.links:
         R0, r0, R1, r1 = poses[scene.parents[k]]
-        motion, own = motions[k], tracks[k]
-        r0, r1 = rotation.apply(R0, motion.r) + r0, rotation.apply(R1, own.r.shown) + r1
-        R0, R1 = R0 @ rotation.matrix(motion.q), R1 @ rotation.matrix(own.q.shown)
+        motion, body = motions[k], tracks[k]
+        r0, r1 = rotation.apply(R0, motion.r) + r0, rotation.apply(R1, body.r.values) + r1
+        R0, R1 = R0 @ rotation.matrix(motion.q), R1 @ rotation.matrix(body.q.values)
         poses[k] = R0, r0, R1, r1
         angle = np.linalg.norm(R1 - R0, axis=(1, 2)) / np.sqrt(2.0)
-        found[k] = np.linalg.norm(r1 - r0, axis=1) + extents[k] * angle
-    return found
+        errors[k] = np.linalg.norm(r1 - r0, axis=1) + extents[k] * angle
+    return errors

@@ -1,8 +1,8 @@
 """BVH: the bodies as a skeleton. Metres, y up; the strings are left out.
 
-A channel of a joint is what the joint does: the skeleton whose channels are all zero is the puppet
-with all joints at zero, and its frames are parallel to the world's. With W the turn from z up to y
-up and G_k the orientation of body k in that pose, body k at R_k has the frame
+Channels are joint motions: with all channels zero, the skeleton is the puppet with all joints at
+zero, and its frames are parallel to the world frame. With W the rotation from z up to y up and G_k
+the orientation of body k in that pose, body k at orientation R_k has the frame
 
     B_k = W R_k G_k^T W^T.
 """
@@ -23,11 +23,11 @@ from fantoccini.output.animation.joints import LocalMotion
 from fantoccini.output.animation.scene import AnimatedScene
 
 _UPRIGHT = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""From z up to y up."""
-_LEAST = 1e-3
-"""Length of the last bone of a limb, at least [m]."""
+"""Rotation matrix from z up to y up."""
+_MIN_BONE = 1e-3
+"""Smallest length of the last bone of a limb [m]."""
 _STUB = 0.01
-"""Its length for a body without shapes [m]."""
+"""Length of the last bone of a body without shapes [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +35,13 @@ class Joint:
     """A body of the skeleton, with y up.
 
     Attributes:
-        name: the body's.
-        parent: place of its parent among the joints, -1 for the root.
-        offset: (3,) place in the parent's frame [m]; zero where it moves.
-        places: (T, 3) of one that moves, in the parent's frame [m]; None of others.
-        order: of the axes of its angles.
-        angles: (T, 3) in that order [rad].
-        tip: (3,) the end of its bone in its own frame [m].
+        name: name of the body.
+        parent: index of the parent among the joints, -1 for the root.
+        offset: (3,) position in the parent's frame [m]; zero if it moves.
+        places: (T, 3) positions in the parent's frame [m]; None if the position is constant.
+        order: axes of the angles, in order.
+        angles: (T, 3) angles in that order [rad].
+        tip: (3,) end of the bone in the body's frame [m].
     """
 
     name: str
@@ -54,19 +54,19 @@ class Joint:
 
     @property
     def channels(self) -> list[str]:
-        """Their names."""
+        """Names of the channels."""
         moves = [] if self.places is None else [f"{axis}position" for axis in "XYZ"]
         return moves + [f"{axis}rotation" for axis in self.order]
 
     @property
     def values(self) -> Array:
-        """(T, n) of the channels [m and deg]."""
+        """(T, n) values of the channels [m and deg]."""
         angles = np.degrees(self.angles)
         return angles if self.places is None else np.hstack([self.places, angles])
 
 
 def write(scene: AnimatedScene, path: Path) -> None:
-    """Writes the bodies of a scene; bodies that hang from the world are under one root."""
+    """Writes the bodies of a scene; if several hang from the world, under one root joint."""
     assert scene.fps is not None
     run = scene.run.resample(scene.frames(scene.fps))
     joints = joints_of(scene.without_lines(), run)
@@ -81,7 +81,7 @@ def write(scene: AnimatedScene, path: Path) -> None:
 
 
 def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
-    """The skeleton, parents first, and its motion at the samples of a run."""
+    """Joints of the skeleton, parents first, with their motion at the samples of a run."""
     tree, tips = scene.tree, _tips(scene)
     turned = {WORLD: np.eye(3)}
     for k, link in enumerate(tree.links):
@@ -96,7 +96,9 @@ def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
         index[WORLD] = 0
     for k in scene.links:
         motion, above = scene.motion(k, run), turned[scene.parents[k]]
-        q = _upright(_about(rotation.quaternion(above), motion, rotation.quaternion(turned[k])))
+        q = _upright(
+            _in_zero_frames(rotation.quaternion(above), motion, rotation.quaternion(turned[k]))
+        )
         places = motion.r @ (_UPRIGHT @ above).T
         moves = scene.parents[k] == WORLD or _moves(scene, k)
         order, angles = euler(q)
@@ -115,13 +117,17 @@ def joints_of(scene: AnimatedScene, run: Trajectory) -> list[Joint]:
     return joints
 
 
-def _about(above: Quaternion, motion: LocalMotion, own: Quaternion) -> Quaternion:
-    """(T, 4) orientation in the parent's frame, both frames as those of the pose at zero."""
-    return rotation.multiply(rotation.multiply(above, motion.q), rotation.conjugate(own))
+def _in_zero_frames(
+    parent: Quaternion, motion: LocalMotion, zero_orientation: Quaternion
+) -> Quaternion:
+    """(T, 4) orientation in the parent's frame, for frames parallel to the world at zero."""
+    return rotation.multiply(
+        rotation.multiply(parent, motion.q), rotation.conjugate(zero_orientation)
+    )
 
 
 def _upright(q: Quaternion) -> Quaternion:
-    """W R W^T: the axis is turned."""
+    """W R W^T, as quaternions: W rotates the axis."""
     return np.concatenate([q[:, :1], q[:, 1:] @ _UPRIGHT.T], axis=1)
 
 
@@ -138,7 +144,7 @@ def _moves(scene: AnimatedScene, link: int) -> bool:
 
 
 def _tips(scene: AnimatedScene) -> dict[int, Vec3]:
-    """Of every link the far end of its bone: the centre of its shapes lies in the middle."""
+    """End of each link's bone: twice as far from the origin as the centre of its shapes."""
     low = {k: np.full(3, np.inf) for k in scene.links}
     high = {k: np.full(3, -np.inf) for k in scene.links}
     for solid in scene.geometry.solids:
@@ -152,19 +158,21 @@ def _tips(scene: AnimatedScene) -> dict[int, Vec3]:
     for k in scene.links:
         if not np.all(np.isfinite(low[k])):
             tips[k] = np.array([0.0, 0.0, _STUB])
-        elif np.linalg.norm(low[k] + high[k]) < _LEAST:
-            tips[k] = np.array([0.0, 0.0, max(high[k][2], _LEAST)])
+        elif np.linalg.norm(low[k] + high[k]) < _MIN_BONE:
+            tips[k] = np.array([0.0, 0.0, max(high[k][2], _MIN_BONE)])
         else:
             tips[k] = low[k] + high[k]
     return tips
 
 
 def _hierarchy(joints: Sequence[Joint]) -> Iterator[tuple[str, int | None]]:
-    """The lines of the skeleton; with each line of channels the joint's place, in file order."""
-    below = [[i for i, joint in enumerate(joints) if joint.parent == k] for k in range(len(joints))]
-    waiting: list[tuple[int, int | None]] = [(0, 0)]
-    while waiting:
-        depth, k = waiting.pop()
+    """Lines of the skeleton, in file order; a line of channels comes with its joint's index."""
+    children = [
+        [i for i, joint in enumerate(joints) if joint.parent == k] for k in range(len(joints))
+    ]
+    stack: list[tuple[int, int | None]] = [(0, 0)]
+    while stack:
+        depth, k = stack.pop()
         tab = "\t" * depth
         if k is None:
             yield f"{tab}}}", None
@@ -174,15 +182,15 @@ def _hierarchy(joints: Sequence[Joint]) -> Iterator[tuple[str, int | None]]:
         yield f"{tab}{{", None
         yield f"{tab}\tOFFSET {' '.join(map(_text, joint.offset))}", None
         yield f"{tab}\tCHANNELS {len(joint.channels)} {' '.join(joint.channels)}", k
-        if not below[k]:
+        if not children[k]:
             tip = " ".join(map(_text, joint.tip))
             yield from (
                 (f"{tab}\t{line}", None) for line in ("End Site", "{", f"\tOFFSET {tip}", "}")
             )
-        waiting.append((depth, None))
-        waiting += [(depth + 1, i) for i in reversed(below[k])]
+        stack.append((depth, None))
+        stack += [(depth + 1, i) for i in reversed(children[k])]
 
 
 def _text(value: float) -> str:
-    """A tenth of a nanometre, or of a billionth of a degree."""
+    """The value, rounded to 1e-10 m or deg."""
     return f"{round(value, 10) + 0.0:.13g}"

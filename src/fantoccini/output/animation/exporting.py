@@ -1,4 +1,4 @@
-"""``export``: the one way by which a motion leaves as an animation."""
+"""``export``: writes a motion as an animation, in any format."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fantoccini.theatre.plays import Verification
 from fantoccini.theatre.retarget import Followed
 
 Moving: TypeAlias = Trajectory | Recording | PlanResult | Optimum | Followed | Verification
-"""What has a motion."""
+"""A result that has a motion."""
 
 
 def export(
@@ -30,57 +30,58 @@ def export(
     bodies: Bodies | None = None,
     marionette: Marionette | None = None,
 ) -> Path:
-    """Writes a motion as an animation that other programs open. The file appears whole.
+    """Writes a motion as an animation for other programs. The file appears only when complete.
 
     The ending selects the format:
 
     - ``.glb``: glTF 2.0. The keys are cubic splines through positions and velocities of the motion,
-      as many as keep every point of a body within 0.01 mm. With ``fps`` they are linear, at so many
-      a second: for programs that do not read splines, as Blender.
+      as many as keep every point of a body within 0.01 mm. With ``fps`` the keys are linear, at
+      that rate: for programs that do not read splines, such as Blender.
     - ``.usda``, ``.usdc``: OpenUSD, text or binary; linear, at 60 a second unless ``fps`` is given.
     - ``.bvh``: the bodies as a skeleton, in metres, y up; at 60 frames a second unless ``fps`` is
       given.
     - ``.csv``: the columns of the run, at every sample, or at ``fps`` a second; with ``bodies``
-      their poses and the ends of their strings as well.
+      also their poses and the ends of their strings.
     - ``.mcap``: messages for Foxglove and Rerun; at 60 a second unless ``fps`` is given.
 
     Args:
         what: a run, recording, plan, optimum, followed clip or verified play. A run that stopped
-            early is written as far as it got.
-        path: of the file.
+            early is written up to where it stopped.
+        path: path of the file.
         fps: keys per second.
-        bodies: names of those that are written, with strings between them and the world; all unless
-            given, and for ``all``.
-        marionette: what moved, where a run should be shown with other obstacles than its puppet's.
+        bodies: names of the bodies to write, with the strings between them and the world. All by
+            default, and for ``all``.
+        marionette: the marionette to show, for a run with obstacles that its puppet lacks.
 
     Returns:
         The path.
 
     Raises:
-        ValueError: an unknown ending, a wrong rate, no motion, or a run of an unknown puppet.
+        ValueError: the ending is unknown, the rate is invalid, there is no motion, or the run does
+            not carry its puppet.
         UnknownNameError: there is no such body.
-        MissingLibraryError: OpenUSD, or what writes MCAP, is not installed.
+        MissingLibraryError: the library for OpenUSD or MCAP is not installed.
         FileNotFoundError: there is no such folder.
     """
     path = Path(path)
     form, rate = format_of(path, fps)
-    shown, run = _parts(what)
+    puppet, run = _puppet_and_run(what)
     if marionette is not None:
-        shown = marionette
-    scene = AnimatedScene.of(shown, run, bodies, rate)
+        puppet = marionette
+    scene = AnimatedScene.of(puppet, run, bodies, rate)
     with replacing(path) as temporary:
-        # The name of the temporary file ends otherwise; what USD writes hangs on the ending.
-        whole = temporary.with_name(temporary.name + path.suffix.lower())
+        # The temporary name has another ending, but USD chooses its format by the ending.
+        complete = temporary.with_name(temporary.name + path.suffix.lower())
         try:
-            form.write(scene, whole)
-            os.replace(whole, temporary)
+            form.write(scene, complete)
+            os.replace(complete, temporary)
         finally:
-            whole.unlink(missing_ok=True)
+            complete.unlink(missing_ok=True)
     return path
 
 
-def _parts(what: Moving) -> tuple[Drawable, Trajectory]:
-    """What moves, and its motion."""
+def _puppet_and_run(what: Moving) -> tuple[Drawable, Trajectory]:
+    """The puppet to show, and its motion."""
     match what:
         case Trajectory():
             if what.puppet is None:
@@ -99,6 +100,6 @@ def _parts(what: Moving) -> tuple[Drawable, Trajectory]:
         case Followed():
             return what.retargeted.marionette, what.run
     raise ValueError(
-        f"found {type(what).__name__}; what can be exported is a run, a recording, a plan, an "
-        "optimum, a followed clip or a verified play"
+        f"found {type(what).__name__}; expected a run, a recording, a plan, an optimum, a followed "
+        "clip or a verified play"
     )

@@ -1,4 +1,4 @@
-"""Meshes and materials of solids in a glTF document; what looks the same is kept once."""
+"""Meshes and materials of solids in a glTF document, without duplicates."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from fantoccini.output.view import LIGHT, Solid, TriangleMesh, coloured
 
 
 def material(document: Document, colour: Array) -> int:
-    """The material of a colour (3,), named after the colour."""
-    look = {
+    """Index of the material of a colour (3,), named after the colour."""
+    shading = {
         "baseColorFactor": [*linear_colour(colour), 1.0],
         "metallicFactor": 0.0,
         "roughnessFactor": ROUGHNESS,
     }
-    made = {"name": f"colour_{hex_of(colour)}", "pbrMetallicRoughness": look}
-    return document.once("materials", made)
+    entry = {"name": f"colour_{hex_of(colour)}", "pbrMetallicRoughness": shading}
+    return document.add_once("materials", entry)
 
 
 def mesh(document: Document, surfaces: Iterable[tuple[Array, TriangleMesh]]) -> int:
-    """The mesh of surfaces with their colours (3,)."""
-    return document.once("meshes", {"primitives": [_primitive(document, *s) for s in surfaces]})
+    """Index of a mesh of surfaces, each with its colour (3,)."""
+    return document.add_once("meshes", {"primitives": [_primitive(document, *s) for s in surfaces]})
 
 
 def _primitive(document: Document, colour: Array, surface: TriangleMesh) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def _primitive(document: Document, colour: Array, surface: TriangleMesh) -> dict
 
 
 def solid_node(document: Document, solid: Solid, name: str) -> Node:
-    """A node with a solid, in its link's frame."""
+    """Node of a solid, in its link's frame."""
     piece = piece_of(solid)
     several = solid.full.colours is not None
     surfaces = coloured(solid) if several else [(solid.colour, piece.surface)]
@@ -54,7 +54,7 @@ def solid_node(document: Document, solid: Solid, name: str) -> Node:
 
 
 def floor_node(document: Document, scene: AnimatedScene) -> Node:
-    """A node with the floor."""
+    """Node of the floor."""
     piece = floor_of(scene)
     node: Node = {"name": "floor", "mesh": mesh(document, [(LIGHT.bottom, piece.surface)])}
     return placed(node, piece.r)

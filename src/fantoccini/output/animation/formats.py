@@ -1,4 +1,4 @@
-"""The formats, by ending: a new one is one line of the table, and a function that writes it."""
+"""Formats by ending. A new format needs a line in the table and a function that writes it."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 Writer: TypeAlias = "Callable[[AnimatedScene, Path], None]"
 
 MAX_FPS = 1000.0
-"""Keys per second, at most."""
+"""Largest number of keys per second."""
 
 
 class Library(NamedTuple):
-    """A library that one format needs.
+    """Library that a format needs.
 
     Attributes:
-        module: that it brings.
-        name: of the package.
-        extra: of ours, that installs it.
+        module: module that it provides.
+        name: name of its package.
+        extra: extra of this package that installs it.
     """
 
     module: str
@@ -34,13 +34,13 @@ class Library(NamedTuple):
 
 
 class Format(NamedTuple):
-    """How files of an ending are written.
+    """Format of the files with one ending.
 
     Attributes:
-        module: of this package; its function ``write`` takes the scene and the path. Imported when
-            it is first needed.
-        fps: keys per second where none are given; None for keys where the motion needs or has them.
-        library: that it needs.
+        module: module of this package, imported when it is needed; its function ``write`` takes
+            the scene and the path.
+        fps: default of keys per second; None for keys at the times that the motion requires.
+        library: library that it needs.
     """
 
     module: str
@@ -49,7 +49,7 @@ class Format(NamedTuple):
 
     @property
     def write(self) -> Writer:
-        """Writes a scene to a path."""
+        """The function that writes a scene to a path."""
         writer: Writer = import_module(f"fantoccini.output.animation.{self.module}").write
         return writer
 
@@ -69,16 +69,16 @@ ENDINGS = tuple(FORMATS)
 
 
 def format_of(path: Path, fps: float | None) -> tuple[Format, float | None]:
-    """The format of a path's ending, and its keys per second.
+    """Format of a path, by its ending, and its keys per second.
 
     Raises:
-        ValueError: an unknown ending, or a rate that is not possible.
+        ValueError: the ending is unknown, or the rate is out of range.
         MissingLibraryError: the format's library is not installed.
     """
     ending = path.suffix.lower()
     if ending not in FORMATS:
-        found = f"ends in {path.suffix!r}" if path.suffix else "has no ending"
-        raise ValueError(f"{path} {found}; an animation ends in {', '.join(ENDINGS)}")
+        problem = f"ends in {path.suffix!r}" if path.suffix else "has no ending"
+        raise ValueError(f"{path} {problem}; an animation ends in {', '.join(ENDINGS)}")
     if fps is not None and not 0.0 < fps <= MAX_FPS:
         raise ValueError(f"fps is {fps!s:.12}; it must be positive and at most {MAX_FPS:g}")
     form = FORMATS[ending]

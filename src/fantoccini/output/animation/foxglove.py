@@ -1,4 +1,4 @@
-"""MCAP (.mcap): messages that Foxglove draws, and Rerun as far as it knows them; z up, metres.
+"""MCAP (.mcap): messages for Foxglove, and those of them that Rerun supports; z up, metres.
 
 Each frame has the poses of the bodies relative to their parents (``/tf``), the strings
 (``/strings``), the coordinates (``/joints``), the tensions [N] (``/tension``), and 1 where the
@@ -36,29 +36,29 @@ from fantoccini.model.tree import WORLD
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation.pieces import Piece, floor_of, named_solids, piece_of
 from fantoccini.output.animation.scene import AnimatedScene, Line
-from fantoccini.output.animation.spans import Looks, Spans
+from fantoccini.output.animation.spans import Spans, StringSamples
 from fantoccini.output.animation.strands import COLOUR, RINGS, THICKNESS
 from fantoccini.output.view import LIGHT
 
 ROOT = "world"
-"""Name of the frame that stands still."""
+"""Name of the fixed frame."""
 
 Messages = Callable[[int, Timestamp], Any]
-"""The message of a frame, by its number and time."""
+"""Function that returns the message of a frame, given its number and time."""
 
 
 def write(scene: AnimatedScene, path: Path) -> None:
-    """Writes a scene; times count from the start of 1970, as those of a clock that begins at 0.
+    """Writes a scene. Times count from the start of 1970, the zero of such messages.
 
-    A run that begins before 0 begins at 0 there: the messages have no times before 1970.
+    A run that begins before 0 is shifted to begin at 0: messages have no times before 1970.
     """
     assert scene.fps is not None
     run = scene.run.resample(scene.frames(scene.fps))
     with path.open("wb") as file, Writer(file) as writer:
-        about = {"name": scene.tree.name}
+        metadata = {"name": scene.tree.name}
         if scene.run.status is not Status.DONE:
-            about["stopped"] = scene.run.status.message
-        writer.add_metadata("fantoccini", about)
+            metadata["stopped"] = scene.run.status.message
+        writer.add_metadata("fantoccini", metadata)
         topics = dict(_topics(scene, run))
         for k, t in enumerate(run.t - min(0.0, float(run.t[0]))):
             now = round(float(t) * 1e9)
@@ -82,30 +82,32 @@ def _topics(scene: AnimatedScene, run: Trajectory) -> Iterator[tuple[str, Messag
         yield "/tension", _numbers("Tension", {name: columns[name] for name in names})
         flags = run.undetermined
         if flags is not None and np.any(flags.values):
-            told = [n for n in flags.names if n in names or n not in columns]
-            undetermined = {name: flags[name].astype(float) for name in told}
+            listed = [n for n in flags.names if n in names or n not in columns]
+            undetermined = {name: flags[name].astype(float) for name in listed}
             yield "/undetermined", _numbers("Undetermined", undetermined)
 
 
 def _transforms(scene: AnimatedScene, run: Trajectory) -> Messages:
-    """Frames of all links, each in that of its parent."""
+    """Frames of all links, each relative to its parent's."""
     frames = []
     for k in scene.links:
         motion, parent = scene.motion(k, run), scene.parents[k]
-        above = ROOT if parent == WORLD else scene.tree.links[parent].name
-        frames.append((scene.tree.links[k].name, above, motion.r, rotation.continuous(motion.q)))
+        parent_name = ROOT if parent == WORLD else scene.tree.links[parent].name
+        frames.append(
+            (scene.tree.links[k].name, parent_name, motion.r, rotation.continuous(motion.q))
+        )
 
     def message(i: int, stamp: Timestamp) -> Any:
         return FrameTransforms(
             transforms=[
                 FrameTransform(
                     timestamp=stamp,
-                    parent_frame_id=above,
+                    parent_frame_id=parent_name,
                     child_frame_id=name,
                     translation=_vector(r[i]),
                     rotation=_turn(q[i]),
                 )
-                for name, above, r, q in frames
+                for name, parent_name, r, q in frames
             ]
         )
 
@@ -113,7 +115,7 @@ def _transforms(scene: AnimatedScene, run: Trajectory) -> Messages:
 
 
 def _bodies(scene: AnimatedScene, stamp: Timestamp) -> Any:
-    """All shapes, which stay with their frames."""
+    """All shapes, each fixed in a link's frame."""
     shapes: dict[int, list[Any]] = {}
     for _, solid in named_solids(scene):
         shapes.setdefault(solid.link, []).append(_triangles(piece_of(solid), solid.colour))
@@ -140,9 +142,9 @@ def _triangles(piece: Piece, colour: Array) -> Any:
 
 
 def _strings(scene: AnimatedScene, run: Trajectory) -> Messages:
-    """Curves in the world."""
-    looks = Looks.of(scene, run, run.t, np.arange(len(run)))
-    curves = [(line, _curve(Spans.of(scene, line, looks))) for line in scene.lines]
+    """Strings as curves in the world frame."""
+    samples = StringSamples.of(scene, run, run.t, np.arange(len(run)))
+    curves = [(line, _curve(Spans.of(scene, line, samples))) for line in scene.lines]
     width = 2.0 * THICKNESS * scene.geometry.size
 
     def strip(line: Line, points: Array) -> Any:
@@ -166,14 +168,14 @@ def _strings(scene: AnimatedScene, run: Trajectory) -> Messages:
 
 
 def _curve(spans: Spans) -> Array:
-    """(T, n, 3) points along a line, whose spans meet in one point each."""
+    """(T, n, 3) points along a line, without duplicates where spans meet."""
     points = spans.curves(2 if spans.sag is None else RINGS)
     first, rest = points[:, 0, :1], points[:, :, 1:]
     return np.concatenate([first, rest.reshape(len(points), -1, 3)], axis=1)
 
 
 def _joints(run: Trajectory) -> Messages | None:
-    """Coordinates with velocity, acceleration, and the effort of driven ones."""
+    """Coordinates with velocity and acceleration; driven ones also with their effort."""
     table = run.coordinates
     efforts = {} if run.effort is None else dict(run.effort.items())
     columns = [
@@ -208,7 +210,7 @@ def _joints(run: Trajectory) -> Messages | None:
 
 
 def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
-    """A message with a field for each column, and the time."""
+    """Messages with the time and a field for each column."""
     proto = descriptor_pb2.FileDescriptorProto(
         name=f"puppet/{kind}.proto",
         package="puppet",
@@ -216,8 +218,8 @@ def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
         dependency=["google/protobuf/timestamp.proto"],
     )
     field = descriptor_pb2.FieldDescriptorProto
-    made = proto.message_type.add(name=kind)
-    made.field.add(
+    descriptor = proto.message_type.add(name=kind)
+    descriptor.field.add(
         name="timestamp",
         number=1,
         type=field.TYPE_MESSAGE,
@@ -226,7 +228,9 @@ def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
     )
     fields = dict(zip(identifiers(columns), columns.values(), strict=True))
     for number, name in enumerate(fields, 2):
-        made.field.add(name=name, number=number, type=field.TYPE_DOUBLE, label=field.LABEL_OPTIONAL)
+        descriptor.field.add(
+            name=name, number=number, type=field.TYPE_DOUBLE, label=field.LABEL_OPTIONAL
+        )
     pool = descriptor_pool.DescriptorPool()
     pool.AddSerializedFile(Timestamp.DESCRIPTOR.file.serialized_pb)
     pool.Add(proto)
@@ -234,23 +238,23 @@ def _numbers(kind: str, columns: dict[str, Array]) -> Messages:
 
     def message(i: int, stamp: Timestamp) -> Any:
         values = {name: float(x[i]) for name, x in fields.items()}
-        made = factory(**values)
-        made.timestamp.seconds, made.timestamp.nanos = stamp.seconds, stamp.nanos
-        return made
+        numbers = factory(**values)
+        numbers.timestamp.seconds, numbers.timestamp.nanos = stamp.seconds, stamp.nanos
+        return numbers
 
     return message
 
 
 def identifiers(names: Iterable[str]) -> list[str]:
-    """Names as fields can have them: letters, digits and _, each once."""
-    out: list[str] = []
+    """Valid, distinct field names, made of letters, digits and _, for any names."""
+    fields: list[str] = []
     for name in names:
-        made = re.sub(r"\W", "_", name, flags=re.ASCII)
-        made = f"_{made}" if made[:1].isdigit() else made
-        while made in ("timestamp", *out):
-            made += "_"
-        out.append(made)
-    return out
+        field = re.sub(r"\W", "_", name, flags=re.ASCII)
+        field = f"_{field}" if field[:1].isdigit() else field
+        while field in ("timestamp", *fields):
+            field += "_"
+        fields.append(field)
+    return fields
 
 
 def _vector(x: Array) -> Any:

@@ -1,4 +1,4 @@
-"""A glTF 2.0 document: numbers in one buffer, everything else as JSON, both in one file."""
+"""A glTF 2.0 document in one file: numbers in a buffer, everything else as JSON."""
 
 from __future__ import annotations
 
@@ -24,49 +24,49 @@ _VIEWS: dict[str, dict[str, int]] = {
     "weights": {"target": 34962, "byteStride": 16},
     "joints": {"target": 34962, "byteStride": 4},
 }
-"""Parts of the buffer. Attributes of vertices have one for each stride."""
+"""Parts of the buffer. Vertex attributes have one part for each stride."""
 
 
 @dataclass
 class Document:
-    """What a file holds.
+    """Contents of a file.
 
     Attributes:
-        content: the JSON, without buffers.
+        content: the JSON object, without buffers.
     """
 
     content: dict[str, Any]
     _parts: dict[str, bytearray] = field(default_factory=lambda: {v: bytearray() for v in _VIEWS})
-    _known: dict[tuple[Any, ...], int] = field(default_factory=dict)
+    _indices: dict[tuple[Any, ...], int] = field(default_factory=dict)
     _accessors: list[dict[str, Any]] = field(default_factory=list)
 
-    def add(self, kind: str, what: dict[str, Any]) -> int:
-        """Appends to one of the document's lists, such as ``nodes``; returns the place in it."""
-        made: list[dict[str, Any]] = self.content.setdefault(kind, [])
-        made.append(what)
-        return len(made) - 1
+    def add(self, kind: str, item: dict[str, Any]) -> int:
+        """Appends to one of the document's lists, such as ``nodes``; returns the index."""
+        items: list[dict[str, Any]] = self.content.setdefault(kind, [])
+        items.append(item)
+        return len(items) - 1
 
-    def once(self, kind: str, what: dict[str, Any]) -> int:
-        """As :meth:`add`, but the same thing is kept once."""
-        key = (kind, json.dumps(what, sort_keys=True))
-        if key not in self._known:
-            self._known[key] = self.add(kind, what)
-        return self._known[key]
+    def add_once(self, kind: str, item: dict[str, Any]) -> int:
+        """The index of an item, which is added only if no equal item is there."""
+        key = (kind, json.dumps(item, sort_keys=True))
+        if key not in self._indices:
+            self._indices[key] = self.add(kind, item)
+        return self._indices[key]
 
     def numbers(self, part: str, values: NDArray[Any], bounds: bool = False) -> int:
-        """An accessor of values (n,) or (n, k) in a part of the buffer; equal ones are kept once.
+        """Index of an accessor of values (n,) or (n, k); equal values share one.
 
         Args:
-            part: ``keys``, or what attribute or index of vertices it is; see ``_VIEWS``.
-            values: of the type that is stored.
-            bounds: give the least and the largest value of every component.
+            part: part of the buffer; see ``_VIEWS``.
+            values: the values, in the type to store.
+            bounds: also store the smallest and the largest value of every component.
         """
         data = np.ascontiguousarray(values)
         key = (part, str(data.dtype), data.shape, data.tobytes(), bounds)
-        if key not in self._known:
-            self._known[key] = len(self._accessors)
+        if key not in self._indices:
+            self._indices[key] = len(self._accessors)
             flat = data.reshape(len(data), -1)
-            made: dict[str, Any] = {
+            accessor: dict[str, Any] = {
                 "bufferView": part,
                 "byteOffset": len(self._parts[part]),
                 "componentType": _COMPONENTS[str(data.dtype)],
@@ -74,27 +74,27 @@ class Document:
                 "type": _SHAPES[flat.shape[1]],
             }
             if bounds:
-                made |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
-            self._accessors.append(made)
+                accessor |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
+            self._accessors.append(accessor)
             self._parts[part] += _padded(data.tobytes(), b"\0")
-        return self._known[key]
+        return self._indices[key]
 
     def save(self, path: Path) -> None:
-        """Writes a .glb file."""
+        """Writes the document as a .glb file."""
         views: dict[str, int] = {}
-        data, listed = bytearray(), list[dict[str, int]]()
-        for part, more in _VIEWS.items():
+        data, view_list = bytearray(), list[dict[str, int]]()
+        for part, extra in _VIEWS.items():
             if self._parts[part]:
-                views[part] = len(listed)
-                about = {"buffer": 0, "byteOffset": len(data), "byteLength": len(self._parts[part])}
-                listed.append(about | more)
+                views[part] = len(view_list)
+                view = {"buffer": 0, "byteOffset": len(data), "byteLength": len(self._parts[part])}
+                view_list.append(view | extra)
                 data += self._parts[part]
         accessors = [a | {"bufferView": views[a["bufferView"]]} for a in self._accessors]
         content = dict(self.content)
         if data:
             content |= {
                 "accessors": accessors,
-                "bufferViews": listed,
+                "bufferViews": view_list,
                 "buffers": [{"byteLength": len(data)}],
             }
         text = json.dumps(content, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
@@ -106,7 +106,7 @@ class Document:
 
 @dataclass
 class Channels:
-    """An animation: its samplers and channels."""
+    """Samplers and channels of an animation."""
 
     document: Document
     samplers: list[dict[str, Any]] = field(default_factory=list)
@@ -116,7 +116,7 @@ class Channels:
         """Animates a property of a node.
 
         Args:
-            node: its place.
+            node: index of the node.
             path: ``translation``, ``rotation`` or ``weights``.
             t: (K,) times of the keys [s].
             values: (n, k); for CUBICSPLINE three rows a key, for weights k = 1.
@@ -134,19 +134,19 @@ class Channels:
         )
 
     def finish(self, name: str) -> None:
-        """Puts the animation into the document, if anything moves."""
+        """Adds the animation to the document, if anything moves."""
         if self.channels:
-            made = {"name": name, "samplers": self.samplers, "channels": self.channels}
-            self.document.add("animations", made)
+            animation = {"name": name, "samplers": self.samplers, "channels": self.channels}
+            self.document.add("animations", animation)
 
 
 def xyzw(q: Array) -> Array:
-    """Quaternions in the order of glTF, from w, x, y, z."""
+    """Quaternions w, x, y, z in the order of glTF: x, y, z, w."""
     return np.roll(q, -1, axis=-1)
 
 
 def placed(node: Node, r: Array, q: Array | None = None, scale: Array | None = None) -> Node:
-    """A node with place (3,), orientation (4,) and scale (3,), without what does nothing."""
+    """The node with position (3,), orientation (4,) and scale (3,); identities are left out."""
     if np.any(r):
         node["translation"] = _plain(r)
     if q is not None and abs(q[0]) < 1.0:

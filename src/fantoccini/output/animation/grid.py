@@ -1,4 +1,4 @@
-"""The samples among which keys are chosen: dense, on both sides of every impact."""
+"""Samples from which keys are chosen: dense, with one on each side of every impact."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from fantoccini.base import Array, Places, Times, rotation
 from fantoccini.motion import Trajectory
 
 RATE = 480.0
-"""Samples of a second."""
-_ROUGH = 1e-6
-"""What a step is off, to be looked at more closely [m or rad]."""
-_APART = 1e-6
-"""Samples this close to an impact are left out [s]: single precision hardly tells them apart."""
+"""Samples per second."""
+_MAX_STEP_ERROR = 1e-6
+"""Error of a step above which the step is sampled more densely [m or rad]."""
+_MIN_DISTANCE = 1e-6
+"""Distance from an impact below which samples are dropped, for single precision [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A run on a dense grid.
+    """Run resampled on a dense grid.
 
     Attributes:
-        t: (T,) times since the start [s], single precision as in files; not decreasing.
-        run: at these times; of the samples at an impact the first is before it.
+        t: (T,) times since the start [s], rounded to single precision as in files; not decreasing.
+        run: the run at these times; the first of two samples at an impact is the state before it.
     """
 
     t: Times
@@ -32,17 +32,17 @@ class Grid:
 
     @classmethod
     def of(cls, run: Trajectory, rate: float = RATE) -> Grid:
-        """The grid of a run: even times, impacts twice, and its end."""
+        """Grid of a run: evenly spaced times, every impact twice, and the end."""
         start, span = run.t[0], run.duration
         impacts = np.unique(run.t[1:][np.diff(run.t) <= 0.0]) - start
         even = _single(np.arange(int(span * rate) + 1) / rate)
-        even = np.union1d(even, _single(_rough(run, 3.0 / rate) - start))
+        even = np.union1d(even, _single(_rough_times(run, 3.0 / rate) - start))
         fixed = np.append(impacts, span)
         near = np.searchsorted(fixed, even)
         gaps = np.abs(fixed[np.clip([near - 1, near], 0, len(fixed) - 1)] - even)
-        even = even[gaps.min(axis=0) > _APART]
-        once = np.union1d(np.append(even, 0.0), fixed)
-        times = np.sort(np.concatenate([once, impacts]))
+        even = even[gaps.min(axis=0) > _MIN_DISTANCE]
+        distinct = np.union1d(np.append(even, 0.0), fixed)
+        times = np.sort(np.concatenate([distinct, impacts]))
         right = run.resample(np.minimum(start + times, run.t[-1]))
         first = np.append(np.diff(times) <= 0.0, False)
         if first.any():
@@ -51,14 +51,14 @@ class Grid:
         return cls(_single(times), right)
 
 
-def _rough(run: Trajectory, shorter: float) -> Times:
-    """Times inside of short steps that the run does not cross smoothly.
+def _rough_times(run: Trajectory, max_step: float) -> Times:
+    """Additional times inside short steps whose motion is not smooth.
 
-    In runs of fixed steps positions and velocities belong together to the order of the step only,
-    and impacts are smeared out: what the run is between its samples then has to be looked at.
+    With fixed steps, positions and velocities agree only to the order of the step, and impacts are
+    spread over a step, so the run must also be sampled between its own samples.
     """
     h, table = np.diff(run.t), run.coordinates
-    off = np.zeros(len(h))
+    errors = np.zeros(len(h))
     parts = (
         (run.q_D, run.v_D, run.acc_D, table.scalars_D, table.quaternions_D),
         (run.q_K, run.v_K, run.acc_K, table.scalars_K, table.quaternions_K),
@@ -67,10 +67,12 @@ def _rough(run: Trajectory, shorter: float) -> Times:
         for change, rates in _changes(q, scalars, quaternions):
             v0, v1, a0, a1 = v[:-1, rates], v[1:, rates], acc[:-1, rates], acc[1:, rates]
             step = h[:, None]
-            slip = change - step * (v0 + v1) / 2.0 + step**2 * (a1 - a0) / 12.0
-            jump = step * (v1 - v0 - step * (a0 + a1) / 2.0)
-            off = np.maximum(off, np.abs(np.hstack([slip, jump])).max(axis=1, initial=0.0))
-    steps = np.flatnonzero((h > 0.0) & (h < shorter) & (off > _ROUGH))
+            position_error = change - step * (v0 + v1) / 2.0 + step**2 * (a1 - a0) / 12.0
+            velocity_error = step * (v1 - v0 - step * (a0 + a1) / 2.0)
+            errors = np.maximum(
+                errors, np.abs(np.hstack([position_error, velocity_error])).max(axis=1, initial=0.0)
+            )
+    steps = np.flatnonzero((h > 0.0) & (h < max_step) & (errors > _MAX_STEP_ERROR))
     times: Times = run.t[steps, None] + h[steps, None] * np.array([0.0, 0.25, 0.5, 0.75, 1.0])
     return times.ravel()
 
@@ -78,7 +80,7 @@ def _rough(run: Trajectory, shorter: float) -> Times:
 def _changes(
     q: Array, scalars: Places, quaternions: Places
 ) -> Iterator[tuple[Array, list[int] | slice]]:
-    """By how much coordinates change from sample to sample, and where their rates are."""
+    """Changes of coordinates from sample to sample, each with the index of its rates."""
     if scalars:
         yield np.diff(q[:, [at for at, _ in scalars]], axis=0), [rate for _, rate in scalars]
     for at, rate in quaternions:
@@ -87,7 +89,7 @@ def _changes(
 
 
 def _joined(left: Trajectory, right: Trajectory, first: Array) -> Trajectory:
-    """The samples of one run where ``first``, of the other elsewhere."""
+    """Run with the samples of `left` where `first` is true, and those of `right` elsewhere."""
     which = first[:, None]
     changes = {
         name: np.where(which, getattr(left, name), getattr(right, name))

@@ -1,4 +1,4 @@
-"""Motion of a link in the frame of a link above it: place, orientation, and their rates."""
+"""Motion of a link in an ancestor's frame: position, orientation, and their rates."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class LocalMotion:
     """Pose and rate of a link over time.
 
     Attributes:
-        r: (T, 3) place of its origin [m].
+        r: (T, 3) position of its origin [m].
         q: (T, 4) orientation, as unit quaternion w, x, y, z.
         v: (T, 3) rate of ``r`` [m/s].
         w: (T, 3) angular velocity, in the link's frame [rad/s].
@@ -35,21 +35,21 @@ class LocalMotion:
         """(T, 4) rate of the quaternion: qdot = q (0, w) / 2 [1/s]."""
         return 0.5 * rotation.multiply(self.q, _pure(self.w))
 
-    def then(self, other: LocalMotion) -> LocalMotion:
-        """The motion of a link that moves by ``other`` in the frame of this one."""
+    def composed_with(self, other: LocalMotion) -> LocalMotion:
+        """Motion of a link that moves by ``other`` relative to this one."""
         turn = rotation.matrix(self.q)
-        back = np.swapaxes(rotation.matrix(other.q), -1, -2)
+        inverse = np.swapaxes(rotation.matrix(other.q), -1, -2)
         return LocalMotion(
             self.r + rotation.apply(turn, other.r),
             rotation.multiply(self.q, other.q),
             self.v + rotation.apply(turn, other.v + np.cross(self.w, other.r)),
-            rotation.apply(back, self.w) + other.w,
+            rotation.apply(inverse, self.w) + other.w,
         )
 
     @classmethod
     def chained(cls, motions: Iterable[LocalMotion]) -> LocalMotion:
-        """Joint by joint, from above."""
-        return reduce(cls.then, motions)
+        """Composition of motions, from the ancestor down."""
+        return reduce(cls.composed_with, motions)
 
 
 def local_motion(link: Link, run: Trajectory, number: Callable[[Number], float]) -> LocalMotion:
@@ -58,21 +58,21 @@ def local_motion(link: Link, run: Trajectory, number: Callable[[Number], float])
     q = (run.q_D if dynamic else run.q_K)[:, link.q]
     u = (run.v_D if dynamic else run.v_K)[:, link.v]
     n = len(run)
-    none, same = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    moved = LocalMotion(none, same, none, none)
+    zero, identity = np.zeros((n, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    joint = LocalMotion(zero, identity, zero, zero)
     match link.kind:
         case "revolute":
             axis = link.axes[:, 0]
-            moved = LocalMotion(none, rotation.exp(q * axis), none, u * axis)
+            joint = LocalMotion(zero, rotation.exp(q * axis), zero, u * axis)
         case "prismatic" | "translation":
-            moved = LocalMotion(q @ link.axes.T, same, u @ link.axes.T, none)
+            joint = LocalMotion(q @ link.axes.T, identity, u @ link.axes.T, zero)
         case "ball":
-            moved = LocalMotion(none, rotation.normalised(q), none, u)
+            joint = LocalMotion(zero, rotation.normalised(q), zero, u)
         case "free":
-            moved = LocalMotion(q[:, :3], rotation.normalised(q[:, 3:]), u[:, :3], u[:, 3:])
+            joint = LocalMotion(q[:, :3], rotation.normalised(q[:, 3:]), u[:, :3], u[:, 3:])
     offset = np.tile([number(x) for x in link.offset], (n, 1))
-    fixed = LocalMotion(offset, np.tile(rotation.quaternion(link.rotation), (n, 1)), none, none)
-    return fixed.then(moved)
+    fixed = LocalMotion(offset, np.tile(rotation.quaternion(link.rotation), (n, 1)), zero, zero)
+    return fixed.composed_with(joint)
 
 
 def _pure(w: Vec3) -> Quaternion:

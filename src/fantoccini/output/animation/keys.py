@@ -1,8 +1,8 @@
-"""Where an animation has keys: as few as keep what is between them within a tolerance.
+"""Choice of an animation's keys: as few as keep the values between them within a tolerance.
 
-Between two keys a glTF player runs a cubic through the values and the rates at both, component by
-component; it normalises a quaternion afterwards. The keys lie on a fine grid of samples. From each
-the next one is as far ahead as the tolerance lets it be.
+Between two keys a glTF player evaluates a cubic through the values and rates at both, component by
+component, and then normalises quaternions. Keys lie on a fine grid of samples. Each next key is as
+far ahead as the tolerance allows.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, Times
 
-_JUMP = 0.01
-"""A rate that jumps by more than this share of the largest one is two tangents of one key."""
+_MIN_JUMP = 0.01
+"""Jump of a rate, relative to the largest rate, above which a key gets two tangents."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +24,10 @@ class Curve:
     """A translation or an orientation at the samples of a grid.
 
     Attributes:
-        t: (T,) times [s]; an impact is two samples at one time.
-        x: (T, n) values; unit quaternions have no jumps of sign.
-        v: (T, n) their rates.
-        tolerance: (T,) of values [m or 1].
+        t: (T,) times [s]; an impact has two samples at one time.
+        x: (T, n) values; quaternions do not change sign from sample to sample.
+        v: (T, n) rates of the values.
+        tolerance: (T,) tolerance of the values [m or 1].
         unit: the values are quaternions.
     """
 
@@ -38,8 +38,8 @@ class Curve:
     unit: bool
 
     @property
-    def still(self) -> bool:
-        """Whether it never leaves its first value."""
+    def constant(self) -> bool:
+        """Whether the curve is constant, within 1 % of the tolerance."""
         return bool(np.all(np.abs(self.x - self.x[0]) < 0.01 * self.tolerance[:, None]))
 
 
@@ -48,35 +48,35 @@ class Keys:
     """Samples of a curve that are keys.
 
     Attributes:
-        before, after: (K,) the sample whose rate arrives, and the one whose rate leaves; they
-            differ at an impact.
+        before, after: (K,) samples with the rates before and after the key; they differ at an
+            impact.
     """
 
     before: Indices
     after: Indices
 
     def evaluate(self, curve: Curve, t: Times) -> Array:
-        """(m, n) what a player shows at times [s]."""
+        """(m, n) values that a player shows at times (m,) [s]."""
         times = curve.t[self.before]
         k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
         a, b = self.after[k], self.before[k + 1]
-        return _shown(curve, a, b, t)
+        return _evaluate_cubics(curve, a, b, t)
 
     def halved(self, curve: Curve, at: Indices) -> Keys:
-        """With a key in the middle of every span that holds one of the samples."""
+        """The keys with another one in the middle of each span that contains a sample of `at`."""
         k = np.unique(np.searchsorted(self.before, at, side="right") - 1)
         k = k[(k >= 0) & (k < len(self.before) - 1)]
         middle = (self.after[k] + self.before[k + 1]) // 2
         middle = middle[(middle > self.after[k]) & (middle < self.before[k + 1])]
         t = curve.t[middle]
         first, last = (np.searchsorted(curve.t, t, side=side) for side in ("left", "right"))
-        both = np.append(self.before, first), np.append(self.after, last - 1)
-        order = np.argsort(both[0])
-        return Keys(both[0][order], both[1][order])
+        indices = np.append(self.before, first), np.append(self.after, last - 1)
+        order = np.argsort(indices[0])
+        return Keys(indices[0][order], indices[1][order])
 
 
 def cubic_keys(curve: Curve) -> Keys:
-    """The keys of a curve, found from each to the next."""
+    """Keys of a curve as cubics, chosen one after the other."""
     first, last = (np.searchsorted(curve.t, curve.t, side=side) for side in ("left", "right"))
     last -= 1
     before, after, stride = [0], [int(last[0])], 8
@@ -91,49 +91,49 @@ def cubic_keys(curve: Curve) -> Keys:
 
 
 def linear_keys(t: Times, x: Array, tolerance: float, unit: bool = False) -> Indices:
-    """(K,) samples between which straight lines keep values (T, n) within a tolerance."""
-    kept, last, stride = [0], len(t) - 1, 8
+    """(K,) samples between which linear interpolation keeps values (T, n) within a tolerance."""
+    keys, last, stride = [0], len(t) - 1, 8
 
     def error(at: int, to: int) -> float:
         s = ((t[at + 1 : to] - t[at]) / max(t[to] - t[at], 1e-12))[:, None]
-        shown = x[at] + s * (x[to] - x[at])
+        values = x[at] + s * (x[to] - x[at])
         if unit:
-            shown /= np.linalg.norm(shown, axis=1, keepdims=True)
-        return float(np.max(np.abs(shown - x[at + 1 : to]), initial=0.0) / tolerance)
+            values /= np.linalg.norm(values, axis=1, keepdims=True)
+        return float(np.max(np.abs(values - x[at + 1 : to]), initial=0.0) / tolerance)
 
-    while kept[-1] < last:
-        at = kept[-1]
+    while keys[-1] < last:
+        at = keys[-1]
         to = _farthest(partial(error, at), at, last, stride, 2)
         stride = to - at
-        # Of several samples at one time a line can have only one.
-        kept.append(int(np.searchsorted(t, t[to], side="right")) - 1)
-    return np.array(kept)
+        # A linear key can use only one of several samples at the same time.
+        keys.append(int(np.searchsorted(t, t[to], side="right")) - 1)
+    return np.array(keys)
 
 
 def _jumps(curve: Curve) -> Indices:
-    """The samples before impacts that the curve shows."""
-    twice = np.flatnonzero(np.diff(curve.t) <= 0.0)
-    if not len(twice):
-        return twice
-    jump = np.max(np.abs(curve.v[twice + 1] - curve.v[twice]), axis=1)
-    return twice[jump > _JUMP * np.max(np.abs(curve.v))]
+    """Samples before the impacts at which the curve's rate jumps."""
+    impacts = np.flatnonzero(np.diff(curve.t) <= 0.0)
+    if not len(impacts):
+        return impacts
+    jump = np.max(np.abs(curve.v[impacts + 1] - curve.v[impacts]), axis=1)
+    return impacts[jump > _MIN_JUMP * np.max(np.abs(curve.v))]
 
 
 def _farthest(error: Callable[[int], float], at: int, end: int, stride: int, power: int) -> int:
-    """About the last sample up to which the error is below 1; the next one always will do.
+    """Approximately the last sample to which the error is at most 1; at least the next one.
 
-    The error grows as the distance to the power of the order of the curve; from the error at one
-    distance the next is guessed.
+    The error is assumed to grow with the distance to the given power, which predicts the next try
+    from the error of the last one.
     """
     good, bad = at + 1, end + 1
     to = min(at + max(stride, 2), end)
     while good < to < bad:
-        found = error(to)
-        if found <= 1.0:
+        value = error(to)
+        if value <= 1.0:
             good = to
         else:
             bad = to
-        guess = at + int((to - at) * min(0.97 * max(found, 1e-9) ** (-1.0 / power), 4.0))
+        guess = at + int((to - at) * min(0.97 * max(value, 1e-9) ** (-1.0 / power), 4.0))
         if bad - good <= 1 + (good - at) // 32:
             break
         to = min(max(guess, good + 1), bad - 1)
@@ -141,16 +141,16 @@ def _farthest(error: Callable[[int], float], at: int, end: int, stride: int, pow
 
 
 def _error(curve: Curve, at: int, to: int) -> float:
-    """The largest error between two keys, in tolerances."""
+    """Largest error between two keys, in units of the tolerance."""
     inside = slice(at + 1, to)
-    shown = _shown(curve, np.array([at]), np.array([to]), curve.t[inside])
-    away = shown - curve.x[inside]
-    errors = np.sqrt(np.einsum("ij,ij->i", away, away)) / curve.tolerance[inside]
+    values = _evaluate_cubics(curve, np.array([at]), np.array([to]), curve.t[inside])
+    offsets = values - curve.x[inside]
+    errors = np.sqrt(np.einsum("ij,ij->i", offsets, offsets)) / curve.tolerance[inside]
     return float(np.max(errors, initial=0.0))
 
 
-def _shown(curve: Curve, a: Indices, b: Indices, t: Times) -> Array:
-    """(m, n) the cubics from samples ``a`` to samples ``b``, at times [s]."""
+def _evaluate_cubics(curve: Curve, a: Indices, b: Indices, t: Times) -> Array:
+    """(m, n) values of the cubics from samples ``a`` to samples ``b``, at times (m,) [s]."""
     start, h = curve.t[a], curve.t[b] - curve.t[a]
     s = ((t - start) / np.where(h > 0.0, h, 1.0))[:, None]
     h = h[:, None]

@@ -1,6 +1,6 @@
-"""Surfaces of solids, placed: few different ones, so that files keep each once.
+"""Placed surfaces of solids; solids share surfaces, so that files store each only once.
 
-Balls, ellipsoids and boxes are one ball and one box, scaled; capsules of one size are one.
+Balls and ellipsoids are one unit ball, scaled, and boxes one unit box; equal capsules share one.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from fantoccini.output.view import (
 )
 
 ROUGHNESS = 0.75
-"""Of all materials."""
+"""Roughness of all materials."""
 _DIGITS = 9
-"""Decimals of sizes: what differs by less is the same [m]."""
+"""Decimals to which sizes are rounded before they are compared [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A surface in the frame of a link: scaled, turned, moved.
+    """A surface in the frame of a link: scaled, rotated, moved.
 
     Attributes:
-        surface: before that.
-        r: (3,) its place [m].
-        q: (4,) its orientation, w, x, y, z.
-        scale: (3,) along its axes.
+        surface: the surface before that.
+        r: (3,) position [m].
+        q: (4,) orientation, w, x, y, z.
+        scale: (3,) factors along the surface's axes.
     """
 
     surface: TriangleMesh
@@ -48,29 +48,29 @@ class Piece:
 
 
 def named_solids(scene: AnimatedScene) -> Iterator[tuple[str, Solid]]:
-    """What is seen of the links that are shown and, if all are, of the world, with names.
+    """Solids of the shown links and, if all links are shown, of the world, with names.
 
-    Strings have beads where a hand or a winch holds them.
+    They include the beads where a hand or a winch holds a string.
     """
     geometry, counts = scene.geometry, dict[int, int]()
     for solid in (*geometry.solids, *handles(scene.tree, LIGHT, geometry.size)):
         if solid.link in scene.links or (solid.link == WORLD and scene.whole):
             counts[solid.link] = counts.get(solid.link, 0) + 1
-            of = "world" if solid.link == WORLD else scene.tree.links[solid.link].name
-            yield f"{of}_shape{counts[solid.link]}", solid
+            owner = "world" if solid.link == WORLD else scene.tree.links[solid.link].name
+            yield f"{owner}_shape{counts[solid.link]}", solid
 
 
 def piece_of(solid: Solid) -> Piece:
-    """The surface of a solid."""
+    """Placed surface of a solid."""
     middle = solid.points.mean(axis=0)
     if solid.kind == "capsule":
-        apart = solid.points[1] - solid.points[0]
-        length, radius = float(np.linalg.norm(apart)), round(solid.radius, _DIGITS)
+        axis = solid.points[1] - solid.points[0]
+        length, radius = float(np.linalg.norm(axis)), round(solid.radius, _DIGITS)
         if length <= 1e-9 * solid.radius:
             return Piece(_BALL, middle, scale=np.full(3, radius))
         ends = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) * round(length, _DIGITS)
         surface = triangles(capsule(0, solid.colour, ends, radius))
-        return Piece(surface, middle, rotation.quaternion(frame_along(apart / length)))
+        return Piece(surface, middle, rotation.quaternion(frame_along(axis / length)))
     if solid.smooth:
         return Piece(triangles(solid), np.zeros(3))
     scale = np.linalg.norm(solid.half, axis=0)
@@ -81,7 +81,7 @@ def piece_of(solid: Solid) -> Piece:
 
 
 def floor_of(scene: AnimatedScene) -> Piece:
-    """A square under the whole motion, that faces up."""
+    """Square under the whole motion, facing up."""
     geometry = scene.geometry
     low, high = geometry.ground_box()
     half = 0.5 * float((high - low).max()) + 0.5 * geometry.size
@@ -92,7 +92,7 @@ def floor_of(scene: AnimatedScene) -> Piece:
 
 
 def linear_colour(colour: Array) -> list[float]:
-    """Linear red, green and blue, which files have, of the sRGB (3,) of screens."""
+    """Linear red, green and blue of an sRGB colour (3,)."""
     linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
     return [round(float(c), 4) for c in linear]
 

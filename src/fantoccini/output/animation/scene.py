@@ -1,4 +1,4 @@
-"""What an animation shows: bodies, strings, floor and obstacles, and how a run moves them."""
+"""Contents of an animation: bodies, strings, floor and obstacles, and the run that moves them."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from fantoccini.output.animation.joints import LocalMotion, local_motion
 from fantoccini.output.view import Drawable, Geometry, Still, geometry_of, rgb
 
 Bodies: TypeAlias = Sequence[str] | Literal["all"]
-"""Names of bodies, or all."""
+"""Names of bodies, or ``all``."""
 
 _SAMPLES = 200
-"""Samples of a run from which its extent and floor are found."""
+"""Number of samples from which a run's extent and floor height are computed."""
 
 
 @dataclass(frozen=True)
 class Line:
-    """A string, a chain or a spring: straight between points of links, unless it is slack.
+    """String, chain or spring: straight between points of links, unless slack.
 
     Attributes:
-        name: its own; of a spring ``spring`` and its number.
-        points: that it runs through.
-        string: its place among the strings; None for what is never slack.
-        colour: (3,) of its own, or None.
+        name: its name; for a spring, ``spring`` and its number.
+        points: points that it runs through.
+        string: index among the strings; None for a chain or spring, which is never slack.
+        colour: (3,) its colour, or None for the default.
     """
 
     name: str
@@ -41,17 +41,17 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class AnimatedScene:
-    """A run with what it moves.
+    """Run with the things that it moves.
 
     Attributes:
-        still: the puppet, or the puppets of a scene, assembled.
+        still: the puppet, or the puppets of a scene, as a tree with parameter values.
         run: the motion.
-        links: indices of the links that are shown, parents first.
-        parents: of each of them the nearest ancestor that is shown, or ``WORLD``.
-        lines: strings, chains and springs that are shown.
+        links: indices of the shown links, parents first.
+        parents: nearest shown ancestor of each of them, or ``WORLD``.
+        lines: shown strings, chains and springs.
         whole: everything is shown.
-        named: bodies were asked for, by name or all.
-        fps: keys per second; None where the motion decides.
+        named: `bodies` was given, as names or ``all``.
+        fps: keys per second; None if the motion determines them.
     """
 
     still: Still
@@ -67,28 +67,30 @@ class AnimatedScene:
     def of(
         cls, shown: Drawable, run: Trajectory, bodies: Bodies | None, fps: float | None
     ) -> AnimatedScene:
-        """The scene of a run.
+        """Scene of a run.
 
         Args:
-            shown: what moves.
+            shown: the puppet or scene that moves.
             run: its motion.
-            bodies: names of those that are shown; all for ``all`` and None.
+            bodies: names of the bodies to show; all of them for ``all`` and None.
             fps: keys per second.
 
         Raises:
             UnknownNameError: there is no such body.
-            ValueError: the run is not one of this puppet.
+            ValueError: the run belongs to another puppet.
         """
         still = Still(shown.puppet, shown.tree, shown.number)
         tree = still.tree
-        own, found = ((table.q_D, table.q_K) for table in (tree.coordinates, run.coordinates))
-        if own != found:
+        expected, names_of_run = (
+            (table.q_D, table.q_K) for table in (tree.coordinates, run.coordinates)
+        )
+        if expected != names_of_run:
             raise ValueError(f"the run is of another puppet than {tree.name}")
         check_bodies(still, bodies)
         names = None if bodies == "all" else bodies
         named = _chosen(tree, names)
-        every = _lines(still)
-        lines = tuple(line for line in every if _ends_on(line, named, tree))
+        all_lines = _lines(still)
+        lines = tuple(line for line in all_lines if _ends_on(line, named, tree))
         ends = {point.link for line in lines for point in line.points} - {WORLD}
         links = tuple(sorted({*named, *ends}))
         return cls(
@@ -103,24 +105,24 @@ class AnimatedScene:
         )
 
     def without_lines(self) -> AnimatedScene:
-        """With bodies alone: no strings, and nothing that only holds one."""
+        """The scene without strings and without the links that only hold one."""
         names = body_names(self.tree)
         links = tuple(k for k in self.links if self.tree.links[k].name in names)
         return replace(self, links=links, parents=_parents(self.tree, links), lines=())
 
     @property
     def tree(self) -> Tree:
-        """Links and strings."""
+        """Links and strings of the puppet."""
         return self.still.tree
 
     @cached_property
     def geometry(self) -> Geometry:
-        """Solids, floor and size, with poses at a few times of the run."""
+        """Solids, floor and size, with poses at some times of the run."""
         first, last = self.run.t[0], self.run.t[-1]
         return geometry_of(self.still, self.run.resample(np.linspace(first, last, _SAMPLES)))
 
     def motion(self, link: int, run: Trajectory) -> LocalMotion:
-        """The motion of a link that is shown in the frame of its parent, at samples of a run."""
+        """Motion of a shown link in its parent's frame, at the samples of a run."""
         path, parent = self.tree.ancestors(link), self.parents[link]
         steps = path if parent == WORLD else path[: path.index(parent)]
         number = self.still.number
@@ -148,7 +150,7 @@ class AnimatedScene:
 
 
 def check_bodies(shown: Drawable, bodies: Bodies | None) -> None:
-    """Raises UnknownNameError where one of the names is no body's."""
+    """Raises UnknownNameError if one of the names is not that of a body."""
     if bodies == "all":
         return
     names = [link.name for link in shown.tree.links]
@@ -158,28 +160,28 @@ def check_bodies(shown: Drawable, bodies: Bodies | None) -> None:
 
 
 def body_names(tree: Tree) -> list[str]:
-    """Names of the links that are bodies, mirrored twins too; the others hold ends of strings."""
+    """Names of the links that are bodies, mirrored ones included; others only hold strings."""
     strings = {row.name for row in (*tree.strings, *tree.chains)}
     names = [link.name for link in tree.links]
-    # An end is called after its string, as `hand.end`.
+    # An end is named after its string, for example `hand.end`.
     return [name for name in names if name.rpartition(".")[0] not in strings]
 
 
 def _parents(tree: Tree, links: Sequence[int]) -> dict[int, int]:
-    """Of each of these links the nearest ancestor among them, or ``WORLD``."""
+    """Nearest ancestor of each of these links among them, or ``WORLD``."""
     return {
         k: next((above for above in tree.ancestors(k)[1:] if above in links), WORLD) for k in links
     }
 
 
 def _chosen(tree: Tree, bodies: Sequence[str] | None) -> tuple[int, ...]:
-    """Indices of the links of these names, parents first; all links for None."""
+    """Indices of the links with these names, parents first; of all links for None."""
     names = [link.name for link in tree.links]
     return tuple(k for k, name in enumerate(names) if bodies is None or name in bodies)
 
 
 def _ends_on(line: Line, links: Sequence[int], tree: Tree) -> bool:
-    """Whether a line hangs on one of the links, and otherwise on nothing but world and hands."""
+    """Whether a line ends on one of the links, and otherwise only on the world and hands."""
     bodies = body_names(tree)
     on = {point.link for point in line.points} - {WORLD}
     rest = [k for k in on.difference(links) if tree.links[k].name in bodies]
@@ -188,13 +190,15 @@ def _ends_on(line: Line, links: Sequence[int], tree: Tree) -> bool:
 
 def _lines(still: Still) -> list[Line]:
     tree = still.tree
-    found = [
+    names_of_run = [
         Line(s.name, s.points, k, None if s.colour is None else rgb(s.colour))
         for k, s in enumerate(tree.strings)
     ]
-    found += [
+    names_of_run += [
         Line(c.name, c.points, None, None if c.colour is None else rgb(c.colour))
         for c in tree.chains
     ]
-    found += [Line(f"spring{k + 1}", s.points, None, None) for k, s in enumerate(tree.springs)]
-    return found
+    names_of_run += [
+        Line(f"spring{k + 1}", s.points, None, None) for k, s in enumerate(tree.springs)
+    ]
+    return names_of_run

@@ -1,4 +1,4 @@
-"""The spans of a line over time: where they point, how they are turned, how they sag."""
+"""Spans of a line over time: their directions, frames and sag."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from fantoccini.output.animation.scene import AnimatedScene, Line
 from fantoccini.output.view import rope
 
 _RATE = 60.0
-"""Samples of a second at which strings are looked at, and all at which one catches or releases."""
+"""Evenly spaced samples of the strings per second, besides those at catches and releases."""
 
 
 @dataclass(frozen=True, eq=False)
-class Looks:
-    """Samples at which strings are looked at, and what holds there.
+class StringSamples:
+    """State of the strings and their links at chosen samples.
 
     Attributes:
-        t: (T,) their times [s].
-        poses: (T, n_links, 3, 4).
-        turns: orientations (T, 4) by link.
-        lengths, taut: (T, n_strings) of the strings [m].
-        floor: height under which nothing sags [m]; minus infinity without a floor.
+        t: (T,) times of the samples [s].
+        poses: (T, n_links, 3, 4) poses of the links.
+        turns: (T, 4) orientations of the links, by index.
+        lengths, taut: (T, n_strings) lengths of the strings [m], and whether they are taut.
+        floor: height below which no string sags [m]; minus infinity without a floor.
     """
 
     t: Times
@@ -37,8 +37,8 @@ class Looks:
     floor: float
 
     @classmethod
-    def among(cls, scene: AnimatedScene, grid: Grid) -> Looks:
-        """Even samples, and those around every change of a taut string to a slack one or back."""
+    def among(cls, scene: AnimatedScene, grid: Grid) -> StringSamples:
+        """Evenly spaced samples, and those around every change between slack and taut."""
         taut, last = grid.run.taut.values, len(grid.t) - 1
         even = np.searchsorted(grid.t, np.arange(0.0, grid.t[-1], 1.0 / _RATE))
         change = np.flatnonzero(np.any(taut[1:] != taut[:-1], axis=1))
@@ -46,8 +46,8 @@ class Looks:
         return cls.of(scene, grid.run, grid.t, at[np.append(np.diff(grid.t[at]) > 0.0, True)])
 
     @classmethod
-    def of(cls, scene: AnimatedScene, run: Trajectory, t: Times, at: Indices) -> Looks:
-        """Samples of a run, whose times in the file are ``t``."""
+    def of(cls, scene: AnimatedScene, run: Trajectory, t: Times, at: Indices) -> StringSamples:
+        """Samples ``at`` of a run whose times in the file are ``t``."""
         still, q_D, q_K = scene.still, run.q_D[at], run.q_K[at]
         poses = still.poses(q_D, q_K)
         slip = 0.0 if run.slip is None else run.slip.values[at]
@@ -65,17 +65,17 @@ class Looks:
 
 @dataclass(frozen=True, eq=False)
 class Spans:
-    """The spans of a line; S spans, T samples.
+    """Spans of a line; S spans, T samples.
 
     Attributes:
         t: (T,) times [s].
-        points: (T, S + 1, 3) that the line runs through [m].
+        points: (T, S + 1, 3) points that the line runs through [m].
         directions: (S, T, 3) unit vectors along the spans.
-        frames: (S, T, 4) orientations whose z axes are the directions, turning no more than these.
-        turns: orientations of links, by index.
-        sag: (T,) length of the string where it is slack, and zero where it is not [m]; None for a
-            line that never is.
-        floor: height under which nothing sags [m].
+        frames: (S, T, 4) orientations whose z axes are the directions, without twist.
+        turns: (T, 4) orientations of the links, by index.
+        sag: (T,) length of the string while it is slack, zero while it is taut [m]; None for a
+            line that is never slack.
+        floor: height below which no string sags [m].
     """
 
     t: Times
@@ -87,21 +87,29 @@ class Spans:
     floor: float
 
     @classmethod
-    def of(cls, scene: AnimatedScene, line: Line, looks: Looks) -> Spans:
-        """The spans of a line of a scene."""
-        points = np.stack([scene.place(point, looks.poses) for point in line.points], axis=1)
-        away = np.swapaxes(np.diff(points, axis=1), 0, 1)
-        length = np.linalg.norm(away, axis=-1, keepdims=True)
-        directions = np.where(length > 1e-9, away / np.maximum(length, 1e-9), [0.0, 0.0, 1.0])
+    def of(cls, scene: AnimatedScene, line: Line, samples: StringSamples) -> Spans:
+        """Spans of a line of a scene."""
+        points = np.stack([scene.place(point, samples.poses) for point in line.points], axis=1)
+        offsets = np.swapaxes(np.diff(points, axis=1), 0, 1)
+        length = np.linalg.norm(offsets, axis=-1, keepdims=True)
+        directions = np.where(length > 1e-9, offsets / np.maximum(length, 1e-9), [0.0, 0.0, 1.0])
         sag = None
         if line.string is not None:
-            slack = np.logical_not(looks.taut[:, line.string])
+            slack = np.logical_not(samples.taut[:, line.string])
             if slack.any():
-                sag = np.where(slack, looks.lengths[:, line.string], 0.0)
-        return cls(looks.t, points, directions, _carried(directions), looks.turns, sag, looks.floor)
+                sag = np.where(slack, samples.lengths[:, line.string], 0.0)
+        return cls(
+            samples.t,
+            points,
+            directions,
+            _transported_frames(directions),
+            samples.turns,
+            sag,
+            samples.floor,
+        )
 
     def sags(self, rings: int) -> Array:
-        """(T, S, rings, 3) by how much the string is off the straight spans, in their frames [m].
+        """(T, S, rings, 3) offsets of the string from the straight spans, in their frames [m].
 
         The rings are evenly spread along the string.
         """
@@ -115,11 +123,11 @@ class Spans:
         for k in np.flatnonzero(sag > 0.0):
             points = self.points[k]
             lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-            own = sag[k] * (lengths / lengths.sum() if lengths.sum() else 1.0 / n)
+            span_lengths = sag[k] * (lengths / lengths.sum() if lengths.sum() else 1.0 / n)
             for s in range(n):
-                line = rope.hanging(points[s], points[s + 1], float(own[s]))
+                line = rope.hanging(points[s], points[s + 1], float(span_lengths[s]))
                 line = np.maximum(line, [-np.inf, -np.inf, min(self.floor, *points[s : s + 2, 2])])
-                out[k, s] = _even(line, rings)
+                out[k, s] = _resampled(line, rings)
         return out
 
     def _straight(self, rings: int) -> Array:
@@ -129,15 +137,15 @@ class Spans:
         return straight
 
 
-def _even(line: Array, n: int) -> Array:
-    """(n, 3) points at even distances along a polyline (m, 3)."""
+def _resampled(line: Array, n: int) -> Array:
+    """(n, 3) evenly spaced points along a polyline (m, 3)."""
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
     at = np.linspace(0.0, along[-1], n)
     return np.column_stack([np.interp(at, along, x) for x in line.T])
 
 
-def _carried(directions: Array) -> Quaternion:
-    """Frames (S, T, 4) with these z axes (S, T, 3), each turned from the one before it."""
+def _transported_frames(directions: Array) -> Quaternion:
+    """Frames (S, T, 4) with these z axes (S, T, 3), each rotated the shortest way from the last."""
     frames = np.empty((*directions.shape[:2], 4))
     before, frame = np.tile([0.0, 0.0, 1.0], (len(directions), 1)), np.eye(1, 4)
     for k in range(directions.shape[1]):

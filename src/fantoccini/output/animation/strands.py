@@ -1,9 +1,9 @@
-"""Strings in a glTF document: thin tubes that are skinned to what they hang from.
+"""Strings in a glTF document: thin tubes, skinned to the bodies that they connect.
 
-Each span has two joints, nodes at its two points; a vertex at the share s of the span is moved by
-(1 - s) of the one and s of the other. So a straight span follows its two bodies without keys. The
-joints are turned along the span, roughly, lest the tube be flattened. A slack string sags by morph
-targets: the main shapes of its curve in the run, the eigenvectors of its second moments.
+Each span has two joints, nodes at its two points, with weights 1 - s and s for a vertex at the
+share s of the span: a straight span follows its two bodies without keys. The joints are turned
+roughly along the span, so that the tube is not flattened. A slack string sags by morph targets:
+the principal shapes of its curve in the run, eigenvectors of its second moments.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from fantoccini.output.view import rgb
 
 _SIDES = 3
 RINGS = 17
-"""On every span of a string that is slack at times."""
+"""Number of rings on each span of a string that is slack at times."""
 THICKNESS = 0.0008
-"""Radius relative to the size of the scene."""
-_TURN = 0.01
-"""By how much a joint may be turned wrongly, as a part of its quaternion."""
-_SAG = 1e-3
-"""How far a slack string may be from its curve, relative to the size of the scene."""
-_MOST_SHAPES = 8
+"""Radius of a string, relative to the size of the scene."""
+_TURN_TOLERANCE = 0.01
+"""Tolerance of a joint's orientation, as a difference of quaternions."""
+_SAG_TOLERANCE = 1e-3
+"""Tolerance of a slack string's curve, relative to the size of the scene."""
+_MAX_SHAPES = 8
 COLOUR = rgb("#6e6a62")
 
 
@@ -40,10 +40,10 @@ class Strands:
     """Adds the strings of a scene to a document.
 
     Args:
-        document: to add to.
-        channels: of its animation.
-        scene: whose strings they are.
-        nodes: of the links, by index.
+        document: the document to add to.
+        channels: channels of its animation.
+        scene: the scene with the strings.
+        nodes: nodes of the links, by index.
         root: node of the world.
     """
 
@@ -57,59 +57,59 @@ class Strands:
         """Adds one line; returns the node of its mesh."""
         joints = self._joints(line, spans)
         rings = 2 if spans.sag is None else RINGS
-        shapes, weights = _shapes(spans, _SAG * self.scene.geometry.size, rings)
+        shapes, weights = _shapes(spans, _SAG_TOLERANCE * self.scene.geometry.size, rings)
         primitive = self._tube(line, len(spans.directions), rings)
-        made: dict[str, Any] = {"name": line.name, "primitives": [primitive]}
+        mesh: dict[str, Any] = {"name": line.name, "primitives": [primitive]}
         if len(shapes):
             primitive["targets"] = [
                 {"POSITION": self.document.numbers("vectors", shape.astype(np.float32), True)}
                 for shape in shapes
             ]
-            made["weights"] = [round(float(w), 6) for w in weights[0]]
+            mesh["weights"] = [round(float(w), 6) for w in weights[0]]
         node = {
             "name": line.name,
-            "mesh": self.document.add("meshes", made),
+            "mesh": self.document.add("meshes", mesh),
             "skin": self._skin(joints),
         }
         index = self.document.add("nodes", node)
         if len(shapes):
-            tolerance = _SAG * self.scene.geometry.size / np.sqrt(len(shapes))
-            kept = linear_keys(spans.t, weights, tolerance)
+            tolerance = _SAG_TOLERANCE * self.scene.geometry.size / np.sqrt(len(shapes))
+            keys = linear_keys(spans.t, weights, tolerance)
             self.channels.add(
-                index, "weights", spans.t[kept], weights[kept].reshape(-1, 1), "LINEAR"
+                index, "weights", spans.t[keys], weights[keys].reshape(-1, 1), "LINEAR"
             )
         return index
 
     def _skin(self, joints: list[int]) -> int:
-        """The skin of a line's joints; the first skin also has all bodies as joints.
+        """Skin of a line's joints; the first skin also has all bodies as joints.
 
-        Blender makes bones only of the joints of skins and of their ancestors.
+        Blender makes bones only from the joints of skins and their ancestors.
         """
         if "skins" not in self.document.content:
             joints = [*joints, *self.nodes.values()]
         return self.document.add("skins", {"name": self.scene.tree.name, "joints": joints})
 
     def _joints(self, line: Line, spans: Spans) -> list[int]:
-        """Two nodes for each span, at its ends, turned along it."""
+        """Two nodes for each span, at its ends, with z along it."""
         joints = []
         for k, frame in enumerate(spans.frames):
             for end, point in enumerate(line.points[k : k + 2]):
-                on = self.root if point.link == WORLD else self.nodes[point.link]
+                parent = self.root if point.link == WORLD else self.nodes[point.link]
                 q = frame
                 if point.link != WORLD:
                     q = rotation.multiply(rotation.conjugate(spans.turns[point.link]), frame)
                 q = rotation.continuous(q)
                 node = placed({"name": f"{line.name}_{2 * k + end}"}, self.scene.at(point), q[0])
                 index = self.document.add("nodes", node)
-                self.document.content["nodes"][on].setdefault("children", []).append(index)
+                self.document.content["nodes"][parent].setdefault("children", []).append(index)
                 joints.append(index)
-                kept = linear_keys(spans.t, q, _TURN, unit=True)
-                if np.abs(q - q[0]).max() > _TURN:
-                    self.channels.add(index, "rotation", spans.t[kept], xyzw(q[kept]), "LINEAR")
+                keys = linear_keys(spans.t, q, _TURN_TOLERANCE, unit=True)
+                if np.abs(q - q[0]).max() > _TURN_TOLERANCE:
+                    self.channels.add(index, "rotation", spans.t[keys], xyzw(q[keys]), "LINEAR")
         return joints
 
     def _tube(self, line: Line, spans: int, rings: int) -> dict[str, Any]:
-        """The primitive: rings about the origin, which the joints pull apart."""
+        """Primitive of rings about the origin, which the joints pull apart."""
         angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
         ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)])
         normals = np.tile(ring, (rings * spans, 1))
@@ -119,11 +119,12 @@ class Strands:
         joints = np.column_stack([2 * owner, 2 * owner + 1, np.zeros((len(share), 2))])
         # A joint without weight must be the first.
         joints[:, :2][weights[:, :2] == 0.0] = 0.0
-        here = np.arange(_SIDES)
-        then = (here + 1) % _SIDES
+        corner = np.arange(_SIDES)
+        next_corner = (corner + 1) % _SIDES
         first = (np.arange(spans)[:, None] * rings + np.arange(rings - 1)).reshape(-1, 1) * _SIDES
         a, b, c, d = (
-            (first + which).ravel() for which in (here, then, _SIDES + here, _SIDES + then)
+            (first + which).ravel()
+            for which in (corner, next_corner, _SIDES + corner, _SIDES + next_corner)
         )
         faces = np.stack([a, b, c, b, d, c], axis=1).reshape(-1)
         radius = THICKNESS * self.scene.geometry.size
@@ -150,7 +151,7 @@ def _shapes(spans: Spans, tolerance: float, rings: int) -> tuple[Array, Array]:
     flat = spans.sags(rings).reshape(len(spans.t), -1)
     shapes = np.linalg.eigh(flat.T @ flat)[1].T[::-1]
     weights = flat @ shapes.T
-    for m in range(1, _MOST_SHAPES + 1):
+    for m in range(1, _MAX_SHAPES + 1):
         if np.abs(weights[:, :m] @ shapes[:m] - flat).max() <= tolerance:
             break
     biggest = np.abs(shapes[:m]).max(axis=1)

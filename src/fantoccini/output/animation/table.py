@@ -1,4 +1,4 @@
-"""CSV: the columns of a run, at a rate; and places of bodies and of ends of strings."""
+"""CSV: columns of a run, poses of bodies and ends of strings."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _TURN = ("qw", "qx", "qy", "qz")
 
 
 def write(scene: AnimatedScene, path: Path) -> None:
-    """Writes the columns of a run, at all of its samples or at frames.
+    """Writes the columns of a run, at all samples or at the frames.
 
-    Where bodies are named, ``pose:torso.x`` to ``pose:torso.qz`` follow, and of every string
-    ``start:hand.x`` to ``end:hand.z``.
+    If bodies were given, columns ``pose:torso.x`` to ``pose:torso.qz`` follow for every body, and
+    ``start:hand.x`` to ``end:hand.z`` for every string.
     """
     run = scene.run
     if scene.fps is not None:
@@ -28,7 +28,7 @@ def write(scene: AnimatedScene, path: Path) -> None:
 
 
 def places(scene: AnimatedScene, run: Trajectory) -> dict[str, Array]:
-    """Poses of the bodies and ends of the strings in the world, as columns (T,) [m and 1]."""
+    """Poses of the bodies and ends of the strings in the world frame, as columns (T,) [m and 1]."""
     poses = scene.still.poses(run.q_D, run.q_K)
     columns: dict[str, Array] = {}
     for k in scene.without_lines().links:

@@ -1,4 +1,4 @@
-"""OpenUSD (.usda, .usdc): z up, metres; a prim for each body, under that of its parent."""
+"""OpenUSD (.usda, .usdc): z up, metres; each body is a prim under its parent's prim."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from fantoccini.output.animation.pieces import (
     piece_of,
 )
 from fantoccini.output.animation.scene import AnimatedScene, Line
-from fantoccini.output.animation.spans import Looks, Spans
+from fantoccini.output.animation.spans import Spans, StringSamples
 from fantoccini.output.animation.strands import COLOUR, RINGS, THICKNESS
 from fantoccini.output.view import LIGHT
 
-_STILL = 1e-8
-"""What moves by less has one value [m or 1]."""
+_MIN_CHANGE = 1e-8
+"""Change of a value below which it is written as constant [m or 1]."""
 
 
 def write(scene: AnimatedScene, path: Path) -> None:
@@ -38,7 +38,7 @@ def write(scene: AnimatedScene, path: Path) -> None:
 
 
 class _Writer:
-    """Fills a stage.
+    """Writer of a scene to a stage.
 
     Attributes:
         codes: (T,) time codes of the frames.
@@ -52,7 +52,7 @@ class _Writer:
         self._names: set[str] = set()
 
     def write(self) -> None:
-        """Everything of the scene."""
+        """Writes the whole scene."""
         scene, stage = self.scene, self.stage
         UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
         UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -66,49 +66,49 @@ class _Writer:
         stage.SetDefaultPrim(root.GetPrim())
         prims = {WORLD: root}
         for k in scene.links:
-            above = prims[scene.parents[k]].GetPath()
-            prims[k] = self._prim(UsdGeom.Xform, above, scene.tree.links[k].name)
+            parent_path = prims[scene.parents[k]].GetPath()
+            prims[k] = self._prim(UsdGeom.Xform, parent_path, scene.tree.links[k].name)
             motion = scene.motion(k, self.run)
             self._set(prims[k].AddTranslateOp(), [Gf.Vec3d(*x) for x in motion.r.tolist()])
             turns = rotation.continuous(motion.q).tolist()
-            self._set(_turn(prims[k]), [Gf.Quatd(*x) for x in turns])
+            self._set(_add_orientation(prims[k]), [Gf.Quatd(*x) for x in turns])
         for name, solid in named_solids(scene):
-            above = prims[solid.link].GetPath()
-            self._piece(above, name, piece_of(solid), solid.colour, solid.full.colours)
+            parent_path = prims[solid.link].GetPath()
+            self._piece(parent_path, name, piece_of(solid), solid.colour, solid.full.colours)
         if scene.geometry.ground and scene.whole:
             self._piece(root.GetPath(), "floor", floor_of(scene), LIGHT.bottom)
-        looks = Looks.of(scene, self.run, self.run.t, np.arange(len(self.run)))
+        samples = StringSamples.of(scene, self.run, self.run.t, np.arange(len(self.run)))
         for line in scene.lines:
-            self._line(root.GetPath(), line, Spans.of(scene, line, looks))
+            self._line(root.GetPath(), line, Spans.of(scene, line, samples))
 
-    def _prim(self, kind: Any, above: Any, name: str) -> Any:
-        """A prim with a name that USD can have; the other one is shown to people."""
+    def _prim(self, kind: Any, parent_path: Any, name: str) -> Any:
+        """New prim with a name that is valid in USD; another name becomes its display name."""
         valid = Tf.MakeValidIdentifier(name)
-        while f"{above}/{valid}" in self._names:
+        while f"{parent_path}/{valid}" in self._names:
             valid += "_"
-        self._names.add(f"{above}/{valid}")
-        made = kind.Define(self.stage, f"{above}/{valid}")
+        self._names.add(f"{parent_path}/{valid}")
+        prim = kind.Define(self.stage, f"{parent_path}/{valid}")
         if valid != name:
-            made.GetPrim().SetDisplayName(name)
-        return made
+            prim.GetPrim().SetDisplayName(name)
+        return prim
 
     def _set(self, attribute: Any, values: list[Any]) -> None:
-        """Values at all frames, or one where they are all alike."""
+        """Sets a value for each frame, or a single one if it is constant."""
         first = np.array(_flat(values[0]))
-        if all(np.abs(np.array(_flat(x)) - first).max() <= _STILL for x in values):
+        if all(np.abs(np.array(_flat(x)) - first).max() <= _MIN_CHANGE for x in values):
             attribute.Set(values[0])
             return
         for code, value in zip(self.codes, values, strict=True):
             attribute.Set(value, float(code))
 
     def _piece(
-        self, above: Any, name: str, piece: Piece, colour: Array, colours: Array | None = None
+        self, parent_path: Any, name: str, piece: Piece, colour: Array, colours: Array | None = None
     ) -> None:
-        """A surface, in one colour or, face by face, in several."""
+        """Adds a surface in one colour, or with a colour for each face."""
         surface = piece.surface
-        mesh = self._prim(UsdGeom.Mesh, above, name)
+        mesh = self._prim(UsdGeom.Mesh, parent_path, name)
         mesh.AddTranslateOp().Set(Gf.Vec3d(*piece.r.tolist()))
-        _turn(mesh).Set(Gf.Quatd(*piece.q.tolist()))
+        _add_orientation(mesh).Set(Gf.Quatd(*piece.q.tolist()))
         if np.any(piece.scale != 1.0):
             mesh.AddScaleOp().Set(Gf.Vec3f(*piece.scale.tolist()))
         mesh.CreatePointsAttr(_vectors(surface.vertices))
@@ -123,18 +123,18 @@ class _Writer:
         if colours is None:
             self._colour(mesh, colour)
             return
-        shown = [Gf.Vec3f(*linear_colour(c)) for c in colours]
-        mesh.CreateDisplayColorAttr(Vt.Vec3fArray(shown))
+        values = [Gf.Vec3f(*linear_colour(c)) for c in colours]
+        mesh.CreateDisplayColorAttr(Vt.Vec3fArray(values))
         mesh.GetDisplayColorPrimvar().SetInterpolation(UsdGeom.Tokens.uniform)
-        for k, own in enumerate(np.unique(colours, axis=0)):
-            places = np.flatnonzero(np.all(colours == own, axis=1)).tolist()
+        for k, shade in enumerate(np.unique(colours, axis=0)):
+            places = np.flatnonzero(np.all(colours == shade, axis=1)).tolist()
             binding = UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim())
             part = binding.CreateMaterialBindSubset(f"colour{k + 1}", Vt.IntArray(places))
-            UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(self._material(own))
+            UsdShade.MaterialBindingAPI.Apply(part.GetPrim()).Bind(self._material(shade))
 
-    def _line(self, above: Any, line: Line, spans: Spans) -> None:
-        """A string as one curve, whose points move."""
-        curve = self._prim(UsdGeom.BasisCurves, above, line.name)
+    def _line(self, parent_path: Any, line: Line, spans: Spans) -> None:
+        """Adds a string as a curve with moving points."""
+        curve = self._prim(UsdGeom.BasisCurves, parent_path, line.name)
         rings = 2 if spans.sag is None else RINGS
         points = spans.curves(rings)
         # Spans meet in one point.
@@ -151,13 +151,13 @@ class _Writer:
         self._set(curve.CreateExtentAttr(), [_vectors(x) for x in boxes])
         self._colour(curve, COLOUR if line.colour is None else line.colour)
 
-    def _colour(self, what: Any, colour: Array) -> None:
-        """A material; and the colour for programs without materials."""
-        what.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*linear_colour(colour))]))
-        UsdShade.MaterialBindingAPI.Apply(what.GetPrim()).Bind(self._material(colour))
+    def _colour(self, prim: Any, colour: Array) -> None:
+        """Sets the material, and the colour for programs without materials."""
+        prim.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*linear_colour(colour))]))
+        UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(self._material(colour))
 
     def _material(self, colour: Array) -> Any:
-        """The material of a colour, created once and named after the colour."""
+        """Material of a colour, created once and named after the colour."""
         linear = linear_colour(colour)
         if tuple(linear) not in self._materials:
             root = self.stage.GetDefaultPrim().GetPath()
@@ -174,8 +174,8 @@ class _Writer:
         return self._materials[tuple(linear)]
 
 
-def _turn(prim: Any) -> Any:
-    """An orientation of doubles: USD takes the arc cosine of w, which loses half of its digits."""
+def _add_orientation(prim: Any) -> Any:
+    """Orientation in doubles: USD takes the arc cosine of w, which loses half of the digits."""
     return prim.AddOrientOp(UsdGeom.XformOp.PrecisionDouble)
 
 

@@ -1,4 +1,4 @@
-"""What an import gives: a puppet file, and a report of what it changed or left out."""
+"""Result of an import: a puppet file, and a report of changes and omissions."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from pathlib import Path, PurePosixPath
 from fantoccini.base import ExchangeError, Mistake, replacing
 
 MAX_NAME = 64
-"""Characters of a name."""
+"""Largest length of a name [characters]."""
 
 
 @dataclass(frozen=True)
 class ImportNote:
-    """Something of a model that its puppet does not have, or has otherwise.
+    """Difference between a model and its puppet.
 
     Attributes:
-        file: the model's file, as the user gave it.
-        line: 1-based line; None where the reader of the file does not tell.
-        kind: of the element, as the file calls it: ``actuator``, ``tendon``.
-        name: of the element; empty where it has none.
-        message: what became of it.
+        file: file of the model, as the user gave it.
+        line: 1-based line; None if unknown.
+        kind: kind of the element, as in the file: ``actuator``, ``tendon``.
+        name: name of the element; empty if it has none.
+        message: description of the difference.
         part: name of the puppet's part that it concerns; empty for none.
     """
 
@@ -40,7 +40,7 @@ class ImportNote:
 
     @property
     def what(self) -> str:
-        """Kind and name."""
+        """Kind and name of the element."""
         return f"{self.kind} {self.name}".rstrip()
 
 
@@ -49,11 +49,11 @@ class Imported:
     """A model as a puppet.
 
     Attributes:
-        text: puppet file.
-        report: what the puppet does not have, or has otherwise.
-        meshes: path beside the puppet file -> content.
-        joints: names of the puppet's joints, in the order of the model's: MuJoCo's for MJCF, the
-            file's without fixed joints for URDF.
+        text: text of the puppet file.
+        report: differences from the model.
+        meshes: path relative to the puppet file -> content.
+        joints: names of the puppet's joints, in the model's order: MuJoCo's for MJCF, that of the
+            file without fixed joints for URDF.
         sources: files that were read.
     """
 
@@ -66,12 +66,12 @@ class Imported:
     def save(self, path: str | os.PathLike[str], force: bool = False) -> None:
         """Writes the puppet file, and its meshes into a folder beside it.
 
-        The folder is called after the puppet file: ``arm_meshes`` beside ``arm.yaml``. Each file
-        appears complete or not at all, the puppet file last.
+        The folder is named after the puppet file: ``arm_meshes`` beside ``arm.yaml``. Each file
+        appears only when complete, the puppet file last.
 
         Args:
-            path: of the puppet file.
-            force: write over files that exist, but for those that were read.
+            path: path of the puppet file.
+            force: overwrite existing files, except those that were read.
 
         Raises:
             ExchangeError: a file exists already, or is part of the model.
@@ -81,26 +81,30 @@ class Imported:
         folder, text = f"{plain_name(place.stem) or 'puppet'}_meshes", self.text
         files = dict[Path, bytes]()
         for name, content in self.meshes.items():
-            own = f"{folder}/{PurePosixPath(name).name}"
-            text = text.replace(f'file: "{name}"', f'file: "{own}"')
-            files[place.parent / own] = content
+            new_name = f"{folder}/{PurePosixPath(name).name}"
+            text = text.replace(f'file: "{name}"', f'file: "{new_name}"')
+            files[place.parent / new_name] = content
         files[place] = text.encode()
         if not os.path.isdir(place.parent):
             raise FileNotFoundError(f"{place} cannot be written: there is no folder {place.parent}")
-        found = [Mistake(str(f), None, "", why) for f in files if (why := self._kept(f, force))]
-        there = place.parent / folder
-        if self.meshes and there.exists() and not there.is_dir():
-            why = "is a file; the meshes need a folder of this name"
-            found.insert(0, Mistake(str(there), None, "", why))
-        if found:
-            raise ExchangeError(found)
+        mistakes = [
+            Mistake(str(f), None, "", reason)
+            for f in files
+            if (reason := self._why_protected(f, force))
+        ]
+        mesh_folder = place.parent / folder
+        if self.meshes and mesh_folder.exists() and not mesh_folder.is_dir():
+            reason = "is a file; the meshes need a folder of this name"
+            mistakes.insert(0, Mistake(str(mesh_folder), None, "", reason))
+        if mistakes:
+            raise ExchangeError(mistakes)
         for file, content in files.items():
             file.parent.mkdir(exist_ok=True)
             with replacing(file) as temporary:
                 temporary.write_bytes(content)
 
-    def _kept(self, file: Path, force: bool) -> str:
-        """Why a file is not written over; empty where it may be."""
+    def _why_protected(self, file: Path, force: bool) -> str:
+        """Reason not to overwrite a file; empty if it may be written."""
         if not file.exists():
             return ""
         if any(source.exists() and file.samefile(source) for source in self.sources):
@@ -109,8 +113,8 @@ class Imported:
 
 
 def plain_name(name: str) -> str:
-    """The nearest name that a puppet's part can have; empty for none."""
-    found = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
-    if found and not re.match(r"[A-Za-z_]", found):
-        found = f"_{found}"
-    return "" if not found.strip("_-") else found[:MAX_NAME]
+    """Nearest valid name of a part of a puppet; empty if there is none."""
+    valid = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
+    if valid and not re.match(r"[A-Za-z_]", valid):
+        valid = f"_{valid}"
+    return "" if not valid.strip("_-") else valid[:MAX_NAME]

@@ -1,4 +1,4 @@
-"""Models of other programs become puppet files."""
+"""Import of models of other programs as puppet files."""
 
 from __future__ import annotations
 
@@ -22,33 +22,34 @@ from fantoccini.output.exchange.mjcf_includes import (
     asset_folders,
     line_of_mistake,
     locate,
-    told,
     with_includes,
+    with_line,
 )
 from fantoccini.output.exchange.mjcf_rest import add_notes, add_shapes
 from fantoccini.output.exchange.mjcf_strings import add_constraints, add_tendons
 from fantoccini.output.exchange.model_file import ROOTS, ModelFile, line_in, read_model
 
 _UNNAMED = "MuJoCo Model"
-"""MuJoCo's name for models without one."""
+"""Name that MuJoCo gives to models without one."""
 
 
 def import_model(
     path: str | os.PathLike[str], keyframe: str | None = None, density: float | None = None
 ) -> Imported:
-    """A model in MJCF or URDF as a puppet file.
+    """Converts a model in MJCF or URDF to a puppet file.
 
-    Joints keep their coordinates, so that accelerations are those of the model's own program
-    wherever the report names nothing.
+    Joints keep their coordinates: apart from the differences in the report, accelerations equal
+    those of the model's own program.
 
     Args:
-        path: of the model.
-        keyframe: of an MJCF file, that the puppet starts in; by default its zero pose.
-        density: for the solids of links without inertia in URDF [kg/m^3]; by default that of water
-            if a joint would move no mass, else such links have no mass. The report says which.
+        path: path of the model.
+        keyframe: keyframe of an MJCF file in which the puppet starts; by default its zero pose.
+        density: density of the solids of links without inertia in URDF [kg/m^3]. By default, if a
+            joint would move no mass, that of water; else such links have no mass. The report
+            says which.
 
     Raises:
-        ExchangeError: the file is no model, or has what no puppet can have.
+        ExchangeError: the file is not a model, or has something that no puppet can have.
         StateError: the density is not positive, or the file is MJCF, where geoms have masses.
         MissingLibraryError: MJCF needs MuJoCo, URDF yourdfpy.
         UnknownNameError: there is no such keyframe.
@@ -68,7 +69,7 @@ def import_model(
 
 
 def _check_density(density: float | None) -> None:
-    """Raises StateError unless a density is one that a puppet file may have, or None."""
+    """Raises StateError if a density is given that a puppet file cannot have."""
     allowed = QUANTITIES["density"]
     if density is not None and not (
         is_number(density) and allowed.min_size <= density <= allowed.max_size
@@ -80,7 +81,7 @@ def _check_density(density: float | None) -> None:
 
 
 def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
-    """An MJCF file as a puppet file."""
+    """Converts an MJCF file to a puppet file."""
     file = with_includes(file)
     models = attached_models(file)
     compiled = _compiled(file, keyframe, models)
@@ -102,19 +103,19 @@ def mjcf_puppet(file: ModelFile, keyframe: str | None) -> Imported:
     add_notes(bodies, keyframe)
     for text in compiled.warnings:
         draft.note("mujoco", "", f"warns: {text[:300]}")
-    return draft.finish([f"{draft.name}: made of the MuJoCo model {file.path.name}."])
+    return draft.finish([f"{draft.name}: converted from the MuJoCo model {file.path.name}."])
 
 
 @dataclass(frozen=True)
-class _Said:
-    """What MuJoCo says of a file, and the line in its text."""
+class _MuJoCoError:
+    """Error message of MuJoCo about a file, and the line in its text."""
 
     text: str
     line: int | None
 
     @property
     def first(self) -> str:
-        """The mistake, without the element."""
+        """First line of the message, without the element."""
         return self.text.partition("\n")[0]
 
     def mistake(self, file: ModelFile) -> ExchangeError:
@@ -123,8 +124,8 @@ class _Said:
         return file.mistake(f"MuJoCo says: {text}", self.line)
 
 
-def _read(file: ModelFile) -> tuple[Any, Any] | _Said:
-    """MuJoCo's specification and model of a file."""
+def _read(file: ModelFile) -> tuple[Any, Any] | _MuJoCoError:
+    """MuJoCo's specification and model of a file, or the error."""
     mujoco, spec = library(), None
     try:
         spec = mujoco.MjSpec.from_file(str(file.path))
@@ -132,44 +133,51 @@ def _read(file: ModelFile) -> tuple[Any, Any] | _Said:
             locate(mujoco, file, spec)
         return spec, spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        said, line = str(error), line_in(str(error))
+        message, line = str(error), line_in(str(error))
         if file.origins:
             if spec is None:
-                line = line_of_mistake(mujoco, file, said)
-            said = told(said, file.place(line)[1])
-        return _Said(said, line)
+                line = line_of_mistake(mujoco, file, message)
+            message = with_line(message, file.place(line)[1])
+        return _MuJoCoError(message, line)
 
 
 def _assets(file: ModelFile) -> Iterator[Path]:
-    """Where files that a model names may be, with and without the folders in their names."""
+    """Possible paths of files that a model names, with and without the folders in their names."""
     folders = asset_folders(file)
     for element in file.elements:
-        if given := element.attributes.get("file"):
-            for name in dict.fromkeys((given, os.path.basename(given))):
+        if file_name := element.attributes.get("file"):
+            for name in dict.fromkeys((file_name, os.path.basename(file_name))):
                 yield from (Path(folder, name) for folder in folders)
 
 
 def _compiled(file: ModelFile, keyframe: str | None, models: Iterable[ModelFile]) -> Compiled:
-    """MuJoCo's model of a file, which attaches others."""
+    """Compiled model of a file that may attach other models."""
     mujoco = library()
-    with warnings.catch_warnings(record=True) as warned:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = _read(file)
-        if isinstance(found, _Said):
-            for attached in models if found.line is None else ():
-                own = _read(attached)
-                if isinstance(own, _Said) and own.first and own.first in found.text:
-                    raise own.mistake(attached)
-            raise found.mistake(file)
-    spec, model = found
+        result = _read(file)
+        if isinstance(result, _MuJoCoError):
+            for attached in models if result.line is None else ():
+                attached_result = _read(attached)
+                if (
+                    isinstance(attached_result, _MuJoCoError)
+                    and attached_result.first
+                    and attached_result.first in result.text
+                ):
+                    raise attached_result.mistake(attached)
+            raise result.mistake(file)
+    spec, model = result
     names = [model.key(k).name for k in range(model.nkey)]
     if keyframe is not None and keyframe not in names:
         raise UnknownNameError("keyframe", keyframe, names)
-    held = np.argsort(model.body_mocapid)[model.nbody - model.nmocap :]
-    qpos, mocap = model.qpos0, np.hstack([model.body_pos[held], model.body_quat[held]])
+    mocap_bodies = np.argsort(model.body_mocapid)[model.nbody - model.nmocap :]
+    qpos, mocap = (
+        model.qpos0,
+        np.hstack([model.body_pos[mocap_bodies], model.body_quat[mocap_bodies]]),
+    )
     if keyframe is not None:
         k = names.index(keyframe)
         qpos = model.key_qpos[k]
         mocap = np.hstack([model.key_mpos[k].reshape(-1, 3), model.key_mquat[k].reshape(-1, 4)])
-    texts = tuple(" ".join(str(w.message).split()) for w in warned)
+    texts = tuple(" ".join(str(w.message).split()) for w in caught)
     return Compiled(mujoco, spec, model, np.array(qpos), mocap, texts)

@@ -1,13 +1,13 @@
-"""Bodies and joints of a compiled MuJoCo model as those of a puppet.
+"""Conversion of bodies and joints of a compiled MuJoCo model to those of a puppet.
 
-MuJoCo's body has any number of joints, each about its own point of the body; a puppet's has one,
-at its origin. A body with joints at p_1 to p_n becomes n frames, parallel to it at zero, with their
-origins at p_1 to p_n; the last one is the body, the others have no mass:
+A body in MuJoCo has any number of joints, each at its own point of the body; a body of a puppet has
+one, at its origin. A body with joints at p_1 to p_n becomes n frames, parallel to it at zero, with
+origins at p_1 to p_n; the last frame is the body, the others have no mass:
 
     T(pos) R(quat) T(p_1) J_1 T(p_2 - p_1) J_2 ... T(p_n - p_(n-1)) J_n T(-p_n)
 
-A hinge with the reference angle r starts turned by -r about its axis, and a slide is moved by -r
-along it, so that coordinates are equal to MuJoCo's.
+For a hinge with the reference angle r the frame is rotated by -r about the axis, for a slide it is
+moved by -r along the axis, so that coordinates equal MuJoCo's.
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from fantoccini.base import Array, Quaternion, rotation
 from fantoccini.dynamics.mujoco import library
 from fantoccini.output.exchange.draft import (
     Draft,
-    carried,
+    body_data,
+    inertia_data,
     number,
     numbers,
-    placed,
-    six,
+    orientation_keys,
+    pose_keys,
     sized,
-    turned,
 )
 from fantoccini.output.exchange.model_file import line_in
 
-FAR = 1e6
-"""Bounds beyond this are none [rad or m]."""
+MAX_BOUND = 1e6
+"""Larger bounds count as unbounded [rad or m]."""
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """A MuJoCo model and the elements it was compiled from.
+    """MuJoCo model, and the elements from which it was compiled.
 
     Attributes:
         mujoco: the module.
-        spec, model: MuJoCo's.
-        qpos: (n_q,) configuration to start with.
-        mocap: (n_mocap, 7) places and quaternions of mocap bodies to start with.
-        warnings: of MuJoCo, while it compiled.
+        spec, model: MuJoCo's specification and model.
+        qpos: (n_q,) start configuration.
+        mocap: (n_mocap, 7) start positions and quaternions of mocap bodies.
+        warnings: warnings of MuJoCo's compiler.
     """
 
     mujoco: Any
@@ -61,21 +61,21 @@ class Compiled:
 
 
 class Bodies:
-    """Makes a puppet's bodies.
+    """Converter of the bodies.
 
     Attributes:
-        compiled, m: the model, and MuJoCo's own.
-        draft: of the puppet.
+        compiled, m: the compiled model, and MuJoCo's model in it.
+        draft: draft of the puppet.
         bodies, joints: index -> element of the model's file.
-        springs, dampers, limits, equalities: whether MuJoCo's flags leave them on.
-        damping, armature: (n_v,) of the joints, with those of actuators.
-        names: (n_body,) names of the puppet's bodies; the world's is ``world``.
+        springs, dampers, limits, equalities: whether MuJoCo's flags enable them.
+        damping, armature: (n_v,) values of the joints, including those of actuators.
+        names: (n_body,) names of the puppet's bodies; ``world`` for the world.
         wires: tendons whose constraint became a wire.
-        shift: (n_body, 3) origins of the puppet's bodies in MuJoCo's.
+        shift: (n_body, 3) origins of the puppet's bodies in the frames of MuJoCo's bodies.
 
     Args:
-        compiled: the model.
-        draft: of the puppet.
+        compiled: the compiled model.
+        draft: draft of the puppet.
     """
 
     def __init__(self, compiled: Compiled, draft: Draft):
@@ -92,7 +92,7 @@ class Bodies:
         )
         self.bodies, self.joints = compiled.elements("bodies"), compiled.elements("joints")
         self.damping, self.armature = m.dof_damping.copy(), m.dof_armature.copy()
-        self._rotors()
+        self._add_actuators()
         self.names, self.wires = ["world"], set[int]()
         self.shift = np.zeros((m.nbody, 3))
         for b in range(1, m.nbody):
@@ -102,20 +102,20 @@ class Bodies:
             self._body(b)
 
     def point(self, site: int) -> dict[str, Any]:
-        """A site as a point of a string or spring."""
+        """Site as a point of a string or spring."""
         return self.fixed_point(int(self.m.site_bodyid[site]), self.m.site_pos[site])
 
     def fixed_point(self, body: int, at: Array) -> dict[str, Any]:
-        """A point of MuJoCo's body as one of a string or spring."""
+        """Point of a body of MuJoCo as a point of a string or spring."""
         place = numbers(at - self.shift[body])
         return {"world": place} if body == 0 else {"body": self.names[body], "at": place}
 
-    def _rotors(self) -> None:
-        """Adds the armature and damping of actuators on one coordinate; notes those of others."""
+    def _add_actuators(self) -> None:
+        """Adds armature and damping of actuators on single coordinates; notes those of others."""
         m, kinds = self.m, library().mjtTrn
         elements = self.compiled.elements("actuators")
         single = int(library().mjtJoint.mjJNT_SLIDE), int(library().mjtJoint.mjJNT_HINGE)
-        # An actuator may have several controls and, at several coordinates, several gears.
+        # An actuator may have several controls and, for several coordinates, several gears.
         gears = m.actuator_outadr if hasattr(m, "actuator_outadr") else np.arange(m.nu)
         for a in range(len(m.actuator_trntype)):
             armature, damping = (field(m, f"actuator_{x}", a) for x in ("armature", "damping"))
@@ -139,36 +139,36 @@ class Bodies:
         name, line = self.names[b], line_of(self.bodies.get(b))
         parent = int(m.body_parentid[b])
         at, turn = m.body_pos[b] - self.shift[parent], rotation.normalised(m.body_quat[b])
-        above, anchor = self.names[parent], np.zeros(3)
+        parent_frame, anchor = self.names[parent], np.zeros(3)
         for k, j in enumerate(joints):
-            own = name if k == len(joints) - 1 else self.draft.take("body", "", f"{name}_{k + 1}")
-            joint, anchor = self._joint(j, own, at, turn, anchor)
-            made = carried(own, above, joint)
-            self.draft.bodies.append(made)
-            above, at, turn = own, np.zeros(3), np.eye(1, 4)[0]
+            frame = name if k == len(joints) - 1 else self.draft.take("body", "", f"{name}_{k + 1}")
+            joint, anchor = self._joint(j, frame, at, turn, anchor)
+            data = body_data(frame, parent_frame, joint)
+            self.draft.bodies.append(data)
+            parent_frame, at, turn = frame, np.zeros(3), np.eye(1, 4)[0]
         self.shift[b] = anchor
         if m.body_mocapid[b] >= 0:
-            made = carried(name, above, {"type": "free", "driven": True})
-            self.draft.bodies.append(made)
+            data = body_data(name, parent_frame, {"type": "free", "driven": True})
+            self.draft.bodies.append(data)
             start = self.compiled.mocap[m.body_mocapid[b]]
             self._pose_free(name, start[:3], start[3:])
         elif not joints:
-            made = carried(name, above, {"type": "fixed"} | placed(at, turn))
-            self.draft.bodies.append(made)
-        self._inertia(b, made)
+            data = body_data(name, parent_frame, {"type": "fixed"} | pose_keys(at, turn))
+            self.draft.bodies.append(data)
+        self._inertia(b, data)
         if m.body_gravcomp[b]:
             self.draft.note("body", m.body(b).name, "has gravcomp, left out", line, name)
 
     def _joint(
         self, j: int, body: str, at: Array, turn: Quaternion, anchor: Array
     ) -> tuple[dict[str, Any], Array]:
-        """A joint, and its place in MuJoCo's body.
+        """Data of a joint, and its position in MuJoCo's body.
 
         Args:
             j: index of the joint.
             body: name of the puppet's body that it carries.
-            at, turn: pose of MuJoCo's body in the frame above, where its joints are at zero.
-            anchor: place of the joint above in MuJoCo's body.
+            at, turn: pose of MuJoCo's body in the parent frame, with joints at zero.
+            anchor: position of the previous joint in MuJoCo's body.
         """
         m, types = self.m, library().mjtJoint
         kind, axis = types(int(m.jnt_type[j])), m.jnt_axis[j]
@@ -182,8 +182,8 @@ class Bodies:
             types.mjJNT_HINGE: "revolute",
             types.mjJNT_SLIDE: "prismatic",
         }[kind]
-        line, own = line_of(self.joints.get(j)), m.joint(j).name
-        joint: dict[str, Any] = {"type": word} | self.draft.joint_name(body, own, line)
+        line, mujoco_name = line_of(self.joints.get(j)), m.joint(j).name
+        joint: dict[str, Any] = {"type": word} | self.draft.joint_name(body, mujoco_name, line)
         name = joint.get("name", body)
         if word == "free":
             self._pose_free(name, self.compiled.qpos[q : q + 3], self.compiled.qpos[q + 3 : q + 7])
@@ -194,7 +194,7 @@ class Bodies:
                 at = at - rotation.matrix(turn) @ (ref * axis)
             if word != "ball":
                 joint["axis"] = numbers(axis)
-            joint |= placed(at, turn)
+            joint |= pose_keys(at, turn)
             self._pose(name, word, self.compiled.qpos[q:])
         joint |= dict(self._passive(j, word, q, line, name))
         return joint, place
@@ -202,7 +202,7 @@ class Bodies:
     def _passive(
         self, j: int, word: str, q: int, line: int | None, name: str
     ) -> Iterator[tuple[str, Any]]:
-        """Damping, armature, spring and limits of a joint; the rest is noted."""
+        """Damping, armature, spring and limits of a joint; the report notes the rest."""
         m, v = self.m, int(self.m.jnt_dofadr[j])
 
         def note(text: str) -> None:
@@ -230,35 +230,35 @@ class Bodies:
             else:
                 low, high = map(float, m.jnt_range[j])
                 bounds = {"lower": low, "upper": high}
-                limits = {side: number(x) for side, x in bounds.items() if abs(x) < FAR}
+                limits = {side: number(x) for side, x in bounds.items() if abs(x) < MAX_BOUND}
                 if limits and low < high:
                     yield "limits", limits
                 elif limits:
                     note(f"has the range {low:g} to {high:g}, left out")
-        for what, values in (
+        for quantity, values in (
             ("frictionloss", m.dof_frictionloss[v]),
             ("nonlinear stiffness", field(m, "jnt_stiffnesspoly", j)),
             ("nonlinear damping", field(m, "dof_dampingpoly", v)),
             ("springyield", field(m, "jnt_springyield", j)),
         ):
             if np.any(values):
-                note(f"has {what}, left out")
+                note(f"has {quantity}, left out")
 
-    def _inertia(self, b: int, made: dict[str, Any]) -> None:
+    def _inertia(self, b: int, data: dict[str, Any]) -> None:
         m = self.m
         if not m.body_mass[b] and not np.any(m.body_inertia[b]):
             return
         R = rotation.matrix(rotation.normalised(m.body_iquat[b]))
         if mass := sized(m.body_mass[b], "mass"):
-            made["mass"] = mass
+            data["mass"] = mass
         com = numbers(m.body_ipos[b] - self.shift[b])
         if any(com):
-            made["com"] = com
-        made["inertia"] = six(R @ np.diag(m.body_inertia[b]) @ R.T)
+            data["com"] = com
+        data["inertia"] = inertia_data(R @ np.diag(m.body_inertia[b]) @ R.T)
 
     def _pose(self, name: str, word: str, q: Array) -> None:
         if word == "ball":
-            if turned(q[:4]):
+            if orientation_keys(q[:4]):
                 self.draft.pose[f"{name}.rotation"] = numbers(q[:4])
         elif number(q[0]):
             self.draft.pose[name] = number(q[0])
@@ -267,15 +267,15 @@ class Bodies:
         for axis, x in zip("xyz", numbers(at), strict=True):
             if x:
                 self.draft.pose[f"{name}.{axis}"] = x
-        if turned(turn):
+        if orientation_keys(turn):
             self.draft.pose[f"{name}.rotation"] = numbers(turn)
 
 
 def field(m: Any, name: str, k: int) -> Any:
-    """Entry of a field of MuJoCo's model; 0 where this version of MuJoCo has no such field."""
+    """Entry of a field of MuJoCo's model; 0 if this version of MuJoCo has no such field."""
     return getattr(m, name)[k] if hasattr(m, name) else 0.0
 
 
 def line_of(element: Any) -> int | None:
-    """The line of an element of a model's text."""
+    """Line of an element in the model's text."""
     return None if element is None else line_in(element.info)

@@ -1,6 +1,6 @@
-"""Models that MuJoCo would copy parts of for minutes, or for ever, are refused.
+"""Refusal of models whose copied parts would take MuJoCo minutes, or unlimited time.
 
-Each copy takes MuJoCo a time that grows with the model, and so does each element that copies.
+MuJoCo's time for each copy, and for each element that copies, grows with the size of the model.
 """
 
 from __future__ import annotations
@@ -10,37 +10,37 @@ import os
 from typing import NamedTuple
 
 from fantoccini.base import ExchangeError
-from fantoccini.output.exchange.mjcf_includes import asset_folders, found_beside, with_includes
+from fantoccini.output.exchange.mjcf_includes import asset_folders, find_file, with_includes
 from fantoccini.output.exchange.mjcf_memory import refuse_large
 from fantoccini.output.exchange.model_file import Element, ModelFile, read_model
 
-_MOST_COPIES = 10_000
-"""Largest number of copies of one element, nested copying included."""
-_MOST_WORK = 200_000_000
-"""Work of copying: about ten seconds of MuJoCo."""
-_EACH = 20
+_MAX_COPIES = 10_000
+"""Largest number of copies of one element, including nested copying."""
+_MAX_WORK = 200_000_000
+"""Largest work of copying, in copied elements: about ten seconds of MuJoCo."""
+_WORK_PER_COPYING = 20
 """Work of an element that copies, in copies."""
-_MOST_MODELS = 20
-"""Levels of models within models."""
-_DIGITS = 9
-"""Longest count read, in digits; longer ones are clamped."""
-_OF_POINT = 4
-"""Elements of a flexcomp's point: a body and three slides."""
+_MAX_MODEL_DEPTH = 20
+"""Largest number of levels of models within models."""
+_MAX_DIGITS = 9
+"""Largest number of digits of a count; longer ones are clamped."""
+_ELEMENTS_PER_POINT = 4
+"""Elements per point of a flexcomp: a body and three slides."""
 _POINT_BYTES = 40
-"""About what a point takes in a file of a flexcomp, with its share of the triangles."""
+"""Approximate size of a point in a file of a flexcomp, with its share of the triangles [bytes]."""
 
 _COPYING = ("replicate", "composite", "flexcomp")
 _LISTED = ("direct", "mesh", "gmsh")
-"""Types of flexcomps whose points are listed, not counted."""
+"""Types of flexcomps whose points are listed, not given by a count."""
 
 
 class _Size(NamedTuple):
-    """What MuJoCo makes of a file.
+    """Size of the model that MuJoCo builds from a file.
 
     Attributes:
-        copies: that it makes.
-        copying: elements that copy.
-        elements: with the copied ones.
+        copies: number of copies.
+        copying: number of elements that copy.
+        elements: number of elements, including copies.
     """
 
     copies: int = 0
@@ -49,10 +49,10 @@ class _Size(NamedTuple):
 
     @property
     def work(self) -> int:
-        return (self.copies + _EACH * self.copying) * self.elements
+        return (self.copies + _WORK_PER_COPYING * self.copying) * self.elements
 
     def plus(self, times: int, copies: int, copying: int, elements: int) -> _Size:
-        """With something else so many times."""
+        """The size with `times` copies of another size added."""
         return _Size(
             self.copies + times * copies,
             self.copying + times * copying,
@@ -61,24 +61,24 @@ class _Size(NamedTuple):
 
 
 def attached_models(file: ModelFile) -> tuple[ModelFile, ...]:
-    """The models that a file attaches, and those that they attach, which come first.
+    """Models that a file attaches, directly or through others, which come first.
 
     Raises:
-        ExchangeError: elements are copied too often, a model holds itself, or MuJoCo would take
-            too much memory for them.
+        ExchangeError: elements are copied too often, a model contains itself, or MuJoCo would need
+            too much memory.
     """
     sizes = _Sizes()
     sizes.of(file)
-    counts = (sizes.known[os.path.realpath(one.name)].elements for one in sizes.files)
+    counts = (sizes.known[os.path.realpath(model.name)].elements for model in sizes.files)
     refuse_large(zip(sizes.files, counts, strict=True))
     return tuple(sizes.files[:-1])
 
 
 class _Sizes:
-    """Sizes of files, each found once.
+    """Sizes of files, each determined once.
 
     Attributes:
-        files: those that have been read.
+        files: files that have been read.
     """
 
     def __init__(self) -> None:
@@ -87,91 +87,91 @@ class _Sizes:
         self.open: list[str] = []
 
     def of(self, file: ModelFile) -> _Size:
-        """The size of a file with all that it names."""
-        here = os.path.realpath(file.name)
-        if here in self.known:
-            return self.known[here]
-        self.open.append(here)
+        """Size of a file, including the models that it names."""
+        real_path = os.path.realpath(file.name)
+        if real_path in self.known:
+            return self.known[real_path]
+        self.open.append(real_path)
         models = self._models(file)
         largest = max(models.values(), default=_Size(), key=lambda size: size.elements)
-        size, above, parts = _Size(), list[int](), _Parts()
+        size, copies_of_ancestors, parts = _Size(), list[int](), _Parts()
         for element in file.elements:
-            del above[element.depth :]
-            times, tag, given = math.prod(above), element.tag, element.attributes
+            del copies_of_ancestors[element.depth :]
+            times, tag, attributes = math.prod(copies_of_ancestors), element.tag, element.attributes
             parts.add(element, times, size.elements)
             count = _copies(file, element) if tag in _COPYING else 1
-            above.append(count)
+            copies_of_ancestors.append(count)
             size = size.plus(times, 0, 0, 1)
             if tag in _COPYING:
-                if times * count > _MOST_COPIES:
+                if times * count > _MAX_COPIES:
                     text = f"copies its content {times * count} times; allowed: up to"
-                    raise file.mistake(f"{text} {_MOST_COPIES}", element.line, tag)
+                    raise file.mistake(f"{text} {_MAX_COPIES}", element.line, tag)
                 size = size.plus(times, count, 1, 0)
                 if tag != "replicate":
-                    each = _OF_POINT if tag == "flexcomp" else 1
-                    size = size.plus(times, 0, 0, each * count)
+                    per_point = _ELEMENTS_PER_POINT if tag == "flexcomp" else 1
+                    size = size.plus(times, 0, 0, per_point * count)
             elif tag == "model":
                 size = size.plus(1, 0, 1, 0)
-                size = size.plus(1, *models.get(given.get("name", ""), largest))
+                size = size.plus(1, *models.get(attributes.get("name", ""), largest))
             elif tag == "attach":
-                inside = parts.elements(given, size.elements)
-                if "model" in given:
-                    inside = models.get(given["model"], largest).elements
-                size = size.plus(times, 1, 1, inside)
-            if size.work > _MOST_WORK:
+                n_inside = parts.elements(attributes, size.elements)
+                if "model" in attributes:
+                    n_inside = models.get(attributes["model"], largest).elements
+                size = size.plus(times, 1, 1, n_inside)
+            if size.work > _MAX_WORK:
                 text = (
                     "up to here, copying would take MuJoCo longer than about ten seconds "
-                    f"({size.copies} copies, {size.elements} elements); make fewer"
+                    f"({size.copies} copies, {size.elements} elements); reduce them"
                 )
                 raise file.mistake(text, element.line, tag)
         self.open.pop()
-        self.known[here] = size
+        self.known[real_path] = size
         self.files.append(file)
         return size
 
     def _models(self, file: ModelFile) -> dict[str, _Size]:
         """Sizes of the models that a file attaches, by name."""
-        found = dict[str, _Size]()
+        sizes = dict[str, _Size]()
         for element in file.elements:
-            given = element.attributes.get("file", "") if element.tag == "model" else ""
+            file_name = element.attributes.get("file", "") if element.tag == "model" else ""
             folders = (os.path.dirname(file.name), os.path.dirname(file.place(element.line)[0]))
-            name = found_beside(given, *folders) if given else None
+            name = find_file(file_name, *folders) if file_name else None
             if name is None:
-                continue  # MuJoCo tells
-            if os.path.realpath(name) in self.open or len(self.open) > _MOST_MODELS:
-                text = f"{given[:100]!r} holds itself, or models within models without end"
+                continue  # MuJoCo reports it
+            if os.path.realpath(name) in self.open or len(self.open) > _MAX_MODEL_DEPTH:
+                text = f"{file_name[:100]!r} contains itself, or models are nested too deeply"
                 raise file.mistake(text, element.line, "model")
-            found[element.attributes.get("name", "")] = self.of(_read(file, name, element.line))
-        return found
+            sizes[element.attributes.get("name", "")] = self.of(_read(file, name, element.line))
+        return sizes
 
 
 class _Parts:
-    """Elements in the named bodies and frames of a file, which may be copied within it."""
+    """Numbers of elements in the named bodies and frames of a file, which it may copy."""
 
     def __init__(self) -> None:
         self.known: dict[tuple[str, str], int] = {}
         self.open: list[tuple[Element, int, int]] = []
 
     def add(self, element: Element, times: int, before: int) -> None:
-        """Ends the elements that the next one is not inside of, and begins that.
+        """Begins an element, after ending those that do not contain it.
 
         Args:
-            element: the next one.
-            times: it is there.
-            before: elements before it.
+            element: the element.
+            times: number of its copies.
+            before: number of elements before it.
         """
         while self.open and self.open[-1][0].depth >= element.depth:
-            part, there, first = self.open.pop()
-            self.known[part.tag, part.attributes["name"]] = (before - first) // there
+            part, copies, first = self.open.pop()
+            self.known[part.tag, part.attributes["name"]] = (before - first) // copies
         if element.tag in ("body", "frame") and "name" in element.attributes:
             self.open.append((element, times, before))
 
-    def elements(self, given: dict[str, str], before: int) -> int:
-        """Of the part that an element copies; all before it where its own are not known."""
+    def elements(self, attributes: dict[str, str], before: int) -> int:
+        """Number of elements of the part that an element copies; if unknown, of all before it."""
         for kind in ("body", "frame"):
-            if kind in given:
-                return self.known.get((kind, given[kind]), before)
-        return 0  # MuJoCo tells
+            if kind in attributes:
+                return self.known.get((kind, attributes[kind]), before)
+        return 0  # MuJoCo reports it
 
 
 def _read(file: ModelFile, name: str, line: int) -> ModelFile:
@@ -182,24 +182,24 @@ def _read(file: ModelFile, name: str, line: int) -> ModelFile:
 
 
 def _copies(file: ModelFile, element: Element) -> int:
-    """Copies that an element makes of its content, or points of a grid or cable."""
-    given, tag = element.attributes, element.tag
-    listed = max(len(given.get(key, "").split()) // 3 for key in ("point", "vertex"))
-    if tag == "flexcomp" and given.get("type") in _LISTED:
+    """Number of copies of an element's content, or of points of a grid or cable."""
+    attributes, tag = element.attributes, element.tag
+    listed = max(len(attributes.get(key, "").split()) // 3 for key in ("point", "vertex"))
+    if tag == "flexcomp" and attributes.get("type") in _LISTED:
         return max(listed, _file_points(file, element), 1)
-    least = "10 10 10" if tag == "flexcomp" else ""
-    return max(_count(given.get("count", least)), listed)
+    default = "10 10 10" if tag == "flexcomp" else ""
+    return max(_count(attributes.get("count", default)), listed)
 
 
 def _file_points(file: ModelFile, element: Element) -> int:
-    """About the points in the file of a flexcomp."""
-    given = element.attributes.get("file", "")
-    found = found_beside(given, *asset_folders(file)) if given else None
-    return os.path.getsize(found) // _POINT_BYTES if found else 0
+    """Approximate number of points in the file of a flexcomp."""
+    file_name = element.attributes.get("file", "")
+    path = find_file(file_name, *asset_folders(file)) if file_name else None
+    return os.path.getsize(path) // _POINT_BYTES if path else 0
 
 
 def _count(text: str) -> int:
-    """The product of a count's numbers, which MuJoCo reads with a sign, too."""
+    """Product of a count's numbers, which may have a plus sign."""
     counts = [word.removeprefix("+") for word in text.split()]
-    counts = ["9" * _DIGITS if len(word) > _DIGITS else word for word in counts]
+    counts = ["9" * _MAX_DIGITS if len(word) > _MAX_DIGITS else word for word in counts]
     return math.prod(max(int(word), 1) for word in counts if word.isdecimal())

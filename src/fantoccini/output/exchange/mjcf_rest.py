@@ -1,4 +1,4 @@
-"""Geoms of a compiled MuJoCo model as shapes, and notes about what a puppet does not have."""
+"""Geoms of a compiled MuJoCo model as shapes, and notes about elements without counterpart."""
 
 from __future__ import annotations
 
@@ -12,39 +12,43 @@ from fantoccini.output.exchange import solids
 from fantoccini.output.exchange.draft import number
 from fantoccini.output.exchange.mjcf_bodies import Bodies, line_of
 
-_SHOWN = 3
-"""Groups below this one are drawn by MuJoCo's viewer."""
+_VISIBLE_GROUPS = 3
+"""Number of groups that MuJoCo's viewer draws by default."""
 
 _SOLIDS = ("sphere", "capsule", "ellipsoid", "box", "cylinder")
 
 _UP = np.array([0.0, 0.0, 1.0])
 
 _UNSET = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
-"""MuJoCo's colour of geoms without one."""
+"""Default colour of geoms in MuJoCo."""
 
-_PLAIN = {
+_WITHOUT_COUNTERPART = {
     "actuators": ("actuator", "left out: what it moves is free"),
     "sensors": ("sensor", "left out"),
-    "excludes": ("exclude", "left out: `pairs` of `contact` say what meets"),
-    "pairs": ("pair", "left out: `pairs` of `contact` say what meets"),
+    "excludes": ("exclude", "left out: use `pairs` of `contact`"),
+    "pairs": ("pair", "left out: use `pairs` of `contact`"),
     "cameras": ("camera", "left out"),
     "lights": ("light", "left out"),
     "flexes": ("flex", "left out: bodies are rigid"),
     "skins": ("skin", "left out"),
     "plugins": ("plugin", "left out"),
 }
-"""Elements of a model without counterpart: what the file calls them, and what becomes of them."""
+"""Elements without counterpart: their word in the file, and the note."""
 
 
 def add_shapes(bodies: Bodies) -> None:
-    """Adds the geoms that MuJoCo's viewer draws, or all of a body without such, as shapes."""
+    """Adds as shapes the geoms that MuJoCo's viewer draws or, if a body has none, all its geoms."""
     m, draft = bodies.m, bodies.draft
-    elements, made = bodies.compiled.elements("geoms"), {b["name"]: b for b in draft.bodies}
+    elements, data_of = bodies.compiled.elements("geoms"), {b["name"]: b for b in draft.bodies}
     for b in range(m.nbody):
         first = int(m.body_geomadr[b])
         geoms = list(range(first, first + int(m.body_geomnum[b])))
-        seen = [g for g in geoms if m.geom_group[g] < _SHOWN and solids.is_seen(_colour(m, g))]
-        for g in seen or geoms:
+        visible = [
+            g
+            for g in geoms
+            if m.geom_group[g] < _VISIBLE_GROUPS and solids.is_visible(_colour(m, g))
+        ]
+        for g in visible or geoms:
             shape = _shape(bodies, g, elements.get(g))
             if shape is None:
                 continue
@@ -54,48 +58,48 @@ def add_shapes(bodies: Bodies) -> None:
             if m.geom_matid[g] >= 0 and np.any(m.mat_texid[m.geom_matid[g]] >= 0):
                 draft.note("geom", m.geom(g).name, "has a texture, left out", line)
             if b:
-                made[bodies.names[b]].setdefault("shapes", []).append(shape)
+                data_of[bodies.names[b]].setdefault("shapes", []).append(shape)
             else:
                 name = draft.take("geom", m.geom(g).name, "obstacle", line)
                 draft.obstacles.append({"name": name, **shape})
 
 
 def add_notes(bodies: Bodies, keyframe: str | None) -> None:
-    """Notes elements that no part of a puppet stands for."""
+    """Adds notes about elements without counterpart."""
     m, draft, spec = bodies.m, bodies.draft, bodies.compiled.spec
-    for kind, (word, text) in _PLAIN.items():
+    for kind, (word, text) in _WITHOUT_COUNTERPART.items():
         for element in getattr(spec, kind, ()):
             name = getattr(element, "name", "") or getattr(element, "target", "")
             draft.note(word, name, text, line_of(element))
     for key in spec.keys:
         line = line_of(key) or draft.file.line_of("key", key.name)
         if key.name != keyframe or keyframe is None:
-            draft.note("key", key.name, "left out: not the pose", line)
+            draft.note("key", key.name, "left out: the puppet starts in another pose", line)
             continue
         more = {"velocities": key.qvel, "activations": key.act, "ctrl": key.ctrl}
-        for what, values in more.items():
+        for quantity, values in more.items():
             if np.any(values):
-                draft.note("key", key.name, f"has {what}, left out", line)
+                draft.note("key", key.name, f"has {quantity}, left out", line)
     option = m.opt
-    for what, there in (("density", option.density), ("viscosity", option.viscosity)):
-        if there:
-            text = f"{there:g}, left out: bodies have `drag` instead"
-            draft.note("option", what, text)
+    for quantity, value in (("density", option.density), ("viscosity", option.viscosity)):
+        if value:
+            text = f"{value:g}, left out: bodies have `drag` instead"
+            draft.note("option", quantity, text)
     touching = np.any(m.geom_contype) and np.any(m.geom_conaffinity)
     flags = library().mjtDisableBit
     if touching and not option.disableflags & int(flags.mjDSBL_CONTACT):
-        draft.note("contact", "", "left out: add `contact: true`, and give bodies room to move")
+        draft.note("contact", "", "left out: add `contact: true`, and keep bodies apart")
 
 
 def _colour(m: Any, g: int) -> Array:
-    """A geom's own colour; that of its material where it has none."""
-    material, found = int(m.geom_matid[g]), np.asarray(m.geom_rgba[g])
-    own = material < 0 or not np.array_equal(found, _UNSET)
-    return found if own else np.asarray(m.mat_rgba[material])
+    """Colour of a geom; if it has none, that of its material."""
+    material, rgba = int(m.geom_matid[g]), np.asarray(m.geom_rgba[g])
+    has_colour = material < 0 or not np.array_equal(rgba, _UNSET)
+    return rgba if has_colour else np.asarray(m.mat_rgba[material])
 
 
 def _shape(bodies: Bodies, g: int, element: Any) -> dict[str, Any] | None:
-    """A geom as a shape; None where it has no counterpart, which is noted."""
+    """Geom as a shape; None, with a note, if it has no counterpart."""
     m, draft, kinds = bodies.m, bodies.draft, library().mjtGeom
     body, size = int(m.geom_bodyid[g]), m.geom_size[g]
     at, turn = m.geom_pos[g] - bodies.shift[body], m.geom_quat[g]
@@ -122,8 +126,8 @@ def _shape(bodies: Bodies, g: int, element: Any) -> dict[str, Any] | None:
         case kinds.mjGEOM_MESH | kinds.mjGEOM_SDF:
             return _mesh(bodies, int(m.geom_dataid[g]), at, turn)
     word = kind.name.removeprefix("mjGEOM_").lower()
-    what = "of its size" if word in _SOLIDS else "of its kind"
-    draft.note("geom", name, f"{word}: left out, has no counterpart {what}", line)
+    reason = "of its size" if word in _SOLIDS else "of its kind"
+    draft.note("geom", name, f"{word}: left out, has no counterpart {reason}", line)
     return None
 
 

@@ -1,11 +1,11 @@
-"""Tendons and constraints of a compiled MuJoCo model as strings, wires and springs.
+"""Conversion of tendons and constraints of a MuJoCo model to strings, wires and springs.
 
-- A spatial tendon of limited length through sites is a string of that length.
-- One with stiffness or damping between two sites is a spring.
-- One of constrained length is a wire.
-- A point that two bodies share is held by three wires of a length L, from the point on one body to
-  three points L away along the axes of the other: |a - b_i|^2 = L^2 has no other solution nearby.
-  Three more weld them.
+- A spatial tendon of limited length through sites becomes a string of that length.
+- A tendon with stiffness or damping between two sites becomes a spring.
+- A tendon of constrained length becomes a wire.
+- A point that two bodies share becomes three wires of length L, from the point on one body to three
+  points at distance L along the axes of the other: |a - b_i|^2 = L^2 has no other solution nearby.
+  A weld has three more wires.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from fantoccini.dynamics.mujoco import library
 from fantoccini.output.exchange.draft import number, sized
 from fantoccini.output.exchange.mjcf_bodies import Bodies, field, line_of
 
-_WIRES = (1e-3, 1.0)
-"""Shortest and longest of a point's wires [m]."""
+_WIRE_RANGE = (1e-3, 1.0)
+"""Range of lengths of a point's wires [m]."""
 
-_SCALE = 10  # Place of a weld's torquescale in its data
+_TORQUE_SCALE = 10  # Index of a weld's torquescale in its data
 
 _POINT = {"x": ((0, 0, 0), (1, 0, 0)), "y": ((0, 0, 0), (0, 1, 0)), "z": ((0, 0, 0), (0, 0, 1))}
-"""Wires that hold a point: their ends in the two frames, over their length."""
+"""Wires that hold a point: their ends in the two frames, relative to their length."""
 
 _TURN = {"xy": ((1, 0, 0), (1, 1, 0)), "yz": ((0, 1, 0), (0, 1, 1)), "zx": ((0, 0, 1), (1, 0, 1))}
-"""Those that also hold the orientation: each stops one axis."""
+"""Wires that hold the orientation: each fixes the rotation about one axis."""
 
 
 def add_tendons(bodies: Bodies) -> None:
-    """Adds strings, springs and wires for tendons and their constraints, and notes the rest."""
+    """Adds strings, springs and wires for tendons and their constraints; notes the rest."""
     draft, m, compiled = bodies.draft, bodies.m, bodies.compiled
     elements = compiled.elements("tendons")
-    wires = _constrained(bodies)
-    on_tendons = m.actuator_trntype == int(library().mjtTrn.mjTRN_TENDON)
-    pulled = set(m.actuator_trnid[on_tendons, 0].tolist())
+    wires = _prescribed_lengths(bodies)
+    acts_on_tendon = m.actuator_trntype == int(library().mjtTrn.mjTRN_TENDON)
+    with_actuator = set(m.actuator_trnid[acts_on_tendon, 0].tolist())
     for t in range(m.ntendon):
         name, line = m.tendon(t).name, line_of(elements.get(t))
 
@@ -49,8 +49,8 @@ def add_tendons(bodies: Bodies) -> None:
         reason = _unlike_a_string(bodies, places)
         low, high = map(float, m.tendon_range[t])
         limited = bool(m.tendon_limited[t]) and bool(bodies.limits)
-        elastic = _elastic(bodies, t)
-        for what, values in (
+        elastic = _stiffness_and_damping(bodies, t)
+        for quantity, values in (
             ("frictionloss", m.tendon_frictionloss[t]),
             ("armature", field(m, "tendon_armature", t)),
             ("nonlinear stiffness", field(m, "tendon_stiffnesspoly", t)),
@@ -58,11 +58,11 @@ def add_tendons(bodies: Bodies) -> None:
             ("springyield", field(m, "tendon_springyield", t)),
         ):
             if np.any(values):
-                note(f"has {what}, left out")
+                note(f"has {quantity}, left out")
         if not (limited or any(elastic) or t in wires):
             text = "left out: nothing limits its length, and it has no stiffness or damping"
-            if t in pulled and not reason:
-                text += "; a string with `length: driven` is wound in and out by inputs"
+            if t in with_actuator and not reason:
+                text += "; inputs can change the length of a string with `length: driven`"
             note(text)
             continue
         if reason:
@@ -76,7 +76,7 @@ def add_tendons(bodies: Bodies) -> None:
             draft.strings.append({"name": wire, "path": path, "length": length, "wire": True})
         elif limited:
             if low > 0.0:
-                note(f"is kept longer than {low:g} m, left out: strings do not push")
+                note(f"has the lower limit {low:g} m, left out: strings do not push")
             if high > 0.0:
                 string = draft.take("tendon", name, "string", line)
                 draft.strings.append({"name": string, "path": path, "length": number(high)})
@@ -87,7 +87,7 @@ def add_tendons(bodies: Bodies) -> None:
 
 
 def add_constraints(bodies: Bodies) -> None:
-    """Adds wires for shared points and welds, and notes other constraints than tendons'."""
+    """Adds wires for shared points and welds; notes other constraints, except of tendons."""
     draft, m, kinds = bodies.draft, bodies.m, library().mjtEq
     elements = bodies.compiled.elements("equalities")
     for e in range(m.neq):
@@ -97,30 +97,32 @@ def add_constraints(bodies: Bodies) -> None:
             draft.note("equality", name, f"{word}: left out, a flag disables it", line)
         elif not m.eq_active0[e]:
             draft.note("equality", name, f"{word}: left out, it is not active", line)
-        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _held(bodies, e, name, line):
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and _add_wires(bodies, e, name, line):
             continue
         elif not (
-            kind == kinds.mjEQ_TENDON and _is_plain(m, e) and int(m.eq_obj1id[e]) in bodies.wires
+            kind == kinds.mjEQ_TENDON
+            and _fixes_one_tendon(m, e)
+            and int(m.eq_obj1id[e]) in bodies.wires
         ):
             draft.note("equality", name, f"{word}: left out, has no counterpart", line)
 
 
 def _unlike_a_string(bodies: Bodies, places: range) -> str:
-    """Why a tendon is not the path of a string; empty where it is."""
+    """Reason why a tendon cannot be a string; empty if it can."""
     m, kinds = bodies.m, library().mjtWrap
-    found = {kinds(int(m.wrap_type[w])) for w in places}
-    if kinds.mjWRAP_JOINT in found:
-        return "it adds up joints; strings run through points"
-    if kinds.mjWRAP_PULLEY in found:
+    types = {kinds(int(m.wrap_type[w])) for w in places}
+    if kinds.mjWRAP_JOINT in types:
+        return "it is a sum of joint positions; strings run through points"
+    if kinds.mjWRAP_PULLEY in types:
         return "it has pulleys that divide its force"
-    if found != {kinds.mjWRAP_SITE}:
+    if types != {kinds.mjWRAP_SITE}:
         return "it wraps around solids"
     carriers = {int(m.body_weldid[m.site_bodyid[m.wrap_objid[w]]]) for w in places}
     return "its length never changes" if len(carriers) == 1 else ""
 
 
-def _elastic(bodies: Bodies, t: int) -> tuple[float, float]:
-    """Stiffness and damping of a tendon; 0 where a flag disables them."""
+def _stiffness_and_damping(bodies: Bodies, t: int) -> tuple[float, float]:
+    """Stiffness and damping of a tendon; 0 if a flag disables them."""
     m = bodies.m
     return (
         sized(m.tendon_stiffness[t], "stiffness") if bodies.springs else 0.0,
@@ -137,81 +139,83 @@ def _add_spring(
         text = "has a spring, left out: springs of puppets have two ends"
         draft.note("tendon", name, text, line)
         return
-    stiffness, damping = _elastic(bodies, t)
+    stiffness, damping = _stiffness_and_damping(bodies, t)
     if stiffness and low != high:
         text = f"has a spring with play from {low:g} to {high:g} m, left out"
         draft.note("tendon", name, text, line)
         stiffness = 0.0
     if not stiffness and not damping:
         return
-    both = draft.strings and draft.strings[-1]["path"] is path
-    spring = draft.take("tendon", name, "spring", line, "_spring" if both else "")
-    made = {"name": spring, "between": path, "stiffness": stiffness, "rest": number(max(low, 0.0))}
+    has_string = draft.strings and draft.strings[-1]["path"] is path
+    spring = draft.take("tendon", name, "spring", line, "_spring" if has_string else "")
+    data = {"name": spring, "between": path, "stiffness": stiffness, "rest": number(max(low, 0.0))}
     if damping:
-        made["damping"] = damping
-    draft.springs.append(made)
+        data["damping"] = damping
+    draft.springs.append(data)
 
 
-def _is_plain(m: Any, e: int) -> bool:
-    """Whether a constraint of tendons keeps one of them at its length."""
-    return int(m.eq_obj2id[e]) < 0  # what polycoef says of the other is then not used
+def _fixes_one_tendon(m: Any, e: int) -> bool:
+    """Whether a tendon constraint fixes the length of a single tendon."""
+    return int(m.eq_obj2id[e]) < 0  # polycoef, which couples it to another, is then not used
 
 
-def _constrained(bodies: Bodies) -> dict[int, float]:
-    """Tendon -> what its length is to exceed that in MuJoCo's zero pose by [m]."""
+def _prescribed_lengths(bodies: Bodies) -> dict[int, float]:
+    """Tendon -> prescribed length minus its length in MuJoCo's zero pose [m]."""
     m, kinds = bodies.m, library().mjtEq
     if not bodies.equalities:
         return {}
     return {
         int(m.eq_obj1id[e]): float(m.eq_data[e, 0])
         for e in range(m.neq)
-        if kinds(int(m.eq_type[e])) == kinds.mjEQ_TENDON and m.eq_active0[e] and _is_plain(m, e)
+        if kinds(int(m.eq_type[e])) == kinds.mjEQ_TENDON
+        and m.eq_active0[e]
+        and _fixes_one_tendon(m, e)
     }
 
 
-def _held(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
-    """Wires that hold two bodies; False where the constraint names neither bodies nor sites."""
+def _add_wires(bodies: Bodies, e: int, name: str, line: int | None) -> bool:
+    """Adds wires between two bodies; returns False if the constraint has no counterpart."""
     m, draft, kinds = bodies.m, bodies.draft, library().mjtEq
     word, pairs = "connect", _POINT
     if kinds(int(m.eq_type[e])) == kinds.mjEQ_WELD:
         word, pairs = "weld", _POINT | _TURN
-        if m.eq_data[e, _SCALE] <= 0.0:
+        if m.eq_data[e, _TORQUE_SCALE] <= 0.0:
             return False
     ends = _frames(m, e)
     if ends is None:
         return False
-    (one, R, r), (other, S, s) = ends
+    (first, R, r), (second, S, s) = ends
     wire, length = "", _wire_length(m)
-    for end, (here, there) in pairs.items():
+    for end, (end_1, end_2) in pairs.items():
         path = [
-            bodies.fixed_point(one, r + length * R @ np.array(here)),
-            bodies.fixed_point(other, s + length * S @ np.array(there)),
+            bodies.fixed_point(first, r + length * R @ np.array(end_1)),
+            bodies.fixed_point(second, s + length * S @ np.array(end_2)),
         ]
         wire = draft.take("equality", name, word, line, f"_{end}")
-        made = {"name": wire, "path": path, "length": number(length), "wire": True}
-        draft.strings.append(made)
+        data = {"name": wire, "path": path, "length": number(length), "wire": True}
+        draft.strings.append(data)
     text = f"{word}: is {len(pairs)} wires of {length:g} m here"
     draft.note("equality", name, text, line, wire)
     return True
 
 
 def _wire_length(m: Any) -> float:
-    """A power of ten [m] that fits into the model, so that wires do not dwarf the model."""
-    shortest, longest = _WIRES
+    """Length of wires [m]: a power of ten that is at most the model's extent."""
+    shortest, longest = _WIRE_RANGE
     extent = min(longest, max(shortest, float(m.stat.extent)))
     return float(f"1e{math.floor(math.log10(extent))}")
 
 
 def _frames(m: Any, e: int) -> list[tuple[int, Array, Array]] | None:
-    """Body, orientation and origin of the two frames that a constraint lets coincide."""
+    """Body, orientation and origin of the two frames that a constraint makes coincide, or None."""
     kinds, equalities, data = library().mjtObj, library().mjtEq, m.eq_data[e]
     kind = kinds(int(m.eq_objtype[e]))
-    one, other = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
+    first, second = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
     if kind == kinds.mjOBJ_SITE:
         turn = rotations.matrix(m.site_quat)
-        return [(int(m.site_bodyid[k]), turn[k], m.site_pos[k]) for k in (one, other)]
+        return [(int(m.site_bodyid[k]), turn[k], m.site_pos[k]) for k in (first, second)]
     if kind != kinds.mjOBJ_BODY:
         return None
     if equalities(int(m.eq_type[e])) == equalities.mjEQ_CONNECT:
-        return [(one, np.eye(3), data[:3]), (other, np.eye(3), data[3:6])]
-    return [(one, rotations.matrix(data[6:10]), data[3:6]), (other, np.eye(3), data[:3])]
+        return [(first, np.eye(3), data[:3]), (second, np.eye(3), data[3:6])]
+    return [(first, rotations.matrix(data[6:10]), data[3:6]), (second, np.eye(3), data[:3])]

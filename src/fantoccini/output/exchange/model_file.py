@@ -1,4 +1,4 @@
-"""Model files of other programs: what they are, and where their elements stand."""
+"""Model files of other programs: format, elements and their lines."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from xml.parsers import expat
 from fantoccini.base import ExchangeError, Mistake
 
 MAX_BYTES = 20_000_000
-"""Size of a model file [bytes]: far beyond those of robots."""
+"""Largest size of a model file [bytes]: far larger than files of robots."""
 
 MAX_DEPTH = 200
-"""Levels of nesting: programs read them by recursion."""
+"""Largest number of nested levels: programs read them by recursion."""
 
 ROOTS = {"mujoco": "MJCF", "robot": "URDF"}
 """First element of a file -> its format."""
 
 XACRO = "xacro:"
-"""Begins the tags of xacro."""
+"""Prefix of xacro tags."""
 _DECLARED = (f"{XACRO}arg", f"{XACRO}macro", f"{XACRO}property")
-_LOOKS = ("visual", "collision", "material")
+_SOLID_TAGS = ("visual", "collision", "material")
 
-_MODEL = ("link", "joint", "material")
+_MODEL_TAGS = ("link", "joint", "material")
 """Elements directly inside a robot that are part of it."""
 
 
 @dataclass(frozen=True)
 class Element:
-    """An element of a file.
+    """Element of a file.
 
     Attributes:
-        tag, attributes: its own.
-        line: 1-based.
-        depth: 0 for the first element.
+        tag, attributes: tag and attributes.
+        line: 1-based line.
+        depth: level of nesting; 0 for the first element.
         inside: tags of the elements directly inside.
         known: whether it is part of the model, not of another program's extension.
-        characters: of its CDATA sections.
+        characters: texts of its CDATA sections.
     """
 
     tag: str
@@ -54,16 +54,16 @@ class Element:
 
 @dataclass(frozen=True)
 class ModelFile:
-    """A model file that is well-formed XML, without entities of its own.
+    """Model file: well-formed XML without custom entities.
 
     Attributes:
-        name: as the user gave it.
-        path: of the file.
-        root: tag of its first element, one of :data:`ROOTS`.
-        text: content; with the files that it includes, if it does, one element a line.
-        elements: all elements, in order; their lines are those of ``text``.
-        origins: of each line of ``text`` the file, as a user would name it, and its line there;
-            empty where it is the file's own.
+        name: path as the user gave it.
+        path: path of the file.
+        root: tag of the first element, one of :data:`ROOTS`.
+        text: content; if it includes files, the merged content with one element per line.
+        elements: all elements, in order; their lines refer to ``text``.
+        origins: original file, as a user would name it, and line of each line of ``text``; empty
+            without included files.
         others: files that it includes.
     """
 
@@ -77,25 +77,25 @@ class ModelFile:
 
     @cached_property
     def _lines(self) -> dict[tuple[str, str], int]:
-        found: dict[tuple[str, str], int] = {}
+        lines: dict[tuple[str, str], int] = {}
         for element in self.elements:
             key = element.tag, element.attributes.get("name", "")
             if element.known:
-                found.setdefault(key, element.line)
-        return found
+                lines.setdefault(key, element.line)
+        return lines
 
     def line_of(self, tag: str, name: str) -> int | None:
-        """Line of an element with a name; of several the first."""
+        """Line of the first element with this tag and name."""
         return self._lines.get((tag, name))
 
     def place(self, line: int | None) -> tuple[str, int | None]:
-        """The file in which a line of ``text`` stands, and its line there."""
+        """Original file and line of a line of ``text``."""
         if line and line <= len(self.origins):
             return self.origins[line - 1]
         return self.name, None if self.origins else line or None
 
     def mistake(self, message: str, line: int | None = None, key: str = "") -> ExchangeError:
-        """An error at a line of ``text``."""
+        """Error at a line of ``text``."""
         return ExchangeError([Mistake(*self.place(line), key, message)])
 
 
@@ -103,7 +103,7 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
     """Reads a model file.
 
     Raises:
-        ExchangeError: it cannot be read, is not XML, or neither MJCF nor URDF.
+        ExchangeError: the file cannot be read, is not XML, or is neither MJCF nor URDF.
     """
     name = os.fspath(path)
     text, elements = read_elements(name)
@@ -121,9 +121,9 @@ def read_model(path: str | os.PathLike[str]) -> ModelFile:
 
 
 def _macros(elements: list[Element]) -> Iterator[Element]:
-    """Left-over xacro elements that may stand for a part of a robot, or of another model.
+    """Unexpanded xacro elements that may stand for a part of a robot, or of another model.
 
-    Declarations, and elements inside a solid or an extension, stand for no part.
+    Declarations and elements inside a solid or an extension do not.
     """
     above: list[Element] = []
     for element in elements:
@@ -131,7 +131,7 @@ def _macros(elements: list[Element]) -> Iterator[Element]:
         inside = ROOTS.get(above[0].tag) == "URDF" if above else False
         harmless = inside and (
             element.tag in _DECLARED
-            or any(a.tag in _LOOKS or a.tag.startswith(XACRO) or not a.known for a in above)
+            or any(a.tag in _SOLID_TAGS or a.tag.startswith(XACRO) or not a.known for a in above)
         )
         if element.tag.startswith(XACRO) and not harmless:
             yield element
@@ -139,10 +139,10 @@ def _macros(elements: list[Element]) -> Iterator[Element]:
 
 
 def read_elements(name: str) -> tuple[bytes, list[Element]]:
-    """Content and elements of a file.
+    """Reads content and elements of a file.
 
     Raises:
-        ExchangeError: it cannot be read, or is not XML.
+        ExchangeError: the file cannot be read, or is not XML.
     """
 
     def fail(message: str, line: int | None = None) -> ExchangeError:
@@ -151,8 +151,8 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
     try:
         place = Path(name)
         if not place.is_file():
-            found = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
-            raise fail(f"found {found} here; a file in MJCF or URDF is needed")
+            kind = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
+            raise fail(f"found {kind} here; a file in MJCF or URDF is needed")
         with place.open("rb") as stream:
             text = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as reason:
@@ -160,24 +160,24 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
     if len(text) > MAX_BYTES:
         raise fail(f"larger than {MAX_BYTES / 1e6:g} MB, which is the limit")
     elements: list[Element] = []
-    open_now: list[Element] = []
+    open_elements: list[Element] = []
     parser = expat.ParserCreate()
 
     def begin(tag: str, attributes: dict[str, str]) -> None:
-        if len(open_now) > MAX_DEPTH:
+        if len(open_elements) > MAX_DEPTH:
             what = f"nested deeper than {MAX_DEPTH} levels"
             raise fail(what, parser.CurrentLineNumber)
-        above = open_now[-1] if open_now else None
-        known = above is None or (above.known and (above.tag != "robot" or tag in _MODEL))
+        above = open_elements[-1] if open_elements else None
+        known = above is None or (above.known and (above.tag != "robot" or tag in _MODEL_TAGS))
         if above is not None:
             above.inside.add(tag)
-        line, depth = parser.CurrentLineNumber, len(open_now)
+        line, depth = parser.CurrentLineNumber, len(open_elements)
         element = Element(tag, attributes, line, depth, set(), known, [])
         elements.append(element)
-        open_now.append(element)
+        open_elements.append(element)
 
     def begin_data() -> None:
-        parser.CharacterDataHandler = open_now[-1].characters.append
+        parser.CharacterDataHandler = open_elements[-1].characters.append
 
     def end_data() -> None:
         parser.CharacterDataHandler = None
@@ -187,19 +187,19 @@ def read_elements(name: str) -> tuple[bytes, list[Element]]:
         raise fail(what, parser.CurrentLineNumber)
 
     parser.StartElementHandler, parser.StartDoctypeDeclHandler = begin, refuse
-    parser.EndElementHandler = lambda _: open_now.pop()
+    parser.EndElementHandler = lambda _: open_elements.pop()
     parser.StartCdataSectionHandler, parser.EndCdataSectionHandler = begin_data, end_data
     try:
         parser.Parse(text, True)
     except expat.ExpatError as reason:
         what = expat.errors.messages[reason.code]
         raise fail(f"is not XML: {what}", reason.lineno) from None
-    except ValueError as reason:  # an encoding that is not known
+    except ValueError as reason:  # an unknown encoding
         raise fail(f"is not XML: {reason}") from None
     return text, elements
 
 
 def line_in(message: str) -> int | None:
-    """The line that a message of MuJoCo names; None where it names none."""
-    found = re.search(r"\b[Ll]ine(?: number=| )(\d+)", message)
-    return int(found[1]) or None if found else None
+    """Line that a message of MuJoCo names; None without one."""
+    match = re.search(r"\b[Ll]ine(?: number=| )(\d+)", message)
+    return int(match[1]) or None if match else None

@@ -1,4 +1,4 @@
-"""A URDF file as a puppet file, read by yourdfpy."""
+"""Conversion of a URDF file, read by yourdfpy, to a puppet file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, ExchangeError, MissingLibraryError, Mistake, nearest, rotation
-from fantoccini.output.exchange.draft import Draft, carried, number, numbers, placed, six, sized
+from fantoccini.output.exchange.draft import (
+    Draft,
+    body_data,
+    inertia_data,
+    number,
+    numbers,
+    pose_keys,
+    sized,
+)
 from fantoccini.output.exchange.imported import Imported
 from fantoccini.output.exchange.model_file import XACRO, Element, ModelFile
 from fantoccini.output.exchange.urdf_masses import add_masses
@@ -26,7 +34,7 @@ _WORDS = {
     "planar": "revolute",
     "fixed": "fixed",
 }
-"""URDF's types of joints -> a puppet's."""
+"""Joint type of URDF -> joint type of a puppet."""
 
 _SIZES = {
     ("origin", "xyz"): (3,),
@@ -51,7 +59,7 @@ _SIZES = {
     ("mimic", "offset"): (1,),
     **{("inertia", f"i{ab}"): (1,) for ab in ("xx", "yy", "zz", "xy", "xz", "yz")},
 }
-"""(tag, attribute) -> how many numbers it may have."""
+"""(tag, attribute) -> allowed numbers of values."""
 
 _NEEDED = {
     "robot": ("name",),
@@ -65,10 +73,10 @@ _NEEDED = {
     "cylinder": ("radius", "length"),
     "capsule": ("radius", "length"),
 }
-"""Attributes that an element cannot do without; only of links and joints at the top."""
+"""Required attributes of elements; for links and joints only at the top level."""
 
 _ROUNDING = 1e-9
-"""Part of a moment of inertia that a puppet file takes for rounding."""
+"""Relative error of a moment of inertia that a puppet file accepts as rounding."""
 
 _LEFT_OUT = {
     "transmission": "left out: joints move freely",
@@ -80,14 +88,14 @@ _LEFT_OUT = {
 
 
 def urdf_puppet(file: ModelFile, density: float | None = None) -> Imported:
-    """A URDF file as a puppet file.
+    """Converts a URDF file to a puppet file.
 
     Args:
-        file: the model's.
+        file: file of the model.
         density: see :func:`add_masses` [kg/m^3].
 
     Raises:
-        ExchangeError: it is no URDF, or has what no puppet can have.
+        ExchangeError: the file is not URDF, or has something that no puppet can have.
         MissingLibraryError: yourdfpy is not installed.
     """
     _check(file)
@@ -96,27 +104,27 @@ def urdf_puppet(file: ModelFile, density: float | None = None) -> Imported:
     draft = Draft(file, robot.name)
     for name, message, line in plain.left_out:
         draft.note("link", name, message, line)
-    made = _Robot(draft, robot, plain.capsules)
-    made.add()
-    links = {made.names[link.name]: link for link in robot.links}
+    converter = _Robot(draft, robot, plain.capsules)
+    converter.add()
+    links = {converter.names[link.name]: link for link in robot.links}
     add_masses(draft, links, density)
     for element in file.elements:
         if element.depth == 1 and element.tag in _LEFT_OUT:
             name = element.attributes.get("name", element.attributes.get("reference", ""))
             draft.note(element.tag, name, _LEFT_OUT[element.tag], element.line)
     head = [
-        f"{draft.name}: made of the URDF file {file.path.name}.",
+        f"{draft.name}: converted from the URDF file {file.path.name}.",
         "The first link is fixed to the world; give its body `joint: {type: free}` to let it go.",
     ]
     return draft.finish(head)
 
 
 class _Robot:
-    """Makes a puppet's bodies of a robot's links and joints.
+    """Converter of a robot's links and joints to a puppet's bodies.
 
     Args:
-        draft: of the puppet.
-        robot: yourdfpy's.
+        draft: draft of the puppet.
+        robot: robot of yourdfpy.
         capsules: see :class:`UrdfText`.
     """
 
@@ -128,12 +136,12 @@ class _Robot:
         self.materials: dict[str, Any] = {}
         for material in (*robot.materials, *inside):
             if material is None or not material.name:
-                continue  # it is of its visual alone
+                continue  # it belongs to its visual only
             if material.color or material.texture:
                 self.materials.setdefault(material.name, material)
 
     def add(self) -> None:
-        """Adds all bodies, strings of none: URDF has none."""
+        """Adds all bodies. URDF has no strings."""
         links = {link.name: link for link in self.robot.links}
         children = self._checked(links)
         roots = [link for name, link in links.items() if name not in children]
@@ -151,76 +159,81 @@ class _Robot:
             self._joint(joint, links[joint.child])
 
     def _checked(self, links: dict[str, Any]) -> dict[str, Any]:
-        """Child -> its joint. Raises where links and joints are no tree."""
-        found: list[Mistake] = []
-        carried: dict[str, Any] = {}
+        """Child -> its joint; raises ExchangeError if links and joints are not a tree."""
+        mistakes: list[Mistake] = []
+        joint_of: dict[str, Any] = {}
 
         def say(joint: Any, text: str) -> None:
             line = self.file.line_of("joint", joint.name)
-            found.append(Mistake(self.file.name, line, f"joint {joint.name}", text))
+            mistakes.append(Mistake(self.file.name, line, f"joint {joint.name}", text))
 
         for joint in self.robot.joints:
             for end in (joint.parent, joint.child):
                 if end not in links:
                     say(joint, f"no link is called {end!r}{nearest(str(end), links)}")
-            if joint.child in carried:
-                say(joint, f"{joint.child!r} is carried by {carried[joint.child].name!r} already")
+            if joint.child in joint_of:
+                say(joint, f"{joint.child!r} is carried by {joint_of[joint.child].name!r} already")
             if joint.type not in _WORDS:
                 say(joint, f"found the type {joint.type!r}; allowed: {', '.join(_WORDS)}")
-            carried.setdefault(joint.child, joint)
-        for joint in [] if found else self.robot.joints:
-            above, seen = joint, {joint.child}
-            while above is not None and above.parent not in seen:
-                seen.add(above.parent)
-                above = carried.get(above.parent)
-            if above is not None:
+            joint_of.setdefault(joint.child, joint)
+        for joint in [] if mistakes else self.robot.joints:
+            ancestor, visited = joint, {joint.child}
+            while ancestor is not None and ancestor.parent not in visited:
+                visited.add(ancestor.parent)
+                ancestor = joint_of.get(ancestor.parent)
+            if ancestor is not None:
                 say(joint, "carries itself: links and joints form a circle")
-        if found:
-            raise ExchangeError(found)
-        return carried
+        if mistakes:
+            raise ExchangeError(mistakes)
+        return joint_of
 
     def _joint(self, joint: Any, link: Any) -> None:
         line = self.file.line_of("joint", joint.name)
-        name, above = self.names[link.name], self.names[joint.parent]
+        name, parent_frame = self.names[link.name], self.names[joint.parent]
         turn, r = _pose(joint.origin)
         R = rotation.quaternion(turn)
         axis = np.asarray(joint.axis, float)
         if joint.type == "planar":
-            for k, along in enumerate(_across(axis, self.file, line)):
+            for k, direction in enumerate(_perpendicular(axis, self.file, line)):
                 frame = self.draft.take("link", "", f"{name}_{'xy'[k]}")
-                own = self.draft.joint_name(frame, f"{joint.name}_{'xy'[k]}", line)
-                slide = {"type": "prismatic", **own, "axis": numbers(along), **placed(r, R)}
+                name_key = self.draft.joint_name(frame, f"{joint.name}_{'xy'[k]}", line)
+                slide = {
+                    "type": "prismatic",
+                    **name_key,
+                    "axis": numbers(direction),
+                    **pose_keys(r, R),
+                }
                 slide |= _damped(joint)
-                self.draft.bodies.append(carried(frame, above, slide))
-                above, R, r = frame, np.eye(4)[0], np.zeros(3)
+                self.draft.bodies.append(body_data(frame, parent_frame, slide))
+                parent_frame, R, r = frame, np.eye(4)[0], np.zeros(3)
         word = _WORDS[joint.type]
-        made: dict[str, Any] = {"type": word}
+        data: dict[str, Any] = {"type": word}
         if word != "fixed":
-            made |= self.draft.joint_name(name, joint.name, line)
+            data |= self.draft.joint_name(name, joint.name, line)
         if word in ("revolute", "prismatic"):
             if not np.any(axis):
                 raise self.file.mistake("found an axis of zero length", line, f"joint {joint.name}")
-            made["axis"] = numbers(axis)
-        made |= placed(r, R)
+            data["axis"] = numbers(axis)
+        data |= pose_keys(r, R)
         if word != "fixed":
-            made |= self._passive(joint, word, line, made.get("name", name))
-        self._body(link, carried(name, above, made))
+            data |= self._passive(joint, word, line, data.get("name", name))
+        self._body(link, body_data(name, parent_frame, data))
 
     def _passive(self, joint: Any, word: str, line: int | None, part: str) -> dict[str, Any]:
-        """Damping and limits of a joint; the rest is noted."""
-        made: dict[str, Any] = {}
+        """Damping and limits of a joint; the report notes the rest."""
+        data: dict[str, Any] = {}
 
         def note(text: str) -> None:
             self.draft.note("joint", joint.name, text, line, part)
 
         dynamics, limit = joint.dynamics, joint.limit
-        made |= _damped(joint)
+        data |= _damped(joint)
         if dynamics is not None and float(dynamics.friction or 0.0):
             note("has friction, left out")
         if limit is not None and joint.type in ("revolute", "prismatic"):
             low, high = (float(x or 0.0) for x in (limit.lower, limit.upper))
             if low < high:
-                made["limits"] = {"lower": number(low), "upper": number(high)}
+                data["limits"] = {"lower": number(low), "upper": number(high)}
             else:
                 note(f"has the limits {low:g} and {high:g}, left out")
         if limit is not None and (limit.effort or limit.velocity):
@@ -229,28 +242,30 @@ class _Robot:
             note(f"mimics {joint.mimic.joint!r}; here it moves freely")
         if joint.safety_controller is not None:
             note("has a safety controller, left out")
-        return made
+        return data
 
-    def _body(self, link: Any, made: dict[str, Any]) -> None:
-        """Adds a link's body, with its inertia and shapes."""
+    def _body(self, link: Any, data: dict[str, Any]) -> None:
+        """Adds the body of a link, with inertia and shapes."""
         inertial = link.inertial
         if inertial is not None:
             R, r = _pose(inertial.origin)
-            own = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
+            inertia = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
             if mass := sized(inertial.mass or 0.0, "mass"):
-                made["mass"] = mass
+                data["mass"] = mass
                 if any(com := numbers(r)):
-                    made["com"] = com
-            if inertial.mass or np.any(own):
-                made["inertia"] = six(R @ self._possible(own, link.name, made["name"]) @ R.T)
-        add_shapes(self.draft, link, made, self.materials, self.capsules)
-        self.draft.bodies.append(made)
+                    data["com"] = com
+            if inertial.mass or np.any(inertia):
+                data["inertia"] = inertia_data(
+                    R @ self._possible(inertia, link.name, data["name"]) @ R.T
+                )
+        add_shapes(self.draft, link, data, self.materials, self.capsules)
+        self.draft.bodies.append(data)
 
     def _possible(self, inertia: Array, link: str, part: str) -> Array:
-        """An inertia (3, 3) that a solid can have; a change is noted in the report.
+        """The inertia (3, 3), changed to one that a solid can have; the report notes changes.
 
-        Where products make it singular or negative, as in six equal numbers, only the moments are
-        kept. A moment larger than the sum of the other two is then reduced to that sum.
+        If products make it singular or negative, as in six equal numbers, only the moments stay.
+        A moment larger than the sum of the other two is then reduced to that sum.
         """
         line = self.file.line_of("link", link)
         (a, b, c), axes = np.linalg.eigh(inertia)
@@ -268,18 +283,18 @@ class _Robot:
             f"of the others, {a + b:g}: no solid has more"
         )
         self.draft.note("link", link, text, line, part)
-        found: Array = axes @ np.diag([a, b, a + b]) @ axes.T
-        return found
+        reduced: Array = axes @ np.diag([a, b, a + b]) @ axes.T
+        return reduced
 
 
 def _damped(joint: Any) -> dict[str, Any]:
-    """The key ``damping`` of a joint that has it, in a planar one of each coordinate."""
+    """Key ``damping`` of a joint with damping; for a planar joint, of each coordinate."""
     damping = 0.0 if joint.dynamics is None else float(joint.dynamics.damping or 0.0)
-    return {"damping": found} if (found := sized(damping, "damping")) else {}
+    return {"damping": value} if (value := sized(damping, "damping")) else {}
 
 
 def _read(file: ModelFile, text: bytes) -> Any:
-    """yourdfpy's robot of a text."""
+    """Robot of yourdfpy for a text."""
     yourdfpy, log = _library(), logging.getLogger("yourdfpy.urdf")
     level = log.level
     log.setLevel(logging.CRITICAL)
@@ -287,9 +302,9 @@ def _read(file: ModelFile, text: bytes) -> Any:
         return yourdfpy.URDF.load(
             io.BytesIO(text), build_scene_graph=False, load_meshes=False
         ).robot
-    except Exception as reason:  # yourdfpy raises whatever its parsing meets
-        said = f"yourdfpy cannot read it: {type(reason).__name__}: {reason}"
-        raise file.mistake(said[:500]) from None
+    except Exception as reason:  # yourdfpy raises any error of its parsing
+        message = f"yourdfpy cannot read it: {type(reason).__name__}: {reason}"
+        raise file.mistake(message[:500]) from None
     finally:
         log.setLevel(level)
 
@@ -303,39 +318,39 @@ def _library() -> ModuleType:
 
 
 def _check(file: ModelFile) -> None:
-    """Raises for attributes that are missing, are no numbers, or name a thing twice."""
-    found: list[Mistake] = []
-    seen: dict[tuple[str, str], int] = {}
+    """Raises ExchangeError for missing attributes, invalid numbers and repeated names."""
+    mistakes: list[Mistake] = []
+    first_lines: dict[tuple[str, str], int] = {}
 
     def say(element: Element, text: str) -> None:
-        found.append(Mistake(file.name, element.line, element.tag, text))
+        mistakes.append(Mistake(file.name, element.line, element.tag, text))
 
     for element in file.elements:
-        tag, given = element.tag, element.attributes
-        top = element.depth == 1 or tag not in ("link", "joint")
-        for key in _NEEDED.get(tag, ()) if top and element.known else ():
-            if key not in given:
+        tag, attributes = element.tag, element.attributes
+        required_here = element.depth == 1 or tag not in ("link", "joint")
+        for key in _NEEDED.get(tag, ()) if required_here and element.known else ():
+            if key not in attributes:
                 say(element, f"{key} is missing")
-        if element.depth == 1 and tag in ("link", "joint") and "name" in given:
-            first = seen.setdefault((tag, given["name"]), element.line)
+        if element.depth == 1 and tag in ("link", "joint") and "name" in attributes:
+            first = first_lines.setdefault((tag, attributes["name"]), element.line)
             if first != element.line:
-                say(element, f"{given['name']!r} is there already, in line {first}")
+                say(element, f"{attributes['name']!r} is there already, in line {first}")
             for end in ("parent", "child") if tag == "joint" else ():
                 if end not in element.inside:
                     say(element, f"<{end}> is missing")
         inside = {name for name in element.inside if not name.startswith(XACRO)}
         if tag == "geometry" and element.known and inside and len(inside & SOLIDS) != 1:
-            found_here = ", ".join(sorted(inside))
-            say(element, f"found {found_here[:60]}; needed: one of {', '.join(sorted(SOLIDS))}")
-        for key, text in given.items():
+            listed = ", ".join(sorted(inside))
+            say(element, f"found {listed[:60]}; needed: one of {', '.join(sorted(SOLIDS))}")
+        for key, text in attributes.items():
             sizes = _SIZES.get((tag, key))
             plain = text.replace(",", " ") if tag in ("box", "mesh") else text
             if sizes and element.known and not _are_numbers(plain, sizes):
                 count = " or ".join(map(str, sizes))
                 needed = f"{count} finite number{'' if sizes == (1,) else 's'}"
                 say(element, f"{key}: found {text[:60]!r}; needed: {needed}")
-    if found:
-        raise ExchangeError(found)
+    if mistakes:
+        raise ExchangeError(mistakes)
 
 
 def _are_numbers(text: str, sizes: tuple[int, ...]) -> bool:
@@ -347,14 +362,14 @@ def _are_numbers(text: str, sizes: tuple[int, ...]) -> bool:
 
 
 def _pose(origin: Array | None) -> tuple[Array, Array]:
-    """(3, 3) orientation and (3,) place of an origin."""
+    """(3, 3) orientation and (3,) position of an origin."""
     if origin is None:
         return np.eye(3), np.zeros(3)
     return origin[:3, :3], origin[:3, 3]
 
 
-def _across(axis: Array, file: ModelFile, line: int | None) -> tuple[Array, Array]:
-    """Two unit vectors that make a right-handed frame with an axis."""
+def _perpendicular(axis: Array, file: ModelFile, line: int | None) -> tuple[Array, Array]:
+    """Two unit vectors that form a right-handed frame with an axis."""
     if not np.any(axis):
         raise file.mistake("found an axis of zero length", line, "joint")
     z = axis / np.linalg.norm(axis)

@@ -1,6 +1,6 @@
 """HTML of reports, displays in notebooks and the panels of the browser's pages.
 
-Texts are escaped where an element is written: no other module writes markup of its own.
+Texts are escaped where elements are written: no other module writes markup.
 """
 
 from fantoccini.output.html.elements import Content, Element, element, lines, picture, to_html

@@ -1,4 +1,4 @@
-"""Pages of reports: one HTML file with tables and pictures that needs nothing else."""
+"""Pages of reports: self-contained HTML files with tables and pictures."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ class Table:
     """A table of a page.
 
     Attributes:
-        header: of the columns; those that end in ``>`` are set flush right.
+        header: headings of the columns; a final ``>`` aligns the column to the right.
         lines: cells as plain text.
-        wrong: indices of lines that say what does not hold.
+        wrong: indices of lines to mark in red, because something fails.
     """
 
     header: tuple[str, ...]
@@ -64,13 +64,13 @@ class Table:
 
 
 class Page:
-    """A page, filled from top to bottom with plain texts, tables and figures.
+    """Page that is filled from top to bottom with plain texts, tables and figures.
 
     Empty texts and lists are left out.
 
     Args:
-        title: of the window.
-        heading: of the page.
+        title: title of the window.
+        heading: heading of the page.
     """
 
     def __init__(self, title: str, heading: str):
@@ -99,33 +99,33 @@ class Page:
 
     def items(self, texts: Iterable[str]) -> None:
         """Adds a list."""
-        if made := lines(texts, "li"):
-            self._body.append(element("ul", *made))
+        if entries := lines(texts, "li"):
+            self._body.append(element("ul", *entries))
 
     def table(self, table: Table) -> None:
-        """Adds a table, which scrolls where the window is too narrow for it."""
+        """Adds a table, which scrolls if the window is too narrow."""
         right = [heading.endswith(">") for heading in table.header]
         head = _row("th", [heading.rstrip(">") for heading in table.header], right)
         body = [
             _row("td", line, right, "wrong" if i in table.wrong else "")
             for i, line in enumerate(table.lines)
         ]
-        made = element("table", element("thead", head), element("tbody", *body))
-        self._body.append(element("div", made, class_="wide"))
+        content = element("table", element("thead", head), element("tbody", *body))
+        self._body.append(element("div", content, class_="wide"))
 
     def drawing(self, figure: Figure, alt: str, share: float = 1.0) -> None:
         """Adds a figure with few lines as SVG.
 
         Args:
-            figure: to draw.
-            alt: words that replace it.
-            share: its width over that of the page.
+            figure: figure to draw.
+            alt: alternative text.
+            share: width relative to that of the page.
         """
         style = f"width: {100.0 * share:.0f}%"
         self._body.append(picture(figure, alt, "svg", style=style))
 
     def plots(self, figures: Iterable[tuple[Figure, str]]) -> None:
-        """Adds figures with many points as PNG, each with the words that replace it."""
+        """Adds figures with many points as PNG, each with its alternative text."""
         for figure, alt in figures:
             self._body.append(picture(figure, alt, "png", style="width: 100%"))
 
@@ -138,7 +138,11 @@ class Page:
             element("title", self._title),
             element("style", _STYLE),
         )
-        for part in (head, *self._body.iter("tr"), *self._body):  # lines of a length to read
+        for part in (
+            head,
+            *self._body.iter("tr"),
+            *self._body,
+        ):  # short lines, for readers of the source
             part.tail = "\n"
         return f"<!DOCTYPE html>\n{to_html(element('html', head, self._body, lang='en'))}\n"
 
@@ -148,11 +152,11 @@ class Page:
 
 
 def write_page(path: str | os.PathLike[str], make: Callable[[], Page]) -> Path:
-    """Writes a report whole, after a look at its path.
+    """Writes a report, if its path is valid. The file appears only when complete.
 
     Args:
-        path: ends in ``.html``.
-        make: returns the page.
+        path: path that ends in ``.html``.
+        make: function that returns the page.
 
     Returns:
         The path.
@@ -168,16 +172,16 @@ def write_page(path: str | os.PathLike[str], make: Callable[[], Page]) -> Path:
         raise PictureError(f"there is no folder {path.parent}")
     text = make().to_html()
     try:
-        with replacing(path) as part:
-            part.write_text(text, encoding="utf-8")
+        with replacing(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
     except OSError as reason:
         raise PictureError(f"{path} cannot be written: {reason.strerror}") from reason
     return path
 
 
 def _row(tag: str, cells: Sequence[str], right: Sequence[bool], kind: str = "") -> Element:
-    made = [
+    elements = [
         element(tag, cell, class_="r" if flush else "")
         for cell, flush in zip(cells, right, strict=True)
     ]
-    return element("tr", *made, class_=kind)
+    return element("tr", *elements, class_=kind)

@@ -1,4 +1,4 @@
-"""The report of an identification: one page with pictures that needs nothing else."""
+"""Report of an identification: one self-contained page with pictures."""
 
 from __future__ import annotations
 
@@ -17,24 +17,25 @@ if TYPE_CHECKING:
     from fantoccini.lab.identification import Identified
 
 MAX_NAMED = 12
-"""Outliers and pairs that are listed."""
-_CLOSE = 0.9
-"""Correlation of two unknowns that is named."""
-_HIGH = 3.0
-"""Jump over the drift that is named."""
-_TOLD_BEFORE = 0.9
-"""Part of what is known of a number that was known beforehand, from which on it is marked."""
+"""Largest number of outliers and of pairs that are listed."""
+_HIGH_CORRELATION = 0.9
+"""Correlation of two unknowns above which the pair is listed."""
+_LARGE_JUMP = 3.0
+"""Jump relative to the drift above which it is listed."""
+_HIGH_PRIOR_SHARE = 0.9
+"""Share of prior knowledge above which an estimate is marked: the record adds little."""
 
 
 def identified_report(found: Identified, path: str | os.PathLike[str]) -> Path:
     """Writes the report of an identification: one HTML file, pictures included.
 
-    It has the numbers with their intervals, what the record cannot tell apart, reasons for doubt,
-    and plots: samples and predictions, residuals, jumps between segments, correlations.
+    It has the estimates with their intervals, combinations that the record does not determine,
+    reasons for doubt, and plots: samples and predictions, residuals, jumps between segments,
+    correlations.
 
     Args:
-        found: as :func:`fantoccini.identify` gives it.
-        path: ends in ``.html``.
+        found: result of :func:`fantoccini.identify`.
+        path: path that ends in ``.html``.
 
     Returns:
         The path of the page.
@@ -46,118 +47,119 @@ def identified_report(found: Identified, path: str | os.PathLike[str]) -> Path:
     return write_page(path, lambda: _page(found))
 
 
-def _page(found: Identified) -> Page:
-    record, reasons = found.record, doubts(found)
+def _page(result: Identified) -> Page:
+    record, reasons = result.record, doubts(result)
     title = record.name or record.marionette.name
     verdict = (
         f"{len(reasons)} reason{'s' * (len(reasons) > 1)} for doubt"
         if reasons
-        else "Nothing speaks against it: what is left looks like noise"
+        else "No reason for doubt: the residuals look like noise"
     )
     page = Page(f"{title}: identification", title)
-    page.text(_facts(found))
+    page.text(_facts(result))
     page.verdict(f"{verdict}.", not reasons)
     page.items(reasons)
     page.section("Numbers")
-    page.table(number_table(found))
-    page.note(_before(found))
-    page.note(_held(found))
+    page.table(number_table(result))
+    page.note(_before(result))
+    page.note(_held(result))
     page.note(
-        "The intervals are of noise alone, for a puppet that is as its file says in all that "
-        "was not looked for. A wrong number there that those found can make up for leaves no "
+        "The intervals account for noise only: they assume that every other number of the "
+        "puppet's file is right. An error there that the estimates can compensate leaves no "
         "trace on this page."
     )
-    _apart(page, found)
-    _correlated(page, found)
-    _explained(page, found)
-    _jumps(page, found)
+    _undetermined(page, result)
+    _correlated(page, result)
+    _residuals(page, result)
+    _jumps(page, result)
     page.section("Samples and predictions")
     page.note(
-        "Dots: samples. Line: the puppet with the numbers found. Red circles: outliers. Grey: "
-        "where the channel was not seen. Red bands: segments that do not count."
+        "Dots: samples. Line: prediction with the estimates. Red circles: outliers. Grey: "
+        "times without samples. Red bands: rejected segments."
     )
     page.plots(
         (figure, f"Samples and predictions of {', '.join(names)}")
-        for figure, names in identified_plots.channels(found)
+        for figure, names in identified_plots.channels(result)
     )
     return page
 
 
-def _facts(found: Identified) -> str:
-    record = found.record
+def _facts(result: Identified) -> str:
+    record = result.record
     return (
-        f"{found.t[-1] - found.t[0]:.1f} s of the puppet {record.marionette.name}, "
-        f"{len(found.t)} instants, {int(np.sum(np.isfinite(found.residuals)))} samples in "
-        f"{len(columns(found))} columns; {len(found.names)} numbers looked for, in "
-        f"{len(found.starts)} segments. chi2 {found.chi2:.3f}, drift {found.drift:.2g}."
+        f"{result.t[-1] - result.t[0]:.1f} s of the puppet {record.marionette.name}, "
+        f"{len(result.t)} instants, {int(np.sum(np.isfinite(result.residuals)))} samples in "
+        f"{len(columns(result))} columns; {len(result.names)} unknowns, "
+        f"{len(result.starts)} segments. chi2 {result.chi2:.3f}, drift {result.drift:.2g}."
     )
 
 
-def _before(found: Identified) -> str:
-    if not from_before(found):
+def _before(result: Identified) -> str:
+    if not from_before(result):
         return ""
     return (
-        "Known before: the standard deviation of where the search began. From before: the part of "
-        "what is known now that was known without the record; red where the record adds little."
+        "Prior: the standard deviation of the start value. Prior share: the share of prior "
+        "knowledge in the estimate; red if the record adds little."
     )
 
 
-def _held(found: Identified) -> str:
-    """What was not looked for, though it could have been."""
-    looked, marionette = {one.name for one in found.record.unknowns}, found.record.marionette
+def _held(result: Identified) -> str:
+    """Parameters that were not estimated, and coordinates that the inputs do not move."""
+    marionette = result.record.marionette
+    unknowns = {unknown.name for unknown in result.record.unknowns}
     held = [
         f"{name} {marionette.p[k]:g}"
         for name, k in marionette.parameter_index.items()
-        if name not in looked
+        if name not in unknowns
     ]
-    text = f"Parameters held as they were: {', '.join(held)}. " if held else ""
-    if still := found.record.still:
+    text = f"Parameters not estimated: {', '.join(held)}. " if held else ""
+    if still := result.record.still:
         text += f"The inputs do not move {', '.join(still)}."
     return text
 
 
-def number_table(found: Identified) -> Table:
-    """What was found, beside where the search began and what was known."""
-    unit, before = units(found.record), from_before(found)
+def number_table(result: Identified) -> Table:
+    """Estimates with their intervals, start values and prior knowledge."""
+    unit, before = units(result.record), from_before(result)
     rows: list[tuple[str, ...]] = []
     wrong = set()
-    known = [one.known for one in found.record.unknowns]
-    known += [None] * (len(found.names) - len(known))
-    for i, (name, x, d, begin, given) in enumerate(
+    priors = [unknown.known for unknown in result.record.unknowns]
+    priors += [None] * (len(result.names) - len(priors))
+    for i, (name, x, d, begin, prior) in enumerate(
         zip(
-            found.names,
-            found.values.tolist(),
-            found.deviations.tolist(),
-            found.record.begin.tolist(),
-            known,
+            result.names,
+            result.values.tolist(),
+            result.deviations.tolist(),
+            result.record.begin.tolist(),
+            priors,
             strict=True,
         )
     ):
-        told = math.isfinite(d)
-        low, high = found.interval(name)
-        if not told or before.get(name, 0.0) > _TOLD_BEFORE:
+        determined = math.isfinite(d)
+        low, high = result.interval(name)
+        if not determined or before.get(name, 0.0) > _HIGH_PRIOR_SHARE:
             wrong.add(i)
         rows.append(
             (
                 name,
-                rounded(x, d) if told else "not told",
+                rounded(x, d) if determined else "undetermined",
                 unit[name],
-                f"{rounded(low, d)} to {rounded(high, d)}" if told else "",
-                f"{d:.2g}" if told else "",
+                f"{rounded(low, d)} to {rounded(high, d)}" if determined else "",
+                f"{d:.2g}" if determined else "",
                 f"{begin:.6g}",
-                "" if given is None else f"± {given:.3g}",
-                "" if given is None else f"{100.0 * before[name]:.0f} %",
+                "" if prior is None else f"± {prior:.3g}",
+                "" if prior is None else f"{100.0 * before[name]:.0f} %",
             )
         )
     header: tuple[str, ...] = (
         "",
-        "found>",
+        "estimate>",
         "unit",
         "95 % interval>",
         "standard deviation>",
-        "began at>",
-        "known before>",
-        "from before>",
+        "start value>",
+        "prior>",
+        "prior share>",
     )
     if not before:
         header, rows = header[:-2], [row[:-2] for row in rows]
@@ -165,89 +167,91 @@ def number_table(found: Identified) -> Table:
 
 
 def rounded(x: float, deviation: float) -> str:
-    """A number to two digits of its standard deviation."""
+    """A number, rounded to two digits of its standard deviation."""
     if not (math.isfinite(deviation) and deviation > 0.0):
         return f"{x:.6g}"
     digits = 1 - math.floor(math.log10(deviation))
     return f"{x:.{digits}f}" if 0 <= digits <= 9 else f"{x:.6g}"
 
 
-def _apart(page: Page, found: Identified) -> None:
-    """Numbers that cannot be told apart."""
-    if not found.combinations:
+def _undetermined(page: Page, result: Identified) -> None:
+    """Adds the combinations of numbers that the record does not determine."""
+    if not result.combinations:
         return
-    page.section("What could not be told apart")
+    page.section("Undetermined combinations")
     page.note(
-        "Along each of these, what was measured stays as it is. Shares are relative changes; of "
-        "places in steps of 1 cm, of the delay in steps of 10 ms. Weigh or measure one part, or "
-        "record a tension; --suggest looks for a motion that tells more."
+        "A change along one of these does not change the predictions. Shares are relative changes; "
+        "for positions in units of 1 cm, for the delay in units of 10 ms. Weigh or measure a part, "
+        "or record a tension; --suggest searches for a more informative motion."
     )
-    page.items(str(combination) for combination in found.combinations)
+    page.items(str(combination) for combination in result.combinations)
 
 
-def _correlated(page: Page, found: Identified) -> None:
-    n, C = len(found.names), found.correlation
+def _correlated(page: Page, result: Identified) -> None:
+    n, C = len(result.names), result.correlation
     if n < 2:
         return
     pairs = sorted(
-        ((i, k) for i in range(n) for k in range(i) if abs(C[i, k]) > _CLOSE),
+        ((i, k) for i in range(n) for k in range(i) if abs(C[i, k]) > _HIGH_CORRELATION),
         key=lambda pair: -abs(C[pair]),
     )
-    lines = [f"{found.names[k]} and {found.names[i]}: {C[i, k]:+.3f}" for i, k in pairs]
+    lines = [f"{result.names[k]} and {result.names[i]}: {C[i, k]:+.3f}" for i, k in pairs]
     page.section("Correlations of the numbers' errors")
     page.note(
-        "Two numbers near +1 or -1 are told well in one combination only; measuring one of "
-        "them tells the other."
+        "If the correlation of two numbers is near +1 or -1, the record determines only one "
+        "combination of them; measuring one gives the other."
     )
     page.items(lines[:MAX_NAMED])
     share = max(0.3, min(0.7, 0.032 * (n + 5)))
-    page.drawing(identified_plots.correlations(found), "Correlations of the unknowns", share)
+    page.drawing(identified_plots.correlations(result), "Correlations of the unknowns", share)
 
 
-def _explained(page: Page, found: Identified) -> None:
-    """Residuals: a table, plots, and outliers."""
-    far = [
+def _residuals(page: Page, result: Identified) -> None:
+    """Adds the residuals: table, plots and outliers."""
+    outliers = [
         f"{outlier.column} at {outlier.t:.3f} s {outlier.residual:+.1f}"
-        for outlier in sorted(found.outliers, key=lambda each: -abs(each.residual))[:MAX_NAMED]
+        for outlier in sorted(result.outliers, key=lambda outlier: -abs(outlier.residual))[
+            :MAX_NAMED
+        ]
     ]
-    if more := len(found.outliers) - len(far):
-        far.append(f"and {more} more")
+    if more := len(result.outliers) - len(outliers):
+        outliers.append(f"and {more} more")
     page.section("Residuals")
     page.note(
-        "Sample less prediction, outliers included. Noise leaves 95 % within two standard "
-        "deviations, and neighbours that do not resemble one another."
+        "Sample minus prediction, outliers included. For pure noise, 95 % are within two standard "
+        "deviations and neighbours are not correlated."
     )
-    page.table(residual_table(found))
+    page.table(residual_table(result))
     page.note(
-        "Over the noise, by the record's clock. The band is two standard deviations; lines are "
-        f"means over {identified_plots.MEAN:g} s, which stay near 0 where the model is right. "
-        "Red circles: outliers, those beyond 5 at the edge. Red bands: segments that do not "
-        "count. Right: histogram, and the curve of normal noise."
+        "In units of the noise, over the record's time. The band is two standard deviations; lines "
+        f"are means over {identified_plots.MEAN:g} s, which stay near 0 if the model is right. "
+        "Red circles: outliers; those beyond 5 are drawn at the edge. Red bands: rejected "
+        "segments. Right: histogram, and the density of normal noise."
     )
     page.plots(
         (figure, f"Residuals of {', '.join(names)}")
-        for figure, names in identified_plots.residuals(found)
+        for figure, names in identified_plots.residuals(result)
     )
-    page.text(f"Outliers, in standard deviations: {', '.join(far)}." if far else "")
+    page.text(f"Outliers, in standard deviations: {', '.join(outliers)}." if outliers else "")
 
 
-def residual_table(found: Identified) -> Table:
-    """What is left of every column."""
+def residual_table(result: Identified) -> Table:
+    """Residuals of every column."""
     rows = tuple(
         (
-            one.name,
-            str(one.samples),
-            f"{one.rms:.3g}",
-            f"{one.noise:.3g}",
-            "given" if one.given else "estimated",
-            one.unit,
-            f"{100.0 * one.within:.1f} %",
-            "" if math.isnan(one.neighbours) else f"{one.neighbours:+.2f}",
-            str(one.outliers),
+            column.name,
+            str(column.samples),
+            f"{column.rms:.3g}",
+            f"{column.noise:.3g}",
+            "given" if column.given else "estimated",
+            column.unit,
+            f"{100.0 * column.within:.1f} %",
+            "" if math.isnan(column.neighbours) else f"{column.neighbours:+.2f}",
+            str(column.outliers),
         )
-        for one in columns(found)
+        for column in columns(result)
     )
-    wrong = frozenset(k for k, one in enumerate(columns(found)) if one.doubtful)
+    wrong = frozenset(k for k, column in enumerate(columns(result)) if column.doubtful)
     header = (
         "column",
         "samples>",
@@ -262,35 +266,35 @@ def residual_table(found: Identified) -> Table:
     return Table(header, rows, wrong)
 
 
-def _highest(found: Identified) -> str:
-    """The highest jumps, one for each time."""
-    sizes, names = np.abs(found.jumps), jump_names(found)
-    most = np.max(sizes, axis=1)
-    high = [k for k in np.argsort(-most) if most[k] > _HIGH][:MAX_NAMED]
+def _largest_jumps(result: Identified) -> str:
+    """Sentence about the largest jumps, one for each time."""
+    sizes, names = np.abs(result.jumps), jump_names(result)
+    largest = np.max(sizes, axis=1)
+    indices = [k for k in np.argsort(-largest) if largest[k] > _LARGE_JUMP][:MAX_NAMED]
     words = [
-        f"{most[k]:.0f} at {found.starts[k + 1] + found.delay:.2f} s "
+        f"{largest[k]:.0f} at {result.starts[k + 1] + result.delay:.2f} s "
         f"({names[int(np.argmax(sizes[k]))]})"
-        for k in high
+        for k in indices
     ]
-    return f"The highest, over the drift: {', '.join(words)}." if words else ""
+    return f"The largest, relative to the drift: {', '.join(words)}." if words else ""
 
 
-def _jumps(page: Page, found: Identified) -> None:
-    """Jumps between segments, which show where the model is wrong."""
-    if len(found.starts) < 2:
+def _jumps(page: Page, result: Identified) -> None:
+    """Adds the jumps between segments, which show where the model is wrong."""
+    if len(result.starts) < 2:
         return
-    lost = [f"{t + found.delay:.2f} s" for t in found.lost[:MAX_NAMED]]
-    more = len(found.lost) - len(lost)
+    lost = [f"{t + result.delay:.2f} s" for t in result.lost[:MAX_NAMED]]
+    more = len(result.lost) - len(lost)
     rest = f" and {more} more." if more else "."
     page.section("Jumps between segments")
     page.note(
-        "Every segment begins a little off where the one before ended. Over the drift that was "
-        f"allowed, {1e3 * found.allowed[0]:g} mm or mrad and {1e3 * found.allowed[1]:g} a "
-        "second, jumps are well below 1 where the model leaves nothing out. They say when and "
-        "where it does: a single high one is a catch in another order, a coordinate of one "
-        "colour a force or a place that is wrong."
+        "Jump: the difference between the start of a segment and the end of the previous one, "
+        f"relative to the allowed drift, {1e3 * result.allowed[0]:g} mm or mrad and "
+        f"{1e3 * result.allowed[1]:g} per second. Jumps are well below 1 where the model is "
+        "complete, and show when and where it is not: a single large one is a catch in another "
+        "order; a coordinate of one colour is a wrong force or position."
     )
-    page.items(str(line) for line in leaning(found)[:MAX_NAMED])
-    page.text(_highest(found))
-    page.text(f"Segments that do not count, from: {', '.join(lost)}{rest}" if lost else "")
-    page.plots([(identified_plots.jumps(found), "Jumps between segments, by coordinate")])
+    page.items(str(line) for line in leaning(result)[:MAX_NAMED])
+    page.text(_largest_jumps(result))
+    page.text(f"Rejected segments, from: {', '.join(lost)}{rest}" if lost else "")
+    page.plots([(identified_plots.jumps(result), "Jumps between segments, by coordinate")])

@@ -29,61 +29,61 @@ if TYPE_CHECKING:
     from fantoccini.lab.identification import Identified
 
 _ROWS = 6
-"""Rows of a figure of channels."""
-_GROUPS = 8
-"""Rows of a figure of residuals."""
-_HIDDEN = 3.0
-"""Times between samples, over the usual one, from which on a gap is shown."""
-_EDGE = 5.0
-"""Residuals beyond it are drawn there."""
+"""Rows of panels in a figure of channels."""
+_MAX_GROUPS = 8
+"""Largest number of rows in a figure of residuals."""
+_MIN_GAP = 3.0
+"""Interval between samples, relative to the median, above which a gap is shown."""
+_MAX_RESIDUAL = 5.0
+"""End of the axis, relative to the noise; larger residuals are drawn there."""
 MEAN = 0.5
 """Time over which residuals are averaged [s]."""
-_HIGHEST = 4.0
-"""Jumps beyond it are drawn there."""
-_DEEP = 2.0
-"""Jumps with the strongest colour."""
-_NUMBERS = 14
-"""Unknowns up to which correlations are written into the map."""
+_MAX_JUMP = 4.0
+"""End of the axis, relative to the drift; larger jumps are drawn there."""
+_COLOUR_LIMIT = 2.0
+"""Jump with the strongest colour, relative to the drift."""
+_MAX_LABELLED = 14
+"""Largest number of unknowns for which correlations are written into the map."""
 
 
-def channels(found: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
-    """Samples and predictions of every channel over time, in figures of several."""
-    names, units = found.record.channels.names, channel_units(found.record)
-    seen = [j for j in range(len(names)) if np.any(np.isfinite(found.residuals[:, j]))]
-    for part in parts(seen, COLUMNS * _ROWS):
+def channels(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
+    """Figures with samples and predictions over time, and the names of their channels."""
+    names, units = result.record.channels.names, channel_units(result.record)
+    measured = [j for j in range(len(names)) if np.any(np.isfinite(result.residuals[:, j]))]
+    for part in parts(measured, COLUMNS * _ROWS):
         figure, panels = grid(len(part), 138, theme, share_x=True)
         for panel, j in zip(panels, part, strict=True):
-            _channel(panel, found, j, theme)
+            _channel(panel, result, j, theme)
             titled(panel, f"{plain(names[j], 34)} [{units[j]}]", theme)
         for panel in panels[-COLUMNS:]:
             labelled(panel, theme, "time [s]")
         yield figure, [names[j] for j in part]
 
 
-def _channel(axes: Axes, found: Identified, j: int, theme: Theme) -> None:
-    t, r = found.t, found.residuals[:, j]
-    samples = found.predicted[:, j] + r
+def _channel(axes: Axes, result: Identified, j: int, theme: Theme) -> None:
+    t, r = result.t, result.residuals[:, j]
+    samples = result.predicted[:, j] + r
     _gaps(axes, t, np.isfinite(r), theme)
-    _lost(axes, found)
+    _lost(axes, result)
     axes.plot(t, samples, ".", markersize=1.8, color=theme.colour(0), alpha=0.55)
-    axes.plot(*broken(t, found.predicted[:, j]), color=theme.ink, linewidth=0.7)
-    far = np.abs(r) > LISTED * found.noise[found.record.channels.names[j]]
-    low, high = _range(np.concatenate([found.predicted[:, j], samples[~far]]))
-    _outliers(axes, t[far], np.clip(samples[far], low, high))
+    axes.plot(*broken(t, result.predicted[:, j]), color=theme.ink, linewidth=0.7)
+    outliers = np.abs(r) > LISTED * result.noise[result.record.channels.names[j]]
+    low, high = _range(np.concatenate([result.predicted[:, j], samples[~outliers]]))
+    _outliers(axes, t[outliers], np.clip(samples[outliers], low, high))
     axes.set_ylim(low, high)
     timed(axes, t, theme)
 
 
 def _range(values: Array) -> tuple[float, float]:
-    """Of an axis: a little more than the values."""
+    """Limits of an axis: slightly wider than the range of the values."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    more = 0.08 * (high - low) or 1.0
-    return low - more, high + more
+    margin = 0.08 * (high - low) or 1.0
+    return low - margin, high + margin
 
 
-def residuals(found: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
-    """Residuals over the noise, of every group over time and as histograms, in several figures."""
-    for part in parts(_groups(found), _GROUPS):
+def residuals(result: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
+    """Figures with residuals relative to the noise, over time and as histograms, by group."""
+    for part in parts(_groups(result), _MAX_GROUPS):
         figure = blank_figure((WIDTH, 50 + 122 * len(part)), facecolor=theme.top)
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.04)
         panels = figure.subplots(
@@ -94,48 +94,50 @@ def residuals(found: Identified, theme: Theme = LIGHT) -> Iterator[tuple[Figure,
             sharey=True,
             gridspec_kw={"width_ratios": (6.2, 1)},
         )
-        for (left, right), (name, own) in zip(panels, part, strict=True):
-            _residuals(left, found, own, theme)
-            _histogram(right, found, own, theme)
+        for (left, right), (name, indices) in zip(panels, part, strict=True):
+            _residuals(left, result, indices, theme)
+            _histogram(right, result, indices, theme)
             titled(left, name, theme)
         labelled(panels[-1, 0], theme, "time [s]")
         labelled(panels[-1, 1], theme, "density")
         yield figure, [name for name, _ in part]
 
 
-def _groups(found: Identified) -> list[tuple[str, list[int]]]:
-    """Channels with samples by what shares their noise."""
-    out: dict[str, list[int]] = {}
-    for j, group in enumerate(found.record.channels.groups):
-        if np.any(np.isfinite(found.residuals[:, j])):
-            out.setdefault(group, []).append(j)
-    return list(out.items())
+def _groups(result: Identified) -> list[tuple[str, list[int]]]:
+    """Channels with samples, grouped by the noise that they share."""
+    groups: dict[str, list[int]] = {}
+    for j, group in enumerate(result.record.channels.groups):
+        if np.any(np.isfinite(result.residuals[:, j])):
+            groups.setdefault(group, []).append(j)
+    return list(groups.items())
 
 
-def _scaled(found: Identified, j: int) -> Array:
-    return np.asarray(found.residuals[:, j] / found.noise[found.record.channels.names[j]])
+def _scaled(result: Identified, j: int) -> Array:
+    return np.asarray(result.residuals[:, j] / result.noise[result.record.channels.names[j]])
 
 
-def _residuals(axes: Axes, found: Identified, own: list[int], theme: Theme) -> None:
-    t = found.t
-    _lost(axes, found)
+def _residuals(axes: Axes, result: Identified, indices: list[int], theme: Theme) -> None:
+    t = result.t
+    _lost(axes, result)
     axes.axhspan(-2.0, 2.0, color=theme.faint, alpha=0.13, linewidth=0.0)
-    names = found.record.channels.names
-    for k, j in enumerate(own):
-        z = _scaled(found, j)
+    names = result.record.channels.names
+    for k, j in enumerate(indices):
+        z = _scaled(result, j)
         axes.plot(t, z, ".", markersize=1.8, color=theme.colour(k), alpha=0.35)
-        far = np.abs(z) > LISTED
-        _outliers(axes, t[far], np.clip(z[far], -_EDGE, _EDGE))
-        label = names[j].rsplit(".", 1)[-1] if len(own) > 1 else None
-        axes.plot(*broken(t, _running(t, z)), color=theme.colour(k), linewidth=1.1, label=label)
-    axes.set_ylim(-_EDGE, _EDGE)
+        outliers = np.abs(z) > LISTED
+        _outliers(axes, t[outliers], np.clip(z[outliers], -_MAX_RESIDUAL, _MAX_RESIDUAL))
+        label = names[j].rsplit(".", 1)[-1] if len(indices) > 1 else None
+        axes.plot(
+            *broken(t, _running_mean(t, z)), color=theme.colour(k), linewidth=1.1, label=label
+        )
+    axes.set_ylim(-_MAX_RESIDUAL, _MAX_RESIDUAL)
     axes.set_yticks((-4, -2, 0, 2, 4))
     timed(axes, t, theme)
-    if len(own) > 1:
+    if len(indices) > 1:
         axes.legend(
             loc="lower right",
             bbox_to_anchor=(1.0, 0.98),
-            ncols=len(own),
+            ncols=len(indices),
             frameon=False,
             fontsize=8,
             labelcolor=theme.ink,
@@ -145,42 +147,42 @@ def _residuals(axes: Axes, found: Identified, own: list[int], theme: Theme) -> N
         )
 
 
-def _histogram(axes: Axes, found: Identified, own: list[int], theme: Theme) -> None:
-    z = np.concatenate([_scaled(found, j) for j in own])
-    z = np.clip(z[np.isfinite(z)], -_EDGE, _EDGE)
-    edges = np.linspace(-_EDGE, _EDGE, 41)
+def _histogram(axes: Axes, result: Identified, indices: list[int], theme: Theme) -> None:
+    z = np.concatenate([_scaled(result, j) for j in indices])
+    z = np.clip(z[np.isfinite(z)], -_MAX_RESIDUAL, _MAX_RESIDUAL)
+    edges = np.linspace(-_MAX_RESIDUAL, _MAX_RESIDUAL, 41)
     height = np.histogram(z, edges, density=True)[0]
     axes.stairs(
         height, edges, orientation="horizontal", fill=True, color=theme.colour(0), alpha=0.35
     )
-    x = np.linspace(-_EDGE, _EDGE, 201)
+    x = np.linspace(-_MAX_RESIDUAL, _MAX_RESIDUAL, 201)
     axes.plot(np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi), x, color=theme.ink, linewidth=0.9)
     axes.set_xlim(0.0, 0.56)
     axes.set_xticks((0.0, 0.2, 0.4))
     dress(axes, theme, "both")
 
 
-def _running(t: Array, z: Array) -> Array:
-    """The mean of the samples about each time; NaN where most are missing."""
-    there = np.isfinite(z)
-    total = np.concatenate([[0.0], np.cumsum(np.where(there, np.clip(z, -LISTED, LISTED), 0.0))])
-    count = np.concatenate([[0], np.cumsum(there)])
+def _running_mean(t: Array, z: Array) -> Array:
+    """Mean of the samples around each time; NaN where most are missing."""
+    finite = np.isfinite(z)
+    total = np.concatenate([[0.0], np.cumsum(np.where(finite, np.clip(z, -LISTED, LISTED), 0.0))])
+    count = np.concatenate([[0], np.cumsum(finite)])
     low = np.searchsorted(t, t - 0.5 * MEAN)
     high = np.searchsorted(t, t + 0.5 * MEAN, side="right")
     n = count[high] - count[low]
-    enough = n > max(2.0, 0.6 * float(np.median(n[there])))
+    enough = n > max(2.0, 0.6 * float(np.median(n[finite])))
     return np.asarray(np.where(enough, (total[high] - total[low]) / np.maximum(n, 1), np.nan))
 
 
-def jumps(found: Identified, theme: Theme = LIGHT) -> Figure:
-    """Jumps between segments over the drift: the largest ones, and those of every coordinate."""
-    names = [plain(name, 30) for name in found.record.marionette.coordinates.v_D]
-    n, at = len(names), found.starts[1:] + found.delay
+def jumps(result: Identified, theme: Theme = LIGHT) -> Figure:
+    """Jumps between segments relative to the drift: the largest, and those of every coordinate."""
+    names = [plain(name, 30) for name in result.record.marionette.coordinates.v_D]
+    n, at = len(names), result.starts[1:] + result.delay
     size = max(60, min(17 * n, 460))
-    high = 100 + 2 * size + 130
-    figure = blank_figure((WIDTH, high), facecolor=theme.top)
+    height = 100 + 2 * size + 130
+    figure = blank_figure((WIDTH, height), facecolor=theme.top)
     left = (24 + 6 * max(map(len, names))) / WIDTH
-    top, *rest = figure.subplots(
+    top, *lower = figure.subplots(
         3,
         1,
         sharex=True,
@@ -188,26 +190,28 @@ def jumps(found: Identified, theme: Theme = LIGHT) -> Figure:
             "height_ratios": (100, size, size),
             "left": left,
             "right": 0.92,
-            "bottom": 44 / high,
-            "top": 1.0 - 24 / high,
+            "bottom": 44 / height,
+            "top": 1.0 - 24 / height,
             "hspace": 31 / ((100 + 2 * size) / 3),
         },
     )
-    _lost(top, found)
-    largest = np.max(np.abs(found.jumps), axis=1)
+    _lost(top, result)
+    largest = np.max(np.abs(result.jumps), axis=1)
     top.axhline(1.0, color=theme.faint, linewidth=0.9, linestyle=(0, (4, 2)))
-    top.vlines(at, 0.0, np.minimum(largest, _HIGHEST), color=theme.colour(0), linewidth=1.0)
-    far = largest > _HIGHEST
-    top.plot(at[~far], largest[~far], ".", markersize=4, color=theme.colour(0))
-    top.plot(at[far], np.full(np.sum(far), _HIGHEST), "^", markersize=5, color=RED, clip_on=False)
-    top.set_ylim(0.0, _HIGHEST)
-    timed(top, found.t, theme)
+    top.vlines(at, 0.0, np.minimum(largest, _MAX_JUMP), color=theme.colour(0), linewidth=1.0)
+    beyond = largest > _MAX_JUMP
+    top.plot(at[~beyond], largest[~beyond], ".", markersize=4, color=theme.colour(0))
+    top.plot(
+        at[beyond], np.full(np.sum(beyond), _MAX_JUMP), "^", markersize=5, color=RED, clip_on=False
+    )
+    top.set_ylim(0.0, _MAX_JUMP)
+    timed(top, result.t, theme)
     titled(top, "largest jump", theme)
-    span = found.starts[1] - found.starts[0]
+    span = result.starts[1] - result.starts[0]
     edges = np.append(at - 0.5 * span, at[-1] + 0.5 * span)
     for axes, values, title in zip(
-        rest,
-        (found.jumps[:, :n], found.jumps[:, n:]),
+        lower,
+        (result.jumps[:, :n], result.jumps[:, n:]),
         ("of configurations", "of velocities"),
         strict=True,
     ):
@@ -216,33 +220,35 @@ def jumps(found: Identified, theme: Theme = LIGHT) -> Figure:
             np.arange(n + 1) - 0.5,
             values.T,
             cmap="RdBu_r",
-            vmin=-_DEEP,
-            vmax=_DEEP,
+            vmin=-_COLOUR_LIMIT,
+            vmax=_COLOUR_LIMIT,
             rasterized=True,
         )
         axes.set_yticks(range(n), names, parse_math=False)
         axes.set_ylim(n - 0.5, -0.5)
-        timed(axes, found.t, theme)
+        timed(axes, result.t, theme)
         axes.grid(False)
         if 15 * n > size:
             axes.tick_params(axis="y", labelsize=min(8.0, 8.0 * size / (15 * n)))
         titled(axes, title, theme)
-    labelled(rest[-1], theme, "time [s]")
-    place = figure.add_axes((0.94, 44 / high, 0.012, (2 * size + 31) / high))
+    labelled(lower[-1], theme, "time [s]")
+    place = figure.add_axes((0.94, 44 / height, 0.012, (2 * size + 31) / height))
     colour_bar(figure, image, theme, "jump over drift", cax=place, extend="both")
     return figure
 
 
-def correlations(found: Identified, theme: Theme = LIGHT) -> Figure:
-    """How the errors of the unknowns hang together; grey where a number is not told."""
-    names, n = [plain(name, 26) for name in found.names], len(found.names)
-    cell = 40 if n <= _NUMBERS else 20
-    wide = 60 + 7 * max(len(name) for name in names)
-    figure = blank_figure((wide + cell * n + 90, wide + cell * n), facecolor=theme.top)
+def correlations(result: Identified, theme: Theme = LIGHT) -> Figure:
+    """Map of the correlations of the unknowns' errors; grey where one is undetermined."""
+    names, n = [plain(name, 26) for name in result.names], len(result.names)
+    cell = 40 if n <= _MAX_LABELLED else 20
+    label_width = 60 + 7 * max(len(name) for name in names)
+    figure = blank_figure(
+        (label_width + cell * n + 90, label_width + cell * n), facecolor=theme.top
+    )
     figure.set_layout_engine("constrained")
     axes = figure.subplots()
-    told = np.isfinite(found.deviations)
-    values = np.where(np.outer(told, told), found.correlation, np.nan)
+    determined = np.isfinite(result.deviations)
+    values = np.where(np.outer(determined, determined), result.correlation, np.nan)
     axes.set_facecolor(theme.grid)
     image = axes.imshow(values, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     axes.set_xticks(range(n), names, rotation=90, parse_math=False)
@@ -250,7 +256,7 @@ def correlations(found: Identified, theme: Theme = LIGHT) -> Figure:
     axes.tick_params(labelsize=8, colors=theme.faint, labelcolor=theme.ink, length=0)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    if n <= _NUMBERS:
+    if n <= _MAX_LABELLED:
         for i, k in np.argwhere(np.isfinite(values)):
             axes.text(
                 k,
@@ -266,29 +272,29 @@ def correlations(found: Identified, theme: Theme = LIGHT) -> Figure:
 
 
 def broken(t: Array, y: Array) -> tuple[Array, Array]:
-    """A line that is broken where nothing was measured for long."""
-    wide = np.flatnonzero(np.diff(t) > _HIDDEN * np.median(np.diff(t))) + 1
-    return np.insert(t, wide, np.nan), np.insert(y, wide, np.nan)
+    """The points of a line, with NaN at gaps, so that it is interrupted there."""
+    gaps = np.flatnonzero(np.diff(t) > _MIN_GAP * np.median(np.diff(t))) + 1
+    return np.insert(t, gaps, np.nan), np.insert(y, gaps, np.nan)
 
 
-def _gaps(axes: Axes, t: Array, there: Array, theme: Theme) -> None:
-    """Shades where a channel was not seen, before and after its samples, too."""
-    own = t[there]
-    usual = np.median(np.diff(own)) if len(own) > 1 else t[-1] - t[0]
-    ends = np.concatenate([[t[0]], own, [t[-1]]])
-    for k in np.flatnonzero(np.diff(ends) > _HIDDEN * usual):
+def _gaps(axes: Axes, t: Array, finite: Array, theme: Theme) -> None:
+    """Shades gaps of a channel, also before and after its samples."""
+    times = t[finite]
+    interval = np.median(np.diff(times)) if len(times) > 1 else t[-1] - t[0]
+    ends = np.concatenate([[t[0]], times, [t[-1]]])
+    for k in np.flatnonzero(np.diff(ends) > _MIN_GAP * interval):
         axes.axvspan(ends[k], ends[k + 1], color=theme.faint, alpha=0.2, linewidth=0.0)
 
 
-def _lost(axes: Axes, found: Identified) -> None:
-    """Shades the segments that do not count."""
-    late = found.delay
-    for begin, end in pairwise([*found.starts.tolist(), float(found.t[-1]) - late]):
-        if begin in found.lost:
-            axes.axvspan(begin + late, end + late, color=RED, alpha=0.12, linewidth=0.0)
+def _lost(axes: Axes, result: Identified) -> None:
+    """Shades the rejected segments."""
+    delay = result.delay
+    for begin, end in pairwise([*result.starts.tolist(), float(result.t[-1]) - delay]):
+        if begin in result.lost:
+            axes.axvspan(begin + delay, end + delay, color=RED, alpha=0.12, linewidth=0.0)
 
 
 def _outliers(axes: Axes, t: Array, y: Array) -> None:
-    """Circles, over the edges of the axes, too; the layout does not wait for them."""
+    """Draws circles, also on the edges of the axes; the layout ignores them."""
     lines = axes.plot(t, y, "o", markersize=4, color=RED, fillstyle="none", clip_on=False)
     lines[0].set_in_layout(False)

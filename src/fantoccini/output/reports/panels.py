@@ -23,13 +23,13 @@ COLUMNS = 3
 T = TypeVar("T")
 
 
-def parts(items: Sequence[T], most: int) -> Iterator[Sequence[T]]:
-    """The items in order, ``most`` for each figure."""
-    return (items[begin : begin + most] for begin in range(0, len(items), most))
+def parts(items: Sequence[T], size: int) -> Iterator[Sequence[T]]:
+    """The items in order, in parts of at most ``size``, one for each figure."""
+    return (items[begin : begin + size] for begin in range(0, len(items), size))
 
 
 def grid(count: int, height: int, theme: Theme, share_x: bool) -> Panels:
-    """A figure with ``count`` panels in rows of :data:`COLUMNS`, each row ``height`` high [px]."""
+    """Figure with ``count`` panels in rows of :data:`COLUMNS`, each row ``height`` high [px]."""
     rows = -(-count // COLUMNS)
     figure = blank_figure((WIDTH, 44 + height * rows), facecolor=theme.top)
     figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.06)
@@ -42,20 +42,20 @@ def grid(count: int, height: int, theme: Theme, share_x: bool) -> Panels:
 
 
 def titled(axes: Axes, text: str, theme: Theme) -> None:
-    """Writes plain text above axes; nothing in it is a formula."""
+    """Writes plain text above axes, without parsing formulas."""
     title = plain(text, 60)
     axes.set_title(title, fontsize=9, color=theme.ink, loc="left", parse_math=False, pad=4)
 
 
 def labelled(axes: Axes, theme: Theme, x: str = "", y: str = "") -> None:
-    """Writes plain text beside the axes; nothing in it is a formula."""
+    """Writes plain text beside the axes, without parsing formulas."""
     for axis, text in ((axes.xaxis, x), (axes.yaxis, y)):
         if text:
             axis.set_label_text(plain(text, 40), fontsize=8, color=theme.ink).set_parse_math(False)
 
 
 def timed(axes: Axes, t: Array, theme: Theme) -> None:
-    """Frame and grid of axes over time, from the first to the last."""
+    """Sets frame, grid and limits of axes over the given times."""
     dress(axes, theme, "both")
     axes.set_xlim(t[0], t[-1])
 
@@ -63,7 +63,7 @@ def timed(axes: Axes, t: Array, theme: Theme) -> None:
 def colour_bar(
     figure: Figure, image: ScalarMappable, theme: Theme, text: str, **place: Any
 ) -> None:
-    """Adds the bar that explains an image's colours; ``place`` as in matplotlib."""
+    """Adds the colour bar of an image; ``place`` as in matplotlib."""
     bar = figure.colorbar(image, **place)
     bar.ax.tick_params(labelsize=8, colors=theme.faint, labelcolor=theme.ink)
     bar.outline.set_visible(False)

@@ -1,4 +1,4 @@
-"""The report of a play's verification: one page with pictures that needs nothing else."""
+"""Report of a play's verification: one self-contained page with pictures."""
 
 from __future__ import annotations
 
@@ -22,14 +22,13 @@ def play_report(
 ) -> Path:
     """Writes the report of a play's verification: one HTML file, pictures included.
 
-    It has the verdict, cast and stage from above, the timeline, stills and cues of every act, and
-    what was measured: clearances, tensions, catches, speeds and accelerations of the hands and
-    where they go.
+    It has the verdict, cast and stage plan, the timeline, stills and cues of every act, and
+    measurements: clearances, tensions, catches, speeds, accelerations and ranges of the hands.
 
     Args:
-        verification: of the play.
-        path: ends in ``.html``.
-        progress: called with the share that is done.
+        verification: verification of the play.
+        path: path that ends in ``.html``.
+        progress: callback that receives the completed share.
 
     Returns:
         The path of the page.
@@ -53,9 +52,9 @@ def _page(verification: Verification, progress: OnProgress) -> Page:
     page.section("Timeline")
     page.drawing(timeline(play), f"Timeline of {play.name}")
     page.note(
-        "Bars are the hands' motions, with the numbers of the cues below; a cross is a cue that "
-        "cannot be done, where it was to begin. A cue is seen where the limb turns at its mark, "
-        "if there is such a turn, otherwise where the hands begin."
+        "Bars are motions of the hands, with the numbers of the cues in the tables below. A cross "
+        "is a cue that cannot be done, at its planned start. The observed time of a cue is when "
+        "the limb turns at its mark or, without such a turn, when the hands begin to move."
     )
     progress(Progress(done=0.1, total=1.0))
     stills = Stills(play, verification.run)
@@ -83,7 +82,7 @@ def _facts(verification: Verification) -> str:
 
 
 def _verdict(page: Page, verification: Verification) -> None:
-    """Whether all holds, what cannot be done and what does not hold."""
+    """Adds the verdict, changed and refused cues, and broken requirements."""
     play = verification.play
     faults, refused = verification.faults, len(play.refused)
     late = 1e3 * verification.worst
@@ -91,34 +90,34 @@ def _verdict(page: Page, verification: Verification) -> None:
     if refused:
         first = f"{refused} of {len(play.cues)} cues cannot be done as written"
     second = (
-        f"the run breaks {len(faults)} of its promises"
+        f"the run breaks {len(faults)} requirement{'s' * (len(faults) > 1)}"
         if faults
-        else f"the run keeps its promises, no cue more than {late:.0f} ms off"
+        else f"the run meets every requirement; no cue is off by more than {late:.0f} ms"
     )
     page.verdict(f"{first}; {second}.", not (play.lacking or faults))
     if play.changes:
-        page.subsection("What is not as written, and why")
+        page.subsection("Changes to the script, with reasons")
         page.items(map(str, play.changes))
     if faults:
-        page.subsection("What does not hold")
+        page.subsection("Broken requirements")
         page.items(faults)
 
 
 def _measured(page: Page, verification: Verification) -> None:
     page.section("Measured")
     page.text(f"The run: {verification.run.status.message}.")
-    page.subsection("Least clearances")
+    page.subsection("Smallest clearances")
     page.note(
-        "Of bodies of players, obstacles and the floor, then of strings that come within 0.3 m of "
-        "others, over the whole run."
+        "Over the whole run: first bodies of players, obstacles and the floor, then strings that "
+        "come within 0.3 m of others."
     )
     page.table(play_tables.clearance_table(verification))
     page.subsection("Strings")
     page.note(
-        "Largest tension over the whole run, beside the weight of the whole player. A string "
-        "catches where it goes taut: often many times in a row, and softly."
+        "Largest tension over the whole run, and relative to the weight of the whole player. A "
+        "catch is a string that snaps taut: often many times in a row, and softly."
     )
     page.table(play_tables.string_table(verification))
     page.subsection("Hands")
-    page.note("Of every hand the coordinate that is nearest to its bound.")
+    page.note("For every hand, the coordinate that is nearest to its bound.")
     page.table(play_tables.hand_table(verification))

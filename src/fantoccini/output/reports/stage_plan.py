@@ -1,4 +1,4 @@
-"""A play's stage from above: marks, what stands there, where players start, and their ways."""
+"""Plan of a play's stage: marks, obstacles, start positions of players, and their ways."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
 Box = tuple[tuple[float, float], tuple[float, float]]
 
 _WIDTH = 760
-"""Of the picture [px]."""
+"""Width of the picture [px]."""
 _MARGIN = 0.12
-"""Around what is drawn [m]."""
+"""Margin around the drawing [m]."""
 
 
 def plan(play: Play, reached: Box) -> Figure:
     """The stage from above, the audience below.
 
     Args:
-        play: compiled.
-        reached: ((low, high) of x, (low, high) of y) that the hands go to [m].
+        play: the compiled play.
+        reached: ((low, high) of x, (low, high) of y): range of the hands [m].
     """
-    seen = overhead(play)
-    low, high = _extent(play, seen, reached)
-    wide, deep = high[1] - low[1], high[0] - low[0]
-    size = (_WIDTH, round(np.clip(_WIDTH * deep / wide, 0.4 * _WIDTH, 1.6 * _WIDTH)) + 60)
+    stage = overhead(play)
+    low, high = _extent(play, stage, reached)
+    width, depth = high[1] - low[1], high[0] - low[0]
+    size = (_WIDTH, round(np.clip(_WIDTH * depth / width, 0.4 * _WIDTH, 1.6 * _WIDTH)) + 60)
     figure = blank_figure(size, facecolor=LIGHT.top)
     figure.set_layout_engine("constrained")
     axes = figure.subplots()
@@ -43,18 +43,18 @@ def plan(play: Play, reached: Box) -> Figure:
     dress(axes, LIGHT, "both")
     axes.set_xlabel("y, to stage left [m]   (the audience sits below)", color=LIGHT.ink, fontsize=9)
     axes.set_ylabel("x, towards the audience [m]", color=LIGHT.ink, fontsize=9)
-    if seen.space is not None:
-        _box(axes, seen.space, "space of the hands", linestyle="--", color=LIGHT.faint)
-    _box(axes, reached, "where the hands go", linestyle=":", color=LIGHT.ink)
-    for name, polygons in seen.standing.items():
+    if stage.space is not None:
+        _box(axes, stage.space, "space of the hands", linestyle="--", color=LIGHT.faint)
+    _box(axes, reached, "range of the hands", linestyle=":", color=LIGHT.ink)
+    for name, polygons in stage.standing.items():
         for polygon in polygons:
             axes.fill(polygon[:, 1], polygon[:, 0], color=STONE, linewidth=0.0, zorder=1.5)
         _write(axes, np.mean(polygons[0], axis=0), name, ha="center", va="center")
-    for name, at in seen.marks.items():
+    for name, at in stage.marks.items():
         axes.plot(at[1], at[0], "+", color=LIGHT.faint, markersize=9.0, zorder=2.0)
         _write(axes, at, name, (6.0, -7.0), ha="left", va="top", color=LIGHT.faint)
-    for k, name in enumerate(seen.starts):
-        _player(axes, play, seen, name, LIGHT.colour(k))
+    for k, name in enumerate(stage.starts):
+        _player(axes, play, stage, name, LIGHT.colour(k))
     axes.legend(
         loc="upper center",
         bbox_to_anchor=(0.5, 1.07),
@@ -66,11 +66,11 @@ def plan(play: Play, reached: Box) -> Figure:
     return figure
 
 
-def _player(axes: Axes, play: Play, seen: Overhead, name: str, colour: str) -> None:
-    """Where a player starts and looks, and its ways with the times at which they begin and end."""
+def _player(axes: Axes, play: Play, stage: Overhead, name: str, colour: str) -> None:
+    """Draws a player's start and heading, and its ways with their start and end times."""
     from matplotlib.patches import Circle
 
-    start, radius = seen.starts[name], play.cast.players[name].radius
+    start, radius = stage.starts[name], play.cast.players[name].radius
     axes.add_patch(
         Circle((start.y, start.x), radius, facecolor=colour, alpha=0.16, linewidth=0.0, zorder=1.8)
     )
@@ -86,21 +86,21 @@ def _player(axes: Axes, play: Play, seen: Overhead, name: str, colour: str) -> N
         color=colour,
         weight="bold",
     )
-    for way in seen.ways[name]:
+    for way in stage.ways[name]:
         if np.ptp(way.places, axis=0).max() < 1e-3:
             continue
         axes.plot(way.places[:, 1], way.places[:, 0], color=colour, linewidth=1.6, zorder=2.5)
         end = way.places[-1]
         _arrow(axes, end, way.heading, radius, colour)
         axes.plot(end[1], end[0], "s", color=colour, markersize=4.0, zorder=3.0)
-        gone = np.cumsum(np.linalg.norm(np.diff(way.places, axis=0), axis=1))
-        middle = way.places[1 + int(np.searchsorted(gone, 0.5 * gone[-1]))]
+        distance = np.cumsum(np.linalg.norm(np.diff(way.places, axis=0), axis=1))
+        middle = way.places[1 + int(np.searchsorted(distance, 0.5 * distance[-1]))]
         times = f"{way.begin:.1f} to {way.end:.1f} s"
         _write(axes, middle, times, (6.0, 0.0), ha="left", va="center", color=colour)
 
 
 def _arrow(axes: Axes, at: Any, heading: float, length: float, colour: str) -> None:
-    """Where one looks."""
+    """Draws an arrow for a heading."""
     x, y = at[0] + length * np.cos(heading), at[1] + length * np.sin(heading)
     axes.annotate(
         "",
@@ -111,37 +111,37 @@ def _arrow(axes: Axes, at: Any, heading: float, length: float, colour: str) -> N
     )
 
 
-def _box(axes: Axes, box: Box, label: str, **look: Any) -> None:
+def _box(axes: Axes, box: Box, label: str, **style: Any) -> None:
     (a, b), (c, d) = box
-    axes.plot([c, d, d, c, c], [a, a, b, b, a], linewidth=1.0, label=label, zorder=1.0, **look)
+    axes.plot([c, d, d, c, c], [a, a, b, b, a], linewidth=1.0, label=label, zorder=1.0, **style)
 
 
 def _write(
-    axes: Axes, at: Any, text: str, off: tuple[float, float] = (0.0, 0.0), **how: Any
+    axes: Axes, at: Any, text: str, offset: tuple[float, float] = (0.0, 0.0), **style: Any
 ) -> None:
     from matplotlib import patheffects
 
-    made = axes.annotate(
+    annotation = axes.annotate(
         plain(text, 30),
         (at[1], at[0]),
-        off,
+        offset,
         textcoords="offset points",
-        **{"color": LIGHT.ink, "fontsize": 8, "zorder": 4.0, **how},
+        **{"color": LIGHT.ink, "fontsize": 8, "zorder": 4.0, **style},
     )
-    made.set_parse_math(False)
-    made.set_path_effects([patheffects.withStroke(linewidth=2.5, foreground=LIGHT.top)])
+    annotation.set_parse_math(False)
+    annotation.set_path_effects([patheffects.withStroke(linewidth=2.5, foreground=LIGHT.top)])
 
 
-def _extent(play: Play, seen: Overhead, reached: Box) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest (x, y) of all that is drawn [m]."""
+def _extent(play: Play, stage: Overhead, reached: Box) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest (x, y) of everything that is drawn [m]."""
     corners = [np.array(reached).T]
-    if seen.space is not None:
-        corners.append(np.array(seen.space).T)
-    corners += [np.array([at]) for at in seen.marks.values()]
-    corners += [polygon for polygons in seen.standing.values() for polygon in polygons]
-    for name, start in seen.starts.items():
+    if stage.space is not None:
+        corners.append(np.array(stage.space).T)
+    corners += [np.array([at]) for at in stage.marks.values()]
+    corners += [polygon for polygons in stage.standing.values() for polygon in polygons]
+    for name, start in stage.starts.items():
         radius = play.cast.players[name].radius
         corners += [np.array([[start.x, start.y]]) + sign * radius for sign in (-1.0, 1.0)]
-        corners += [way.places for way in seen.ways[name]]
-    every = np.concatenate(corners)
-    return every.min(axis=0) - _MARGIN, every.max(axis=0) + _MARGIN
+        corners += [way.places for way in stage.ways[name]]
+    points = np.concatenate(corners)
+    return points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN

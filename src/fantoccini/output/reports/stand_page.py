@@ -1,4 +1,4 @@
-"""The report of a stand's check: one page with pictures that needs nothing else."""
+"""Report of a stand's check: one self-contained page with pictures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from fantoccini.stand import SlowedRun, StandCheck
 
 MAX_NAMED = 12
-"""Broken limits that are listed."""
+"""Largest number of broken limits that are listed."""
 
 
 def stand_report(
@@ -25,13 +25,13 @@ def stand_report(
 ) -> Path:
     """Writes the report of a stand's check: one HTML file, pictures included.
 
-    It has the verdict, what breaks and what would help, the margins of every axis, their motion and
-    torque over time, and torque against speed with what the motors give.
+    It has the verdict, broken limits and remedies, the margins of every axis, motion and torque
+    over time, and torque against speed with the torque available.
 
     Args:
-        check: as :func:`fantoccini.stand.check_stand` gives it.
-        path: ends in ``.html``.
-        slower: what :func:`fantoccini.stand.slower` found; left out when not given.
+        check: result of :func:`fantoccini.stand.check_stand`.
+        path: path that ends in ``.html``.
+        slower: result of :func:`fantoccini.stand.slower`; left out by default.
 
     Returns:
         The path of the page.
@@ -45,19 +45,19 @@ def stand_report(
 
 def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Page:
     stand = check.map.stand
-    page = Page(f"{stand.name}: can it do it?", stand.name)
+    page = Page(f"{stand.name}: check", stand.name)
     page.text(stand.about)
     page.text(_facts(check))
     page.verdict(check.summary(), check.ok)
     for note in check.notes:
         page.note(note)
     if check.broken:
-        page.section("What is not enough")
+        page.section("Broken limits")
         page.table(_broken(check))
         if check.lost:
             page.subsection("Lost steps")
             page.items(lost_lines(check))
-        page.section("What would help")
+        page.section("Remedies")
         page.items(remedies(check))
     if slower is not None:
         page.subsection("A slower tempo, simulated again")
@@ -66,15 +66,16 @@ def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Pag
             page.table(_slower_table(check, slower[0]))
     page.section("Margins")
     page.note(
-        "What is left of every bound at the worst moment, in per cent of the bound; of travel, "
-        "the distance from its nearer end in per cent of the whole. A catch is a string that "
-        "snaps taut; its bound is the impulse that throws a stepper out of step."
+        "Distance from every bound at the worst moment, in per cent of the bound; for travel, "
+        "the distance from the nearer end in per cent of the travel. A catch is a string that "
+        "snaps taut; its bound is the impulse at which a stepper motor loses steps."
     )
     page.drawing(stand_plots.margins(check), f"Margins of the axes of {stand.name}", 0.8)
     page.table(margin_table(check))
     page.section("Torque against speed")
     page.note(
-        "At the motor. Grey: what it gives. A point beyond it is a step lost, or a motor that lags."
+        "At the motor. Grey: available torque. A point beyond it means lost steps, or a motor that "
+        "lags."
     )
     page.plots(
         (figure, f"Torque and speed of {', '.join(names)}")
@@ -82,15 +83,15 @@ def _page(check: StandCheck, slower: tuple[SlowedRun | None, str] | None) -> Pag
     )
     page.section("Over time")
     page.note(
-        "Dashed: the bounds. Red: where they are passed. Torques that the motion does not "
-        "determine are left out."
+        "Dashed: bounds. Red: violations. Torques that the motion does not determine are left out."
     )
     page.plots(
         (figure, f"Motion and torque of {', '.join(names)}")
         for figure, names in stand_plots.over_time(check)
     )
     page.note(
-        "All of this is computed, for winches that hold exactly; nothing was measured on a machine."
+        "All of this is computed, for winches without slip or lag; nothing was measured on a "
+        "machine."
     )
     return page
 
@@ -121,9 +122,9 @@ def _broken(check: StandCheck) -> Table:
     header = (
         "first at [s]>",
         "axis",
-        "what",
+        "quantity",
         "needed>",
-        "there>",
+        "available>",
         "unit",
         "worst at [s]>",
         "over>",
@@ -132,9 +133,9 @@ def _broken(check: StandCheck) -> Table:
 
 
 def margin_table(check: StandCheck) -> Table:
-    """The margin of every axis and quantity [%]."""
-    told = {limit.quantity for limit in check.limits} | {"torque"}
-    used = [q for q in QUANTITIES if q in told]
+    """Margin of every axis and quantity [%]."""
+    checked = {limit.quantity for limit in check.limits} | {"torque"}
+    used = [q for q in QUANTITIES if q in checked]
     lines, wrong = [], set()
     for i, axis in enumerate(check.axes):
         limits = check.of(axis.name)
@@ -152,7 +153,7 @@ def _slower_table(check: StandCheck, slow: SlowedRun) -> Table:
         before, after = check.of(axis.name), slow.check.of(axis.name)
         worst = min(before.values(), key=lambda limit: limit.margin)
         now = after.get(worst.quantity)
-        told = "" if now is None else f"{now.margin:.0f}"
-        rows.append((axis.name, worst.quantity, f"{worst.margin:.0f}", told))
-    header = ("axis", "least margin", "now [%]>", f"{slow.factor:.3g} times as long [%]>")
+        margin = "" if now is None else f"{now.margin:.0f}"
+        rows.append((axis.name, worst.quantity, f"{worst.margin:.0f}", margin))
+    header = ("axis", "smallest margin", "now [%]>", f"{slow.factor:.3g} times as long [%]>")
     return Table(header, tuple(tuple(row) for row in rows))

@@ -20,27 +20,27 @@ if TYPE_CHECKING:
 
 _MARKS = dict(zip(QUANTITIES, "|os^Dv", strict=True))
 _ROWS = 7
-"""Axes of a figure over time."""
-_LEAST_MARGIN = -100.0
-"""Margins below it are drawn there [%]."""
+"""Number of axes in a figure over time."""
+_MIN_MARGIN = -100.0
+"""End of the axis; smaller margins are drawn there [%]."""
 _TURN = 2.0 * np.pi
 
 
 def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
-    """The margins of all axes, a line each."""
+    """Margins of all axes, a line each."""
     names = [axis.name for axis in check.axes]
     figure = blank_figure((WIDTH - 200, 110 + 26 * len(names)), facecolor=theme.top)
     above, below = 34 / (110 + 26 * len(names)), 60 / (110 + 26 * len(names))
     axes = figure.add_axes((0.19, below, 0.64, 1.0 - above - below))
     dress(axes, theme, "both")
-    axes.axvspan(_LEAST_MARGIN, 0.0, color=RED, alpha=0.07, linewidth=0.0)
+    axes.axvspan(_MIN_MARGIN, 0.0, color=RED, alpha=0.07, linewidth=0.0)
     axes.axvline(0.0, color=RED, linewidth=1.0)
     for n, quantity in enumerate(QUANTITIES):
-        own = [limit for limit in check.limits if limit.quantity == quantity]
-        if not own:
+        limits = [limit for limit in check.limits if limit.quantity == quantity]
+        if not limits:
             continue
-        x = [max(limit.margin, _LEAST_MARGIN) for limit in own]
-        y = [names.index(limit.axis) for limit in own]
+        x = [max(limit.margin, _MIN_MARGIN) for limit in limits]
+        y = [names.index(limit.axis) for limit in limits]
         axes.plot(
             x,
             y,
@@ -56,8 +56,8 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
         )
     axes.set_yticks(range(len(names)), [plain(name, 24) for name in names], parse_math=False)
     axes.set_ylim(len(names) - 0.5, -0.5)
-    least = min(limit.margin for limit in check.limits)
-    axes.set_xlim(min(-10.0, max(least, _LEAST_MARGIN) - 5.0), 103.0)
+    smallest = min(limit.margin for limit in check.limits)
+    axes.set_xlim(min(-10.0, max(smallest, _MIN_MARGIN) - 5.0), 103.0)
     labelled(axes, theme, "margin [%]")
     axes.legend(
         loc="upper left",
@@ -70,7 +70,7 @@ def margins(check: StandCheck, theme: Theme = LIGHT) -> Figure:
 
 
 def torque_and_speed(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
-    """Torque against speed of every motor, in figures of several, with their axes."""
+    """Figures with torque against speed of the motors, and the names of their axes."""
     for part in parts(range(len(check.axes)), 3 * COLUMNS):
         figure, panels = grid(len(part), 250, theme, share_x=False)
         for panel, k in zip(panels, part, strict=True):
@@ -82,25 +82,25 @@ def _torque_panel(axes: Axes, check: StandCheck, k: int, theme: Theme) -> None:
     axis = check.axes[k]
     dress(axes, theme, "both")
     w = axis.ratio * np.abs(check.motion.velocity[:, k])
-    torque, there = np.abs(check.torque[:, k]), check.available[:, k]
+    torque, available = np.abs(check.torque[:, k]), check.available[:, k]
     fast = max(1.25 * float(np.max(w)), 0.2 * _TURN)
     curve = np.linspace(0.0, fast, 300)
-    most = axis.motor.largest(curve, np.ones_like(curve))
-    axes.fill_between(curve / _TURN, most, color=theme.faint, alpha=0.18, linewidth=0.0)
-    axes.plot(curve / _TURN, most, color=theme.faint, linewidth=1.2)
+    curve_torque = axis.motor.largest(curve, np.ones_like(curve))
+    axes.fill_between(curve / _TURN, curve_torque, color=theme.faint, alpha=0.18, linewidth=0.0)
+    axes.plot(curve / _TURN, curve_torque, color=theme.faint, linewidth=1.2)
     known = ~check.unknown[:, k]
     axes.plot(w / _TURN, np.where(known, torque, np.nan), color=theme.colour(0), linewidth=0.7)
-    over = known & (torque > there)
+    over = known & (torque > available)
     axes.plot(w[over] / _TURN, torque[over], linestyle="", marker=".", color=RED, markersize=4.0)
     axes.set_xlim(0.0, fast / _TURN)
     largest = float(np.max(torque[known], initial=0.0))
-    axes.set_ylim(0.0, 1.12 * max(largest, float(np.max(most))))
+    axes.set_ylim(0.0, 1.12 * max(largest, float(np.max(curve_torque))))
     titled(axes, axis.name, theme)
     labelled(axes, theme, "turns/s", "N m")
 
 
 def over_time(check: StandCheck, theme: Theme = LIGHT) -> Iterator[tuple[Figure, list[str]]]:
-    """Position, speed, acceleration and torque of every axis, in figures of several."""
+    """Figures with position, speed, acceleration and torque, and the names of their axes."""
     for part in parts(range(len(check.axes)), _ROWS):
         figure = blank_figure((WIDTH, 60 + 150 * len(part)), facecolor=theme.top)
         figure.set_layout_engine("constrained", h_pad=0.04, w_pad=0.06)
@@ -141,7 +141,7 @@ def _axis_row(row: Array, check: StandCheck, k: int, theme: Theme) -> None:
         panel.plot(t, np.where(over, values, np.nan), color=RED, linewidth=1.6)
         size = float(np.nanmax(np.abs(values), initial=1e-9))
         if symmetric:
-            there = 1.1 * float(np.max(above))
-            most = max(1.15 * size, min(there, 4.0 * size), 0.1 * there)
-            panel.set_ylim(-most, most)
+            bound_size = 1.1 * float(np.max(above))
+            limit = max(1.15 * size, min(bound_size, 4.0 * size), 0.1 * bound_size)
+            panel.set_ylim(-limit, limit)
     labelled(row[0], theme, y=plain(axis.name, 20))

@@ -1,4 +1,4 @@
-"""A play's timeline: what every player does when, acts, captions and what is left out."""
+"""Timeline of a play: the cues of every player, acts, captions and refused cues."""
 
 from __future__ import annotations
 
@@ -18,25 +18,27 @@ if TYPE_CHECKING:
 
 _LANE = 21
 """Height of a lane [px]."""
-_LONGEST = 60.0
-"""A row shows so much time at most [s]."""
-_CROSS = 0.025
-"""Width of a cross with its number over that of the row."""
-_LETTER = 5.6
+_MAX_ROW_TIME = 60.0
+"""Longest time that a row shows [s]."""
+_CROSS_WIDTH = 0.025
+"""Width of a cross with its number, relative to the row."""
+_LETTER_WIDTH = 5.6
 """Mean width of a letter [px]."""
 
 Bar = tuple[float, float, str]
-"""Beginning and end [s], and the words in it."""
+"""Start and end [s], and the text in the bar."""
 
 
 def timeline(play: Play) -> Figure:
-    """The timeline, in rows of at most a minute."""
+    """Figure of the timeline, in rows of at most a minute."""
     end = play.duration
-    rows = max(1, int(np.ceil(end / _LONGEST - 1e-9)))
-    each = end / rows
-    lanes = _lanes(play, _CROSS * each)
-    captions = _stacked([(one.start, one.end, str(one)) for one in play.score.captions])
-    n = sum(len(own) for own in lanes.values()) + len(captions)
+    rows = max(1, int(np.ceil(end / _MAX_ROW_TIME - 1e-9)))
+    row_time = end / rows
+    lanes = _lanes(play, _CROSS_WIDTH * row_time)
+    captions = _stacked(
+        [(caption.start, caption.end, str(caption)) for caption in play.score.captions]
+    )
+    n = sum(len(player_lanes) for player_lanes in lanes.values()) + len(captions)
     left = 20.0 + 7.0 * max(len(plain(name, 18)) for name in (*lanes, "captions"))
     height = rows * (_LANE * n + 74)
     figure = blank_figure((WIDTH, height), facecolor=LIGHT.top)
@@ -45,18 +47,18 @@ def timeline(play: Play) -> Figure:
         axes.set_position(
             (left / WIDTH, low / height, (WIDTH - left - 14) / WIDTH, _LANE * n / height)
         )
-        begin = row * each
-        axes.set_xlim(begin, begin + each)
+        begin = row * row_time
+        axes.set_xlim(begin, begin + row_time)
         axes.set_ylim(n, 0.0)
         dress(axes, LIGHT, "x")
         axes.set_xlabel("time [s]", color=LIGHT.ink, fontsize=8, labelpad=1.0)
-        scale = (WIDTH - left - 14) / each
-        _acts(axes, play, begin, begin + each, scale)
+        scale = (WIDTH - left - 14) / row_time
+        _acts(axes, play, begin, begin + row_time, scale)
         _players(axes, play, lanes, scale)
         _captions(axes, captions, n - len(captions), scale)
         ticks, labels, y = list[float](), list[str](), 0
         for name, count in (
-            *((k, len(own)) for k, own in lanes.items()),
+            *((k, len(player_lanes)) for k, player_lanes in lanes.items()),
             *([("captions", len(captions))] if captions else []),
         ):
             ticks.append(y + 0.5 * count)
@@ -71,15 +73,15 @@ def timeline(play: Play) -> Figure:
 
 
 def _lanes(play: Play, cross: float) -> dict[str, list[list[tuple[CueOfPlay, Bar]]]]:
-    """Player -> lanes of its cues, so that those of one lane follow each other.
+    """Player -> lanes of its cues; cues in one lane do not overlap.
 
     Args:
-        play: compiled.
-        cross: width of the cross of a refused cue with its number before it [s].
+        play: the compiled play.
+        cross: width of the cross of a refused cue, with the number before it [s].
     """
     lanes: dict[str, list[list[tuple[CueOfPlay, Bar]]]] = {}
     for name in play.cast.players:
-        own: list[list[tuple[CueOfPlay, Bar]]] = [[]]
+        player_lanes: list[list[tuple[CueOfPlay, Bar]]] = [[]]
         for cue in play.cues:
             if name not in cue.who:
                 continue
@@ -88,17 +90,17 @@ def _lanes(play: Play, cross: float) -> dict[str, list[list[tuple[CueOfPlay, Bar
                 bar = cue.wanted - cross, cue.wanted + 0.4 * cross, f"{cue.number}"
             else:
                 bar = marks["start"], marks["end"], f"{cue.number} {cue.words}"
-            free = [lane for lane in own if not lane or lane[-1][1][1] <= bar[0] + 1e-9]
+            free = [lane for lane in player_lanes if not lane or lane[-1][1][1] <= bar[0] + 1e-9]
             if not free:
-                own.append([])
-                free = own[-1:]
+                player_lanes.append([])
+                free = player_lanes[-1:]
             free[0].append((cue, bar))
-        lanes[name] = own
+        lanes[name] = player_lanes
     return lanes
 
 
 def _stacked(bars: Sequence[Bar]) -> list[list[Bar]]:
-    """Lanes of bars that do not overlap."""
+    """The bars in lanes in which they do not overlap."""
     lanes: list[list[Bar]] = []
     for bar in sorted(bars):
         for lane in lanes:
@@ -111,7 +113,7 @@ def _stacked(bars: Sequence[Bar]) -> list[list[Bar]]:
 
 
 def _acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> None:
-    """Acts as lines with their names above."""
+    """Draws acts as lines with their names above."""
     starts = [*play.acts.values(), play.duration]
     for k, (name, start) in enumerate(play.acts.items()):
         stop = starts[k + 1]
@@ -119,11 +121,11 @@ def _acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> Non
             continue
         axes.axvspan(start, stop, color=LIGHT.grid, alpha=0.25 * (k % 2), linewidth=0.0, zorder=0.2)
         axes.axvline(start, color=LIGHT.faint, linewidth=0.8, zorder=1.0)
-        shown = max(start, begin)
-        text = fitted(name, (min(stop, end) - shown) * scale - 6.0)
-        made = axes.annotate(
+        visible = max(start, begin)
+        text = fitted(name, (min(stop, end) - visible) * scale - 6.0)
+        annotation = axes.annotate(
             text,
-            (shown, 0.0),
+            (visible, 0.0),
             (3.0, 4.0),
             textcoords="offset points",
             fontsize=9,
@@ -133,15 +135,15 @@ def _acts(axes: Axes, play: Play, begin: float, end: float, scale: float) -> Non
             va="bottom",
             annotation_clip=False,
         )
-        made.set_parse_math(False)
+        annotation.set_parse_math(False)
 
 
 def _players(
     axes: Axes, play: Play, lanes: dict[str, list[list[tuple[CueOfPlay, Bar]]]], scale: float
 ) -> None:
     y = 0
-    for k, own in enumerate(lanes.values()):
-        for lane in own:
+    for k, player_lanes in enumerate(lanes.values()):
+        for lane in player_lanes:
             for cue, bar in lane:
                 if cue.refused:
                     _refused(axes, cue, y)
@@ -167,11 +169,11 @@ def _bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
     axes.barh(
         y + 0.5, end - begin, 0.8, begin, color=colour, alpha=0.28, edgecolor=colour, linewidth=0.8
     )
-    shown = max(begin, low)
-    text = fitted(words, (min(end, high) - shown) * scale - 5.0)
-    made = axes.annotate(
+    visible = max(begin, low)
+    text = fitted(words, (min(end, high) - visible) * scale - 5.0)
+    annotation = axes.annotate(
         text,
-        (shown, y + 0.5),
+        (visible, y + 0.5),
         (2.5, 0.0),
         textcoords="offset points",
         fontsize=7.5,
@@ -180,7 +182,7 @@ def _bar(axes: Axes, bar: Bar, y: int, colour: str, scale: float) -> None:
         va="center",
         clip_on=True,
     )
-    made.set_parse_math(False)
+    annotation.set_parse_math(False)
 
 
 def _refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
@@ -202,10 +204,16 @@ def _refused(axes: Axes, cue: CueOfPlay, y: int) -> None:
 
 
 def fitted(words: str, width: float) -> str:
-    """The words, cut to a width [px]; of a cue at least its number."""
-    most = int(width / _LETTER)
+    """The words, cut to a width [px]; a cue keeps at least its number, if that fits."""
+    max_letters = int(width / _LETTER_WIDTH)
     text = plain(words, 80)
-    if len(text) <= most:
+    if len(text) <= max_letters:
         return text
     number = text.split(" ")[0]
-    return plain(text, most) if most > len(number) + 3 else number if most >= len(number) else ""
+    return (
+        plain(text, max_letters)
+        if max_letters > len(number) + 3
+        else number
+        if max_letters >= len(number)
+        else ""
+    )

@@ -4,7 +4,7 @@
 or a gif, ``play_report`` the page of a verified play, ``stand_report`` that of a stand's check,
 ``identified_report`` that of an identification.
 matplotlib and ffmpeg are loaded by the first call, not by importing this package; pyvista only
-where ``renderer="pyvista"`` asks for it.
+for ``renderer="pyvista"``.
 """
 
 from fantoccini.output.view import rope

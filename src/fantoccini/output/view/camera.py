@@ -1,4 +1,4 @@
-"""A perspective camera that frames a whole motion.
+"""Perspective camera that frames a whole motion.
 
 Camera axes are right, up and back (towards the eye); depth is the distance from the eye into the
 picture. Azimuth 0 looks at the geometry from +x, azimuth 90 deg from +y; a positive elevation looks
@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 PRESETS = ("auto", "front", "side", "three-quarter")
-"""Names of the points of view that :func:`point_of_view` knows."""
+"""Names of the points of view of :func:`point_of_view`."""
 
 _VIEWS = {
     "front": (0.0, np.radians(5.0)),
@@ -24,8 +24,8 @@ _VIEWS = {
 
 Depth = TypeVar("Depth", float, np.ndarray)
 
-FLAT = 1e-3
-"""A motion is flat where its spread across a plane is a smaller part of its size than this."""
+MAX_FLAT_SPREAD = 1e-3
+"""Spread across a plane, relative to the size, below which a motion counts as flat."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class Viewport:
     """A rectangle of the picture, in pixels, with y upwards.
 
     Attributes:
-        x, y: lower left corner.
-        width, height: size.
+        x, y: lower left corner [px].
+        width, height: size [px].
     """
 
     x: float
@@ -44,43 +44,45 @@ class Viewport:
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Its middle [px]."""
+        """Centre of the rectangle [px]."""
         return self.x + 0.5 * self.width, self.y + 0.5 * self.height
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera.
+    """Pinhole camera.
 
     Attributes:
-        eye: (3,) its position [m].
+        eye: (3,) position of the pinhole [m].
         axes: (3, 3) rows right, up, back.
-        tangent: tangent of half the vertical opening angle.
+        tangent: tangent of half the vertical field of view.
     """
 
     eye: np.ndarray
     axes: np.ndarray
     tangent: float
 
-    def see(self, points: np.ndarray) -> np.ndarray:
+    def to_camera(self, points: np.ndarray) -> np.ndarray:
         """Points in camera axes with depth instead of back: (..., 3) world -> (..., 3) [m]."""
-        seen = (points - self.eye) @ self.axes.T
-        seen[..., 2] *= -1.0
-        return seen
+        camera_points = (points - self.eye) @ self.axes.T
+        camera_points[..., 2] *= -1.0
+        return camera_points
 
     def scale(self, depth: Depth, viewport: Viewport) -> Depth:
         """Pixels per metre at a depth [px/m]."""
         return 0.5 * viewport.height / (self.tangent * depth)
 
-    def place(self, seen: np.ndarray, viewport: Viewport) -> np.ndarray:
+    def to_pixels(self, camera_points: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Pixels of points in camera axes: (..., 3) [m] -> (..., 2) [px]."""
-        scale = self.scale(seen[..., 2:], viewport)
-        return seen[..., :2] * scale + viewport.centre
+        scale = self.scale(camera_points[..., 2:], viewport)
+        return camera_points[..., :2] * scale + viewport.centre
 
     def project(self, points: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Pixels and depth: (..., 3) world [m] -> (..., 3) [px, px, m]."""
-        seen = self.see(np.asarray(points, dtype=float))
-        return np.concatenate([self.place(seen, viewport), seen[..., 2:]], axis=-1)
+        camera_points = self.to_camera(np.asarray(points, dtype=float))
+        return np.concatenate(
+            [self.to_pixels(camera_points, viewport), camera_points[..., 2:]], axis=-1
+        )
 
     def rays(self, pixels: np.ndarray, viewport: Viewport) -> np.ndarray:
         """Lines of sight through pixels: (..., 2) [px] -> (..., 3), one metre deep."""
@@ -104,17 +106,17 @@ def fit(
     opening: float = np.radians(24.0),
     margin: float = 0.04,
 ) -> Camera:
-    """The nearest camera on a line of sight that has every ball in the picture.
+    """Nearest camera on a line of sight that has every ball in the picture.
 
-    A ball is in the picture when it lies on the inner side of four planes through the eye. Each
-    condition is linear in the eye's position, so the solution is closed.
+    A ball is in the picture if it lies on the inner side of four planes through the eye. Each
+    condition is linear in the eye's position, which gives a closed-form solution.
 
     Args:
         points: (n, 3) centres [m].
         radii: (n,) radii [m].
         azimuth, elevation: line of sight [rad].
         aspect: width over height of the picture.
-        opening: vertical opening angle [rad].
+        opening: vertical field of view [rad].
         margin: share of the picture left free on each side.
     """
     rows = axes(azimuth, elevation)
@@ -130,8 +132,8 @@ def fit(
         distances.append(0.5 * (high + low) / tan)
     # Stay in front of the nearest ball.
     nearest = np.max(local[:, 2] + radii)
-    back = max(*distances, nearest + 0.05 * max(1e-3, float(np.ptp(local[:, :2])), radii.max()))
-    return Camera(np.array([*middles, back]) @ rows, rows, float(tangent))
+    distance = max(*distances, nearest + 0.05 * max(1e-3, float(np.ptp(local[:, :2])), radii.max()))
+    return Camera(np.array([*middles, distance]) @ rows, rows, float(tangent))
 
 
 def point_of_view(
@@ -142,14 +144,14 @@ def point_of_view(
     Args:
         view: one of ``PRESETS``, or (azimuth, elevation) in degrees.
         points: (n, 3) points of the motion [m].
-        plane: the puppet's mirror plane: it faces +x for ``xz`` and ``xy``, -y for ``yz``; None
-            takes the widest side for the front.
+        plane: the puppet's mirror plane: it faces +x for ``xz`` and ``xy``, -y for ``yz``; for
+            None the widest side is the front.
     """
     if not isinstance(view, str):
         azimuth, elevation = view
         return float(np.radians(azimuth)), float(np.radians(elevation))
     if view not in PRESETS:
-        raise ValueError(f"no view is called {view!r}; the views are {', '.join(PRESETS)}")
+        raise ValueError(f"there is no view {view!r}; the views are {', '.join(PRESETS)}")
     front, flat = _front(points, plane)
     if view == "auto":
         view = "front" if flat else "three-quarter"
@@ -158,18 +160,18 @@ def point_of_view(
 
 
 def _front(points: np.ndarray, plane: str | None) -> tuple[float, bool]:
-    """Azimuth of the motion's front, and whether the motion is flat."""
+    """Azimuth of the motion's front [rad], and whether the motion is flat."""
     level = points[:, :2] - points[:, :2].mean(axis=0)
     size = float(np.ptp(points, axis=0).max())
     spreads, directions = np.linalg.eigh(level.T @ level / len(points))
-    flat = bool(np.sqrt(max(spreads[0], 0.0)) < FLAT * max(size, 1e-12))
+    flat = bool(np.sqrt(max(spreads[0], 0.0)) < MAX_FLAT_SPREAD * max(size, 1e-12))
     if plane in ("xz", "xy"):
         return 0.0, flat
     if plane == "yz":
         return -0.5 * np.pi, flat
-    thin = directions[:, 0]
-    if np.sqrt(max(spreads[1], 0.0)) < FLAT * max(size, 1e-12):
-        thin = np.array([0.0, 1.0])
-    # The side with +x to the right, or else with +y to the right.
-    sign = -1.0 if (thin[1] > 1e-6 or (abs(thin[1]) <= 1e-6 and thin[0] < 0.0)) else 1.0
-    return float(np.arctan2(sign * thin[1], sign * thin[0])), flat
+    normal = directions[:, 0]
+    if np.sqrt(max(spreads[1], 0.0)) < MAX_FLAT_SPREAD * max(size, 1e-12):
+        normal = np.array([0.0, 1.0])
+    # The front is the side with +x to the right, or else with +y to the right.
+    sign = -1.0 if (normal[1] > 1e-6 or (abs(normal[1]) <= 1e-6 and normal[0] < 0.0)) else 1.0
+    return float(np.arctan2(sign * normal[1], sign * normal[0])), flat

@@ -1,4 +1,4 @@
-"""Composes one sample of the geometry: polygons in the order of painting, shadows first."""
+"""Polygons of one sample of the geometry, in painting order, shadows first."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from fantoccini.output.view.silhouettes import CLEAR, Polygon, Solid, paint, sha
 from fantoccini.output.view.theme import Theme, mix
 
 MIN_DEPTH = 1e-6
-"""What is nearer to the eye than this is not drawn [m]."""
+"""Distance from the eye below which nothing is drawn [m]."""
 
 _SHADOW_LAYERS = (9.0, 6.0, 3.5, 1.2, 0.0)
-"""Widths of the nested outlines that soften a shadow's edge, in pens."""
+"""Widths of the nested outlines that soften a shadow's edge, in pen widths."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the geometry goes in a picture, and how it is drawn.
+    """Placement of the geometry in a picture, and drawing options.
 
     Attributes:
-        camera, viewport: the view, and the rectangle of the picture it fills.
+        camera, viewport: the view, and the rectangle of the picture that it fills.
         theme: colours.
         pen: width of an outline [px].
         top: upper end of the tension scale [N].
-        colours: (256, 3) of the tension scale.
+        colours: (256, 3) colours of the tension scale.
         handles: beads and hooks on held string ends.
     """
 
@@ -42,7 +42,7 @@ class Layout:
     handles: tuple[Solid, ...]
 
     def string_colour(self, string: StringCurve) -> np.ndarray:
-        """Colour (3,) of a string: slack, its own, or by its tension."""
+        """Colour (3,) of a string: that of slack strings, its own, or by its tension."""
         if not string.taut:
             return self.theme.slack
         if string.tension is None or not np.isfinite(string.tension):
@@ -52,7 +52,7 @@ class Layout:
 
 
 def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
-    """The polygons of the geometry at time ``t[k]``, in the order of painting."""
+    """Polygons of the geometry at time ``t[k]``, in painting order."""
     camera, viewport = layout.camera, layout.viewport
     painted: list[list[Polygon]] = []
     occluders: list[Occluder] = []
@@ -64,33 +64,33 @@ def compose(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
             painted.append(polygons)
             occluders.append(occluder(solid, pose, polygons))
     strings = lines(geometry, k, layout)
-    out = shadows(geometry, k, layout)
+    composed = shadows(geometry, k, layout)
     for item in painting_order(camera, viewport, occluders, [line.points for line in strings]):
         if isinstance(item, StringPiece):
             line = strings[item.string]
-            out.append(_stroke(line, line.points[item.start : item.stop + 1], layout))
+            composed.append(_stroke(line, line.points[item.start : item.stop + 1], layout))
         else:
-            out += painted[item]
-    return out + arrows(geometry, k, layout) + guides(geometry, k, layout)
+            composed += painted[item]
+    return composed + arrows(geometry, k, layout) + guides(geometry, k, layout)
 
 
 def guides(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
-    """The lines that the motion is compared with at time ``t[k]``, in front of everything."""
-    colour, out = layout.theme.force, []
+    """Guides, lines that the motion is compared with, at time ``t[k]``, in front of everything."""
+    colour, strokes = layout.theme.force, []
     for line in geometry.guides:
         points = line[k]
-        if np.isfinite(points).all() and np.all(layout.camera.see(points)[:, 2] > MIN_DEPTH):
-            out.append(_stroke(Line(points, 2.6 * layout.pen, colour), points, layout))
-    return out
+        if np.isfinite(points).all() and np.all(layout.camera.to_camera(points)[:, 2] > MIN_DEPTH):
+            strokes.append(_stroke(Line(points, 2.6 * layout.pen, colour), points, layout))
+    return strokes
 
 
 def arrows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
-    """The arrows of forces at time ``t[k]``, in front of everything."""
-    colour, out = layout.theme.force, []
+    """Arrows of forces at time ``t[k]``, in front of everything."""
+    colour, polygons = layout.theme.force, []
     for arrow in geometry.arrows[k] if geometry.arrows else ():
-        if np.any(layout.camera.see(arrow)[:, 2] <= MIN_DEPTH):
+        if np.any(layout.camera.to_camera(arrow)[:, 2] <= MIN_DEPTH):
             continue
-        out.append(_stroke(Line(arrow, 2.2 * layout.pen, colour), arrow, layout))
+        polygons.append(_stroke(Line(arrow, 2.2 * layout.pen, colour), arrow, layout))
         (x0, y0), (x1, y1) = layout.camera.project(arrow, layout.viewport)[:, :2]
         length = np.hypot(x1 - x0, y1 - y0)
         if length > 0.0:
@@ -99,15 +99,15 @@ def arrows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
             side = 0.4 * head * np.array([-along[1], along[0]])
             tip, base = np.array([x1, y1]) + 0.3 * head * along, np.array([x1, y1]) - head * along
             corners = np.array([tip, base + side, base - side])
-            out.append(Polygon(corners, (*colour, 1.0), CLEAR, 0.0))
-    return out
+            polygons.append(Polygon(corners, (*colour, 1.0), CLEAR, 0.0))
+    return polygons
 
 
 def occluder(solid: Solid, pose: np.ndarray, polygons: list[Polygon]) -> Occluder:
-    """The occluder of a solid at its link's pose (3, 4), from its painted polygons."""
-    # The first polygon of a round solid holds all the others.
-    shown = polygons if solid.kind == "faces" else polygons[:1]
-    corners = np.concatenate([p.outline for p in shown])
+    """Occluder of a solid at its link's pose (3, 4), from its painted polygons."""
+    # The first polygon of a round solid contains all others.
+    outlines = polygons if solid.kind == "faces" else polygons[:1]
+    corners = np.concatenate([p.outline for p in outlines])
     turn = pose[:, :3]
     half = solid.radius * np.eye(3) if solid.kind == "capsule" else solid.half
     return Occluder(
@@ -138,7 +138,7 @@ def shadows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
     """Soft shadows on the floor: nested translucent outlines, fainter for higher solids."""
     right, _, back = layout.camera.axes
     ray = np.array([0.10 * right[0] - 0.06 * back[0], 0.10 * right[1] - 0.06 * back[1], -1.0])
-    out = []
+    polygons = []
     for solid in geometry.solids:
         pose = _pose_of(solid, geometry.poses[k])
         centre = pose[2, :3] @ solid.axis.mean(axis=0) + pose[2, 3]
@@ -151,11 +151,11 @@ def shadows(geometry: Geometry, k: int, layout: Layout) -> list[Polygon]:
         strength = layout.theme.shadow_opacity / (1.0 + 2.2 * height / geometry.size)
         spread = 0.6 + 1.6 * min(1.0, height / geometry.size)
         colour = (*layout.theme.shadow, strength)
-        out += [
+        polygons += [
             Polygon(outline[:, :2], colour, colour if w else CLEAR, 2.0 * w * spread * layout.pen)
             for w in _SHADOW_LAYERS
         ]
-    return out
+    return polygons
 
 
 @dataclass(frozen=True)
@@ -168,22 +168,22 @@ class Line:
 
 
 def lines(geometry: Geometry, k: int, layout: Layout) -> list[Line]:
-    """The strings and springs of the geometry at time ``t[k]``, but those behind the eye."""
-    drawn = []
+    """Strings and springs at time ``t[k]``, except those behind the eye."""
+    curves = []
     for string in geometry.string_curves(k):
         width = (1.75 if string.wire else 1.35) if string.taut else 0.95
-        drawn.append((string.points, width, layout.string_colour(string)))
+        curves.append((string.points, width, layout.string_colour(string)))
     steel = mix(layout.theme.faint, layout.theme.ink, 0.4)
-    drawn += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]
+    curves += [(_coil(ends[k], layout), 1.0, steel) for ends in geometry.springs]
     return [
         Line(_refined(points), width * layout.pen, colour)
-        for points, width, colour in drawn
-        if np.isfinite(points).all() and np.all(layout.camera.see(points)[:, 2] > MIN_DEPTH)
+        for points, width, colour in curves
+        if np.isfinite(points).all() and np.all(layout.camera.to_camera(points)[:, 2] > MIN_DEPTH)
     ]
 
 
 def _stroke(line: Line, points: np.ndarray, layout: Layout) -> Polygon:
-    """The outline (2 n, 2) of part of a line, lengthened by half a pixel at both ends."""
+    """Outline (2 n, 2) of part of a line, lengthened by half a pixel at both ends."""
     placed = layout.camera.project(points, layout.viewport)[:, :2]
     along = np.diff(placed, axis=0)
     along /= np.maximum(np.hypot(along[:, :1], along[:, 1:]), 1e-9)
@@ -191,7 +191,7 @@ def _stroke(line: Line, points: np.ndarray, layout: Layout) -> Polygon:
     placed[-1] += 0.5 * along[-1]
     normals = np.column_stack([-along[:, 1], along[:, 0]])
     before, after = np.vstack([normals[:1], normals]), np.vstack([normals, normals[-1:]])
-    # The mean of a corner's normals, lengthened to keep the width, except in a hairpin.
+    # The mean of a corner's normals, lengthened to keep the width, except in sharp bends.
     mean = before + after
     mean *= 1.0 / np.maximum(0.5 * np.sum(mean * mean, axis=1, keepdims=True), 0.6)
     side = 0.5 * line.width * mean
@@ -200,7 +200,7 @@ def _stroke(line: Line, points: np.ndarray, layout: Layout) -> Polygon:
 
 
 def _refined(points: np.ndarray, pieces: int = 40) -> np.ndarray:
-    """The polyline with points added: no piece is longer than 1 / ``pieces`` of the whole."""
+    """The polyline with added points: no piece is longer than 1 / ``pieces`` of its length."""
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     limit = max(float(lengths.sum()) / pieces, 1e-9)
     parts = [points[:1]]
@@ -210,13 +210,13 @@ def _refined(points: np.ndarray, pieces: int = 40) -> np.ndarray:
 
 
 def _coil(ends: np.ndarray, layout: Layout, turns: int = 9) -> np.ndarray:
-    """A zigzag (n, 3) between two points, across the line of sight [m]."""
+    """Zigzag (n, 3) between two points, perpendicular to the line of sight [m]."""
     along = ends[1] - ends[0]
     across = np.cross(along, layout.camera.axes[2])
     size = np.linalg.norm(across)
     if size < 1e-9:
         return ends
-    depth = max(float(layout.camera.see(ends)[:, 2].mean()), 1e-6)
+    depth = max(float(layout.camera.to_camera(ends)[:, 2].mean()), 1e-6)
     across *= 4.0 * layout.pen / layout.camera.scale(depth, layout.viewport) / size
     steps = np.linspace(0.12, 0.88, 2 * turns + 1)
     swing = np.where(np.arange(2 * turns + 1) % 2, 1.0, -1.0)

@@ -1,4 +1,4 @@
-"""Curves of measurements over a varied quantity, on logarithmic axes."""
+"""Plots of measurements against a varied quantity, on logarithmic axes."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ MAX_LABELLED_RANGE = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Measured points.
+    """Measured points, or a reference line.
 
     Attributes:
-        label: in the legend.
-        x, y: (n,) the points; a logarithmic axis leaves out what is not positive.
+        label: label in the legend.
+        x, y: (n,) the points; a logarithmic axis leaves out values that are not positive.
         marked: draw a dot at each point.
-        faint: a reference line: dashed and grey.
+        faint: draw a reference line, dashed and grey.
     """
 
     label: str
@@ -43,13 +43,13 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One pair of axes.
+    """A pair of axes with curves.
 
     Attributes:
-        title: above them.
+        title: title above the axes.
         x, y: labels of the axes, with units.
-        curves: to draw.
-        log_x: whether x is logarithmic; y is, unless all values are 0.
+        curves: curves to draw.
+        log_x: whether x is logarithmic. y always is, unless all values are 0.
     """
 
     title: str
@@ -60,7 +60,7 @@ class Panel:
 
 
 def slope(label: str, x: np.ndarray, y: np.ndarray, order: float) -> Curve:
-    """A line y ~ x^order just above the last positive point of measured ones."""
+    """Reference line y ~ x^order just above the last positive measured point."""
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     last = np.flatnonzero(y > 0.0)[-1] if np.any(y > 0.0) else len(y) - 1
     line = REFERENCE_OFFSET * y[last] * (x / x[last]) ** order
@@ -78,10 +78,10 @@ def curves(
 
     Args:
         panels: from left to right.
-        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         theme: ``light``, ``dark``, or a Theme.
         size: width and height of a panel [px].
-        scale: pixels of the file for a pixel of ``size``.
+        scale: pixels of the file per pixel of ``size``.
 
     Returns:
         The path of the picture.
@@ -96,28 +96,28 @@ def curves(
 
 
 def _panel(axes: Axes, panel: Panel, theme: Theme) -> None:
-    shown = 0
+    n_measured = 0
     for curve in panel.curves:
         x, y = np.asarray(curve.x, dtype=float), np.asarray(curve.y, dtype=float)
-        seen = np.isfinite(y) & (y > 0.0)
-        look: dict[str, Any]
+        positive = np.isfinite(y) & (y > 0.0)
+        style: dict[str, Any]
         if curve.faint:
-            look = {"color": theme.faint, "linestyle": "--", "linewidth": 0.9, "zorder": 1.5}
+            style = {"color": theme.faint, "linestyle": "--", "linewidth": 0.9, "zorder": 1.5}
         else:
-            look = {"color": theme.colour(shown), "linewidth": 1.2}
-            shown += 1
+            style = {"color": theme.colour(n_measured), "linewidth": 1.2}
+            n_measured += 1
         if curve.marked:
-            look |= {"marker": "o", "markersize": 4.0, "markeredgecolor": theme.top}
-        if not np.any(seen):
-            seen = np.isfinite(y)
-        axes.plot(x[seen], y[seen], label=plain(curve.label, 40), **look)
+            style |= {"marker": "o", "markersize": 4.0, "markeredgecolor": theme.top}
+        if not np.any(positive):
+            positive = np.isfinite(y)
+        axes.plot(x[positive], y[positive], label=plain(curve.label, 40), **style)
     if any(np.any(np.asarray(curve.y) > 0.0) for curve in panel.curves):
         axes.set_yscale("log")
     if panel.log_x:
         axes.set_xscale("log")
-        given = np.unique([f"{x:.2g}" for c in panel.curves if c.marked for x in c.x]).astype(float)
-        if len(given) and given.max() < MAX_LABELLED_RANGE * given.min():
-            axes.set_xticks(given, [f"{x:g}" for x in given])
+        ticks = np.unique([f"{x:.2g}" for c in panel.curves if c.marked for x in c.x]).astype(float)
+        if len(ticks) and ticks.max() < MAX_LABELLED_RANGE * ticks.min():
+            axes.set_xticks(ticks, [f"{x:g}" for x in ticks])
             axes.minorticks_off()
     axes.set_title(
         plain(panel.title, 80), color=theme.ink, fontsize=10, loc="left", parse_math=False

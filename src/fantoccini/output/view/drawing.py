@@ -1,6 +1,6 @@
-"""Drawing on matplotlib's Agg canvas: a sheet in pixels with background, polygons and captions.
+"""Drawing on matplotlib's Agg canvas: a sheet in pixels with background, polygons and text.
 
-matplotlib is imported when the first sheet is made, and only through ``Figure`` objects: no
+matplotlib is imported when the first sheet is created, and only ``Figure`` objects are used: no
 display, no global state. Names from files are drawn as plain text.
 """
 
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 DPI = 100.0
-"""Pixels of a sheet for an inch; one pixel is 0.72 points."""
+"""Pixels per inch of a sheet; a pixel is 0.72 points."""
 
 _POINTS = 72.0 / DPI
 
 
 @dataclass(frozen=True)
-class Look:
-    """What callers choose of a picture.
+class PictureOptions:
+    """Options of a picture.
 
     Attributes:
         view: preset, or (azimuth, elevation) in degrees.
-        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture.
         theme: colours.
-        size: width and height [px]; None for what the motion needs.
+        size: width and height [px]; None adapts it to the motion.
     """
 
     view: str | tuple[float, float]
@@ -55,21 +55,21 @@ class Look:
         focus: str = "all",
         theme: str | Theme = "light",
         size: tuple[int, int] | None = None,
-    ) -> Look:
+    ) -> PictureOptions:
         """Checks the options and resolves the theme's name."""
         if focus not in ("all", "bodies"):
-            raise ValueError(f"focus can be all or bodies, not {focus!r}")
+            raise ValueError(f"focus is {focus!r}; it can be all or bodies")
         return cls(view, focus, theme_of(theme), size)
 
 
 def plain(text: str, max_length: int = 60) -> str:
-    """The text on one line, without control characters, cut to ``max_length``."""
+    """The text on one line, without control characters, shortened to ``max_length``."""
     text = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return text if len(text) <= max_length else text[: max_length - 1] + "\N{HORIZONTAL ELLIPSIS}"
 
 
 def blank_figure(size: tuple[int, int], **options: Any) -> Figure:
-    """A figure of ``size`` [px] on an Agg canvas; ``options`` are those of matplotlib's Figure."""
+    """Figure of ``size`` [px] on an Agg canvas; ``options`` go to matplotlib's Figure."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -81,7 +81,7 @@ def blank_figure(size: tuple[int, int], **options: Any) -> Figure:
 def dress(
     axes: Axes, theme: Theme, grid: Literal["x", "both"], which: Literal["major", "both"] = "major"
 ) -> None:
-    """Frame, ticks (``which``) and grid lines (along ``grid``) of axes with numbers."""
+    """Styles the frame, ticks (``which``) and grid lines (along ``grid``) of axes."""
     axes.set_facecolor("none")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -95,38 +95,38 @@ def dress(
 def layout_of(
     geometry: Geometry,
     viewport: Viewport,
-    look: Look,
+    options: PictureOptions,
     top: float | None = None,
     pan: np.ndarray | None = None,
 ) -> Layout:
-    """The layout whose camera has the whole motion inside the viewport.
+    """Layout whose camera has the whole motion inside the viewport.
 
     Args:
-        geometry: what to show.
-        viewport: where in the picture.
-        look: point of view, focus and theme.
+        geometry: geometry to show.
+        viewport: rectangle of the picture.
+        options: point of view, focus and theme.
         top: upper end of the tension scale [N]; by default from the motion.
-        pan: (T, 3) camera displacements [m]; the layout is that of the first time.
+        pan: (T, 3) camera displacements [m]; the layout is for the first time.
     """
-    centres, radii = geometry.balls(strings=look.focus == "all", pan=pan)
-    azimuth, elevation = point_of_view(look.view, centres, geometry.plane)
-    # Shadows belong to the picture, unless the floor is far below.
-    feet = geometry.feet(centres)
+    centres, radii = geometry.balls(strings=options.focus == "all", pan=pan)
+    azimuth, elevation = point_of_view(options.view, centres, geometry.plane)
+    # Shadows must be in the picture, unless the floor is far below.
+    shadow_points = geometry.feet(centres)
     camera = fit(
-        np.concatenate([centres, feet]),
-        np.concatenate([radii, np.zeros(len(feet))]),
+        np.concatenate([centres, shadow_points]),
+        np.concatenate([radii, np.zeros(len(shadow_points))]),
         azimuth,
         elevation,
         viewport.width / viewport.height,
     )
     pen = max(0.6, 1.9 * (min(viewport.height, 1.6 * viewport.width) / 720.0) ** 0.7)
-    top, theme = geometry.tension_top() if top is None else top, look.theme
-    held = tuple(handles(geometry.tree, theme, geometry.size))
-    return Layout(camera, viewport, theme, pen, top, theme.tension_colours(), held)
+    top, theme = geometry.tension_top() if top is None else top, options.theme
+    beads = tuple(handles(geometry.tree, theme, geometry.size))
+    return Layout(camera, viewport, theme, pen, top, theme.tension_colours(), beads)
 
 
 class Sheet:
-    """An empty picture: axes over all of it, in pixels, on a soft background.
+    """Empty picture: axes in pixels over a soft background.
 
     Args:
         size: width and height [px].
@@ -150,8 +150,8 @@ class Sheet:
         zorder: float,
         animated: bool = False,
     ) -> AxesImage:
-        """Adds rows of pixels, from below, stretched to left, right, bottom, top [px]."""
-        shown = self.axes.imshow(
+        """Adds rows of pixels, from the bottom up, stretched to (left, right, bottom, top) [px]."""
+        artist = self.axes.imshow(
             pixels,
             extent=extent,
             origin="lower",
@@ -162,7 +162,7 @@ class Sheet:
         )
         self.axes.set_xlim(0.0, self.figure.bbox.width)
         self.axes.set_ylim(0.0, self.figure.bbox.height)
-        return shown
+        return artist
 
     def floor(
         self,
@@ -172,35 +172,39 @@ class Sheet:
         middle: np.ndarray | None = None,
         animated: bool = False,
     ) -> list[Artist]:
-        """Adds a spot of light on the floor and, with ``grid``, lines that fade outwards.
+        """Adds a spot of light on the floor and, with ``grid``, grid lines that fade outwards.
 
         Args:
-            geometry: whose floor it is.
+            geometry: geometry with the floor.
             layout: camera and theme.
-            grid: draw the lines.
+            grid: draw grid lines.
             middle: (3,) centre of the light [m]; by default the light covers the whole motion.
-            animated: drawn on request only, in matplotlib's sense.
+            animated: drawn only on request, in matplotlib's sense.
 
         Returns:
-            What was added.
+            The added artists.
         """
-        made: list[Artist] = []
+        artists: list[Artist] = []
         theme, camera = layout.theme, layout.camera
         if camera.eye[2] <= geometry.floor + 0.02 * geometry.size:
-            return made
-        centre, reach = _spot(geometry) if middle is None else (middle[:2], 0.9 * geometry.size)
+            return artists
+        centre, reach = (
+            _light_spot(geometry) if middle is None else (middle[:2], 0.9 * geometry.size)
+        )
         width, height = self.figure.bbox.width, self.figure.bbox.height
         x = np.linspace(0.0, width, 1 + int(width) // 4)
         y = np.linspace(0.0, height, 1 + int(height) // 4)
         rays = camera.rays(np.stack(np.meshgrid(x, y), axis=-1), layout.viewport)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ahead = (geometry.floor - camera.eye[2]) / rays[..., 2]
-            place = camera.eye[:2] + ahead[..., None] * rays[..., :2]
-            away = np.linalg.norm(place - centre, axis=-1) / (1.25 * reach)
-        light = np.where((ahead > 0.0) & (away < 1.0), (1.0 - np.minimum(away, 1.0) ** 2) ** 2, 0.0)
+            depth = (geometry.floor - camera.eye[2]) / rays[..., 2]
+            points = camera.eye[:2] + depth[..., None] * rays[..., :2]
+            distance = np.linalg.norm(points - centre, axis=-1) / (1.25 * reach)
+        light = np.where(
+            (depth > 0.0) & (distance < 1.0), (1.0 - np.minimum(distance, 1.0) ** 2) ** 2, 0.0
+        )
         lit_rows, lit_columns = (np.flatnonzero(light.any(axis=k)) for k in (1, 0))
         if len(lit_rows):
-            # Only the lit part: stretching an image takes time by its area.
+            # Only the lit part: the time to stretch an image grows with its area.
             rows = slice(lit_rows[0], lit_rows[-1] + 1)
             columns = slice(lit_columns[0], lit_columns[-1] + 1)
             lit = light[rows, columns]
@@ -213,38 +217,38 @@ class Sheet:
                 rows.start * up,
                 rows.stop * up,
             )
-            made.append(self.image(pixels, extent, 1.0, animated))
+            artists.append(self.image(pixels, extent, 1.0, animated))
         if grid:
             lines = _grid(geometry, layout, centre, reach)
             lines.set_animated(animated)
             self.axes.add_collection(lines, autolim=False)
-            made.append(lines)
-        return made
+            artists.append(lines)
+        return artists
 
     def polygons(
         self, polygons: list[Polygon], zorder: float = 2.0, animated: bool = False
     ) -> PolyCollection:
-        """Adds a collection of polygons, painted in this order."""
+        """Adds a collection of polygons, painted in the given order."""
         from matplotlib.collections import PolyCollection
 
-        made = PolyCollection(
+        collection = PolyCollection(
             [], zorder=zorder, antialiased=True, joinstyle="round", animated=animated
         )
-        self.axes.add_collection(made, autolim=False)
-        set_polygons(made, polygons)
-        return made
+        self.axes.add_collection(collection, autolim=False)
+        set_polygons(collection, polygons)
+        return collection
 
     def write(
-        self, x: float, y: float, text: str, size: float, colour: np.ndarray, **how: Any
+        self, x: float, y: float, text: str, size: float, colour: np.ndarray, **options: Any
     ) -> Text:
-        """Adds plain text; mathematics in it is not interpreted.
+        """Adds plain text, without parsing formulas.
 
         Args:
-            x, y: place [px].
-            text: to write.
-            size: height of a line of text [px].
-            colour: of the text.
-            how: passed on to matplotlib (ha, va, weight, animated).
+            x, y: position [px].
+            text: text to write.
+            size: font size [px].
+            colour: (3,) colour of the text.
+            options: options of matplotlib (ha, va, weight, animated).
         """
         return self.axes.text(
             x,
@@ -255,11 +259,11 @@ class Sheet:
             parse_math=False,
             usetex=False,
             zorder=5.0,
-            **how,
+            **options,
         )
 
     def title(self, text: str, unit: float, y: float, animated: bool = False) -> Text:
-        """Adds the title at the left, its top at height y; ``unit`` is the size of letters [px]."""
+        """Adds the title at the left, with its top at height y; ``unit`` is the font size [px]."""
         return self.write(
             1.6 * unit,
             y,
@@ -275,21 +279,21 @@ class Sheet:
     def tension_bar(
         self, geometry: Geometry, layout: Layout, y: float, unit: float, right: float | None = None
     ) -> None:
-        """Adds the scale of tension at the right, with the sign for a slack string.
+        """Adds the tension scale at the right, with a sample of a slack string.
 
         Args:
-            geometry: what is shown; nothing is drawn where it has no tension.
+            geometry: geometry to show; without tensions nothing is drawn.
             layout: colours and top of the scale.
-            y: height of the bar [px].
-            unit: size of the letters [px].
-            right: of the bar [px]; near the sheet's edge when not given.
+            y: vertical position of the bar [px].
+            unit: font size [px].
+            right: right end of the bar [px]; by default near the sheet's edge.
         """
         if geometry.tension is None or not (geometry.names or geometry.chains):
             return
-        theme, length, thick = layout.theme, 15.0 * unit, 0.62 * unit
+        theme, length, thickness = layout.theme, 15.0 * unit, 0.62 * unit
         right = self.width - 1.6 * unit if right is None else right
         left = right - length
-        self.image(layout.colours[None, :, :], (left, right, y, y + thick), 4.0)
+        self.image(layout.colours[None, :, :], (left, right, y, y + thickness), 4.0)
         largest = max(
             float(np.nanmax(np.abs(x), initial=0.0)) for x in (geometry.tension, geometry.pulls)
         )
@@ -303,7 +307,7 @@ class Sheet:
             self.write(x, y - 0.35 * unit, text, 0.85 * unit, theme.faint, ha=side, va="top")
         self.axes.plot(
             [left - 4.4 * unit, left - 2.0 * unit],
-            [y + 0.5 * thick] * 2,
+            [y + 0.5 * thickness] * 2,
             color=theme.slack,
             linewidth=0.95 * layout.pen * _POINTS,
             zorder=4.0,
@@ -311,15 +315,15 @@ class Sheet:
 
 
 def set_polygons(artist: PolyCollection, polygons: list[Polygon]) -> None:
-    """Replaces the polygons of a collection, in the order of painting."""
+    """Replaces the polygons of a collection, in painting order."""
     artist.set_verts([p.outline for p in polygons])
     artist.set_facecolor([p.face for p in polygons])
     artist.set_edgecolor([p.edge for p in polygons])
     artist.set_linewidth([p.width * _POINTS for p in polygons])
 
 
-def _spot(geometry: Geometry) -> tuple[np.ndarray, float]:
-    """Middle (2,) and reach [m] of the light on the floor under a whole motion."""
+def _light_spot(geometry: Geometry) -> tuple[np.ndarray, float]:
+    """Centre (2,) and radius [m] of the light on the floor under a whole motion."""
     low, high = geometry.ground_box()
     return 0.5 * (low + high), 0.6 * float((high - low).max()) + 0.3 * geometry.size
 
@@ -335,14 +339,16 @@ def _grid(geometry: Geometry, layout: Layout, middle: np.ndarray, reach: float) 
     one_way = np.stack([np.column_stack([np.full(49, t), along]) for t in ticks])
     points = np.concatenate([one_way, one_way[..., ::-1]]) + origin
     points = np.concatenate([points, np.full((*points.shape[:2], 1), geometry.floor)], axis=2)
-    placed = camera.project(points, layout.viewport)
-    lines = np.stack([placed[:, :-1], placed[:, 1:]], axis=2).reshape(-1, 2, 3)
-    away = np.linalg.norm(0.5 * (points[:, :-1] + points[:, 1:])[..., :2] - middle, axis=2).ravel()
-    fade = np.clip(1.0 - away / (1.35 * reach), 0.0, 1.0) ** 1.4
-    good = (fade > 0.0) & np.all(lines[..., 2] > 0.05 * geometry.size, axis=1)
-    colours = np.column_stack([np.tile(theme.grid, (good.sum(), 1)), fade[good]])
+    projected = camera.project(points, layout.viewport)
+    lines = np.stack([projected[:, :-1], projected[:, 1:]], axis=2).reshape(-1, 2, 3)
+    distance = np.linalg.norm(
+        0.5 * (points[:, :-1] + points[:, 1:])[..., :2] - middle, axis=2
+    ).ravel()
+    fade = np.clip(1.0 - distance / (1.35 * reach), 0.0, 1.0) ** 1.4
+    visible = (fade > 0.0) & np.all(lines[..., 2] > 0.05 * geometry.size, axis=1)
+    colours = np.column_stack([np.tile(theme.grid, (visible.sum(), 1)), fade[visible]])
     return LineCollection(
-        lines[good][..., :2],
+        lines[visible][..., :2],
         colors=colours,
         linewidths=0.55 * layout.pen * _POINTS,
         zorder=1.5,

@@ -1,4 +1,4 @@
-"""Films of a motion: frames are drawn here and encoded by an ffmpeg process."""
+"""Films of a motion: frames drawn here and encoded by an ffmpeg process."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from fantoccini.base import FantocciniError, MediaError, OnProgress, Progress, ffmpeg, replacing
 from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import Layout, compose, shadows
-from fantoccini.output.view.drawing import Look, Sheet, layout_of, set_polygons
+from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of, set_polygons
 from fantoccini.output.view.geometry import Geometry, Guides, geometry_of
 from fantoccini.output.view.pan import camera_path, pays_off
 from fantoccini.output.view.soundtrack import soundtrack
@@ -55,13 +55,13 @@ CODECS = {
         "gif",
     ),
 }
-"""ffmpeg's arguments, by file ending."""
-_CAPTIONS = 0.4
+"""Arguments of ffmpeg, by file ending."""
+_MAX_CAPTION_SHARE = 0.4
 """Largest share of the picture's height that captions take."""
 
 MAX_GIF_FPS = 50.0
-"""Largest frame rate of a GIF [1/s]. Frame times are in hundredths of a second, and browsers show a
-frame of one hundredth for ten."""
+"""Largest frame rate of a GIF [1/s]: frame times are in hundredths of a second, and browsers show
+frames of one hundredth for ten."""
 
 
 class FilmError(FantocciniError):
@@ -88,36 +88,36 @@ def film(
 ) -> Path:
     """Writes a film of a run.
 
-    The file appears whole or not at all. A fixed camera frames all of the motion, unless the puppet
-    walks so far that it would be small: then the camera follows it.
+    The file appears only when complete. A fixed camera frames the whole motion, unless the puppet
+    walks so far that it would appear small: then the camera follows it.
 
     Args:
         marionette: the puppet.
         run: its motion.
-        path: ends in ``.mp4`` (H.264, yuv420p) or ``.gif``.
-        fps: frames per second; for a ``.gif`` at most 50, because browsers play no more.
+        path: path that ends in ``.mp4`` (H.264, yuv420p) or ``.gif``.
+        fps: frames per second; for a ``.gif`` at most 50, the limit of browsers.
         size: width and height [px], rounded up to even numbers.
         view: preset, or (azimuth, elevation) in degrees.
-        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture.
         theme: ``light``, ``dark``, or a Theme.
         speed: seconds of motion per second of film.
-        progress: called after each frame.
-        renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed; it takes
-            several times as long.
-        follow: whether the camera follows the puppet; by default where that pays off.
-        forces: draw the forces of contacts, as :func:`strip` does; by matplotlib.
-        captions: to be read below the picture, on the run's clock; ``score.captions``.
-        sounds: to be heard, on the run's clock; ``score.sounds``. In slow and fast films they keep
-            their pitch. A ``.gif`` is silent.
-        guides: gives at times (T,) polylines (T, n, 3) that the motion is compared with, drawn in
-            front of it [m]: ``followed.guides``. By matplotlib.
+        progress: callback after each frame.
+        renderer: ``matplotlib``, or ``pyvista`` for shaded solids, if installed; it takes several
+            times as long.
+        follow: whether the camera follows the puppet; by default if it would otherwise be small.
+        forces: draw the forces of contacts, as :func:`strip` does; matplotlib only.
+        captions: captions below the picture, in the run's time, such as ``score.captions``.
+        sounds: sounds, in the run's time, such as ``score.sounds``. They keep their pitch in slow
+            and fast films. A ``.gif`` is silent.
+        guides: function that returns polylines (T, n, 3) [m] for times (T,), to compare the motion
+            with, drawn in front of it: ``followed.guides``; matplotlib only.
 
     Returns:
         The path of the film.
 
     Raises:
         FilmError: the encoder failed, a sound cannot be read, or the folder does not exist.
-        MissingLibraryError: the renderer is pyvista, which is not installed.
+        MissingLibraryError: pyvista was chosen and is not installed.
         ValueError: a number is out of range, the ending is unknown, there are no forces to draw, or
             a film with sound is more than 4 times as slow or fast as the motion.
     """
@@ -130,7 +130,7 @@ def film(
         raise FilmError(f"there is no folder {path.parent}")
     width, height = (int(n) + int(n) % 2 for n in size)
     if checked_renderer(renderer) == "pyvista" and (forces or guides):
-        raise ValueError("pyvista draws no forces and no guides; take renderer='matplotlib'")
+        raise ValueError("pyvista draws no forces and no guides; use renderer='matplotlib'")
 
     ending = path.suffix.lower()
     if ending == ".gif":
@@ -140,43 +140,43 @@ def film(
     times = np.minimum(start + np.arange(n) * (speed / fps), stop)
     sound = soundtrack(sounds if ending == ".mp4" else (), start, n / fps, speed)
     geometry = geometry_of(marionette, run.resample(times), forces).with_guides(guides)
-    look = Look.of(view, focus, theme, (width, height))
-    frames = Frames(geometry, look, renderer, follow, captions)
+    options = PictureOptions.of(view, focus, theme, (width, height))
+    frames = Frames(geometry, options, renderer, follow, captions)
     try:
-        with replacing(path) as part:
-            _encode(frames, n, part, (*sound, CODECS[ending]), fps, progress)
+        with replacing(path) as temporary:
+            _encode(frames, n, temporary, (*sound, CODECS[ending]), fps, progress)
     finally:
         frames.close()
     return path
 
 
 class Frames:
-    """Draws the frames of one film; background, scale and captions are drawn once.
+    """Drawing of a film's frames; background, scale and captions are drawn once.
 
     Args:
-        geometry: what to show.
-        look: of the film.
-        renderer: of solids and strings.
-        follow: whether the camera follows the puppet; None where that pays off.
-        captions: to be read below the picture.
+        geometry: geometry to show.
+        options: options of the pictures.
+        renderer: renderer of solids and strings.
+        follow: whether the camera follows the puppet; None if it would otherwise be small.
+        captions: captions below the picture.
     """
 
     def __init__(
         self,
         geometry: Geometry,
-        look: Look,
+        options: PictureOptions,
         renderer: str = "matplotlib",
         follow: bool | None = None,
         captions: Sequence[Caption] = (),
     ):
-        self.size = width, height = look.size or (960, 720)
-        unit = max(height / 50.0, min(10.0, width / 24.0))  # captions of small films stay legible
-        self.geometry, self.sheet = geometry, Sheet(self.size, look.theme)
+        self.size = width, height = options.size or (960, 720)
+        unit = max(height / 50.0, min(10.0, width / 24.0))  # keeps captions of small films legible
+        self.geometry, self.sheet = geometry, Sheet(self.size, options.theme)
         axes = self.sheet.axes
-        self._subtitles = Subtitles(captions, width, unit, _CAPTIONS * height)
-        low = 3.2 * unit + self._subtitles.room
+        self._subtitles = Subtitles(captions, width, unit, _MAX_CAPTION_SHARE * height)
+        low = 3.2 * unit + self._subtitles.height
         inner = Viewport(unit, low, width - 2.0 * unit, height - 2.8 * unit - low)
-        self.layout, self.pan = _framing(geometry, inner, look, follow)
+        self.layout, self.pan = _framing(geometry, inner, options, follow)
         self._floor: list[Artist] = []
         if self.pan is None:
             self.sheet.floor(geometry, self.layout)
@@ -184,15 +184,15 @@ class Frames:
         self.sheet.tension_bar(geometry, self.layout, 2.2 * unit, unit)
         self._scale = [x for x in axes.get_children() if x not in before]
         for artist in self._scale if self.pan is not None else ():
-            artist.set_animated(True)  # a floor that moves is drawn before it
-        # Strings may run up behind the title.
+            artist.set_animated(True)  # a moving floor is drawn before it
+        # Strings may pass behind the title.
         self._title = self.sheet.title(geometry.title, unit, height - 1.6 * unit, animated=True)
         self._clock = self.sheet.write(
             width - 1.6 * unit,
             height - 1.6 * unit,
             "",
             1.15 * unit,
-            look.theme.faint,
+            options.theme.faint,
             ha="right",
             va="top",
             animated=True,
@@ -203,14 +203,14 @@ class Frames:
         self._studio = None
         if renderer == "pyvista":
             self._studio = Studio(geometry, self.layout, self.size)
-            blank, whole = np.zeros((height, width, 4)), (0.0, width, 0.0, height)
-            self._photograph = self.sheet.image(blank, whole, 3.0, animated=True)
+            blank, extent = np.zeros((height, width, 4)), (0.0, width, 0.0, height)
+            self._photograph = self.sheet.image(blank, extent, 3.0, animated=True)
         self._canvas = cast("FigureCanvasAgg", self.sheet.figure.canvas)
         self._canvas.draw()
         self._backdrop = self._canvas.copy_from_bbox(self.sheet.figure.bbox)
 
     def draw(self, k: int) -> memoryview:
-        """The pixels of frame k: rows from the top, red, green, blue, opacity, a byte each."""
+        """Pixels of frame k: rows from the top; red, green, blue, opacity, a byte each."""
         self._canvas.restore_region(self._backdrop)
         layout = self.layout if self.pan is None else self._follow(self.pan[k])
         self._clock.set_text(f"{self.geometry.t[k]:.2f} s")
@@ -225,13 +225,13 @@ class Frames:
             self.sheet.axes.draw_artist(artist)
         return self._canvas.buffer_rgba()
 
-    def _follow(self, gone: np.ndarray) -> Layout:
-        """The layout of a camera displaced by (3,) [m]; draws its floor."""
+    def _follow(self, displacement: np.ndarray) -> Layout:
+        """Layout of a camera displaced by (3,) [m]; draws its floor."""
         camera = self.layout.camera
-        layout = replace(self.layout, camera=replace(camera, eye=camera.eye + gone))
+        layout = replace(self.layout, camera=replace(camera, eye=camera.eye + displacement))
         for artist in self._floor:
             artist.remove()
-        middle = gone + self._middle
+        middle = displacement + self._middle
         self._floor = self.sheet.floor(self.geometry, layout, middle=middle, animated=True)
         for artist in (*self._floor, *self._scale):
             self.sheet.axes.draw_artist(artist)
@@ -246,19 +246,19 @@ class Frames:
 
 
 def _framing(
-    geometry: Geometry, viewport: Viewport, look: Look, follow: bool | None
+    geometry: Geometry, viewport: Viewport, options: PictureOptions, follow: bool | None
 ) -> tuple[Layout, np.ndarray | None]:
-    """The first frame's layout, and the camera's displacements (T, 3) [m] where it follows."""
-    fixed = layout_of(geometry, viewport, look)
+    """Layout of the first frame, and displacements (T, 3) [m] of a camera that follows, or None."""
+    fixed = layout_of(geometry, viewport, options)
     if follow is False:
         return fixed, None
     path = camera_path(geometry)
-    following = layout_of(geometry, viewport, look, pan=path)
+    following = layout_of(geometry, viewport, options, pan=path)
     if follow is None:
-        # Decided with the strings in view: a puppet that only swings on fixed ones is not followed.
+        # Decided with the strings in view: a puppet that only swings in place is not followed.
         distances = []
         for pan in (None, path):
-            camera = layout_of(geometry, viewport, replace(look, focus="all"), pan=pan).camera
+            camera = layout_of(geometry, viewport, replace(options, focus="all"), pan=pan).camera
             centre = geometry.balls(pan=pan)[0].mean(axis=0)
             distances.append(float((centre - camera.eye) @ -camera.axes[2]))
         follow = pays_off(*distances)
@@ -273,7 +273,7 @@ def _encode(
     fps: float,
     progress: OnProgress | None,
 ) -> None:
-    """Draws and encodes n frames; the arguments are those of sounds, of their mix and the codec."""
+    """Draws and encodes n frames; `arguments` are those for sounds, their mix and the codec."""
     try:
         program = ffmpeg()
     except MediaError as reason:

@@ -1,4 +1,4 @@
-"""The geometry of a puppet and its motion, in metres: everything that is drawn."""
+"""Geometry of a puppet and its motion, in metres: everything that is drawn."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StringCurve:
-    """A string at one time.
+    """String at one time.
 
     Attributes:
         points: (n, 3) polyline to draw [m].
-        taut: True when it pulls.
-        tension: [N], or None when unknown.
-        colour: (3,) of its own, or None.
-        wire: True for a two-sided one.
+        taut: whether it pulls.
+        tension: tension [N], or None if unknown.
+        colour: (3,) its own colour, or None.
+        wire: whether it is a wire.
     """
 
     points: np.ndarray
@@ -41,35 +41,35 @@ class StringCurve:
 
 
 Guides: TypeAlias = Callable[[Times], Sequence[Array]]
-"""Gives lines (T, n, 3) that a motion is compared with at times (T,) [m]."""
+"""Function from times (T,) to lines (T, n, 3) that a motion is compared with [m]."""
 
 
 @dataclass(frozen=True)
 class Geometry:
-    """A motion, ready to be drawn.
+    """Motion, ready to be drawn.
 
     Attributes:
         title: name of the puppet.
         t: (T,) times [s].
         solids: shapes on links, obstacles on the world.
         poses: (T, n_links, 3, 4) link poses.
-        names: of the strings.
-        points: for each string (T, n_points, 3) [m].
-        lengths: (T, n_strings) including slip of the winches [m].
-        taut: (T, n_strings) True for taut strings.
-        tension: (T, n_strings) [N], or None when unknown.
-        colours: of each string its own colour, or None.
-        wires: True for two-sided strings.
-        springs: for each spring (T, 2, 3) ends [m].
-        chains: for each chain (T, n_points, 3) its ends and masses [m].
-        pulls: (T, n_chains) mean pull of the springs of each chain [N].
+        names: names of the strings.
+        points: (T, n_points, 3) points of each string [m].
+        lengths: (T, n_strings) lengths, including slip of the winches [m].
+        taut: (T, n_strings) whether strings are taut.
+        tension: (T, n_strings) tensions [N], or None if unknown.
+        colours: each string's own colour, or None.
+        wires: whether each string is a wire.
+        springs: (T, 2, 3) ends of each spring [m].
+        chains: (T, n_points, 3) ends and masses of each chain [m].
+        pulls: (T, n_chains) mean force of the springs of each chain [N].
         chain_colours: as ``colours``.
         floor: height of the plane that shadows fall on [m].
-        ground: True where that plane is the world's floor, on which slack strings lie.
+        ground: whether that plane is the world's floor, on which slack strings lie.
         plane: mirror plane of the puppet, or None.
-        size: largest side of the box about puppet and strings at the first time [m].
+        size: largest side of the bounding box of puppet and strings at the first time [m].
         tree: links and strings, with values in place of parameters.
-        arrows: for each time (n, 2, 3) foot and head of the arrows of forces [m]; empty for none.
+        arrows: (n, 2, 3) foot and head of the arrows of forces at each time [m]; empty for none.
         guides: (T, n, 3) polylines that the motion is compared with, drawn in front of it [m].
     """
 
@@ -97,10 +97,10 @@ class Geometry:
     guides: tuple[np.ndarray, ...] = ()
 
     def with_guides(self, guides: Guides | None) -> Geometry:
-        """The same with lines that the motion is compared with.
+        """The geometry with lines that the motion is compared with.
 
         Raises:
-            ValueError: they are not (T, n, 3) with n >= 2.
+            ValueError: a line is not (T, n, 3) with n >= 2.
         """
         if guides is None:
             return self
@@ -109,72 +109,72 @@ class Geometry:
             of_times = line.ndim == 3 and line.shape[::2] == (len(self.t), 3)
             if not of_times or line.shape[1] < 2:
                 raise ValueError(
-                    f"a guide has the shape {line.shape}; needed: ({len(self.t)}, n, 3) with at "
+                    f"a guide has the shape {line.shape}; it must be ({len(self.t)}, n, 3) with at "
                     "least 2 points"
                 )
         return replace(self, guides=lines)
 
     def string_curves(self, k: int) -> list[StringCurve]:
-        """The strings and chains at time ``t[k]``."""
-        out = []
+        """Strings and chains at time ``t[k]``."""
+        curves = []
         for s, points in enumerate(self.points):
             line, taut = points[k], bool(self.taut[k, s]) or self.wires[s]
             if not taut and np.isfinite(line).all():
                 line = self.slack_curve(line, float(self.lengths[k, s]))
             tension = None if self.tension is None else float(self.tension[k, s])
-            out.append(StringCurve(line, taut, tension, self.colours[s], self.wires[s]))
+            curves.append(StringCurve(line, taut, tension, self.colours[s], self.wires[s]))
         for s, points in enumerate(self.chains):
             pull = float(self.pulls[k, s])
             tension = None if self.tension is None else max(pull, 0.0)
-            out.append(StringCurve(points[k], pull > 0.0, tension, self.chain_colours[s], False))
-        return out
+            curves.append(StringCurve(points[k], pull > 0.0, tension, self.chain_colours[s], False))
+        return curves
 
     def slack_curve(self, points: np.ndarray, length: float, n: int = 48) -> np.ndarray:
-        """(m, 3) curve of a slack string through points (k, 3) [m], above the world's floor."""
+        """(m, 3) curve of a slack string through points (k, 3) [m], not below the world's floor."""
         line = rope.path(points, length, n)
         return np.maximum(line, [-np.inf, -np.inf, self.floor]) if self.ground else line
 
     def balls(
-        self, strings: bool = True, most: int = 240, pan: np.ndarray | None = None
+        self, strings: bool = True, max_times: int = 240, pan: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Centres (n, 3) and radii (n,) [m] of balls that cover the motion, for framing it.
+        """Centres (n, 3) and radii (n,) [m] of balls that cover the motion, to frame it.
 
         Args:
             strings: cover strings and springs as well as solids.
-            most: number of times to cover.
+            max_times: largest number of times to cover.
             pan: (T, 3) displacement of a camera that follows the puppet [m]; centres are then
                 relative to it, and obstacles are left out.
         """
-        samples = spread(len(self.t), most)
+        samples = spread(len(self.t), max_times)
         centres, radii = [np.zeros((0, 3))], [np.zeros(0)]
-        gone = np.zeros((len(samples), 3)) if pan is None else pan[samples]
+        displacement = np.zeros((len(samples), 3)) if pan is None else pan[samples]
         for solid in self.solids:
             if pan is not None and solid.link == WORLD:
                 continue
-            poses = _on(self.poses[samples], solid.link)
+            poses = _pose_of(self.poses[samples], solid.link)
             for end in solid.axis:
-                centres.append(poses[..., :3] @ end + poses[..., 3] - gone)
-                radii.append(np.full(len(samples), _reach(solid)))
+                centres.append(poses[..., :3] @ end + poses[..., 3] - displacement)
+                radii.append(np.full(len(samples), _radius(solid)))
         lines = (*self.points, *self.chains, *self.springs)
-        shown = lines if strings or not self.solids else ()
-        for points in (*shown, *self.guides):
-            flat = (points[samples] - gone[:, None]).reshape(-1, 3)
+        covered = lines if strings or not self.solids else ()
+        for points in (*covered, *self.guides):
+            flat = (points[samples] - displacement[:, None]).reshape(-1, 3)
             centres.append(flat)
             radii.append(np.zeros(len(flat)))
-        every = np.concatenate(centres)
-        good = np.isfinite(every).all(axis=1)
-        if not good.any():
+        all_centres = np.concatenate(centres)
+        finite = np.isfinite(all_centres).all(axis=1)
+        if not finite.any():
             return np.zeros((1, 3)), np.ones(1)
-        return every[good], np.concatenate(radii)[good]
+        return all_centres[finite], np.concatenate(radii)[finite]
 
     def feet(self, centres: np.ndarray) -> np.ndarray:
-        """(m, 3) points of the floor below those of the centres (n, 3) that are close to it [m]."""
-        low = centres[:, 2] - self.floor
-        near = (low > 0.0) & (low < 0.25 * self.size)
+        """(m, 3) points of the floor below those centres (n, 3) that are close to it [m]."""
+        heights = centres[:, 2] - self.floor
+        near = (heights > 0.0) & (heights < 0.25 * self.size)
         return np.column_stack([centres[near, :2], np.full(near.sum(), self.floor)])
 
     def ground_box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper corner (2,) of where the motion is seen from above, but for outliers."""
+        """Lower and upper corner (2,) of the motion seen from above, without outliers [m]."""
         low, high = np.percentile(self.balls()[0][:, :2], [2.0, 98.0], axis=0)
         return low, high
 
@@ -193,20 +193,20 @@ class Geometry:
         return float(unit * min(f for f in steps if f * unit >= top * (1.0 - 1e-9)))
 
 
-def spread(n: int, most: int) -> np.ndarray:
-    """At most so many of the indices 0 to n - 1, evenly spread."""
-    return np.unique(np.linspace(0, n - 1, most).astype(int))
+def spread(n: int, max_count: int) -> np.ndarray:
+    """Evenly spaced indices from 0 to n - 1, at most ``max_count``."""
+    return np.unique(np.linspace(0, n - 1, max_count).astype(int))
 
 
 def round_down(length: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above ``length``."""
+    """Largest of 1, 2, 5 times a power of ten that is at most ``length``."""
     unit = 10.0 ** np.floor(np.log10(length))
     return float(unit * max(f for f in (1.0, 2.0, 5.0) if f * unit <= length * (1.0 + 1e-9)))
 
 
 def geometry_of(marionette: Drawable, run: Trajectory, forces: bool = False) -> Geometry:
-    """The geometry of a run, with or without the forces of its contacts."""
-    made = _geometry(
+    """Geometry of a run, with or without the forces of its contacts."""
+    geometry = _geometry(
         marionette,
         np.asarray(run.t),
         run.q_D,
@@ -215,44 +215,44 @@ def geometry_of(marionette: Drawable, run: Trajectory, forces: bool = False) -> 
         run.tension.values,
         0.0 if run.slip is None else run.slip.values,
     )
-    return replace(made, arrows=_arrows(run, made.size)) if forces else made
+    return replace(geometry, arrows=_arrows(run, geometry.size)) if forces else geometry
 
 
 def _arrows(run: Trajectory, size: float) -> tuple[np.ndarray, ...]:
-    """For each sample (n, 2, 3) arrows of contact forces [m].
+    """(n, 2, 3) arrows of contact forces at each sample [m].
 
-    Lengths are proportional to the forces: 9 of 10 are below 0.15 ``size``. Those of impacts are
+    Lengths are proportional to the forces: 9 of 10 are below 0.15 ``size``. Arrows of impacts are
     cut at twice that.
     """
     contact = run.contact
     if contact is None:
-        raise ValueError("this run has no contact, so that there are no forces to draw")
+        raise ValueError("this run has no contacts, so there are no forces to draw")
     force = np.linalg.norm(contact.force, axis=1)
-    full = float(np.percentile(force, 90.0)) if len(force) else 0.0
+    reference = float(np.percentile(force, 90.0)) if len(force) else 0.0
     ends = np.searchsorted(contact.sample, np.arange(1, len(run)))
-    return tuple(np.split(force_arrows(contact, full, size), ends))
+    return tuple(np.split(force_arrows(contact, reference, size), ends))
 
 
-def force_arrows(contact: ContactPoints, full: float, size: float) -> np.ndarray:
+def force_arrows(contact: ContactPoints, reference: float, size: float) -> np.ndarray:
     """(n, 2, 3) foot and head of the arrows of contact forces [m].
 
     Args:
-        contact: the points.
-        full: force of an arrow of 0.15 ``size`` [N]; arrows are cut at twice that.
-        size: of the picture [m].
+        contact: the contact points.
+        reference: force of an arrow of 0.15 ``size`` [N]; arrows are cut at twice that.
+        size: size of the scene [m].
     """
     force = np.linalg.norm(contact.force, axis=1)
-    scale = np.minimum(0.15 * size / max(full, 1e-300), 0.3 * size / np.maximum(force, 1e-300))
+    scale = np.minimum(0.15 * size / max(reference, 1e-300), 0.3 * size / np.maximum(force, 1e-300))
     return np.stack([contact.point, contact.point + scale[:, None] * contact.force], axis=1)
 
 
 def geometry_at(marionette: Drawable, state: State, tension: np.ndarray | None = None) -> Geometry:
-    """The geometry of one state.
+    """Geometry of one state.
 
     Args:
         marionette: the puppet.
         state: configuration and active set.
-        tension: (n_strings,) [N]; None draws strings without the colours of tension.
+        tension: (n_strings,) tensions [N]; None draws strings without the tension scale.
     """
     n = len(marionette.tree.strings)
     return _geometry(
@@ -310,23 +310,25 @@ def _geometry(
 
 
 def spring_ends(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
-    """For each spring (..., 2, 3) its ends [m], from link poses (..., n_links, 3, 4)."""
+    """(..., 2, 3) ends of each spring [m], from link poses (..., n_links, 3, 4)."""
     return _points_of(tree.springs, poses)
 
 
 def chain_points(tree: Tree, poses: np.ndarray) -> tuple[np.ndarray, ...]:
-    """For each chain (..., n_points, 3) its ends and masses [m], from link poses."""
+    """(..., n_points, 3) ends and masses of each chain [m], from link poses."""
     return _points_of(tree.chains, poses)
 
 
 def _points_of(rows: Sequence[SpringRow | ChainRow], poses: np.ndarray) -> tuple[np.ndarray, ...]:
-    return tuple(np.stack([_carry(poses, end) for end in row.points], axis=-2) for row in rows)
+    return tuple(
+        np.stack([_world_points(poses, end) for end in row.points], axis=-2) for row in rows
+    )
 
 
 def chain_pulls(
     marionette: Drawable, tree: Tree, poses: np.ndarray, q_D: np.ndarray, q_K: np.ndarray
 ) -> np.ndarray:
-    """(..., n_chains) mean pull EA (d / l - 1) of the springs of each chain [N]."""
+    """(..., n_chains) mean force EA (d / l - 1) of the springs of each chain [N]."""
     pulls = []
     for row, points in zip(tree.chains, chain_points(tree, poses), strict=True):
         path = np.linalg.norm(np.diff(points, axis=-2), axis=-1).sum(axis=-1)
@@ -336,7 +338,7 @@ def chain_pulls(
 
 
 def _with_values(tree: Tree, number: Callable[[Number], float]) -> Tree:
-    """The tree with present values in place of the parameters that pictures depend on."""
+    """The tree with current values in place of the parameters that pictures depend on."""
 
     def numbers(xs: tuple[Number, Number, Number]) -> tuple[float, float, float]:
         x, y, z = xs
@@ -366,19 +368,19 @@ def _with_values(tree: Tree, number: Callable[[Number], float]) -> Tree:
     )
 
 
-def _on(poses: np.ndarray, link: int) -> np.ndarray:
+def _pose_of(poses: np.ndarray, link: int) -> np.ndarray:
     if link == WORLD:
         return np.broadcast_to(np.eye(3, 4), (*poses.shape[:-3], 3, 4))
     return poses[..., link, :, :]
 
 
-def _carry(poses: np.ndarray, point: Point) -> np.ndarray:
-    pose = _on(poses, point.link)
+def _world_points(poses: np.ndarray, point: Point) -> np.ndarray:
+    pose = _pose_of(poses, point.link)
     return pose[..., :3] @ np.array(point.at) + pose[..., 3]
 
 
-def _reach(solid: Solid) -> float:
-    """Radius about the axis' ends that covers the solid [m]."""
+def _radius(solid: Solid) -> float:
+    """Radius of balls around the ends of the axis that cover the solid [m]."""
     if solid.kind == "capsule":
         return solid.radius
     if solid.kind == "ellipsoid":
@@ -390,7 +392,7 @@ def _reach(solid: Solid) -> float:
 def _lowest(solids: list[Solid], poses: np.ndarray) -> float:
     low = np.inf
     for solid in solids:
-        pose = _on(poses, solid.link)
+        pose = _pose_of(poses, solid.link)
         down = pose[:, 2, :3]
         heights = down @ solid.points.T + pose[:, 2, 3:]
         if solid.kind == "ellipsoid":
@@ -402,9 +404,9 @@ def _lowest(solids: list[Solid], poses: np.ndarray) -> float:
 def _size(solids: list[Solid], poses: np.ndarray, points: tuple[np.ndarray, ...]) -> float:
     places = [poses[0, :, :, 3], *(p[0] for p in points)]
     for solid in solids:
-        pose = _on(poses[0], solid.link)
+        pose = _pose_of(poses[0], solid.link)
         places.append(solid.points @ pose[:, :3].T + pose[:, 3])
-    every = np.concatenate(places)
-    every = every[np.isfinite(every).all(axis=1)]
-    size = float(np.ptp(every, axis=0).max()) if len(every) else 0.0
+    positions = np.concatenate(places)
+    positions = positions[np.isfinite(positions).all(axis=1)]
+    size = float(np.ptp(positions, axis=0).max()) if len(positions) else 0.0
     return size if size > 1e-9 else 1.0

@@ -1,4 +1,4 @@
-"""Solids as triangle meshes, for renderers with a depth buffer: the browser's, or pyvista's."""
+"""Solids as triangle meshes, for renderers with a depth buffer: the browser and pyvista."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from fantoccini.base import perpendicular
 from fantoccini.output.view.silhouettes import Solid
 
 AROUND = 20
-"""Vertices on a capsule's or an ellipsoid's equator."""
+"""Number of vertices on the equator of a capsule or an ellipsoid."""
 
 _CREASE = np.radians(40.0)
-"""Angle between faces of a mesh from which on their edge is sharp [rad]."""
+"""Angle between faces of a mesh above which their edge is sharp [rad]."""
 
 _POLE_TO_RIM = 6
-"""Rings of triangles on a half-sphere."""
+"""Number of rings of triangles on a half-sphere."""
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
-    """A closed surface in its link's frame.
+    """Closed surface in its link's frame.
 
     Attributes:
-        vertices: (n, 3) [m].
-        faces: (m, 3) indices of vertices, anticlockwise from outside.
-        normals: (n, 3) outward unit normals of a smooth surface; None where all edges are sharp.
+        vertices: (n, 3) positions [m].
+        faces: (m, 3) indices of vertices, anticlockwise seen from outside.
+        normals: (n, 3) outward unit normals of a smooth surface; None if all edges are sharp.
     """
 
     vertices: np.ndarray
@@ -37,7 +37,7 @@ class TriangleMesh:
 
 
 def triangles(solid: Solid) -> TriangleMesh:
-    """The surface of a solid as triangles, in its link's frame.
+    """Surface of a solid as triangles, in its link's frame.
 
     Vertices lie on the surface: a capsule or an ellipsoid loses less than 4 % of its volume.
     """
@@ -50,24 +50,24 @@ def triangles(solid: Solid) -> TriangleMesh:
 
 
 def coloured(solid: Solid) -> list[tuple[np.ndarray, TriangleMesh]]:
-    """The surface of a solid as one mesh for each of its colours (3,)."""
-    solid, whole = solid.full, triangles(solid)
+    """Surface of a solid as a mesh for each of its colours (3,)."""
+    solid, surface = solid.full, triangles(solid)
     if solid.colours is None:
-        return [(solid.colour, whole)]
+        return [(solid.colour, surface)]
     colours, which = np.unique(solid.colours, axis=0, return_inverse=True)
-    out = []
+    meshes = []
     for k, colour in enumerate(colours):
-        used, faces = np.unique(whole.faces[which.reshape(-1) == k], return_inverse=True)
-        normals = None if whole.normals is None else whole.normals[used]
-        out.append((colour, TriangleMesh(whole.vertices[used], faces.reshape(-1, 3), normals)))
-    return out
+        used, faces = np.unique(surface.faces[which.reshape(-1) == k], return_inverse=True)
+        normals = None if surface.normals is None else surface.normals[used]
+        meshes.append((colour, TriangleMesh(surface.vertices[used], faces.reshape(-1, 3), normals)))
+    return meshes
 
 
 def _capsule(ends: np.ndarray, radius: float) -> TriangleMesh:
-    """Two half-spheres and the tube between them; one ball where the ends coincide."""
-    apart = ends[1] - ends[0]
-    length = float(np.linalg.norm(apart))
-    frame = frame_along(apart / length) if length > 1e-9 * radius else np.eye(3)
+    """Two half-spheres and the tube between them; a ball if the ends coincide."""
+    axis = ends[1] - ends[0]
+    length = float(np.linalg.norm(axis))
+    frame = frame_along(axis / length) if length > 1e-9 * radius else np.eye(3)
     directions, faces = _ball(rims=2 if length > 1e-9 * radius else 1)
     normals = directions @ frame.T
     # The first half of the vertices belongs to the far end.
@@ -77,7 +77,7 @@ def _capsule(ends: np.ndarray, radius: float) -> TriangleMesh:
 
 
 def _ellipsoid(centre: np.ndarray, half: np.ndarray) -> TriangleMesh:
-    """The unit ball under x = centre + H u; normals go with H^-T."""
+    """The unit ball mapped by x = centre + H u; normals are mapped by H^-T."""
     directions, faces = _ball(rims=1)
     if np.linalg.det(half) < 0.0:
         faces = faces[:, ::-1]
@@ -87,8 +87,8 @@ def _ellipsoid(centre: np.ndarray, half: np.ndarray) -> TriangleMesh:
 
 
 def _faces(solid: Solid) -> TriangleMesh:
-    """Fans of triangles; each face of a box gets its own vertices, for sharp edges, as do parts of
-    a mesh between which it has a crease."""
+    """Triangles of faces. Each face of a box has its own vertices, for sharp edges, and so have the
+    parts of a mesh on both sides of a crease."""
     if solid.smooth:
         return _creased(np.array(solid.points, dtype=float), np.array(solid.faces, dtype=int))
     faces: list[tuple[int, int, int]] = []
@@ -101,29 +101,29 @@ def _faces(solid: Solid) -> TriangleMesh:
 
 
 def _creased(points: np.ndarray, faces: np.ndarray) -> TriangleMesh:
-    """A mesh whose vertices are split where faces meet at more than ``_CREASE``."""
+    """Mesh whose vertices are split where faces meet at more than ``_CREASE``."""
     a, b, c = (points[faces[:, k]] for k in range(3))
-    across = np.cross(b - a, c - a)
-    flat = _unit(across)
+    face_normals = np.cross(b - a, c - a)
+    flat = _unit(face_normals)
     sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort(sides.T)
     same = np.all(sides[order[1:]] == sides[order[:-1]], axis=1)
-    one, other = order[:-1][same] // 3, order[1:][same] // 3
-    even = np.sum(flat[one] * flat[other], axis=1) > np.cos(_CREASE)
+    first, second = order[:-1][same] // 3, order[1:][same] // 3
+    smooth = np.sum(flat[first] * flat[second], axis=1) > np.cos(_CREASE)
     n = len(faces)
-    links = coo_array((np.ones(int(even.sum())), (one[even], other[even])), shape=(n, n))
+    links = coo_array((np.ones(int(smooth.sum())), (first[smooth], second[smooth])), shape=(n, n))
     _, part = connected_components(links, directed=False)
     corners = np.stack([faces.ravel(), np.repeat(part, 3)], axis=1)
     split, renamed = np.unique(corners, axis=0, return_inverse=True)
     renamed = renamed.reshape(-1, 3)
     normals = np.zeros((len(split), 3))
     for k in range(3):
-        np.add.at(normals, renamed[:, k], across)
+        np.add.at(normals, renamed[:, k], face_normals)
     return TriangleMesh(points[split[:, 0]], renamed, _unit(normals))
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (n, 3) of length 1; z where they have none."""
+    """Vectors (n, 3), normalised; z in place of zero vectors."""
     lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.where(lengths > 0.0, vectors / np.where(lengths > 0.0, lengths, 1.0), [0.0, 0.0, 1.0])
 
@@ -131,7 +131,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 def _ball(rims: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) and triangles (m, 3) of the unit ball, from +z to -z.
 
-    With two ``rims`` of vertices at the equator the halves can be pulled apart.
+    With two ``rims`` of vertices at the equator, the halves can be pulled apart.
     """
     polar = np.linspace(0.0, 0.5 * np.pi, _POLE_TO_RIM + 1)[1:]
     polar = np.concatenate([polar, (np.pi - polar)[::-1][0 if rims == 2 else 1 :]])
@@ -146,21 +146,23 @@ def _ball(rims: int) -> tuple[np.ndarray, np.ndarray]:
     )
     corners = np.concatenate([[[0.0, 0.0, 1.0]], rings.reshape(-1, 3), [[0.0, 0.0, -1.0]]])
 
-    here = np.arange(AROUND)
-    following = (here + 1) % AROUND
+    column = np.arange(AROUND)
+    next_column = (column + 1) % AROUND
     ring = 1 + AROUND * np.arange(len(polar))[:, None]
     above, below = ring[:-1], ring[1:]
     bands = [
-        np.stack(np.broadcast_arrays(above + here, below + here, below + following), axis=-1),
-        np.stack(np.broadcast_arrays(above + here, below + following, above + following), axis=-1),
+        np.stack(np.broadcast_arrays(above + column, below + column, below + next_column), axis=-1),
+        np.stack(
+            np.broadcast_arrays(above + column, below + next_column, above + next_column), axis=-1
+        ),
     ]
     last = len(corners) - 1
-    top = np.stack(np.broadcast_arrays(0, 1 + here, 1 + following), axis=-1)
-    bottom = np.stack(np.broadcast_arrays(last, ring[-1] + following, ring[-1] + here), axis=-1)
+    top = np.stack(np.broadcast_arrays(0, 1 + column, 1 + next_column), axis=-1)
+    bottom = np.stack(np.broadcast_arrays(last, ring[-1] + next_column, ring[-1] + column), axis=-1)
     return corners, np.concatenate([top, *(b.reshape(-1, 3) for b in bands), bottom])
 
 
 def frame_along(axis: np.ndarray) -> np.ndarray:
-    """A rotation (3, 3) whose third column is a unit vector."""
+    """Rotation matrix (3, 3) whose third column is the given unit vector."""
     first = perpendicular(axis)
     return np.column_stack([first, np.cross(axis, first), axis])

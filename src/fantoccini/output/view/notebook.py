@@ -1,8 +1,8 @@
 """HTML of a puppet and of a run for notebooks: a picture and tables.
 
 Nothing is derived or compiled for it (see :mod:`fantoccini.output.view.still`). Every text is
-escaped. A picture that fails is left out; where all fails the result is None, and the notebook
-shows text.
+escaped. A picture that fails is left out; if everything fails, the result is None and the notebook
+shows plain text.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from fantoccini.base.documents import Parameter
 from fantoccini.model.tree import WORLD, StringRow, grow
 from fantoccini.output.html import Element, element, picture, to_html
-from fantoccini.output.view.drawing import DPI, Look, plain
+from fantoccini.output.view.drawing import DPI, PictureOptions, plain
 from fantoccini.output.view.geometry import geometry_at
 from fantoccini.output.view.pictures import figure_of, strip_figure
 from fantoccini.output.view.plots import plot
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from fantoccini.motion import Trajectory
 
 MAX_LENGTH = 270_000
-"""A picture whose text is longer is drawn again with fewer pixels."""
+"""Length of a picture's text above which it is drawn again with fewer pixels."""
 MAX_LINES = 16
-"""Lines of a table; more are only counted."""
+"""Largest number of lines of a table; others are only counted."""
 POSES = 5
-"""Poses of a run's strip."""
+"""Number of poses in a run's strip."""
 
 
 def puppet_html(marionette: Marionette) -> str | None:
@@ -40,7 +40,9 @@ def puppet_html(marionette: Marionette) -> str | None:
     try:
         still = Still(marionette.puppet, marionette.tree, marionette.number)
         image = _picture(
-            lambda: figure_of(geometry_at(still, still.start()), Look.of(size=(420, 520))),
+            lambda: figure_of(
+                geometry_at(still, still.start()), PictureOptions.of(size=(420, 520))
+            ),
             "the start pose",
         )
         return _page(marionette.name, image, _puppet_tables(marionette))
@@ -49,23 +51,24 @@ def puppet_html(marionette: Marionette) -> str | None:
 
 
 def run_html(run: Trajectory) -> str | None:
-    """A run as HTML: a strip of poses, or plots where its poses are unknown; its key numbers."""
+    """A run as HTML: a strip of poses, or plots if its poses are unknown; and key numbers."""
     try:
         still = _still_of(run)
         if still is None:
             image = _picture(lambda: plot(run, size=(900, 800)), "the run against time")
         else:
             image = _picture(
-                lambda: strip_figure(still, run, POSES, "poses", Look.of()), "poses of the run"
+                lambda: strip_figure(still, run, POSES, "poses", PictureOptions.of()),
+                "poses of the run",
             )
         name = run.puppet.name if run.puppet else "run"
         return _page(name, image, _run_tables(run), wide=True)
-    except Exception:  # as above
+    except Exception:  # a display must never fail a notebook's cell
         return None
 
 
 def _still_of(run: Trajectory) -> Still | None:
-    """The puppet of a run; None for an unknown or several puppets, or strings that do not fit."""
+    """Puppet of a run; None if it is unknown or the run's strings do not fit it."""
     if run.puppet is None:
         return None
     tree = grow(run.puppet)
@@ -76,18 +79,18 @@ def _still_of(run: Trajectory) -> Still | None:
         np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
         for points in still.string_points(run.q_D[:1], run.q_K[:1])
     ]
-    over = np.array(spans).reshape(-1) - still.string_lengths(run.q_D[:1], run.q_K[:1])[0]
+    gaps = np.array(spans).reshape(-1) - still.string_lengths(run.q_D[:1], run.q_K[:1])[0]
     slip = 0.0 if run.slip is None else run.slip.values[0]
-    return still if np.all(over - slip <= 1e-3 * np.abs(over).max(initial=1.0)) else None
+    return still if np.all(gaps - slip <= 1e-3 * np.abs(gaps).max(initial=1.0)) else None
 
 
 def _picture(figure: Callable[[], Figure], alt: str) -> Element | None:
-    """An image with its content in the page; None where it cannot be drawn."""
+    """Image embedded in the page; None if it cannot be drawn."""
     try:
-        made = figure()
-        width, style = f"{made.get_figwidth() * DPI:.0f}", "max-width:100%;height:auto"
+        drawing = figure()
+        width, style = f"{drawing.get_figwidth() * DPI:.0f}", "max-width:100%;height:auto"
         for scale in (2.0, 1.5, 1.0, 0.7):
-            image = picture(made, plain(alt), "png", DPI * scale, width=width, style=style)
+            image = picture(drawing, plain(alt), "png", DPI * scale, width=width, style=style)
             if len(image.attrib["src"]) <= MAX_LENGTH:
                 break
     except Exception:  # the tables are useful without it
@@ -102,7 +105,7 @@ def _puppet_tables(m: Marionette) -> list[Element | None]:
         ("strings", len(m.tree.strings)),
         ("driven coordinates", table.n_vK),
         ("bodies", sum(not _is_end(m, k) for k in range(len(m.tree.links)))),
-        ("mass that moves", f"{m.mass:.4g} kg"),
+        ("moving mass", f"{m.mass:.4g} kg"),
     ]
     if m.puppet.obstacles:
         facts.append(("obstacles", len(m.puppet.obstacles)))
@@ -133,7 +136,7 @@ def _end(m: Marionette, string: StringRow, which: int) -> str:
 
 
 def _is_end(m: Marionette, link: int) -> bool:
-    """Whether a link is only the driven end of a string."""
+    """Whether a link is merely the driven end of a string."""
     return m.tree.links[link].name in {f"{string.name}.end" for string in m.tree.strings}
 
 
@@ -145,10 +148,10 @@ def _length(m: Marionette, string: StringRow) -> str:
 
 
 def _run_tables(run: Trajectory) -> list[Element | None]:
-    about = run.summary()
+    summary = run.summary()
     events = "not recorded"
-    if about["events"] is not None:
-        events = ", ".join(f"{n} {kind}" for kind, n in about["events"].items()) or "none"
+    if summary["events"] is not None:
+        events = ", ".join(f"{n} {kind}" for kind, n in summary["events"].items()) or "none"
     facts = [
         ("duration", f"{run.duration:.6g} s"),
         ("method", run.method),
@@ -161,29 +164,29 @@ def _run_tables(run: Trajectory) -> list[Element | None]:
         hint = ", slower than real time; method='timestepping' is faster" if slow else ""
         facts.append(("computed in", f"{run.seconds:.3g} s{hint}"))
     if run.blamed:
-        facts.insert(3, ("because of", ", ".join(run.blamed)))
+        facts.insert(3, ("caused by", ", ".join(run.blamed)))
     strings = [
         (
             name,
-            f"{of['min']:.4g}",
-            f"{of['max']:.4g}",
-            f"{of['slack']:.3f}",
-            "" if of["catches"] is None else of["catches"],
-            f"{of['impulse']:.3g}" if of["catches"] else "",
+            f"{row['min']:.4g}",
+            f"{row['max']:.4g}",
+            f"{row['slack']:.3f}",
+            "" if row["catches"] is None else row["catches"],
+            f"{row['impulse']:.3g}" if row["catches"] else "",
         )
-        for name, of in about["tension"].items()
+        for name, row in summary["tension"].items()
     ]
-    heads = ("string", "least [N]", "most [N]", "slack [s]", "catches", "hardest [N s]")
-    ledger = [(name, f"{value:.4g}") for name, value in about["ledger"].items()]
+    heads = ("string", "min. [N]", "max. [N]", "slack [s]", "catches", "largest impulse [N s]")
+    ledger = [(name, f"{value:.4g}") for name, value in summary["ledger"].items()]
     return [_table((), facts), _table(heads, strings), _table(("energy at the end", "J"), ledger)]
 
 
 def _page(
     title: str, image: Element | None, tables: list[Element | None], wide: bool = False
 ) -> str:
-    """Image and tables side by side, or one below the other where the image is ``wide``.
+    """Image and tables side by side, or tables below a ``wide`` image.
 
-    The image contains the title; without one it is put above the tables.
+    The image contains the title; without an image the title is above the tables.
     """
     head = [element("div", plain(title), style="font-weight:bold")] if image is None else []
     margin, row = "margin:0 2em .8em 0", "display:flex;gap:1.2em;align-items:flex-start"
@@ -196,15 +199,15 @@ def _page(
 
 
 def _table(heads: Sequence[str], rows: Sequence[Iterable[object]]) -> Element | None:
-    """A table; long ones end with the number of lines that are not shown."""
+    """Table; a long one ends with the number of lines left out."""
     if not rows:
         return None
-    shown = [[_cell("td", str(cell)) for cell in row] for row in rows[:MAX_LINES]]
-    if len(rows) > len(shown):
-        rest = _cell("td", f"and {len(rows) - len(shown)} more", str(len(shown[0])))
-        shown.append([rest])
+    lines = [[_cell("td", str(cell)) for cell in row] for row in rows[:MAX_LINES]]
+    if len(rows) > len(lines):
+        remainder = _cell("td", f"and {len(rows) - len(lines)} more", str(len(lines[0])))
+        lines.append([remainder])
     head = [[_cell("th", text) for text in heads]] if heads else []
-    return element("table", *(element("tr", *cells) for cells in head + shown))
+    return element("table", *(element("tr", *cells) for cells in head + lines))
 
 
 def _cell(tag: str, text: str, columns: str = "") -> Element:

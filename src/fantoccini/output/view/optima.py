@@ -1,4 +1,4 @@
-"""A picture of a motion of least cost: poses and paths, errors, tensions and inputs."""
+"""Picture of an optimal motion: poses and paths, errors, tensions and inputs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fantoccini.output.view.camera import Viewport
-from fantoccini.output.view.drawing import Look, Sheet, dress, layout_of, plain
+from fantoccini.output.view.drawing import PictureOptions, Sheet, dress, layout_of, plain
 from fantoccini.output.view.geometry import geometry_of
 from fantoccini.output.view.pictures import checked, pose_times, save
 from fantoccini.output.view.plans import PATH_COLOUR, fading_poses
-from fantoccini.output.view.plots import legend, line_look, short_numbers
+from fantoccini.output.view.plots import legend, line_style, short_numbers
 from fantoccini.output.view.theme import Theme, rgb
 
 if TYPE_CHECKING:
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 TARGET_COLOUR = rgb("#d1495b")
 
-_SHARE = 0.46
-"""Of the width, that the puppet has."""
-_FAR = 2.5
-"""Farthest bound that is drawn, relative to the largest value."""
+_PUPPET_SHARE = 0.46
+"""Share of the width for the puppet."""
+_MAX_BOUND = 2.5
+"""Largest bound that is drawn, relative to the largest value."""
 
 
 def optimum_picture(
@@ -39,61 +39,65 @@ def optimum_picture(
     size: tuple[int, int] = (1500, 900),
     scale: float = 2.0,
 ) -> Path:
-    """Writes a picture of a motion of least cost.
+    """Writes a picture of an optimal motion.
 
-    At the left the puppet: the later a pose, the firmer; tracked points in blue, their paths dashed
-    in red, places that are touched as red circles. At the right, against time: how far what is
-    tracked is from its path, but for velocities; tensions, with their paths dotted; speeds, where
-    they have bounds; accelerations of the inputs that are not held. Bounds are dashed.
+    Left: the puppet, with later poses more opaque; tracked points in blue, their target paths
+    dashed in red, touched places as red circles. Right, against time: tracking errors, except of
+    velocities; tensions, with dotted targets; speeds that have bounds; accelerations of the inputs
+    that are not held. Bounds are dashed.
 
     Args:
         found: the motion.
-        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         poses: number of poses.
         view: preset, or (azimuth, elevation) in degrees.
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px].
-        scale: pixels of the file for a pixel of ``size``.
+        scale: pixels of the file per pixel of ``size``.
 
     Returns:
         The path of the picture.
     """
-    path, look = checked(path), Look.of(view, "all", theme, size)
+    path, options = checked(path), PictureOptions.of(view, "all", theme, size)
     (width, height), unit = size, max(7.0, size[1] / 55.0)
-    sheet = Sheet(size, look.theme)
-    _draw_poses(sheet, found, look, poses, unit)
-    panels = _panels(found, look.theme)
-    # The floor's light and lines end where the panels begin.
-    sheet.image(np.full((1, 1, 3), look.theme.top), (_SHARE * width, width, 0.0, height), 4.5)
-    left, right, low, high = _SHARE + 0.055, 0.875, 0.07, 0.965
+    sheet = Sheet(size, options.theme)
+    _draw_poses(sheet, found, options, poses, unit)
+    panels = _panels(found, options.theme)
+    # Covers the floor's light and lines behind the panels.
+    sheet.image(
+        np.full((1, 1, 3), options.theme.top), (_PUPPET_SHARE * width, width, 0.0, height), 4.5
+    )
+    left, right, low, high = _PUPPET_SHARE + 0.055, 0.875, 0.07, 0.965
     gap = 0.025
-    tall = (high - low - gap * (len(panels) - 1)) / len(panels)
+    panel_height = (high - low - gap * (len(panels) - 1)) / len(panels)
     for k, paint in enumerate(panels):
-        bottom = high - (k + 1) * tall - k * gap
-        axes = sheet.figure.add_axes((left, bottom, right - left, tall))
+        bottom = high - (k + 1) * panel_height - k * gap
+        axes = sheet.figure.add_axes((left, bottom, right - left, panel_height))
         paint(axes)
-        dress(axes, look.theme, "both")
-        legend(axes, look.theme)
+        dress(axes, options.theme, "both")
+        legend(axes, options.theme)
         axes.set_xlim(found.t[0], found.t[-1])
         if k + 1 < len(panels):
             axes.tick_params(labelbottom=False)
         else:
-            axes.set_xlabel("time [s]", color=look.theme.ink)
+            axes.set_xlabel("time [s]", color=options.theme.ink)
     return save(sheet.figure, path, scale)
 
 
-def _draw_poses(sheet: Sheet, found: Optimum, look: Look, poses: int, unit: float) -> None:
-    """The puppet, and the paths of its points."""
-    marionette, run, theme = found.task.marionette, found.run, look.theme
-    chosen = pose_times(marionette, run, poses)
-    geometry = geometry_of(marionette, run.resample(chosen))
-    width = _SHARE * sheet.width
+def _draw_poses(
+    sheet: Sheet, optimum: Optimum, options: PictureOptions, poses: int, unit: float
+) -> None:
+    """Draws the puppet and the paths of its points."""
+    marionette, run, theme = optimum.task.marionette, optimum.run, options.theme
+    times = pose_times(marionette, run, poses)
+    geometry = geometry_of(marionette, run.resample(times))
+    width = _PUPPET_SHARE * sheet.width
     inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, sheet.height - 8.0 * unit)
-    layout = layout_of(geometry, inner, look)
+    layout = layout_of(geometry, inner, options)
     sheet.floor(geometry, layout)
     fading_poses(sheet, geometry, layout)
-    for target, actual in found.paths().values():
-        for points, colour, dashes, thick in (
+    for target, actual in optimum.paths().values():
+        for points, colour, dashes, thickness in (
             (actual, PATH_COLOUR, "-", 0.16),
             (target, TARGET_COLOUR, (0, (3, 2)), 0.1),
         ):
@@ -103,11 +107,11 @@ def _draw_poses(sheet: Sheet, found: Optimum, look: Look, poses: int, unit: floa
                 line[:, 1],
                 color=colour,
                 linestyle=dashes,
-                linewidth=thick * unit,
+                linewidth=thickness * unit,
                 zorder=4.0,
             )
-    for one in found.touched:
-        spot = layout.camera.project(np.array([one.touch.place], dtype=float), layout.viewport)
+    for contact in optimum.touched:
+        spot = layout.camera.project(np.array([contact.touch.place], dtype=float), layout.viewport)
         sheet.axes.plot(
             spot[:, 0],
             spot[:, 1],
@@ -118,91 +122,100 @@ def _draw_poses(sheet: Sheet, found: Optimum, look: Look, poses: int, unit: floa
             markeredgewidth=0.1 * unit,
             zorder=4.0,
         )
-    sheet.title(found.task.name or geometry.title, unit, sheet.height - 1.5 * unit)
+    sheet.title(optimum.task.name or geometry.title, unit, sheet.height - 1.5 * unit)
     sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit, width - 1.6 * unit)
-    times = ", ".join(f"{t - run.t[0]:.2f}" for t in chosen)
-    caption = f"cost {found.cost:.3g}; poses at {times} s"
+    times_text = ", ".join(f"{t - run.t[0]:.2f}" for t in times)
+    caption = f"cost {optimum.cost:.3g}; poses at {times_text} s"
     sheet.write(1.6 * unit, 2.2 * unit, caption, unit, theme.ink, ha="left", va="center")
 
 
-def _panels(found: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
-    """What paints each panel, from above."""
-    bounds, marionette = found.task.bounds, found.task.marionette
+def _panels(optimum: Optimum, theme: Theme) -> list[Callable[[Axes], None]]:
+    """Functions that draw the panels, from the top down."""
+    bounds, marionette = optimum.task.bounds, optimum.task.marionette
     speed = bounds.magnitudes(marionette, "speed")
-    out: list[Callable[[Axes], None]] = []
+    panels: list[Callable[[Axes], None]] = []
     errors = {
         name: error
         for track, (name, error) in zip(
-            (t for t in found.task.tracks if t.kind != "tension"),
-            found.errors().items(),
+            (t for t in optimum.task.tracks if t.kind != "tension"),
+            optimum.errors().items(),
             strict=True,
         )
         if track.kind != "velocity"
     }
     if errors:
-        out.append(lambda axes: _errors(axes, found.t, errors, theme))
-    if found.run.tension.names:
-        out.append(lambda axes: _tensions(axes, found, theme))
+        panels.append(lambda axes: _errors(axes, optimum.t, errors, theme))
+    if optimum.run.tension.names:
+        panels.append(lambda axes: _tensions(axes, optimum, theme))
     if np.any(np.isfinite(speed)):
-        out.append(lambda axes: _inputs(axes, found, found.nodes.v_K, speed, "speed", theme))
-    most = bounds.magnitudes(marionette, "acceleration")
-    held = np.concatenate([found.nodes.acc_K, found.nodes.acc_K[-1:]])  # over the last interval
-    out.append(lambda axes: _inputs(axes, found, held, most, "acceleration", theme))
-    return out
+        panels.append(lambda axes: _inputs(axes, optimum, optimum.nodes.v_K, speed, "speed", theme))
+    limits = bounds.magnitudes(marionette, "acceleration")
+    # Constant over the last interval.
+    accelerations = np.concatenate([optimum.nodes.acc_K, optimum.nodes.acc_K[-1:]])
+    panels.append(lambda axes: _inputs(axes, optimum, accelerations, limits, "acceleration", theme))
+    return panels
 
 
 def _errors(axes: Axes, t: np.ndarray, errors: dict[str, np.ndarray], theme: Theme) -> None:
     for k, (name, error) in enumerate(errors.items()):
-        axes.plot(t, error, **line_look(theme, k), linewidth=1.2, label=plain(name, 24))
+        axes.plot(t, error, **line_style(theme, k), linewidth=1.2, label=plain(name, 24))
     axes.set_ylim(bottom=0.0)
     axes.set_ylabel("error [m or rad]", color=theme.ink)
     short_numbers(axes, theme)
 
 
-def _tensions(axes: Axes, found: Optimum, theme: Theme) -> None:
-    run, bounds = found.run, found.task.bounds.tension
+def _tensions(axes: Axes, optimum: Optimum, theme: Theme) -> None:
+    run, bounds = optimum.run, optimum.task.bounds.tension
     for k, name in enumerate(run.tension.names):
-        look = line_look(theme, k)
-        axes.plot(run.t, run.tension[name], **look, linewidth=1.2, label=plain(name, 24))
+        style = line_style(theme, k)
+        axes.plot(run.t, run.tension[name], **style, linewidth=1.2, label=plain(name, 24))
         for bound in bounds.get(name, ()):
             if np.isfinite(bound):
-                _bound(axes, bound, look["color"])
-    for track in found.task.tracks:
+                _bound(axes, bound, style["color"])
+    for track in optimum.task.tracks:
         if track.kind == "tension":
             k = run.tension.names.index(track.name)
-            target = found.target(track)[:, 0]
-            axes.plot(found.t, target, ":", color=line_look(theme, k)["color"], linewidth=1.0)
+            target = optimum.target(track)[:, 0]
+            axes.plot(optimum.t, target, ":", color=line_style(theme, k)["color"], linewidth=1.0)
     axes.set_ylabel("tension [N]", color=theme.ink)
     short_numbers(axes, theme)
 
 
 def _inputs(
-    axes: Axes, found: Optimum, values: np.ndarray, most: np.ndarray, what: str, theme: Theme
+    axes: Axes,
+    optimum: Optimum,
+    values: np.ndarray,
+    limits: np.ndarray,
+    quantity: str,
+    theme: Theme,
 ) -> None:
-    """Driven velocities or their rates, of inputs that are not held."""
-    table, held = found.task.marionette.coordinates, found.task.bounds.held
+    """Plots driven velocities or accelerations of the inputs that are not held."""
+    table, held = optimum.task.marionette.coordinates, optimum.task.bounds.held
     moving = [k for k, name in enumerate(table.v_K) if name not in held]
     for n, k in enumerate(moving):
-        look, style = line_look(theme, n), "steps-post" if what == "acceleration" else "default"
+        line, style = (
+            line_style(theme, n),
+            "steps-post" if quantity == "acceleration" else "default",
+        )
         axes.plot(
-            found.t,
+            optimum.t,
             values[:, k],
-            **look,
+            **line,
             linewidth=1.2,
             drawstyle=style,
             label=plain(table.v_K[k], 24),
         )
-    alike = len(np.unique(most[moving])) == 1
-    reach = _FAR * np.max(np.abs(values[:, moving]), initial=0.0)
-    for n, k in enumerate(moving[:1] if alike else moving):
-        if most[k] <= reach:  # farther ones would flatten the lines
-            colour = theme.faint if alike else line_look(theme, n)["color"]
-            _bound(axes, most[k], colour)
-            _bound(axes, -most[k], colour)
-    unit = "[m/s]" if what == "speed" else "[m/s\N{SUPERSCRIPT TWO}]"
+    same_limit = len(np.unique(limits[moving])) == 1
+    max_drawn = _MAX_BOUND * np.max(np.abs(values[:, moving]), initial=0.0)
+    for n, k in enumerate(moving[:1] if same_limit else moving):
+        if limits[k] <= max_drawn:  # larger ones would flatten the lines
+            colour = theme.faint if same_limit else line_style(theme, n)["color"]
+            _bound(axes, limits[k], colour)
+            _bound(axes, -limits[k], colour)
+    unit = "[m/s]" if quantity == "speed" else "[m/s\N{SUPERSCRIPT TWO}]"
     if any(row.unit != "m" for row in table.rows if row.name in table.q_K):
         unit = "(m, rad; s)"
-    axes.set_ylabel(f"{what} {unit}", color=theme.ink)
+    axes.set_ylabel(f"{quantity} {unit}", color=theme.ink)
     short_numbers(axes, theme)
 
 

@@ -1,10 +1,10 @@
-"""The painter's order of solids and strings, far to near.
+"""Painting order of solids and strings, far to near.
 
-Depth of centres alone puts a foot before its shin. So every two solids that overlap in the picture
-are compared: the one whose surface comes first on most lines of sight through the overlap is
-nearer; a box is compared by the side of its visible faces on which the other solid lies. The
-comparisons are sorted topologically, farther solids first. A string is cut where it passes from
-before a solid to behind it.
+Sorting by the depth of centres is not enough: it paints a foot over its shin. So every two solids
+that overlap in the picture are compared: the one whose surface comes first on most lines of sight
+through the overlap is nearer. For a box, the side of its visible faces on which the other solid
+lies decides. The comparisons are sorted topologically, farther solids first. Strings are cut where
+they pass from in front of a solid to behind it.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from fantoccini.output.view.camera import Camera, Viewport
 
 
 class _Comparison(NamedTuple):
-    """How finely solids are compared, and what counts as before."""
+    """Resolution and tolerances of the comparison of solids."""
 
     axis_points: np.ndarray = np.linspace(0.0, 1.0, 5)
-    """Places along a solid's axis, as shares of it."""
+    """Points along a solid's axis, as shares of its length."""
     sights: np.ndarray = np.stack(np.meshgrid(*[np.linspace(0.08, 0.92, 5)] * 2), axis=-1).reshape(
         -1, 2
     )
-    """Lines of sight, as shares of the overlap of two solids, clear of its edges."""
+    """Lines of sight through the overlap of two solids, as shares of its sides, off its edges."""
     face_thickness: float = 1e-6
-    """A point so far behind a face is still before it: it may lie on the face [m]."""
+    """Distance behind a face up to which a point counts as in front: it may lie on the face [m]."""
     sunk: float = 0.15
-    """A string tied to the middle of a limb is drawn on top of it: a string counts as before a
-    solid down to this depth below its middle, as a share of the girth."""
+    """Depth below a solid's middle, relative to the girth, down to which a string counts as in
+    front: a string tied to the middle of a limb is drawn over it."""
 
 
 _COMPARISON = _Comparison()
@@ -40,13 +40,13 @@ _COMPARISON = _Comparison()
 
 @dataclass(frozen=True)
 class BoxFaces:
-    """Outward unit normals (n, 3) and centres (n, 3) of a box's faces in the world [m]."""
+    """Outward unit normals (n, 3) and centres (n, 3) [m] of a box's faces in the world frame."""
 
     normals: np.ndarray
     centres: np.ndarray
 
     def before(self, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Which points (..., 3) lie on the outer side of a face that the eye sees."""
+        """Mask of the points (..., 3) on the outer side of a face that the eye sees."""
         visible = np.sum((eye - self.centres) * self.normals, axis=1) > 0.0
         normals, centres = self.normals[visible], self.centres[visible]
         outside = points @ normals.T - np.sum(normals * centres, axis=1)
@@ -55,15 +55,15 @@ class BoxFaces:
 
 @dataclass(frozen=True)
 class Occluder:
-    """A solid as the painter's order sees it.
+    """Solid with the data that the painting order needs.
 
     Attributes:
-        axis: (2, 3) its longest inner line in the world [m].
+        axis: (2, 3) ends of its longest inner line in the world frame [m].
         girth: distance from that line to the surface [m].
-        unit: (3, 3) maps it, or a capsule's cross-section, to the unit ball [1/m].
-        slides: True for a capsule: its ball may sit anywhere on the axis.
+        unit: (3, 3) map of the solid, or of a capsule's cross-section, to the unit ball [1/m].
+        slides: True for a capsule: its ball may be anywhere on the axis.
         bounds: (4,) left, bottom, right, top in the picture [px].
-        faces: of a box, else None.
+        faces: faces of a box, else None.
     """
 
     axis: np.ndarray
@@ -76,7 +76,7 @@ class Occluder:
 
 @dataclass(frozen=True)
 class StringPiece:
-    """Pieces ``start`` to ``stop`` of a string, which pass before and behind the same solids."""
+    """Pieces ``start`` to ``stop`` of a string, in front of and behind the same solids."""
 
     string: int
     start: int
@@ -86,11 +86,11 @@ class StringPiece:
 def painting_order(
     camera: Camera, viewport: Viewport, solids: list[Occluder], strings: list[np.ndarray]
 ) -> list[int | StringPiece]:
-    """The order of painting, far to near: indices of solids, and pieces of strings.
+    """Painting order, far to near: indices of solids, and pieces of strings.
 
     Args:
         camera, viewport: the view.
-        solids: to paint.
+        solids: solids to paint.
         strings: polylines (n, 3) [m]; piece k lies between points k and k + 1.
     """
     view = _View(camera, viewport, solids)
@@ -99,7 +99,7 @@ def painting_order(
     depths = [float(d) for d in view.placed[:, :, 2].mean(axis=1)]
     for n, points in enumerate(strings):
         middles = 0.5 * (points[:-1] + points[1:])
-        behind, before, seen = view.hits(middles)
+        behind, before, projected = view.hits(middles)
         changes = np.any(behind[1:] != behind[:-1], axis=1) | np.any(
             before[1:] != before[:-1], axis=1
         )
@@ -108,7 +108,7 @@ def painting_order(
             after += [(len(items), k) for k in np.flatnonzero(behind[start]).tolist()]
             after += [(k, len(items)) for k in np.flatnonzero(before[start]).tolist()]
             items.append(StringPiece(n, start, stop))
-            depths.append(float(seen[start:stop, 2].mean()))
+            depths.append(float(projected[start:stop, 2].mean()))
     return [items[k] for k in _sorted(depths, after)]
 
 
@@ -129,11 +129,11 @@ class _View:
         self.placed = camera.project(self.along, viewport)
 
     def pairs(self) -> list[tuple[int, int]]:
-        """(farther, nearer) for every two solids that overlap in the picture."""
+        """(farther, nearer) solids for all pairs that overlap in the picture."""
         i, j = np.triu_indices(len(self.girths), 1)
         a, b = self.bounds[i], self.bounds[j]
-        meet = np.all((a[:, :2] < b[:, 2:]) & (b[:, :2] < a[:, 2:]), axis=1)
-        i, j = i[meet], j[meet]
+        overlap = np.all((a[:, :2] < b[:, 2:]) & (b[:, :2] < a[:, 2:]), axis=1)
+        i, j = i[overlap], j[overlap]
         if not len(i):
             return []
         low = np.maximum(self.bounds[i, :2], self.bounds[j, :2])
@@ -152,7 +152,7 @@ class _View:
         ]
 
     def is_farther(self, a: int, b: int, default: bool) -> bool:
-        """Whether a is farther than b, by the faces of the larger box; ``default`` without one."""
+        """Whether a is farther than b, judged by the faces of the larger box; else ``default``."""
         eye, half = self.camera.eye, len(_COMPARISON.axis_points) / 2.0
         if a in self.boxes and (b not in self.boxes or self.girths[a] >= self.girths[b]):
             return bool(self.boxes[a].before(eye, self.along[b]).sum() > half)
@@ -161,24 +161,24 @@ class _View:
         return default
 
     def hits(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Masks (N, S) of points (N, 3) behind and before solids; their projections (N, 3)."""
-        seen = self.camera.project(points, self.viewport)
+        """Masks (N, S) of points (N, 3) behind and in front of solids; projections (N, 3)."""
+        projected = self.camera.project(points, self.viewport)
         behind = np.zeros((len(points), len(self.girths)), dtype=bool)
         before = behind.copy()
         low, high = self.bounds[None, :, :2], self.bounds[None, :, 2:]
-        place = seen[:, None, :2]
-        point, solid = np.nonzero(np.all((low < place) & (place < high), axis=2))
+        pixels = projected[:, None, :2]
+        point, solid = np.nonzero(np.all((low < pixels) & (pixels < high), axis=2))
         if len(point):
-            _, middle, touched = self.intersect(solid, seen[point, :2])
-            away = np.linalg.norm(points[point] - self.camera.eye, axis=1)
-            front = away < middle + _COMPARISON.sunk * self.girths[solid]
+            _, middle, hit = self.intersect(solid, projected[point, :2])
+            distance = np.linalg.norm(points[point] - self.camera.eye, axis=1)
+            in_front = distance < middle + _COMPARISON.sunk * self.girths[solid]
             for k in self.boxes.keys() & set(solid.tolist()):
-                mine = solid == k
-                front[mine] = self.boxes[k].before(self.camera.eye, points[point[mine]])
-                touched[mine] = True
-            before[point, solid] = touched & front
-            behind[point, solid] = touched & ~front
-        return behind, before, seen
+                on_box = solid == k
+                in_front[on_box] = self.boxes[k].before(self.camera.eye, points[point[on_box]])
+                hit[on_box] = True
+            before[point, solid] = hit & in_front
+            behind[point, solid] = hit & ~in_front
+        return behind, before, projected
 
     def intersect(
         self, solid: np.ndarray, pixel: np.ndarray
@@ -186,9 +186,9 @@ class _View:
         """Intersections of lines of sight through pixels (P, 2) with solids (P,).
 
         Returns:
-            Distances from the eye (P,) [m] to the surface and to the middle of the inner piece,
-            and whether the line hits the solid; where it misses, both distances are those of the
-            line's nearest point.
+            Distances from the eye (P,) [m] to the surface and to the middle of the inner piece, and
+            whether the line hits the solid. If it misses, both distances are those of the line's
+            nearest point.
         """
         ray = self.camera.rays(pixel, self.viewport)
         ray /= np.linalg.norm(ray, axis=1, keepdims=True)
@@ -208,31 +208,31 @@ class _View:
 
 
 def _sorted(depths: list[float], after: list[tuple[int, int]]) -> list[int]:
-    """Topological order, farthest first among the free items; cycles are cut at the farthest."""
+    """Topological order, farthest first among free items; cycles are cut at the farthest item."""
     n = len(depths)
-    waiting = [0] * n
+    n_farther = [0] * n
     nearer: list[list[int]] = [[] for _ in range(n)]
-    for far, near in after:
-        nearer[far].append(near)
-        waiting[near] += 1
-    free = [(-depths[k], k) for k in range(n) if waiting[k] == 0]
+    for farther, nearer_item in after:
+        nearer[farther].append(nearer_item)
+        n_farther[nearer_item] += 1
+    free = [(-depths[k], k) for k in range(n) if n_farther[k] == 0]
     heapq.heapify(free)
-    rest = sorted(range(n), key=lambda k: -depths[k])
-    done, cursor = [False] * n, 0
+    by_depth = sorted(range(n), key=lambda k: -depths[k])
+    painted, cursor = [False] * n, 0
     order: list[int] = []
     while len(order) < n:
         if free:
             k = heapq.heappop(free)[1]
         else:
-            while done[rest[cursor]]:
+            while painted[by_depth[cursor]]:
                 cursor += 1
-            k = rest[cursor]
-        if done[k]:
+            k = by_depth[cursor]
+        if painted[k]:
             continue
-        done[k] = True
+        painted[k] = True
         order.append(k)
         for m in nearer[k]:
-            waiting[m] -= 1
-            if waiting[m] == 0 and not done[m]:
+            n_farther[m] -= 1
+            if n_farther[m] == 0 and not painted[m]:
                 heapq.heappush(free, (-depths[m], m))
     return order

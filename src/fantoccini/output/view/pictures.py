@@ -1,4 +1,4 @@
-"""Still pictures: a strip of poses, and one state."""
+"""Still pictures: a strip of poses, or one state."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from fantoccini.base import PictureError, replacing
 from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import Layout, compose, shadows
-from fantoccini.output.view.drawing import DPI, Look, Sheet, layout_of
+from fantoccini.output.view.drawing import DPI, PictureOptions, Sheet, layout_of
 from fantoccini.output.view.geometry import Geometry, Guides, geometry_at, geometry_of
 from fantoccini.output.view.still import Drawable
 from fantoccini.output.view.studio import Studio, checked_renderer
@@ -46,27 +46,27 @@ def strip(
     Args:
         marionette: the puppet.
         run: its motion.
-        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         n: number of poses.
-        times: ``poses`` takes the most different ones, ``events`` those just after catches,
-            ``even`` equal steps; or the times themselves [s].
+        times: ``poses`` for the most different poses, ``events`` for those just after catches,
+            ``even`` for equal steps; or the times themselves [s].
         view: preset, or (azimuth, elevation) in degrees.
-        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture.
         theme: ``light``, ``dark``, or a Theme.
-        size: width and height [px]; by default what the motion needs.
-        scale: pixels of the file for a pixel of ``size``.
-        forces: draw the forces of contacts as arrows in proportion; those of impacts are cut.
-        guides: lines that the motion is compared with, as :func:`film` takes them.
+        size: width and height [px]; by default adapted to the motion.
+        scale: pixels of the file per pixel of ``size``.
+        forces: draw the forces of contacts as arrows to scale; those of impacts are cut.
+        guides: lines that the motion is compared with, as for :func:`film`.
 
     Returns:
         The path of the picture.
 
     Raises:
-        ValueError: forces of a run without contact.
+        ValueError: forces were requested for a run without contacts.
     """
     path = checked(path)
-    look = Look.of(view, focus, theme, size)
-    return save(strip_figure(marionette, run, n, times, look, forces, guides), path, scale)
+    options = PictureOptions.of(view, focus, theme, size)
+    return save(strip_figure(marionette, run, n, times, options, forces, guides), path, scale)
 
 
 def strip_figure(
@@ -74,42 +74,42 @@ def strip_figure(
     run: Trajectory,
     n: int,
     times: str | Sequence[float],
-    look: Look,
+    options: PictureOptions,
     forces: bool = False,
     guides: Guides | None = None,
 ) -> Figure:
-    """The strip as a matplotlib figure; arguments as for :func:`strip`."""
-    chosen = pose_times(marionette, run, n, times)
-    geometry = geometry_of(marionette, run.resample(chosen), forces).with_guides(guides)
-    whole = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
-    n = len(chosen)
-    if look.size is None:
-        panel = panel_size(geometry, look)
+    """Strip as a matplotlib figure; arguments as for :func:`strip`."""
+    sample_times = pose_times(marionette, run, n, times)
+    geometry = geometry_of(marionette, run.resample(sample_times), forces).with_guides(guides)
+    motion = geometry_of(marionette, run.resample(np.linspace(run.t[0], run.t[-1], 400)))
+    n = len(sample_times)
+    if options.size is None:
+        panel = panel_size(geometry, options)
         width = round(n * panel[0] + 40)
-        unit = max(12.0, width / 130.0)  # a wide strip is seen from farther away
+        unit = max(12.0, width / 130.0)  # a wide strip is viewed from farther away
         height = round(panel[1] + 9.2 * unit)
     else:
-        width, height = look.size
+        width, height = options.size
         unit = max(7.0, height / 50.0)
-    sheet = Sheet((width, height), look.theme)
+    sheet = Sheet((width, height), options.theme)
 
-    top = whole.tension_top()
-    each = (width - 2.0 * unit) / n
+    top = motion.tension_top()
+    panel_width = (width - 2.0 * unit) / n
     for k in range(n):
-        viewport = Viewport(unit + k * each, 4.6 * unit, each, height - 9.2 * unit)
-        layout = layout_of(geometry, viewport, look, top)
+        viewport = Viewport(unit + k * panel_width, 4.6 * unit, panel_width, height - 9.2 * unit)
+        layout = layout_of(geometry, viewport, options, top)
         sheet.floor(geometry, layout, grid=False)
         sheet.polygons(compose(geometry, k, layout))
         sheet.write(
-            viewport.x + 0.5 * each,
+            viewport.x + 0.5 * panel_width,
             3.2 * unit,
-            f"{chosen[k]:.2f} s",
+            f"{sample_times[k]:.2f} s",
             1.1 * unit,
-            look.theme.ink,
+            options.theme.ink,
             ha="center",
             va="center",
         )
-    add_captions(sheet, whole, layout, unit)
+    add_captions(sheet, motion, layout, unit)
     return sheet.figure
 
 
@@ -130,34 +130,38 @@ def draw(
     Args:
         marionette: the puppet.
         state: configuration and active set.
-        path: ends in ``.png``, ``.svg`` or ``.pdf``.
-        tension: (n_strings,) [N]; None draws the strings without the colours of tension.
+        path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
+        tension: (n_strings,) tensions [N]; None draws strings without the tension scale.
         view: preset, or (azimuth, elevation) in degrees.
-        focus: ``all`` frames bodies and strings, ``bodies`` lets strings leave the picture.
+        focus: ``all`` frames bodies and strings; with ``bodies`` strings may leave the picture.
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px].
-        scale: pixels of the file for a pixel of ``size``.
-        renderer: ``matplotlib``, or ``pyvista`` for shaded solids where that is installed.
+        scale: pixels of the file per pixel of ``size``.
+        renderer: ``matplotlib``, or ``pyvista`` for shaded solids, if installed.
 
     Returns:
         The path of the picture.
 
     Raises:
-        MissingLibraryError: the renderer is pyvista, which is not installed.
+        MissingLibraryError: pyvista was chosen and is not installed.
     """
     path = checked(path)
     geometry = geometry_at(marionette, state, tension)
     studio_scale = scale if checked_renderer(renderer) == "pyvista" else None
-    return save(figure_of(geometry, Look.of(view, focus, theme, size), studio_scale), path, scale)
+    return save(
+        figure_of(geometry, PictureOptions.of(view, focus, theme, size), studio_scale), path, scale
+    )
 
 
-def figure_of(geometry: Geometry, look: Look, studio_scale: float | None = None) -> Figure:
-    """The first sample of a geometry as a matplotlib figure.
+def figure_of(
+    geometry: Geometry, options: PictureOptions, studio_scale: float | None = None
+) -> Figure:
+    """First sample of a geometry as a matplotlib figure.
 
-    With ``studio_scale``, pyvista renders solids and strings with so many pixels for one of the
-    look's size.
+    With ``studio_scale``, pyvista renders solids and strings, with that many pixels per pixel of
+    the figure.
     """
-    sheet, layout, unit = framed_sheet(geometry, look)
+    sheet, layout, unit = framed_sheet(geometry, options)
     if studio_scale is None:
         sheet.polygons(compose(geometry, 0, layout))
     else:
@@ -170,19 +174,19 @@ def figure_of(geometry: Geometry, look: Look, studio_scale: float | None = None)
     return sheet.figure
 
 
-def framed_sheet(geometry: Geometry, look: Look) -> tuple[Sheet, Layout, float]:
-    """A sheet with the floor of a geometry, its layout, and the size of letters [px]."""
-    width, height = look.size or (720, 900)
+def framed_sheet(geometry: Geometry, options: PictureOptions) -> tuple[Sheet, Layout, float]:
+    """Sheet with the floor of a geometry, its layout, and the font size [px]."""
+    width, height = options.size or (720, 900)
     unit = max(7.0, height / 55.0)
-    sheet = Sheet((width, height), look.theme)
+    sheet = Sheet((width, height), options.theme)
     inner = Viewport(unit, 4.0 * unit, width - 2.0 * unit, height - 8.0 * unit)
-    layout = layout_of(geometry, inner, look)
+    layout = layout_of(geometry, inner, options)
     sheet.floor(geometry, layout)
     return sheet, layout, unit
 
 
 def add_captions(sheet: Sheet, geometry: Geometry, layout: Layout, unit: float) -> None:
-    """Adds the title and the scale of tension."""
+    """Adds the title and the tension scale."""
     sheet.title(geometry.title, unit, sheet.height - 1.5 * unit)
     sheet.tension_bar(geometry, layout, sheet.height - 2.3 * unit, unit)
 
@@ -192,8 +196,8 @@ def pose_times(
 ) -> np.ndarray:
     """Times [s] at which a strip shows the puppet, in order.
 
-    ``poses`` begins with the first and last time and adds, one by one, the time whose pose is
-    farthest from all poses taken so far, counting distance in time as well.
+    ``poses`` begins with the first and last time and repeatedly adds the time whose pose differs
+    most from all poses so far; the difference includes the distance in time.
 
     Args:
         marionette: the puppet.
@@ -205,52 +209,57 @@ def pose_times(
     if not isinstance(how, str):
         return np.sort(np.clip(np.asarray(how, dtype=float), start, stop))
     if n < 1:
-        raise ValueError("a strip needs at least one pose")
+        raise ValueError(f"n is {n}; a strip needs at least one pose")
     even = np.linspace(start, stop, n) if n > 1 else np.array([0.5 * (start + stop)])
     if how == "even" or n < 3:
         return even
     if how not in ("poses", "events"):
-        raise ValueError(f"times can be poses, events, even or numbers, not {how!r}")
-    fine = np.linspace(start, stop, 200)
-    shape = _features(marionette, run.resample(fine))
-    late = ((fine - start) / max(stop - start, 1e-12))[:, None]
-    features = np.concatenate([shape, 1.2 * late], axis=1)
-    taken = [0, len(fine) - 1]
+        raise ValueError(f"times is {how!r}; it can be poses, events, even or numbers")
+    grid = np.linspace(start, stop, 200)
+    shape = _features(marionette, run.resample(grid))
+    relative_time = ((grid - start) / max(stop - start, 1e-12))[:, None]
+    features = np.concatenate([shape, 1.2 * relative_time], axis=1)
+    chosen = [0, len(grid) - 1]
     if how == "events":
-        caught = sorted(e.t for e in run.events if e.kind in ("catch", "accumulation"))
-        spread = np.unique(np.linspace(0, len(caught) - 1, min(n - 2, len(caught))).astype(int))
-        taken += [int(np.searchsorted(fine, caught[k])) for k in spread]
-        taken = sorted({min(k, len(fine) - 1) for k in taken})
-    while len(taken) < n:
-        apart = np.linalg.norm(features[:, None] - features[taken][None], axis=2).min(axis=1)
-        if apart.max() <= 0.0:
+        catch_times = sorted(e.t for e in run.events if e.kind in ("catch", "accumulation"))
+        spread = np.unique(
+            np.linspace(0, len(catch_times) - 1, min(n - 2, len(catch_times))).astype(int)
+        )
+        chosen += [int(np.searchsorted(grid, catch_times[k])) for k in spread]
+        chosen = sorted({min(k, len(grid) - 1) for k in chosen})
+    while len(chosen) < n:
+        distances = np.linalg.norm(features[:, None] - features[chosen][None], axis=2).min(axis=1)
+        if distances.max() <= 0.0:
             break
-        taken.append(int(np.argmax(apart)))
-    return fine[sorted(taken)]
+        chosen.append(int(np.argmax(distances)))
+    return grid[sorted(chosen)]
 
 
 def _features(marionette: Drawable, run: Trajectory) -> np.ndarray:
-    """Places of all links (T, 3 n_links), scaled so that the motion is of size one."""
-    places = np.asarray(marionette.poses(run.q_D, run.q_K))[..., 3]
-    flat = places.reshape(len(places), -1)
+    """Positions of all links (T, 3 n_links), scaled so that the motion has size one."""
+    positions = np.asarray(marionette.poses(run.q_D, run.q_K))[..., 3]
+    flat = positions.reshape(len(positions), -1)
     flat = np.nan_to_num(flat - flat.mean(axis=0))
     return flat / max(float(np.linalg.norm(flat, axis=1).max()), 1e-12)
 
 
-def panel_size(geometry: Geometry, look: Look) -> tuple[float, float]:
-    """Width and height [px] of one pose: as tall as fits a page, as wide as the motion."""
-    layout = layout_of(geometry, Viewport(0.0, 0.0, 500.0, 500.0), look)
-    centres, radii = geometry.balls(strings=look.focus == "all")
-    seen = layout.camera.project(centres, layout.viewport)
-    reach = radii * layout.camera.scale(seen[:, 2], layout.viewport)
-    low, high = (seen[:, :2] - reach[:, None]).min(0), (seen[:, :2] + reach[:, None]).max(0)
+def panel_size(geometry: Geometry, options: PictureOptions) -> tuple[float, float]:
+    """Width and height [px] of one pose: height suited to a page, width to the motion."""
+    layout = layout_of(geometry, Viewport(0.0, 0.0, 500.0, 500.0), options)
+    centres, radii = geometry.balls(strings=options.focus == "all")
+    projected = layout.camera.project(centres, layout.viewport)
+    radii_px = radii * layout.camera.scale(projected[:, 2], layout.viewport)
+    low, high = (
+        (projected[:, :2] - radii_px[:, None]).min(0),
+        (projected[:, :2] + radii_px[:, None]).max(0),
+    )
     aspect = float(np.clip((high[0] - low[0]) / max(high[1] - low[1], 1e-9), 0.30, 1.3))
     height = 560.0 if aspect < 0.7 else 400.0
     return aspect * height * 1.06, height
 
 
 def checked(path: str | os.PathLike[str]) -> Path:
-    """The path of a picture, if its ending is known and its folder exists."""
+    """Returns the path of a picture, if its ending is known and its folder exists."""
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"a picture ends in {', '.join(FORMATS)}, not in {path.suffix!r}")
@@ -260,10 +269,10 @@ def checked(path: str | os.PathLike[str]) -> Path:
 
 
 def save(figure: Figure, path: Path, scale: float) -> Path:
-    """Writes a figure whole or not at all."""
+    """Writes a figure; the file appears only when complete."""
     try:
-        with replacing(path) as part:
-            figure.savefig(part, dpi=DPI * scale, format=path.suffix[1:].lower())
+        with replacing(path) as temporary:
+            figure.savefig(temporary, dpi=DPI * scale, format=path.suffix[1:].lower())
     except OSError as reason:
         raise PictureError(f"{path} cannot be written: {reason.strerror}") from reason
     return path

@@ -1,4 +1,4 @@
-"""A picture of a plan as the paper's Fig. 4: nodes as dots, the path, poses, obstacles."""
+"""Picture of a plan like the paper's Fig. 4: nodes as dots, the path, poses, obstacles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from fantoccini.model.tree import WORLD
 from fantoccini.output.view.compose import Layout, compose
-from fantoccini.output.view.drawing import Look, Sheet
+from fantoccini.output.view.drawing import PictureOptions, Sheet
 from fantoccini.output.view.geometry import Geometry, geometry_of, spread
 from fantoccini.output.view.pictures import add_captions, checked, framed_sheet, pose_times, save
 from fantoccini.output.view.still import Drawable
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from fantoccini.motion import Trajectory
 
 FIRST_OPACITY = 0.22
-"""Opacity of the first pose; that of the last is 1."""
+"""Opacity of the first pose; the last has 1."""
 
 MAX_DOTS = 20_000
-"""Nodes that are drawn at most."""
+"""Largest number of nodes that are drawn."""
 
 PATH_COLOUR = rgb("#2b6cb0")
 
@@ -44,30 +44,30 @@ def plan_picture(
     """Writes a picture of a plan and its search tree.
 
     Args:
-        marionette: the puppet, among the obstacles.
+        marionette: the puppet with its obstacles.
         run: the plan's motion.
-        nodes: (n, 3) where a point of the puppet is at the nodes of the tree [m].
-        way: (m, 3) where it goes along the plan [m].
-        path: ends in ``.png``, ``.svg`` or ``.pdf``.
+        nodes: (n, 3) positions of a point of the puppet at the nodes of the tree [m].
+        way: (m, 3) path of this point along the plan [m].
+        path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         poses: number of poses of the puppet along the plan.
         view: preset, or (azimuth, elevation) in degrees.
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px].
-        scale: pixels of the file for a pixel of ``size``.
+        scale: pixels of the file per pixel of ``size``.
 
     Returns:
         The path of the picture.
     """
-    path, look = checked(path), Look.of(view, "all", theme, size)
-    chosen = pose_times(marionette, run, poses)
-    geometry = geometry_of(marionette, run.resample(chosen))
-    sheet, layout, unit = framed_sheet(geometry, look)
+    path, options = checked(path), PictureOptions.of(view, "all", theme, size)
+    times = pose_times(marionette, run, poses)
+    geometry = geometry_of(marionette, run.resample(times))
+    sheet, layout, unit = framed_sheet(geometry, options)
     dots = layout.camera.project(nodes[spread(len(nodes), MAX_DOTS)], layout.viewport)
     sheet.axes.plot(
         dots[:, 0],
         dots[:, 1],
         ".",
-        color=look.theme.ink,
+        color=options.theme.ink,
         alpha=0.35,
         markersize=0.22 * unit,
         markeredgewidth=0.0,
@@ -78,26 +78,26 @@ def plan_picture(
     line = layout.camera.project(way, layout.viewport)
     sheet.axes.plot(line[:, 0], line[:, 1], color=PATH_COLOUR, linewidth=0.12 * unit, zorder=4.0)
     caption = f"{len(nodes)} nodes; {run.t[-1] - run.t[0]:.2f} s, poses at " + ", ".join(
-        f"{t - run.t[0]:.2f} s" for t in chosen
+        f"{t - run.t[0]:.2f} s" for t in times
     )
-    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, look.theme.ink, ha="left", va="center")
+    sheet.write(1.6 * unit, 2.2 * unit, caption, unit, options.theme.ink, ha="left", va="center")
     add_captions(sheet, geometry, layout, unit)
     return save(sheet.figure, path, scale)
 
 
 def fading_poses(sheet: Sheet, geometry: Geometry, layout: Layout) -> None:
-    """Paints all samples of a geometry over one another, the later the firmer."""
+    """Paints all samples of a geometry over one another, later ones more opaque."""
     # Obstacles are painted with the last pose, so that they stay opaque.
     moving = replace(geometry, solids=tuple(s for s in geometry.solids if s.link != WORLD))
     last = len(geometry.t) - 1
     for k in range(last + 1):
         opacity = FIRST_OPACITY + (1.0 - FIRST_OPACITY) * k / max(last, 1)
         polygons = [
-            replace(p, face=_faint(p.face, opacity), edge=_faint(p.edge, opacity))
+            replace(p, face=_faded(p.face, opacity), edge=_faded(p.edge, opacity))
             for p in compose(geometry if k == last else moving, k, layout)
         ]
         sheet.polygons(polygons, zorder=2.0 + 0.1 * k)
 
 
-def _faint(colour: tuple[float, ...], opacity: float) -> tuple[float, ...]:
+def _faded(colour: tuple[float, ...], opacity: float) -> tuple[float, ...]:
     return (*colour[:3], colour[3] * opacity)

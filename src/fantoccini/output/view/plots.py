@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
     from fantoccini.motion import Trajectory
 
-Looks = dict[str, dict[str, Any]]
+Styles = dict[str, dict[str, Any]]
 """Colour and dashes of each string's lines."""
 
 MAX_LINES = 24
-"""Driven coordinates that are drawn at most."""
+"""Largest number of driven coordinates that are drawn."""
 
 
 def plot(
@@ -35,34 +35,34 @@ def plot(
 ) -> Figure:
     """Plots of a run against time, as one matplotlib figure.
 
-    From the top: tensions; when each string was taut, with marks at its catches; the energy ledger,
-    potential energy relative to the start; driven lengths, or the other driven coordinates where no
-    length is driven; driven orientations, as rotation vectors. Empty panels are left out.
+    From the top: tensions; active set, with marks at catches; energy ledger, with potential energy
+    relative to the start; driven lengths or, if no length is driven, the other driven coordinates;
+    driven orientations, as rotation vectors. Empty panels are left out.
 
     Args:
         run: the motion.
-        path: writes the figure there as well (``.png``, ``.svg`` or ``.pdf``).
+        path: file for the figure (``.png``, ``.svg`` or ``.pdf``); None writes none.
         theme: ``light``, ``dark``, or a Theme.
         size: width and height [px].
-        scale: pixels of the file for a pixel of ``size``.
+        scale: pixels of the file per pixel of ``size``.
 
     Returns:
-        The figure; a notebook shows it by itself.
+        The figure, which a notebook displays.
     """
     target = None if path is None else checked(path)
     theme = theme_of(theme)
     strings = run.tension.names
     figure = blank_figure(size, facecolor=theme.top)
     left = (60.0 + 6.3 * max((len(plain(n, 24)) for n in strings), default=4)) / size[0]
-    looks = {name: line_look(theme, k) for k, name in enumerate(strings)}
+    styles = {name: line_style(theme, k) for k, name in enumerate(strings)}
     panels: list[tuple[float, Callable[[Axes], None]]] = []
     if strings:
-        panels.append((3.0, lambda axes: _tension(axes, run, looks, theme)))
+        panels.append((3.0, lambda axes: _tension(axes, run, styles, theme)))
         height = min(3.4, 0.7 + 0.2 * len(strings))
-        panels.append((height, lambda axes: _active_set(axes, run, looks, theme)))
+        panels.append((height, lambda axes: _active_set(axes, run, styles, theme)))
     panels.append((2.4, lambda axes: _energy(axes, run, theme)))
     if len(run.coordinates.q_K) > 4 * len(run.coordinates.quaternions_K):
-        panels.append((2.4, lambda axes: _driven(axes, run, looks, theme)))
+        panels.append((2.4, lambda axes: _driven(axes, run, styles, theme)))
     if run.coordinates.quaternions_K:
         panels.append((2.0, lambda axes: _rotations(axes, run, theme)))
     ratios = [share for share, _ in panels]
@@ -104,21 +104,21 @@ def plot(
     return figure
 
 
-def line_look(theme: Theme, k: int) -> dict[str, Any]:
+def line_style(theme: Theme, k: int) -> dict[str, Any]:
     """Colour and dashes of line k of a plot."""
     dashes = theme.dashes(k)
     return {"color": theme.colour(k), "linestyle": (0, dashes) if dashes else "-"}
 
 
-def _tension(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
+def _tension(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
     values = run.tension.values
-    some, what = np.zeros(len(run), dtype=bool), "tension [N]"
+    undetermined, label = np.zeros(len(run), dtype=bool), "tension [N]"
     for k, name in enumerate(run.tension.names):
-        axes.plot(run.t, values[:, k], **looks[name], linewidth=1.2, label=name)
+        axes.plot(run.t, values[:, k], **styles[name], linewidth=1.2, label=name)
         if run.undetermined is not None:
-            some |= run.undetermined.flags(name)
-    if np.any(some):
-        spans = _spans(run.t, some)
+            undetermined |= run.undetermined.flags(name)
+    if np.any(undetermined):
+        spans = _spans(run.t, undetermined)
         axes.broken_barh(
             spans,
             (0.0, 1.0),
@@ -127,32 +127,34 @@ def _tension(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
             alpha=0.18,
             linewidth=0.0,
         )
-        what += "\ngrey: not all determined"
-    axes.set_ylabel(what, color=theme.ink)
+        label += "\ngrey: some undetermined"
+    axes.set_ylabel(label, color=theme.ink)
     short_numbers(axes, theme)
     finite = np.abs(values[np.isfinite(values)])
     if finite.size and finite.max() > 0.0:
-        # A short peak may leave through the top, so that the rest is not flattened.
+        # A short peak may exceed the limit, so that the rest is not flattened.
         high = min(finite.max(), 2.5 * max(np.percentile(finite, 99.5), 1e-12))
         low = min(0.0, float(values[np.isfinite(values)].min()))
         axes.set_ylim(1.06 * low, 1.06 * high)
     legend(axes, theme)
 
 
-def _active_set(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
+def _active_set(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
     names = run.taut.names
     for k, name in enumerate(names):
         axes.broken_barh(
             _spans(run.t, run.taut.values[:, k]),
             (k - 0.32, 0.64),
-            facecolor=looks[name]["color"],
+            facecolor=styles[name]["color"],
             linewidth=0.0,
             alpha=0.85,
         )
-        caught = [e.t for e in run.events if e.kind in ("catch", "accumulation") and e.name == name]
+        catch_times = [
+            e.t for e in run.events if e.kind in ("catch", "accumulation") and e.name == name
+        ]
         axes.plot(
-            caught,
-            np.full(len(caught), k + 0.0),
+            catch_times,
+            np.full(len(catch_times), k + 0.0),
             linestyle="",
             marker="v",
             markersize=4.5,
@@ -166,7 +168,7 @@ def _active_set(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None
     axes.text(
         1.012,
         0.98,
-        "bar: taut\ngap: slack\n\N{BLACK DOWN-POINTING TRIANGLE} caught",
+        "bar: taut\ngap: slack\n\N{BLACK DOWN-POINTING TRIANGLE} catch",
         transform=axes.transAxes,
         va="top",
         color=theme.faint,
@@ -176,44 +178,44 @@ def _active_set(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None
 
 
 def _energy(axes: Axes, run: Trajectory, theme: Theme) -> None:
-    shown = 0
+    n_lines = 0
     for name in run.ledger.names:
         values = run.ledger[name]
         label = name
         if name == "potential":
             values, label = values - values[0], "potential - start"
         if np.any(np.abs(values) > 0.0):
-            axes.plot(run.t, values, linewidth=1.2, label=label, **line_look(theme, shown))
-            shown += 1
+            axes.plot(run.t, values, linewidth=1.2, label=label, **line_style(theme, n_lines))
+            n_lines += 1
     axes.axhline(0.0, color=theme.faint, linewidth=0.6)
     axes.set_ylabel("energy [J]", color=theme.ink)
     short_numbers(axes, theme)
     legend(axes, theme)
 
 
-def _driven(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
+def _driven(axes: Axes, run: Trajectory, styles: Styles, theme: Theme) -> None:
     names = list(run.coordinates.q_K)
     chosen = [k for k, name in enumerate(names) if name.endswith(".length")]
     label = "driven length [m]"
     if not chosen:
-        # Orientations have a panel of their own.
-        turning = {q + i for q, _ in run.coordinates.quaternions_K for i in range(4)}
-        chosen = [k for k in range(len(names)) if k not in turning]
+        # Orientations have their own panel.
+        in_quaternions = {q + i for q, _ in run.coordinates.quaternions_K for i in range(4)}
+        chosen = [k for k in range(len(names)) if k not in in_quaternions]
         label = "driven [m or rad]"
-    moved = {command: name for name, command in run.coordinates.commands.items()}
+    driven_by = {command: name for name, command in run.coordinates.commands.items()}
     for n, k in enumerate(chosen[:MAX_LINES]):
-        name = moved.get(names[k], names[k])
+        name = driven_by.get(names[k], names[k])
         owner = name.removesuffix(".length")
-        look = looks.get(owner, line_look(theme, n))
+        style = styles.get(owner, line_style(theme, n))
         if name == names[k]:
-            axes.plot(run.t, run.q_K[:, k], **look, linewidth=1.2, label=owner)
+            axes.plot(run.t, run.q_K[:, k], **style, linewidth=1.2, label=owner)
             continue
         actual = run.q_D[:, run.coordinates.q_D.index(name)]
-        axes.plot(run.t, actual, **look, linewidth=1.2, label=owner)
+        axes.plot(run.t, actual, **style, linewidth=1.2, label=owner)
         axes.plot(
             run.t,
             run.q_K[:, k],
-            color=look["color"],
+            color=style["color"],
             linewidth=1.0,
             linestyle=(0, (3, 2)),
             label=f"{owner}, command",
@@ -226,38 +228,38 @@ def _driven(axes: Axes, run: Trajectory, looks: Looks, theme: Theme) -> None:
 def _rotations(axes: Axes, run: Trajectory, theme: Theme) -> None:
     names = run.coordinates.q_K
     for n, (q, _) in enumerate(run.coordinates.quaternions_K[: MAX_LINES // 3]):
-        turned = rotation.continuous(run.q_K[:, q : q + 4])
-        sine = np.linalg.norm(turned[:, 1:], axis=1)
-        angle = 2.0 * np.arctan2(sine, turned[:, 0])
-        vector = turned[:, 1:] * (angle / np.where(sine > 1e-12, sine, 1.0))[:, None]
+        orientations = rotation.continuous(run.q_K[:, q : q + 4])
+        sine = np.linalg.norm(orientations[:, 1:], axis=1)
+        angle = 2.0 * np.arctan2(sine, orientations[:, 0])
+        vector = orientations[:, 1:] * (angle / np.where(sine > 1e-12, sine, 1.0))[:, None]
         for i, axis in enumerate("xyz"):
             label = f"{names[q].rsplit('.', 1)[0]}.rotation {axis}"
-            look = line_look(theme, 3 * n + i)
-            axes.plot(run.t, vector[:, i], **look, linewidth=1.2, label=label)
+            style = line_style(theme, 3 * n + i)
+            axes.plot(run.t, vector[:, i], **style, linewidth=1.2, label=label)
     axes.set_ylabel("driven rotation [rad]", color=theme.ink)
     short_numbers(axes, theme)
     legend(axes, theme)
 
 
 def short_numbers(axes: Axes, theme: Theme) -> None:
-    """Very small and large numbers get their power of ten above the axis, to save width."""
+    """Writes the power of ten of very small and large numbers above the axis, to save width."""
     axes.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
     axes.yaxis.get_offset_text().set(color=theme.ink, fontsize=8)
 
 
 def _spans(t: np.ndarray, on: np.ndarray) -> list[tuple[float, float]]:
-    """(start, duration) of each stretch of true values; a value holds until the next sample."""
+    """(start, duration) of each interval of true values; a value holds until the next sample."""
     steps = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
     ends = np.append(t, t[-1])
     return [(float(t[a]), float(ends[b] - t[a])) for a, b in steps.reshape(-1, 2)]
 
 
 def legend(axes: Axes, theme: Theme) -> None:
-    """Names the lines at the right of the axes."""
+    """Adds the legend at the right of the axes."""
     handles, labels = axes.get_legend_handles_labels()
     if not handles:
         return
-    made = axes.legend(
+    box = axes.legend(
         handles,
         [plain(x, 24) for x in labels],
         loc="upper left",
@@ -270,6 +272,6 @@ def legend(axes: Axes, theme: Theme) -> None:
         labelspacing=0.3,
         ncols=1 + (len(handles) > 12),
     )
-    for text in made.get_texts():
+    for text in box.get_texts():
         text.set_parse_math(False)
         text.set_usetex(False)

@@ -1,6 +1,6 @@
-"""The curve of a slack string: a catenary of the string's own length.
+"""Curve of a slack string: a catenary of the string's length.
 
-A massless string has no shape when slack; pictures give it that of a thread of the same length
+A massless string has no shape when slack; pictures show a thread of the same length
 (:func:`fantoccini.base.catenary`).
 """
 
@@ -14,11 +14,12 @@ from fantoccini.base import catenary
 
 
 class _Tolerances(NamedTuple):
-    """Relative lengths below which a case is degenerate."""
+    """Relative lengths below which a curve is degenerate."""
 
     straight: float = 1e-9
-    """Surplus length per span below which the string is straight: the sag is invisible."""
-    vertical: float = 1e-12  # Width per length below which the curve's direction is arbitrary
+    """Excess length relative to the span below which the string is straight: no visible sag."""
+    vertical: float = 1e-12
+    """Width relative to the length below which the curve's direction is arbitrary."""
 
 
 _TOLERANCES = _Tolerances()
@@ -29,8 +30,8 @@ def hanging(start: np.ndarray, end: np.ndarray, length: float, n: int = 48) -> n
 
     Args:
         start, end: (3,) ends [m].
-        length: of the thread [m]; up to the span's it gives a straight line.
-        n: number of points, at least 2; a third of them lie about the lowest point.
+        length: length of the thread [m]; up to the span it gives a straight line.
+        n: number of points, at least 2; a third of them lie around the lowest point.
 
     Returns:
         (n, 3) points [m]; the first and last are the ends.
@@ -42,7 +43,7 @@ def hanging(start: np.ndarray, end: np.ndarray, length: float, n: int = 48) -> n
     if not length > span * (1.0 + _TOLERANCES.straight) or not np.isfinite(length):
         return start + steps[:, None] * along
     width = float(np.hypot(along[0], along[1]))
-    ahead = along[:2] / width if width > _TOLERANCES.vertical * length else np.array([1.0, 0.0])
+    direction = along[:2] / width if width > _TOLERANCES.vertical * length else np.array([1.0, 0.0])
 
     a, first, last = (float(value) for value in catenary(along, length))
     s = _samples(first, last, a, n)
@@ -50,7 +51,9 @@ def hanging(start: np.ndarray, end: np.ndarray, length: float, n: int = 48) -> n
     x = a * (np.arcsinh(s / a) - np.arcsinh(s[0] / a))
     root = np.sqrt(a * a + s * s)
     z = (s - s[0]) * (s + s[0]) / (root + root[0])
-    points = np.column_stack([start[0] + ahead[0] * x, start[1] + ahead[1] * x, start[2] + z])
+    points = np.column_stack(
+        [start[0] + direction[0] * x, start[1] + direction[1] * x, start[2] + z]
+    )
     points[-1] = end
     return points
 
@@ -58,11 +61,11 @@ def hanging(start: np.ndarray, end: np.ndarray, length: float, n: int = 48) -> n
 def path(points: np.ndarray, length: float, n: int = 48) -> np.ndarray:
     """Points along a slack string that runs through several points.
 
-    Its surplus length is shared among the segments in proportion to their spans.
+    Its excess length is shared among the segments in proportion to their spans.
 
     Args:
         points: (k, 3) points of the string [m].
-        length: of the whole string [m].
+        length: length of the whole string [m].
         n: number of points on each segment.
 
     Returns:
@@ -80,8 +83,8 @@ def path(points: np.ndarray, length: float, n: int = 48) -> np.ndarray:
 
 
 def _samples(first: float, last: float, a: float, n: int) -> np.ndarray:
-    """n arc lengths from first to last: even ones, and ones at even slopes about the lowest."""
-    bent = n // 3 | 1 if n >= 6 else 0
-    even = np.linspace(first, last, n - bent)
-    near = np.clip(a * np.tan(np.linspace(-1.4, 1.4, bent)), first, last)
-    return np.sort(np.concatenate([even, near]))
+    """n arc lengths: some evenly spaced, and some at evenly spaced slopes near the lowest point."""
+    n_bend = n // 3 | 1 if n >= 6 else 0
+    even = np.linspace(first, last, n - n_bend)
+    bend = np.clip(a * np.tan(np.linspace(-1.4, 1.4, n_bend)), first, last)
+    return np.sort(np.concatenate([even, bend]))

@@ -1,4 +1,4 @@
-"""The solids of a puppet: its shapes, handles, and stand-ins for bodies without a shape."""
+"""Solids of a puppet: its shapes, handles, and stand-ins for bodies without a shape."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from fantoccini.output.view.still import file_value
 from fantoccini.output.view.theme import STONE, WOOD, Theme, rgb
 
 MAX_FACES = 1500
-"""A mesh with more triangles is simplified before it is painted."""
+"""Largest number of triangles of a painted mesh; larger meshes are simplified."""
 MAX_FINE_FACES = 60_000
-"""A mesh with more triangles is simplified where the depth of every pixel is known."""
+"""Largest number of triangles of a mesh for renderers with a depth buffer."""
 
 
 def solid_of(shape: Shape, link: int, colour: np.ndarray) -> Solid:
-    """The solid of a shape on a link (-1 for the world); ``colour`` (3,) where it has none."""
+    """Solid of a shape on a link (-1 for the world); ``colour`` (3,) if the shape has none."""
     if shape.colour is not None:
         colour = rgb(shape.colour)
     if isinstance(shape, Capsule):
@@ -38,7 +38,7 @@ def solid_of(shape: Shape, link: int, colour: np.ndarray) -> Solid:
 
 
 def link_solids(tree: Tree) -> list[Solid]:
-    """The shapes of all links."""
+    """Solids of the shapes of all links."""
     solids: list[Solid] = []
     depth = {WORLD: -1}
     for k, link in enumerate(tree.links):
@@ -49,17 +49,17 @@ def link_solids(tree: Tree) -> list[Solid]:
 
 
 def obstacles(puppet: Puppet) -> list[Solid]:
-    """The shapes that stand in the world."""
+    """Solids of the obstacles."""
     return [solid_of(shape, WORLD, rgb(STONE)) for shape in puppet.obstacles]
 
 
 def stand_ins(tree: Tree, size: float) -> list[Solid]:
     """Balls and sticks for links without shapes that have mass or carry strings.
 
-    None for massless frames that are fixed in the world, such as those on which puppets of a scene
-    stand.
+    Massless frames that are fixed in the world, such as those on which puppets of a scene stand,
+    have none.
     """
-    out: list[Solid] = []
+    solids: list[Solid] = []
     children: dict[int, list[np.ndarray]] = {}
     for link in tree.links:
         children.setdefault(link.parent, []).append(np.array(link.offset))
@@ -74,81 +74,85 @@ def stand_ins(tree: Tree, size: float) -> list[Solid]:
             continue
         com = np.zeros(3) if link.com is None else np.array(link.com)
         if mass > 0.0:
-            out.append(capsule(k, colour, np.tile(com, (2, 1)), 0.026 * size))
-        reach = [com, *children.get(k, [])]
-        out += [
+            solids.append(capsule(k, colour, np.tile(com, (2, 1)), 0.026 * size))
+        tips = [com, *children.get(k, [])]
+        solids += [
             capsule(k, colour, np.array([np.zeros(3), tip]), 0.011 * size)
-            for tip in np.unique(np.round(reach, 9), axis=0)
+            for tip in np.unique(np.round(tips, 9), axis=0)
             if np.linalg.norm(tip) > 1e-6
         ]
-    return out
+    return solids
 
 
 def handles(tree: Tree, theme: Theme, size: float) -> list[Solid]:
-    """Beads on string ends that a hand or a winch holds, and hooks on the world; ``size`` [m]."""
-    out: list[Solid] = []
-    seen = set()
+    """Beads on string ends held by a hand or a winch, and hooks on the world; ``size`` [m]."""
+    solids: list[Solid] = []
+    visited = set()
     for point in _string_points(tree):
         key = (point.link, point.at)
-        if key in seen or not _is_held(tree, point.link):
+        if key in visited or not _is_held(tree, point.link):
             continue
-        seen.add(key)
+        visited.add(key)
         if point.link == WORLD or not tree.links[point.link].shapes:
             at = np.tile(np.array(point.at, dtype=float), (2, 1))
-            out.append(capsule(point.link, theme.handle, at, 0.009 * size))
-    return out
+            solids.append(capsule(point.link, theme.handle, at, 0.009 * size))
+    return solids
 
 
 def _string_points(tree: Tree) -> list[Point]:
-    hung: list[StringRow | ChainRow] = [*tree.strings, *tree.chains]
-    return [point for row in hung for point in row.points]
+    rows: list[StringRow | ChainRow] = [*tree.strings, *tree.chains]
+    return [point for row in rows for point in row.points]
 
 
 def _is_held(tree: Tree, link: int) -> bool:
-    """Whether a link moves with driven coordinates only."""
+    """Whether only driven coordinates move a link."""
     return link == WORLD or all(
         tree.links[k].role is not Role.DYNAMIC for k in tree.ancestors(link)
     )
 
 
 def _mesh_solid(shape: Mesh, link: int, colour: np.ndarray) -> Solid:
-    """A mesh in its file's colours, unless the shape has one; ``colour`` where there is none."""
+    """Solid of a mesh in the shape's colour, else in the file's colours, else in ``colour``."""
     triangles = load_mesh(shape)
     colours = None if shape.colour is not None else shape.read().colours
     if colours is not None:
         colours = np.where(np.isfinite(colours), colours, colour)
 
-    def made(most: int) -> Solid:
+    def simplified(max_faces: int) -> Solid:
         points, corners = np.array(triangles.vertices), np.array(triangles.faces)
-        vertices, faces, kept = coarser(points, corners, most)
-        return mesh(link, colour, vertices, faces, None if colours is None else colours[kept])
+        vertices, faces, original = coarser(points, corners, max_faces)
+        return mesh(link, colour, vertices, faces, None if colours is None else colours[original])
 
-    rough = made(MAX_FACES)
-    return replace(rough, fine=made(MAX_FINE_FACES)) if len(triangles.faces) > MAX_FACES else rough
+    coarse = simplified(MAX_FACES)
+    return (
+        replace(coarse, fine=simplified(MAX_FINE_FACES))
+        if len(triangles.faces) > MAX_FACES
+        else coarse
+    )
 
 
 def coarser(
-    vertices: np.ndarray, faces: np.ndarray, most: int
+    vertices: np.ndarray, faces: np.ndarray, max_faces: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The mesh simplified to about ``most`` triangles, by merging vertices on a grid.
+    """The mesh simplified to about ``max_faces`` triangles, by merging vertices on a grid.
 
-    Takes and returns vertices (n, 3) [m] and faces (m, 3), indices of vertices; and which faces
-    these were before.
+    Takes and returns vertices (n, 3) [m] and faces (m, 3), indices of vertices; also returns the
+    original index of each face.
     """
     low, span = vertices.min(axis=0), float(np.ptp(vertices, axis=0).max())
-    kept = np.arange(len(faces))
+    original = np.arange(len(faces))
     # A closed surface crosses about 6 k^2 cells of a k x k x k grid, two triangles a cell.
-    cells = max(4, int(np.sqrt(most / 12.0)) * 2)
-    while len(faces) > most and cells >= 4:
+    cells = max(4, int(np.sqrt(max_faces / 12.0)) * 2)
+    while len(faces) > max_faces and cells >= 4:
         cell = np.floor((vertices - low) / span * cells).astype(int)
         key = cell @ [(cells + 1) ** 2, cells + 1, 1]
-        _, place, count = np.unique(key, return_inverse=True, return_counts=True)
+        _, cluster, count = np.unique(key, return_inverse=True, return_counts=True)
         merged = np.zeros((len(count), 3))
-        np.add.at(merged, place, vertices)
+        np.add.at(merged, cluster, vertices)
         merged /= count[:, None]
-        a, b, c = place[faces].T
-        real = np.flatnonzero((a != b) & (b != c) & (c != a))
-        different, first = np.unique(place[faces[real]], axis=0, return_index=True)
-        vertices, faces, kept = merged, different, kept[real[first]]
+        a, b, c = cluster[faces].T
+        proper = np.flatnonzero((a != b) & (b != c) & (c != a))
+        distinct, first = np.unique(cluster[faces[proper]], axis=0, return_index=True)
+        vertices, faces, original = merged, distinct, original[proper[first]]
         low, cells = vertices.min(axis=0), cells - 2
-    return vertices, faces, kept
+    return vertices, faces, original

@@ -1,4 +1,4 @@
-"""Sounds of a film: ffmpeg's arguments that mix them and lay them under the picture."""
+"""Sounds of a film: arguments of ffmpeg that mix them and add them to the pictures."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ if TYPE_CHECKING:
     from fantoccini.theatre.gestures import Sound
 
 SPEEDS = (0.25, 4.0)
-"""Slowest and fastest film that has sound."""
+"""Speed range of films with sound."""
 
 _RATE = 48000
-"""Samples of a film's sound in a second."""
-_SLOWEST = 0.5
-"""Least factor of ffmpeg's atempo."""
+"""Sample rate of a film's sound [Hz]."""
+_MIN_TEMPO = 0.5
+"""Smallest factor of ffmpeg's atempo filter."""
 
 
 def soundtrack(
     sounds: Sequence[Sound], start: float, seconds: float, speed: float = 1.0
 ) -> tuple[list[str], list[str]]:
-    """ffmpeg's arguments for the sounds of a film whose first input is its pictures.
+    """Arguments of ffmpeg for the sounds of a film whose first input is its pictures.
 
-    They last as long as the film, with silence after them. In films that are slower or faster than
-    the motion, they are as well, at their own pitch.
+    The sound track lasts as long as the film, padded with silence. In slow and fast films sounds
+    keep their pitch.
 
     Args:
-        sounds: what is heard when, on the motion's clock.
-        start: the motion's time at which the film begins [s].
+        sounds: sounds with their times, in the motion's time.
+        start: time of the motion at which the film begins [s].
         seconds: duration of the film [s].
         speed: seconds of motion per second of film, from 0.25 to 4.
 
     Returns:
-        Arguments of the inputs, and those of the output; the output's are ``-an`` without sounds.
+        Arguments for the inputs and for the output, which are ``-an`` without sounds.
 
     Raises:
         ValueError: the speed is out of range.
-        MediaError: an ending that is no sound's.
+        MediaError: the ending is not that of a sound file.
     """
     end = start + speed * seconds
-    heard = [one for one in sounds if one.start + one.duration > start and one.start < end]
-    if not heard:
+    audible = [s for s in sounds if s.start + s.duration > start and s.start < end]
+    if not audible:
         return [], ["-an"]
     if not SPEEDS[0] <= speed <= SPEEDS[1]:
         raise ValueError(
@@ -50,9 +50,9 @@ def soundtrack(
             "or no sounds"
         )
     inputs, chains = list[str](), list[str]()
-    for i, sound in enumerate(heard, start=1):
-        after = (sound.start - start) / speed
-        if after < 0.0:
+    for i, sound in enumerate(audible, start=1):
+        delay = (sound.start - start) / speed
+        if delay < 0.0:
             inputs += ["-ss", f"{start - sound.start:.6f}"]
         inputs += sound_input(sound.path)
         steps = [
@@ -60,13 +60,13 @@ def soundtrack(
             "aformat=channel_layouts=stereo",
             *_tempo(speed),
             f"volume={sound.gain:.6f}",
-            f"adelay={1e3 * max(after, 0.0):.3f}:all=1",
-            "asetpts=N/SR/TB",  # atempo leaves times before 0
+            f"adelay={1e3 * max(delay, 0.0):.3f}:all=1",
+            "asetpts=N/SR/TB",  # atempo produces times before 0
         ]
         chains.append(f"[{i}:a:0]{','.join(steps)}[sound{i}]")
-    every = "".join(f"[sound{i}]" for i in range(1, len(heard) + 1))
+    labels = "".join(f"[sound{i}]" for i in range(1, len(audible) + 1))
     chains.append(
-        f"{every}amix=inputs={len(heard)}:normalize=0:duration=longest,apad,"
+        f"{labels}amix=inputs={len(audible)}:normalize=0:duration=longest,apad,"
         f"atrim=end={seconds:.6f}[sound]"
     )
     mapped = ["-filter_complex", ";".join(chains), "-map", "0:v:0", "-map", "[sound]"]
@@ -74,9 +74,9 @@ def soundtrack(
 
 
 def _tempo(speed: float) -> list[str]:
-    """Filters that change the pace and keep the pitch."""
+    """Filters that change the tempo and keep the pitch."""
     steps = list[str]()
-    while speed < _SLOWEST:
-        steps.append(f"atempo={_SLOWEST:g}")
-        speed /= _SLOWEST
+    while speed < _MIN_TEMPO:
+        steps.append(f"atempo={_MIN_TEMPO:g}")
+        speed /= _MIN_TEMPO
     return steps if speed == 1.0 else [*steps, f"atempo={speed:.6f}"]

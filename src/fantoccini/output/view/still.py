@@ -1,6 +1,6 @@
-"""Poses by plain forward kinematics, for pictures of a puppet that is not compiled.
+"""Poses by forward kinematics in NumPy, for pictures of a puppet that is not compiled.
 
-A notebook shows a puppet when its cell ends; compiling it then would take seconds to minutes.
+A notebook shows a puppet at the end of a cell; compiling it for that would take seconds to minutes.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 
 Drawable: TypeAlias = "Marionette | Still"
-"""What can be drawn."""
+"""Puppet that can be drawn."""
 
 
 def file_value(number: Number) -> float:
-    """Value of a number of the puppet's file; for a parameter, the value given there."""
+    """Value of a number in the puppet's file; for a parameter, its value there."""
     return float(number.value) if isinstance(number, Parameter) else float(number)
 
 
 class Still:
-    """A puppet without a compiled model; ``number`` gives values of its numbers."""
+    """Puppet without a compiled model; ``number`` returns the values of its numbers."""
 
     def __init__(self, puppet: Puppet, tree: Tree, number: Callable[[Number], float] = file_value):
         self.puppet, self.tree, self.number = puppet, tree, number
@@ -38,11 +38,11 @@ class Still:
 
     @property
     def model(self) -> Still:
-        """Itself: it has the numbers and lengths."""
+        """This object, which provides numbers and lengths as a compiled model does."""
         return self
 
     def start(self) -> State:
-        """The file's pose, at rest. Strings without a given length are just taut."""
+        """State at rest in the file's pose. Strings without a given length are just taut."""
         table, strings = self.coordinates, self.tree.strings
         q_D, q_K = table.start_D.copy(), table.start_K.copy()
         q_D, q_K = placed(self.tree, q_D, q_K, self.number)
@@ -64,7 +64,7 @@ class Still:
         return link_poses(self.tree.links, np.atleast_2d(q_D), np.atleast_2d(q_K), self.number)
 
     def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
-        """For each string (T, n_points, 3) the points of its path [m]."""
+        """(T, n_points, 3) points of the path of each string [m]."""
         poses = self.poses(q_D, q_K)
         return [
             np.stack([place(poses, point, self.number) for point in string.points], axis=1)

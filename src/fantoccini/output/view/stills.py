@@ -1,4 +1,4 @@
-"""Stills of a play: every act as a few pictures from where the audience sits, all alike framed."""
+"""Stills of a play: pictures of every act from the audience's position, with one camera."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from fantoccini.output.view.camera import Viewport
 from fantoccini.output.view.compose import Layout, compose
-from fantoccini.output.view.drawing import Look, Sheet, layout_of
+from fantoccini.output.view.drawing import PictureOptions, Sheet, layout_of
 from fantoccini.output.view.geometry import Geometry, geometry_of
 from fantoccini.output.view.pictures import panel_size, pose_times
 from fantoccini.output.view.theme import LIGHT
@@ -21,85 +21,87 @@ if TYPE_CHECKING:
     from fantoccini.theatre.plays import Play
 
 AUDIENCE = (0.0, 10.0)
-"""The point of view of the audience: azimuth and elevation [deg]."""
+"""Point of view of the audience: azimuth and elevation [deg]."""
 
 ACROSS = 4
-"""Stills in a row."""
-_LETTERS = 0.05
-"""Height of a line of text over the width of a still."""
+"""Number of stills in a row."""
+_FONT_SIZE = 0.05
+"""Font size, relative to the width of a still."""
 
 
 class Stills:
-    """The stage of a play, with one camera for all of it.
+    """Stills of a play, with one camera for the whole stage.
 
     Args:
-        play: compiled.
-        run: of it.
+        play: the compiled play.
+        run: its run.
     """
 
     def __init__(self, play: Play, run: Trajectory):
         self._play, self._run = play, run
         times = np.linspace(run.t[0], run.t[-1], 400)
         self._whole = geometry_of(play.marionette, run.resample(times))
-        self._look = Look.of(AUDIENCE, "all", LIGHT)
-        inner = Viewport(0.0, 0.0, *panel_size(self._whole, self._look))
-        self._layout = layout_of(self._whole, inner, self._look)
-        self._letters = _LETTERS * inner.width
+        self._options = PictureOptions.of(AUDIENCE, "all", LIGHT)
+        inner = Viewport(0.0, 0.0, *panel_size(self._whole, self._options))
+        self._layout = layout_of(self._whole, inner, self._options)
+        self._font_size = _FONT_SIZE * inner.width
 
     def of_act(self, name: str, n: int = 8) -> Figure:
-        """Stills of an act, the most different ones, in rows of four.
+        """Stills of an act at the most different poses, in rows of four.
 
         Args:
-            name: of the act.
+            name: name of the act.
             n: number of stills.
         """
         starts = [*self._play.acts.values(), float(self._run.t[-1])]
         act = list(self._play.acts).index(name)
         begin, end = (min(t, float(self._run.t[-1])) for t in starts[act : act + 2])
-        within = np.linspace(begin, end, 200)
-        times = pose_times(self._play.marionette, self._run.resample(within), n)
+        act_times = np.linspace(begin, end, 200)
+        times = pose_times(self._play.marionette, self._run.resample(act_times), n)
         geometry = geometry_of(self._play.marionette, self._run.resample(times))
-        width, letters = self._layout.viewport.width, self._letters
-        height = self._layout.viewport.height + 3.8 * letters
-        across = min(ACROSS, len(times))
-        rows = -(-len(times) // across)
-        sheet = Sheet((round(across * width), round(rows * height)), LIGHT)
+        width, font_size = self._layout.viewport.width, self._font_size
+        height = self._layout.viewport.height + 3.8 * font_size
+        columns = min(ACROSS, len(times))
+        rows = -(-len(times) // columns)
+        sheet = Sheet((round(columns * width), round(rows * height)), LIGHT)
         for k, t in enumerate(times):
-            column, row = k % across, k // across
+            column, row = k % columns, k // columns
             left, low = column * width, (rows - 1 - row) * height
-            viewport = replace(self._layout.viewport, x=left, y=low + 3.3 * letters)
+            viewport = replace(self._layout.viewport, x=left, y=low + 3.3 * font_size)
             layout = replace(self._layout, viewport=viewport)
             sheet.floor(self._whole, layout, grid=False)
             sheet.polygons(compose(geometry, k, layout))
             self._names(sheet, geometry, k, layout)
             sheet.write(
                 left + 0.5 * width,
-                low + 0.6 * letters,
+                low + 0.6 * font_size,
                 f"{t:.2f} s",
-                letters,
+                font_size,
                 LIGHT.ink,
                 ha="center",
                 va="bottom",
             )
-        for line, step, most in (
-            (sheet.axes.axvline, width, across),
+        for line, step, count in (
+            (sheet.axes.axvline, width, columns),
             (sheet.axes.axhline, height, rows),
         ):
-            for k in range(1, most):
+            for k in range(1, count):
                 line(k * step, color=LIGHT.grid, linewidth=0.8, zorder=4.0)
         return sheet.figure
 
     def _names(self, sheet: Sheet, geometry: Geometry, k: int, layout: Layout) -> None:
-        """Writes each player's name below its feet: puppets of one file look alike."""
-        cast, letters = self._play.cast, self._letters
+        """Writes each player's name on the floor: puppets of one file look alike."""
+        cast, font_size = self._play.cast, self._font_size
         for name in cast.players if len(cast.players) > 1 else ():
-            own = [
+            first_points = [
                 places[k, 0]
                 for string, places in zip(geometry.names, geometry.points, strict=True)
                 if cast.owner(string) == name
             ]
-            if not own:
+            if not first_points:
                 continue
-            below = np.append(np.mean(own, axis=0)[:2], geometry.floor)
-            x, y, _ = layout.camera.project(below, layout.viewport)
-            sheet.write(x, y - 0.4 * letters, name, 0.9 * letters, LIGHT.ink, ha="center", va="top")
+            point = np.append(np.mean(first_points, axis=0)[:2], geometry.floor)
+            x, y, _ = layout.camera.project(point, layout.viewport)
+            sheet.write(
+                x, y - 0.4 * font_size, name, 0.9 * font_size, LIGHT.ink, ha="center", va="top"
+            )

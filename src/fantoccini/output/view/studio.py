@@ -1,7 +1,7 @@
-"""Solids and strings rendered by pyvista, with smooth shading and strings as tubes.
+"""Solids and strings rendered by pyvista: smooth shading, strings as tubes.
 
 Background, floor, shadows and captions are those of the matplotlib renderer. pyvista is imported
-when the first studio is made, and needs no display where Mesa's EGL or OSMesa is installed.
+when the first studio is created; with Mesa's EGL or OSMesa it needs no display.
 """
 
 from __future__ import annotations
@@ -27,32 +27,32 @@ RENDERERS = ("matplotlib", "pyvista")
 _LIGHTS = (((-0.8, 0.9, 0.7), 0.85), ((0.9, 0.2, 0.6), 0.25), ((0.2, -0.7, 0.4), 0.12))
 """Direction to each light in camera axes (right, up, back), and intensity: key, fill, floor."""
 
-_OVERSAMPLED = 2
-"""Pixels rendered along each side of a pixel of the picture."""
+_OVERSAMPLING = 2
+"""Number of rendered pixels along each side of a pixel of the picture."""
 
 
 def checked_renderer(renderer: str) -> str:
-    """Returns the renderer.
+    """Returns the renderer, if it is available.
 
     Raises:
-        ValueError: no renderer has this name.
-        MissingLibraryError: it is pyvista, which is not installed.
+        ValueError: there is no renderer with this name.
+        MissingLibraryError: pyvista was chosen and is not installed.
     """
     if renderer not in RENDERERS:
-        raise ValueError(f"no renderer is called {renderer!r}; there are {', '.join(RENDERERS)}")
+        raise ValueError(f"there is no renderer {renderer!r}; use {' or '.join(RENDERERS)}")
     if renderer == "pyvista":
         _pyvista()
     return renderer
 
 
 class Studio:
-    """Renders a geometry.
+    """Renderer of a geometry.
 
     Args:
-        geometry: what to show.
+        geometry: geometry to show.
         layout: camera, theme and viewport.
         size: width and height of the sheet [px].
-        scale: pixels of the rendering for a pixel of the sheet.
+        scale: pixels of the rendering per pixel of the sheet.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Studio:
     ):
         self._pv = _pyvista()
         self.geometry, self.layout = geometry, layout
-        window = [round(n * scale) * _OVERSAMPLED for n in size]
+        window = [round(n * scale) * _OVERSAMPLING for n in size]
         self._plotter = self._pv.Plotter(off_screen=True, window_size=window, lighting="none")
         self._plotter.set_background("black")
         for towards, brightness in _LIGHTS:
@@ -81,30 +81,32 @@ class Studio:
                 actor.user_matrix = np.vstack([pose, [0.0, 0.0, 0.0, 1.0]])
         self._add_strings(k)
         self._plotter.renderer.ResetCameraClippingRange()
-        self._plotter.render()  # without it the first screenshot is empty
-        fine = self._plotter.screenshot(transparent_background=True, return_img=True)
-        each = [slice(k, None, _OVERSAMPLED) for k in range(_OVERSAMPLED)]
-        shot = sum(fine[rows, columns].astype(np.float32) for rows in each for columns in each)
-        # Edges are premultiplied by opacity; matplotlib wants straight colours.
-        shot[..., :3] /= np.maximum(shot[..., 3:], 1.0)
-        shot[..., 3] /= 255.0 * _OVERSAMPLED**2
-        return np.minimum(shot, 1.0, out=shot)
+        self._plotter.render()  # otherwise the first screenshot is empty
+        rendering = self._plotter.screenshot(transparent_background=True, return_img=True)
+        offsets = [slice(k, None, _OVERSAMPLING) for k in range(_OVERSAMPLING)]
+        pixels = sum(
+            rendering[rows, columns].astype(np.float32) for rows in offsets for columns in offsets
+        )
+        # Colours at edges are premultiplied by opacity; matplotlib expects straight ones.
+        pixels[..., :3] /= np.maximum(pixels[..., 3:], 1.0)
+        pixels[..., 3] /= 255.0 * _OVERSAMPLING**2
+        return np.minimum(pixels, 1.0, out=pixels)
 
     def close(self) -> None:
         """Releases the window's memory."""
         self._plotter.close()
 
     def _actor(self, solid: Solid) -> pyvista.Actor:
-        made = triangles(solid)
-        surface = self._surface(made)
-        look: dict[str, object] = {"color": solid.colour}
+        mesh = triangles(solid)
+        surface = self._surface(mesh)
+        shading: dict[str, object] = {"color": solid.colour}
         if (colours := solid.full.colours) is not None:
             surface.cell_data["colour"] = np.round(255.0 * colours).astype(np.uint8)
-            look = {"scalars": "colour", "rgb": True}
+            shading = {"scalars": "colour", "rgb": True}
         return self._plotter.add_mesh(
             surface,
-            **look,
-            smooth_shading=made.normals is not None,
+            **shading,
+            smooth_shading=mesh.normals is not None,
             ambient=0.24,
             diffuse=0.90,
             specular=0.45,
@@ -112,18 +114,18 @@ class Studio:
             render=False,
         )
 
-    def _surface(self, made: TriangleMesh) -> pyvista.PolyData:
-        surface = self._pv.PolyData.from_regular_faces(made.vertices, made.faces)
-        if made.normals is not None:
-            surface.point_data.active_normals = made.normals
+    def _surface(self, mesh: TriangleMesh) -> pyvista.PolyData:
+        surface = self._pv.PolyData.from_regular_faces(mesh.vertices, mesh.faces)
+        if mesh.normals is not None:
+            surface.point_data.active_normals = mesh.normals
         return surface
 
     def _add_strings(self, k: int) -> None:
-        """Strings and springs as tubes, as wide in the picture as matplotlib's lines."""
+        """Adds strings and springs as tubes, as wide in the picture as matplotlib's lines."""
         camera, viewport = self.layout.camera, self.layout.viewport
         tubes = self._pv.MultiBlock()
         for line in lines(self.geometry, k, self.layout):
-            depth = float(camera.see(line.points)[:, 2].mean())
+            depth = float(camera.to_camera(line.points)[:, 2].mean())
             radius = 0.5 * line.width / camera.scale(depth, viewport)
             tube = self._pv.lines_from_points(line.points).tube(radius=radius, n_sides=8)
             colour = np.round(255.0 * line.colour).astype(np.uint8)
@@ -143,14 +145,14 @@ class Studio:
             )
 
     def aim(self, layout: Layout, size: tuple[int, int]) -> None:
-        """Takes over a layout's camera, widened from its viewport to the whole sheet."""
+        """Adopts a layout's camera, widened from its viewport to the whole sheet."""
         self.layout = layout
-        seen, viewport, (width, height) = self.layout.camera, self.layout.viewport, size
+        source, viewport, (width, height) = self.layout.camera, self.layout.viewport, size
         camera = self._plotter.camera
-        camera.position = seen.eye
-        camera.focal_point = seen.eye - seen.axes[2]
-        camera.up = seen.axes[1]
-        half = np.arctan(seen.tangent * height / viewport.height)
+        camera.position = source.eye
+        camera.focal_point = source.eye - source.axes[2]
+        camera.up = source.axes[1]
+        half = np.arctan(source.tangent * height / viewport.height)
         camera.view_angle = float(np.degrees(2.0 * half))
         camera.SetWindowCenter(
             1.0 - (2.0 * viewport.x + viewport.width) / width,

@@ -14,49 +14,53 @@ if TYPE_CHECKING:
     from fantoccini.theatre.gestures import Caption
 
 _SIZE = 1.7
-"""Height of the letters over that of other text."""
-_LETTER = 0.56
-"""Mean width of a letter over its height."""
+"""Font size, relative to that of other text."""
+_LETTER_WIDTH = 0.56
+"""Mean width of a letter, relative to the font size."""
 _LEADING = 1.45
-"""Height of a line over that of its letters."""
-_SMALLER = 0.9
-"""Factor of the letters' height where captions would take too much of the picture."""
-_LONGEST = 400
-"""Letters of a caption that are shown."""
+"""Height of a line, relative to the font size."""
+_SHRINK_FACTOR = 0.9
+"""Factor on the font size while captions take too much of the picture."""
+_MAX_LETTERS = 400
+"""Largest number of letters of a caption that are shown."""
 
 
 class Subtitles:
     """Captions of one film, drawn below the picture.
 
     Attributes:
-        room: height of the largest number of lines shown at once [px]; 0 without captions.
+        height: height of the largest number of lines shown at once [px]; 0 without captions.
 
     Args:
-        captions: words, speakers and times, on the motion's clock.
-        width: of the film [px].
-        unit: height of other text [px].
-        most: largest height; letters become smaller to keep it [px].
+        captions: words, speakers and times, in the motion's time.
+        width: width of the film [px].
+        unit: font size of other text [px].
+        max_height: largest height; the font shrinks to keep it [px].
     """
 
-    def __init__(self, captions: Sequence[Caption], width: int, unit: float, most: float):
+    def __init__(self, captions: Sequence[Caption], width: int, unit: float, max_height: float):
         self._size, self._middle = _SIZE * unit, 0.5 * width
         self._text: Text | None = None
-        in_order = sorted(captions, key=lambda one: one.start)
+        in_order = sorted(captions, key=lambda caption: caption.start)
         while True:
-            letters = max(8, int(0.92 * width / (_LETTER * self._size)))
+            letters = max(8, int(0.92 * width / (_LETTER_WIDTH * self._size)))
             self._captions = [
-                (one.start, one.end, textwrap.wrap(plain(str(one), _LONGEST), letters) or [""])
-                for one in in_order
+                (
+                    caption.start,
+                    caption.end,
+                    textwrap.wrap(plain(str(caption), _MAX_LETTERS), letters) or [""],
+                )
+                for caption in in_order
             ]
-            # The number of lines is largest at the beginning of a caption.
+            # The number of lines is largest when a caption begins.
             lines = max((len(self._lines(start)) for start, *_ in self._captions), default=0)
-            self.room = lines * _LEADING * self._size
-            if self.room <= most:
+            self.height = lines * _LEADING * self._size
+            if self.height <= max_height:
                 break
-            self._size *= _SMALLER
+            self._size *= _SHRINK_FACTOR
 
     def place(self, sheet: Sheet, low: float) -> None:
-        """Makes the text, with its lower edge at a height [px]."""
+        """Creates the text, with its lower edge at ``low`` [px]."""
         if self._captions:
             self._text = sheet.write(
                 self._middle,
@@ -70,7 +74,7 @@ class Subtitles:
             )
 
     def at(self, t: float) -> list[Text]:
-        """The text at a time: all current captions, in order of their beginning."""
+        """The text at time ``t`` [s]: all current captions, in the order of their start."""
         lines = self._lines(t)
         if self._text is None or not lines:
             return []
@@ -78,4 +82,4 @@ class Subtitles:
         return [self._text]
 
     def _lines(self, t: float) -> list[str]:
-        return [line for start, end, own in self._captions if start <= t < end for line in own]
+        return [line for start, end, words in self._captions if start <= t < end for line in words]

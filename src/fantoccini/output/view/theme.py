@@ -1,4 +1,4 @@
-"""Themes, and conversions of colours.
+"""Themes and colour conversions.
 
 A colour is an array of red, green, blue in [0, 1]; a fourth number is the opacity.
 """
@@ -12,31 +12,31 @@ import numpy as np
 from fantoccini.base import UnknownNameError
 
 WOOD = ("#c8553d", "#e0b07c", "#3f6c8f", "#d9a066", "#8f5a3c", "#6c8f5a")
-"""Colours of shapes without one, by the depth of their link in the tree."""
+"""Default colours of shapes, by the depth of their link in the tree."""
 
 _DASHES = ((), (4.0, 2.0), (1.0, 1.5), (6.0, 2.0, 1.0, 2.0))
-"""Dash patterns of lines in plots; the empty one is solid."""
+"""Dash patterns of lines in plots; the empty pattern is a solid line."""
 
 RED = "#b3261e"
-"""Of what is wrong or not enough, in plots of reports."""
+"""Colour of violations in plots of reports."""
 
 STONE = "#b4aea0"
 """Colour of obstacles."""
 
 
 def rgb(text: str) -> np.ndarray:
-    """(3,) colour of ``#rrggbb``."""
+    """(3,) colour of a text ``#rrggbb``."""
     return np.array([int(text[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
 
 
 def to_bytes(colour: np.ndarray) -> tuple[int, int, int]:
-    """Red, green, blue in 0 to 255."""
+    """Red, green and blue, from 0 to 255."""
     red, green, blue = (round(255.0 * float(c)) for c in colour[:3])
     return red, green, blue
 
 
 def to_hex(colour: np.ndarray) -> str:
-    """``#rrggbb``."""
+    """The colour as ``#rrggbb``."""
     return "#{:02x}{:02x}{:02x}".format(*to_bytes(colour))
 
 
@@ -47,19 +47,20 @@ def mix(a: np.ndarray, b: np.ndarray, share: float | np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Theme:
-    """The look of a picture.
+    """Colours of a picture.
 
     Attributes:
         name: ``light`` or ``dark``, for the bundled themes.
         top, bottom: background at its upper and lower edge.
         floor: (4,) colour and opacity of the spot of light on the floor.
-        grid, shadow, slack, handle: the floor's lines, shadows, slack strings, driven string ends.
-        shadow_opacity: of one layer of a shadow.
-        ink, faint: text, and secondary text and rules.
-        outline: factor on a shape's colour that gives its outline's.
+        grid, shadow, slack, handle: colours of the floor's lines, shadows, slack strings, and
+            driven string ends.
+        shadow_opacity: opacity of one layer of a shadow.
+        ink, faint: colours of text, and of secondary text and rules.
+        outline: factor on a shape's colour for its outline.
         ramp: matplotlib's colour map for tension, and the part of it in use.
-        cycle: colours of lines in plots, distinct for colour-blind readers as well.
-        force: arrows of forces, unlike any tension.
+        cycle: colours of lines in plots, also distinct for colour-blind readers.
+        force: colour of arrows of forces, different from all tension colours.
     """
 
     name: str
@@ -87,7 +88,7 @@ class Theme:
         return _DASHES[k // len(self.cycle) % len(_DASHES)]
 
     def tension_colours(self, n: int = 256) -> np.ndarray:
-        """(n, 3) colours from zero to the largest tension."""
+        """(n, 3) colours, from zero to the largest tension."""
         from matplotlib import colormaps
 
         name, start, stop = self.ramp
@@ -159,7 +160,7 @@ THEMES = {"light": LIGHT, "dark": DARK}
 
 
 def theme_of(theme: str | Theme) -> Theme:
-    """Returns the theme of this name, or the theme itself."""
+    """The theme with this name, or the given theme."""
     if isinstance(theme, Theme):
         return theme
     if theme not in THEMES:

@@ -1,4 +1,4 @@
-"""The start state of a run on the command line."""
+"""Start state of a run on the command line."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from fantoccini.app.console.files import fail
-from fantoccini.app.console.terminal import number, say
+from fantoccini.app.cli_support.files import fail
+from fantoccini.app.cli_support.terminal import number, say
 from fantoccini.base.documents import Angle
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.lab.sweeps import trial
@@ -16,17 +16,17 @@ from fantoccini.motion import Input, State
 
 _ANGLE = TypeAdapter(Angle)
 _MAX_SILENT_MOVE = 1e-9
-"""Projection of a coordinate that is not reported [m or rad]."""
+"""Largest projection of a coordinate that is not reported [m or rad]."""
 _QUATERNION = (".qw", ".qx", ".qy", ".qz")
 
 Values = dict[str, float | list[float]]
 
 
 def read_values(settings: Sequence[str]) -> Values:
-    """NAME=VALUE settings as numbers: ``0.3``, ``30 deg``, ``1,0,0,0``.
+    """Parses NAME=VALUE settings with numbers such as ``0.3``, ``30 deg``, ``1,0,0,0``.
 
     Args:
-        settings: from the command line.
+        settings: settings from the command line.
     """
     values: Values = {}
     for setting in settings:
@@ -35,8 +35,8 @@ def read_values(settings: Sequence[str]) -> Values:
         if not (name and equals):
             fail(f"found {setting!r}; needed: NAME=VALUE", "--start")
         if name.endswith(_QUATERNION):
-            whole = name.rsplit(".", 1)[0]
-            fail(f"{name} is one of four components; set {whole}.rotation=w,x,y,z", "--start")
+            quaternion = name.rsplit(".", 1)[0]
+            fail(f"{name} is one of four components; set {quaternion}.rotation=w,x,y,z", "--start")
         if name in values:
             fail(f"{name} is given twice", "--start")
         parts = [_number(name, part) for part in text.strip().strip("[]").split(",")]
@@ -57,17 +57,19 @@ def _number(name: str, text: str) -> float:
         fail(f"{name}: {error.errors()[0]['msg']}", "--start")
 
 
-def start_state(marionette: Marionette, inputs: Input | None, given: Values, quiet: bool) -> State:
-    """The start state of :class:`fantoccini.lab.Trial`; reports a projection unless ``quiet``."""
-    x = trial.start_state(marionette, inputs, given)
+def start_state(
+    marionette: Marionette, inputs: Input | None, start_values: Values, quiet: bool
+) -> State:
+    """Start state as in :class:`fantoccini.lab.Trial`; reports a projection unless ``quiet``."""
+    x = trial.start_state(marionette, inputs, start_values)
     table = marionette.coordinates
-    if not quiet and not {*given} <= {*table.q_K, *table.rotations, *table.commands}:
-        values = {**({} if inputs is None else inputs.first_values()), **given}
-        moved = np.abs(x.q_D - marionette.state(values).q_D)
-        if np.max(moved, initial=0.0) > _MAX_SILENT_MOVE:
-            most = int(np.argmax(moved))
+    if not quiet and not {*start_values} <= {*table.q_K, *table.rotations, *table.commands}:
+        values = {**({} if inputs is None else inputs.first_values()), **start_values}
+        displacement = np.abs(x.q_D - marionette.state(values).q_D)
+        if np.max(displacement, initial=0.0) > _MAX_SILENT_MOVE:
+            k = int(np.argmax(displacement))
             say(
-                "moved the start to the nearest state that strings and limits allow; "
-                f"{table.q_D[most]} is {number(float(x.q_D[most]))}"
+                "moved the start to the nearest state that strings and limits allow: "
+                f"{table.q_D[k]} is {number(float(x.q_D[k]))}"
             )
     return x

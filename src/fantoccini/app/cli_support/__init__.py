@@ -1,4 +1,4 @@
-"""Shared code of the commands: files, options, messages and outputs."""
+"""Shared code of the commands: arguments, files, messages and outputs."""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,4 @@
-"""Poses and strings at one time, as pages show them."""
+"""State of the drawn scene at one time: poses, strings and forces."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
-    """Poses and strings at one time.
+class SceneState:
+    """State of the drawn scene at one time.
 
     Attributes:
-        t: [s].
+        t: time [s].
         poses: (n_links, 3, 4) link poses.
-        points: of each string, (n_points, 3) [m].
-        lengths: (n_strings,) including slip of the winches [m].
-        taut: (n_strings,) True for taut strings.
-        tension: (n_strings,) [N], or None when unknown.
-        springs: of each spring, (1, 2, 3) ends [m].
-        chains: of each chain, (n_points, 3) [m].
-        arrows: (n, 2, 3) foot and head of the arrows of forces [m]; None when unknown.
+        points: (n_points, 3) points of each string [m].
+        lengths: (n_strings,) lengths, including slip of the winches [m].
+        taut: (n_strings,) whether strings are taut.
+        tension: (n_strings,) tensions [N], or None if unknown.
+        springs: (1, 2, 3) ends of each spring [m].
+        chains: (n_points, 3) ends and masses of each chain [m].
+        arrows: (n, 2, 3) foot and head of the arrows of forces [m]; None if unknown.
     """
 
     t: float
@@ -41,9 +41,9 @@ class Moment:
     arrows: np.ndarray | None = None
 
 
-def moment_of(geometry: Geometry, k: int) -> Moment:
-    """The moment ``t[k]`` of a geometry."""
-    return Moment(
+def scene_at_sample(geometry: Geometry, k: int) -> SceneState:
+    """The scene of a geometry at time ``t[k]``."""
+    return SceneState(
         t=float(geometry.t[k]),
         poses=geometry.poses[k],
         points=[p[k] for p in geometry.points],
@@ -56,24 +56,24 @@ def moment_of(geometry: Geometry, k: int) -> Moment:
     )
 
 
-def moment_at(
+def scene_of_state(
     marionette: Marionette,
     state: State,
     tension: np.ndarray | None,
     arrows: np.ndarray | None = None,
-) -> Moment:
-    """The moment of a state.
+) -> SceneState:
+    """The scene of a state.
 
     Args:
         marionette: the puppet.
-        state: its state.
-        tension: (n_strings,) [N], or None when unknown.
-        arrows: as in :class:`Moment`.
+        state: state of the puppet.
+        tension: (n_strings,) tensions [N], or None if unknown.
+        arrows: as in :class:`SceneState`.
     """
     tree, n = marionette.tree, len(marionette.tree.strings)
     poses = np.asarray(marionette.poses(state.q_D, state.q_K))
     lengths = np.asarray(marionette.string_lengths(state.q_D, state.q_K))
-    return Moment(
+    return SceneState(
         t=state.t,
         poses=poses,
         points=[np.asarray(p) for p in marionette.string_points(state.q_D, state.q_K)],

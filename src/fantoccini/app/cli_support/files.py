@@ -1,4 +1,4 @@
-"""Files named on the command line: found before reading, checked before writing."""
+"""Files named on the command line: looked up before reading, checked before writing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import NoReturn
 
 import typer
 
-from fantoccini.app.console.terminal import plain
+from fantoccini.app.cli_support.terminal import plain
 from fantoccini.base import FantocciniError, InputError, Mistake, OnProgress, PuppetError, nearest
 from fantoccini.dynamics.marionette import Marionette, StringModel, load
 from fantoccini.model.puppet import bundled_files
@@ -28,7 +28,7 @@ class OutputError(FantocciniError):
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Turns an OSError into an OutputError that names the path."""
+    """Context that turns an OSError into an OutputError with the path."""
     try:
         yield
     except OSError as error:
@@ -36,10 +36,10 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def puppet_path(name: str) -> Path:
-    """The file of a FILE argument: a path, or the name of a bundled puppet or scene.
+    """Path of a FILE argument: a path, or the name of a bundled puppet or scene.
 
     Raises:
-        PuppetError: it is neither, or the file is a motion.
+        PuppetError: there is no such file or name, or the file is a motion.
     """
     path = Path(name)
     try:
@@ -51,40 +51,40 @@ def puppet_path(name: str) -> Path:
         missing = not path.exists()
     except OSError:
         return path  # reading it reports the error
-    known = (*bundled_files.names(), *bundled_files.scenes())
-    if name in known:
+    names = (*bundled_files.names(), *bundled_files.scenes())
+    if name in names:
         return bundled_files.path(name)
     if missing and path.name == name and not path.suffix:
-        hint = nearest(name, known)
-        message = f"no such file, and no bundled puppet or scene of this name{hint}"
+        hint = nearest(name, names)
+        message = f"no such file, and no bundled puppet or scene with this name{hint}"
         raise PuppetError([Mistake(name, None, "", message)])
     return path
 
 
-def inputs_path(given: Path) -> Path:
-    """The file of an ``--inputs`` option: a path, or the name of a bundled performance.
+def inputs_path(path: Path) -> Path:
+    """Path of an ``--inputs`` option: a path, or the name of a bundled performance.
 
     Raises:
-        InputError: it is neither.
+        InputError: there is no such file or name.
     """
-    name = str(given)
+    name = str(path)
     try:
-        missing = not given.exists()
+        missing = not path.exists()
     except OSError:
-        return given  # reading it reports the error
-    if not missing or given.name != name or given.suffix:
-        return given
-    known = bundled_files.performances()
-    if name in known:
+        return path  # reading it reports the error
+    if not missing or path.name != name or path.suffix:
+        return path
+    names = bundled_files.performances()
+    if name in names:
         return bundled_files.performance(name)
-    message = f"no such file, and no bundled performance of this name{nearest(name, known)}"
+    message = f"no such file, and no bundled performance with this name{nearest(name, names)}"
     raise InputError([Mistake(name, None, "", message)])
 
 
 def marionette(
     name: str, progress: OnProgress | None = None, string_model: StringModel = "constraint"
 ) -> Marionette:
-    """The marionette of a FILE argument."""
+    """Marionette of a FILE argument."""
     return load(puppet_path(name), progress, string_model=string_model)
 
 
@@ -92,14 +92,14 @@ def check_output(path: Path, endings: Iterable[str], option: str) -> None:
     """Raises a usage error if no file can be written to a path.
 
     Args:
-        path: of the file.
-        endings: supported ones.
-        option: that the path was given for.
+        path: path of the file.
+        endings: supported endings.
+        option: option with the path, for the message.
     """
     endings = tuple(endings)
     if path.suffix.lower() not in endings:
-        found = f"ends in {path.suffix!r}" if path.suffix else "has no ending"
-        fail(f"{path} {found}; allowed: {', '.join(endings)}", option)
+        problem = f"ends in {path.suffix!r}" if path.suffix else "has no ending"
+        fail(f"{path} {problem}; allowed: {', '.join(endings)}", option)
     check_folder(path.parent, option)
     try:
         if path.is_dir():
@@ -120,18 +120,18 @@ def check_folder(folder: Path, option: str) -> None:
 
 
 def check_new_folder(folder: Path, option: str) -> None:
-    """Raises a usage error unless the folder can be written, or created with its parents."""
+    """Raises a usage error if a folder cannot be written, nor created with its parents."""
     try:
         if folder.exists() and not folder.is_dir():
             fail(f"{folder} is a file, not a folder", option)
     except OSError as error:
         fail(f"cannot read {folder}: {error.strerror}", option)
-    above = folder.absolute()
-    while not above.exists():
-        above = above.parent
-    check_folder(above, option)
+    ancestor = folder.absolute()
+    while not ancestor.exists():
+        ancestor = ancestor.parent
+    check_folder(ancestor, option)
 
 
 def fail(message: str, option: str) -> NoReturn:
-    """Ends in a usage error: exit code 2."""
+    """Raises a usage error: exit code 2."""
     raise typer.BadParameter(plain(message), param_hint=option)

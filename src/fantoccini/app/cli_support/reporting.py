@@ -1,4 +1,4 @@
-"""The summary of a run: events, slack, tensions, energy, speed."""
+"""Summary of a run: events, slack, tensions, energy, speed."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from collections import Counter
 
 import numpy as np
 
-from fantoccini.app.console.terminal import number, table, write
+from fantoccini.app.cli_support.terminal import number, table, write
 from fantoccini.motion import EventKind, Trajectory
 
 _MAX_NAMED = 16
 """Largest number of strings and efforts listed by name."""
-_FAR = 1.0
-"""Way of a rotor that is told [m or rad]."""
+_MIN_ROTOR_TRAVEL = 1.0
+"""Travel of a rotor without control above which it is reported [m or rad]."""
 
 
 def report(run: Trajectory, seconds: float) -> None:
-    """Prints the summary of a run, which took ``seconds`` to compute."""
-    caught = Counter(e.name for e in run.events if e.kind is EventKind.CATCH)
-    released = Counter(e.name for e in run.events if e.kind is EventKind.RELEASE)
-    impulse: dict[str, float] = {}
+    """Prints the summary of a run that took ``seconds`` to compute."""
+    n_catches = Counter(e.name for e in run.events if e.kind is EventKind.CATCH)
+    n_releases = Counter(e.name for e in run.events if e.kind is EventKind.RELEASE)
+    largest_impulse: dict[str, float] = {}
     for event in run.events:
         if event.kind is EventKind.CATCH:
-            impulse[event.name] = max(impulse.get(event.name, 0.0), event.impulse)
+            largest_impulse[event.name] = max(largest_impulse.get(event.name, 0.0), event.impulse)
     table(
         "Strings",
         (
@@ -32,17 +32,17 @@ def report(run: Trajectory, seconds: float) -> None:
             "longest slack [s]>",
             "min [N]>",
             "max [N]>",
-            "hardest catch [N s]>",
+            "largest impulse [N s]>",
         ),
         [
             (
                 name,
-                caught[name],
-                released[name],
+                n_catches[name],
+                n_releases[name],
                 f"{longest_slack(run, name):.3f}",
                 float(np.min(tension)),
                 float(np.max(tension)),
-                number(impulse[name]) if name in impulse else "",
+                number(largest_impulse[name]) if name in largest_impulse else "",
             )
             for name, tension in run.tension.items()
         ],
@@ -59,11 +59,11 @@ def report(run: Trajectory, seconds: float) -> None:
     listed = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "none"
     write(f"events: {listed}")
     for name, drive in run.overloads.items():
-        did = "ran away" if drive.ran_away else f"lost steps {drive.lost_steps} times"
-        off = "" if drive.error is None else f", {abs(drive.error):.3g} (m, rad) off at the end"
-        write(f"{name} {did} from t = {drive.since:.6g} s on{off}")
-    for name, way in _turned_freely(run):
-        write(f"{name} has no control: its rotor turned freely, by {way:.3g} (m, rad)")
+        failure = "ran away" if drive.ran_away else f"lost steps {drive.lost_steps} times"
+        error = "" if drive.error is None else f"; error at the end {abs(drive.error):.3g} (m, rad)"
+        write(f"{name} {failure}, first at t = {drive.since:.6g} s{error}")
+    for name, travel in _free_rotors(run):
+        write(f"{name} has no control: its rotor turned freely, by {travel:.3g} (m, rad)")
     for line in undetermined_lines(run):
         write(line)
     if run.violation is not None:
@@ -77,38 +77,38 @@ def report(run: Trajectory, seconds: float) -> None:
 
 
 def undetermined_lines(run: Trajectory) -> list[str]:
-    """Report lines: tensions and efforts not determined by the motion, with the first time."""
+    """Lines about tensions and efforts that the motion does not determine, with the first time."""
     if run.undetermined is None or not np.any(run.undetermined.values):
         return []
-    found = [(name, flags) for name, flags in run.undetermined.items() if np.any(flags)]
-    first = min(float(run.t[np.argmax(flags)]) for _, flags in found)
-    share = 100.0 * max(float(np.mean(flags)) for _, flags in found)
-    names = ", ".join(name for name, _ in found[:_MAX_NAMED])
-    more = "" if len(found) <= _MAX_NAMED else f" and {len(found) - _MAX_NAMED} more"
+    affected = [(name, flags) for name, flags in run.undetermined.items() if np.any(flags)]
+    first = min(float(run.t[np.argmax(flags)]) for _, flags in affected)
+    share = 100.0 * max(float(np.mean(flags)) for _, flags in affected)
+    names = ", ".join(name for name, _ in affected[:_MAX_NAMED])
+    others = "" if len(affected) <= _MAX_NAMED else f" and {len(affected) - _MAX_NAMED} more"
     return [
-        f"not determined by the motion, from t = {first:.6g} s on, in up to {share:.3g} % of the "
-        f"samples: tension or effort of {names}{more}; other values give the same motion, those of "
-        "strings that stretch (--string-model chain) do not"
+        f"not determined by the motion, from t = {first:.6g} s, in up to {share:.3g} % of the "
+        f"samples: tension or effort of {names}{others}; other values give the same motion; "
+        "strings that stretch (--string-model chain) have determined values"
     ]
 
 
-def _turned_freely(run: Trajectory) -> list[tuple[str, float]]:
-    """The drives without control that went farther than one that runs away."""
+def _free_rotors(run: Trajectory) -> list[tuple[str, float]]:
+    """Drives without control, and their travel, if that is large."""
     drives = () if run.puppet is None else run.puppet.drives
     free = [name for drive in drives if not drive.follows for name in drive.on]
-    table, found = run.coordinates, []
+    table, travels = run.coordinates, []
     for name in free:
         if name in table.q_D:
-            way = float(np.ptp(run.q_D[:, table.q_D.index(name)]))
-            if way > _FAR:
-                found.append((name, way))
-    return found
+            travel = float(np.ptp(run.q_D[:, table.q_D.index(name)]))
+            if travel > _MIN_ROTOR_TRAVEL:
+                travels.append((name, travel))
+    return travels
 
 
 def longest_slack(run: Trajectory, string: str) -> float:
-    """The longest uninterrupted time that a string is slack [s].
+    """Longest uninterrupted time for which a string is slack [s].
 
-    The active set of a sample holds until the next one.
+    The active set of a sample holds until the next sample.
     """
     longest, slack_since = 0.0, np.nan
     for t, taut in zip(run.t, run.taut[string], strict=True):

@@ -1,5 +1,22 @@
 """The names of the package, and where each is defined."""
 
+from .arguments import (
+    FollowArguments as FollowArguments,
+    OptimiseArguments as OptimiseArguments,
+    PageOptions as PageOptions,
+    PerformArguments as PerformArguments,
+    PlanArguments as PlanArguments,
+    PlayArguments as PlayArguments,
+    ShowArguments as ShowArguments,
+    SimulateArguments as SimulateArguments,
+    takes as takes,
+)
+from .error_handling import (
+    FAILED as FAILED,
+    INTERRUPTED as INTERRUPTED,
+    MISTAKE as MISTAKE,
+    CommandGroup as CommandGroup,
+)
 from .files import (
     check_folder as check_folder,
     check_new_folder as check_new_folder,
@@ -9,20 +26,13 @@ from .files import (
     puppet_path as puppet_path,
     writing as writing,
 )
-from .guard import (
-    FAILED as FAILED,
-    INTERRUPTED as INTERRUPTED,
-    MISTAKE as MISTAKE,
-    GuardedGroup as GuardedGroup,
-)
-from .look import Look as Look
 from .motions import (
     Motion as Motion,
-    films_of as films_of,
+    film_options as film_options,
     motion as motion,
-    parts as parts,
     report_lateness as report_lateness,
     report_score as report_score,
+    score_lines as score_lines,
 )
 from .options import (
     Bodies as Bodies,
@@ -31,9 +41,10 @@ from .options import (
     Quiet as Quiet,
     SchemaOf as SchemaOf,
     StringModel as StringModel,
-    performed as performed,
     positive as positive,
+    resolve_bundled as resolve_bundled,
 )
+from .output_options import OutputOptions as OutputOptions
 from .outputs import (
     check_bodies as check_bodies,
     check_extras as check_extras,
@@ -51,17 +62,6 @@ from .recording import (
     with_recorded_winches as with_recorded_winches,
 )
 from .reporting import report as report
-from .requests import (
-    FollowRequest as FollowRequest,
-    OptimiseRequest as OptimiseRequest,
-    PageOptions as PageOptions,
-    PerformRequest as PerformRequest,
-    PlanRequest as PlanRequest,
-    PlayRequest as PlayRequest,
-    ShowRequest as ShowRequest,
-    SimulateRequest as SimulateRequest,
-    takes as takes,
-)
 from .start import read_values as read_values, start_state as start_state
 from .terminal import (
     Steps as Steps,

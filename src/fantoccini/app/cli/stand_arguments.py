@@ -1,4 +1,4 @@
-"""Arguments of the commands that move a stand."""
+"""Arguments of the commands that move stands."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
-from fantoccini.app.console import Quiet, positive
+from fantoccini.app.cli_support import Quiet, positive
 
-OfStand = Annotated[
+StandFile = Annotated[
     str, typer.Argument(metavar="STAND", help="Stand file, or name of a bundled stand.")
 ]
-OfRun = Annotated[Path, typer.Argument(metavar="RUN", help="Run or recording (.npz).")]
+RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="Run or recording (.npz).")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,11 +21,10 @@ class StandMotionOptions:
     """Options of set points."""
 
     puppet: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="The run's puppet, where the run does not say."),
+        str | None, typer.Option(metavar="FILE", help="Puppet, if the run does not contain it.")
     ] = None
     controller: Annotated[
-        str | None, typer.Option(metavar="TYPE", help="Kind of controller, instead of the stand's.")
+        str | None, typer.Option(metavar="TYPE", help="Kind of controller [the stand's].")
     ] = None
     rate: Annotated[
         float | None,
@@ -35,38 +34,40 @@ class StandMotionOptions:
             help="Set points per second [the controller's; 50 for G-code].",
         ),
     ] = None
-    home: Annotated[bool, typer.Option("--home", help="Let the axes find their places first.")] = (
-        False
-    )
+    home: Annotated[bool, typer.Option("--home", help="Home the axes first.")] = False
     slack: Annotated[
         float,
         typer.Option(
             metavar="MM",
             min=0.0,
             max=1000.0,
-            help="Drums pay out so much and wind it in again before the start.",
+            help="Length of string that drums pay out and wind in again before the start.",
         ),
     ] = 0.0
-    park: Annotated[bool, typer.Option("--park", help="Go home in the end.")] = False
-    anyway: Annotated[bool, typer.Option("--anyway", help="Also what the stand cannot do.")] = False
+    park: Annotated[bool, typer.Option("--park", help="Move to the home positions at the end.")] = (
+        False
+    )
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="Continue even if the stand cannot do the run.")
+    ] = False
     quiet: Quiet = False
 
 
 @dataclass(frozen=True, kw_only=True)
-class StandExportRequest(StandMotionOptions):
+class StandExportArguments(StandMotionOptions):
     """Arguments of ``fantoccini stand export``."""
 
-    stand: OfStand
-    run: OfRun
+    stand: StandFile
+    run: RunFile
     out: Annotated[Path, typer.Argument(metavar="OUT", help="File to write.")]
 
 
 @dataclass(frozen=True, kw_only=True)
-class StandStreamRequest(StandMotionOptions):
+class StandStreamArguments(StandMotionOptions):
     """Arguments of ``fantoccini stand stream``."""
 
-    stand: OfStand
-    run: OfRun
+    stand: StandFile
+    run: RunFile
     port: Annotated[str | None, typer.Option(metavar="NAME", help="Serial port [the stand's].")] = (
         None
     )
@@ -74,20 +75,20 @@ class StandStreamRequest(StandMotionOptions):
         int | None, typer.Option(metavar="N", min=300, help="Bits per second [the stand's].")
     ] = None
     from_line: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Go on from this line of the G-code.")
+        int | None, typer.Option(metavar="N", min=1, help="Continue from this line of the G-code.")
     ] = None
     to: Annotated[
         str | None,
-        typer.Option(metavar="HOST:PORT", help="Where packets of OSC or Art-Net go [the stand's]."),
+        typer.Option(metavar="HOST:PORT", help="Address for OSC or Art-Net packets [the stand's]."),
     ] = None
     from_time: Annotated[
         float | None,
         typer.Option(
             metavar="S",
             min=0.0,
-            help="Go on from this time of the set points, where the axes stand (OSC, Art-Net).",
+            help="Continue from this time of the set points; axes must be there (OSC, Art-Net).",
         ),
     ] = None
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Print what would be sent; open no port.")
+        bool, typer.Option("--dry-run", help="Print the data instead of sending them.")
     ] = False

@@ -1,10 +1,10 @@
-"""A recorded performance as inputs: the motion of its hands, its winches and its start."""
+"""Recorded performance as inputs: motion of its hands, its winches and its start."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from fantoccini.app.console.terminal import number, say
+from fantoccini.app.cli_support.terminal import number, say
 from fantoccini.base import npz
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import RECORDING_FORMATS, State
@@ -12,7 +12,7 @@ from fantoccini.theatre.perform import Recording
 
 
 def load_recording(path: Path | None) -> Recording | None:
-    """The recording in a file; None if the file holds something else."""
+    """Recording in a file; None if the file is not a recording."""
     if path is None or path.suffix.lower() != ".npz":
         return None
     try:
@@ -28,11 +28,11 @@ def with_recorded_winches(marionette: Marionette, recording: Recording, quiet: b
     Args:
         marionette: the puppet of FILE, with the driven coordinates of the recording.
         recording: the performance.
-        quiet: do not report how the puppets differ.
+        quiet: do not report differences between the puppets.
     """
     if not quiet:
         for line in _differences(marionette, recording.marionette):
-            say(f"the recording was made with another puppet: {line}")
+            say(f"the recording is of another puppet: {line}")
     names = [[s.name for s in m.tree.strings] for m in (recording.marionette, marionette)]
     if names[0] != names[1]:
         return marionette
@@ -40,7 +40,7 @@ def with_recorded_winches(marionette: Marionette, recording: Recording, quiet: b
 
 
 def recorded_start(marionette: Marionette, recording: Recording) -> State | None:
-    """The start of a recording; None if the puppet has other dynamic coordinates or rows."""
+    """Start state of a recording; None if the puppet has other dynamic coordinates or rows."""
     x, recorded = recording.start, recording.marionette
     if recorded.coordinates.q_D != marionette.coordinates.q_D:
         return None
@@ -50,18 +50,18 @@ def recorded_start(marionette: Marionette, recording: Recording) -> State | None
 
 
 def _differences(marionette: Marionette, recorded: Marionette) -> list[str]:
-    """How a puppet differs from the recorded one, in words."""
+    """Sentences about the differences between a puppet and the recorded one."""
     if marionette.coordinates.q_D != recorded.coordinates.q_D:
         return ["FILE has other dynamic coordinates, so it starts at rest"]
     new, old = (
         dict(zip(m.tree.parameters, m.p.tolist(), strict=True)) for m in (marionette, recorded)
     )
-    found = [
+    sentences = [
         f"{name} was {number(value)} and is {number(new[name])} in FILE"
         for name, value in old.items()
         if name in new and new[name] != value
     ]
     texts = [m.puppet.to_yaml() for m in (marionette, recorded)]
     if texts[0] != texts[1]:
-        found.append("its file differs from FILE; the recorded hands move the puppet of FILE")
-    return found
+        sentences.append("its file differs from FILE; the recorded hands move the puppet of FILE")
+    return sentences

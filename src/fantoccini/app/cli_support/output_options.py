@@ -1,4 +1,4 @@
-"""Options that set the look of pictures, films and animations."""
+"""Options of pictures, films, animations and tables."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fantoccini.app.console.files import FILMS, PICTURES, fail
-from fantoccini.app.console.options import Focus, Theme
+from fantoccini.app.cli_support.files import FILMS, PICTURES, fail
+from fantoccini.app.cli_support.options import Focus, Theme
 from fantoccini.output.animation import ENDINGS
 
 if TYPE_CHECKING:
@@ -23,17 +23,17 @@ _MAX_FPS = 240.0
 
 
 @dataclass(frozen=True)
-class Look:
-    """The look of pictures; None for the default.
+class OutputOptions:
+    """Options of output files; None for the default.
 
     Attributes:
         view: preset, or azimuth and elevation [deg].
         focus: ``all`` or ``bodies``.
         theme: ``light`` or ``dark``.
         size: width and height [px].
-        fps: frames per second of a film, keys of an animation, rows of a table.
+        fps: frames per second of a film, keys of an animation or rows of a table.
         forces: draw the forces of contacts.
-        bodies: that an animation or a table has; names or ``all``.
+        bodies: bodies in an animation or a table: names or ``all``.
     """
 
     view: str | tuple[float, float] | None = None
@@ -54,8 +54,8 @@ class Look:
         fps: float | None,
         forces: bool = False,
         bodies: str | None = None,
-    ) -> Look:
-        """The look from the values of options.
+    ) -> OutputOptions:
+        """Parses the values of options.
 
         Raises:
             BadParameter: a value is invalid.
@@ -77,7 +77,7 @@ class Look:
         endings = {path.suffix.lower() for path in out}
         film, strip = bool(endings & {*FILMS}), bool(endings & {*PICTURES})
         moving = bool(endings & {*ENDINGS})
-        for option, value, applies, what in (
+        for option, value, applies, outputs in (
             ("--view", self.view, film or strip, "a strip or a film"),
             ("--focus", self.focus, film or strip, "a strip or a film"),
             ("--theme", self.theme, film or strip or plot is not None, "a picture or a film"),
@@ -87,10 +87,10 @@ class Look:
             ("--bodies", self.bodies, moving, "an animation or a table (.csv)"),
         ):
             if value is not None and not applies:
-                fail(f"applies to {what}, but none is written", option)
+                fail(f"applies to {outputs}, but none is written", option)
 
-    def given(self, *names: str) -> dict[str, Any]:
-        """The attributes of these names that are not None."""
+    def nondefault(self, *names: str) -> dict[str, Any]:
+        """Those of the named attributes that are not None."""
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -121,8 +121,8 @@ def _names(text: str) -> Bodies:
 
 
 def _size(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
-    size = (int(found[1]), int(found[2])) if found else (0, 0)
+    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
     if not all(_MIN_SIZE <= n <= _MAX_SIZE for n in size):
         fail(f"{text!r} is not WIDTHxHEIGHT in pixels, {_MIN_SIZE} to {_MAX_SIZE} each", "--size")
     return size

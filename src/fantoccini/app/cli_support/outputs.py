@@ -1,4 +1,4 @@
-"""Output files of a run, by ending. Each appears complete or not at all."""
+"""Output files of a run, by ending. Each appears only when complete."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fantoccini.app.console.files import (
+from fantoccini.app.cli_support.files import (
     ANIMATIONS,
     FILMS,
     NUMBERS,
@@ -15,8 +15,8 @@ from fantoccini.app.console.files import (
     fail,
     writing,
 )
-from fantoccini.app.console.look import Look
-from fantoccini.app.console.terminal import Steps, say
+from fantoccini.app.cli_support.output_options import OutputOptions
+from fantoccini.app.cli_support.terminal import Steps, say
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 from fantoccini.output.animation import ENDINGS, format_of
@@ -31,7 +31,7 @@ def check_outputs(out: Sequence[Path], plot: Path | None, option: str = "--out")
     Args:
         out: numbers, strips, films and animations.
         plot: plot against time.
-        option: that ``out`` was given for.
+        option: option with ``out``, for the message.
     """
     for path in out:
         check_output(path, (*NUMBERS, *PICTURES, *FILMS, *ANIMATIONS), option)
@@ -46,19 +46,19 @@ def check_outputs(out: Sequence[Path], plot: Path | None, option: str = "--out")
 
 
 def check_extras(picture: Path | None, save: Path | None) -> None:
-    """Raises a usage error if what ``--picture`` and ``--save`` name cannot be written."""
+    """Raises a usage error if the files of ``--picture`` and ``--save`` cannot be written."""
     if picture is not None:
         check_output(picture, PICTURES, "--picture")
     if save is not None:
         check_output(save, (".npz",), "--save")
 
 
-def check_bodies(marionette: Marionette, look: Look) -> None:
-    """Raises UnknownNameError where ``--bodies`` names something else than a body."""
-    if look.bodies is not None:
+def check_bodies(marionette: Marionette, output_options: OutputOptions) -> None:
+    """Raises UnknownNameError if ``--bodies`` names something other than a body."""
+    if output_options.bodies is not None:
         from fantoccini.output import animation
 
-        animation.check_bodies(marionette, look.bodies)
+        animation.check_bodies(marionette, output_options.bodies)
 
 
 def write_outputs(
@@ -68,35 +68,35 @@ def write_outputs(
     plot: Path | None,
     steps: Steps,
     poses: str | Sequence[float] = "poses",
-    look: Look | None = None,
+    output_options: OutputOptions | None = None,
     films: Mapping[str, Any] | None = None,
     guides: Guides | None = None,
 ) -> None:
-    """Writes every file.
+    """Writes all output files.
 
     Args:
         marionette: the puppet.
         run: its motion.
         out: numbers, strips, films and animations.
         plot: plot against time.
-        steps: reports progress.
+        steps: progress report.
         poses: times of a strip's poses; see :func:`fantoccini.output.strip`.
-        look: of pictures, films and animations.
-        films: captions and sounds, as :func:`fantoccini.output.film` takes them.
-        guides: lines in strips and films, likewise.
+        output_options: options of the files.
+        films: captions and sounds, as arguments of :func:`fantoccini.output.film`.
+        guides: guides in strips and films, as for :func:`fantoccini.output.film`.
     """
-    look = look or Look()
-    check_bodies(marionette, look)
-    if look.forces and run.contact is None:
-        fail(f"{marionette.name} has no contact, so that there are no forces to draw", "--forces")
+    output_options = output_options or OutputOptions()
+    check_bodies(marionette, output_options)
+    if output_options.forces and run.contact is None:
+        fail(f"{marionette.name} has no contacts, so there are no forces to draw", "--forces")
     for path in out:
         with writing(path):
-            _write(marionette, run, path, steps, poses, look, films or {}, guides)
+            _write(marionette, run, path, steps, poses, output_options, films or {}, guides)
     if plot is not None:
         from fantoccini.output import view
 
         steps.step(f"drawing {plot}")
-        view.plot(run, plot, **look.given("theme"))
+        view.plot(run, plot, **output_options.nondefault("theme"))
 
 
 def _write(
@@ -105,7 +105,7 @@ def _write(
     path: Path,
     steps: Steps,
     poses: str | Sequence[float],
-    look: Look,
+    output_options: OutputOptions,
     films: Mapping[str, Any],
     guides: Guides | None,
 ) -> None:
@@ -116,25 +116,25 @@ def _write(
         from fantoccini.output.animation import export
 
         steps.step(f"writing {path}")
-        export(run, path, marionette=marionette, **look.given("fps", "bodies"))
+        export(run, path, marionette=marionette, **output_options.nondefault("fps", "bodies"))
     elif ending in PICTURES:
         from fantoccini.output import view
 
         steps.step(f"drawing {path}")
-        options = look.given("view", "focus", "theme", "size", "forces")
+        options = output_options.nondefault("view", "focus", "theme", "size", "forces")
         view.strip(marionette, run, path, times=poses, guides=guides, **options)
     else:
         from fantoccini.output import view
         from fantoccini.output.view import MAX_GIF_FPS
 
-        if ending == ".gif" and (look.fps or 0.0) > MAX_GIF_FPS:
-            say(f"{path}: has {MAX_GIF_FPS:g} frames a second, the most that browsers play")
+        if ending == ".gif" and (output_options.fps or 0.0) > MAX_GIF_FPS:
+            say(f"{path}: has {MAX_GIF_FPS:g} frames per second, the limit of browsers")
         view.film(
             marionette,
             run,
             path,
             progress=steps.bar(f"rendering {path}"),
-            **look.given("view", "focus", "theme", "size", "fps", "forces"),
+            **output_options.nondefault("view", "focus", "theme", "size", "fps", "forces"),
             guides=guides,
             **films,
         )

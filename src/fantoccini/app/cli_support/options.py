@@ -35,18 +35,18 @@ StringModel = enum.StrEnum("StringModel", ["CONSTRAINT", "CHAIN"])
 
 
 def positive(value: float | None) -> float | None:
-    """The value; a usage error unless it is None or a positive number."""
+    """The value, if it is None or a positive number; otherwise a usage error."""
     if value is not None and not (math.isfinite(value) and value > 0):
         raise typer.BadParameter(f"{value} is not a positive number")
     return value
 
 
-def performed(value: Path | list[Path] | None) -> Path | list[Path] | None:
-    """The value, with files for the names of bundled performances."""
+def resolve_bundled(value: Path | list[Path] | None) -> Path | list[Path] | None:
+    """The value, with names of bundled performances replaced by their files."""
     if value is None:
         return None
-    # Reads puppets, which --help does not need.
-    from fantoccini.app.console.files import inputs_path
+    # Imported here, because --help must not import the reader of puppets.
+    from fantoccini.app.cli_support.files import inputs_path
 
     return [inputs_path(path) for path in value] if isinstance(value, list) else inputs_path(value)
 
@@ -61,7 +61,7 @@ Inputs = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        callback=performed,
+        callback=resolve_bundled,
         help="Motion of the driven coordinates: .yaml, .csv, .npz, a recording (.npz), or the name "
         "of a bundled performance.",
     ),
@@ -78,21 +78,21 @@ Fps = Annotated[
     float | None,
     typer.Option(
         metavar="N",
-        help="Frames per second of films [30], keys per second of animations [.glb: where the "
-        "motion needs them; .usda .usdc .bvh .mcap: 60], rows per second of .csv [every step].",
+        help="Frames per second of films [30], keys per second of animations [.glb: as the motion "
+        "requires; .usda .usdc .bvh .mcap: 60], rows per second of .csv [every step].",
     ),
 ]
 Bodies = Annotated[
     str | None,
     typer.Option(
         metavar="NAME,...",
-        help="Bodies of animations [all]; of .csv, whose places are added [none]; or: all.",
+        help="Bodies in animations [all], or with poses in .csv [none]; or: all.",
     ),
 ]
 SaveInputs = Annotated[
     Path | None,
     typer.Option(
-        metavar="PATH", help="Save the inputs as a recording (.npz), which simulate takes."
+        metavar="PATH", help="Save the inputs as a recording (.npz), which simulate reads."
     ),
 ]
 ShowMotion = Annotated[

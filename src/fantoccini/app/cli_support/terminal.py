@@ -1,4 +1,4 @@
-"""Output: data on stdout, messages on stderr, names from files as plain text."""
+"""Terminal output: data on stdout, messages on stderr, names from files as plain text."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bars, TaskID
 
 _FILE_WIDTH = 1000
-"""Width of tables that do not go to a terminal, so that nothing is cut [characters]."""
+"""Width of tables outside a terminal, so that nothing is cut [characters]."""
 _PAGE_WIDTH = 110
-"""Width of equations that do not go to a terminal [characters]."""
+"""Width of equations outside a terminal [characters]."""
 
 
 def plain(text: object) -> str:
-    """The text with invisible characters other than line breaks escaped."""
+    """The text with unprintable characters escaped, except line breaks."""
     return "".join(
         c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode("ascii")
         for c in str(text)
@@ -43,8 +43,8 @@ def table(title: str, columns: Sequence[str], lines: Sequence[Sequence[object]])
     """Prints a table on stdout; nothing if it has no lines.
 
     Args:
-        title: printed above it.
-        columns: headings; those that end in ``>`` are set flush right.
+        title: title above the table.
+        columns: headings; a final ``>`` aligns the column to the right.
         lines: cells; numbers are printed with five digits.
     """
     if not lines:
@@ -67,17 +67,17 @@ def table(title: str, columns: Sequence[str], lines: Sequence[Sequence[object]])
 
 
 def version() -> str:
-    """The package's version."""
+    """Version of the package."""
     return sys.modules["fantoccini"].__version__
 
 
 def number(cell: object) -> str:
-    """A cell's text: five digits of a float, anything else unchanged."""
+    """Text of a cell: five digits of a float, anything else unchanged."""
     return f"{cell + 0.0:.5g}" if isinstance(cell, float) else str(cell)
 
 
 def width() -> int:
-    """Characters on a line of stdout."""
+    """Width of a line on stdout [characters]."""
     return _console(sys.stdout).width if sys.stdout.isatty() else _PAGE_WIDTH
 
 
@@ -94,7 +94,7 @@ def _console(stream: TextIO) -> Console:
 
 
 class Steps:
-    """Steps of a long job on stderr: bars on a terminal, otherwise lines.
+    """Progress of a long job on stderr: bars on a terminal, otherwise lines.
 
     Args:
         quiet: show nothing.
@@ -119,21 +119,21 @@ class Steps:
             self._bars.stop()
 
     def step(self, text: str) -> None:
-        """Begins a step of unknown length; the previous one is done."""
+        """Begins a step of unknown length, after finishing the previous one."""
         self._begin(text, None)
 
     def bar(self, text: str) -> OnProgress:
-        """Begins a step of known length; the result is the callback of its progress."""
+        """Begins a step of known length; returns its progress callback."""
         self._begin(text, 1.0)
         return lambda at: self._update(at.share)
 
     def named(self, at: Progress) -> None:
-        """Callback of work that names its steps, with the share of it where that is known."""
-        known = not math.isnan(at.share)
-        if not known or (at.what != self._named and (self._bars is None or not self._named)):
-            self._begin(at.what, 1.0 if known else None)
-        self._named = at.what if known else ""
-        if known:
+        """Progress callback of a job that names its steps, with or without their share."""
+        share_known = not math.isnan(at.share)
+        if not share_known or (at.what != self._named and (self._bars is None or not self._named)):
+            self._begin(at.what, 1.0 if share_known else None)
+        self._named = at.what if share_known else ""
+        if share_known:
             self._update(at.share, plain(at.what))
 
     def _update(self, share: float, text: str | None = None) -> None:

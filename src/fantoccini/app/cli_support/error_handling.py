@@ -1,4 +1,4 @@
-"""Turns expected errors into a message and an exit code."""
+"""Conversion of errors to messages and exit codes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from fantoccini.app.console.terminal import say
+from fantoccini.app.cli_support.terminal import say
 from fantoccini.base import (
     FantocciniError,
     FileError,
@@ -24,28 +24,28 @@ from fantoccini.base import (
 )
 
 FAILED = 1
-"""The run stopped before its end, or the machine lacks something."""
+"""Exit code: the run stopped early, something cannot be done, or a library is missing."""
 MISTAKE = 2
-"""Mistakes in files or arguments."""
+"""Exit code: mistakes in files or arguments."""
 INTERRUPTED = 130
-"""Stopped with Ctrl-C."""
+"""Exit code: stopped with Ctrl-C."""
 
 _TRACEBACK = "FANTOCCINI_TRACEBACK"
-"""Environment variable that lets unexpected errors through."""
+"""Environment variable with which unexpected errors show their traceback."""
 
 
-class GuardedGroup(TyperGroup):
-    """Runs a command; see :func:`guarded`."""
+class CommandGroup(TyperGroup):
+    """Group of commands whose errors become messages; see :func:`errors_as_messages`."""
 
     def invoke(self, ctx: Any) -> Any:
         """Runs the chosen command."""
-        with guarded(), _warnings_as_messages():
+        with errors_as_messages(), _warnings_as_messages():
             return super().invoke(ctx)
 
 
 @contextlib.contextmanager
-def guarded() -> Iterator[None]:
-    """Turns errors and Ctrl-C into a message on stderr and an exit code."""
+def errors_as_messages() -> Iterator[None]:
+    """Context that turns errors and Ctrl-C into a message on stderr and an exit code."""
     try:
         yield
     except FileError as error:
@@ -72,7 +72,7 @@ def guarded() -> Iterator[None]:
         say(f"fantoccini: {name}{error.strerror or error}")
         raise typer.Exit(FAILED) from None
     except Exception as error:
-        # Usage errors and exits of typer carry their code.
+        # Usage errors and exits of typer carry their exit code.
         if hasattr(error, "exit_code") or isinstance(error, typer.Abort):
             raise
         if os.environ.get(_TRACEBACK):

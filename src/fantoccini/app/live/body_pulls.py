@@ -1,6 +1,6 @@
-"""Bodies that viewers pull at: as by a rubber band between the body and the mouse.
+"""Bodies that viewers pull, as by a rubber band between the body and the mouse.
 
-F = k (mouse - point),  |F| <= most
+F = k (mouse - point),  |F| <= F_max
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 
 class _Band(NamedTuple):
-    """The rubber band."""
+    """Parameters of the rubber band."""
 
-    reach: float = 0.4  # Length at which it pulls with the puppet's weight, in puppet sizes
-    most: float = 0.5  # Largest force, in weights of the puppet
+    length: float = 0.4  # Length at which the force is the weight, in puppet sizes
+    max_force: float = 0.5  # Largest force, in weights of the puppet
 
 
 _BAND = _Band()
@@ -34,12 +34,12 @@ _BAND = _Band()
 
 @dataclass
 class _Pull:
-    """A body in a viewer's hand.
+    """Body in a viewer's hand.
 
     Attributes:
-        viewer: whose.
+        viewer: the viewer.
         at: (3,) point of the body, in its frame [m].
-        mouse: (3,) in the world [m].
+        mouse: (3,) position of the mouse in the world frame [m].
     """
 
     viewer: Viewer
@@ -47,16 +47,16 @@ class _Pull:
     mouse: np.ndarray
 
 
-class Pushes:
-    """What viewers pull at.
+class BodyPulls:
+    """Pulls of all viewers.
 
     Args:
-        server: of viser.
-        performance: what is pushed.
-        nodes: the bodies on the page.
+        server: server of viser.
+        performance: performance with the bodies.
+        nodes: nodes of the bodies on the page.
         theme: colours.
-        act: does something for a viewer if it may.
-        release: called when a viewer lets go.
+        act: performs an action for a viewer, if permitted.
+        release: called when a viewer releases a body.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Pushes:
         self._performance, self._act, self._release = performance, act, release
         marionette = performance.marionette
         weight, size = marionette.weight or 1.0, nodes.geometry.size
-        self._stiffness, self._most = weight / (_BAND.reach * size), _BAND.most * weight
+        self._stiffness, self._max_force = weight / (_BAND.length * size), _BAND.max_force * weight
         self._links = {
             link.name: k
             for k, link in enumerate(marionette.tree.links)
@@ -91,23 +91,23 @@ class Pushes:
         )
 
     def remove(self) -> None:
-        """Lets go, and removes the line from the page; meshes go with their nodes."""
+        """Ends all pulls, and removes the line from the page; the nodes remove the meshes."""
         for name in list(self._pulls):
-            self._let_go(name)
+            self._end_pull(name)
         self._line.remove()
 
     def update(self, poses: np.ndarray) -> None:
-        """Pulls at what is held, at link poses (n_links, 3, 4)."""
+        """Updates the forces on the held bodies, for link poses (n_links, 3, 4)."""
         lines = []
         for name, pull in list(self._pulls.items()):
             pose = poses[self._links[name]]
             point = pose[:, :3] @ pull.at + pose[:, 3]
             force = self._stiffness * (pull.mouse - point)
-            force *= min(1.0, self._most / max(float(np.linalg.norm(force)), 1e-12))
+            force *= min(1.0, self._max_force / max(float(np.linalg.norm(force)), 1e-12))
             try:
                 self._performance.push(name, force, pull.at)
             except FantocciniError:
-                self._let_go(name)
+                self._end_pull(name)
                 raise
             lines.append((point, pull.mouse))
         if self._line.visible != bool(lines):
@@ -115,7 +115,7 @@ class Pushes:
         if lines:
             self._line.points = np.array(lines, dtype=np.float32)
 
-    def _let_go(self, name: str) -> None:
+    def _end_pull(self, name: str) -> None:
         pull = self._pulls.pop(name, None)
         if pull is not None:
             self._performance.push(name, None)
@@ -126,7 +126,7 @@ class Pushes:
             pull, viewer = self._pulls.get(name), event.client_id
             if event.phase == "end":
                 if pull is not None and pull.viewer == viewer:
-                    self._let_go(name)
+                    self._end_pull(name)
                 return
             mouse = np.array(event.end_position, dtype=float)
             start = np.array(event.start_position, dtype=float)

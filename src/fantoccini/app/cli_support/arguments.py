@@ -1,4 +1,4 @@
-"""Arguments of the larger commands: a dataclass each, from which its command line is made."""
+"""Arguments of the larger commands: dataclasses from which the command line is built."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
-from fantoccini.app.console.look import Look
-from fantoccini.app.console.options import (
+from fantoccini.app.cli_support.options import (
     Bodies,
     File,
     Focus,
@@ -29,6 +28,7 @@ from fantoccini.app.console.options import (
     UpAxis,
     positive,
 )
+from fantoccini.app.cli_support.output_options import OutputOptions
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 R = TypeVar("R", bound="DataclassInstance")
 
 
-def takes(request: type[R]) -> Callable[[Callable[[R], None]], Callable[..., None]]:
-    """Makes the fields of a dataclass the arguments of a command; its own come first."""
-    hints = get_type_hints(request, include_extras=True)
-    defaults = {f.name: f.default for f in fields(request)}
+def takes(arguments: type[R]) -> Callable[[Callable[[R], None]], Callable[..., None]]:
+    """Decorator: the fields of a dataclass become the arguments of a command, own fields first."""
+    hints = get_type_hints(arguments, include_extras=True)
+    defaults = {f.name: f.default for f in fields(arguments)}
     parameters = [
         inspect.Parameter(
             name,
@@ -47,13 +47,13 @@ def takes(request: type[R]) -> Callable[[Callable[[R], None]], Callable[..., Non
             annotation=hints[name],
             default=inspect.Parameter.empty if defaults[name] is MISSING else defaults[name],
         )
-        for owner in request.__mro__
+        for owner in arguments.__mro__
         for name in vars(owner).get("__annotations__", {})
     ]
 
     def decorate(run: Callable[[R], None]) -> Callable[..., None]:
         def command(**values: Any) -> None:
-            run(request(**values))
+            run(arguments(**values))
 
         command.__doc__, command.__annotations__ = run.__doc__, hints
         command.__dict__["__signature__"] = inspect.Signature(parameters)
@@ -70,12 +70,13 @@ class PictureOptions:
         str | None,
         typer.Option(
             metavar="VIEW",
-            help="View of strips and films: auto, front, side, three-quarter, or "
+            help="Point of view of strips and films: auto, front, side, three-quarter, or "
             "AZIMUTH,ELEVATION in degrees [auto].",
         ),
     ] = None
     focus: Annotated[
-        Focus | None, typer.Option(help="Frame of strips and films; bodies may crop strings [all].")
+        Focus | None,
+        typer.Option(help="Content to fit into strips and films; bodies may crop strings [all]."),
     ] = None
     theme: Annotated[
         Theme | None, typer.Option(help="Theme of pictures, plots and films [light].")
@@ -92,15 +93,15 @@ class PictureOptions:
     quiet: Quiet = False
 
     @property
-    def look(self) -> Look:
-        """The look of pictures; a usage error if an option has an invalid value."""
-        return Look.of(
+    def output_options(self) -> OutputOptions:
+        """Parsed options; raises a usage error if an option has an invalid value."""
+        return OutputOptions.of(
             self.view, self.focus, self.theme, self.size, self.fps, self.forces, self.bodies
         )
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulateRequest(PictureOptions):
+class SimulateArguments(PictureOptions):
     """Arguments of ``fantoccini simulate``."""
 
     file: File
@@ -138,7 +139,7 @@ class SimulateRequest(PictureOptions):
         bool,
         typer.Option(
             "--on-beat",
-            help="Rehearse a score until the limbs are on its beats; takes some seconds.",
+            help="Rehearse a score until the limbs are on the beat; takes some seconds.",
         ),
     ] = False
     out: Out = None
@@ -150,7 +151,7 @@ class SimulateRequest(PictureOptions):
         typer.Option(
             metavar="N",
             callback=positive,
-            help="Samples kept per second of motion; by default every step. Event also keeps the "
+            help="Saved samples per second of motion; by default every step. Event also saves the "
             "start, the end and the events.",
         ),
     ] = None
@@ -159,20 +160,20 @@ class SimulateRequest(PictureOptions):
         typer.Option(
             metavar="S",
             callback=positive,
-            help="Computing time after which the run ends with what it has; none by default.",
+            help="Computing time after which the run stops, with the motion so far [none].",
         ),
     ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanRequest(PictureOptions):
+class PlanArguments(PictureOptions):
     """Arguments of ``fantoccini plan``."""
 
     file: Annotated[
         str | None,
         typer.Argument(
             metavar="[PROBLEM]",
-            help="Problem file, or name of a bundled problem; without it, list the bundled ones.",
+            help="Problem file, or name of a bundled problem; by default, list bundled problems.",
         ),
     ] = None
     planner: Annotated[Planner, typer.Option(help="Planner to use.")] = Planner.EXPLORE
@@ -212,27 +213,31 @@ class PlanRequest(PictureOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OptimiseRequest(PictureOptions):
+class OptimiseArguments(PictureOptions):
     """Arguments of ``fantoccini optimise``."""
 
     file: Annotated[
         str | None,
         typer.Argument(
             metavar="[TASK]",
-            help="Task file, or name of a bundled task; without it, list the bundled ones.",
+            help="Task file, or name of a bundled task; by default, list bundled tasks.",
         ),
     ] = None
     check: Annotated[
         bool, typer.Option("--check", help="Only check the file and list its mistakes.")
     ] = False
     tolerance: Annotated[
-        float, typer.Option(callback=positive, help="Residual of the conditions of optimality.")
+        float,
+        typer.Option(callback=positive, help="Largest residual of the optimality conditions."),
     ] = 1e-6
     cost_tolerance: Annotated[
         float,
-        typer.Option(min=0.0, help="Share of the cost; it ends after four steps that save less."),
+        typer.Option(
+            min=0.0,
+            help="Relative decrease of the cost; four smaller ones in a row end the search.",
+        ),
     ] = 0.0
-    iterations: Annotated[int, typer.Option(min=1, help="Number of iterations, at most.")] = 100
+    iterations: Annotated[int, typer.Option(min=1, help="Largest number of iterations.")] = 100
     time_limit: Annotated[
         float, typer.Option(metavar="S", callback=positive, help="Time limit.")
     ] = 180.0
@@ -252,7 +257,7 @@ class OptimiseRequest(PictureOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FollowRequest(PictureOptions):
+class FollowArguments(PictureOptions):
     """Arguments of ``fantoccini follow``."""
 
     clip: Annotated[Path, typer.Argument(metavar="CLIP", help="Captured motion (.bvh).")]
@@ -261,19 +266,23 @@ class FollowRequest(PictureOptions):
         str | None,
         typer.Option(
             metavar="FILE",
-            help="Mapping file, or name of a bundled one; found by the joints' names otherwise.",
+            help="Mapping file, or name of a bundled one; by default chosen by the joints' names.",
         ),
     ] = None
     travel: Annotated[
-        float, typer.Option(metavar="F", min=0.0, help="Share of the way along the floor; 0 stays.")
+        float, typer.Option(metavar="F", min=0.0, help="Factor on travel along the floor.")
     ] = 1.0
     up: Annotated[
         UpAxis | None,
-        typer.Option(help="The file's vertical axis; else that of the rest pose, or of the trunk."),
+        typer.Option(
+            help="Vertical axis of the file; by default that of the rest pose or the trunk."
+        ),
     ] = None
     of: Annotated[
         str,
-        typer.Option(metavar="NAME", help="Member of a scene that follows; else its only person."),
+        typer.Option(
+            metavar="NAME", help="Member of a scene that follows; by default its only person."
+        ),
     ] = ""
     speed: Annotated[
         float | None,
@@ -292,20 +301,20 @@ class FollowRequest(PictureOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlayRequest(PictureOptions):
+class PlayArguments(PictureOptions):
     """Arguments of ``fantoccini play``."""
 
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Play file (YAML).")]
     report: Annotated[
         Path | None,
-        typer.Option(metavar="PATH", help="Write the report: one page with pictures, .html."),
+        typer.Option(metavar="PATH", help="Write the report, a page with pictures: .html."),
     ] = None
     within: Annotated[
         float | None,
         typer.Option(
             min=0.0,
             metavar="SECONDS",
-            help="Stop compiling and simulating then, with what there is.",
+            help="Time after which compiling and simulating stop, with the results so far.",
         ),
     ] = None
     out: Out = None
@@ -320,7 +329,7 @@ class PageOptions:
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="Address to listen on; other machines can connect unless it is local.",
+            help="Address to listen on; other machines can connect if it is not local.",
         ),
     ] = "127.0.0.1"
     port: Annotated[
@@ -336,21 +345,22 @@ class PageOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PerformRequest(PageOptions):
+class PerformArguments(PageOptions):
     """Arguments of ``fantoccini perform``."""
 
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Play (.yaml).")]
     osc_in: Annotated[
         str | None,
-        typer.Option(metavar="HOST:PORT", help="Where OSC messages are heard [nowhere]."),
+        typer.Option(metavar="HOST:PORT", help="Address that receives OSC messages [none]."),
     ] = None
     osc_out: Annotated[
-        str | None, typer.Option(metavar="HOST:PORT", help="Where OSC messages are sent [nowhere].")
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Address to send OSC messages to [none]."),
     ] = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShowRequest(PageOptions):
+class ShowArguments(PageOptions):
     """Arguments of ``fantoccini show``."""
 
     file: Annotated[
@@ -362,18 +372,18 @@ class ShowRequest(PageOptions):
     ]
     html: Annotated[
         Path | None,
-        typer.Option(metavar="PATH", help="Write a run as one file that plays offline: .html."),
+        typer.Option(metavar="PATH", help="Write a run as a page that plays offline: .html."),
     ] = None
     forces: Annotated[
         bool, typer.Option("--forces", help="Draw the forces of contacts in that file.")
     ] = False
     balance: Annotated[
-        bool, typer.Option("--balance", help="Let the hands balance a live puppet.")
+        bool, typer.Option("--balance", help="Balance a live puppet by motions of the hands.")
     ] = False
     score: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Score that a live puppet plays.")
     ] = None
     problem: Annotated[
         str | None,
-        typer.Option(metavar="FILE", help="Problem file of a plan, unless it is bundled."),
+        typer.Option(metavar="FILE", help="Problem file of a plan, if it is not bundled."),
     ] = None

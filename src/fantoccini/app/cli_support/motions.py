@@ -1,0 +1,111 @@
+"""Motions that `--inputs` names: inputs files, recordings and scores."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fantoccini.app.cli_support.terminal import say, table, write
+from fantoccini.base import Mistake
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.motion import Input
+from fantoccini.theatre.gestures import Late, Rehearsal, Score, load_score, rehearse
+from fantoccini.theatre.script import is_score
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion from a file.
+
+    Attributes:
+        inputs: inputs of the driven coordinates.
+        score: the score, if the file is one.
+        rehearsal: the rehearsal, if the score has been rehearsed.
+    """
+
+    inputs: Input
+    score: Score | None = None
+    rehearsal: Rehearsal | None = None
+
+    @property
+    def changes(self) -> tuple[Mistake, ...]:
+        """Changes that compiling the score made."""
+        return () if self.score is None else self.score.changes
+
+    @property
+    def film_options(self) -> dict[str, Any]:
+        """Captions and sounds, as arguments of :func:`fantoccini.output.film`."""
+        return {} if self.score is None else film_options(self.score)
+
+    def rehearsed(self) -> Motion:
+        """The motion, rehearsed until the limbs are on the beat."""
+        if self.score is None:
+            return self
+        rehearsal = rehearse(self.score)
+        return Motion(rehearsal.inputs, self.score, rehearsal)
+
+
+def motion(marionette: Marionette, path: Path) -> Motion:
+    """Reads the inputs of a file.
+
+    Raises:
+        FileError: the file has mistakes; lists all of them.
+    """
+    if is_score(path):
+        score = load_score(marionette, path)
+        return Motion(score.inputs(marionette.rest()), score)
+    return Motion(Input.load(marionette, path))
+
+
+def film_options(score: Score) -> dict[str, Any]:
+    """Captions and sounds of a score, as arguments of :func:`fantoccini.output.film`."""
+    return {"captions": score.captions, "sounds": score.sounds}
+
+
+def score_lines(score: Score) -> list[str]:
+    """Lines of text about the waits, sounds and captions of a score."""
+    lines = []
+    for wait in score.waits:
+        loop = "" if wait.loop_start is None else f", repeating from {wait.loop_start:.2f} s"
+        lines.append(f"waits for GO at {wait.name}, {wait.t:.2f} s, when performed live{loop}")
+    for sound in score.sounds:
+        gain = "" if sound.gain == 1.0 else f", {sound.gain:g} times as loud"
+        lines.append(f"{sound.path.name} from {sound.start:.2f} s for {sound.duration:.2f} s{gain}")
+    if score.captions:
+        n = len(score.captions)
+        lines.append(f"{n} caption{'s' * (n > 1)}")
+    return lines
+
+
+def report_score(score: Score, out: Sequence[Path]) -> None:
+    """Prints waits, sounds and captions of a score, and whether an output is silent."""
+    for line in score_lines(score):
+        write(line)
+    if score.sounds and any(path.suffix.lower() == ".gif" for path in out):
+        say("a .gif is silent; an .mp4 has the score's sound")
+
+
+def report_lateness(rehearsal: Rehearsal) -> None:
+    """Prints the delays of limbs at their marks, as written and as rehearsed."""
+    table(
+        f"Delays at the marks, after {rehearsal.rounds} rounds [ms]",
+        ("lane", "gesture", "mark", "string", "at [s]>", "as written>", "rehearsed>"),
+        [
+            (
+                before.cue.lane,
+                before.cue.gesture,
+                before.mark,
+                before.string,
+                f"{before.cue.marks[before.mark]:.2f}",
+                _ms(before),
+                _ms(after),
+            )
+            for before, after in zip(rehearsal.before, rehearsal.late, strict=True)
+        ],
+    )
+
+
+def _ms(late: Late) -> str:
+    return f"{1e3 * late.seconds:.0f}"
