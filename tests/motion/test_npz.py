@@ -174,7 +174,7 @@ def test_entries_that_are_there_twice_are_refused():
     names = [Name(f"{i}.npy") for i in range(1000)]
     npz.check_names(names, refuse)
     assert Name.compared < 10 * len(names)
-    with pytest.raises(FileError, match="7: is there twice"):
+    with pytest.raises(FileError, match="7: exists twice"):
         npz.check_names([*names, "7.npy"], refuse)
 
 
