@@ -128,7 +128,7 @@ def test_each_piece_must_be_closed(tmp_path):
         stl(tmp_path, joined(cube(0, 0, 0), broken))
     mixed = cube(0, 0, 0)
     mixed.faces = np.where((np.arange(12) == 3)[:, None], mixed.faces[:, ::-1], mixed.faces)
-    with pytest.raises(PuppetError, match="triangles that face inwards beside such that face out"):
+    with pytest.raises(PuppetError, match="neighbouring triangles that face inwards and out"):
         stl(tmp_path, mixed)
 
 

@@ -1,4 +1,4 @@
-"""Mistakes in inputs, collected so that the user hears of all of them at once."""
+"""Mistakes in inputs, collected so that one error reports all of them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from fantoccini.base import InputError
 from fantoccini.base.documents import Located
 
 Path = tuple[str | int, ...]
-"""Where a mistake is: keys and 0-based places, for example ("hand.length", 2)."""
+"""Place of a mistake: keys and 0-based indices, for example ("hand.length", 2)."""
 
 PYTHON = Located(file="inputs", folder=FilePath())
-"""Where inputs come from that were not written in a file."""
+"""Location of inputs that are not from a file."""
 
 
 @dataclass
@@ -21,20 +21,20 @@ class Findings:
     """Collects mistakes and raises them together.
 
     Attributes:
-        found: path and sentence of each mistake.
+        found: path and message of each mistake.
     """
 
     found: list[tuple[Path, str]] = field(default_factory=list)
 
     def add(self, path: Iterable[str | int], message: str) -> None:
-        """Notes a mistake."""
+        """Adds a mistake."""
         self.found.append((tuple(path), message))
 
     def raise_any(self, located: Located = PYTHON) -> None:
-        """Raises an InputError that lists what was found, if anything was.
+        """Raises an InputError that lists all mistakes, if there are any.
 
         Args:
-            located: what was read; it knows the line of every path.
+            located: file with the lines of all paths.
         """
         if self.found:
             raise located.error(self.found, InputError)

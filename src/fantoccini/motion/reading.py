@@ -1,4 +1,4 @@
-"""Converts what the user wrote (numbers, lists, names) to arrays, noting every mistake."""
+"""Converts a user's numbers, lists and names to arrays, and collects every mistake."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from fantoccini.motion.pieces import channel_names
 
 
 class Limits(NamedTuple):
-    """What inputs may contain."""
+    """Bounds of numbers in inputs."""
 
     max_number: float = 1e9
     """Largest time or value [s, m, rad or N], so that no polynomial overflows."""
     max_turn: float = np.pi - 1e-6
-    """Turn between neighbouring rotations [rad]; from there on the shortest way is ambiguous."""
+    """Largest turn between neighbouring rotations [rad]; above, the shortest way is ambiguous."""
     min_quaternion: float = 1e-9
-    """Least size of a quaternion's largest number [1]; below, its direction is rounding."""
+    """Smallest size of a quaternion's largest number [1]; below, its direction is rounding."""
 
 
 LIMITS = Limits()
@@ -39,18 +39,18 @@ _ROTATION = "a quaternion [w, x, y, z] or a rotation vector of 3 angles"
 
 
 class HasCoordinates(Protocol):
-    """Anything with a coordinate table: a marionette, a trajectory, a tree."""
+    """An object with a coordinate table: a marionette, a trajectory, a tree."""
 
     @property
     def coordinates(self) -> CoordinateTable: ...
 
 
 Table = CoordinateTable | HasCoordinates
-"""Argument that gives the coordinates."""
+"""Argument that contains the coordinates."""
 
 
 def table_of(owner: Table) -> CoordinateTable:
-    """The coordinate table: ``owner`` itself, or its own."""
+    """``owner`` itself if it is a coordinate table, or its coordinate table."""
     table = owner if isinstance(owner, CoordinateTable) else getattr(owner, "coordinates", None)
     if not isinstance(table, CoordinateTable):
         raise TypeError(
@@ -61,7 +61,7 @@ def table_of(owner: Table) -> CoordinateTable:
 
 
 def unknown_coordinate(table: CoordinateTable, name: str) -> str:
-    """Error message for a name that is no driven coordinate."""
+    """Error message for a name that is not a driven coordinate."""
     for channel, (_, v) in table.rotations.items():
         numbers = [n for columns in _quaternions(table, channel).values() for n in columns]
         if name in (*numbers, *table.v_K[v : v + 3]):
@@ -72,7 +72,7 @@ def unknown_coordinate(table: CoordinateTable, name: str) -> str:
 
 
 def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
-    """Columns by name of a rotation channel, its own or that of the coordinate it commands."""
+    """Names of a rotation channel and of the coordinate it commands -> their four columns."""
     names = [channel, *(name for name, command in table.commands.items() if command == channel)]
     return {name: [name.removesuffix("rotation") + x for x in _QUATERNION] for name in names}
 
@@ -80,7 +80,7 @@ def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
 def _given_once(
     name: str, written: str, spelt: dict[str, str], path: Path, findings: Findings
 ) -> bool:
-    """Whether a channel is given for the first time, under its own or its coordinate's name."""
+    """Whether a channel has one name only, its own or its coordinate's; reports a second one."""
     first = spelt.setdefault(name, written)
     if first != written:
         findings.add(path, f"is given twice: as {first} and as {written}; leave one out")
@@ -90,11 +90,11 @@ def _given_once(
 def waypoints(
     table: CoordinateTable, given: Mapping[str, Any], findings: Findings, at: Path = ()
 ) -> dict[str, Points]:
-    """Reads ``{name: [(t, value), ...]}`` for driven coordinates and those with a drive.
+    """Reads ``{name: [(t, value), ...]}`` for driven coordinates and coordinates with a drive.
 
     Args:
         table: names of the coordinates.
-        given: what the user wrote.
+        given: user's waypoints.
         findings: collects the mistakes.
         at: path of ``given`` itself.
 
@@ -112,21 +112,21 @@ def waypoints(
         if not _given_once(name, written, spelt, path, findings):
             continue
         if name in table.rotations:
-            found = _series(points, findings, path, _quaternion)
-            if found is not None and _turns(points, found[1], findings, path):
-                read[name] = found
+            series = _series(points, findings, path, _quaternion)
+            if series is not None and _turns(points, series[1], findings, path):
+                read[name] = series
         else:
             scalar = partial(number, angle=units.get(name) == "rad")
-            found = _series(points, findings, path, scalar)
-            if found is not None:
-                read[name] = found
+            series = _series(points, findings, path, scalar)
+            if series is not None:
+                read[name] = series
     return read
 
 
 def forces(
     table: CoordinateTable, given: Mapping[str, Any], findings: Findings, at: Path = ()
 ) -> dict[str, Points]:
-    """Reads ``{name: [(t, force), ...]}`` for dynamic velocities; equal times make a step."""
+    """Reads ``{name: [(t, force), ...]}`` for dynamic velocities; two equal times are a step."""
     read = {}
     for name, points in given.items():
         path = (*at, str(name))
@@ -135,17 +135,17 @@ def forces(
                 path, f"is not the name of a dynamic velocity{nearest(str(name), table.v_D)}"
             )
             continue
-        found = _series(points, findings, path, number, steps=True)
-        if found is not None:
-            read[name] = found
+        series = _series(points, findings, path, number, steps=True)
+        if series is not None:
+            read[name] = series
     return read
 
 
 def number(value: Any, angle: bool = False) -> float:
-    """A finite number, or an angle such as ``30 deg`` where angles are allowed.
+    """A finite number, or an angle such as ``30 deg`` if ``angle`` is True.
 
     Raises:
-        ValueError: with the message for the user.
+        ValueError: the value is not such a number; the message is for the user.
     """
     if isinstance(value, str) and angle:
         try:
@@ -154,7 +154,7 @@ def number(value: Any, angle: bool = False) -> float:
             raise ValueError(error.errors()[0]["msg"]) from None
     if not is_number(value):
         raise ValueError(f"found {shown(value)}; needed: a number")
-    # A whole number may be too large for a float.
+    # Checked before conversion: an integer may be too large for a float.
     if not abs(value) <= LIMITS.max_number:
         raise ValueError(f"found {shown(value)}; needed: {_NUMBER}")
     return float(value)
@@ -181,7 +181,7 @@ def _series(
     read: Callable[[Any], float | Array],
     steps: bool = False,
 ) -> Points | None:
-    """Times and values of one channel; None when a mistake was found."""
+    """Times and values of one channel; None after a mistake."""
     before = len(findings.found)
     if isinstance(points, str | Mapping) or not isinstance(points, Sequence | np.ndarray):
         findings.add(path, f"found {shown(points)}; needed: a list of pairs [time, value]")
@@ -216,34 +216,34 @@ def _series(
 def _order(t: float, before: float) -> str:
     if abs(t - before) <= SAME_TIME:
         return (
-            f"comes at t = {t:g} s like the waypoint before it: that would be a step in position; "
+            f"comes at t = {t:g} s like the waypoint before it, which would be a step in position; "
             "leave time between them"
         )
     return f"comes at t = {t:g} s, after a waypoint at {before:g} s; times must increase"
 
 
 def _turns(points: Any, q: Array, findings: Findings, path: Path) -> bool:
-    """Whether neighbouring rotations are less than 180 deg apart, as written and as quaternions."""
+    """Whether neighbouring rotations differ by less than 180 deg, also as rotation vectors."""
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
     for i in range(len(q) - 1):
         if len(points[i][1]) == len(points[i + 1][1]) == 3:
             before, after = ([number(x, angle=True) for x in points[k][1]] for k in (i, i + 1))
             apart = np.subtract(after, before)
             turn[i] = max(turn[i], float(np.linalg.norm(apart)))
-    far = np.flatnonzero(turn >= LIMITS.max_turn).tolist()
-    for i in far:
+    too_large = np.flatnonzero(turn >= LIMITS.max_turn).tolist()
+    for i in too_large:
         findings.add(
             (*path, i + 1),
             f"turns by {np.degrees(turn[i]):.0f} deg from the waypoint before it, at "
-            f"t = {points[i][0]:g} s; from 180 deg on the way is not clear: put waypoints between",
+            f"t = {points[i][0]:g} s; from 180 deg on the way is ambiguous: add waypoints between",
         )
-    return not len(far)
+    return not len(too_large)
 
 
 def samples(
     table: CoordinateTable, t: ArrayLike, columns: Mapping[str, ArrayLike], findings: Findings
 ) -> dict[str, Points]:
-    """Reads samples: times and named columns; a rotation as (n, 4), or as its four columns.
+    """Reads samples: times and named columns; a rotation is (n, 4), or four columns.
 
     Args:
         table: names of the coordinates.
@@ -252,7 +252,7 @@ def samples(
         findings: collects the mistakes.
 
     Returns:
-        Times and values of every name, or nothing when mistakes were found.
+        Times and values of every name; empty after a mistake.
     """
     before, known = len(findings.found), channel_names(table)
     times = _column("t", t, None, (), findings)
@@ -316,7 +316,7 @@ def _column(
 
 
 def _rotations(name: str, t: Times, q: Array, findings: Findings) -> Array | None:
-    """Unit quaternions; None when one is zero or neighbours are half a turn apart."""
+    """Unit quaternions; None after a mistake."""
     zero = np.nonzero(~np.any(np.abs(q) > LIMITS.min_quaternion, axis=-1))[0]
     for i in zero:
         findings.add((name, int(i)), "found a zero quaternion, which is no rotation")
@@ -324,11 +324,11 @@ def _rotations(name: str, t: Times, q: Array, findings: Findings) -> Array | Non
         return None
     q = rotation.normalised(q)
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
-    far = np.nonzero(turn >= LIMITS.max_turn)[0]
-    for i in far:
+    too_large = np.nonzero(turn >= LIMITS.max_turn)[0]
+    for i in too_large:
         findings.add(
             (name, int(i) + 1),
             f"turns by {np.degrees(turn[i]):.0f} deg since t = {t[i]:g} s; it must be less than "
             "180 deg from sample to sample",
         )
-    return None if len(far) else q
+    return None if len(too_large) else q

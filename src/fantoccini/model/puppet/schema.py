@@ -82,11 +82,11 @@ class Drag(Model):
     """Air drag: -(linear + quadratic |v|) v on the centre of mass, torque -angular w."""
 
     linear: Damping = 0.0
-    """[N s/m]."""
+    """Linear coefficient [N s/m]."""
     quadratic: Damping = 0.0
-    """[N s^2/m^2]."""
+    """Quadratic coefficient [N s^2/m^2]."""
     angular: Damping = 0.0
-    """[N m s]."""
+    """Angular coefficient [N m s]."""
 
 
 def _possible(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
@@ -94,17 +94,19 @@ def _possible(inertia: tuple[Number, ...]) -> tuple[Number, ...]:
     a, b, c = np.linalg.eigvalsh([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     slack = 1e-9 * abs(c)  # far above rounding
     if a < -slack:
-        raise mistake(f"found a principal moment of {a:g} kg m^2; none may be negative")
+        raise mistake(
+            f"found a principal moment of {a:g} kg m^2; needed: zero or a positive number"
+        )
     if a + b < c - slack:
         raise mistake(
-            f"found principal moments {a:g}, {b:g} and {c:g} kg m^2; no solid has one that is "
-            "larger than the sum of the other two"
+            f"found principal moments {a:g}, {b:g} and {c:g} kg m^2; in a solid, none is larger "
+            "than the sum of the other two"
         )
     return inertia
 
 
 SolidInertia = Annotated[tuple[Inertia, ...], sized(3, 6), AfterValidator(_possible)]
-"""ixx, iyy, izz and perhaps ixy, ixz, iyz of a solid [kg m^2]."""
+"""ixx, iyy, izz and optionally ixy, ixz, iyz of a solid [kg m^2]."""
 
 
 class Body(Model):
@@ -123,31 +125,31 @@ class Body(Model):
     com: Point | None = None
     """Centre of mass in the body frame [m], instead of the shapes'."""
     inertia: SolidInertia | None = None
-    """ixx, iyy, izz and perhaps ixy, ixz, iyz about the centre of mass [kg m^2]."""
+    """ixx, iyy, izz and optionally ixy, ixz, iyz about the centre of mass [kg m^2]."""
     drag: Drag | None = None
     """Air drag."""
 
 
 class Attachment(Model):
-    """A point of a string or spring: on a body, in the world, or (a string's end) driven."""
+    """A point of a string or spring: on a body, in the world, or a driven end of a string."""
 
     body: str | None = None
-    """Name of the body the point is fixed on."""
+    """Name of the body on which the point is fixed."""
     at: Point = (0.0, 0.0, 0.0)
-    """Place in the body frame; for a driven end its place at the start, on its parent [m]."""
+    """Place in the body frame [m]; for a driven end, its start place in the parent's frame."""
     world: Point | None = None
     """Place in the world [m]."""
     driven: Axes | None = None
-    """Axes along which the string's end is moved by hand or motor."""
+    """Axes along which a hand or motor moves the string's end."""
     parent: str = "world"
-    """Name of the body whose axes and origin a driven end has; by default the world."""
+    """Name of the body in whose frame a driven end moves; by default the world."""
 
     @model_validator(mode="after")
     def _one_place(self) -> Attachment:
-        given = [k for k in ("body", "world", "driven") if getattr(self, k) is not None]
-        if len(given) != 1:
-            found = " and ".join(given) or "neither"
-            raise mistake(f"found {found}; needed: exactly one of body, world, driven")
+        keys = [k for k in ("body", "world", "driven") if getattr(self, k) is not None]
+        if len(keys) != 1:
+            listed = " and ".join(keys) or "neither"
+            raise mistake(f"found {listed}; needed: exactly one of body, world, driven")
         if self.parent != "world" and self.driven is None:
             raise mistake("found a parent of a point that is not driven; write body instead")
         if self.world is not None and "at" in self.model_fields_set:
@@ -175,24 +177,24 @@ Length = Annotated[
 
 
 class String(Model):
-    """A massless string: path length - L <= 0, and it can only pull."""
+    """A massless string, which only pulls: path length - L <= 0."""
 
     name: PartName
     """The string's name."""
     path: Annotated[tuple[Attachment, ...], entries(2)]
-    """The points it runs through, from end to end."""
+    """Points through which it runs, from end to end."""
     length: Length
-    """L [m], or `driven` if it is wound in and out."""
+    """Length L [m], or `driven` if it is wound in and out."""
     wire: bool = Field(default=False, strict=True)
     """True for a rod that also pushes (a two-sided constraint)."""
     restitution: Share = 0.0
-    """Part of the speed that a catch gives back: 0 (none) to 1."""
+    """Ratio of the speeds after and before a catch: 0 to 1."""
     max_tension: PositiveForce | None = None
     """Tension at which its winch slips and lets string out [N]."""
     rewind_speed: Speed | None = None
     """Speed at which the winch rewinds the slipped length [m/s]."""
     chain: Chain | None = None
-    """Models the string as springs and point masses, instead of a constraint."""
+    """Springs and point masses that model the string, instead of a constraint."""
     colour: Colour | None = None
     """Colour as `"#rrggbb"`."""
 
@@ -200,8 +202,8 @@ class String(Model):
     def _winch(self) -> String:
         bounces = value_of(self.restitution) > 0
         if self.wire and (bounces or self.max_tension is not None):
-            what = "restitution" if bounces else "max_tension"
-            raise mistake(f"found wire: true and {what}; a wire neither bounces nor slips")
+            key = "restitution" if bounces else "max_tension"
+            raise mistake(f"found wire: true and {key}; a wire neither bounces nor slips")
         if self.rewind_speed is not None and self.max_tension is None:
             raise mistake("found rewind_speed without max_tension; only a winch that slips rewinds")
         if bounces and self.max_tension is not None:
@@ -221,15 +223,15 @@ class Spring(Model):
     between: Annotated[tuple[Attachment, ...], entries(2, 2)]
     """Its two ends."""
     stiffness: Stiffness
-    """k [N/m]."""
+    """Stiffness k [N/m]."""
     rest: RestLength
-    """Distance d at which it is relaxed [m]."""
+    """Distance at which it is relaxed [m]."""
     damping: Damping = 0.0
-    """Damping of the rate of d [N s/m]."""
+    """Damping along the line between its ends [N s/m]."""
 
 
 class Mirror(Model):
-    """Reflects all parts whose names contain one word into twins whose names contain another."""
+    """Reflection of all parts with a given word in their names; twins have another word."""
 
     plane: Literal["xy", "yz", "xz"]
     """Plane of the reflection, through the origin."""
@@ -244,7 +246,7 @@ def _pose_kind(value: Any) -> str:
 
 
 def _rotation(value: tuple[float, ...]) -> tuple[float, ...]:
-    """Unit quaternion of a rotation vector (3 numbers) or a quaternion (4)."""
+    """Unit quaternion from a rotation vector (3 numbers) or a quaternion (4 numbers)."""
     return rotation_vector_quaternion(value) if len(value) == 3 else unit(value)
 
 
@@ -269,13 +271,13 @@ class Puppet(Document):
     bodies: Annotated[tuple[Body, ...], entries(1)]
     """Bodies, in any order; each names its parent."""
     strings: tuple[String, ...] = ()
-    """Strings the puppet hangs on."""
+    """Strings on which the puppet hangs."""
     springs: tuple[Spring, ...] = ()
     """Springs between points."""
     drives: tuple[Drive, ...] = ()
     """Drives of driven coordinates, which become dynamic."""
     mirror: Mirror | None = None
-    """Reflects one half of the puppet into the other."""
+    """Reflection of one half of the puppet into the other."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
     """Start values: coordinate -> number; `joint.rotation` -> quaternion or rotation vector."""
     obstacles: tuple[AnyObstacle, ...] = ()
@@ -283,11 +285,11 @@ class Puppet(Document):
     floor: Place | None = None
     """Height of the floor [m]."""
     contact: ContactRule | None = None
-    """Contact of its bodies with the floor, obstacles and one another: true, or its rules."""
+    """Contact of its bodies with the floor, obstacles and one another: true, false or rules."""
     members: tuple[Name, ...] = ()
-    """Puppets of an assembled scene, whose names and a dot precede those of their parts."""
+    """Names of an assembled scene's puppets; each, with a dot, begins the names of its parts."""
     props: tuple[Name, ...] = ()
-    """Bodies of an assembled scene that are props."""
+    """Names of the props of an assembled scene."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
 
@@ -303,7 +305,7 @@ class Puppet(Document):
                 puppet = handler(data if tried is plain else tried)
             except ValidationError as error:
                 found += findings(cls, tried, error, WORDS)
-                # A number out of range hides nothing: the rest is checked with one in range.
+                # A number out of range is replaced by one in range, so that the rest is checked.
                 tried = mended(tried, error)
         if isinstance(plain, dict):
             whole = valid_parts(cls, plain, located) if puppet is None else puppet
@@ -329,13 +331,13 @@ class Puppet(Document):
 
     @property
     def touching(self) -> Contact | None:
-        """The rules of contact; None where nothing touches anything."""
+        """The contact rules; None without contact."""
         if isinstance(self.contact, Contact):
             return self.contact
         return Contact() if self.contact else None
 
     def expanded(self) -> Puppet:
-        """The puppet with its mirror applied: both halves written out."""
+        """The puppet with both halves and without a mirror."""
         if self.mirror is None:
             return self
         data, _ = mirror.reflected(dump.plain(self))
@@ -374,18 +376,18 @@ class Puppet(Document):
     ) -> Puppet:
         """The same puppet on chains of point masses joined by springs, instead of constraints.
 
-        Chains and wires stay as they are. By default every string has the mass and stiffness of a
+        Chains and wires are not changed. By default every string has the mass and stiffness of a
         metre of polyester cord of 0.5 g/m: EA is the yarn's specific modulus, 10 N/tex, times
         500 tex.
 
         Args:
-            pieces: springs of each string; there is one mass fewer.
-            mass: of each string [kg].
+            pieces: number of springs of each string; there is one mass fewer.
+            mass: mass of each string [kg].
             stiffness: EA of each string [N].
             damping: force per unit of strain rate [N s].
 
         Raises:
-            PuppetError: a string cannot be a chain (its winch slips, it bounces, it runs over
+            PuppetError: a string cannot be a chain (it has a slipping winch, restitution or
                 pulleys), or a number is not allowed.
         """
         chain = {"pieces": pieces, "mass": mass, "stiffness": stiffness, "damping": damping}
@@ -402,10 +404,10 @@ class Puppet(Document):
         return puppet
 
     def locate(self, name: str) -> tuple[str, int | None]:
-        """File and line in which a body, joint, string, spring or obstacle is described.
+        """File and line of a body, joint, string, spring or obstacle.
 
         Args:
-            name: of the part; a twin is located at its original.
+            name: name of the part; a twin has the line of its original.
         """
         origin = self._origin
         line = origin.lines.get(name)
@@ -414,24 +416,24 @@ class Puppet(Document):
         return origin.files.get(name, origin.file), line
 
     def member_of(self, body: str) -> str:
-        """The puppet or prop of a scene that a body belongs to; empty for a single puppet's."""
+        """Name of the scene's puppet or prop that has a body; empty for a single puppet."""
         first = body.partition(".")[0]
         return first if first in (*self.members, *self.props) else ""
 
     def owner_of(self, coordinate: str) -> str:
-        """The joint or string that a coordinate or limit belongs to, by its name."""
+        """Name of the joint or string that has a coordinate or limit."""
         return owner_of(coordinate, self.members)
 
     def to_yaml(self) -> str:
-        """The puppet as a file; reading it back gives an equal puppet."""
+        """The text of a puppet file; reading it gives an equal puppet."""
         return dump.to_yaml(dump.plain(self))
 
     def canonical(self, *, values: bool = True) -> str:
-        """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests.
+        """JSON of the expanded puppet and its meshes' digests, the same for equal puppets.
 
         Args:
-            values: whether the text depends on what no compiled code has: the values of
-                parameters, the rules of contact, obstacles and the floor.
+            values: whether to include values that do not change the compiled code: values of
+                parameters, contact rules, obstacles and the floor.
         """
         puppet = self.expanded()
         solids = [s for body in puppet.bodies for s in body.shapes]
