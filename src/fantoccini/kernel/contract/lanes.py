@@ -1,4 +1,4 @@
-"""The lane record: arrays of n trajectories that are advanced together, piece by piece."""
+"""The lane record: arrays of n trajectories that are advanced together, in pieces."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fantoccini.kernel.contract.samples import SUMS
 from fantoccini.kernel.contract.structure import IN, OUT, Field
 
 Width = str | int | None
-"""Width per trajectory: names of sizes joined by " + ", or a number; None for a scalar."""
+"""Width of a trajectory's part: names of sizes joined by " + ", or a number; None for a scalar."""
 
 
 @dataclass(frozen=True)
@@ -17,10 +17,10 @@ class LanePart:
     """An array of the lane record, (n, width) or (n,).
 
     Attributes:
-        name: the same in Python and C++.
+        name: name in Python and C++.
         width: see :data:`Width`.
-        type: of the pointer in C++.
-        meaning: with its unit.
+        type: type of the pointer in C++.
+        meaning: meaning with unit.
     """
 
     name: str
@@ -29,7 +29,7 @@ class LanePart:
     meaning: str = ""
 
     def shape(self, n: int, sizes: Mapping[str, int]) -> tuple[int, ...]:
-        """The shape of the array of n trajectories."""
+        """The shape of the array for n trajectories."""
         if self.width is None:
             return (n,)
         if isinstance(self.width, int):
@@ -38,7 +38,7 @@ class LanePart:
 
     @property
     def field(self) -> Field:
-        """It as a field of a structure."""
+        """The field of a structure for this array."""
         shape = "(n,)" if self.width is None else f"(n, {self.width})"
         return Field(self.name, self.type, f"{shape} {self.meaning}".rstrip())
 
@@ -46,7 +46,7 @@ class LanePart:
 LANE: tuple[LanePart, ...] = (
     LanePart("fresh", None, "unsigned char*", "whether to restart from the arrays; cleared"),
     LanePart("p", "n_p", IN),
-    LanePart("q_D", "n_qD", OUT, "state before the piece, then after it; so are the others"),
+    LanePart("q_D", "n_qD", OUT, "state before the piece, then after it"),
     LanePart("v_D", "n_vD", OUT),
     LanePart("q_K", "n_qK", OUT),
     LanePart("v_K", "n_vK", OUT),
@@ -54,9 +54,9 @@ LANE: tuple[LanePart, ...] = (
     LanePart("tension", "n_rows", OUT, "written"),
     LanePart("taut", "n_rows", "unsigned char*", "written"),
     LanePart("books", len(SUMS), OUT, "work, damping, impact, slip loss, friction; written [J]"),
-    LanePart("violation", None, OUT, "largest since it began; written"),
-    LanePart("advanced", None, OUT, "time by which it was advanced in the piece; written [s]"),
+    LanePart("violation", None, OUT, "largest violation since the start; written"),
+    LanePart("advanced", None, OUT, "time advanced in the piece; written [s]"),
     LanePart("status", None, "int*", "Status; written"),
-    LanePart("blame", "n_rows + n_watched", OUT, "shares of the blame for it; written"),
+    LanePart("blame", "n_rows + n_watched", OUT, "attribution of the status; written"),
 )
-"""The lane record, declared once: compiled code and Python take its arrays from here."""
+"""The lane record of compiled code and Python."""
