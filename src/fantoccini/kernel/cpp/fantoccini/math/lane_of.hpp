@@ -1,4 +1,4 @@
-// A lane of a Real; the number itself where that is a double.
+// One lane of a Real; for a double the number itself.
 #pragma once
 
 namespace fan {

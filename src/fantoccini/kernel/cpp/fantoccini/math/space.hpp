@@ -17,7 +17,7 @@ FAN_FN void cross(const Real* a, const Real* b, Real* out) {
   out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-// Adds two unit vectors across a normal and each other, from the axis that it is farthest from.
+// Two unit vectors perpendicular to a normal and to each other, from the axis farthest from it.
 FAN_FN void add_tangents(double* frame) {
   int axis = 0;
   for (int c = 1; c < 3; ++c)
