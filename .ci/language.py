@@ -46,7 +46,11 @@ PATTERNS = [
         "clause in the place of a noun; name the thing",
     ),
     ("prose", r"\b(by|of) how (much|many|far)\b", "clause in the place of a quantity; name it"),
-    ("prose", r"\b(ever (less|more)|astray|untold|whomsoever|whatsoever)\b", "dialect; say it plainly"),
+    (
+        "prose",
+        r"\b(ever (less|more)|astray|untold|whomsoever|whatsoever)\b",
+        "dialect; say it plainly",
+    ),
     (
         "prose",
         r"\b(is|are|was|were|has|have) none\b|\bnone of (this|these|those)\b",
@@ -71,10 +75,19 @@ TERMS = set(
     """.split()
 )
 
-_QUOTED = re.compile(r"``.*?``|:\w+:`.*?`|`[^`\n]*`|https?://\S+|\S+\.(?:py|hpp|md|yaml)\b", re.DOTALL)
+_QUOTED = re.compile(
+    r"``.*?``|:\w+:`.*?`|`[^`\n]*`|https?://\S+|\S+\.(?:py|hpp|md|yaml)\b", re.DOTALL
+)
 _WORD = re.compile(r"(?<![\w.'/\\:{<%=-])[a-z]+(?:-[a-z]+)*(?![\w`(/}=]|\.\w)")
 _ENTRY = re.compile(r"^ +[*\w]+(?:, [*\w]+)*: (?=[a-z])", re.MULTILINE)
-_BRITISH = [("our", "or"), ("is", "iz"), ("ys", "yz"), ("tre", "ter"), ("ll", "l"), ("ence", "ense")]
+_BRITISH = [
+    ("our", "or"),
+    ("is", "iz"),
+    ("ys", "yz"),
+    ("tre", "ter"),
+    ("ll", "l"),
+    ("ence", "ense"),
+]
 
 Texts = Iterator[tuple[str, int, str]]  # kind, line, text
 
@@ -113,7 +126,9 @@ def findings(path: Path) -> Iterator[str]:
     source = path.read_text(encoding="utf-8")
     texts = python_texts(source) if path.suffix == ".py" else other_texts(path, source)
     name = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
-    lines = [(line + extra, text, why) for kind, line, t in texts for extra, text, why in check(kind, t)]
+    lines = [
+        (line + extra, text, why) for kind, line, t in texts for extra, text, why in check(kind, t)
+    ]
     for line, text, why in sorted(set(lines)):
         yield f"{name}:{line}: {text!r}: {why}"
 

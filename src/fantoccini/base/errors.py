@@ -166,7 +166,7 @@ class Status(enum.IntEnum):
     DONE = 0, "the run reached its end"
     RUNNING = 1, "the run has not reached its end yet"
     IMPOSSIBLE_INPUT = 2, "the inputs ask for a motion that no puppet on these strings can follow"
-    TENSION_CAP = 3, "a tension passed the cap on what a string may pull"
+    TENSION_CAP = 3, "a tension exceeded the largest one that a string may have"
     STEP_TOO_SMALL = 4, "the step size fell below what the clock can resolve"
     TOO_MANY_EVENTS = 5, "strings caught and released more often than the bound on events"
     TOO_MANY_STEPS = 6, "the bound on the number of steps was reached"

@@ -215,9 +215,9 @@ def _slope_along(h: Array, secant: Array, rate: Array) -> tuple[float, bool]:
     if np.sign(secant[0]) != np.sign(secant[1]):
         return 0.0, True
     sign, speed = np.sign(secant[0]), np.abs(secant)
-    mean, least = 1.0 / np.sum(part / speed), 2 * np.min(speed)
+    mean, bound = 1.0 / np.sum(part / speed), 2 * np.min(speed)
     of_mean = mean**2 * np.sum(part * sign * rate / speed**2)
-    of_least = 2 * sign * rate[np.argmin(speed)]
-    if mean == least:
-        return float(sign * min(of_mean, of_least)), False
-    return float(sign * (of_mean if mean < least else of_least)), True
+    of_bound = 2 * sign * rate[np.argmin(speed)]
+    if mean == bound:
+        return float(sign * min(of_mean, of_bound)), False
+    return float(sign * (of_mean if mean < bound else of_bound)), True

@@ -18,7 +18,7 @@ from fantoccini.base.arrays import Array
 def step(
     A: Array, B: Array, Q: Array, R: Array, P: Array, S: Array | None = None
 ) -> tuple[Array, Array]:
-    """One stage, or many at once::
+    """The gain and the cost to go before a stage, or of several stages at once.
 
         K = (R + B'P B)^-1 (S' + B'P A),   P <- Q + A'P (A - B K) - S K
 

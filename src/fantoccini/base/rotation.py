@@ -65,7 +65,7 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 
 def normalised(q: Quaternion) -> Quaternion:
-    """q / |q|; the quaternion must not be zero."""
+    """The unit quaternion q / |q|; q must not be zero."""
     q = np.asarray(q, dtype=float)
     q = q / np.max(np.abs(q), axis=-1, keepdims=True)
     return q / np.linalg.norm(q, axis=-1, keepdims=True)

@@ -31,9 +31,9 @@ class Tolerances:
     relative_place: float = 1e-6
     """Position difference, relative to the longest move in the inputs."""
     rounded_speed: float = 1e-9
-    """Velocity difference that is rounding, and is ignored [m/s or rad/s]."""
+    """Largest velocity difference that is ignored as rounding [m/s or rad/s]."""
     rounded_place: float = 1e-12
-    """Position difference that is rounding, and is ignored [m or rad]."""
+    """Largest position difference that is ignored as rounding [m or rad]."""
     min_duration: float = 1e-4
     """Shortest piece that is changed [s]; a shorter one would accelerate too much."""
     speed_samples: int = 5

@@ -349,7 +349,7 @@ SEARCHES: tuple[Structure, ...] = (
         "State shared by the threads that simulate rollouts.",
         (
             Field("next", MANY, "next rollout to simulate"),
-            Field("reached", MANY, "first rollout at the goal; n while none is; -1 abandons all"),
+            Field("reached", MANY, "first rollout at the goal so far, or n; -1 abandons all"),
         ),
     ),
 )

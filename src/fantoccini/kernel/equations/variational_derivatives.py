@@ -1,5 +1,6 @@
-"""Derivatives of the discrete Euler-Lagrange equations
-(:mod:`fantoccini.kernel.equations.variational`).
+"""Derivatives of the discrete Euler-Lagrange equations.
+
+They are those of :mod:`fantoccini.kernel.equations.variational`:
 
     e = M v_D + M_DK v_K + A_D^T tension            momenta at a node, with or without impulses
     p_k(xi), p_k+1(xi), q_k+1(xi)                   results of the midpoint rule

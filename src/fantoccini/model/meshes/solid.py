@@ -1,4 +1,4 @@
-"""Closed surfaces: test of closedness, connected pieces, orientation of faces."""
+"""Closed surfaces: test whether one is closed, connected pieces, orientation of faces."""
 
 from __future__ import annotations
 

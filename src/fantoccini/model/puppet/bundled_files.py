@@ -23,7 +23,7 @@ def scenes() -> tuple[str, ...]:
 
 
 def bundled(name: str) -> Path | None:
-    """Path of a bundled puppet or scene; None if there is none of this name."""
+    """Path of a bundled puppet or scene; None if no such file is bundled."""
     files = [*_FOLDER.glob("*.yaml"), *(_FOLDER / "scenes").glob("*.yaml")]
     return {path.stem: path for path in files}.get(name)
 

@@ -22,13 +22,13 @@ def _path(parts: Parts, path: Path, points: tuple[Any, ...]) -> None:
     for k in driven:
         if path[0] == "springs":
             parts.say((*path, k, "driven"), "a spring's end cannot be driven")
-        elif k not in (0, len(points) - 1):
+        elif k not in (0, len(all_carriers) - 1):
             parts.say((*path, k, "driven"), "only a string's two ends can be driven")
     if len(driven) > 1 and path[0] == "strings":
         text = "both ends are driven; let one be a body with a driven joint"
         parts.say((*path, driven[1], "driven"), text)
     carriers = [c for c in all_carriers if c is not None]
-    if len(points) < 2 or len(carriers) < len(points):
+    if len(all_carriers) < 2 or len(carriers) < len(all_carriers):
         return
     if len({c[:2] for c in carriers}) == 1:
         where = "in the world" if carriers[0][0] == "world" else f"on {shown(carriers[0][1])}"

@@ -298,24 +298,24 @@ class Puppet(Document):
         if isinstance(data, Puppet):
             return data
         located = info.context if isinstance(info.context, Located) else Located()
-        plain, puppet, found = dump.plain(data), None, []
+        plain, puppet, mistakes = dump.plain(data), None, []
         tried = plain
         while puppet is None and tried is not None:
             try:
                 puppet = handler(data if tried is plain else tried)
             except ValidationError as error:
-                found += findings(cls, tried, error, WORDS)
+                mistakes += findings(cls, tried, error, WORDS)
                 # A number out of range is replaced by one in range, so that the rest is checked.
                 tried = mended(tried, error)
         if isinstance(plain, dict):
             whole = valid_parts(cls, plain, located) if puppet is None else puppet
             wide = check.findings(whole, plain)
             if puppet is not None and not wide:
-                found += check.massless_joints(puppet.bodies, puppet.mirror)
-                found += check.twins(puppet, dump.plain(puppet), located)
-            found += [(data_path(plain, path)[0], text) for path, text in wide]
-        if puppet is None or found or located.mistakes:
-            raise located.error(found, PuppetError)
+                mistakes += check.massless_joints(puppet.bodies, puppet.mirror)
+                mistakes += check.twins(puppet, dump.plain(puppet), located)
+            mistakes += [(data_path(plain, path)[0], text) for path, text in wide]
+        if puppet is None or mistakes or located.mistakes:
+            raise located.error(mistakes, PuppetError)
         lines = {name: located.line(path) for name, path in named(puppet)}
         known = {name: line for name, line in lines.items() if line is not None}
         puppet._origin = Origin(located.file, located.folder, known)

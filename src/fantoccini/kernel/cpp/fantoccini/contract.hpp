@@ -45,7 +45,7 @@ enum Status : int {
   DONE = 0,  // the run reached its end
   RUNNING = 1,  // the run has not reached its end yet
   IMPOSSIBLE_INPUT = 2,  // the inputs ask for a motion that no puppet on these strings can follow
-  TENSION_CAP = 3,  // a tension passed the cap on what a string may pull
+  TENSION_CAP = 3,  // a tension exceeded the largest one that a string may have
   STEP_TOO_SMALL = 4,  // the step size fell below what the clock can resolve
   TOO_MANY_EVENTS = 5,  // strings caught and released more often than the bound on events
   TOO_MANY_STEPS = 6,  // the bound on the number of steps was reached
@@ -694,7 +694,7 @@ struct RolloutArrays {
 // State shared by the threads that simulate rollouts.
 struct RolloutProgress {
   long long next;  // next rollout to simulate
-  long long reached;  // first rollout at the goal; n while none is; -1 abandons all
+  long long reached;  // first rollout at the goal so far, or n; -1 abandons all
 };
 
 // Offsets of the parts of a sample.

@@ -67,7 +67,7 @@ struct Winches {
     return braked < rewind_speed[i] ? -braked : -rewind_speed[i];
   }
 
-  // The slip after a time that begins at `slip`; valid for times up to `stretch`.
+  // The slip `time` seconds after the value `slip`; valid for times up to `stretch`.
   Wound wound(int i, double slip, double time) const {
     const double speed = rewind_speed[i];
     if (!(slip > Tolerance::max_resting_slip && speed > 0.0)) return {slip, 0.0, 0.0};
