@@ -1,10 +1,12 @@
 """Lint of language: fragments, filler names and unknown words in docstrings, comments and messages.
 
-    python .ci/language.py           checks CHECKED, without REMAINING; exit status 1 on any finding
-    python .ci/language.py PATH ...  checks these files and folders instead
+    python .ci/language.py           checks ROOTS, without the remaining files of language.toml
+    python .ci/language.py PATH ...  checks these files and folders
 
-Every finding is `file:line: text: reason; remedy`. Words are known from the dictionary, the
-glossary, the identifiers of the code and TERMS.
+It prints `file:line: text: remedy` for every finding, and its exit status is 1 if there are any. A
+word is known if the dictionary (in American or British spelling), the glossary, the identifiers of
+the package or language.toml contain it. Python, headers of C++ and Markdown are checked, but not
+code in backticks.
 """
 
 from __future__ import annotations
@@ -14,157 +16,98 @@ import io
 import re
 import sys
 import tokenize
+import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 from spellchecker import SpellChecker
 
-ROOT = Path(__file__).parent.parent
+FOLDER = Path(__file__).resolve().parents[1]
+ROOTS = ("src", "docs", "examples", "tests", "benchmarks", ".ci")
+TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 
-# Files and folders that pass. It grows until it is `src tests docs examples benchmarks .ci`.
-CHECKED = (".ci/language.py", "tests/test_language.py")
-# Not yet, inside CHECKED: remove a line to get the list of its findings.
-REMAINING: tuple[str, ...] = ()
-
-# (kind of text, pattern, reason and remedy). Kinds: opening of a docstring; entry of its Args,
-# Attributes, Returns or Raises; prose (docstrings, comments, messages); local name; constant.
-PATTERNS = [
-    (
-        "opening",
-        r"(What|How|Who|Whose|Whom|By|Of|From|Within|Where|When|Why|In|As|On|With|That|Those)\b",
-        "fragment; begin with a noun or a verb: what the caller gets",
-    ),
-    (
-        "entry",
-        r"(of|by|as|from|what|how|who|whose|whom|where|when|why|in|on|that|those|with)\b(?! of)",
-        "fragment; begin with the noun: `mass: mass of the body [kg]`",
-    ),
-    (
-        "prose",
-        r"\b(by|of|for|from|on) (what|whom)\b|\bwhat (it|they|there|comes|lies|remains|one)\b",
-        "clause in the place of a noun; name the thing",
-    ),
-    ("prose", r"\b(by|of) how (much|many|far)\b", "clause in the place of a quantity; name it"),
-    (
-        "prose",
-        r"\b(ever (less|more)|astray|untold|whomsoever|whatsoever)\b",
-        "dialect; say it plainly",
-    ),
-    (
-        "prose",
-        r"\b(is|are|was|were|has|have) none\b|\bnone of (this|these|those)\b",
-        "dialect; say `there is no ...` or `is not a ...`",
-    ),
-    (
-        "local",
-        r"(found|one|made|given|kept|some|far|most|least|anyway|room|told|looks|much|few)$",
-        "filler; name it after its value: `pose`, `string`",
-    ),
-    (
-        "constant",
-        r"_?(LEAST|MOST|STILL|FAR|NEAR|MUCH|MANY|FEW|WILD|FOREVER|ENOUGH|LONG|SMALL|TINY|CLOSE)"
-        r"(_|$)",
-        "names no quantity; write `MIN_STEP_LENGTH = 1e-3  # m`",
-    ),
-]
-
-# Words of mathematics, computing and references that neither dictionary nor glossary has.
-TERMS = set(
-    """
-    """.split()
-)
-
-_QUOTED = re.compile(
-    r"``.*?``|:\w+:`.*?`|`[^`\n]*`|https?://\S+|\S+\.(?:py|hpp|md|yaml)\b", re.DOTALL
-)
-_WORD = re.compile(r"(?<![\w.'/\\:{<%=-])[a-z]+(?:-[a-z]+)*(?![\w`(/}=]|\.\w)")
+_QUOTED = re.compile(r"```.*?```|``.*?``|`[^`]*`|https?://\S+|\S+\.(?:py|hpp|md|yaml)\b", re.DOTALL)
+_CODE = re.compile(r"[;{}]\s*\n|#(include|define|if|pragma|undef)|\b(const|static|void)\b|::|</")
+_WORD = re.compile(r"(?<![\w.'/\\:#{<%=*^-])[a-z]{3,}(?:-[a-z]{3,})*(?![\w`(/}=^]|\.\w)")
 _ENTRY = re.compile(r"^ +[*\w]+(?:, [*\w]+)*: (?=[a-z])", re.MULTILINE)
-_BRITISH = [
-    ("our", "or"),
-    ("is", "iz"),
-    ("ys", "yz"),
-    ("tre", "ter"),
-    ("ll", "l"),
-    ("ence", "ense"),
-]
+_BRITISH = ("our/or", "is/iz", "ys/yz", "tre/ter", "ll/l", "ence/ense")
 
-Texts = Iterator[tuple[str, int, str]]  # kind, line, text
+Finding = tuple[int, str, str]
+"""Line, text, remedy."""
 
 
-def python_texts(source: str) -> Texts:
-    """Docstrings, comments, messages, names of locals and constants of a Python file."""
+def findings(path: Path) -> list[Finding]:
+    """Every finding of a file, in the order of its lines."""
+    source = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        texts = _python(source)
+    elif path.suffix == ".md":
+        texts = iter([("page", 1, source)])
+    else:
+        comments = re.finditer("//.*", source)
+        texts = (("comment", source.count("\n", 0, m.start()) + 1, m[0]) for m in comments)
+    return sorted({finding for kind, line, text in texts for finding in _check(kind, line, text)})
+
+
+def _python(source: str) -> Iterator[tuple[str, int, str]]:
+    """Kind, line and text of docstrings, comments, messages, locals and constants."""
     tree = ast.parse(source)
     nodes = list(ast.walk(tree))
-    documented = {n.value for n in nodes if isinstance(n, ast.Expr)}
+    docstrings = {n.value for n in nodes if isinstance(n, ast.Expr)}
+    fields = {
+        s.target for n in nodes if isinstance(n, ast.ClassDef) for s in n.body if _is_field(s)
+    }
     constants = {t for n in tree.body if isinstance(n, ast.Assign) for t in n.targets}
     for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            if node in documented:
+            if node in docstrings:
                 yield "docstring", node.lineno, node.value
-            elif re.search(r"\w,? [a-z]\w", node.value):
+            elif re.search(r"\w,? [a-z]\w", node.value) and not _CODE.search(node.value):
                 yield "message", node.lineno, node.value
-        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node not in fields:
             yield "constant" if node in constants else "local", node.lineno, node.id
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT and "noqa" not in token.string:
-            yield "comment", token.start[0], token.string.lstrip("# ").split("type: ignore")[0]
+        if token.type == tokenize.COMMENT and not re.match("# (noqa|type)", token.string):
+            yield "comment", token.start[0], token.string
 
 
-def other_texts(path: Path, source: str) -> Texts:
-    """Comments of a C++ file, or the prose of a page without its code."""
-    if path.suffix == ".md":
-        prose = re.sub(r"```.*?```", lambda m: "\n" * m[0].count("\n"), source, flags=re.DOTALL)
-        yield "page", 1, prose
-    else:
-        for match in re.finditer(r"//(.*)|/\*.*?\*/", source, re.DOTALL if False else 0):
-            yield "comment", source.count("\n", 0, match.start()) + 1, match[0].lstrip("/ ")
+def _is_field(statement: ast.stmt) -> bool:
+    return isinstance(statement, ast.AnnAssign)
 
 
-def findings(path: Path) -> Iterator[str]:
-    """Every finding of a file, in the order of its lines."""
-    source = path.read_text(encoding="utf-8")
-    texts = python_texts(source) if path.suffix == ".py" else other_texts(path, source)
-    name = path.relative_to(ROOT) if path.is_relative_to(ROOT) else path
-    lines = [
-        (line + extra, text, why) for kind, line, t in texts for extra, text, why in check(kind, t)
-    ]
-    for line, text, why in sorted(set(lines)):
-        yield f"{name}:{line}: {text!r}: {why}"
-
-
-def check(kind: str, text: str) -> Iterator[tuple[int, str, str]]:
-    """Findings of a text: line within it, the words, reason and remedy."""
-    if kind in ("local", "constant"):
-        for wanted, pattern, why in PATTERNS:
-            if wanted == kind and re.match(pattern, text):
-                yield 0, text, why
-        return
-    plain = _QUOTED.sub(lambda m: "`" + "\n" * m[0].count("\n"), text)
-    for wanted, pattern, why in PATTERNS:
-        places: list[re.Match[str] | None] = []
-        if wanted == "opening" and kind == "docstring":
-            places = [re.match(pattern, plain)]
-        elif wanted == "entry" and kind == "docstring":
-            places = [re.compile(pattern).match(plain, m.end()) for m in _ENTRY.finditer(plain)]
-        elif wanted == "prose":
-            places = list(re.finditer(pattern, plain))
-        for match in filter(None, places):
-            yield plain.count("\n", 0, match.start()), match[0], why
-    for match in _WORD.finditer(plain):
+def _check(kind: str, line: int, text: str) -> Iterator[Finding]:
+    """Findings of a text that begins in a line."""
+    is_name = kind in ("local", "constant")
+    plain = text if is_name else _QUOTED.sub(lambda m: "`" + "\n" * m[0].count("\n"), text)
+    starts = {
+        kind: [] if text in TABLE["waiting"] else [0],
+        "opening": [0] if kind == "docstring" else [],
+        "entry": [m.end() for m in _ENTRY.finditer(plain)] if kind == "docstring" else [],
+    }
+    for pattern in TABLE["patterns"]:
+        regex = re.compile(pattern["pattern"])
+        if "prose" in pattern["kinds"]:
+            matches = [] if is_name else [*regex.finditer(plain)]
+        else:
+            places = [k for name in pattern["kinds"] for k in starts.get(name, ())]
+            matches = [m for k in places if (m := regex.match(plain, k))]
+        for match in matches:
+            yield line + plain.count("\n", 0, match.start()), match[0], pattern["remedy"]
+    for match in () if is_name else _WORD.finditer(plain):
         for word in match[0].split("-"):
-            if len(word) > 2 and not known(word):
-                why = "unknown word; spell it, put code in backticks, or define it in the glossary"
-                yield plain.count("\n", 0, match.start()), word, why
+            if not known(word):
+                remedy = "unknown word; spell it, put code in backticks, or add it to the glossary"
+                yield line + plain.count("\n", 0, match.start()), word, remedy
 
 
 @cache
 def known(word: str) -> bool:
-    """Whether the dictionary (in either spelling), the glossary, the code or TERMS has a word."""
-    if word in _names() or word in TERMS:
+    """Whether a lower-case word is known; names of derivatives such as `phidot` are."""
+    if word.endswith("dot") or word in _names():
         return True
-    variants = {word} | {word.replace(a, b) for a, b in _BRITISH}
-    return any(variant in _dictionary() for variant in variants)
+    pairs = (pair.split("/") for pair in _BRITISH)
+    return any(w in _dictionary() for w in (word, *(word.replace(a, b) for a, b in pairs)))
 
 
 @cache
@@ -174,28 +117,32 @@ def _dictionary() -> SpellChecker:
 
 @cache
 def _names() -> set[str]:
-    """Words of the glossary and of the identifiers of the package."""
-    words = set(re.findall(r"[a-z]+", (ROOT / "docs/glossary.md").read_text("utf-8").lower()))
-    for path in (ROOT / "src").rglob("*.py"):
-        for token in tokenize.generate_tokens(io.StringIO(path.read_text("utf-8")).readline):
-            if token.type == tokenize.NAME:
-                words.update(part.lower() for part in re.findall("[A-Z]?[a-z]+", token.string))
+    """Words of the table, the glossary and the identifiers of the package."""
+    glossary = (FOLDER / "docs/glossary.md").read_text("utf-8").lower()
+    words = {*TABLE["words"], *re.findall("[a-z]+", glossary)}
+    for path in (FOLDER / "src").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            for field in ("id", "name", "attr", "arg", "module"):
+                if isinstance(name := getattr(node, field, None), str):
+                    words.update(part.lower() for part in re.findall("[A-Z]?[a-z]+", name))
     return words
 
 
-def files(paths: list[Path]) -> Iterator[Path]:
-    """Python, C++ and Markdown files of files and folders, without those of REMAINING."""
-    left_out = [ROOT / name for name in REMAINING]
+def files(paths: list[Path], left_out: list[str]) -> Iterator[Path]:
+    """The files to check among files and folders."""
     for path in paths:
         for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-            if file.suffix in (".py", ".hpp", ".cpp", ".md") and not any(
-                file.is_relative_to(folder) for folder in left_out
-            ):
+            is_left_out = any(file.is_relative_to(FOLDER / name) for name in left_out)
+            if file.suffix in (".py", ".hpp", ".md") and not is_left_out:
                 yield file
 
 
 if __name__ == "__main__":
-    chosen = [Path(name).resolve() for name in sys.argv[1:]] or [ROOT / name for name in CHECKED]
-    lines = [line for file in files(chosen) for line in findings(file)]
-    print(*lines, sep="\n", end="\n" if lines else "")
-    sys.exit(bool(lines))
+    arguments = [Path(argument).resolve() for argument in sys.argv[1:]]
+    left_out = [] if arguments else TABLE["remaining"]
+    n_findings = 0
+    for checked in files(arguments or [FOLDER / root for root in ROOTS], left_out):
+        for line, text, remedy in findings(checked):
+            n_findings += 1
+            print(f"{checked.relative_to(FOLDER)}:{line}: {text!r}: {remedy}")
+    sys.exit(n_findings > 0)

@@ -72,7 +72,7 @@ def normalised(q: Quaternion) -> Quaternion:
 
 
 def exp(phi: Vec3) -> Quaternion:
-    """Unit quaternion of exp([phi]x): (cos(x/2), sin(x/2)/x phi), x = |phi|.
+    """Unit quaternion (cos(x/2), sin(x/2)/x phi) of a rotation vector phi, x = |phi|.
 
     Args:
         phi: (..., 3) rotation vector [rad].
