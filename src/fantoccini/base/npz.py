@@ -169,7 +169,7 @@ def contents(
         what: noun for such files in messages.
 
     Raises:
-        FileError: :func:`read` raises it, or the format is not allowed.
+        FileError: the file cannot be read (see :func:`read`), or its format is not allowed.
     """
     arrays = read(path)
     try:

@@ -137,9 +137,9 @@ def shifted(coef: Array, d: Array) -> Array:
 def monotone_slopes(t: Array, values: Array) -> Array:
     """Slopes at waypoints that never overshoot; at rest at both ends.
 
-    The slope between two secants of equal sign is Fritsch and Butland's weighted harmonic mean,
-    bounded by twice the smaller secant: up to there a quintic without acceleration at its ends
-    stays monotone (its derivative is then at least 2 - 30 (s(1-s))^2 > 0 secants at worst).
+    The slope between two secants of equal sign is Fritsch and Butland's weighted harmonic mean, at
+    most twice the smaller secant: with these slopes a quintic without acceleration at its ends is
+    monotone (its derivative is at least 2 - 30 (s(1-s))^2 > 0 times the secant).
 
     Args:
         t: (n,) times [s], increasing.
@@ -175,7 +175,7 @@ def mean_speed(h: Array, speed: Array) -> Array:
 
 
 def monotone_slopes_along(t: Array, values: Array, change: Array) -> tuple[Array, bool]:
-    """The one-sided derivative of :func:`monotone_slopes`: by s > 0 at values + s change.
+    """The one-sided derivative d/ds of :func:`monotone_slopes` at values + s change, for s -> 0+.
 
     The slope is homogeneous of degree 1 in the two secants. It is smooth except where its bound
     becomes active and where a secant is 0; there the derivative depends on the direction.

@@ -20,7 +20,7 @@ Points = tuple[Times, Array]
 """Times (n,) [s] and values (n,) or, for a rotation, unit quaternions (n, 4)."""
 
 _MAX_ITERATIONS, _MAX_CHANGE = 20, 1e-13
-"""End of a rotation spline's iteration; the change [rad/s] is relative to speeds above 1 rad/s."""
+"""Ends of the iteration for rotation splines; the change is relative to 1 rad/s + the speed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +50,8 @@ class Channel:
             breaks: (m + 1,) increasing; contains all ``times`` in its range.
 
         Returns:
-            coef (m, k, 6) and base (m, width). The parts of a rotation's piece keep the piece's
-            quaternion of reference, so that the division is exact; their phi need not begin at 0.
+            coef (m, k, 6) and base (m, width). The parts of a rotation's piece have the base of
+            the whole piece, so that the division is exact; phi does not begin at 0 in them.
         """
         begins = breaks[:-1]
         piece = np.searchsorted(self.times, begins, side="right") - 1

@@ -108,7 +108,7 @@ def inputs_schema() -> dict[str, Any]:
 
 
 def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
-    """Reads an inputs file; its ending (.yaml, .yml, .csv or .npz) is its format.
+    """Reads an inputs file, in the format of its ending: .yaml, .yml, .csv or .npz.
 
     Raises:
         InputError: every mistake in the file.

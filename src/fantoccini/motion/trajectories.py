@@ -28,7 +28,8 @@ SAVED = (*MOTION, *TABLES, RESIDUAL)
 class Trajectories:
     """n runs of one puppet at T times: ``batch.q_D[i, k]``, ``batch.tension["hand"][i, k]``.
 
-    Quantities that were not saved are None. Samples that a run did not reach are NaN, or not taut.
+    Quantities that were not saved are None. Samples that a run did not reach are NaN; their taut
+    flags are False.
 
     Attributes:
         t: (T,) times [s].

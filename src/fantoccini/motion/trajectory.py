@@ -70,11 +70,11 @@ class Trajectory:
         effort: force that drives each driven velocity [N or N m]; None if not computed.
         violation: max(h, 0) of each string and limit [m, rad or 1]; None if not computed.
         slip: slip of each string's winch, >= 0 [m]; None if not computed.
-        undetermined: whether each string's tension and each driven velocity's effort is one of
-            several values with the same motion, up to rounding (bool); None if not computed.
+        undetermined: whether the motion leaves a string's tension or a driven velocity's effort
+            undetermined: other values give the same motion (bool); None if not computed.
         seconds: computing time [s]; None if unknown, as after loading.
-        contact_residual: (T,) violation of the contact laws in the step before each sample, a
-            speed relative to the largest in them, 0 where nothing touches; None without contact.
+        contact_residual: (T,) error of the contact laws in the step before each sample, relative
+            to the largest speed in them; 0 if nothing touches; None without contact.
         contact: points with contact forces; None without contact, and for runs of batches.
         events_recorded: whether ``events`` was recorded; it is not for runs of batches.
     """
@@ -136,7 +136,7 @@ class Trajectory:
                     f"{(n,)}"
                 )
         if n == 0 or not (np.all(np.isfinite(self.t)) and np.all(np.diff(self.t) >= 0)):
-            raise ValueError("t must hold one time or more, none before the one it follows")
+            raise ValueError("t must hold one time or more, not decreasing")
         object.__setattr__(self, "events", tuple(self.events))
         object.__setattr__(self, "status", Status(self.status))
         object.__setattr__(self, "blamed", tuple(self.blamed))
@@ -200,11 +200,11 @@ class Trajectory:
 
         Args:
             times: (m,) times [s], not decreasing, inside the run.
-            side: side from which an impact is approached at its time.
+            side: ``right`` for the sample after an impact at its time, ``left`` for the one before.
         """
         times = self._inside(floats(times))
         if times.ndim != 1 or not len(times) or np.any(np.diff(times) < 0):
-            raise ValueError("times must be a list of one time or more that do not decrease")
+            raise ValueError("times must be a list of one time or more, not decreasing")
         left, right, s = interpolate.bracket(self.t, times, side)
         table = self.coordinates
         changes: dict[str, Any] = {}

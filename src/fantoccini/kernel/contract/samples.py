@@ -31,7 +31,7 @@ SAMPLE: tuple[Quantity, ...] = (
         "contact_residual",
         (),
         "1",
-        "violation of the contact laws in the last step: a speed, relative to the largest in them",
+        "error of the contact laws in the last step, relative to the largest speed in them",
     ),
 )
 """Parts of a sample of a run."""
@@ -64,10 +64,10 @@ WINCH: tuple[Quantity, ...] = (
     Quantity("rewind_speed", (), "m/s", "speed at which it rewinds its slip; 0: never"),
     Quantity("restitution", (), "1", "restitution of catches, 0 to 1"),
 )
-"""Numbers of every string's winch."""
+"""Properties of every string's winch."""
 
 WINCH_AT = {part.name: k for k, part in enumerate(WINCH)}
-"""Number of a winch -> its column."""
+"""Property of a winch -> its column."""
 
 PARTS: tuple[Quantity, ...] = (
     *SAMPLE[1:7],

@@ -57,7 +57,7 @@ class Form:
             return expanded
         forms = [expanded, expanded.replace(_is_even_cosine, _as_sine).expand()]
         if all(self._degree(m) <= _MAX_DEGREE for m in terms):
-            forms.append(self._of_sums(terms))
+            forms.append(self._sums_of_angles(terms))
         forms += [change(form) for form in forms for change in _CHANGES]
         return min(forms, key=_cost)
 

@@ -47,7 +47,7 @@ class Accessors:
         if index not in self._floats:
             self._left -= _count(about)
             if self._left < 0:
-                raise ValueError("its accessors have too many elements together")
+                raise ValueError("its accessors have too many elements in total")
             raw = self._raw(about)
             out = raw.astype(float)
             if about.get("normalized") and raw.dtype.kind in "iu":

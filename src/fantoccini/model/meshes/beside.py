@@ -43,8 +43,8 @@ class Beside:
         if content is None:
             raise ValueError(f"it names {_shown(name)}, which does not exist")
         if sum(len(c) for c in self.contents.values() if c is not None) > LIMITS.max_bytes:
-            allowed = LIMITS.max_bytes / 1e6
-            raise ValueError(f"the files that it names have more than {allowed:.0f} MB in total")
+            limit = f"{LIMITS.max_bytes / 1e6:.0f} MB"
+            raise ValueError(f"the files that it names have more than {limit} in total")
         return content
 
     def peek(self, name: str) -> bytes | None:
@@ -63,8 +63,8 @@ class Beside:
             if not place.is_file():
                 return None
             if place.stat().st_size > LIMITS.max_bytes:
-                allowed = LIMITS.max_bytes / 1e6
-                raise ValueError(f"{_shown(path.as_posix())} is larger than {allowed:.0f} MB")
+                limit = f"{LIMITS.max_bytes / 1e6:.0f} MB"
+                raise ValueError(f"{_shown(path.as_posix())} is larger than {limit}")
             return place.read_bytes()
         except OSError:
             return None

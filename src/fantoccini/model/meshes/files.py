@@ -66,7 +66,7 @@ def read(path: Path, root: Path) -> MeshFile:
         root: folder that must contain all files to which it refers.
 
     Raises:
-        ValueError: the file is broken or too large; the message continues its name.
+        ValueError: the file is broken or too large; the message is the end of a sentence about it.
         OSError: the file cannot be read.
         MissingLibraryError: it is a .dae file, and pycollada is not installed.
     """

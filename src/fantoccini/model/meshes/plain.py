@@ -76,7 +76,7 @@ def read_ply(content: bytes) -> list[Part]:
     try:
         loaded = trimesh.load(io.BytesIO(content), file_type="ply")
     except Exception as reason:  # trimesh raises errors of many classes for broken files
-        raise ValueError(f"{type(reason).__name__} in its reader") from reason
+        raise ValueError(f"trimesh reports {type(reason).__name__}") from reason
     meshes = loaded.dump() if isinstance(loaded, trimesh.Scene) else [loaded]
     count, parts = Count(), []
     for mesh in meshes:

@@ -54,5 +54,5 @@ def check_chain(string: Any) -> None:
 
 
 def chained(strings: list[dict[str, Any]], chain: dict[str, Any]) -> list[dict[str, Any]]:
-    """Plain data of strings, with ``chain`` added to every string that is no chain or wire."""
+    """Plain data of strings, with ``chain`` added to those that are neither chains nor wires."""
     return [s if s.get("chain") or s.get("wire") else s | {"chain": chain} for s in strings]

@@ -178,7 +178,7 @@ class Drive(Model):
     @model_validator(mode="after")
     def _moves(self) -> Drive:
         if self.mass is None and self.inertia is None:
-            raise mistake("needed: mass, inertia or both; a drive without inertia is an input")
+            raise mistake("needed: mass, inertia or both; otherwise leave the drive out")
         steps = isinstance(self.motor, StepperMotor)
         if steps and self.control is not None:
             raise mistake("found control and a stepper; a stepper follows its command by itself")

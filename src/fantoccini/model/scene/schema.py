@@ -88,7 +88,7 @@ class Prop(Model):
     def _has_mass(self) -> Prop:
         own = any(map(has_mass, self.shapes)) if self.mass is None else value_of(self.mass) > 0
         if not own:
-            raise mistake("this prop has no mass; give it one, or one of its shapes")
+            raise mistake("this prop has no mass; give it a mass, or one of its shapes")
         return self
 
 

@@ -40,8 +40,8 @@ def placed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """A configuration with the masses of chains placed between the strings' ends.
 
-    They lie on a straight line; if the string is longer, on a V that hangs down, with relaxed
-    springs.
+    They lie on a straight line; if the string is longer than the distance of its ends, on a V that
+    hangs down, with relaxed springs.
 
     Args:
         tree: tree with the chains.

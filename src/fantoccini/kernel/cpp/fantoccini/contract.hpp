@@ -438,7 +438,7 @@ struct StageProgramArrays {
   const double* row_high;  // (N, m)
   const double* price;  // (N, m) prices of violating a row
   double unit;  // unit of the cost
-  double unbounded;  // size from which a bound does not count
+  double unbounded;  // size that represents no bound
   double tolerance;  // tolerance of the residuals; of the barrier ten times this
   double barrier;  // smallest product of slacks and multipliers
   int most_iterations;
@@ -524,11 +524,11 @@ struct GradientArrays {
   double* v_D;  // (n + 1, n_vD) likewise
   double* acc_D;  // (n, n_vD) mean accelerations over the steps
   double* tension;  // (n, n_rows)
-  double* ahead;  // (n, 2) times by which acc_D and its change run ahead [s]
+  double* ahead;  // (n, 2) times by which acc_D and its change are extrapolated [s]
   double reference_force;  // size of forces, such as the weight [N]
   int* n_points;  // (n,) numbers of contact points with force
   int* n_sliding;  // (n,) numbers of sliding contact points
-  int* edges;  // (n,) StepEdge; the backward sweep adds bits, and ends at some
+  int* edges;  // (n,) StepEdge; the backward sweep adds bits
   int* pairs;  // (n,) contact pair of the edge; -1 for none
   double slip;  // largest slip of a winch [m]
   long long shortened;  // first shortened step; n for none
@@ -651,22 +651,22 @@ struct BoundArrays {
 
 // Results of every segment: (n, segments, width).
 struct SegmentArrays {
-  double* q_D;  // at its end
+  double* q_D;  // state at the segment's end
   double* v_D;
   double* slip;
   double* q_K;
   double* v_K;
-  double* distance;  // to the goal there
-  int* looks;  // it lasted; 0 where there is none
-  int* catches;  // of strings and limits
+  double* distance;  // distance to the goal at the segment's end
+  int* looks;  // number of looks until its end; 0 without a segment
+  int* catches;  // number of catches of strings and limits
 };
 
 // A planner's rollouts.
 struct RolloutArrays {
-  long long n;  // rollouts
-  int segments;  // of a rollout, at most
-  int looks;  // of a segment
-  int steps;  // of a look
+  long long n;  // number of rollouts
+  int segments;  // largest number of segments of a rollout
+  int looks;  // number of looks of a segment, at which it is checked
+  int steps;  // number of steps of a look
   Options options;
   const double* p;
   const double* winches;
@@ -676,17 +676,17 @@ struct RolloutArrays {
   const double* slip;
   const double* q_K;
   const double* v_K;
-  double* acc_K;  // (n, segments, n_vK); those not given are led, and written
-  const int* n_segments;  // (n,) segments of each, at least one
+  double* acc_K;  // (n, segments, n_vK); written where feedback determines them
+  const int* n_segments;  // (n,) number of segments of each, at least 1
   const int* n_given;  // (n,) leading segments whose accelerations are given
   const int* funnel;  // (n,) index of its funnel
   const double* lead_time;  // (n,) time by which its reference runs ahead [s]
   const FunnelArrays* funnels;
   BoundArrays bounds;
-  double margin;  // least clearance [m]
+  double margin;  // smallest allowed clearance [m]
   int may_slacken;  // whether strings that pull may go slack
   const ClearanceArrays* solids;
-  const unsigned char* kept_off;  // (n_pairs,) of contact: those that must not touch; null: none
+  const unsigned char* kept_off;  // (n_pairs,) contact pairs that must not touch; null for none
   GoalArrays goal;
   SegmentArrays out;
 };
@@ -719,8 +719,7 @@ struct SampleLayout {
   static constexpr int slip_loss = impact + 1;  // loss by slipping winches [J]
   static constexpr int friction = slip_loss + 1;  // loss by friction of contacts [J]
   static constexpr int slip = friction + 1;  // lengths let out by slipping winches [m]
-  // violation of the contact laws in the last step: a speed, relative to the largest in them
-  // [1]
+  // error of the contact laws in the last step, relative to the largest speed in them [1]
   static constexpr int contact_residual = slip + Model::n_strings;
   static constexpr int width = contact_residual + 1;
 };
