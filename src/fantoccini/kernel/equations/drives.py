@@ -84,9 +84,9 @@ def forces(system: System, dt: ca.SX) -> DriveForces:
 def lags(system: System) -> dict[str, np.ndarray]:
     """The results of ``motor_lags``: lags of watched drives behind their commands.
 
-    ``at`` and ``command`` are positions; for an orientation, its angle from its command, and 0
-    [m or rad]. ``lag`` is in periods of four full steps of a stepper motor, which holds at most
-    half a period.
+    ``at`` and ``command`` are positions [m or rad]; for an orientation, ``at`` is its angle from
+    its command, and ``command`` is 0. ``lag`` is in periods of four full steps of a stepper motor,
+    which holds at most half a period.
     """
     s, entries = system.symbols, []
     for row in system.tree.watched:

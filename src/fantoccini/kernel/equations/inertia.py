@@ -94,12 +94,12 @@ class BodyInertia:
         return BodyInertia(self.m, moved, out)
 
     def without_mass(self) -> tuple[BodyInertia, BodyInertia]:
-        """(rest, part), with the part a point mass at the origin."""
+        """(rest, part): the part is a point mass at the origin."""
         nothing = BodyInertia.nothing()
         return BodyInertia(ca.SX(0), self.h, self.J), BodyInertia(self.m, nothing.h, nothing.J)
 
     def without_axis(self, axis: np.ndarray) -> tuple[BodyInertia, BodyInertia]:
-        """(rest, part), with the part a mass distribution on an axis."""
+        """(rest, part): the part is mass on an axis."""
         e = symbolic(axis)
         along, second = dot(e, self.h), dot(e, self.J.dot(e))
         axial = np.array([[second * x * y for y in e] for x in e], dtype=object)
@@ -110,7 +110,7 @@ class BodyInertia:
         return BodyInertia(ca.SX(0), h, J), BodyInertia(self.m, scaled(along, e), axial)
 
     def without_turning(self) -> tuple[BodyInertia, BodyInertia]:
-        """(rest, part), with the part the second moment, which acts in rotation only."""
+        """(rest, part): the part is the second moment, which acts in rotation only."""
         return BodyInertia(self.m, self.h, zeros(3, 3)), BodyInertia(ca.SX(0), zeros(3), self.J)
 
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, Indices, MissingLibraryError
-from fantoccini.model.meshes.beside import Beside
-from fantoccini.model.meshes.colours import Texture, image_beside, srgb
+from fantoccini.model.meshes.colours import Texture, linked_image, srgb
 from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.linked_files import LinkedFiles
 from fantoccini.model.meshes.part import Y_UP, Count, Part, lost
 
 _UP = {
@@ -21,7 +21,7 @@ _UP = {
 }
 
 
-def read_collada(content: bytes, beside: Beside, name: str) -> list[Part]:
+def read_collada(content: bytes, beside: LinkedFiles, name: str) -> list[Part]:
     """The parts of a file, z up [m].
 
     Images outside the file's folder are left out: their paths are often those of another machine.
@@ -70,7 +70,7 @@ def _nodes(node: Any, known: dict[int, int]) -> int:
     return known[id(node)]
 
 
-def _parts(document: Any, to_metres: Array, beside: Beside) -> Iterator[Part]:
+def _parts(document: Any, to_metres: Array, beside: LinkedFiles) -> Iterator[Part]:
     count, images = Count(), dict[str, np.ndarray | None]()
     for geometry in document.scene.objects("geometry"):
         mirrored = np.linalg.det(geometry.matrix[:3, :3]) < 0.0
@@ -105,7 +105,7 @@ def _lost(material: Any) -> frozenset[str]:
 
 
 def _colours(
-    primitive: Any, faces: Indices, beside: Beside, images: dict[str, np.ndarray | None]
+    primitive: Any, faces: Indices, beside: LinkedFiles, images: dict[str, np.ndarray | None]
 ) -> Array | None:
     """sRGB of triangles: the diffuse colour, or the emission of a material without one."""
     effect = getattr(primitive.material, "effect", None)
@@ -116,7 +116,7 @@ def _colours(
         return np.tile(np.clip(np.array(look[:3], dtype=float), 0.0, 1.0), (len(faces), 1))
     path = look.sampler.surface.image.path
     if path not in images:
-        images[path] = image_beside(path, beside)
+        images[path] = linked_image(path, beside)
     pixels = images[path]
     if pixels is None or not primitive.texcoordset:
         return None

@@ -10,8 +10,8 @@ from urllib.parse import quote, unquote
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.model.meshes.beside import Beside
 from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.linked_files import LinkedFiles
 
 _SAMPLES_PER_SIDE = 4
 """A texture is averaged over the centres of 4 x 4 subdivisions of a triangle."""
@@ -65,7 +65,7 @@ def image(content: bytes, name: str) -> np.ndarray:
     raise ValueError(f"its image {name} has {width} x {height} pixels; allowed: {allowed}")
 
 
-def image_beside(path: str, beside: Beside) -> np.ndarray | None:
+def linked_image(path: str, beside: LinkedFiles) -> np.ndarray | None:
     """The image at a path or, if it cannot be read, the one of that name in the mesh's folder.
 
     Paths are often those of the machine that wrote the file. None if neither can be read.

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, Indices, MissingLibraryError
-from fantoccini.model.meshes.beside import Beside
 from fantoccini.model.meshes.collada import read_collada
 from fantoccini.model.meshes.colours import reduced
 from fantoccini.model.meshes.gltf import read_gltf
 from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.linked_files import LinkedFiles
 from fantoccini.model.meshes.obj import read_obj
 from fantoccini.model.meshes.part import Part
 from fantoccini.model.meshes.plain import read_ply, read_stl
@@ -73,10 +73,10 @@ def read(path: Path, root: Path) -> MeshFile:
     content, ending = path.read_bytes(), path.suffix.lower()
     key = ending, hashlib.sha256(content).digest(), path.parent
     cached = _cache.get(key)
-    if cached is not None and _named(Beside(path, root), cached[0]) == cached[0]:
+    if cached is not None and _named(LinkedFiles(path, root), cached[0]) == cached[0]:
         _remember(key, *cached)
         return cached[1]
-    beside = Beside(path, root)
+    beside = LinkedFiles(path, root)
     parts = _parts(content, beside, path)
     mesh, colours = _joined(parts)
     existing = {name: c for name, c in beside.contents.items() if c is not None}
@@ -114,12 +114,12 @@ def _size(file: MeshFile) -> int:
     return len(file.faces) + sum(map(len, file.beside.values())) // 32 + 1000
 
 
-def _named(beside: Beside, names: dict[str, bytes | None]) -> dict[str, bytes | None]:
+def _named(beside: LinkedFiles, names: dict[str, bytes | None]) -> dict[str, bytes | None]:
     """Present contents of files."""
     return {name: beside.peek(name) for name in names}
 
 
-def _parts(content: bytes, beside: Beside, path: Path) -> list[Part]:
+def _parts(content: bytes, beside: LinkedFiles, path: Path) -> list[Part]:
     try:
         if path.suffix.lower() in (".glb", ".gltf"):
             return read_gltf(content, beside)

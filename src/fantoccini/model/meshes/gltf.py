@@ -16,9 +16,9 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, rotation
 from fantoccini.model.meshes.accessors import Accessors, whole
-from fantoccini.model.meshes.beside import Beside
 from fantoccini.model.meshes.colours import Texture, image, srgb
 from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.linked_files import LinkedFiles
 from fantoccini.model.meshes.part import Y_UP, Count, Part, lost
 
 _SUPPORTED = (
@@ -35,7 +35,7 @@ _CLAMP_TO_EDGE = 33071
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
-def read_gltf(content: bytes, beside: Beside) -> list[Part]:
+def read_gltf(content: bytes, beside: LinkedFiles) -> list[Part]:
     """The parts of a file, z up [m].
 
     Args:
@@ -89,7 +89,7 @@ class _Reader:
         beside: reader of the files to which it refers.
     """
 
-    def __init__(self, header: dict[str, Any], chunk: bytes | None, beside: Beside):
+    def __init__(self, header: dict[str, Any], chunk: bytes | None, beside: LinkedFiles):
         self.header, self.chunk, self.beside = header, chunk, beside
         buffers = [self._buffer(k, b) for k, b in enumerate(header.get("buffers", []))]
         self.accessors = Accessors(header, buffers)

@@ -13,9 +13,9 @@ from urllib.parse import quote, unquote
 import numpy as np
 
 from fantoccini.base import Array, decoded, lines_of
-from fantoccini.model.meshes.beside import Beside
-from fantoccini.model.meshes.colours import Texture, image_beside, srgb
+from fantoccini.model.meshes.colours import Texture, linked_image, srgb
 from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.linked_files import LinkedFiles
 from fantoccini.model.meshes.part import Count, Part, lost
 
 _NUMBERS = {"v": 3, "vt": 1}
@@ -49,7 +49,7 @@ class _Faces:
     textures: array[int] = field(default_factory=lambda: array("q"))
 
 
-def read_obj(content: bytes, beside: Beside) -> list[Part]:
+def read_obj(content: bytes, beside: LinkedFiles) -> list[Part]:
     """The parts of a file, one for each material.
 
     Faces with more than three corners become triangle fans. Free-form surfaces, lines and points,
@@ -78,7 +78,7 @@ class _Reader:
         materials: name -> material.
     """
 
-    def __init__(self, beside: Beside):
+    def __init__(self, beside: LinkedFiles):
         self.beside, self.line = beside, 0
         self.places, self.tints, self.textures = array("d"), array("d"), array("d")
         self.faces: dict[str, _Faces] = {}
@@ -135,7 +135,7 @@ class _Reader:
         colours: Array = np.full((len(corners), 3), np.nan)
         if len(material.diffuse) == 3:
             colours[:] = np.clip(material.diffuse, 0.0, 1.0)
-        pixels = image_beside(material.image, self.beside) if material.image else None
+        pixels = linked_image(material.image, self.beside) if material.image else None
         if pixels is not None and textured.any():
             uv = np.array(self.textures).reshape(-1, 2)[corners[textured]]
             colours[textured] = srgb(Texture(pixels).over(uv * [1.0, -1.0] + [0.0, 1.0]))

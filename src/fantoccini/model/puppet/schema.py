@@ -287,7 +287,7 @@ class Puppet(Document):
     contact: ContactRule | None = None
     """Contact of its bodies with the floor, obstacles and one another: true, false or rules."""
     members: tuple[Name, ...] = ()
-    """Names of an assembled scene's puppets; each, with a dot, begins the names of its parts."""
+    """Names of an assembled scene's puppets; names of their parts begin with these and a dot."""
     props: tuple[Name, ...] = ()
     """Names of the props of an assembled scene."""
 
@@ -416,7 +416,7 @@ class Puppet(Document):
         return origin.files.get(name, origin.file), line
 
     def member_of(self, body: str) -> str:
-        """Name of the scene's puppet or prop that has a body; empty for a single puppet."""
+        """Name of the scene's puppet or prop to which a body belongs; empty for a single puppet."""
         first = body.partition(".")[0]
         return first if first in (*self.members, *self.props) else ""
 

@@ -9,7 +9,7 @@ from urllib.parse import unquote
 from fantoccini.model.meshes.limits import LIMITS
 
 
-class Beside:
+class LinkedFiles:
     """Reads the files to which a mesh file refers.
 
     Args:
