@@ -259,8 +259,8 @@ def text(value: Any, name: str) -> str:
     return value
 
 
-def _cannot_read(path: str | Path, what: str, trouble: BaseException, entry: str = "") -> FileError:
-    message = f"is not {what} that this version can read: {_reason(trouble)}"
+def _cannot_read(path: str | Path, noun: str, trouble: BaseException, entry: str = "") -> FileError:
+    message = f"is not {noun} that this version can read: {_reason(trouble)}"
     return FileError([Mistake(str(path), None, entry, message)])
 
 

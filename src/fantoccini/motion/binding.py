@@ -106,11 +106,11 @@ def _note_start(
     for i in np.flatnonzero(np.any(strange, axis=1))[:1]:
         findings.add((*which(i, n), name), f"is {_text(places[1][i])} in the start state")
     for i in np.flatnonzero(off[:, 0])[:1]:
-        here, there = (_text(place[i]) for place in places)
+        in_inputs, in_state = (_text(place[i]) for place in places)
         findings.add(
             (*which(i, n), name),
-            f"is {here} in the inputs at t = {t:g} s, but {there} in the start state; "
-            f"start from a state with {name} = {here}, or let the inputs begin at {there}",
+            f"is {in_inputs} in the inputs at t = {t:g} s, but {in_state} in the start state; "
+            f"start from a state with {name} = {in_inputs}, or let the inputs begin at {in_state}",
         )
 
 

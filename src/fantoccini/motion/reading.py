@@ -296,10 +296,10 @@ def samples(
 
 
 def _column(
-    name: str, given: ArrayLike, n: int | None, shape: tuple[int, ...], findings: Findings
+    name: str, column: ArrayLike, n: int | None, shape: tuple[int, ...], findings: Findings
 ) -> Array | None:
-    """One column as finite numbers (n, *shape); None after a mistake."""
-    values = np.asarray(given)
+    """A column as finite numbers (n, *shape); None after a mistake."""
+    values = np.asarray(column)
     if values.dtype.kind not in "iuf":
         findings.add((name,), f"found {values.dtype.name} values; needed: numbers")
         return None

@@ -13,14 +13,14 @@ _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126:
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
-def whole(value: object, what: str) -> int:
+def whole(value: object, name: str) -> int:
     """The value, if it is a whole number of at least 0.
 
     Raises:
         ValueError: it is not.
     """
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise ValueError(f"{what} is {str(value)[:40]}; needed: a whole number of at least 0")
+        raise ValueError(f"{name} is {str(value)[:40]}; needed: a whole number of at least 0")
     return value
 
 
