@@ -104,6 +104,7 @@ reports: long-runs-report reduction-report
 lint: $(VENV)/stamp-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python .ci/language.py
 	find src tests benchmarks \( -name "*.hpp" -o -name "*.cpp" \) -exec $(BIN)/clang-format --dry-run --Werror {} +
 	$(BIN)/deptry src
 	$(BIN)/mypy

@@ -49,7 +49,11 @@ def rig(*drives: str) -> str:
         (f"on: bar.x, {PD}", "", "needed: mass, inertia or both"),
         (f"on: bar.x, inertia: 1e-5, {PD}", "inertia", "needed: the drum"),
         (f"on: bar.x, mass: 1, drum: 0.1, {PD}", "drum", "a drum without a rotor"),
-        (f"on: crank, mass: 1, {PD}", "mass", "crank turns: it takes inertia and gear, no mass"),
+        (
+            f"on: crank, mass: 1, {PD}",
+            "mass",
+            "crank turns; allowed: inertia and gear, but not mass",
+        ),
         (f"on: crank, inertia: 1, drum: 0.1, {PD}", "drum", "crank turns"),
         ("on: crank, inertia: 1, motor: {type: servo, torque: 1}", "", "a motor without control"),
         (

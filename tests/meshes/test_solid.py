@@ -128,7 +128,7 @@ def test_each_piece_must_be_closed(tmp_path):
         stl(tmp_path, joined(cube(0, 0, 0), broken))
     mixed = cube(0, 0, 0)
     mixed.faces = np.where((np.arange(12) == 3)[:, None], mixed.faces[:, ::-1], mixed.faces)
-    with pytest.raises(PuppetError, match="triangles that face inwards beside such that face out"):
+    with pytest.raises(PuppetError, match="neighbouring triangles that face inwards and out"):
         stl(tmp_path, mixed)
 
 
@@ -205,7 +205,7 @@ def test_pieces_within_pieces_are_bounded(tmp_path, monkeypatch):
     assert volume == pytest.approx(sum((-1) ** k * k**3 for k in range(8, 0, -1)), rel=1e-12)
     (tmp_path / "a.obj").unlink()
     monkeypatch.setattr("fantoccini.model.meshes.solid.LIMITS", LIMITS._replace(max_tested=100))
-    with pytest.raises(PuppetError, match="too many pieces within one another"):
+    with pytest.raises(PuppetError, match="too many pieces inside one another"):
         onion.apply_translation([1, 0, 0])
         stl(tmp_path, onion)
     monkeypatch.setattr("fantoccini.model.meshes.solid.LIMITS", LIMITS._replace(max_pieces=7))

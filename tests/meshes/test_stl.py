@@ -65,7 +65,7 @@ WRONG = {
     "a count too large": (BINARY[:80] + struct.pack("<I", 2**32 - 1) + BINARY[84:], "room for 12"),
     "two numbers": (TEXT.replace("vertex -0.5 -0.5 -0.5", "vertex -0.5 -0.5", 1), "line 3: found"),
     "two vertices": ("\n".join([*LINES[:5], *LINES[6:]]), "line 3: found a facet that is not"),
-    "decimal commas": (TEXT.replace("0.5", "0,5"), "no three numbers"),
+    "decimal commas": (TEXT.replace("0.5", "0,5"), "not three numbers"),
     "not finite": (TEXT.replace("-0.5", "nan"), "finite corners"),
     "too far": (TEXT.replace("-0.5", "-1e300"), "a corner at 1e+300"),
     "nothing": ("", "no triangles"),

@@ -66,7 +66,7 @@ def test_a_file_that_expands_without_bound_is_refused(files, kind, tmp_path):
             for _ in range(300):
                 file.write(bytes(1_000_000))
     assert place.stat().st_size < 2_000_000
-    with pytest.raises(FileError, match=r"bomb\.npz: its arrays need 300 MB; the most .* 256 MB"):
+    with pytest.raises(FileError, match=r"bomb\.npz: its arrays need 300 MB; allowed .* 256 MB"):
         load(place)
     assert format_of(place) == ("", {})
 
@@ -130,7 +130,7 @@ def test_recordings_are_checked(files, tmp_path, change, message, kind):
             lambda c, a: c.update({"q_D.npy": stored(np.zeros((26, 2), dtype=complex))}),
             "q_D is complex128",
         ),
-        (lambda c, a: c.update({"t.npy": stored(np.full(26, np.nan))}), "t holds a number"),
+        (lambda c, a: c.update({"t.npy": stored(np.full(26, np.nan))}), "t contains a number"),
         (lambda c, a: c.update({"v_K.npy": stored(np.zeros((26, 9)))}), "v_K is float64 of the"),
         (lambda c, a: c.pop("taut.npy"), "taut is missing"),
         (lambda c, a: a["coordinates"].update(scalars_D=[[0, 99], [1, 1]]), "the place 99"),
@@ -174,7 +174,7 @@ def test_entries_that_are_there_twice_are_refused():
     names = [Name(f"{i}.npy") for i in range(1000)]
     npz.check_names(names, refuse)
     assert Name.compared < 10 * len(names)
-    with pytest.raises(FileError, match="7: is there twice"):
+    with pytest.raises(FileError, match="7: exists twice"):
         npz.check_names([*names, "7.npy"], refuse)
 
 

@@ -134,7 +134,10 @@ def test_a_number_out_of_range_hides_no_other_mistake():
     assert found["bodies[0].mass"] == "found -2; needed: zero or a positive number"
     assert "a wire neither bounces nor slips" in found["strings[0]"]
     bad = bad.replace("inertia: [1.1", "inertia: [9.9")
-    assert "no solid has one" in {key: text for _, key, text in mistakes(bad)}["bodies[0].inertia"]
+    assert (
+        "in a solid, none is larger"
+        in {key: text for _, key, text in mistakes(bad)}["bodies[0].inertia"]
+    )
     idle = EVERY.replace(
         "springs:", "  - {name: u, length: -1, path: [{body: idle}, {world: [0, 0, 1]}]}\nsprings:"
     ).replace("strings:", "  - {name: idle, joint: {type: free}}\nstrings:")

@@ -155,7 +155,7 @@ MISTAKES = [
     ("shapes: [{type: sphere, radius: 0.1, mass: 0.2}]", "shapes: []", "duet.yaml:12: props[0].sh"),
     ("a.yaml, at", "duet.yaml, at", "duet.yaml:5: puppets[0].puppet: found 'duet.yaml', which is"),
     ("at: [1, 0, 0]", "at: [{parameter: x, value: 1}, 0, 0]", "duet.yaml:5: puppets[0].at[0]: fou"),
-    (", mass: 0.2}", "}", "duet.yaml:12: props[0]: this prop has no mass; give it one"),
+    (", mass: 0.2}", "}", "duet.yaml:12: props[0]: this prop has no mass; give it a mass"),
     ("puppets:", "puppet:", "duet.yaml:4: puppet: this key is not known; did you mean 'puppets'?"),
 ]
 

@@ -224,7 +224,7 @@ def test_a_listener_that_goes_away_stops_the_motion(lifted, hoist):
 
 def test_wrong_hosts_are_told():
     for host in ("no.such.host.invalid", "a..b", "a" * 64 + ".b"):
-        refused = r"is no address: .*; needed: such as 127\.0\.0\.1"
+        refused = r"is no address: .*; needed: an address such as 127\.0\.0\.1"
         with pytest.raises(StandError, match=refused), udp_sender(host, 9000):
             pass
     with pytest.raises(StandError, match="needed: a port from 1 on"), udp_sender(LOCAL, 0):

@@ -1,4 +1,4 @@
-"""Array aliases named after their shapes, and checks of numbers that a caller gave.
+"""Array aliases named after their shapes, and checks of a caller's numbers.
 
 The last axis is always the coordinate; lane and time come before it. The names are those of the
 coordinate table: n_qD, n_vD, n_qK, n_vK configuration numbers and velocities of the dynamic and
@@ -34,7 +34,7 @@ VecK = NDArray[np.float64]
 """(n_vK,) driven velocity, acceleration or force."""
 
 MaskRows = NDArray[np.bool_]
-"""(n_rows,) one flag a string or limit."""
+"""(n_rows,) flags of strings and limits."""
 
 Times = NDArray[np.float64]
 """(T,) times [s]."""
@@ -47,7 +47,7 @@ Quaternion = NDArray[np.float64]
 
 
 _MAX_FLOAT = float(np.finfo(float).max)
-"""Largest finite float: integers above it also compare as less than infinity."""
+"""Largest finite float. Larger integers would pass a comparison with infinity."""
 
 
 def check_positive(**values: object) -> None:
@@ -71,21 +71,21 @@ def is_number(value: object) -> TypeGuard[float]:
 
 
 def floats(values: ArrayLike) -> Array:
-    """The values as floats; integers too large for a float become infinite, for checks to refuse.
+    """The values as floats; integers too large for a float become infinite, and checks fail.
 
     Raises:
         TypeError: complex numbers, whose imaginary part a conversion would drop, or text.
         ValueError: rows of different lengths.
     """
-    given = np.asarray(values)
-    if given.dtype.kind == "c":
-        raise TypeError("found complex numbers; it takes real ones: x.real, if that is meant")
-    if given.dtype.kind in "SU":
-        raise TypeError(f"found text, {given.flat[0] if given.size else ''!r}; it takes numbers")
+    array = np.asarray(values)
+    if array.dtype.kind == "c":
+        raise TypeError("found complex numbers; allowed: real ones, such as x.real")
+    if array.dtype.kind in "SU":
+        raise TypeError(f"found text, {array.flat[0] if array.size else ''!r}; allowed: numbers")
     try:
-        return given.astype(np.float64, copy=False)
+        return array.astype(np.float64, copy=False)
     except OverflowError:
-        return np.array([_float(x) for x in given.ravel()]).reshape(given.shape)
+        return np.array([_float(x) for x in array.ravel()]).reshape(array.shape)
 
 
 def _float(value: Any) -> float:
@@ -97,7 +97,7 @@ def _float(value: Any) -> float:
 
 def frozen(values: ArrayLike, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """A read-only, C-contiguous copy of the values; complex numbers and text are a TypeError."""
-    given = floats(values) if dtype in (float, np.float64) else values
-    copy = np.array(given, dtype=dtype, order="C", copy=True)
+    numbers = floats(values) if dtype in (float, np.float64) else values
+    copy = np.array(numbers, dtype=dtype, order="C", copy=True)
     copy.setflags(write=False)
     return copy

@@ -1,4 +1,4 @@
-"""Sockets for datagrams of one machine, unless all of a network are meant."""
+"""UDP sockets. Addresses that reach several machines must be allowed explicitly."""
 
 from __future__ import annotations
 
@@ -12,79 +12,79 @@ class AddressError(ValueError):
 
 
 class ManyHearersError(AddressError):
-    """A broadcast or multicast address: more than one machine would hear."""
+    """A broadcast or multicast address: several machines would receive the datagrams."""
 
 
 def socket_to(host: str, port: int, many: bool = False) -> tuple[socket.socket, Any]:
-    """A socket for datagrams to a port of a host, and the address as it takes it.
+    """A socket that sends datagrams, and the address to pass to ``sendto``.
 
     Args:
-        host, port: where they go.
+        host, port: destination.
         many: whether the host may be a broadcast or multicast address.
 
     Raises:
-        ManyHearersError: it is such an address.
-        AddressError: there is no such host, or nothing is sent to the port.
+        ManyHearersError: the host is such an address, without ``many``.
+        AddressError: the host does not exist, or the port is 0.
     """
-    told = f"cannot send to {host}:{port}"
+    failure = f"cannot send to {host}:{port}"
     if port == 0:
-        raise AddressError(f"{told}; needed: a port from 1 on")
-    found, there = _socket(host, port)
+        raise AddressError(f"{failure}; needed: a port from 1 on")
+    sender, address = _socket(host, port)
     try:
         if many:
-            found.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-        elif _are_many(found.family, there):
-            text = f"{told}: all machines of a network would hear it; needed: the address of one"
+            sender.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        elif _are_many(sender.family, address):
+            text = f"{failure}: all machines of a network would hear it; needed: the address of one"
             raise ManyHearersError(text)
     except BaseException:
-        found.close()
+        sender.close()
         raise
-    return found, there
+    return sender, address
 
 
 def socket_at(host: str, port: int, many: bool = False) -> socket.socket:
-    """A socket that hears datagrams at a port of this machine.
+    """A socket that receives datagrams at a port of this machine.
 
     Args:
-        host, port: where it hears them; 0 for any free port.
+        host, port: address to listen at; port 0 for any free port.
         many: whether the host may be a broadcast or multicast address.
 
     Raises:
-        AddressError: it cannot hear them there.
+        AddressError: the address is not of this machine, or the port is not free.
     """
-    told = f"cannot listen at {host}:{port}"
-    found, here = _socket(host, port)
+    failure = f"cannot listen at {host}:{port}"
+    receiver, address = _socket(host, port)
     try:
-        if not many and _are_many(found.family, here):
-            text = f"{told}: it is of all machines of a network; needed: an address of this one"
+        if not many and _are_many(receiver.family, address):
+            text = f"{failure}: it is of all machines of a network; needed: an address of this one"
             raise AddressError(text)
-        found.bind(here)
+        receiver.bind(address)
     except OSError as error:
-        found.close()
-        text = f"{told}: {error.strerror or error}; needed: a free port of this machine"
+        receiver.close()
+        text = f"{failure}: {error.strerror or error}; needed: a free port of this machine"
         raise AddressError(text) from None
     except BaseException:
-        found.close()
+        receiver.close()
         raise
-    return found
+    return receiver
 
 
 def _socket(host: str, port: int) -> tuple[socket.socket, Any]:
     try:
-        family, _, _, _, there = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-        return socket.socket(family, socket.SOCK_DGRAM), there
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        return socket.socket(family, socket.SOCK_DGRAM), address
     except OSError as error:
         why = error.strerror or str(error)
-    except ValueError:  # of labels that no name has
+    except ValueError:  # labels that no host name may contain
         why = "no host has such a name"
-    raise AddressError(f"{host!r} is no address: {why}; needed: such as 127.0.0.1")
+    raise AddressError(f"{host!r} is no address: {why}; needed: an address such as 127.0.0.1")
 
 
 def _are_many(family: int, address: Any) -> bool:
-    """Whether an address is of a group, or the system refuses it where broadcast is off."""
-    found = ipaddress.ip_address(str(address[0]))
-    inner = getattr(found, "ipv4_mapped", None)
-    if (found if inner is None else inner).is_multicast:
+    """Whether an address is multicast, or the system requires SO_BROADCAST for it."""
+    ip = ipaddress.ip_address(str(address[0]))
+    inner = getattr(ip, "ipv4_mapped", None)
+    if (ip if inner is None else inner).is_multicast:
         return True
     with socket.socket(family, socket.SOCK_DGRAM) as probe:
         try:
@@ -92,5 +92,5 @@ def _are_many(family: int, address: Any) -> bool:
         except PermissionError:
             return True
         except OSError:
-            return False  # no way there: told by who sends
+            return False  # unreachable: reported when a datagram is sent
     return False

@@ -1,8 +1,8 @@
-"""The error family and the statuses a run can end with.
+"""All exceptions, and the statuses with which a run ends.
 
-An error takes the facts and writes the sentence: what, where, what was found, what is allowed,
-and what to do. A run does not raise while it still has something to give: it carries a
-:class:`Status`, and :class:`SimulationError` brings the trajectory up to the last accepted step.
+An error takes facts and writes the sentence: subject, place, value found, values allowed, remedy.
+A run that stops early returns a result with a :class:`Status`, or raises a
+:class:`SimulationError`, which carries the trajectory up to the last accepted step.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from typing import Any
 
 
 class FantocciniError(Exception):
-    """Base of every error that fantoccini raises on purpose. Copies and pickles keep all of it."""
+    """Base of all exceptions of fantoccini. Copies and pickles keep all attributes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Exception's own calls the class with `args`, the sentence, where subclasses take facts.
+        # Exception.__reduce__ calls the class with `args`, the sentence; subclasses take facts.
         return _restored, (type(self), self.args, dict(self.__dict__))
 
 
 def _restored(
     cls: type[FantocciniError], args: tuple[object, ...], facts: dict[str, Any]
 ) -> FantocciniError:
-    """The error that :meth:`FantocciniError.__reduce__` took apart."""
+    """Rebuilds an error from the result of :meth:`FantocciniError.__reduce__`."""
     error = cls.__new__(cls, *args)
     built_in = next(base for base in cls.__mro__ if base.__module__ == "builtins")
     built_in.__init__(error, *args)  # type: ignore[misc]  # the class is known at run time only
@@ -35,13 +35,13 @@ def _restored(
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake in a file the user wrote.
+    """One mistake in a user's file.
 
     Attributes:
-        file: the file's name as the user gave it.
-        line: 1-based line, or None when the place is the file as a whole.
+        file: name of the file as the user gave it.
+        line: 1-based line; None for a mistake of the whole file.
         key: path of the key, for example ``bodies[2].joint.axis``.
-        message: what was found, what is allowed.
+        message: value found, values allowed.
     """
 
     file: str
@@ -55,7 +55,7 @@ class Mistake:
 
 
 class FileError(FantocciniError):
-    """A file the user wrote holds mistakes; all of them are listed, in file order."""
+    """A user's file contains mistakes; all are listed, in the order of the file."""
 
     def __init__(self, mistakes: Iterable[Mistake]):
         self.mistakes = tuple(mistakes)
@@ -66,7 +66,7 @@ class FileError(FantocciniError):
 
 
 class PuppetError(FileError):
-    """A puppet file, or a puppet built in Python, is not a puppet."""
+    """A puppet file, or a puppet built in Python, is not valid."""
 
 
 class InputError(FileError):
@@ -74,16 +74,16 @@ class InputError(FileError):
 
 
 class ExchangeError(FileError):
-    """A puppet has what another program's models cannot have."""
+    """A puppet contains something that the format of another program cannot express."""
 
 
 class MissingLibraryError(FantocciniError, ImportError):
-    """A library that is needed for one thing only, and is not installed.
+    """An optional library is needed and not installed.
 
     Args:
-        what: needs it.
-        library: its name.
-        extra: of the package, that brings it.
+        what: feature that needs it.
+        library: name of the library.
+        extra: extra of fantoccini that installs it.
     """
 
     def __init__(self, what: str, library: str, extra: str):
@@ -93,10 +93,10 @@ class MissingLibraryError(FantocciniError, ImportError):
 
 
 class UnknownNameError(FantocciniError, KeyError):
-    """A name that nothing in the puppet carries.
+    """A name that does not exist in the puppet.
 
     Args:
-        what: the kind of thing looked for ("coordinate", "string", "body").
+        what: kind of thing that was looked up ("coordinate", "string", "body").
         found: the name that was given.
         allowed: the names that exist.
     """
@@ -111,15 +111,15 @@ class UnknownNameError(FantocciniError, KeyError):
 
 
 class StateError(FantocciniError, ValueError):
-    """A state or a value that the puppet cannot take (a string longer than its length, ...)."""
+    """A state or value that the puppet cannot have, such as a string longer than its length."""
 
 
 class BuildError(FantocciniError):
-    """The compiled model could not be made, kept or loaded."""
+    """The compiled model could not be built, cached or loaded."""
 
 
 class StandError(FantocciniError):
-    """A stand or its controller cannot do what it was asked to."""
+    """A stand or its controller cannot execute a request."""
 
 
 class StreamError(StandError):
@@ -127,8 +127,8 @@ class StreamError(StandError):
 
     Args:
         line: number of the line in the file, from 1.
-        text: of the line.
-        reason: what the controller said.
+        text: text of the line.
+        reason: answer of the controller.
     """
 
     def __init__(self, line: int, text: str, reason: str):
@@ -137,11 +137,11 @@ class StreamError(StandError):
 
 
 class PacketError(StandError):
-    """Set points reach a controller on a network no longer.
+    """Set points no longer reach a controller on a network.
 
     Args:
-        t: time of the set points at which they ended [s].
-        reason: why.
+        t: time of the last set points [s].
+        reason: cause.
     """
 
     def __init__(self, t: float, reason: str):
@@ -150,7 +150,7 @@ class PacketError(StandError):
 
 
 class Status(enum.IntEnum):
-    """How a run ended. Compiled code has the same numbers (``contract.hpp``)."""
+    """End of a run, with a message. Compiled code has the same numbers (``contract.hpp``)."""
 
     def __new__(cls, value: int, message: str = "") -> Status:
         member = int.__new__(cls, value)
@@ -166,7 +166,7 @@ class Status(enum.IntEnum):
     DONE = 0, "the run reached its end"
     RUNNING = 1, "the run has not reached its end yet"
     IMPOSSIBLE_INPUT = 2, "the inputs ask for a motion that no puppet on these strings can follow"
-    TENSION_CAP = 3, "a tension passed the cap on what a string may pull"
+    TENSION_CAP = 3, "a tension exceeded the largest one that a string may have"
     STEP_TOO_SMALL = 4, "the step size fell below what the clock can resolve"
     TOO_MANY_EVENTS = 5, "strings caught and released more often than the bound on events"
     TOO_MANY_STEPS = 6, "the bound on the number of steps was reached"
@@ -196,19 +196,19 @@ class Status(enum.IntEnum):
 
 
 class Outcome(enum.Enum):
-    """Base of what searches end with; values are words."""
+    """Base of the outcomes of searches; each value is a message."""
 
     @property
     def message(self) -> str:
-        """In words."""
+        """The outcome as a sentence."""
         return str(self.value)
 
 
 ARRIVED = (Status.DONE, Status.LOST_STEPS, Status.RUNAWAY)
-"""Statuses with which compiled runs may have got as far as they should.
+"""Statuses of compiled runs that may have reached their end; ``RUNAWAY`` may end early.
 
-Of ``DONE`` alone all is well; ``RUNAWAY`` may end early. ``OVERSTEPPED``, ``GAINED_ENERGY`` and
-``UNBALANCED`` are not among them: they are given afterwards to runs that reached their end.
+Only ``DONE`` means success. ``OVERSTEPPED``, ``GAINED_ENERGY`` and ``UNBALANCED`` are assigned
+later, by checks of the results of runs that reached their end.
 """
 
 
@@ -216,9 +216,9 @@ class SimulationError(FantocciniError):
     """A run stopped before its end.
 
     Attributes:
-        status: why.
-        trajectory: everything up to the last accepted step; None where nothing was accepted, and
-            of steppers, whose ``state`` is where they stopped.
+        status: reason.
+        trajectory: run up to the last accepted step; None if no step was accepted, and for
+            steppers, whose ``state`` is the last one.
     """
 
     def __init__(self, status: Status, detail: str = "", trajectory: Any = None):
@@ -232,14 +232,14 @@ class PictureError(FantocciniError):
 
 
 class StoreError(FantocciniError):
-    """A folder that cannot keep a sweep's cases: another sweep's, somebody else's, or full."""
+    """A folder that cannot store a sweep's cases: another sweep's, another user's, or full."""
 
 
 class SweepStopped(FantocciniError):
-    """A sweep was stopped from outside, as by Ctrl-C.
+    """A sweep was stopped from outside, for example by Ctrl-C.
 
     Attributes:
-        result: the cases that were finished.
+        result: result with the finished cases.
     """
 
     def __init__(self, message: str, result: Any):
@@ -248,11 +248,11 @@ class SweepStopped(FantocciniError):
 
 
 def nearest(found: str, allowed: Iterable[str]) -> str:
-    """The end of a sentence that names the nearest valid name, or lists the valid ones.
+    """The end of a message: the most similar valid name, or a list of the valid names.
 
     Args:
-        found: what was given.
-        allowed: the valid names.
+        found: invalid name.
+        allowed: valid names.
     """
     names = sorted(set(allowed))
     close = difflib.get_close_matches(found, names, n=1)

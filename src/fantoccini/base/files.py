@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and text files in any encoding."""
+"""Files that are written whole or not at all, and text files in any encoding."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ _MARKS = {
 }
 """Byte order mark -> encoding."""
 _KANA = re.compile("[\u3041-\u30fe]")
-"""Characters of Japanese names, which text in other encodings does not decode to."""
+"""Japanese characters; text in other encodings, read as Shift-JIS, contains none."""
 
 
 def decoded(content: bytes) -> str:
     """Text of a file in UTF-8, UTF-16 with its byte order mark, Shift-JIS or Latin-1.
 
-    The mark is left out. Different names stay different, whatever their encoding is.
+    The mark is left out. Different names stay different in every encoding.
     """
     mark = next((mark for mark in _MARKS if content.startswith(mark)), b"")
     content, encoding = content.removeprefix(mark), _MARKS.get(mark, "utf-8")
@@ -52,7 +52,7 @@ def lines_of(text: str) -> list[str]:
 def replacing(path: str | Path) -> Iterator[Path]:
     """A temporary name in the folder of ``path``; renamed to ``path`` when the block succeeds.
 
-    The temporary name ends in ``.part``, so that nobody who lists ``*.npz`` reads it half-written.
+    The temporary name ends in ``.part``, so that a search for ``*.npz`` does not find it.
 
     Raises:
         FileNotFoundError: the folder does not exist.

@@ -14,27 +14,26 @@ from numpy.typing import ArrayLike
 
 from fantoccini.base.arrays import Array, Vec3
 
-_FOLD = 1e-9
-"""Width per length that two legs of a fold keep: closer ones look like one line."""
-_MAX_STEPS = 60
-"""Steps of Newton's method."""
-_LAST_STEP = 1e-9
-"""Newton's last step, per u: what is left then is its square, which is below rounding."""
+_MIN_RELATIVE_WIDTH = 1e-9
+"""Smallest width per length [1]: the legs of a narrower fold look like one line."""
+_MAX_NEWTON_STEPS = 60
+_RELATIVE_TOLERANCE = 1e-9
+"""Last Newton step, relative to u; the remaining error, its square, is below rounding."""
 
 
 def catenary(along: Vec3, length: ArrayLike) -> tuple[Array, Array, Array]:
     """The curve of a thread: a, and the arc lengths s of both ends.
 
     Args:
-        along: (..., 3) from the first end to the last [m].
-        length: (...) of the thread, greater than the distance of the ends [m].
+        along: (..., 3) vector from the first end to the last [m].
+        length: (...) length of the thread, greater than the distance of the ends [m].
 
     Returns:
         Three arrays (...) [m].
     """
     L = np.asarray(length, dtype=float)
     flat = np.hypot(along[..., 0], along[..., 1])
-    width, span = np.maximum(flat, _FOLD * L), np.sqrt(np.sum(along * along, axis=-1))
+    width, span = np.maximum(flat, _MIN_RELATIVE_WIDTH * L), np.sqrt(np.sum(along * along, axis=-1))
     u = _half_angle(0.5 * np.log1p((L - span) * (L + span) / (width * width)))
     middle = along[..., 2] / np.tanh(u)
     return width / (2.0 * u), 0.5 * (middle - L), 0.5 * (middle + L)
@@ -47,17 +46,17 @@ def _half_angle(log_r: Array) -> Array:
     """
     # The first estimate is close for tight threads, the second for folds.
     u = np.maximum(np.sqrt(6.0 * log_r), log_r + np.log1p(log_r) + 1.0)
-    for _ in range(_MAX_STEPS):
+    for _ in range(_MAX_NEWTON_STEPS):
         value, slope = _log_sinhc(u)
         step = (value - log_r) / slope
         u = u - step
-        if np.all(np.abs(step) <= _LAST_STEP * u):
+        if np.all(np.abs(step) <= _RELATIVE_TOLERANCE * u):
             break
     return np.asarray(u)
 
 
 def _log_sinhc(u: Array) -> tuple[Array, Array]:
-    """ln(sinh(u) / u), and its slope; by their series for small u."""
+    """ln(sinh(u) / u), and its slope; power series for small u."""
     near, uu = u < 0.05, u * u
     return (
         np.where(

@@ -23,11 +23,11 @@ def bracket(
 
     Args:
         t: (T,) times of the samples [s], not decreasing; equal neighbours are an impact.
-        times: (m,) [s], inside their range.
-        side: which sample of an impact counts at its time.
+        times: (m,) times [s], inside the range of ``t``.
+        side: sample of an impact that is used at its time.
 
     Returns:
-        left (m,) and right (m,) samples, and the part s in [0, 1] (m,) of the way between.
+        left (m,) and right (m,) samples, and the position s in [0, 1] (m,) between them.
     """
     left = np.searchsorted(t, times, side=side) - 1
     left = np.clip(left, 0, len(t) - 1)
@@ -37,7 +37,7 @@ def bracket(
 
 
 def linear(values: Array, left: Indices, right: Indices, s: Array) -> Array:
-    """(m, n) values a part ``s`` of the way between samples; exact at s = 0 and 1."""
+    """(m, n) values at positions ``s`` between samples; exact at s = 0 and 1."""
     s = s[:, None]
     return np.where(s < 1, values[left] + s * (values[right] - values[left]), values[right])
 
@@ -57,7 +57,7 @@ def motion(
         t: (T,) times of the samples [s].
         samples: q (T, n_q), v (T, n_v), acc (T, n_v).
         scalars, quaternions: (q, v) places, as in the coordinate table.
-        left, right, s: as :func:`bracket` gives them.
+        left, right, s: results of :func:`bracket`.
 
     Returns:
         q (m, n_q), v (m, n_v), acc (m, n_v); sixth order in the distance of the samples for q.

@@ -8,14 +8,12 @@ from pathlib import Path
 from fantoccini.base.errors import FantocciniError
 
 SOUNDS = {".wav": "wav", ".mp3": "mp3", ".ogg": "ogg", ".oga": "ogg", ".flac": "flac"}
-"""ffmpeg's name of a sound file's format, by ending."""
+"""Ending of a sound file -> name of its format in ffmpeg."""
 
-_RATE = 1000
-"""Samples in a second with which a sound is measured."""
-_LONGEST = 4 * 3600
-"""Of a sound [s]."""
-_PATIENCE = 120.0
-"""Time that ffmpeg may take to read a sound [s]."""
+_SAMPLE_RATE = 1000  # Hz
+"""Rate at which the duration of a sound is measured."""
+_MAX_DURATION = 4 * 3600  # s
+_READING_TIMEOUT = 120.0  # s
 
 
 class MediaError(FantocciniError):
@@ -23,10 +21,10 @@ class MediaError(FantocciniError):
 
 
 def ffmpeg() -> str:
-    """The program's file.
+    """Path of the ffmpeg program.
 
     Raises:
-        MediaError: there is none.
+        MediaError: there is no ffmpeg.
     """
     import imageio_ffmpeg
 
@@ -37,22 +35,22 @@ def ffmpeg() -> str:
 
 
 def sound_input(path: Path) -> list[str]:
-    """ffmpeg's arguments that open a sound file: by its ending's format only, and from disk only.
+    """ffmpeg's arguments that open a sound file, only from disk and only in its ending's format.
 
     Raises:
-        MediaError: an ending that is no sound's.
+        MediaError: the ending is not in :data:`SOUNDS`.
     """
-    known = SOUNDS.get(path.suffix.lower())
-    if known is None:
+    format_name = SOUNDS.get(path.suffix.lower())
+    if format_name is None:
         raise MediaError(f"ends in {path.suffix!r}; a sound file ends in {', '.join(SOUNDS)}")
-    return ["-protocol_whitelist", "file", "-f", known, "-i", f"file:{path.absolute()}"]
+    return ["-protocol_whitelist", "file", "-f", format_name, "-i", f"file:{path.absolute()}"]
 
 
 def sound_duration(path: Path) -> float:
-    """How long a sound is when it is played [s]; all of it is read.
+    """Duration of a sound [s], from reading the whole file.
 
     Raises:
-        MediaError: it cannot be read, has no sound, or is longer than four hours.
+        MediaError: the file cannot be read, has no sound, or is longer than four hours.
     """
     command = [
         ffmpeg(),
@@ -64,23 +62,23 @@ def sound_duration(path: Path) -> float:
         "-map",
         "0:a:0",
         "-t",
-        str(_LONGEST + 1),
+        str(_MAX_DURATION + 1),
         "-ac",
         "1",
         "-ar",
-        str(_RATE),
+        str(_SAMPLE_RATE),
         "-f",
         "s16le",
         "pipe:1",
     ]
     try:
-        done = subprocess.run(command, capture_output=True, timeout=_PATIENCE, check=False)
+        done = subprocess.run(command, capture_output=True, timeout=_READING_TIMEOUT, check=False)
     except subprocess.TimeoutExpired:
-        raise MediaError(f"could not be read within {_PATIENCE:g} s") from None
-    seconds = len(done.stdout) / (2 * _RATE)
+        raise MediaError(f"could not be read within {_READING_TIMEOUT:g} s") from None
+    seconds = len(done.stdout) / (2 * _SAMPLE_RATE)
     if done.returncode != 0 or seconds == 0.0:
         lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
         raise MediaError(f"is no sound that can be read: {lines[-1] if lines else 'it is empty'}")
-    if seconds > _LONGEST:
-        raise MediaError(f"is longer than {_LONGEST / 3600:g} hours")
+    if seconds > _MAX_DURATION:
+        raise MediaError(f"is longer than {_MAX_DURATION / 3600:g} hours")
     return seconds

@@ -1,7 +1,7 @@
 """npz files with JSON text in ``about``: written whole, and read safely if damaged or hostile.
 
-Nothing is unpickled. The size of an array is known from the file's table and the array's header
-before any of it is expanded; every mistake is one located error.
+Nothing is unpickled. An array's size is checked in the file's table and the array's header before
+the array is expanded. Every mistake raises one located error.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from fantoccini.base.errors import FantocciniError, FileError, Mistake
 from fantoccini.base.files import replacing
 
 MAX_BYTES = 256_000_000
-"""Largest size of a file's arrays together [bytes], unless the file itself is large."""
+"""Largest total size of a file's arrays [bytes], unless the file itself is large."""
 MAX_GROWTH = 20
-"""Largest size of a file's arrays, relative to the file; measured numbers compress to a tenth."""
+"""Largest total size of a file's arrays, relative to the file; recorded data compress tenfold."""
 ABOUT = "about"
 """Entry with JSON text that describes the arrays."""
 
@@ -50,7 +50,7 @@ UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
 )
-"""Errors that a damaged or foreign npz file causes, in NumPy or in whatever is built from it."""
+"""Errors that a damaged or foreign npz file causes, in NumPy or in code that uses its arrays."""
 
 _ENDING = ".npy"
 _HEADERS: dict[tuple[int, int], Callable[[IO[bytes]], tuple[tuple[int, ...], bool, Any]]] = {
@@ -70,10 +70,10 @@ def write(
     """Writes an npz file, whole or not at all.
 
     Args:
-        path: the file.
-        arrays: by name.
+        path: path of the file.
+        arrays: array of each name.
         about: description of the arrays, stored as JSON.
-        compressed: smaller and slower to write.
+        compressed: whether to compress; the file is smaller, and written more slowly.
     """
     described = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
     entries: dict[str, Any] = {**arrays, ABOUT: described}
@@ -82,12 +82,12 @@ def write(
 
 
 def packed(prefix: str, contents: Mapping[str, bytes]) -> dict[str, Array]:
-    """Contents of files as arrays, each called ``prefix`` and its name."""
+    """Contents of files as arrays; each array is called ``prefix`` + the file's name."""
     return {prefix + n: np.frombuffer(data, dtype=np.uint8) for n, data in contents.items()}
 
 
 def unpacked(prefix: str, arrays: Mapping[str, Array]) -> dict[str, bytes]:
-    """What :func:`packed` packed."""
+    """The inverse of :func:`packed`: contents of files, by name."""
     return {n.removeprefix(prefix): x.tobytes() for n, x in arrays.items() if n.startswith(prefix)}
 
 
@@ -100,14 +100,14 @@ def read(
     """The arrays of an npz file, by name.
 
     Args:
-        path: the file.
-        only: name of the one array to read; all when not given.
-        most: largest size of all arrays [bytes]; by default by :data:`MAX_BYTES`.
+        path: path of the file.
+        only: name of the single array to read; all by default.
+        most: largest total size of the arrays [bytes]; from :data:`MAX_BYTES` by default.
         error: class of the error.
 
     Raises:
-        FileError: or ``error``; the file is missing, damaged, no npz file of plain arrays, or its
-            arrays are too large.
+        FileError: (or ``error``) the file is missing, damaged, not an npz file of plain arrays, or
+            its arrays are too large.
     """
     path = Path(path)
 
@@ -126,20 +126,20 @@ def read(
             if need > allowed:
                 raise wrong(
                     "",
-                    f"its arrays need {need / 1e6:,.0f} MB; the most that is read of this file "
-                    f"is {allowed / 1e6:,.0f} MB",
+                    f"its arrays need {need / 1e6:,.0f} MB; allowed for this file: "
+                    f"{allowed / 1e6:,.0f} MB",
                 )
-            found = {}
+            arrays = {}
             for item in entries:
                 name = item.filename.removesuffix(_ENDING)
                 if only not in (None, name):
                     continue
                 try:
                     with archive.open(item) as file:
-                        found[name] = _array(file, item.file_size)
+                        arrays[name] = _array(file, item.file_size)
                 except UNREADABLE as trouble:
                     raise wrong(name, f"is not a plain array: {_reason(trouble)}") from None
-            return found
+            return arrays
     except FileNotFoundError:
         raise wrong("", "there is no such file") from None
     except FileError:
@@ -152,40 +152,40 @@ def read(
 def opened(
     path: str | Path, form: str | tuple[str, ...], what: str
 ) -> Iterator[tuple[dict[str, Array], dict[str, Any]]]:
-    """The :func:`contents` of a file; what the block raises becomes a located error."""
-    found = contents(path, form, what)
+    """The :func:`contents` of a file; errors of the block become located errors."""
+    arrays_and_about = contents(path, form, what)
     with understanding(path, what):
-        yield found
+        yield arrays_and_about
 
 
 def contents(
     path: str | Path, form: str | tuple[str, ...], what: str
 ) -> tuple[dict[str, Array], dict[str, Any]]:
-    """The arrays of an npz file, and what its ``about`` says.
+    """The arrays of an npz file, and the values in its ``about``.
 
     Args:
-        path: the file.
-        form: the ``format`` that ``about`` must have, or several of which it has one.
+        path: path of the file.
+        form: allowed ``format`` in ``about``, or several.
         what: noun for such files in messages.
 
     Raises:
-        FileError: as :func:`read`, or the format is another one.
+        FileError: the file cannot be read (see :func:`read`), or its format is not allowed.
     """
     arrays = read(path)
     try:
         about = about_of(arrays)
         forms = (form,) if isinstance(form, str) else form
         if about["format"] not in forms:
-            reads = " and ".join(repr(one) for one in forms)
+            reads = " and ".join(map(repr, forms))
             raise ValueError(f"has the format {about['format']!r}; this version reads {reads}")
     except UNREADABLE as trouble:
-        raise _not_what(path, what, trouble, ABOUT) from None
+        raise _cannot_read(path, what, trouble, ABOUT) from None
     del arrays[ABOUT]
     return arrays, about
 
 
 def about_of(arrays: Mapping[str, Array]) -> dict[str, Any]:
-    """What the entry ``about`` says; raises one of ``UNREADABLE`` if it says nothing."""
+    """Values in the entry ``about``; raises one of ``UNREADABLE`` if it is missing or damaged."""
     if ABOUT not in arrays:
         raise ValueError("it is missing")
     about = json.loads(arrays[ABOUT].tobytes())
@@ -202,47 +202,47 @@ def understanding(path: str | Path, what: str) -> Iterator[None]:
     except FileError as trouble:
         if all(problem.file == str(path) for problem in trouble.mistakes):
             raise
-        raise _not_what(path, what, trouble) from trouble
+        raise _cannot_read(path, what, trouble) from trouble
     except UNREADABLE as trouble:
-        raise _not_what(path, what, trouble) from trouble
+        raise _cannot_read(path, what, trouble) from trouble
 
 
 def checked(
     arrays: Mapping[str, Array], name: str, shape: tuple[int | None, ...], kind: str = "f"
 ) -> Array:
-    """An array of a file, if it has the right shape and kind.
+    """An array of a file, after a check of its shape and kind.
 
     Args:
-        arrays: of the file.
-        name: of the array.
-        shape: None for any length.
+        arrays: arrays of the file.
+        name: name of the array.
+        shape: required shape; None for any length.
         kind: ``f`` for numbers, ``b`` for flags, ``i`` for whole numbers.
 
     Raises:
-        ValueError: it is missing or different.
+        ValueError: the array is missing, or its shape or kind is different.
     """
     if name not in arrays:
         raise ValueError(f"{name} is missing")
-    found = arrays[name]
-    fits = len(found.shape) == len(shape) and all(
-        n in (None, m) for n, m in zip(shape, found.shape, strict=True)
+    array = arrays[name]
+    fits = len(array.shape) == len(shape) and all(
+        n in (None, m) for n, m in zip(shape, array.shape, strict=True)
     )
     wanted = np.dtype({"f": np.float64, "b": np.bool_, "i": np.int64}[kind])
-    if found.dtype != wanted or not fits:
+    if array.dtype != wanted or not fits:
         size = tuple("any" if n is None else n for n in shape)
         raise ValueError(
-            f"{name} is {found.dtype} of the shape {found.shape}; it must be {wanted} of the shape "
+            f"{name} is {array.dtype} of the shape {array.shape}; it must be {wanted} of the shape "
             f"({', '.join(map(str, size))})"
         )
-    return found
+    return array
 
 
 def finite(arrays: Mapping[str, Array], name: str, shape: tuple[int | None, ...]) -> Array:
-    """As :func:`checked`, for numbers that must be finite."""
-    found = checked(arrays, name, shape)
-    if not np.all(np.isfinite(found)):
-        raise ValueError(f"{name} holds a number that is not finite")
-    return found
+    """:func:`checked` for numbers that must be finite."""
+    values = checked(arrays, name, shape)
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"{name} contains a number that is not finite")
+    return values
 
 
 def texts(value: Any, name: str) -> tuple[str, ...]:
@@ -259,8 +259,8 @@ def text(value: Any, name: str) -> str:
     return value
 
 
-def _not_what(path: str | Path, what: str, trouble: BaseException, entry: str = "") -> FileError:
-    message = f"is not {what} that this version can read: {_reason(trouble)}"
+def _cannot_read(path: str | Path, noun: str, trouble: BaseException, entry: str = "") -> FileError:
+    message = f"is not {noun} that this version can read: {_reason(trouble)}"
     return FileError([Mistake(str(path), None, entry, message)])
 
 
@@ -269,18 +269,18 @@ def _reason(trouble: BaseException) -> str:
 
 
 def check_names(names: list[str], wrong: Callable[[str, str], FileError]) -> None:
-    """Raises the error that ``wrong`` makes of a name that is no array or is there twice."""
+    """Raises ``wrong(name, message)`` if an entry is not an array or exists twice."""
     seen = set()
     for name in names:
         if not name.endswith(_ENDING):
             raise wrong(name, f"is no array; arrays are called NAME{_ENDING}")
         if name in seen:
-            raise wrong(name.removesuffix(_ENDING), "is there twice")
+            raise wrong(name.removesuffix(_ENDING), "exists twice")
         seen.add(name)
 
 
 def _array(file: IO[bytes], size: int) -> Array:
-    """The array of an entry of ``size`` bytes; its header must agree with that."""
+    """The array of an entry of ``size`` bytes, which must agree with its header."""
     version = np.lib.format.read_magic(file)
     if version not in _HEADERS:
         allowed = ", ".join(map(str, _HEADERS))

@@ -18,12 +18,12 @@ N_COEF = 6
 MINIMUM_JERK = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
 """(6,) coefficients of a move from rest at 0 to rest at 1 in a time of 1."""
 _MINIMUM_JERK_PEAKS = 1.875, 5.7735
-"""Largest speed and acceleration of a minimum-jerk move over 1 in a time of 1."""
+"""Largest speed and acceleration of a minimum-jerk move by 1 in a time of 1."""
 
 _TO_BEZIER = np.array(
     [[comb(i, k) / comb(N_COEF - 1, k) for k in range(N_COEF)] for i in range(N_COEF)]
 )
-"""From the coefficients of s / h to Bezier's control points."""
+"""Maps coefficients of powers of s / h to Bezier's control points."""
 
 _MIN_SPEED = 1e-200
 """Speeds up to this count as 0, since their reciprocals overflow [1/s times the value's unit]."""
@@ -46,7 +46,7 @@ def hermite(h: Array, start: Ends, end: Ends) -> Array:
     h = np.asarray(h, dtype=float)
     q0, v0, a0 = (np.asarray(x, dtype=float) for x in start)
     q1, v1, a1 = (np.asarray(x, dtype=float) for x in end)
-    # End values less those of the start's parabola, in units of the value.
+    # End values minus those of the start's parabola, in units of the value.
     d = q1 - q0 - h * (v0 + 0.5 * h * a0)
     e = h * (v1 - v0 - h * a0)
     f = h * h * (a1 - a0)
@@ -74,7 +74,7 @@ def minimum_jerk_duration(
 
     Args:
         way: distances [m or rad].
-        speed, acceleration: their bounds.
+        speed, acceleration: bounds of speed and acceleration.
     """
     fastest, hardest = _MINIMUM_JERK_PEAKS
     return max(
@@ -104,7 +104,7 @@ def evaluate(coef: Array, s: Array) -> tuple[Array, Array, Array]:
 
 
 def control_points(coef: Array, h: Array) -> Array:
-    """Bezier's control points: on 0 <= s <= h every value lies between the least and the largest.
+    """Bezier's control points, whose smallest and largest bound all values on 0 <= s <= h.
 
     Args:
         coef: (..., 6) coefficients, ascending.
@@ -137,9 +137,9 @@ def shifted(coef: Array, d: Array) -> Array:
 def monotone_slopes(t: Array, values: Array) -> Array:
     """Slopes at waypoints that never overshoot; at rest at both ends.
 
-    The slope between two secants of equal sign is Fritsch and Butland's weighted harmonic mean,
-    bounded by twice the smaller secant: up to there a quintic without acceleration at its ends
-    stays monotone (its derivative is then at least 2 - 30 (s(1-s))^2 > 0 secants at worst).
+    The slope between two secants of equal sign is Fritsch and Butland's weighted harmonic mean, at
+    most twice the smaller secant: with these slopes a quintic without acceleration at its ends is
+    monotone (its derivative is at least 2 - 30 (s(1-s))^2 > 0 times the secant).
 
     Args:
         t: (n,) times [s], increasing.
@@ -175,18 +175,18 @@ def mean_speed(h: Array, speed: Array) -> Array:
 
 
 def monotone_slopes_along(t: Array, values: Array, change: Array) -> tuple[Array, bool]:
-    """The one-sided derivative of :func:`monotone_slopes`: by s > 0 at values + s change.
+    """The one-sided derivative d/ds of :func:`monotone_slopes` at values + s change, for s -> 0+.
 
-    The slope between two secants is of first degree in them, and smooth but where its bound takes
-    over and where a secant is 0; there the derivative depends on the direction.
+    The slope is homogeneous of degree 1 in the two secants. It is smooth except where its bound
+    becomes active and where a secant is 0; there the derivative depends on the direction.
 
     Args:
         t: (n,) times [s], increasing.
         values: (n,) values.
-        change: (n,) of the values.
+        change: (n,) direction, a change of the values.
 
     Returns:
-        (n,) derivatives of the slopes, and whether all slopes that change are smooth there.
+        (n,) derivatives of the slopes, and whether all changing slopes are smooth.
     """
     h = np.diff(t)
     secant, rate = np.diff(values) / h, np.diff(change) / h
@@ -215,9 +215,9 @@ def _slope_along(h: Array, secant: Array, rate: Array) -> tuple[float, bool]:
     if np.sign(secant[0]) != np.sign(secant[1]):
         return 0.0, True
     sign, speed = np.sign(secant[0]), np.abs(secant)
-    mean, least = 1.0 / np.sum(part / speed), 2 * np.min(speed)
+    mean, bound = 1.0 / np.sum(part / speed), 2 * np.min(speed)
     of_mean = mean**2 * np.sum(part * sign * rate / speed**2)
-    of_least = 2 * sign * rate[np.argmin(speed)]
-    if mean == least:
-        return float(sign * min(of_mean, of_least)), False
-    return float(sign * (of_mean if mean < least else of_least)), True
+    of_bound = 2 * sign * rate[np.argmin(speed)]
+    if mean == bound:
+        return float(sign * min(of_mean, of_bound)), False
+    return float(sign * (of_mean if mean < bound else of_bound)), True

@@ -1,4 +1,4 @@
-"""Progress of long work: its one callback, and the bar that shows it on a terminal."""
+"""Progress of long work: the callback's argument, and a progress bar on a terminal."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far long work is; every ``progress`` callback is called with one.
+    """Progress of long work: the argument of every ``progress`` callback.
 
     Attributes:
-        what: what is being done ("deriving", a stage, a candidate); empty where it is one thing.
-        done: amount done so far: seconds simulated, iterations, frames, cases, or a share of 1.
-        total: amount in all; NaN where it is not known.
-        failed: how many of the cases that are done have failed.
-        best: of a search, the best so far: a motion with its cost, or a cost; else None.
+        what: current stage ("deriving", a candidate); empty if there is only one.
+        done: amount done: seconds simulated, iterations, frames, cases, or a share of 1.
+        total: total amount; NaN if it is not known.
+        failed: number of failed cases among those done.
+        best: best result of a search so far: a motion with its cost, or a cost; else None.
     """
 
     what: str = ""
@@ -34,7 +34,7 @@ class Progress:
 
     @property
     def share(self) -> float:
-        """Share that is done, 0 to 1; NaN where it is not known."""
+        """Share that is done, 0 to 1; NaN if the total is not known."""
         return self.done / self.total if self.total else 1.0
 
 
@@ -70,8 +70,8 @@ def reporting(
     """Yields the callback; without one, another that draws a bar if stderr is a terminal.
 
     Args:
-        title: of the bar.
-        callback: the caller's.
+        title: title of the bar.
+        callback: callback of the caller.
         counted: show "3/10" instead of a percentage.
         delay: time before the bar appears [s]; if positive, the bar is removed at the end.
     """

@@ -3,9 +3,9 @@
     min  z_m'P_m z_m + sum over k of z_k'Q_k z_k + 2 z_k'S_k u_k + u_k'R_k u_k
     z_k+1 = A_k z_k + B_k u_k
 
-:func:`step` factors a stage; :func:`gains` and :func:`stationary_gain` call it. Bounds of inputs
-and couplings between stages are those of the compiled recursion
-(``kernel/cpp/fantoccini/search/stage_riccati.hpp``).
+:func:`step` factors a stage; :func:`gains` and :func:`stationary_gain` call it. Only the compiled
+recursion (``kernel/cpp/fantoccini/search/stage_riccati.hpp``) handles bounds of inputs and
+couplings between stages.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fantoccini.base.arrays import Array
 def step(
     A: Array, B: Array, Q: Array, R: Array, P: Array, S: Array | None = None
 ) -> tuple[Array, Array]:
-    """One stage, or many at once::
+    """The gain and the cost to go before a stage, or of several stages at once.
 
         K = (R + B'P B)^-1 (S' + B'P A),   P <- Q + A'P (A - B K) - S K
 
@@ -26,7 +26,7 @@ def step(
         A, B: (..., n_z, n_z), (..., n_z, n_u).
         Q, R: (..., n_z, n_z), (..., n_u, n_u) weights.
         P: (..., n_z, n_z) cost to go after the stage.
-        S: (..., n_z, n_u) weights of products; 0 by default.
+        S: (..., n_z, n_u) cross weights; 0 by default.
 
     Returns:
         K (..., n_u, n_z), and P before the stage.
@@ -47,7 +47,7 @@ def gains(
 
     Args:
         A, B: (m, n_z, n_z), (m, n_z, n_u).
-        Q, R: weights of every stage (m, ...), or the same of all.
+        Q, R: weights of every stage (m, ...), or the same for all.
         end: (n_z, n_z) P_m.
         S: (m, n_z, n_u); 0 by default.
 
@@ -66,15 +66,15 @@ def gains(
 def stationary_gain(A: Array, B: Array, Q: Array, R: Array, doublings: int) -> Array:
     """The gain of the first of 2^doublings equal stages.
 
-    By the structure-preserving doubling of Chu, Fan and Lin (2005): exact for that horizon, even if
-    some modes cannot be stabilised. SciPy's solution for an infinite horizon requires that they
-    can, and takes 7 to 17 times as long.
+    Structure-preserving doubling (Chu, Fan and Lin 2005): exact for that horizon, even if some
+    modes cannot be stabilised. SciPy's solution for an infinite horizon requires stabilisable
+    modes, and takes 7 to 17 times as long.
 
     Args:
         A, B: (n_z, n_z), (n_z, n_u).
         Q: (n_z, n_z) weights.
         R: (..., n_u, n_u) weights, several at once.
-        doublings: of the horizon.
+        doublings: number of doublings of the horizon.
 
     Returns:
         (..., n_u, n_z).

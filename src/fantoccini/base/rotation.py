@@ -24,11 +24,11 @@ from fantoccini.base.vectors import cross, perpendicular
 Rows = list[list[Any]]
 """Three rows of three entries."""
 
-_OPPOSITE = 1e-9
+_MAX_OPPOSITE = 1e-9
 """1 + cos(angle) below which two directions are opposite."""
 
-_SERIES = 1.0
-"""Angle [rad] below which the series are used; 10 terms reach the last bit there."""
+_MAX_SERIES_ANGLE = 1.0  # rad
+"""Angle below which the series are used; 10 terms reach the last bit there."""
 
 _TERMS = range(10)
 _A = [(-1.0) ** k / factorial(2 * k + 2) for k in _TERMS]
@@ -65,14 +65,14 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 
 def normalised(q: Quaternion) -> Quaternion:
-    """q / |q|; the quaternion must not be zero."""
+    """The unit quaternion q / |q|; q must not be zero."""
     q = np.asarray(q, dtype=float)
     q = q / np.max(np.abs(q), axis=-1, keepdims=True)
     return q / np.linalg.norm(q, axis=-1, keepdims=True)
 
 
 def exp(phi: Vec3) -> Quaternion:
-    """Unit quaternion of exp([phi]x): (cos(x/2), sin(x/2)/x phi), x = |phi|.
+    """Unit quaternion (cos(x/2), sin(x/2)/x phi) of a rotation vector phi, x = |phi|.
 
     Args:
         phi: (..., 3) rotation vector [rad].
@@ -108,7 +108,7 @@ def between(p: Quaternion, q: Quaternion) -> Vec3:
 
 
 def continuous(q: Quaternion) -> Quaternion:
-    """The same rotations (n, 4) with signs such that neighbours lie less than 180 deg apart."""
+    """(n, 4) quaternions of the same rotations, with signs that make neighbours closest."""
     q = np.asarray(q, dtype=float)
     turn = np.where(np.sum(q[1:] * q[:-1], axis=-1) < 0, -1.0, 1.0)
     return q * np.concatenate([[1.0], np.cumprod(turn)])[:, None]
@@ -121,13 +121,13 @@ def shortest(a: Vec3, b: Vec3) -> Quaternion:
         a, b: (..., 3) [1].
 
     Returns:
-        (..., 4) unit quaternions [1]; for opposite vectors about some axis square to both.
+        (..., 4) unit quaternions [1]; opposite vectors turn about a perpendicular axis.
     """
     a, b = np.broadcast_arrays(a, b)
     w = 1.0 + np.sum(a * b, axis=-1, keepdims=True)
     half_turn = np.concatenate([np.zeros_like(w), perpendicular(a)], axis=-1)
     turn = np.concatenate([w, cross(a, b)], axis=-1)
-    return normalised(np.where(w < _OPPOSITE, half_turn, turn))
+    return normalised(np.where(w < _MAX_OPPOSITE, half_turn, turn))
 
 
 def quaternion(R: Array) -> Quaternion:
@@ -204,12 +204,12 @@ def skew_rows(x: Any, y: Any, z: Any) -> Rows:
 
 
 def nearest_angle(angle: Any, to: Any) -> Any:
-    """The angle up to whole turns, within half a turn of another [rad]."""
+    """An angle shifted by whole turns to within half a turn of another [rad]."""
     return angle - math.tau * np.round((angle - to) / math.tau)
 
 
 def right_jacobian(phi: Vec3) -> Array:
-    """J_r(phi) = I - a Phi + b Phi^2: w = J_r phidot.
+    """J_r(phi) = I - a Phi + b Phi^2, for which w = J_r phidot.
 
     Args:
         phi: (..., 3) rotation vector [rad].
@@ -232,7 +232,7 @@ def right_jacobian_inverse(phi: Vec3) -> Array:
         (..., 3, 3) [1].
     """
     xx = np.sum(np.square(phi), axis=-1)[..., None, None]
-    near = xx < _SERIES**2
+    near = xx < _MAX_SERIES_ANGLE**2
     x = np.sqrt(np.where(near, 1.0, xx))
     c = np.where(near, _sum(_C, np.where(near, xx, 0.0)), (1 - x / 2 / np.tan(x / 2)) / x**2)
     cross = skew(phi)
@@ -301,7 +301,7 @@ def apply(matrices: Array, vectors: Vec3) -> Vec3:
 def _coefficients(phi: Vec3) -> tuple[Array, Array, Array, Array]:
     """a, b and their derivatives by x divided by x, each (..., 1, 1)."""
     xx = np.sum(np.square(phi), axis=-1)[..., None, None]
-    near = xx < _SERIES**2
+    near = xx < _MAX_SERIES_ANGLE**2
     small, x = np.where(near, xx, 0.0), np.sqrt(np.where(near, 1.0, xx))
     s, v = np.sin(x), 2 * np.sin(x / 2) ** 2
     return (
@@ -313,7 +313,7 @@ def _coefficients(phi: Vec3) -> tuple[Array, Array, Array, Array]:
 
 
 def _matrix(rows: Rows) -> Array:
-    """(..., 3, 3) of rows of numbers or arrays (...); those on the diagonal may be constants."""
+    """(..., 3, 3) matrices from rows of arrays (...); entries on the diagonal may be constants."""
     out = np.empty((*np.shape(rows[0][1]), 3, 3))
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):

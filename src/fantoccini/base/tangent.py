@@ -1,7 +1,7 @@
 """Configurations and the tangent vectors between them: scalars add, unit quaternions turn.
 
-Places are (q, v) pairs: of a coordinate in a configuration and in a velocity, the first of four and
-of three for a rotation.
+A place is a pair of indices (q, v) of a coordinate in a configuration and in a velocity; for a
+rotation, the first of its four and the first of its three.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def moved(scalars: Places, quaternions: Places, q: Array, move: Array) -> Array:
 
 
 def between(scalars: Places, quaternions: Places, p: Array, q: Array, n_v: int) -> Array:
-    """The tangent vectors (..., n_v) that move p to q, rotations the shorter way round."""
+    """The tangent vectors (..., n_v) that move p to q; rotations turn the shorter way."""
     lead = np.broadcast_shapes(p.shape[:-1], q.shape[:-1])
     out = np.zeros((*lead, n_v))
     for at, v in scalars:

@@ -23,5 +23,5 @@ def unit(x: Array) -> Array:
 
 
 def perpendicular(x: Vec3) -> Vec3:
-    """(..., 3) unit vectors x cross e / |x cross e|, with e the axis along which |x| is least."""
+    """(..., 3) unit vectors x cross e / |x cross e|, with e the axis of the smallest |x_i|."""
     return unit(cross(x, np.eye(3)[np.argmin(np.abs(x), axis=-1)]))

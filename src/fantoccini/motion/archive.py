@@ -19,9 +19,9 @@ from fantoccini.motion.state import EventKind, EventRecord
 
 FORMAT = "fantoccini.trajectory.1"
 RECORDING_FORMAT = "fantoccini.recording.3"
-"""Format of a recorded performance, which is written by ``fantoccini.theatre.perform``."""
+"""Format of recorded performances, which ``fantoccini.theatre.perform`` writes."""
 RECORDING_FORMATS = (RECORDING_FORMAT, "fantoccini.recording.2")
-"""Formats that are read."""
+"""Formats of recordings that can be read."""
 _ARRAYS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _TABLES = (
     "tension",
@@ -34,7 +34,7 @@ _TABLES = (
     "undetermined",
 )
 _FLAGS = ("taut", "undetermined")
-"""Tables of flags."""
+"""Tables whose values are flags."""
 _POINTS = {
     "sample": (),
     "pair": (),
@@ -44,7 +44,7 @@ _POINTS = {
     "force": (3,),
     "velocity": (3,),
 }
-"""Arrays of contact points, and the width of each."""
+"""Arrays of contact points -> their shapes without the first axis."""
 _WHOLE = ("sample", "pair")
 _NUMBERS = ("t", "impulse", "speed")
 _MESH = "mesh:"
@@ -54,7 +54,7 @@ _folders: list[TemporaryDirectory[str]] = []
 
 
 def save(fields: Mapping[str, Any], path: str | Path) -> None:
-    """Writes the fields of a trajectory: arrays as they are, names and puppet as JSON."""
+    """Writes the fields of a trajectory: arrays, and names and puppet as JSON."""
     tables: dict[str, Columns] = {n: fields[n] for n in _TABLES if fields[n] is not None}
     table: CoordinateTable = fields["coordinates"]
     events: tuple[EventRecord, ...] = fields["events"]
@@ -91,7 +91,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
     """The fields of a trajectory from the contents of its file.
 
     Raises:
-        LookupError, TypeError, ValueError: they are not those of a trajectory.
+        LookupError, TypeError, ValueError: the file does not contain a trajectory.
     """
     table = table_from_json(about["coordinates"], arrays)
     n = len(npz.finite(arrays, "t", (None,)))
@@ -134,7 +134,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any], path: str) 
 
 
 def _contact(arrays: Mapping[str, Array], listed: Any, n: int) -> ContactPoints | None:
-    """The contact points of a file with n samples; None where it has none."""
+    """The contact points of a file with n samples; None if the file has no contact points."""
     if listed is None:
         return None
     names: list[tuple[str, str]] = []
@@ -142,41 +142,41 @@ def _contact(arrays: Mapping[str, Array], listed: Any, n: int) -> ContactPoints 
         first, second = npz.texts(pair, "contact")
         names.append((first, second))
     size = len(arrays[f"{_CONTACT}sample"])
-    found: dict[str, Any] = {
+    points: dict[str, Any] = {
         name: npz.checked(
             arrays, f"{_CONTACT}{name}", (size, *width), "i" if name in _WHOLE else "f"
         )
         for name, width in _POINTS.items()
     }
     for name, end in zip(_WHOLE, (n, len(names)), strict=True):
-        if size and not (found[name].min() >= 0 and found[name].max() < end):
+        if size and not (points[name].min() >= 0 and points[name].max() < end):
             raise ValueError(f"contact has a {name} that is not from 0 to {end - 1}")
-    return ContactPoints(**found, names=tuple(names))
+    return ContactPoints(**points, names=tuple(names))
 
 
 def mesh_files(puppet: Puppet) -> dict[str, bytes]:
-    """The contents of a puppet's mesh files, by their names in its YAML, and of what they name."""
+    """Paths relative to the puppet file -> contents of its mesh files and the files they name."""
     shapes = [shape for body in puppet.bodies for shape in body.shapes]
     meshes = [shape for shape in (*shapes, *puppet.obstacles) if isinstance(shape, Mesh)]
     return {name: content for mesh in meshes for name, content in mesh.contents().items()}
 
 
 def restored(yaml: str, file: str, meshes: Mapping[str, bytes]) -> Puppet:
-    """A puppet from its YAML; its meshes lie in a temporary folder until Python ends.
+    """A puppet from its YAML; its meshes are in a temporary folder until Python ends.
 
     Args:
-        yaml: the text.
+        yaml: YAML text.
         file: name of the text in messages.
-        meshes: as :func:`mesh_files` gives them.
+        meshes: result of :func:`mesh_files`.
 
     Raises:
-        ValueError: the name of a mesh leads out of its folder.
+        ValueError: the path of a mesh lies outside the folder.
     """
     if not meshes:
         return loads(yaml, file)
-    kept = TemporaryDirectory(prefix="fantoccini-", ignore_cleanup_errors=True)
-    _folders.append(kept)
-    folder = Path(kept.name).resolve()
+    temporary = TemporaryDirectory(prefix="fantoccini-", ignore_cleanup_errors=True)
+    _folders.append(temporary)  # keeps the folder until Python ends
+    folder = Path(temporary.name).resolve()
     for name, content in meshes.items():
         place = (folder / name).resolve()
         if not place.is_relative_to(folder):
@@ -198,7 +198,7 @@ def table_to_json(table: CoordinateTable) -> dict[str, Any]:
 
 
 def table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> CoordinateTable:
-    """The coordinates of JSON, with the start values among some arrays."""
+    """The coordinates from JSON, with the start values in ``arrays``."""
     rows = tuple(
         Coordinate(npz.text(name, "a coordinate"), Role(role), owner, unit, index)
         for name, role, owner, unit, index in data["rows"]
@@ -206,8 +206,8 @@ def table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> Coordi
     vectors = ("q_D", "v_D", "q_K", "v_K")
     names = {key: npz.texts(data[key], f"coordinates.{key}") for key in vectors}
     places: dict[str, Any] = {
-        f"{what}_{kind}": _places(data[f"{what}_{kind}"], names, kind, widths)
-        for what, widths in (("quaternions", (4, 3)), ("scalars", (1, 1)))
+        f"{part}_{kind}": _places(data[f"{part}_{kind}"], names, kind, widths)
+        for part, widths in (("quaternions", (4, 3)), ("scalars", (1, 1)))
         for kind in ("D", "K")
     }
     rotations = data["rotations"]
@@ -227,11 +227,11 @@ def table_from_json(data: dict[str, Any], arrays: Mapping[str, Array]) -> Coordi
 def _places(
     pairs: list[Any], names: dict[str, tuple[str, ...]], kind: str, widths: tuple[int, int]
 ) -> tuple[tuple[int, int], ...]:
-    """(q, v) places where coordinates of some widths begin, inside their vectors."""
-    found = tuple(tuple(pair) for pair in pairs)
+    """Places (q, v) of coordinates with given widths; raises ValueError for one out of range."""
+    places = tuple(tuple(pair) for pair in pairs)
     ends = [len(names[f"{part}_{kind}"]) - n for part, n in zip("qv", widths, strict=True)]
-    for q, v in found:
+    for q, v in places:
         for place, end in ((q, ends[0]), (v, ends[1])):
             if type(place) is not int or not 0 <= place <= end:
                 raise ValueError(f"coordinates has the place {place!r}; it must be 0 to {end}")
-    return found
+    return places

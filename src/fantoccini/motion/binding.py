@@ -1,6 +1,6 @@
-"""Binds inputs to start states: coordinates that they do not name hold the state's values.
+"""Binds inputs to start states: unnamed coordinates hold the state's values.
 
-Everything here has a leading axis: one input a trajectory.
+All arrays have a leading axis: one input for each trajectory.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ def bound(
 ) -> tuple[Array, Array]:
     """Coefficients and bases of inputs that begin at given start states.
 
-    The piece in which the run begins takes up small differences, as
-    :mod:`fantoccini.motion.joints` allows them.
+    The piece in which the run begins is changed to remove differences within the tolerances of
+    :mod:`fantoccini.motion.joints`.
 
     Args:
         table: names and places of the coordinates.
-        breaks: (n, n_seg + 1) [s].
-        coef: (n, n_seg, n_vK, 6).
-        base: (n, n_seg, n_qK).
-        named: (n, n_vK) bool.
-        q_here: (n, n_qK) of the inputs at ``t``.
-        q_K: (n, n_qK) of the start states.
-        t: the start [s].
-        speeds: (n, n_vK) velocities of the inputs at ``t`` and of the start states; velocities
-            are left alone when not given.
+        breaks: (n, n_seg + 1) breaks [s].
+        coef: (n, n_seg, n_vK, 6) coefficients.
+        base: (n, n_seg, n_qK) configurations of reference.
+        named: (n, n_vK) whether a coordinate is named.
+        q_here: (n, n_qK) configurations of the inputs at ``t``.
+        q_K: (n, n_qK) configurations of the start states.
+        t: time of the start [s].
+        speeds: velocities (n, n_vK) of the inputs at ``t``, and of the start states; without
+            them, velocities are not changed.
 
     Returns:
         coef (n, n_seg, n_vK, 6), base (n, n_seg, n_qK).
 
     Raises:
-        InputError: a named coordinate does not start where its state is.
+        InputError: a named coordinate differs from its start state.
     """
     mistakes = Mistakes.of_inputs()
     of_q = np.zeros(table.n_qK, dtype=np.intp)  # the velocity of each number of a configuration
@@ -93,7 +93,7 @@ def bound(
 def _note_start(
     mistakes: Mistakes, name: str, places: tuple[Array, Array], strange: Mask, off: Mask, t: float
 ) -> None:
-    """Notes where a coordinate is not finite in a start state, or begins elsewhere in its inputs.
+    """Reports a coordinate that is not finite in a start state, or differs from the inputs.
 
     Args:
         mistakes: to add to.
@@ -106,11 +106,11 @@ def _note_start(
     for i in np.flatnonzero(np.any(strange, axis=1))[:1]:
         mistakes.add((*which(i, n), name), f"is {_text(places[1][i])} in the start state")
     for i in np.flatnonzero(off[:, 0])[:1]:
-        here, there = (_text(place[i]) for place in places)
+        in_inputs, in_state = (_text(place[i]) for place in places)
         mistakes.add(
             (*which(i, n), name),
-            f"is {here} in the inputs at t = {t:g} s, but {there} in the start state; "
-            f"start from a state with {name} = {here}, or let the inputs begin at {there}",
+            f"is {in_inputs} in the inputs at t = {t:g} s, but {in_state} in the start state; "
+            f"start from a state with {name} = {in_inputs}, or let the inputs begin at {in_state}",
         )
 
 
@@ -118,7 +118,7 @@ def check_same_puppet(tables: Sequence[CoordinateTable]) -> None:
     """Raises ValueError unless there are inputs, all for the same driven coordinates.
 
     Args:
-        tables: of the inputs.
+        tables: coordinate tables of the inputs.
     """
     if not tables:
         raise ValueError("inputs is empty; it must hold one Input or more")
@@ -138,19 +138,22 @@ def _begin(
     coef: Array,
     base: Array,
     t: float,
-    some: Indices,
+    lanes: Indices,
     move: Array,
     v: Array,
 ) -> None:
-    """Moves the start of the pieces at time t by ``move`` and sets its velocity v, in place."""
+    """Moves the start of the pieces at time t by ``move`` and sets its velocity v, in place.
+
+    ``lanes`` are the indices of the inputs to change.
+    """
     breaks = np.broadcast_to(breaks, (len(coef), coef.shape[1] + 1))
-    some = some[(breaks[some, 0] <= t) & (t < breaks[some, -1])]
-    i = (breaks[some] <= t).sum(axis=1) - 1
-    s, h = t - breaks[some, i], breaks[some, i + 1] - breaks[some, i]
-    made = joints.begun(table, coef[some, i], s, h, move[some], v[some])
-    coef[some, i] = made
+    lanes = lanes[(breaks[lanes, 0] <= t) & (t < breaks[lanes, -1])]
+    i = (breaks[lanes] <= t).sum(axis=1) - 1
+    s, h = t - breaks[lanes, i], breaks[lanes, i + 1] - breaks[lanes, i]
+    changed = joints.begun(table, coef[lanes, i], s, h, move[lanes], v[lanes])
+    coef[lanes, i] = changed
     q, at = table.places_K
-    base[some[:, None], i[:, None], q] = made[:, at, 0]
+    base[lanes[:, None], i[:, None], q] = changed[:, at, 0]
 
 
 def note_lengths(table: CoordinateTable, breaks: Array, coef: Array, mistakes: Mistakes) -> None:

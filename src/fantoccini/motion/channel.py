@@ -1,4 +1,4 @@
-"""Channels: the motion of one driven coordinate on its own clock.
+"""Channels: the motion of one driven coordinate, with its own breaks.
 
 A scalar channel is a piecewise quintic q(t). A rotation channel is a rotation vector phi(t) in the
 tangent space of a base quaternion: R(t) = R(base) exp([phi(t)]x).
@@ -14,26 +14,26 @@ from numpy.typing import ArrayLike
 from fantoccini.base import Array, Quaternion, Times, polynomial, rotation
 
 SAME_TIME = 1e-9
-"""Times [s] closer than this are one time."""
+"""Largest difference of equal times [s]."""
 
 Points = tuple[Times, Array]
 """Times (n,) [s] and values (n,) or, for a rotation, unit quaternions (n, 4)."""
 
 _MAX_ITERATIONS, _MAX_CHANGE = 20, 1e-13
-"""Stop rotation splines: iterations, and change of angular velocities [rad/s], relative above 1."""
+"""Ends of the iteration for rotation splines; the change is relative to 1 rad/s + the speed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Pieces of one coordinate (or of several at once), and its constant values outside of them.
+    """Pieces of one coordinate (or of several), and its constant values before and after them.
 
     Attributes:
         times: (n + 1,) starts of the pieces, and the end of the last [s].
         coef: (n, k, 6) coefficients in the time since the piece began.
         base: (n, width) configuration of reference: the start value of a scalar, the unit
             quaternion of a rotation.
-        before, after: ((k, 6), (width,)) the constant piece outside of ``times``.
-        scalars: (place in width, place in k) of coordinates that are no part of a rotation.
+        before, after: constant pieces ((k, 6), (width,)) before and after ``times``.
+        scalars: places (in width, in k) of coordinates that are not part of a rotation.
     """
 
     times: Times
@@ -44,23 +44,23 @@ class Channel:
     scalars: tuple[tuple[int, int], ...] = ()
 
     def on(self, breaks: Times) -> tuple[Array, Array]:
-        """The channel's pieces on a finer clock.
+        """The channel's pieces on finer breaks.
 
         Args:
-            breaks: (m + 1,) increasing; contains all ``times`` that lie inside it.
+            breaks: (m + 1,) increasing; contains all ``times`` in its range.
 
         Returns:
-            coef (m, k, 6) and base (m, width). A part of a rotation's piece keeps the piece's
-            quaternion of reference, so that its phi need not begin at 0: cutting is exact.
+            coef (m, k, 6) and base (m, width). The parts of a rotation's piece have the base of
+            the whole piece, so that the division is exact; phi does not begin at 0 in them.
         """
         begins = breaks[:-1]
         piece = np.searchsorted(self.times, begins, side="right") - 1
         inside = (piece >= 0) & (piece < len(self.coef))
         coef = np.where((piece < 0)[:, None, None], self.before[0], self.after[0])
         base = np.where((piece < 0)[:, None], self.before[1], self.after[1])
-        taken = piece[inside]
-        coef[inside] = polynomial.shifted(self.coef[taken], begins[inside] - self.times[taken])
-        base[inside] = self.base[taken]
+        source = piece[inside]
+        coef[inside] = polynomial.shifted(self.coef[source], begins[inside] - self.times[source])
+        base[inside] = self.base[source]
         for q, row in self.scalars:
             base[inside, q] = coef[inside, row, 0]
         return coef, base
@@ -80,7 +80,7 @@ def still(q: Quaternion) -> tuple[Array, Array]:
 
 
 def scalar(t: Times, coef: Array, first: float, last: float) -> Channel:
-    """A channel of one scalar coordinate from its (n, 6) coefficients."""
+    """A channel of a scalar coordinate, from its (n, 6) coefficients."""
     return Channel(t, coef[:, None, :], coef[:, :1], constant(first), constant(last), ((0, 0),))
 
 
@@ -91,7 +91,7 @@ def scalar_waypoints(t: Times, values: Array) -> Channel:
 
     Args:
         t: (n,) times [s].
-        values: (n,) [m or rad].
+        values: (n,) values [m or rad].
     """
     slopes, zero = polynomial.monotone_slopes(t, values), np.zeros(len(t) - 1)
     coef = polynomial.hermite(
@@ -101,11 +101,11 @@ def scalar_waypoints(t: Times, values: Array) -> Channel:
 
 
 def scalar_waypoints_along(t: Times, values: Array, change: Array) -> tuple[Channel, bool]:
-    """d/ds of :func:`scalar_waypoints` at values + s change, s -> 0 from above.
+    """d/ds of :func:`scalar_waypoints` at values + s change, for s -> 0 from above.
 
     Args:
         t: (n,) times [s].
-        values, change: (n,) [m or rad].
+        values, change: (n,) values, and their direction of change [m or rad].
 
     Returns:
         The channel, and whether it is linear in the change.
@@ -119,7 +119,7 @@ def scalar_waypoints_along(t: Times, values: Array, change: Array) -> tuple[Chan
 
 
 def rotation_waypoints(t: Times, q: Quaternion) -> Channel:
-    """Moves through rotations: C^1 angular velocity, at rest at both ends.
+    """Quintics through rotations, with C^1 angular velocity, at rest at both ends.
 
     At a waypoint the angular velocity bisects the directions of the two neighbouring turns; its
     size is the harmonic mean of their speeds times the cosine between them (0 when they point
@@ -157,8 +157,8 @@ def scalar_samples(t: Times, values: Array, rest: bool) -> Channel:
 
     Args:
         t: (n,) times [s].
-        values: (n,) [m or rad].
-        rest: start and end at rest; otherwise the ends are not-a-knot.
+        values: (n,) values [m or rad].
+        rest: whether to start and end at rest; otherwise the ends are not-a-knot.
     """
     from scipy.interpolate import CubicSpline  # slow to import; only samples need it
 
@@ -176,7 +176,7 @@ def rotation_samples(t: Times, q: Quaternion, rest: bool) -> Channel:
     Args:
         t: (n,) times [s].
         q: (n, 4) unit quaternions, neighbours less than 180 deg apart.
-        rest: start and end at rest; otherwise with no angular acceleration at the ends.
+        rest: whether to start and end at rest; otherwise the ends have no angular acceleration.
     """
     q = rotation.continuous(q)
     if len(t) == 1:
@@ -194,10 +194,10 @@ def rotation_samples(t: Times, q: Quaternion, rest: bool) -> Channel:
 
 
 def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
-    """Angular velocities (n, 3) at which the angular acceleration has no step.
+    """Angular velocities (n, 3) for which the angular acceleration is continuous.
 
     With cubic phi on each piece, J_r phiddot + (dJ_r/dt) phidot at its end equals phiddot at the
-    start of the next. The term with dJ_r/dt is small; it is iterated on the right-hand side.
+    start of the next. The term with dJ_r/dt is small, and is iterated on the right-hand side.
     """
     from scipy.sparse import bsr_array  # slow to import, as above
     from scipy.sparse.linalg import spsolve
@@ -245,16 +245,16 @@ def _spline_velocities(h: Array, turn: Array, rest: bool) -> Array:
 
 
 def linear(t: Times, values: Array) -> Channel:
-    """Piecewise linear, 0 outside; a time given twice is a step (legal for a force).
+    """A piecewise linear channel, 0 outside; two points at one time are a step, as in a force.
 
     Args:
         t: (n,) times [s], not decreasing.
-        values: (n,) [N or N m].
+        values: (n,) forces [N or N m].
     """
     h = np.diff(t)
-    long = h > 0
-    coef = np.zeros((np.count_nonzero(long), polynomial.N_COEF))
-    coef[:, 0] = values[:-1][long]
-    coef[:, 1] = (np.diff(values) / np.where(long, h, 1.0))[long]
-    ends = np.append(t[:-1][long], t[-1])
+    lasting = h > 0
+    coef = np.zeros((np.count_nonzero(lasting), polynomial.N_COEF))
+    coef[:, 0] = values[:-1][lasting]
+    coef[:, 1] = (np.diff(values) / np.where(lasting, h, 1.0))[lasting]
+    ends = np.append(t[:-1][lasting], t[-1])
     return scalar(ends, coef, 0.0, 0.0)

@@ -12,13 +12,13 @@ from fantoccini.base import Array, Mask, UnknownNameError, frozen
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """``run.tension["hand"]`` is the column (T,) called ``hand``. The values are read-only.
+    """Columns with names: ``run.tension["hand"]`` is the column (T,) called ``hand``.
 
     Attributes:
-        names: of the columns.
-        values: (..., T, n) numbers or flags; the owner states the unit. A batch's have its
-            trajectories on the first axis. A read-only array is kept as it is, any other copied.
-        what: what a column is called in messages: string, limit, entry.
+        names: names of the columns.
+        values: (..., T, n) numbers or flags, read-only; an array that is not read-only is copied.
+            The first axis of a batch is its trajectories.
+        what: noun for a column in messages: string, limit, entry.
     """
 
     names: tuple[str, ...]
@@ -60,5 +60,5 @@ class Columns:
         return ((name, self[name]) for name in self.names)
 
     def like(self, values: Array) -> Columns:
-        """The same names over other values."""
+        """Columns with the same names and other values."""
         return Columns(self.names, values, self.what)

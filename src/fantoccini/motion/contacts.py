@@ -1,4 +1,4 @@
-"""What touched what during a run: points, forces and sliding over time."""
+"""Contact points of a run: forces and sliding over time."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from fantoccini.base import Array, Indices, UnknownNameError, frozen
 
 
 def pair_name(pair: tuple[str, str]) -> str:
-    """The name of two parts in events: ``foot|floor``."""
+    """The name of a contact pair in events: ``foot|floor``."""
     return "|".join(pair)
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
-    """Points that pushed, n over all samples of a run; the arrays are read-only copies.
+    """The n points with contact forces in all samples of a run; the arrays are read-only copies.
 
     Attributes:
-        sample: (n,) the sample of each, not decreasing.
-        pair: (n,) its place in ``names``.
-        gap: (n,) distance of the surfaces, negative where they overlap [m].
-        point: (n, 3) midway between them, in the world [m].
-        normal: (n, 3) from the second solid to the first, in the world.
-        force: (n, 3) on the first solid, in the world [N].
-        velocity: (n, 3) of the first solid against the second there [m/s].
-        names: of the bodies, obstacles or floor of every pair.
+        sample: (n,) index of the sample, not decreasing.
+        pair: (n,) index of the pair in ``names``.
+        gap: (n,) distance of the surfaces, negative if they overlap [m].
+        point: (n, 3) midpoint between the surfaces, in the world [m].
+        normal: (n, 3) unit normal from the second solid to the first, in the world.
+        force: (n, 3) force on the first solid, in the world [N].
+        velocity: (n, 3) velocity of the first solid relative to the second at the point [m/s].
+        names: names of the body, obstacle or floor on both sides of every pair.
     """
 
     sample: Indices
@@ -59,22 +59,22 @@ class ContactPoints:
 
     @property
     def sliding(self) -> Array:
-        """(n,) speed across the normal [m/s]."""
+        """(n,) tangential speed [m/s]."""
         along = np.einsum("ij,ij->i", self.velocity, self.normal)
         return np.linalg.norm(self.velocity - along[:, None] * self.normal, axis=1)
 
     def of(self, *parts: str) -> ContactPoints:
-        """The points of a body, an obstacle or ``floor``; of two, those between them.
+        """The points of a body, an obstacle or ``floor``; with two names, those between the two.
 
         Raises:
-            UnknownNameError: nothing of this name may touch anything.
+            UnknownNameError: there is no part of this name in a contact pair.
         """
         known = {name for pair in self.names for name in pair}
         for part in parts:
             if part not in known:
                 raise UnknownNameError("part that may touch", part, sorted(known))
-        those = np.array([set(parts) <= set(pair) for pair in self.names], dtype=bool)
-        return self.some(those[self.pair])
+        matches = np.array([set(parts) <= set(pair) for pair in self.names], dtype=bool)
+        return self.some(matches[self.pair])
 
     def at(self, sample: int) -> ContactPoints:
         """The points of one sample."""
@@ -82,19 +82,19 @@ class ContactPoints:
 
     def force_on(self, part: str, n_samples: int) -> Array:
         """(n_samples, 3) sum of the forces on a body over time, in the world [N]."""
-        found = self.of(part)
-        sign = np.array([1.0 if part == self.names[k][0] else -1.0 for k in found.pair])
+        points = self.of(part)
+        sign = np.array([1.0 if part == self.names[k][0] else -1.0 for k in points.pair])
         out = np.zeros((n_samples, 3))
-        np.add.at(out, found.sample, sign[:, None] * found.force)
+        np.add.at(out, points.sample, sign[:, None] * points.force)
         return out
 
     def some(self, which: np.ndarray) -> ContactPoints:
-        """The points that a mask or indices choose."""
+        """The points that a mask or indices select."""
         own = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         return ContactPoints(**{n: x if n == "names" else x[which] for n, x in own.items()})
 
     def resampled(self, left: Indices) -> ContactPoints:
-        """The points on other samples: those of sample ``left[i]`` at the new sample i."""
+        """The points of new samples: sample i has the points of sample ``left[i]``."""
         first = np.searchsorted(self.sample, left, side="left")
         last = np.searchsorted(self.sample, left, side="right")
         which = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)])

@@ -1,4 +1,4 @@
-"""Inputs files: YAML waypoints, CSV or npz samples, recordings; every mistake with its place."""
+"""Inputs files: YAML waypoints, CSV or npz samples, recordings."""
 
 from __future__ import annotations
 
@@ -53,16 +53,16 @@ _Forces = Annotated[Any, WithJsonSchema(_points_schema({"type": "number"}))]
 
 
 class InputsFile(Document):
-    """Waypoints of driven coordinates; coordinates that are not named hold still."""
+    """Waypoints of driven coordinates; unnamed coordinates hold still."""
 
     kind: ClassVar = Kind(
         "inputs", "an inputs file has the keys `coordinates` and `forces`", error=InputError
     )
 
     name: str = ""
-    """Of the performance."""
+    """Name of the performance."""
     duration: Positive | None = None
-    """Until when everything is held after the last waypoint [s]."""
+    """Time until which the last waypoints are held [s]."""
     coordinates: dict[str, _Waypoints] = Field(default_factory=dict)
     """Driven coordinate -> list of [time s, value]; a rotation (`bar.rotation`) as a quaternion
     [w, x, y, z] or a rotation vector [x, y, z] in rad."""
@@ -93,7 +93,7 @@ class Waypoints:
 
 @dataclass(frozen=True)
 class Segments:
-    """The motion of the hands in a recording: the arguments of :meth:`Input.segments`."""
+    """The motion of the driven coordinates in a recording: arguments of :meth:`Input.segments`."""
 
     t: Times
     q_K: ConfigK
@@ -107,10 +107,10 @@ def inputs_schema() -> dict[str, Any]:
 
 
 def read_inputs(table: CoordinateTable, path: Path) -> Waypoints | Segments:
-    """Reads an inputs file; its ending gives the format (.yaml, .yml, .csv or .npz).
+    """Reads an inputs file, in the format of its ending: .yaml, .yml, .csv or .npz.
 
     Raises:
-        InputError: with every mistake found.
+        InputError: every mistake in the file.
     """
     readers = {".yaml": _yaml, ".yml": _yaml, ".csv": _csv, ".npz": _npz}
     reader = readers.get(path.suffix.lower())
@@ -152,7 +152,7 @@ class _Lines(Located):
     """A CSV file, one line for each sample."""
 
     def line(self, path: Sequence[str | int]) -> int | None:
-        """The line of a sample; the header's for a whole column."""
+        """The line of a sample; for a whole column, the line of the header."""
         sample = path[-1] if path and isinstance(path[-1], int) else None
         return 1 if sample is None else self.data[sample]
 
@@ -167,19 +167,19 @@ def csv_columns(
     """The columns of a CSV file by their names, and the lines of the samples.
 
     Args:
-        path: of the file.
-        gaps: whether cells may be empty, which are NaN then; empty columns without a name are
+        path: path of the file.
+        gaps: whether cells may be empty; they become NaN, and empty columns without a name are
             left out.
-        name: of the file in messages; by default its path.
+        name: name of the file in messages; by default its path.
 
     Raises:
-        InputError: with every mistake found.
+        InputError: every mistake in the file.
         OSError: the file cannot be read.
     """
     shown_as = Path(name or path)
     raw = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
     if raw is None:
-        raise _file_error(shown_as, f"is larger than {MAX_BYTES / 1e6:g} MB, the most that is read")
+        raise _file_error(shown_as, f"is larger than {MAX_BYTES / 1e6:g} MB, the largest allowed")
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -217,7 +217,7 @@ def csv_columns(
 
 
 def csv_reader(text: str) -> CsvRows:
-    """The rows of a CSV text with columns separated by commas, semicolons or tabs."""
+    """The rows of a CSV text, with commas, semicolons or tabs between columns."""
     first = next((line for line in text.splitlines() if line.strip()), "")
     # A header of a single column has no delimiter.
     return CsvRows(text, max(",;\t", key=first.count))
@@ -229,7 +229,7 @@ class CsvRows:
     With semicolons or tabs between columns, a comma in a number is a decimal comma.
 
     Attributes:
-        delimiter: between columns.
+        delimiter: character between columns.
 
     Raises:
         StateError: a row is not CSV.
@@ -241,7 +241,7 @@ class CsvRows:
 
     @property
     def line_num(self) -> int:
-        """Line of the row that was read last."""
+        """Line of the last row that was read."""
         return self._rows.line_num
 
     def __iter__(self) -> Iterator[list[str]]:
@@ -257,10 +257,10 @@ def _with_point(cell: str) -> str:
     return cell.replace(",", ".") if _DECIMAL.fullmatch(cell) else cell
 
 
-def _wrong_count(found: int, needed: int) -> str:
+def _wrong_count(count: int, needed: int) -> str:
     """Error message for a row whose number of columns differs from the header's."""
-    text = f"found {found} columns; the header has {needed}"
-    if found > needed:
+    text = f"found {count} columns; the header has {needed}"
+    if count > needed:
         text += ": write numbers with a decimal point, or put ; between columns"
     return text
 
@@ -293,7 +293,7 @@ def _npz(table: CoordinateTable, path: Path) -> Waypoints | Segments:
 
 
 def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> Segments:
-    """The motion of the hands in a recorded performance."""
+    """The motion of the driven coordinates in a recorded performance."""
     try:
         about = npz.about_of(arrays)
         form = str(about["format"])
@@ -321,17 +321,17 @@ def _recording(table: CoordinateTable, arrays: dict[str, Array], path: Path) -> 
     return Segments(times, q_K, v_K, acc_K)
 
 
-def _differ(found: tuple[str, ...], needed: tuple[str, ...]) -> str:
-    """How the driven coordinates of a recording differ from those of a puppet."""
+def _differ(recorded: tuple[str, ...], needed: tuple[str, ...]) -> str:
+    """Error message for a recording whose driven coordinates differ from those of a puppet."""
     parts = [
         f"{where}: {', '.join(only[:6])}{', ...' if len(only) > 6 else ''}"
         for only, where in (
-            ([n for n in found if n not in needed], "driven in the recording only"),
-            ([n for n in needed if n not in found], "driven in the puppet only"),
+            ([n for n in recorded if n not in needed], "driven in the recording only"),
+            ([n for n in needed if n not in recorded], "driven in the puppet only"),
         )
         if only
     ]
-    return "; ".join(parts) or "its driven coordinates come in another order"
+    return "; ".join(parts) or "its driven coordinates have another order"
 
 
 def _file_error(path: Path, message: str, line: int | None = None) -> InputError:

@@ -1,4 +1,4 @@
-"""Derivatives of inputs by the values of their waypoints, dq_K(t)/ds."""
+"""Derivatives of inputs with respect to the values of their waypoints, dq_K(t)/ds."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _SIDES = {"above": 1.0, "below": -1.0}
 
 @dataclass(frozen=True, eq=False)
 class InputDerivative:
-    """dq_K(t)/ds, the derivative of inputs by one number s: piecewise quintic, C^1.
+    """dq_K(t)/ds, the derivative of inputs with respect to a number s: piecewise quintic, C^1.
 
-    Before the first and after the last break dq_K is constant.
+    It is constant before the first and after the last break.
 
     Attributes:
         coordinates: names and places of the coordinates.
@@ -33,7 +33,7 @@ class InputDerivative:
             of rotations are 0.
         name: name of s, such as ``hand.length[1]``: the value of the second waypoint.
         smooth: whether the inputs are differentiable; otherwise the derivative is one-sided, and
-            those by several values do not add up.
+            derivatives by several values must not be added.
     """
 
     coordinates: CoordinateTable
@@ -66,31 +66,31 @@ class InputDerivative:
     ) -> tuple[InputDerivative, ...]:
         """The derivatives of ``Input.waypoints(table, points)`` by every value in ``points``.
 
-        Moves through waypoints are not linear in the values: the slope at a point between
-        two others is a harmonic mean, is bounded so that nothing overshoots, and is 0 where the
-        direction turns. These derivatives are exact. Where a bound just begins to act, or two
-        neighbouring values are the same, the derivatives on the two sides differ: ``side`` chooses
+        Moves through waypoints are not linear in the values: the slope at an inner waypoint is a
+        harmonic mean, bounded to prevent overshoot, and 0 where the direction reverses. These
+        derivatives are exact. At the point where a bound becomes active, or where two
+        neighbouring values are equal, the derivatives on the two sides differ: ``side`` selects
         one, and ``smooth`` is False.
 
         Args:
-            table: a coordinate table, or anything with ``.coordinates``.
-            points: as in :meth:`Input.waypoints`.
-            only: coordinates to differentiate by; all when not given.
-            side: ``above``, the derivative as a value grows, or ``below``, as it falls.
+            table: coordinate table, or an object with ``.coordinates``.
+            points: waypoints, as in :meth:`Input.waypoints`.
+            only: coordinates to differentiate by; all by default.
+            side: ``above`` for increasing values, or ``below`` for decreasing ones.
 
         Returns:
-            One for each value, in the order of ``points``.
+            One derivative for each value, in the order of ``points``.
 
         Raises:
             InputError: a mistake in ``points``, or a rotation among the coordinates.
-            UnknownNameError: ``only`` names what ``points`` does not.
-            ValueError: ``side`` is none of the two.
+            UnknownNameError: a name in ``only`` is not in ``points``.
+            ValueError: ``side`` is not ``above`` or ``below``.
         """
         if side not in _SIDES:
             raise ValueError(f"side is {side!r}; it must be 'above' or 'below'")
         table, mistakes, sign = reading.table_of(table), Mistakes.of_inputs(), _SIDES[side]
         inputs = Input.waypoints(table, points)
-        # Coordinates with drives go by the names of their commands.
+        # A coordinate with a drive is replaced by its command.
         called = {name: table.commands.get(name, name) for name in points}
         for name in only if only is not None else ():
             if name not in called:
@@ -104,13 +104,14 @@ class InputDerivative:
                     "only=[...]",
                 )
         mistakes.refuse()
-        read, found = reading.waypoints(table, points, mistakes), []
+        read = reading.waypoints(table, points, mistakes)
+        derivatives = []
         for name in chosen:
             t, values = read[called[name]]
             t, (_, v) = pieces.snap(t, inputs.breaks), pieces.channel_names(table)[called[name]]
-            for k, one in enumerate(np.eye(len(t))):
-                along, smooth = channel.scalar_waypoints_along(t, values, sign * one)
+            for k, direction in enumerate(np.eye(len(t))):
+                along, smooth = channel.scalar_waypoints_along(t, values, sign * direction)
                 coef = np.zeros((len(inputs.coef), table.n_vK, polynomial.N_COEF))
                 coef[:, v] = sign * along.on(inputs.breaks)[0]
-                found.append(cls(table, inputs.breaks, coef, f"{name}[{k}]", smooth))
-        return tuple(found)
+                derivatives.append(cls(table, inputs.breaks, coef, f"{name}[{k}]", smooth))
+        return tuple(derivatives)

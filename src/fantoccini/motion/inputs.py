@@ -1,4 +1,4 @@
-"""Many inputs side by side, one for each run of a batch."""
+"""Inputs of a batch: one for each run."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """The arrays of many :class:`Input` with a leading axis: n inputs with equal numbers of pieces.
+    """n :class:`Input` with equal numbers of pieces, as arrays with a leading axis.
 
-    ``inputs[i]`` is the i-th of them. An axis of length 1 is shared by all.
+    ``inputs[i]`` is the i-th input. An axis of length 1 is shared by all.
 
     Attributes:
         coordinates: names and places of the coordinates.
-        breaks: (n or 1, n_seg + 1) not decreasing [s]; pieces at the end may last no time.
+        breaks: (n or 1, n_seg + 1) not decreasing [s]; the last pieces may have no duration.
         coef: (n, n_seg, n_vK, 6) ascending powers of the time since the piece began [m or rad, s].
         base: (n, n_seg, n_qK) configuration of reference [m, rad or 1].
-        named: (n or 1, n_vK) bool, named coordinates; the rest holds still.
+        named: (n or 1, n_vK) whether a coordinate is named; the others hold still.
         force: (n, n_seg, n_vD, 6) generalised forces u_D [N or N m], or None.
-        relative: the motion is relative to the start state.
+        relative: whether the motion is relative to the start state.
     """
 
     coordinates: CoordinateTable
@@ -78,45 +78,45 @@ class Inputs:
                 "inputs.bound(x0.q_K)[i]"
             )
         breaks = self.breaks[i if len(self.breaks) > 1 else 0]
-        kept = np.diff(breaks) > 0
-        force = None if self.force is None else self.force[i][kept]
+        lasting = np.diff(breaks) > 0
+        force = None if self.force is None else self.force[i][lasting]
         return Input(
             self.coordinates,
-            np.append(breaks[:-1][kept], breaks[-1]),
-            self.coef[i][kept],
-            self.base[i][kept],
+            np.append(breaks[:-1][lasting], breaks[-1]),
+            self.coef[i][lasting],
+            self.base[i][lasting],
             self.named[i if len(self.named) > 1 else 0],
             force,
         )
 
     @classmethod
     def of(cls, inputs: Sequence[Input]) -> Inputs:
-        """Inputs of one puppet side by side. Shorter ones are held at their ends.
+        """Several inputs of one puppet. Shorter ones are held at their ends.
 
         Args:
-            inputs: one or more.
+            inputs: one or more inputs.
 
         Raises:
-            ValueError: there are none, or they are of different puppets.
+            ValueError: the list is empty, or its inputs are of different puppets.
         """
-        binding.check_same_puppet([one.coordinates for one in inputs])
-        table, longest = inputs[0].coordinates, max(len(one.coef) for one in inputs)
-        n, forced = len(inputs), any(one.force is not None for one in inputs)
+        binding.check_same_puppet([x.coordinates for x in inputs])
+        table, longest = inputs[0].coordinates, max(len(x.coef) for x in inputs)
+        n, forced = len(inputs), any(x.force is not None for x in inputs)
         # Shorter ones get pieces of duration 0 at their end.
         breaks = np.empty((n, longest + 1))
         coef = np.empty((n, longest, table.n_vK, polynomial.N_COEF))
         base = np.empty((n, longest, table.n_qK))
         force = np.zeros((n, longest, table.n_vD, polynomial.N_COEF))
-        for i, one in enumerate(inputs):
-            k = len(one.coef)
-            breaks[i, : k + 1], breaks[i, k + 1 :] = one.breaks, one.end
-            coef[i, :k], base[i, :k] = one.coef, one.base
-            coef[i, k:], base[i, k:] = one.coef[-1], one.base[-1]
-            if one.force is not None:
-                force[i, :k] = one.force
+        for i, x in enumerate(inputs):
+            k = len(x.coef)
+            breaks[i, : k + 1], breaks[i, k + 1 :] = x.breaks, x.end
+            coef[i, :k], base[i, :k] = x.coef, x.base
+            coef[i, k:], base[i, k:] = x.coef[-1], x.base[-1]
+            if x.force is not None:
+                force[i, :k] = x.force
         if np.all(breaks == breaks[0]):
             breaks = breaks[:1]
-        named = np.stack([one.named for one in inputs])
+        named = np.stack([x.named for x in inputs])
         return cls(table, breaks, coef, base, named, force if forced else None)
 
     @classmethod
@@ -132,21 +132,21 @@ class Inputs:
         turn: float = 0.3,
         only: Sequence[str] | None = None,
     ) -> Inputs:
-        """Smooth wandering about the start state, for Monte-Carlo runs and training data.
+        """Random smooth motions about the start state, for Monte-Carlo runs and training data.
 
-        Every coordinate goes from waypoint to waypoint by minimum-jerk moves; the waypoints are
-        drawn uniformly within ``reach`` or ``turn`` of the start state; the last one returns there.
-        The same seed gives the same inputs, and the first ones do not depend on n.
+        Every coordinate moves between waypoints by minimum-jerk moves. The waypoints are drawn
+        uniformly within ``reach`` or ``turn`` of the start state; the last one is the start state.
+        The same seed gives the same inputs; the first inputs do not depend on n.
 
         Args:
-            table: a coordinate table, or anything with ``.coordinates``.
-            n: how many.
-            seed: of the random numbers.
+            table: coordinate table, or an object with ``.coordinates``.
+            n: number of inputs.
+            seed: seed of the random numbers.
             t_end: end of the motion [s].
             every: time between waypoints [s].
-            reach: farthest move of a position or length [m].
-            turn: farthest turn of an angle or rotation [rad].
-            only: names of the coordinates that move; all when not given.
+            reach: largest move of a position or length [m].
+            turn: largest turn of an angle or rotation [rad].
+            only: names of the coordinates that move; all by default.
         """
         table = reading.table_of(table)
         check_positive(n=n, t_end=t_end, every=every)
@@ -195,27 +195,27 @@ class Inputs:
         return float(np.max(self.breaks[:, -1]))
 
     def shifted(self, dt: float) -> Inputs:
-        """The same, ``dt`` seconds later."""
+        """The same inputs, ``dt`` seconds later."""
         return dataclasses.replace(self, breaks=self.breaks + dt)
 
     def at_rest(self) -> Inputs:
-        """The same with small velocities at their ends set to 0; see :meth:`Input.at_rest`."""
+        """The inputs with small velocities at their ends set to 0; see :meth:`Input.at_rest`."""
         ends = self.breaks[:, 0], self.breaks[:, -1]
         if not any(np.any(self.evaluate(t)[1]) for t in ends):
             return self
         return Inputs.of([self[i].at_rest() for i in range(len(self))])
 
     def evaluate(self, t: float | Array) -> tuple[Array, Array, Array]:
-        """q_K (n, n_qK), v_K (n, n_vK) and acc_K (n, n_vK) of all at a time (or (n,) times) [s]."""
+        """q_K (n, n_qK), v_K (n, n_vK) and acc_K (n, n_vK) at a time [s], or at n times (n,)."""
         n, n_seg = self.coef.shape[:2]
         breaks = np.broadcast_to(self.breaks, (n, n_seg + 1))
         t = np.broadcast_to(np.asarray(t, dtype=float), n)[:, None]
         at = np.clip(t, breaks[:, :1], breaks[:, -1:])
         last = (np.diff(breaks) > 0).sum(axis=1) - 1
         i = np.clip((breaks <= at).sum(axis=1) - 1, 0, last)
-        all_of_them = np.arange(n)
-        s = at[:, 0] - breaks[all_of_them, i]
-        coef, base = self.coef[all_of_them, i], self.base[all_of_them, i]
+        every = np.arange(n)
+        s = at[:, 0] - breaks[every, i]
+        coef, base = self.coef[every, i], self.base[every, i]
         q, v, acc = pieces.evaluate(self.coordinates, coef, base, s)
         held = ((t < breaks[:, :1]) | (t > breaks[:, -1:]))[:, 0]
         v[held], acc[held] = 0.0, 0.0
@@ -226,11 +226,11 @@ class Inputs:
 
         Args:
             q_K: (n or 1, n_qK) driven configurations of the start states [m, rad or 1].
-            t: time of the start [s]; the latest first break when not given.
-            v_K: (n or 1, n_vK) their driven velocities; see :meth:`Input.bound`.
+            t: time of the start [s]; by default the latest first break.
+            v_K: (n or 1, n_vK) driven velocities of the start states; see :meth:`Input.bound`.
 
         Raises:
-            InputError: a named coordinate does not start where its state is.
+            InputError: a named coordinate differs from its start state.
         """
         q_K = np.atleast_2d(np.asarray(q_K, dtype=float))
         n_v = self.coordinates.n_vK
@@ -255,7 +255,7 @@ class Inputs:
         return dataclasses.replace(self, coef=coef, base=base)
 
     def _from(self, q_K: Array, n: int) -> Inputs:
-        """The motions from given configurations (n or 1, n_qK)."""
+        """Relative motions added to start configurations (n or 1, n_qK)."""
         table = self.coordinates
         coef = np.array(np.broadcast_to(self.coef, (n, *self.coef.shape[1:])))
         base = np.array(np.broadcast_to(self.base, (n, *self.base.shape[1:])))

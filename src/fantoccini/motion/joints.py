@@ -1,8 +1,8 @@
-"""Joints: where inputs meet, begin at a state or end at rest, and what counts as a jump there.
+"""Joints of inputs: the ends of pieces, where inputs meet, begin at a state or end at rest.
 
-:class:`Tolerances` is the one rule for all of them. Lengths are compared with lengths, angles with
-angles. The piece next to the joint takes up a small difference, so that the motion is C^1; a larger
-one is refused. Rotations may differ in angular velocity only.
+:class:`Tolerances` applies to all of them; lengths are compared with lengths, angles with angles.
+The piece next to the joint is changed to remove a small difference, so that the motion is C^1; a
+larger difference is an error. Rotations may differ in angular velocity only.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Differences at a joint: allowed up to the larger of the two bounds for each quantity."""
+    """Largest differences at a joint; of two bounds for a quantity, the larger one applies."""
 
     speed: float = 1e-7
-    """Of velocities, in any motion [m/s or rad/s]."""
+    """Velocity difference in any motion [m/s or rad/s]."""
     relative_speed: float = 1e-3
-    """Of velocities, relative to the largest speed in the inputs: few digits in a file."""
+    """Velocity difference, relative to the largest speed in the inputs: few digits in a file."""
     place: float = 1e-9
-    """Of positions, relative to 1 m or rad, or to the value if that is larger."""
+    """Position difference, relative to 1 m or rad, or to the value if that is larger."""
     relative_place: float = 1e-6
-    """Of positions, relative to the longest move in the inputs."""
+    """Position difference, relative to the longest move in the inputs."""
     rounded_speed: float = 1e-9
-    """Velocity difference that is rounding and is left alone [m/s or rad/s]."""
+    """Largest velocity difference that is ignored as rounding [m/s or rad/s]."""
     rounded_place: float = 1e-12
-    """Position difference that is rounding and is left alone [m or rad]."""
+    """Largest position difference that is ignored as rounding [m or rad]."""
     min_duration: float = 1e-4
-    """Shortest piece that takes up a difference [s]; a shorter one would accelerate too much."""
+    """Shortest piece that is changed [s]; a shorter one would accelerate too much."""
     speed_samples: int = 5
-    """Points of each piece at which its speed and reach are measured."""
+    """Number of points of each piece at which its speed and reach are measured."""
 
 
 TOLERANCES = Tolerances()
@@ -48,14 +48,14 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
 
     Args:
         table: names and places of the coordinates.
-        breaks: (n or 1, n_seg + 1) [s].
-        coef: (n, n_seg, n_vK, 6).
+        breaks: (n or 1, n_seg + 1) breaks [s].
+        coef: (n, n_seg, n_vK, 6) coefficients.
 
     Returns:
-        Position and speed tolerances (n, n_vK); for a position relative to its value at the start.
+        Tolerances of positions (relative to their start values) and velocities, (n, n_vK).
     """
     s = np.diff(breaks)[..., None, None] * np.linspace(0.0, 1.0, TOLERANCES.speed_samples)
-    # Lengths that are not named yet are NaN.
+    # Lengths without a value are NaN.
     q, v, _ = polynomial.evaluate(np.nan_to_num(coef)[..., None, :], s)
     speed = np.max(np.abs(v), axis=(1, 3), initial=0.0)
     reach = np.max(q, axis=(1, 3)) - np.min(q, axis=(1, 3))
@@ -77,36 +77,36 @@ def tolerances(table: CoordinateTable, breaks: Array, coef: Array) -> tuple[Arra
 
 
 def begun(table: CoordinateTable, coef: Array, s: Array, h: Array, move: Array, v: Array) -> Array:
-    """Pieces with another start position and velocity, and the same end.
+    """Pieces with a new start position and velocity, and the same end.
 
     Args:
         table: names and places of the coordinates.
-        coef: (n, n_vK, 6) of the pieces.
-        s: (n,) time in the piece at which it begins [s].
+        coef: (n, n_vK, 6) coefficients of the pieces.
+        s: (n,) time of the new start, since the piece began [s].
         h: (n,) duration of the piece [s].
         move: (n, n_vK) change of the start position, 0 for rotations [m or rad].
         v: (n, n_vK) start velocity [m/s or rad/s].
 
     Returns:
-        (n, n_vK, 6).
+        (n, n_vK, 6) coefficients.
     """
-    left, none = h - s, np.zeros_like(v)
+    left, zero = h - s, np.zeros_like(v)
     dv = _rates(table, coef, s, v)
-    takes = _not_rounding(move, dv) & (left > TOLERANCES.min_duration)[:, None]
-    move, dv = np.where(takes, move, 0.0), np.where(takes, dv, 0.0)
+    changes = _not_rounding(move, dv) & (left > TOLERANCES.min_duration)[:, None]
+    move, dv = np.where(changes, move, 0.0), np.where(changes, dv, 0.0)
     left = np.where(left > TOLERANCES.min_duration, left, 1.0)[:, None]
-    bend = polynomial.hermite(left, (move, dv, none), (none, none, none))
-    return coef + polynomial.shifted(bend, -s)
+    correction = polynomial.hermite(left, (move, dv, zero), (zero, zero, zero))
+    return coef + polynomial.shifted(correction, -s)
 
 
 def ended(table: CoordinateTable, coef: Array, h: Array, move: Array, v: Array) -> Array:
-    """Pieces with another end position and velocity; arguments as of :func:`begun`."""
-    none = np.zeros_like(v)
+    """Pieces with a new end position and velocity; arguments as in :func:`begun`."""
+    zero = np.zeros_like(v)
     dv = _rates(table, coef, h, v)
-    takes = _not_rounding(move, dv) & (h > TOLERANCES.min_duration)[:, None]
-    move, dv = np.where(takes, move, 0.0), np.where(takes, dv, 0.0)
+    changes = _not_rounding(move, dv) & (h > TOLERANCES.min_duration)[:, None]
+    move, dv = np.where(changes, move, 0.0), np.where(changes, dv, 0.0)
     h = np.where(h > TOLERANCES.min_duration, h, 1.0)[:, None]
-    return coef + polynomial.hermite(h, (none, none, none), (move, dv, none))
+    return coef + polynomial.hermite(h, (zero, zero, zero), (move, dv, zero))
 
 
 def _not_rounding(move: Array, dv: Array) -> Mask:
@@ -114,7 +114,7 @@ def _not_rounding(move: Array, dv: Array) -> Mask:
 
 
 def _rates(table: CoordinateTable, coef: Array, s: Array, v: Array) -> Array:
-    """Velocities v (n, n_vK) less the polynomials' rates at times s (n,)."""
+    """Velocities v (n, n_vK) minus the polynomials' rates at times s (n,)."""
     p, rate, _ = polynomial.evaluate(coef, s[:, None])
     wanted = np.array(v)
     for _, at in table.quaternions_K:

@@ -1,4 +1,4 @@
-"""Drives whose motor was too weak, from the events of a run."""
+"""Overloaded drives: lost steps and runaways, from the events of a run."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class Overload:
     """A drive that lost steps or ran away.
 
     Attributes:
-        since: when it first did [s].
-        lost_steps: how often a stepper motor lost steps, four full steps or more each time.
-        ran_away: whether it ran away.
+        since: time of the first loss or runaway [s].
+        lost_steps: number of times that a stepper motor lost steps, at least four full steps each.
+        ran_away: whether the drive ran away.
         error: command minus coordinate at the run's end [m or rad]; None for an orientation.
     """
 
@@ -30,28 +30,28 @@ class Overload:
 def overloads(
     events: Iterable[EventRecord], table: CoordinateTable, q_D: ConfigD, q_K: ConfigK
 ) -> dict[str, Overload]:
-    """The drives that were too weak, by coordinate, the earliest first.
+    """Coordinate -> overload of its drive, the earliest first.
 
     Args:
-        events: of the run.
+        events: events of the run.
         table: names of the coordinates.
         q_D: (n_qD,) dynamic configuration at the run's end [rad, m or 1].
-        q_K: (n_qK,) driven configuration there [rad, m or 1].
+        q_K: (n_qK,) driven configuration at the run's end [rad, m or 1].
     """
-    found: dict[str, list[EventRecord]] = {}
+    events_of: dict[str, list[EventRecord]] = {}
     for event in weak(events):
-        found.setdefault(event.name, []).append(event)
-    made = {}
-    for name, own in found.items():
+        events_of.setdefault(event.name, []).append(event)
+    result = {}
+    for name, own in events_of.items():
         error = None
         if name in table.q_D:
             commanded = q_K[table.q_K.index(table.commands[name])]
             error = float(commanded - q_D[table.q_D.index(name)])
         lost = sum(event.kind is EventKind.LOST_STEP for event in own)
-        made[name] = Overload(own[0].t, lost, lost < len(own), error)
-    return made
+        result[name] = Overload(own[0].t, lost, lost < len(own), error)
+    return result
 
 
 def weak(events: Iterable[EventRecord]) -> list[EventRecord]:
-    """The events of drives whose motor was too weak."""
+    """The events of overloaded drives."""
     return [e for e in events if e.kind in (EventKind.LOST_STEP, EventKind.RUNAWAY)]

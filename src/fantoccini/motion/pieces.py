@@ -1,6 +1,6 @@
 """Pieces of all driven coordinates at once: coef (n, n_vK, 6) and base (n, n_qK).
 
-Scalars are polynomials whose start value ``base`` repeats. The three entries of a rotation are its
+For a scalar, ``base`` is the polynomial's start value. The three entries of a rotation are its
 rotation vector: R = R(base) exp([phi]x).
 """
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
 LENGTH_SAMPLES = 17
-"""Points of a piece at which a length is checked to be positive."""
+"""Number of points of a piece at which a length is checked to be positive."""
 
 
 def channel_names(table: CoordinateTable) -> dict[str, tuple[slice, slice]]:
@@ -52,7 +52,7 @@ def evaluate(
 
 
 def located(breaks: Times, t: Times) -> tuple[Indices, Array, Mask]:
-    """Pieces at times (n,), the times in them [s], and whether the times lie outside of all."""
+    """Pieces at times (n,), times since they began [s], and whether the times lie outside."""
     i = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, len(breaks) - 2)
     return i, np.clip(t, breaks[0], breaks[-1]) - breaks[i], (t < breaks[0]) | (t > breaks[-1])
 
@@ -68,12 +68,12 @@ def constants(table: CoordinateTable, q_K: ConfigK) -> tuple[Array, Array]:
 def assembled(
     table: CoordinateTable, channels: Mapping[str, Channel], span: Sequence[float] = ()
 ) -> tuple[Times, Array, Array, Mask]:
-    """Channels on one clock; what has no channel stays at the table's start, unnamed.
+    """Channels on common breaks; coordinates without a channel hold the table's start, unnamed.
 
     Args:
         table: names and places of the coordinates.
-        channels: by name.
-        span: times [s] that the clock must contain.
+        channels: name -> channel.
+        span: times [s] that the breaks must contain.
 
     Returns:
         breaks (n + 1,), coef (n, n_vK, 6), base (n, n_qK), named (n_vK,).
@@ -88,9 +88,9 @@ def assembled(
     coef, base = np.tile(still, (n, 1, 1)), np.tile(start, (n, 1))
     named = np.zeros(table.n_vK, dtype=bool)
     places = channel_names(table)
-    for name, one in channels.items():
+    for name, own in channels.items():
         q, v = places[name]
-        coef[:, v], base[:, q] = one.on(breaks)
+        coef[:, v], base[:, q] = own.on(breaks)
         named[v] = True
     return breaks, coef, base, named
 
@@ -105,7 +105,7 @@ def constant_acceleration(
         t: (n + 1,) times [s].
         q_K: (n_qK,) at t[0], or (n, n_qK) at the start of every piece.
         v_K: (n_vK,) at t[0], or (n, n_vK) at the start of every piece.
-        acc_K: (n, n_vK).
+        acc_K: (n, n_vK) accelerations.
 
     Returns:
         coef (n, n_vK, 6) and base (n, n_qK).
@@ -119,7 +119,7 @@ def constant_acceleration(
         coef[1:, v_places, 1] = (v_K + gained)[:, v_places]
         moved = h * (coef[..., 1] + h * coef[..., 2])
         base[1:, q_places] = q_K[q_places] + np.cumsum(moved[:-1, v_places], axis=0)
-        # The body velocity at which a rotation ends follows from all of its piece.
+        # The body velocity at the end of a rotation depends on its whole piece.
         for i in range(1, n if table.quaternions_K else 0):
             here = slice(i - 1, i)
             turned, rate, _ = evaluate(table, coef[here], base[here], h[here, 0])
@@ -130,7 +130,7 @@ def constant_acceleration(
 
 
 def through_waypoints(table: CoordinateTable, points: Mapping[str, Points]) -> dict[str, Channel]:
-    """Smooth channels through waypoints, whose times are put on one clock first."""
+    """Smooth channels through waypoints, on common breaks."""
     breaks = clock([t for t, _ in points.values()])
     return {
         name: (channel.rotation_waypoints if name in table.rotations else channel.scalar_waypoints)(
@@ -143,7 +143,7 @@ def through_waypoints(table: CoordinateTable, points: Mapping[str, Points]) -> d
 def through_samples(
     table: CoordinateTable, columns: Mapping[str, Points], rest: bool = True
 ) -> dict[str, Channel]:
-    """Splines through samples; ``rest`` as in the functions of ``channel``."""
+    """Splines through samples; ``rest`` as in :func:`channel.scalar_samples`."""
     return {
         name: (channel.rotation_samples if name in table.rotations else channel.scalar_samples)(
             t, values, rest
@@ -153,22 +153,22 @@ def through_samples(
 
 
 def clock(times: Sequence[Times]) -> Times:
-    """All times in order, one for each group closer than SAME_TIME."""
-    kept: list[float] = []
+    """All times in order, without those within SAME_TIME after another."""
+    distinct: list[float] = []
     for t in np.unique(np.concatenate([np.zeros(0), *times])):
-        if not kept or t - kept[-1] > SAME_TIME:
-            kept.append(float(t))
-    return np.array(kept)
+        if not distinct or t - distinct[-1] > SAME_TIME:
+            distinct.append(float(t))
+    return np.array(distinct)
 
 
 def refined(breaks: Times, times: Sequence[Times]) -> Times:
-    """The breaks as they are, and between or beyond them those times that are new."""
+    """The breaks, and all times that differ from them by more than SAME_TIME."""
     new = clock(times)
     return np.sort(np.concatenate([breaks, new[np.abs(snap(new, breaks) - new) > SAME_TIME]]))
 
 
 def snap(t: Times, breaks: Times) -> Times:
-    """The nearest breaks."""
+    """The break nearest to each time."""
     after = np.clip(np.searchsorted(breaks, t), 1, max(len(breaks) - 1, 1))
     lower, upper = breaks[after - 1], breaks[np.minimum(after, len(breaks) - 1)]
     return np.where(np.abs(t - lower) <= np.abs(upper - t), lower, upper)
@@ -182,12 +182,10 @@ def joined(
     named: MaskRows,
     mistakes: Mistakes,
 ) -> Array:
-    """The coefficients (n, n_vK, 6) of pieces that meet, C^1, in position and velocity.
+    """Coefficients (n, n_vK, 6) changed so that neighbouring pieces meet C^1.
 
-    What is not named holds still.
-
-    Notes every coordinate and time at which one of them jumps by more than the tolerances of
-    :mod:`fantoccini.motion.joints`. Without any difference, the coefficients are those given.
+    Reports every coordinate and time at which a position or velocity jumps by more than the
+    tolerances of :mod:`fantoccini.motion.joints`. Coefficients without jumps are not changed.
     """
     h = np.diff(breaks)
     q_0, v_0, _ = evaluate(table, coef[:-1], base[:-1], h[:-1])
@@ -211,6 +209,6 @@ def joined(
     apart = (np.abs(v_1 - v_0) > joints.TOLERANCES.rounded_speed)[:, named]
     if not np.any(apart) and not np.any(np.abs(move) > joints.TOLERANCES.rounded_place):
         return coef
-    made = np.array(coef)
-    made[:-1] = joints.ended(table, coef[:-1], h[:-1], move, v_1)
-    return made
+    out = np.array(coef)
+    out[:-1] = joints.ended(table, coef[:-1], h[:-1], move, v_1)
+    return out

@@ -1,4 +1,4 @@
-"""Converts what the user wrote (numbers, lists, names) to arrays, noting every mistake."""
+"""Converts a user's numbers, lists and names to arrays, and collects every mistake."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from fantoccini.motion.pieces import channel_names
 
 
 class Limits(NamedTuple):
-    """What inputs may contain."""
+    """Bounds of numbers in inputs."""
 
     max_number: float = 1e9
     """Largest time or value [s, m, rad or N], so that no polynomial overflows."""
     max_turn: float = np.pi - 1e-6
-    """Turn between neighbouring rotations [rad]; from there on the shortest way is ambiguous."""
+    """Largest turn between neighbouring rotations [rad]; above, the shortest way is ambiguous."""
     min_quaternion: float = 1e-9
-    """Least size of a quaternion's largest number [1]; below, its direction is rounding."""
+    """Smallest size of a quaternion's largest number [1]; below, its direction is rounding."""
 
 
 LIMITS = Limits()
@@ -38,18 +38,18 @@ _ROTATION = "a quaternion [w, x, y, z] or a rotation vector of 3 angles"
 
 
 class HasCoordinates(Protocol):
-    """Anything with a coordinate table: a marionette, a trajectory, a tree."""
+    """An object with a coordinate table: a marionette, a trajectory, a tree."""
 
     @property
     def coordinates(self) -> CoordinateTable: ...
 
 
 Table = CoordinateTable | HasCoordinates
-"""Argument that gives the coordinates."""
+"""Argument that contains the coordinates."""
 
 
 def table_of(owner: Table) -> CoordinateTable:
-    """The coordinate table: ``owner`` itself, or its own."""
+    """``owner`` itself if it is a coordinate table, or its coordinate table."""
     table = owner if isinstance(owner, CoordinateTable) else getattr(owner, "coordinates", None)
     if not isinstance(table, CoordinateTable):
         raise TypeError(
@@ -60,7 +60,7 @@ def table_of(owner: Table) -> CoordinateTable:
 
 
 def unknown_coordinate(table: CoordinateTable, name: str) -> str:
-    """Error message for a name that is no driven coordinate."""
+    """Error message for a name that is not a driven coordinate."""
     for channel, (_, v) in table.rotations.items():
         numbers = [n for columns in _quaternions(table, channel).values() for n in columns]
         if name in (*numbers, *table.v_K[v : v + 3]):
@@ -71,7 +71,7 @@ def unknown_coordinate(table: CoordinateTable, name: str) -> str:
 
 
 def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
-    """Columns by name of a rotation channel, its own or that of the coordinate it commands."""
+    """Names of a rotation channel and of the coordinate it commands -> their four columns."""
     names = [channel, *(name for name, command in table.commands.items() if command == channel)]
     return {name: [name.removesuffix("rotation") + x for x in _QUATERNION] for name in names}
 
@@ -79,7 +79,7 @@ def _quaternions(table: CoordinateTable, channel: str) -> dict[str, list[str]]:
 def _given_once(
     name: str, written: str, spelt: dict[str, str], path: Path, mistakes: Mistakes
 ) -> bool:
-    """Whether a channel is given for the first time, under its own or its coordinate's name."""
+    """Whether a channel has one name only, its own or its coordinate's; reports a second one."""
     first = spelt.setdefault(name, written)
     if first != written:
         mistakes.add(path, f"is given twice: as {first} and as {written}; leave one out")
@@ -89,7 +89,7 @@ def _given_once(
 def waypoints(
     table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
 ) -> dict[str, Points]:
-    """Reads ``{name: [(t, value), ...]}`` for driven coordinates and those with a drive.
+    """Reads ``{name: [(t, value), ...]}`` for driven coordinates and coordinates with a drive.
 
     Args:
         table: names of the coordinates.
@@ -125,7 +125,7 @@ def waypoints(
 def forces(
     table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
 ) -> dict[str, Points]:
-    """Reads ``{name: [(t, force), ...]}`` for dynamic velocities; equal times make a step."""
+    """Reads ``{name: [(t, force), ...]}`` for dynamic velocities; two equal times are a step."""
     read = {}
     for name, points in given.items():
         path = (*at, str(name))
@@ -141,10 +141,10 @@ def forces(
 
 
 def number(value: Any, angle: bool = False) -> float:
-    """A finite number, or an angle such as ``30 deg`` where angles are allowed.
+    """A finite number, or an angle such as ``30 deg`` if ``angle`` is True.
 
     Raises:
-        ValueError: with the message for the user.
+        ValueError: the value is not such a number; the message is for the user.
     """
     if isinstance(value, str) and angle:
         try:
@@ -153,7 +153,7 @@ def number(value: Any, angle: bool = False) -> float:
             raise ValueError(error.errors()[0]["msg"]) from None
     if not is_number(value):
         raise ValueError(f"found {shown(value)}; needed: a number")
-    # A whole number may be too large for a float.
+    # Checked before conversion: an integer may be too large for a float.
     if not abs(value) <= LIMITS.max_number:
         raise ValueError(f"found {shown(value)}; needed: {_NUMBER}")
     return float(value)
@@ -215,7 +215,7 @@ def _series(
 def _order(t: float, before: float) -> str:
     if abs(t - before) <= SAME_TIME:
         return (
-            f"comes at t = {t:g} s like the waypoint before it: that would be a step in position; "
+            f"comes at t = {t:g} s like the waypoint before it, which would be a step in position; "
             "leave time between them"
         )
     return f"comes at t = {t:g} s, after a waypoint at {before:g} s; times must increase"
@@ -229,20 +229,20 @@ def _turns(points: Any, q: Array, mistakes: Mistakes, path: Path) -> bool:
             before, after = ([number(x, angle=True) for x in points[k][1]] for k in (i, i + 1))
             apart = np.subtract(after, before)
             turn[i] = max(turn[i], float(np.linalg.norm(apart)))
-    far = np.flatnonzero(turn >= LIMITS.max_turn).tolist()
-    for i in far:
+    too_large = np.flatnonzero(turn >= LIMITS.max_turn).tolist()
+    for i in too_large:
         mistakes.add(
             (*path, i + 1),
             f"turns by {np.degrees(turn[i]):.0f} deg from the waypoint before it, at "
-            f"t = {points[i][0]:g} s; from 180 deg on the way is not clear: put waypoints between",
+            f"t = {points[i][0]:g} s; from 180 deg on the way is ambiguous: add waypoints between",
         )
-    return not len(far)
+    return not len(too_large)
 
 
 def samples(
     table: CoordinateTable, t: ArrayLike, columns: Mapping[str, ArrayLike], mistakes: Mistakes
 ) -> dict[str, Points]:
-    """Reads samples: times and named columns; a rotation as (n, 4), or as its four columns.
+    """Reads samples: times and named columns; a rotation is (n, 4), or four columns.
 
     Args:
         table: names of the coordinates.
@@ -251,7 +251,7 @@ def samples(
         mistakes: collects them.
 
     Returns:
-        Times and values of every name, or nothing when mistakes were found.
+        Times and values of every name; empty after a mistake.
     """
     before, known = len(mistakes), channel_names(table)
     times = _column("t", t, None, (), mistakes)
@@ -295,10 +295,10 @@ def samples(
 
 
 def _column(
-    name: str, given: ArrayLike, n: int | None, shape: tuple[int, ...], mistakes: Mistakes
+    name: str, column: ArrayLike, n: int | None, shape: tuple[int, ...], mistakes: Mistakes
 ) -> Array | None:
-    """One column as finite numbers (n, *shape); None after a mistake."""
-    values = np.asarray(given)
+    """A column as finite numbers (n, *shape); None after a mistake."""
+    values = np.asarray(column)
     if values.dtype.kind not in "iuf":
         mistakes.add((name,), f"found {values.dtype.name} values; needed: numbers")
         return None
@@ -323,11 +323,11 @@ def _rotations(name: str, t: Times, q: Array, mistakes: Mistakes) -> Array | Non
         return None
     q = rotation.normalised(q)
     turn = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=-1)
-    far = np.nonzero(turn >= LIMITS.max_turn)[0]
-    for i in far:
+    too_large = np.nonzero(turn >= LIMITS.max_turn)[0]
+    for i in too_large:
         mistakes.add(
             (name, int(i) + 1),
             f"turns by {np.degrees(turn[i]):.0f} deg since t = {t[i]:g} s; it must be less than "
             "180 deg from sample to sample",
         )
-    return None if len(far) else q
+    return None if len(too_large) else q

@@ -1,4 +1,4 @@
-"""One instant of a puppet, and what can happen at one."""
+"""States of a puppet, and events of a run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _MOTION = ("q_D", "v_D", "q_K", "v_K")
 _MAX_NAMES = 8
-"""Number of names that a message lists."""
+"""Largest number of names in a message."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class State:
     """Time, configuration, velocity and active set of a world. The arrays are read-only copies.
 
     ``x["elbow"]`` is a coordinate, ``x["v:elbow"]`` its velocity, ``x["bar.rotation"]`` a
-    quaternion (w, x, y, z). States are equal where all their numbers and flags are.
+    quaternion (w, x, y, z). States are equal if all their numbers and flags are.
 
     Attributes:
         t: time [s].
@@ -45,14 +45,12 @@ class State:
         v_D: (n_vD,) dynamic velocity [rad/s or m/s].
         q_K: (n_qK,) driven configuration [rad, m or 1].
         v_K: (n_vK,) driven velocity [rad/s or m/s].
-        taut: (n_rows,) bool, the active set, strings before limits. All False where it is not
-            known.
-        slip: (n_strings,) by how much slipping winches have let each string out, >= 0 [m]; empty
-            for none.
-        coordinates: names and places of the coordinates; None where a state was made without.
+        taut: (n_rows,) bool, active set, strings before limits; all False if unknown.
+        slip: (n_strings,) slip of each string's winch, >= 0 [m]; empty for no slip.
+        coordinates: names and places of the coordinates; None if unknown.
 
     Raises:
-        StateError: a number that is not finite.
+        StateError: a number is not finite.
     """
 
     t: float
@@ -83,11 +81,11 @@ class State:
     def of_sample(
         cls, sample: Array, places: Mapping[str, slice | int], coordinates: CoordinateTable
     ) -> State:
-        """The state in a row that compiled code wrote, at a fifth of the constructor's cost.
+        """The state in a sample of compiled code, at a fifth of the constructor's cost.
 
         Args:
-            sample: (width,) of which the state takes a copy.
-            places: of ``t``, ``q_D``, ``v_D``, ``q_K``, ``v_K``, ``taut``, ``slip`` in it.
+            sample: (width,) numbers, which are copied.
+            places: places of ``t``, ``q_D``, ``v_D``, ``q_K``, ``v_K``, ``taut`` and ``slip``.
             coordinates: names and places of the coordinates.
 
         Raises:
@@ -96,12 +94,12 @@ class State:
         row = frozen(sample)
         parts: dict[str, Any] = {name: row[places[name]] for name in (*_MOTION, "slip")}
         t, taut = float(row[places["t"]]), row[places["taut"]] > 0
-        if not np.isfinite(row).all():  # perhaps only a number that belongs to no state
+        if not np.isfinite(row).all():  # possibly a number outside of the state
             return cls(t, **parts, taut=taut, coordinates=coordinates)
         taut.setflags(write=False)
-        made = object.__new__(cls)
-        made.__dict__.update(parts, t=t, taut=taut, coordinates=coordinates)
-        return made
+        state = object.__new__(cls)
+        state.__dict__.update(parts, t=t, taut=taut, coordinates=coordinates)
+        return state
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, State):
@@ -115,8 +113,8 @@ class State:
         table = self.coordinates
         if table is None:
             raise StateError(
-                f"no coordinate of this state has a name: it was made without its puppet's "
-                f"coordinates; x.replace(coordinates=marionette.coordinates)[{name!r}] has one"
+                f"this state has no names of coordinates; "
+                f"write x.replace(coordinates=marionette.coordinates)[{name!r}]"
             )
         for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
             if name in names:
@@ -135,15 +133,15 @@ class State:
         )
 
     def replace(self, **changes: Any) -> State:
-        """A copy with some fields changed: ``x.replace(t=0.0, v_D=v)``.
+        """A copy with other fields: ``x.replace(t=0.0, v_D=v)``.
 
-        The active set belongs to one motion: if a configuration, velocity or slip changes, the
-        copy's is not known, unless ``taut`` is given as well.
+        The active set depends on the motion: if a configuration, velocity or slip changes, it is
+        unknown in the copy, unless ``taut`` is given.
         """
-        if changes.keys() == {"t"}:  # the arrays cannot change: both may have them
-            made = object.__new__(type(self))
-            made.__dict__.update(self.__dict__, t=_finite_time(changes["t"]))
-            return made
+        if changes.keys() == {"t"}:  # read-only arrays are shared
+            copy = object.__new__(type(self))
+            copy.__dict__.update(self.__dict__, t=_finite_time(changes["t"]))
+            return copy
         moved = any(
             name in changes and not np.array_equal(changes[name], getattr(self, name))
             for name in (*_MOTION, "slip")
@@ -153,7 +151,7 @@ class State:
         return dataclasses.replace(self, **changes)
 
     def _values(self) -> tuple[object, ...]:
-        """The key of equality; no slip and a slip of 0 are the same."""
+        """The values that are compared; no slip equals a slip of 0."""
         slip = self.slip.tolist() if np.any(self.slip) else ()
         motion = (tuple(getattr(self, name).tolist()) for name in _MOTION)
         return self.t, *motion, tuple(self.taut.tolist()), tuple(slip)
@@ -169,23 +167,23 @@ class State:
 
 def _finite_time(t: float) -> float:
     try:
-        found = t if type(t) is float else float(floats(t))  # without arrays where runs make states
+        time = t if type(t) is float else float(floats(t))  # arrays would slow down runs
     except (TypeError, ValueError):
         raise StateError(f"t is {t!r}; it must be a number of seconds") from None
-    if not math.isfinite(found):
-        raise StateError(f"t is {found}; a state holds finite numbers")
-    return found
+    if not math.isfinite(time):
+        raise StateError(f"t is {time}; a state holds finite numbers")
+    return time
 
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """States of one time side by side, n of them.
+    """n states at one time, as arrays with a leading axis.
 
     Attributes:
         t: time [s].
-        q_D, v_D, q_K, v_K: (n, ...) as of :class:`State`.
-        taut: (n, n_rows) bool.
-        slip: (n, n_strings) [m].
+        q_D, v_D, q_K, v_K: (n, ...) configurations and velocities, as in :class:`State`.
+        taut: (n, n_rows) bool, active sets.
+        slip: (n, n_strings) slips [m].
     """
 
     t: float
@@ -200,29 +198,29 @@ class States:
     def of(
         cls, states: Sequence[State], table: CoordinateTable, n_strings: int, n_rows: int
     ) -> States:
-        """States of one puppet, each with an active set and a slip for every string.
+        """Several states of one puppet; those without an active set or slip get zeros.
 
         Args:
-            states: one or more.
-            table: the puppet's coordinates.
-            n_strings, n_rows: its strings; its strings and limits.
+            states: one or more states.
+            table: coordinates of the puppet.
+            n_strings, n_rows: number of its strings, and of its strings and limits.
 
         Raises:
-            ValueError: they are not of one time.
-            StateError: a state of another puppet, or a slip that is not a length >= 0 for each of
-                the strings.
+            ValueError: the states have different times.
+            StateError: a state is of another puppet, or its slip is not a length >= 0 for each
+                string.
         """
         for x in states:
             check_size(x, table, n_rows)
         if any(x.t != states[0].t for x in states):
-            raise ValueError("the states of a batch must be of one time: x.replace(t=...)")
-        still, slips = np.zeros(n_strings), [x.slip for x in states]
+            raise ValueError("the states of a batch must have one time: x.replace(t=...)")
+        no_slip, slips = np.zeros(n_strings), [x.slip for x in states]
         wrong = [x for x in slips if x.shape not in ((0,), (n_strings,))]
-        slip = np.array([still if x.shape == (0,) else x for x in slips if not wrong])
+        slip = np.array([no_slip if x.shape == (0,) else x for x in slips if not wrong])
         if wrong or not np.all(np.isfinite(slip) & (slip >= 0)):
             bad = wrong[0] if wrong else slip[~np.all(np.isfinite(slip) & (slip >= 0), axis=1)][0]
             raise StateError(
-                f"slip: found {bad.tolist()}; it takes a length >= 0 for each of the {n_strings} "
+                f"slip: found {bad.tolist()}; needed: a length >= 0 for each of the {n_strings} "
                 "strings, or nothing"
             )
         q_D, v_D, q_K, v_K = (np.array([getattr(x, n) for x in states]) for n in _MOTION)
@@ -234,33 +232,33 @@ class States:
         return len(self.q_D)
 
     def repeated(self, n: int) -> States:
-        """A single one, n times."""
+        """A single state, repeated n times."""
         parts = {name: getattr(self, name) for name in (*_MOTION, "taut", "slip")}
         return States(self.t, **{k: np.repeat(x, n, axis=0) for k, x in parts.items()})
 
     def some(self, lanes: slice) -> States:
-        """Those of a slice."""
+        """The states of a slice."""
         parts = {name: getattr(self, name)[lanes] for name in (*_MOTION, "taut", "slip")}
         return States(self.t, **parts)
 
 
 def check_size(x: State, table: CoordinateTable, n_rows: int) -> None:
-    """Raises StateError unless a state is one of a puppet with these coordinates and rows."""
+    """Raises StateError unless a state fits a puppet with these coordinates and rows."""
     if not isinstance(x, State):
-        raise StateError(f"found {x!r}; it takes a state, as marionette.rest() gives it")
+        raise StateError(f"found {x!r}; needed: a state, such as marionette.rest()")
     if x.coordinates is not None and x.coordinates is not table:
         theirs, own = ((t.q_D, t.q_K) for t in (x.coordinates, table))
         if theirs != own:
             raise StateError(
-                "the state is one of another puppet: its coordinates are "
+                "the state is of another puppet: its coordinates are "
                 f"{_listed((*theirs[0], *theirs[1]))}, this puppet's {_listed((*own[0], *own[1]))}"
             )
-    found = tuple(len(getattr(x, name)) for name in _MOTION)
-    takes = table.n_qD, table.n_vD, table.n_qK, table.n_vK
-    for name, has, needed in zip(_MOTION, found, takes, strict=True):
+    lengths = tuple(len(getattr(x, name)) for name in _MOTION)
+    sizes = table.n_qD, table.n_vD, table.n_qK, table.n_vK
+    for name, has, needed in zip(_MOTION, lengths, sizes, strict=True):
         if has != needed:
             raise StateError(
-                f"the state is one of another puppet: its {name} has {has} numbers, this puppet's "
+                f"the state is of another puppet: its {name} has {has} numbers, this puppet's "
                 f"{needed}"
             )
     if len(x.taut) not in (0, n_rows):
@@ -274,7 +272,11 @@ def _listed(names: Sequence[str]) -> str:
 
 
 class EventKind(enum.StrEnum):
-    """What happened at an event."""
+    """Kind of an event.
+
+    A winch that reaches its largest tension slips, and grips again. A stepper motor loses a step,
+    a drive runs away.
+    """
 
     CATCH = "catch"
     RELEASE = "release"
@@ -294,17 +296,15 @@ class EventKind(enum.StrEnum):
 
 @dataclass(frozen=True)
 class EventRecord:
-    """A change of the active set, or a point where the inputs may jump in acceleration.
+    """An event of a run: a discrete change, or a point where the inputs' acceleration may jump.
 
     Attributes:
         t: time [s].
-        kind: what happened. A winch that reaches its largest tension slips, and grips again. A
-            stepper motor loses a step, a drive runs away.
-        name: the string, limit or coordinate with a drive; of contact two, ``foot|floor``;
-            empty for a breakpoint or an accumulation.
-        impulse: of the catch, >= 0 [N s, or N m s for a limit of an angle].
-        speed: hdot just before the catch or the touch, or with which a winch begins to slip [m/s or
-            rad/s].
+        kind: kind of the event.
+        name: name of the string, limit or coordinate with a drive; for contact, of both parts
+            (``foot|floor``); empty for a breakpoint or an accumulation.
+        impulse: impulse of the catch, >= 0 [N s, or N m s for a limit of an angle].
+        speed: hdot just before a catch, a touch or the slip of a winch [m/s or rad/s].
     """
 
     t: float

@@ -21,31 +21,31 @@ MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 TABLES = ("tension", "limit_force", "taut", "ledger", "slip")
 RESIDUAL = "contact_residual"
 SAVED = (*MOTION, *TABLES, RESIDUAL)
-"""What a batch can save."""
+"""Quantities that a batch can save."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectories:
-    """n runs of one puppet on the same T times: ``many.q_D[i, k]``, ``many.tension["hand"][i, k]``.
+    """n runs of one puppet at T times: ``batch.q_D[i, k]``, ``batch.tension["hand"][i, k]``.
 
-    Quantities that were not saved are None. Samples that a run did not reach are NaN, and not taut.
+    Quantities that were not saved are None. Samples that a run did not reach are NaN; their taut
+    flags are False.
 
     Attributes:
         t: (T,) times [s].
         status: (n,) :class:`Status` numbers.
-        reached: (n,) time that each reached [s]; NaN if Ctrl-C came before its start.
-        violation: (n,) largest h of all rows (fixed steps; 0 for event)
-            [m, rad or 1].
-        catches, releases: (n,) of strings and limits.
-        blame: (n,) by string and limit, its share in stopping each run; by coordinate with a drive,
-            whether it lost steps or ran away; 0 to 1.
+        reached: (n,) time that each run reached [s]; NaN if Ctrl-C came before its start.
+        violation: (n,) largest h of all rows (fixed steps; 0 for event) [m, rad or 1].
+        catches, releases: (n,) numbers of catches and releases of strings and limits.
+        blame: (n,) attribution of each run's end, 0 to 1: share of each string and limit in
+            stopping it; whether each coordinate's drive lost steps or ran away.
         method: event, timestepping or variational.
         coordinates: names and places of the coordinates.
-        puppet: what moved.
-        parameters: (n,) by name, of each run.
-        q_D, v_D, acc_D, q_K, v_K, acc_K: (n, T, ...) as of :class:`Trajectory`.
-        tension, limit_force, taut, ledger, slip: (n, T) by name, as of :class:`Trajectory`.
-        contact_residual: (n, T) of the laws of contact, as of :class:`Trajectory`.
+        puppet: puppet of the runs; None if unknown.
+        parameters: (n,) values of each parameter.
+        q_D, v_D, acc_D, q_K, v_K, acc_K: (n, T, ...) motion, as in :class:`Trajectory`.
+        tension, limit_force, taut, ledger, slip: (n, T) columns, as in :class:`Trajectory`.
+        contact_residual: (n, T) violation of the contact laws, as in :class:`Trajectory`.
     """
 
     t: Times
@@ -87,7 +87,7 @@ class Trajectories:
 
     @property
     def done(self) -> Array:
-        """(n,) bool, the runs that reached their end and held."""
+        """(n,) bool, whether each run ended with the status DONE."""
         return self.status == Status.DONE
 
     def counts(self) -> dict[Status, int]:
@@ -95,16 +95,14 @@ class Trajectories:
         return {Status(s): n for s, n in Counter(self.status.tolist()).most_common()}
 
     def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
-        """Names whose share of the blame for the end of run i exceeds ``least``."""
+        """Names whose share in ``blame`` of run i exceeds ``least``."""
         return tuple(n for n in self.blame.names if self.blame[n][i] > least)
 
     def trajectory(self, i: int) -> Trajectory:
-        """Run i by itself; its events were not recorded. Everything must have been saved.
-
-        Simulate with ``save="all"``.
+        """Run i as a trajectory without events, from a batch simulated with ``save="all"``.
 
         Raises:
-            ValueError: naming what was not saved; or the run was not begun.
+            ValueError: a quantity was not saved, or the run did not begin.
         """
         missing = [name for name in (*MOTION, *TABLES) if getattr(self, name) is None]
         if missing:
@@ -112,7 +110,7 @@ class Trajectories:
                 f"{', '.join(missing)} of these runs were not saved; simulate with save='all'"
             )
         if not np.isfinite(self.reached[i]):
-            raise ValueError(f"run {i} was not begun")
+            raise ValueError(f"run {i} did not begin")
         samples = slice(0, max(1, int(np.searchsorted(self.t, self.reached[i], side="right"))))
         own: dict[str, Any] = {name: getattr(self, name)[i, samples] for name in MOTION}
         own |= {name: self._columns(name, i, samples) for name in TABLES}

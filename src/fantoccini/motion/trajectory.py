@@ -1,4 +1,4 @@
-"""Trajectory: everything a run gives, over time. An impact is two samples at one time."""
+"""Trajectory: all results of a run over time. An impact is two samples at one time."""
 
 from __future__ import annotations
 
@@ -40,46 +40,43 @@ LEDGER = ("kinetic", "potential", "damping", "impact", "slip", "friction", "work
 
 _MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _MAX_TIME_OUTSIDE = 1e-9
-"""Time before or after the run that still counts as its start or end [s]: rounding."""
+"""Largest time before or after the run that counts as its start or end [s]: rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """The course of a run. The arrays are read-only copies; T samples, times not decreasing.
+    """The results of a run at T samples. The arrays are read-only copies.
 
     Attributes:
-        t: (T,) times [s].
+        t: (T,) times [s], not decreasing.
         q_D: (T, n_qD) dynamic configuration [rad, m or 1].
         v_D: (T, n_vD) dynamic velocity [rad/s or m/s].
         acc_D: (T, n_vD) dynamic acceleration [rad/s^2 or m/s^2].
         q_K: (T, n_qK) driven configuration [rad, m or 1].
         v_K: (T, n_vK) driven velocity [rad/s or m/s].
         acc_K: (T, n_vK) driven acceleration [rad/s^2 or m/s^2].
-        tension: by string, >= 0 [N].
-        limit_force: by limit, >= 0 [N or N m].
-        taut: by string, whether it is taut (bool).
-        ledger: kinetic, potential [J], and since the start damping, impact, slip, friction, work,
-            residual [J].
-        events: in order of time.
-        status: how the run ended.
-        blamed: strings and limits that no motion satisfies together, or that pull beyond the cap,
-            and coordinates whose drive was too weak, where the status says so.
-        method: event, timestepping or variational; mujoco where that made it.
+        tension: tension of each string, >= 0 [N].
+        limit_force: force of each limit, >= 0 [N or N m].
+        taut: whether each string is taut (bool).
+        ledger: kinetic and potential energy; damping, impact, slip, friction, work and residual
+            since the start [J].
+        events: events in order of time.
+        status: reason for the run's end.
+        blamed: names to which the status is attributed: strings and limits that no motion
+            satisfies together, or beyond the tension cap; coordinates with overloaded drives.
+        method: event, timestepping, variational or mujoco.
         coordinates: names and places of the coordinates.
-        puppet: what moved (None when unknown).
-        effort: by driven velocity, the force that drives it [N or N m]; None when not computed.
-        violation: by string and limit, max(h, 0) [m, rad or 1]; None when not computed.
-        slip: by string, the length let out by its slipping winch, >= 0 [m]; None when not computed.
-        undetermined: by string and driven velocity, whether its tension or effort is not determined
-            by the motion (bool): the reported value is one of several with the same motion, up to
-            rounding. None when not computed.
-        seconds: time that computing it took [s]; None when not known, as after loading.
-        contact_residual: (T,) by how much the laws of contact are broken in the step before each
-            sample, a speed relative to the largest in them, 0 where nothing touches; None where
-            nothing may touch anything.
-        contact: points that pushed, with their forces; None where nothing may touch anything, and
-            of batches.
-        events_recorded: whether ``events`` holds what happened; runs of batches keep no events.
+        puppet: puppet of the run; None if unknown.
+        effort: force that drives each driven velocity [N or N m]; None if not computed.
+        violation: max(h, 0) of each string and limit [m, rad or 1]; None if not computed.
+        slip: slip of each string's winch, >= 0 [m]; None if not computed.
+        undetermined: whether the motion leaves a string's tension or a driven velocity's effort
+            undetermined: other values give the same motion (bool); None if not computed.
+        seconds: computing time [s]; None if unknown, as after loading.
+        contact_residual: (T,) error of the contact laws in the step before each sample, relative
+            to the largest speed in them; 0 if nothing touches; None without contact.
+        contact: points with contact forces; None without contact, and for runs of batches.
+        events_recorded: whether ``events`` was recorded; it is not for runs of batches.
     """
 
     t: Times
@@ -116,7 +113,7 @@ class Trajectory:
         )
 
     def _repr_html_(self) -> str | None:
-        """A strip of poses and the summary, for notebooks; nothing is compiled for it."""
+        """Poses over time and the summary as HTML, for notebooks; compiles nothing."""
         return output().run_html(self)
 
     def __post_init__(self) -> None:
@@ -139,7 +136,7 @@ class Trajectory:
                     f"{(n,)}"
                 )
         if n == 0 or not (np.all(np.isfinite(self.t)) and np.all(np.diff(self.t) >= 0)):
-            raise ValueError("t must hold one time or more, none before the one it follows")
+            raise ValueError("t must hold one time or more, not decreasing")
         object.__setattr__(self, "events", tuple(self.events))
         object.__setattr__(self, "status", Status(self.status))
         object.__setattr__(self, "blamed", tuple(self.blamed))
@@ -163,12 +160,12 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """From the first to the last sample [s]."""
+        """Time from the first to the last sample [s]."""
         return float(self.t[-1] - self.t[0])
 
     @property
     def impulse(self) -> Columns:
-        """By string and limit: the impulse [N s or N m s] at the first sample after it, else 0.
+        """Impulse of each string and limit [N s or N m s], at the first sample after it; else 0.
 
         Raises:
             ValueError: the events were not recorded.
@@ -189,25 +186,25 @@ class Trajectory:
 
     @property
     def overloads(self) -> dict[str, Overload]:
-        """The drives whose motor was too weak, by coordinate, the earliest first."""
+        """Coordinate -> overload of its drive, the earliest first."""
         return overloads(self.events, self.coordinates, self.q_D[-1], self.q_K[-1])
 
     # -- between the samples -----------------------------------------------------------------
 
     def resample(self, times: Times, side: Literal["right", "left"] = "right") -> Trajectory:
-        """The same run on other times, with the events between the first and the last of them.
+        """The run at other times, with the events between the first and the last of them.
 
         Motion between two samples is the quintic through their positions, velocities and
         accelerations; tension, forces, effort and ledger are linear; the active set is that of the
         left sample.
 
         Args:
-            times: (m,) [s], not decreasing, inside the run.
-            side: the side of an impact at whose time the sample is taken.
+            times: (m,) times [s], not decreasing, inside the run.
+            side: ``right`` for the sample after an impact at its time, ``left`` for the one before.
         """
         times = self._inside(floats(times))
         if times.ndim != 1 or not len(times) or np.any(np.diff(times) < 0):
-            raise ValueError("times must be a list of one time or more that do not decrease")
+            raise ValueError("times must be a list of one time or more, not decreasing")
         left, right, s = interpolate.bracket(self.t, times, side)
         table = self.coordinates
         changes: dict[str, Any] = {}
@@ -254,16 +251,15 @@ class Trajectory:
             self.coordinates,
         )
 
-    # -- giving it away ----------------------------------------------------------------------
+    # -- export ------------------------------------------------------------------------------
 
     def columns(self) -> dict[str, Array]:
-        """All columns (T,) by name; ``pandas.DataFrame(run.columns())`` works.
+        """Name -> column (T,); ``pandas.DataFrame(run.columns())`` works.
 
-        ``t``; a coordinate by its name (``elbow``, ``torso.qw``); ``v:elbow``, ``acc:elbow``;
-        ``tension:hand``, ``taut:hand``, ``impulse:hand``, ``force:elbow.upper``,
-        ``effort:hand.length``, ``violation:hand``, ``slip:hand``, ``undetermined:hand``,
-        ``energy:kinetic``; with contact ``contact_residual``. Without impulses where the events
-        were not recorded.
+        Names are ``t``; coordinates (``elbow``, ``torso.qw``); ``v:elbow``, ``acc:elbow``;
+        ``tension:hand``, ``taut:hand``, ``force:elbow.upper``, ``effort:hand.length``,
+        ``violation:hand``, ``slip:hand``, ``undetermined:hand``, ``energy:kinetic``;
+        ``impulse:hand`` if the events were recorded; ``contact_residual`` with contact.
         """
         table, columns = self.coordinates, {"t": self.t}
         for names, values in ((table.q_D, self.q_D), (table.q_K, self.q_K)):
@@ -293,18 +289,18 @@ class Trajectory:
         return columns
 
     def to_dict(self) -> dict[str, list[Any]]:
-        """:meth:`columns` as lists of plain numbers, for JSON."""
+        """:meth:`columns` as lists of numbers, for JSON."""
         return {name: values.tolist() for name, values in self.columns().items()}
 
     def to_csv(self, path: str | Path) -> None:
-        """Writes :meth:`columns` as CSV; numbers read back to the same bits, flags as 0 and 1."""
+        """Writes :meth:`columns` as CSV: numbers with all bits, flags as 0 and 1."""
         write_table(self.columns(), path)
 
     def save(self, path: str | Path) -> None:
-        """Writes an npz file that holds everything, the puppet included. The file appears whole.
+        """Writes an npz file with all results and the puppet, whole or not at all.
 
         Args:
-            path: ends in ``.npz``.
+            path: path that ends in ``.npz``.
 
         Raises:
             ValueError: the path has another ending.
@@ -319,7 +315,7 @@ class Trajectory:
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
-        """Reads what :meth:`save` wrote, to the same bits.
+        """Reads a file written by :meth:`save`, to the same bits.
 
         Raises:
             FileError: the file is not a trajectory.
@@ -333,11 +329,11 @@ class Trajectory:
         If ``seconds`` exceeds ``duration``, the run was slower than real time; method
         ``timestepping`` is faster.
 
-        ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches and the largest
-        impulse [N s], and undetermined [s] where that was computed; ``summary()["drives"]`` has,
-        for drives whose motor was too weak, ``since`` [s], ``lost_steps``, ``ran_away``, ``error``
-        at the end [m or rad]. ``events``, ``catches``, ``impulse`` and ``drives`` are None where
-        the events were not recorded.
+        ``summary()["tension"]["hand"]`` has min and max [N], slack [s], catches, the largest
+        impulse [N s], and undetermined [s] if computed. ``summary()["drives"]`` has ``since`` [s],
+        ``lost_steps``, ``ran_away`` and ``error`` at the end [m or rad] of overloaded drives.
+        ``events``, ``catches``, ``impulse`` and ``drives`` are None if the events were not
+        recorded.
         """
         h = np.diff(self.t, append=self.t[-1])
         known = self.events_recorded
@@ -354,7 +350,7 @@ class Trajectory:
             if self.undetermined is not None:
                 seconds = float(np.sum(h[self.undetermined.flags(name)]))
                 strings[name]["undetermined"] = seconds
-        drives = {name: vars(found) for name, found in self.overloads.items()}
+        drives = {name: vars(overload) for name, overload in self.overloads.items()}
         return {
             "duration": self.duration,
             "seconds": self.seconds,
@@ -370,12 +366,12 @@ class Trajectory:
         """Tensions, slack and taut, energy and driven lengths against time, as a matplotlib figure.
 
         Args:
-            path: writes the figure there as well (png, svg or pdf).
+            path: file for the figure (png, svg or pdf); by default none is written.
             look: theme, size and scale, as in :func:`fantoccini.output.plot`.
         """
         return output().plot(self, path, **look)
 
-    # -- inside ------------------------------------------------------------------------------
+    # -- helpers -----------------------------------------------------------------------------
 
     def _tables(self) -> dict[str, Columns]:
         names = (

@@ -1,7 +1,7 @@
-"""Source text -> a shared library on this machine, compiled once and kept in a cache.
+"""Source text -> a shared library, compiled once on this machine and cached.
 
-:func:`fingerprint` makes the key from everything that can change the library; :func:`obtain`
-returns the library's folder, and derives and compiles only if the cache has no such library.
+:func:`fingerprint` is the key, a hash of everything that can change the library. :func:`obtain`
+returns the library's folder, and derives and compiles only if the library is not in the cache.
 """
 
 from fantoccini.kernel.build.cache import clear, obtain

@@ -1,8 +1,8 @@
 """The cache of compiled libraries: ``<cache>/<key[:2]>/<key>/``.
 
-A library is built in a temporary folder next to its place and renamed, so that a killed build
-leaves nothing under an entry's name. A lock lets a second process wait for the first instead of
-compiling the same; without locks both compile, and the first to rename wins.
+A library is built in a temporary folder and renamed, so that a killed build leaves no folder with
+an entry's name. With a lock, a second process waits for the first instead of compiling the same
+library; without locks both compile, and the first to rename wins.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def obtain(
         produce: derives the source; called at most once, and only if needed.
         flags: compiler flags beyond the standard ones, or a function that chooses them.
         progress: called with a few words on each stage.
-        afresh: compile even if the library is there (it would not load).
+        afresh: compile even if the library exists, because it cannot be loaded.
 
     Raises:
         BuildError: no compiler, a compiler that failed, or no writable folder.
@@ -113,7 +113,7 @@ def obtain(
 
 
 def clear() -> int:
-    """Removes every library and all kept arrays from the cache folder; returns how many libraries.
+    """Removes all libraries and arrays from the cache folder; returns the number of libraries.
 
     Raises:
         BuildError: the folder is another user's, or something in it cannot be removed.
@@ -121,9 +121,9 @@ def clear() -> int:
     root = cache_folder()
     if trouble := distrust(root):
         raise BuildError(f"the cache is not cleared: {trouble}")
-    found = entries(root)
+    libraries = entries(root)
     try:
-        for folder in [*found, *_leftovers(root)]:
+        for folder in [*libraries, *_leftovers(root)]:
             shutil.rmtree(folder)
         for kind in ("lock", "npz"):
             for file in root.glob(f"{_GROUP}/*.{kind}"):
@@ -135,7 +135,7 @@ def clear() -> int:
                 group.rmdir()
     except OSError as error:
         raise BuildError(f"the cache cannot be cleared: {error}") from error
-    return len(found)
+    return len(libraries)
 
 
 def entries(root: Path) -> list[Path]:
@@ -144,15 +144,15 @@ def entries(root: Path) -> list[Path]:
 
 
 def _leftovers(root: Path, age: float = 0.0) -> list[Path]:
-    """Folders that builds left behind at least ``age`` lifetimes ago."""
+    """Folders of killed and failed builds, at least ``age`` lifetimes old."""
     now = time.time()
-    found = []
+    folders = []
     for pattern, lifetime in _LIFETIMES.items():
         for folder in root.glob(f"{_GROUP}/{pattern}"):
             with contextlib.suppress(OSError):
                 if now - folder.stat().st_mtime >= age * lifetime:
-                    found.append(folder)
-    return found
+                    folders.append(folder)
+    return folders
 
 
 def _obtain_in(
@@ -222,8 +222,8 @@ def _make(
 
     Args:
         root: the cache folder.
-        entry: the folder to make.
-        source: what to compile.
+        entry: folder of the entry.
+        source: source files of the library.
         flags: compiler flags beyond the standard ones.
         tell: progress callback.
         replace: also replace a complete entry, and the object files it is linked from.
@@ -318,7 +318,7 @@ def _settle(folder: Path, entry: Path, replace: bool) -> None:
 
 @contextlib.contextmanager
 def _writing(root: Path) -> Iterator[None]:
-    """Raises UnusableError for a failure to write below a cache folder."""
+    """Raises UnusableError if the block cannot write below a cache folder."""
     try:
         yield
     except OSError as error:

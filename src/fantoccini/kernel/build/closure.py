@@ -16,12 +16,12 @@ _PACKAGE = ROOT.name
 
 @cache
 def code_fingerprint(*modules: str) -> str:
-    """A hash of the code of some modules and of all that they import within fantoccini.
+    """A hash of the code of modules and of all modules of fantoccini that they import.
 
     Comments and docstrings do not change it.
 
     Args:
-        modules: full names.
+        modules: full names of the modules.
     """
     digest = hashlib.sha256()
     for file in sorted(closure(modules)):
@@ -31,37 +31,37 @@ def code_fingerprint(*modules: str) -> str:
 
 
 def closure(modules: Iterable[str]) -> set[Path]:
-    """The files of some modules and of all that they import within fantoccini.
+    """The files of modules and of all modules of fantoccini that they import.
 
-    A package counts as the modules that define the names imported from it, wherever ``__init__``
-    gets them; the rest of what ``__init__`` imports does not belong.
+    A package counts as the modules that define the names imported from it; the other imports of its
+    ``__init__`` do not count.
     """
     waiting: list[tuple[str, str | None]] = [(name, None) for name in modules]
     seen: set[tuple[str, str | None]] = set()
     files: set[Path] = set()
     while waiting:
-        wanted = waiting.pop()
-        if wanted in seen:
+        imported = waiting.pop()
+        if imported in seen:
             continue
-        seen.add(wanted)
-        module, name = wanted
+        seen.add(imported)
+        module, name = imported
         if name and (file := file_of(f"{module}.{name}")):  # a submodule
             module, name = f"{module}.{name}", None
         elif (file := file_of(module)) is None:
             continue
         imports = imports_of(file)
-        defining = [found for found, binds in imports if binds == name]
+        defining = [source for source, binds in imports if binds == name]
         if defining and file.name == "__init__.py":
             waiting += defining
         else:  # a module, or a package that defines the name itself
             files.add(file)
-            waiting += (found for found, _ in imports)
+            waiting += (source for source, _ in imports)
     return files
 
 
 @cache
 def file_of(module: str) -> Path | None:
-    """The file of a module of fantoccini; None for others."""
+    """The file of a module of fantoccini; None for other modules."""
     path = ROOT.joinpath(*module.split(".")[1:])
     for file in (path.with_suffix(".py"), path / "__init__.py"):
         if module.split(".")[0] == _PACKAGE and file.is_file():
@@ -71,12 +71,12 @@ def file_of(module: str) -> Path | None:
 
 @cache
 def imports_of(file: Path) -> tuple[tuple[tuple[str, str | None], str], ...]:
-    """((module, name imported from it), name that it is bound to) of every import.
+    """((module, imported name), name to which it is bound) of every import.
 
-    Found by a regular expression: parsing all files takes a second.
+    A regular expression finds the imports: parsing all files takes a second.
     """
-    found: list[tuple[tuple[str, str | None], str]] = []
-    stub = file.with_suffix(".pyi")  # of a face that imports its names when they are asked for
+    imports: list[tuple[tuple[str, str | None], str]] = []
+    stub = file.with_suffix(".pyi")  # exists for a package that imports its names lazily
     text = file.read_text(encoding="utf-8")
     if stub.is_file():
         text += "\n" + stub.read_text(encoding="utf-8")
@@ -87,10 +87,10 @@ def imports_of(file: Path) -> tuple[tuple[tuple[str, str | None], str], ...]:
             module = f"{package}.{module[1:]}".rstrip(".")
         for words in (part.split() for part in re.sub(r"#.*|[()]", "", names).split(",")):
             if words and module:
-                found.append(((module, words[0]), words[-1]))
+                imports.append(((module, words[0]), words[-1]))
             elif words:
-                found.append(((words[0], None), words[-1]))
-    return tuple(found)
+                imports.append(((words[0], None), words[-1]))
+    return tuple(imports)
 
 
 _IMPORT = re.compile(

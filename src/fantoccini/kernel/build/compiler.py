@@ -1,7 +1,7 @@
-"""The system's C++ compiler: finding it, its flags, running it.
+"""The system's C++ compiler: search, flags, execution.
 
-The only module that starts a compiler. Commands are lists, never shell text, and contain nothing
-from a puppet file.
+No other module starts a compiler. Commands are lists, never shell text, and contain nothing from a
+puppet file.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from fantoccini.kernel.build.entry import LIBRARY, Source
 Kind = Literal["gcc", "clang", "zig"]
 
 COMPILE_SECONDS = 600.0
-"""A compilation that takes longer is stopped."""
+"""Time after which a compilation is stopped [s]."""
 
 BASE_FLAGS = ("-std=c++17", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=fast")
-"""Always given. Never -ffast-math: the runtime relies on infinities and on the order of sums."""
+"""Flags of every compilation. -ffast-math would break infinities and the order of sums."""
 
 APART = "-DFAN_APART"
-"""Defined where the units of a source are compiled separately."""
+"""Flag for sources whose units are compiled separately."""
 
 _VERSION_SECONDS = 60.0
 _ENGLISH = {"LC_ALL": "C"}
@@ -47,7 +47,7 @@ class Compiler:
 
     Attributes:
         command: program and fixed arguments, without flags.
-        kind: decides on flags.
+        kind: kind of compiler, which determines its flags.
         version: first line of the output of ``--version``.
     """
 
@@ -63,10 +63,11 @@ class DiskError(OSError):
 def find_compiler() -> Compiler:
     """The C++ compiler in the environment variable FANTOCCINI_CXX or CXX.
 
-    Without them the first that runs of g++, c++, clang++ and the ziglang package.
+    Without these, the first of g++, c++, clang++ and the ziglang package that runs.
 
     Raises:
-        BuildError: there is none (with the command that installs one), or the named one fails.
+        BuildError: no compiler is installed (the message has a command that installs one), or the
+            one in the variable does not run.
     """
     for variable in ("FANTOCCINI_CXX", "CXX"):
         value = os.environ.get(variable, "").strip()
@@ -95,15 +96,15 @@ def find_compiler() -> Compiler:
 
 @functools.lru_cache(maxsize=16)
 def _identify(command: tuple[str, ...], path: str) -> Compiler:
-    """Kind and version of a compiler by its answer to --version, which is slow and cached.
+    """Kind and version of a compiler from its output for --version, which is slow and cached.
 
     Args:
         command: program and fixed arguments.
-        path: the search path; part of the cache's key.
+        path: search path; part of the cache's key.
 
     Raises:
-        OSError: there is no such program or it does not answer; not cached, so that the user can
-            install it and try again.
+        OSError: there is no such program, or it does not answer. Not cached: the user can install
+            it and try again.
     """
     program = shutil.which(command[0], path=path or None)
     if program is None:
@@ -160,13 +161,14 @@ def system_install_command() -> str:
 def compile_flags(compiler: Compiler) -> tuple[str, ...]:
     """The flags that depend on the compiler, the processor and the user.
 
-    -O2 at every size: code in pieces compiles in time proportional to its length (docs/growth.md
-    compares -O1). Flags in the environment variable FANTOCCINI_CXXFLAGS come last and win.
+    -O2 for every size: the compile time of code in pieces is proportional to its length
+    (docs/growth.md compares -O1). Flags in the environment variable FANTOCCINI_CXXFLAGS come last
+    and override others.
 
     Raises:
         BuildError: FANTOCCINI_CXXFLAGS cannot be split into flags.
     """
-    # On ARM only -mcpu is understood by every compiler; elsewhere -march.
+    # On ARM all compilers understand only -mcpu; on other processors -march.
     arm = platform.machine().lower() in ("arm64", "aarch64")
     native = "-mcpu=native" if arm or compiler.kind == "zig" else "-march=native"
     # zig instruments for undefined behaviour unless told not to.
@@ -195,7 +197,7 @@ def command_lines(
     include: Path,
     object_files: Sequence[str] = (),
 ) -> tuple[list[list[str]], list[str]]:
-    """The commands that make the library, to run inside the entry's folder.
+    """The commands that build the library, to run in the entry's folder.
 
     Args:
         compiler: compiler to call.
@@ -237,16 +239,16 @@ def run_compilers(
         seconds: how long each may take.
 
     Raises:
-        BuildError, DiskError: of the first to fail; the others are killed.
+        BuildError, DiskError: a command failed; the others are killed.
     """
     together = _Together()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        made = [pool.submit(run_compiler, *command, seconds, together) for command in commands]
+        futures = [pool.submit(run_compiler, *command, seconds, together) for command in commands]
         try:
-            for future in as_completed(made):
+            for future in as_completed(futures):
                 future.result()
         except BaseException:
-            for future in made:
+            for future in futures:
                 future.cancel()
             together.end()
             raise
@@ -260,13 +262,13 @@ class _Together:
         self._running: set[subprocess.Popen[str]] = set()
 
     def add(self, process: subprocess.Popen[str]) -> None:
-        """Adds a process; kills it at once if the others have been killed."""
+        """Adds a process; kills it immediately if the others have been killed."""
         self._running.add(process)
         if self._ended.is_set():
             _kill(process)
 
     def discard(self, process: subprocess.Popen[str]) -> None:
-        """Forgets a process that has ended."""
+        """Removes a process that has ended."""
         self._running.discard(process)
 
     def end(self) -> None:
@@ -285,14 +287,14 @@ def run_compiler(
     """Runs a compiler in a folder and waits for it.
 
     Args:
-        command: program and arguments, the last one the file to write.
-        folder: where it runs; relative names in the command are inside it.
-        seconds: how long it may take.
-        together: the compilers that run at the same time.
+        command: program and arguments; the last one is the output file.
+        folder: working folder, to which names in the command are relative.
+        seconds: time limit [s].
+        together: compilers that run at the same time.
 
     Raises:
-        BuildError: it failed, or took too long.
-        DiskError: it could not write.
+        BuildError: the compiler failed, or exceeded the time limit.
+        DiskError: the compiler could not write its output.
     """
     try:
         process = subprocess.Popen(
@@ -303,7 +305,7 @@ def run_compiler(
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
-            # Temporary files go into the same folder: one disk to fill, one to clean.
+            # Temporary files are in the same folder, so that they are on the same disk.
             env={**os.environ, **_ENGLISH, "TMPDIR": str(folder)},
             start_new_session=True,
         )

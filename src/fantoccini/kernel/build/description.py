@@ -1,4 +1,4 @@
-"""Facts on this machine for ``fantoccini doctor``."""
+"""Facts about this machine for ``fantoccini doctor``."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from fantoccini.kernel.build.key import casadi_version, processor
 
 
 def describe() -> dict[str, str]:
-    """The compiler, its flags, the processor and the cache, as label -> text.
+    """Label -> text about the compiler, its flags, the processor and the cache.
 
-    Never raises: faults are reported under the key ``problem``, without which this machine can
-    compile puppets.
+    Never raises: faults are under the key ``problem``; without this key, the machine can compile
+    puppets.
     """
     facts: dict[str, str] = {}
     problems: list[str] = []
@@ -50,13 +50,13 @@ def _features() -> str:
 
 def _contents(root: Path) -> str:
     """Number and total size of the entries below a cache folder."""
-    found = entries(root)
-    size = sum(file.stat().st_size for entry in found for file in entry.iterdir())
-    return f"{len(found)} ({size / 1e6:.1f} MB)"
+    folders = entries(root)
+    size = sum(file.stat().st_size for entry in folders for file in entry.iterdir())
+    return f"{len(folders)} ({size / 1e6:.1f} MB)"
 
 
 def _unwritable(root: Path) -> str:
-    """Why a folder, or its nearest parent that exists, cannot be written; empty if it can."""
+    """Reason why a folder, or its nearest existing parent, cannot be written; empty if it can."""
     above = root
     while not above.exists() and above != above.parent:
         above = above.parent

@@ -23,7 +23,7 @@ LIBRARY = "model.so"
 INFO = "info.json"
 COMPLETE = "complete.json"
 READ = (LIBRARY, INFO, COMPLETE)
-"""The files of an entry that are read again; the sources are for people."""
+"""Files of an entry that are read; the sources are for inspection."""
 
 _FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 
@@ -34,7 +34,7 @@ class Source:
 
     Attributes:
         files: plain file name -> text.
-        main: the file to compile; it may include the others.
+        main: file to compile; it may include the others.
         units: further files to compile and link, all with ``FAN_APART`` defined.
         pieces: files that only the units include where ``FAN_APART`` is defined.
         info: facts to keep as ``info.json``.
@@ -92,7 +92,7 @@ def seal(folder: Path, commands: list[list[str]]) -> None:
 
     Args:
         folder: the entry under its temporary name.
-        commands: that compiled the library, for information.
+        commands: commands that compiled the library, for information.
     """
     with open(folder / LIBRARY, "rb+") as library:
         content = library.read()

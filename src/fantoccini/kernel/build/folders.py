@@ -1,6 +1,6 @@
-"""The cache folder, and whether it can be trusted.
+"""The cache folder, and checks that it can be trusted.
 
-Loading a library runs its code: no folder or file is used that another user can write to.
+Loading a library runs its code: folders and files that another user can write are not used.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import platformdirs
 
 
 class UnusableError(Exception):
-    """A cache folder cannot be written or cannot be trusted; the message says why."""
+    """A cache folder cannot be written or trusted; the message is the reason."""
 
 
 def cache_folder() -> Path:
@@ -31,9 +31,9 @@ def cache_folder() -> Path:
 
 
 def distrust(folder: Path) -> str:
-    """Why a folder cannot be trusted; empty if it can, or does not exist.
+    """Reason why a folder cannot be trusted; empty if it can, or does not exist.
 
-    Links are followed: a user may keep the cache on another disk.
+    Links are followed: a user may have the cache on another disk.
     """
     try:
         facts = folder.stat()
@@ -45,12 +45,12 @@ def distrust(folder: Path) -> str:
 
 
 def distrust_entry(entry: Path, files: Iterable[str]) -> str:
-    """Why an entry of the cache cannot be trusted; empty if it can, or does not exist.
+    """Reason why an entry of the cache cannot be trusted; empty if it can, or does not exist.
 
-    Links are refused: they may lead to where others can write.
+    Links are not allowed: they may lead to folders that others can write.
 
     Args:
-        entry: its folder.
+        entry: folder of the entry.
         files: names of the files in it that are read.
     """
     for path, is_kind, kind in (
@@ -69,7 +69,7 @@ def distrust_entry(entry: Path, files: Iterable[str]) -> str:
 
 
 def open_lock(path: Path) -> int:
-    """A descriptor of a lock file, which is created if missing and otherwise left as it is.
+    """A descriptor of a lock file, which is created if it is missing.
 
     Raises:
         OSError: the file cannot be opened, or is a link, a pipe or another user's.
@@ -87,7 +87,7 @@ def open_lock(path: Path) -> int:
 
 
 def _strangers(path: Path, facts: os.stat_result) -> str:
-    """Why another user may write to a file or folder; empty if none may."""
+    """Reason why another user may write a file or folder; empty if no other user may."""
     if not hasattr(os, "geteuid"):
         return ""
     if facts.st_uid not in (0, os.geteuid()):
@@ -98,10 +98,10 @@ def _strangers(path: Path, facts: os.stat_result) -> str:
 
 
 def private_folder() -> Path:
-    """A folder for this user alone, below the system's folder for temporary files.
+    """A folder for this user only, in the system's folder for temporary files.
 
-    Its name is fixed, so that the next process finds what this one compiled. If something else has
-    that name, this process uses a new folder and removes it at exit.
+    Its name is fixed, so that the next process uses the same folder. If a file or another user's
+    folder has that name, this process uses a new folder and removes it at exit.
 
     Raises:
         UnusableError: the temporary folder cannot be written either.

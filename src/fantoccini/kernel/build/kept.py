@@ -1,4 +1,4 @@
-"""Arrays that take seconds to compute, kept as ``<cache>/<key[:2]>/<key>.npz``."""
+"""Arrays that take seconds to compute, cached as ``<cache>/<key[:2]>/<key>.npz``."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from fantoccini.kernel.build.folders import cache_folder, distrust, distrust_ent
 
 
 def kept_arrays(key: str, make: Callable[[], Sequence[Array]]) -> list[Array]:
-    """The arrays of a key: from the cache, or made and put there.
+    """The arrays of a key: from the cache, or computed and cached.
 
-    A damaged file, or one that others can write to, is made again; so is everything where the cache
-    folder cannot be used.
+    They are computed if the file is damaged or others can write it, and if the cache folder cannot
+    be used.
 
     Args:
         key: hash of everything that can change the arrays, in hexadecimal.
-        make: computes them.
+        make: function that computes them.
     """
     root = cache_folder()
     group = root / key[:2]
     file = group / f"{key}.npz"
     if distrust(root) or distrust(group):
         return list(make())
-    found = None if distrust_entry(group, [file.name]) else _read(file)
-    if found is None:
-        found = list(make())
-        with contextlib.suppress(OSError):  # no room, or no permission: it is made again next time
-            _write(root, file, found)
-    return found
+    arrays = None if distrust_entry(group, [file.name]) else _read(file)
+    if arrays is None:
+        arrays = list(make())
+        with contextlib.suppress(OSError):  # disk full or no permission: computed again next time
+            _write(root, file, arrays)
+    return arrays
 
 
 def _read(file: Path) -> list[Array] | None:

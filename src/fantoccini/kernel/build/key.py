@@ -1,4 +1,4 @@
-"""The key of a library: a hash of everything that can change it, and of nothing else."""
+"""The key of a library: a hash of everything that can change it."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from fantoccini.kernel.build.significant import significant_cpp
 
 
 def fingerprint(canonical: str, generator: str, flags: Iterable[str] = ()) -> str:
-    """The key under which a puppet's library is kept.
+    """The key of a puppet's library in the cache.
 
     Args:
-        canonical: the puppet in its canonical form.
-        generator: hash of the code that makes the source text (:func:`code_fingerprint`).
-        flags: compiler flags beyond the standard ones, and whatever else distinguishes libraries
+        canonical: canonical form of the puppet.
+        generator: hash of the code that generates the source text (:func:`code_fingerprint`).
+        flags: compiler flags beyond the standard ones, and other texts that distinguish libraries
             of one puppet.
 
     Returns:
-        64 hexadecimal digits. They depend on the arguments, CasADi's version, the runtime's
+        64 hexadecimal digits, which depend on the arguments, CasADi's version, the runtime's
         headers, the compiler, the standard flags and the processor, but not on Python's version.
     """
     compiler = find_compiler()
@@ -48,7 +48,7 @@ def runtime_folder() -> Path:
 
 
 def runtime_hash(folder: Path) -> str:
-    """SHA-256 of the names and the code, without comments, of the runtime's headers."""
+    """SHA-256 of the names and the code (without comments) of the runtime's headers."""
     total = hashlib.sha256()
     for file in sorted(folder.rglob("*.hpp")):
         code = significant_cpp(file.read_text(encoding="utf-8")).encode()
@@ -57,7 +57,7 @@ def runtime_hash(folder: Path) -> str:
 
 
 def casadi_version() -> str:
-    """The installed CasADi's version, from its metadata: importing it takes far longer."""
+    """The installed CasADi's version from its metadata, which is much faster than an import."""
     try:
         return metadata.version("casadi")
     except metadata.PackageNotFoundError:
@@ -65,7 +65,7 @@ def casadi_version() -> str:
 
 
 def processor(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
-    """The processor's features, which ``-march=native`` may use; its name if they are unknown."""
+    """The processor's features, which ``-march=native`` uses; its name if they are unknown."""
     try:
         with open(cpuinfo, encoding="utf-8", errors="replace") as lines:
             for line in lines:

@@ -1,6 +1,7 @@
-"""Source text without what changes nothing: comments, docstrings, blank lines.
+"""Source text without its insignificant parts: comments, docstrings, blank lines.
 
-Scanned, not parsed: a parser's output depends on the Python version, and versions share one cache.
+It is scanned, not parsed: a parser's output depends on the Python version, and all versions share
+one cache.
 """
 
 from __future__ import annotations

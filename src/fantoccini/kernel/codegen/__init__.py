@@ -1,4 +1,4 @@
-"""Equations -> source text: the libraries that are compiled here, and C99 to take elsewhere."""
+"""Equations -> source text: of compiled libraries, and of exported C99."""
 
 from fantoccini.kernel.codegen.c99 import c99_files
 from fantoccini.kernel.codegen.libraries import generate

@@ -1,7 +1,7 @@
-"""Equations -> C99 without dependencies, to use elsewhere.
+"""Equations -> C99 without dependencies, for other programs.
 
-``fan_model.c`` needs a C99 compiler and its mathematics library and has no state; ``fan_model.h``
-documents every function; ``example.c`` evaluates the model once.
+``fan_model.c`` has no state and needs only a C99 compiler and its mathematics library;
+``fan_model.h`` documents every function; ``example.c`` evaluates the model once.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def _described(name: str, function: ca.Function, sizes: dict[str, int]) -> str:
 
 
 def _example(tree: Tree) -> str:
-    """A program that evaluates the model in the puppet file's pose, with all strings just taut."""
+    """A program that evaluates the model in the puppet file's pose, with strings just taut."""
     table = tree.coordinates
     vectors = {
         "q_D": list(table.start_D),
@@ -110,7 +110,7 @@ def _example(tree: Tree) -> str:
 
 
 def _vector(name: str, values: list[float]) -> str:
-    """A C array; with one unused entry instead of none, which C does not allow."""
+    """A C array; an empty one gets an unused entry, since C does not allow empty arrays."""
     numbers = ", ".join(repr(float(v)) for v in values) or "0.0"
     text = f"double {name}[{max(1, len(values))}] = {{{numbers}}};"
     return "\n".join(textwrap.wrap(text, 96, initial_indent="  ", subsequent_indent="      "))

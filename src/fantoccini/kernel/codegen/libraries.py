@@ -1,4 +1,4 @@
-"""The source text of a puppet's libraries: generated functions under the runtime's C interfaces."""
+"""The source text of a puppet's libraries: generated functions with the runtime's C interfaces."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from fantoccini.kernel.contract import FUNCTIONS, compiled
 from fantoccini.kernel.equations import Derivatives, Equations, Variational, VariationalDerivatives
 
 WIDE = Real("fan::Wide", "wide", "fantoccini/math/wide.hpp")
-"""As many doubles as a processor's vector holds: one trajectory or configuration for each lane."""
+"""A processor's vector of doubles: one trajectory or configuration for each lane."""
 
 _BESIDE = replace(WIDE, stem="wide")
-"""The same beside functions of doubles."""
+"""Lanes, in libraries whose other functions compute with doubles."""
 _SINGLE = replace(Real(), stem="single")
-"""Doubles beside lanes: those whose contacts are not those of the others make steps one by one."""
+"""Doubles, in libraries of lanes: lanes with different contacts are advanced one by one."""
 _IN_LANES = ("force_by_q", "force_by_v", "force_by_K", "rows_by", "row_rates_by")
 """Functions that libraries ``with_lanes`` evaluate at several states at once."""
 
@@ -36,8 +36,8 @@ class _Kind:
     """Properties of a library.
 
     Attributes:
-        header: its C interface in the runtime's folder `interface`, without the ending.
-        real: the type that its functions compute with.
+        header: C interface in the runtime's folder `interface`, without the ending.
+        real: type of the numbers in its functions.
         mapped: whether Python calls its functions over arrays.
         columns: whether it has ``column``.
         touches: whether it makes time steps with contact.
@@ -77,14 +77,18 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         library: one of ``fantoccini.kernel.contract.LIBRARIES``.
     """
     kind, names = _KINDS[library], compiled(library, equations.tree.sizes)
-    made = _programs(equations, library, names, kind.columns)
+    functions = _programs(equations, library, names, kind.columns)
     plain = library == "variational_derivatives"
     sizes = {**equations.tree.sizes, "n_packed": 0} if plain else None
-    beside = {name: made.pop(name) for name in list(made) if kind.with_lanes and name in _IN_LANES}
+    beside = {
+        name: functions.pop(name)
+        for name in list(functions)
+        if kind.with_lanes and name in _IN_LANES
+    }
     own = [name for name in names if name not in beside]
     members = [_member(name, kind.real, kind.mapped) for name in (*own, *["column"] * kind.columns)]
     members += [_member(name, _BESIDE, kind.mapped) for name in beside]
-    # Contact points push along three directions each. Bundles have a width of 1 on some processors.
+    # A contact point has forces in three directions. Vectors have a width of 1 on some processors.
     in_threes = kind.touches and equations.tree.n_contacts > 0
     if in_threes:
         members.append(_PUSH.format(space=kind.real.space))
@@ -93,15 +97,15 @@ def generate(equations: Equations, library: str = "model") -> Generated:
         single = [_member(name, _SINGLE, kind.mapped) for name in (*own, "column")]
         members += [_SEVERAL_LANES, *single, "#endif"]
     solves = Table("ModelTables::solve_number")
-    templates = [_pushes(equations, made["forth"], solves)] if in_threes else []
+    templates = [_pushes(equations, functions["forth"], solves)] if in_threes else []
     if kind.several:
         for name in ("forth", "back"):
-            templates.append(together(made[name], f"fan_{name}_of", SIZES.piece, solves))
+            templates.append(together(functions[name], f"fan_{name}_of", SIZES.piece, solves))
             members.append(_SEVERAL.format(name=name, space=kind.real.space))
     more = _SPACE.format(**vars(_BESIDE)) if beside else ""
     if singly:
         more = f"{_SEVERAL_LANES}\n{_SPACE.format(**vars(_SINGLE))}#endif\n"
-    parts = {kind.real: made} | ({_BESIDE: beside} if beside else {})
+    parts = {kind.real: functions} | ({_BESIDE: beside} if beside else {})
     main = _MAIN.format(
         library=library.replace("_", " "),
         templates="\n".join([*templates, ""]) if templates else "",
@@ -116,7 +120,7 @@ def generate(equations: Equations, library: str = "model") -> Generated:
     lengths = nominal_lengths(equations.tree)
     numbers = {} if plain else {"nominal_length": lengths, "solve_number": solves.values}
     files = {f"{STEM}.hpp": tables_text(equations, sizes, numbers), "main.cpp": main}
-    singles = {_SINGLE: made} if singly else {}
+    singles = {_SINGLE: functions} if singly else {}
     generated = assembled(parts | singles, files, numbers_text(numbers) if numbers else {})
     shared_units = ("collision/touch_unit",) if equations.tree.n_contacts else ()
     return replace(generated, shared_units=shared_units)
@@ -170,15 +174,15 @@ def _member(name: str, real: Real, mapped: bool) -> str:
         constants = f"static void {name}_constants({type_}** res)"
         lines.append(f"  {constants} {{ {space}::fan_{name}_constants(res); }}")
     lines += [
-        f"  static int {one}(const {type_}** arg, {type_}** res) {{\n"
-        f"    return {space}::fan_{one}(arg, res, nullptr, nullptr, 0);\n  }}"
-        for one in varying
+        f"  static int {member}(const {type_}** arg, {type_}** res) {{\n"
+        f"    return {space}::fan_{member}(arg, res, nullptr, nullptr, 0);\n  }}"
+        for member in varying
     ]
     return "\n".join(lines)
 
 
 def _map(equations: Equations, name: str, in_lanes: bool) -> str:
-    """The definition through which Python calls a function over arrays."""
+    """The definition of the entry point with which Python calls a function over arrays."""
     function = FUNCTIONS[name]
     if not function.mapped:
         return ""

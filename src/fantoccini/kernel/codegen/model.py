@@ -1,8 +1,8 @@
-"""Equations -> source text. No disk, no names from the user's file.
+"""Equations -> source text, without names from the user's file.
 
 A library consists of ``model.c`` and its pieces (the functions), ``model.hpp`` (sizes and index
 tables as constants) and ``main.cpp`` (the C interface). Pieces can be compiled separately, in
-parallel. The text depends on the equations alone.
+parallel. The text depends on the equations only.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Places = tuple[tuple[int, int], ...]
 
 
 class PieceSizes(NamedTuple):
-    """Sizes at which generated functions are cut, chosen by compile time (docs/growth.md).
+    """Sizes at which generated functions are cut, chosen for short compile times (docs/growth.md).
 
     Attributes:
         piece: arithmetic statements of a piece, at most.
@@ -65,13 +65,13 @@ class Generated:
 
 @dataclass(frozen=True)
 class Real:
-    """The type that functions compute with.
+    """The type of the numbers in functions.
 
     Attributes:
-        type: in C++.
-        space: namespace inside ``fan`` that holds the functions.
-        header: where the type is declared.
-        stem: of the names of the files that hold them.
+        type: name of the type in C++.
+        space: namespace of the functions, inside ``fan``.
+        header: header that declares the type.
+        stem: beginning of the names of the functions' files.
     """
 
     type: str = "double"
@@ -114,21 +114,21 @@ def assembled(
 def programs(
     equations: Equations, names: Iterable[str] | None = None, columns: bool = True
 ) -> dict[str, Program]:
-    """The statements of compiled functions, by name.
+    """Name -> statements of a compiled function.
 
     Args:
         equations: the derived equations.
-        names: of the functions; those of the model by default.
-        columns: whether to add ``column_0`` and so on, those of ``Equations.columns`` in order.
+        names: names of the functions; by default those of the model.
+        columns: whether to add ``Equations.columns``, as ``column_0`` and so on.
     """
     names = equations.model if names is None else names
-    made = {name: program(equations[name]) for name in names}
-    found = equations.columns.values() if columns else ()
-    return made | {f"column_{k}": program(function) for k, (_, function) in enumerate(found)}
+    own = {name: program(equations[name]) for name in names}
+    added = equations.columns.values() if columns else ()
+    return own | {f"column_{k}": program(function) for k, (_, function) in enumerate(added)}
 
 
 def operations(equations: Equations) -> dict[str, int]:
-    """Arithmetic operations of every compiled function, and of all ``columns`` together."""
+    """Number of arithmetic operations of every compiled function, and of all ``columns``."""
     return _counted(programs(equations))
 
 
@@ -145,28 +145,28 @@ def _is_column(name: str) -> bool:
 def model_text(
     functions: dict[str, Program], longest: int = SIZES.piece, stem: str = STEM
 ) -> dict[str, str]:
-    """The functions as C, to be included where ``casadi_real`` is defined.
+    """The C text of functions, to be included after ``casadi_real`` is defined.
 
     ``model.c`` declares the pieces, includes them unless ``FAN_APART`` is defined, and defines the
     functions that call them. ``pieces0.c`` and so on hold the pieces.
 
     Args:
-        functions: by name.
-        longest: arithmetic statements of a piece, at most.
-        stem: of the files' names, if it is another.
+        functions: name -> statements.
+        longest: largest number of arithmetic statements of a piece.
+        stem: beginning of the files' names.
 
     Returns:
         File name -> text.
     """
-    made = {
+    all_pieces = {
         name: pieces(whole, f"fan_{name}", longest, _standing(name))
         for name, whole in functions.items()
     }
-    files = dealt([piece for cut in made.values() for piece in cut.pieces], SIZES.file)
+    files = dealt([piece for cut in all_pieces.values() for piece in cut.pieces], SIZES.file)
     first = "" if stem == STEM else f"{stem}_"
     names = [f"{first}pieces{k}.c" for k in range(len(files))]
-    declarations = [line for cut in made.values() for line in cut.declarations]
-    definitions = [cut.definition for cut in made.values()] + [_switch(functions)]
+    declarations = [line for cut in all_pieces.values() for line in cut.declarations]
+    definitions = [cut.definition for cut in all_pieces.values()] + [_switch(functions)]
     text = _MODEL.format(
         declarations="\n".join(declarations),
         includes="\n".join(f'#include "{name}"' for name in names),
@@ -254,12 +254,12 @@ def _tables(equations: Equations) -> list[str]:
         # Whether driven accelerations act on dynamic coordinates by themselves, not through rows.
         f"  static constexpr bool accelerated = {int(_coupled(tree) or _follows(tree))};",
         _array("bool", "wire", [int(s.wire) for s in tree.strings]),
-        # Where a length is in q_K and v_K, and in q_D when a drive winds it; -1 where it is not.
+        # Places of a length in q_K and v_K, and in q_D if a drive winds it; otherwise -1.
         _array("int", "length_q", length_q),
         _array("int", "length_v", length_v),
         _array("int", "wound_q", wound_q),
         _array("int", "string_points", [len(s.points) for s in tree.strings]),
-        # Where the entries of a string's column of W are in v_D.
+        # Places in v_D of the entries of a string's column of W.
         *_lists("string", [_pulled(tree, s) for s in tree.strings]),
         _array("bool", "turns", turns),
         _array("int", "motor_v", tree.motor_places),
@@ -267,7 +267,7 @@ def _tables(equations: Equations) -> list[str]:
         _array("bool", "watched_turns", [turns[row.v.start] for row in tree.watched]),
         _array("int", "limit_v", [first for first, _ in places]),
         _array("int", "limit_n", [n for _, n in places]),
-        # Which column of Equations.columns a limit has, and where its entries are in v_D.
+        # Index of a limit's column in Equations.columns, and places of its entries in v_D.
         f"  static constexpr int n_columns = {len(columns)};",
         _array("int", "limit_column", [numbered[r.link] for r in tree.limits if columns]),
         *_lists("column", [entries for entries, _ in columns.values()]),
@@ -292,13 +292,13 @@ def _space(name: str, n_q: int, n_v: int, scalars: Places, quaternions: Places) 
 
 
 def _array(kind: str, name: str, values: Sequence[float]) -> str:
-    """A constant array; one unused entry where it would be empty, which C++ does not have."""
+    """A constant array; an empty one gets an unused entry, since C++ has no empty arrays."""
     body = ", ".join(repr(v) for v in values) or "0"
     return f"  static constexpr {kind} {name}[{max(1, len(values))}] = {{{body}}};"
 
 
 def _coupled(tree: Tree) -> bool:
-    """Whether M_DK is not zero: some link is moved by a dynamic and by a driven one."""
+    """Whether M_DK is not zero: dynamic and driven joints move a common link."""
     ways = (tree.ancestors(i) for i in range(len(tree.links)))
     return any(len({tree.links[i].role for i in way} - {Role.FIXED}) > 1 for way in ways)
 
@@ -309,7 +309,7 @@ def _follows(tree: Tree) -> bool:
 
 
 def _lists(name: str, lists: list[list[int]]) -> list[str]:
-    """Lists one after the other as ``name_entry``, and where each begins as ``name_begin``."""
+    """Concatenated lists ``name_entry``, and the index of each list's start ``name_begin``."""
     begins = accumulate((len(entries) for entries in lists), initial=0)
     return [
         _array("int", f"{name}_begin", list(begins)),
@@ -318,24 +318,24 @@ def _lists(name: str, lists: list[list[int]]) -> list[str]:
 
 
 def _ways(tree: Tree) -> list[str]:
-    """Where links may touch: their parents, and where what moves each is in v_D and in v_K."""
+    """For contact: parents of links, and places in v_D and v_K of the velocities that move them."""
     if not tree.n_contacts:
         return []
-    found: dict[Role, list[list[int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
+    moved: dict[Role, list[list[int]]] = {Role.DYNAMIC: [], Role.DRIVEN: []}
     for i in range(len(tree.links)):
-        for role, ways in found.items():
+        for role, ways in moved.items():
             links = [tree.links[j] for j in reversed(tree.ancestors(i))]
             ways.append([k for a in links if a.role is role for k in range(a.v.start, a.v.stop)])
     return [
         _array("int", "link_parent", [link.parent for link in tree.links]),
-        *_lists("moved_D", found[Role.DYNAMIC]),
-        *_lists("moved_K", found[Role.DRIVEN]),
-        *_lists("carried", _carriers(tree, found)),
+        *_lists("moved_D", moved[Role.DYNAMIC]),
+        *_lists("moved_K", moved[Role.DRIVEN]),
+        *_lists("carried", _carriers(tree, moved)),
     ]
 
 
 def _carriers(tree: Tree, moved: dict[Role, list[list[int]]]) -> list[list[int]]:
-    """What carries the axis of each velocity, those of v_K after those of v_D."""
+    """Velocities that move the axis of each velocity; v_K follows v_D."""
     t = tree.coordinates
     carriers: list[list[int]] = [[] for _ in range(t.n_vD + t.n_vK)]
     for i, link in enumerate(tree.links):
@@ -352,7 +352,7 @@ def _carriers(tree: Tree, moved: dict[Role, list[list[int]]]) -> list[list[int]]
 
 
 def _pulled(tree: Tree, string: StringRow) -> list[int]:
-    """Places in v_D of the links on the way from a string's points to the world, in order."""
+    """Places in v_D of the links between a string's points and the world, in order."""
     ways = (tree.ancestors(point.link) for point in string.points)
     links = {i for way in ways for i in way if tree.links[i].role is Role.DYNAMIC}
     if string.wound_length:

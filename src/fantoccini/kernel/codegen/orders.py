@@ -1,6 +1,6 @@
-"""The entries of a puppet's vectors in words, for the C99 header.
+"""Names and units of the entries of a puppet's vectors, for the C99 header.
 
-Names from the user's file are data: :func:`shown` lets only harmless characters into comments.
+Names from the user's file are data: :func:`shown` allows only harmless characters in comments.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Order:
     """Names and units of the entries of a vector.
 
     Attributes:
-        title: of the list.
-        entries: a line for every entry.
+        title: title of the list.
+        entries: one line for every entry.
     """
 
     title: str
@@ -42,7 +42,7 @@ class Order:
 
 
 def orders(tree: Tree) -> dict[str, Order]:
-    """The orders of a tree's vectors, by the names in ``NAMES``."""
+    """Name in ``NAMES`` -> entries of a tree's vector."""
     table = tree.coordinates
     units = {row.name: row.unit for row in table.rows}
     rows = [f"{shown(s.name)} [m]" for s in tree.strings]
@@ -72,7 +72,7 @@ _LIMIT_UNITS = {"cone": "1", "twist.lower": "rad", "twist.upper": "rad"}
 
 
 def shown(name: str) -> str:
-    """A name, checked to be harmless in a comment.
+    """A name, if it is harmless in a comment.
 
     Raises:
         ValueError: it has a character that names in puppet files cannot have.
@@ -87,6 +87,6 @@ def _configuration(names: Iterable[str], units: dict[str, str]) -> tuple[str, ..
 
 
 def _velocities(names: Iterable[str], units: dict[str, str]) -> tuple[str, ...]:
-    """Velocities of a length are in m/s with forces in N, all others in rad/s with N m."""
-    of = {"m": "m/s], force [N", "rad": "rad/s], force [N m"}
-    return tuple(f"{shown(n)} [{of[units.get(n, 'rad')]}]" for n in names)
+    """Velocities with units: m/s and N for lengths, rad/s and N m for all others."""
+    unit = {"m": "m/s], force [N", "rad": "rad/s], force [N m"}
+    return tuple(f"{shown(n)} [{unit[units.get(n, 'rad')]}]" for n in names)

@@ -1,7 +1,7 @@
 """A CasADi function as one plain C99 function of named pointers.
 
 CasADi's own generator adds an interface for programs that load the function. The elementary
-operations, their order and so the results are the same.
+operations and their order are the same here, and therefore the results.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def prototype(function: ca.Function, name: str) -> str:
     """The declaration of a function, without semicolon.
 
     Args:
-        function: its arguments' and results' names become those in C.
-        name: of the C function.
+        function: CasADi function, whose arguments and results have the same names in C.
+        name: name of the C function.
     """
     arguments = [f"const double *{n}" for n in function.name_in()]
     arguments += [f"double *{n}" for n in function.name_out()]
@@ -76,14 +76,14 @@ def prototype(function: ca.Function, name: str) -> str:
 
 
 def definition(function: ca.Function, name: str) -> str:
-    """The C99 text of a function of dense SX; a result whose pointer is null is left out.
+    """The C99 text of a function of dense SX; a result whose pointer is null is not computed.
 
     Args:
-        function: its inputs and outputs must be dense.
-        name: of the C function.
+        function: CasADi function with dense inputs and outputs.
+        name: name of the C function.
 
     Raises:
-        NotImplementedError: it contains an operation that has no counterpart here.
+        NotImplementedError: the function contains an operation that C99 does not have.
     """
     names_in, names_out = function.name_in(), function.name_out()
     if clash := [n for n in (*names_in, *names_out) if _LOCAL.fullmatch(n)]:
@@ -124,13 +124,13 @@ def expression(operation: int, operands: list[str]) -> str:
 
 
 def literal(value: float) -> str:
-    """A number among the operands of an operation."""
+    """A number as an operand: in parentheses if it is negative."""
     text = _number(value)
     return f"({text})" if text.startswith("-") else text
 
 
 def _number(value: float) -> str:
-    """A number that reads back as itself."""
+    """A number with all its digits."""
     if not math.isfinite(value):
         raise ValueError(f"{value} cannot be a constant of the exported model")
     return repr(float(value))

@@ -5,7 +5,7 @@ therefore split, in order, into pieces: functions that take the arguments, the r
 array. A value used in a later piece is passed in the work array, or read back from its result.
 Inside a piece values are named constants.
 
-Slow operations are done once: a divisor of several quotients is inverted, a root that divides
+Slow operations are done once: a divisor of several quotients is inverted, a root in a denominator
 becomes an inverse root, and sine and cosine of an angle are computed together.
 """
 
@@ -23,7 +23,7 @@ from fantoccini.kernel.codegen.statements import expression, literal
 _NOT_ARITHMETIC = (ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT)
 
 INVERSE_ROOT = -1
-"""Operation that CasADi does not have: 1 / sqrt(x)."""
+"""Operation 1 / sqrt(x), which CasADi does not have."""
 
 _OWN = {
     INVERSE_ROOT: "inverse_root({})",
@@ -37,7 +37,7 @@ _OWN = {
     ca.OP_NOT: "one_if({} == 0.0)",
     ca.OP_IF_ELSE_ZERO: "zero_unless({} != 0.0, {})",
 }
-"""Functions of the runtime, for doubles and lanes: a comparison of lanes is no number yet."""
+"""Functions of the runtime, for doubles and lanes: a comparison of lanes is not a number."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class Statement:
 
     Attributes:
         operation: CasADi's code, or ``INVERSE_ROOT``.
-        of: indices of its operands.
-        constant: its value, for OP_CONST.
-        argument: (which, entry), for OP_INPUT.
+        of: indices of the operands.
+        constant: value of an OP_CONST.
+        argument: (argument, entry) of an OP_INPUT.
     """
 
     operation: int
@@ -66,9 +66,9 @@ class Program:
     """The statements of a function, each value assigned once.
 
     Attributes:
-        statements: operands first.
-        results: (which, entry, index of the value) of every entry of every result.
-        names: of the results.
+        statements: statements, operands first.
+        results: (result, entry, index of the value) of every entry of every result.
+        names: names of the results.
     """
 
     statements: list[Statement]
@@ -77,7 +77,7 @@ class Program:
 
     @property
     def operations(self) -> int:
-        """Arithmetic operations of one evaluation."""
+        """Number of arithmetic operations of one evaluation."""
         return sum(s.is_arithmetic for s in self.statements)
 
 
@@ -85,7 +85,7 @@ def program(function: ca.Function) -> Program:
     """The statements of a function of dense SX, with slow operations done once."""
     statements: list[Statement] = []
     results: list[tuple[int, int, int]] = []
-    holds: dict[int, int] = {}  # place in CasADi's work vector -> statement
+    holds: dict[int, int] = {}  # place in CasADi's work vector -> index of a statement
     for k in range(function.n_instructions()):
         operation = function.instruction_id(k)
         into, of = function.instruction_output(k), function.instruction_input(k)
@@ -93,13 +93,13 @@ def program(function: ca.Function) -> Program:
             results.append((into[0], into[1], holds[of[0]]))
             continue
         if operation == ca.OP_CONST:
-            made = Statement(operation, constant=function.instruction_constant(k))
+            statement = Statement(operation, constant=function.instruction_constant(k))
         elif operation == ca.OP_INPUT:
-            made = Statement(operation, argument=(of[0], of[1]))
+            statement = Statement(operation, argument=(of[0], of[1]))
         else:
-            made = Statement(operation, tuple(holds[i] for i in of))
+            statement = Statement(operation, tuple(holds[i] for i in of))
         holds[into[0]] = len(statements)
-        statements.append(made)
+        statements.append(statement)
     names = tuple(function.name_out())
     return _Rewriting(Program(statements, results, names)).done()
 
@@ -107,9 +107,9 @@ def program(function: ca.Function) -> Program:
 class _Rewriting:
     """Rewrites a program so that slow operations are done once.
 
-    CasADi turns x (1 / y) into x / y: a divisor of several quotients is inverted once, a root that
-    divides becomes an inverse root (and the root x times that: x is then positive), and sine and
-    cosine of one angle become neighbours.
+    CasADi changes x (1 / y) to x / y: a divisor of several quotients is inverted once, a root in a
+    denominator becomes an inverse root (the root itself is x times that, since x is positive), and
+    sine and cosine of one angle become neighbours.
 
     Args:
         whole: CasADi's program.
@@ -137,7 +137,7 @@ class _Rewriting:
         return len(self.statements) - 1
 
     def _place(self, k: int, s: Statement) -> int:
-        """Index in the new program of the value of statement k of the old one."""
+        """Index in the new program of the value of statement k."""
         of = tuple(self.place[i] for i in s.of)
         if s.operation == ca.OP_SQRT and self.divided[k]:
             self.inverse[k] = self._add(INVERSE_ROOT, *of)
@@ -157,7 +157,7 @@ class _Rewriting:
         return len(self.statements) - 1
 
     def _sine_or_cosine(self, s: Statement) -> int:
-        """A sine or cosine; the first of an angle adds both, the sine first."""
+        """Index of a sine or cosine; the first one of an angle adds both, the sine first."""
         angle = s.of[0]
         if angle not in self.sine:
             self.sine[angle] = self._add(ca.OP_SIN, self.place[angle])
@@ -170,10 +170,10 @@ class Pieces:
     """The C text of a function.
 
     Attributes:
-        name: of the function.
-        declarations: of the pieces.
-        pieces: their definitions.
-        definition: of the function, which calls them in order.
+        name: name of the function.
+        declarations: declarations of the pieces.
+        pieces: definitions of the pieces.
+        definition: definition of the function, which calls the pieces in order.
     """
 
     name: str
@@ -189,14 +189,14 @@ def pieces(whole: Program, name: str, longest: int, standing: Collection[str] = 
     pointers of empty arguments and results may be null.
 
     Args:
-        whole: the function's statements.
-        name: of the C function.
-        longest: arithmetic statements of a piece, at most.
+        whole: statements of the function.
+        name: name of the C function.
+        longest: largest number of arithmetic statements of a piece.
         standing: names of results whose constants need not be written every time:
-            ``name_constants`` then writes these and ``name_varying`` the rest.
+            ``name_constants`` writes these, ``name_varying`` the other entries.
     """
-    kept = frozenset(r for r, result in enumerate(whole.names) if result in standing)
-    cut = _Cut(whole, longest, kept)
+    separate = frozenset(r for r, result in enumerate(whole.names) if result in standing)
+    cut = _Cut(whole, longest, separate)
     head = "const casadi_real* const* arg, casadi_real* const* res, casadi_real* w"
     names = [f"{name}_{k}" for k in range(cut.n)]
     texts = [
@@ -204,7 +204,7 @@ def pieces(whole: Program, name: str, longest: int, standing: Collection[str] = 
         for k, n in enumerate(names)
     ]
     arguments = "const casadi_real** arg, casadi_real** res, casadi_int*, casadi_real*, int"
-    whole_name, name = name, f"{name}_varying" if kept else name
+    whole_name, name = name, f"{name}_varying" if separate else name
     lines = [
         f"inline int {name}({arguments}) {{",
         f"  casadi_real work[{max(1, cut.n_work)}];",
@@ -212,7 +212,7 @@ def pieces(whole: Program, name: str, longest: int, standing: Collection[str] = 
         "  return 0;",
         "}",
     ]
-    if kept:
+    if separate:
         lines += [
             "",
             f"inline void {whole_name}_constants(casadi_real** res) {{",
@@ -231,7 +231,7 @@ def pieces(whole: Program, name: str, longest: int, standing: Collection[str] = 
 def together(whole: Program, name: str, longest: int, table: Table) -> str:
     """The text of ``name(a, x, y)``: a function of (a, x) that is linear in x, for several x.
 
-    ``a`` is an array of any scalar type ``A``, ``x`` and ``y`` of any type ``V`` of several.
+    ``a`` is an array of a scalar type ``A``; ``x`` and ``y`` are arrays of a vector type ``V``.
 
     Args:
         whole: the function's statements, with two arguments and one result.
@@ -245,7 +245,7 @@ def together(whole: Program, name: str, longest: int, table: Table) -> str:
             "template <class A, class V>",
             f"void {name}_{k}(const A* a, const V* x, V* y, V* w) {{",
             "  (void)a, (void)x, (void)y, (void)w;",
-            *(_of_several(line) for line in cut.body(k)),
+            *(_vectorised(line) for line in cut.body(k)),
             "}",
             "",
         ]
@@ -267,8 +267,8 @@ _NAMES = (
 )
 
 
-def _of_several(line: str) -> str:
-    """A line of a piece where values that do not depend on x are of type A, and others V."""
+def _vectorised(line: str) -> str:
+    """A line of a piece, in which values that do not depend on x have the type A, others V."""
     for old, new in _NAMES:
         line = line.replace(old, new)
     into, value = line.strip(" ;").split(" = ", 1)
@@ -278,7 +278,7 @@ def _of_several(line: str) -> str:
 
 
 def dealt(texts: list[str], statements: int) -> list[str]:
-    """Texts joined in order to files of at least so many statements, except the last."""
+    """Texts joined in order to files of at least ``statements`` statements, except the last."""
     files: list[list[str]] = [[]]
     n = 0
     for text in texts:
@@ -311,7 +311,7 @@ class Table:
 
 
 class _Cut:
-    """The pieces of a program, and how values pass between them.
+    """The division of a program into pieces, and the places of values that pass between them.
 
     Args:
         whole: the program.
@@ -344,7 +344,7 @@ class _Cut:
         self.n_work = max(self.slot.values(), default=-1) + 1
 
     def _slots(self) -> dict[int, int]:
-        """Value -> its place in the work array, for values that later pieces use."""
+        """Value that later pieces use -> its place in the work array."""
         slot: dict[int, int] = {}
         free: list[int] = []
         ends: dict[int, list[int]] = {}
@@ -361,7 +361,7 @@ class _Cut:
         return slot
 
     def _is_apart(self, which: int, value: int) -> bool:
-        return which in self.kept and self.whole.statements[value].operation == ca.OP_CONST
+        return which in self.separate and self.whole.statements[value].operation == ca.OP_CONST
 
     def constants(self) -> list[str]:
         """Statements that write the constants of ``standing`` results."""
@@ -391,7 +391,7 @@ class _Cut:
         return lines
 
     def _text(self, k: int, operands: list[str]) -> list[str]:
-        """The lines of statement k; a sine computes the cosine that follows it."""
+        """The lines of statement k; a sine also computes the cosine that follows it."""
         operation = self.whole.statements[k].operation
         if operation == ca.OP_COS:
             return []
@@ -402,7 +402,7 @@ class _Cut:
         return [f"  const casadi_real t{k} = {text};"]
 
     def _operand(self, k: int, piece: int, named: set[int], lines: list[str]) -> str:
-        """The name of a value in a piece; one of an earlier piece is fetched on first use."""
+        """The name of a value in a piece; a value of an earlier piece is read on first use."""
         s = self.whole.statements[k]
         if s.operation == ca.OP_CONST:
             return self._constant(s.constant)

@@ -1,4 +1,4 @@
-"""``python -m fantoccini.kernel.contract`` writes what is made from the contract."""
+"""``python -m fantoccini.kernel.contract`` writes the files that derive from the contract."""
 
 from fantoccini.kernel.contract.cpp import HEADER, header
 from fantoccini.kernel.contract.table import PAGE, page

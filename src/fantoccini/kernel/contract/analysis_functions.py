@@ -1,4 +1,4 @@
-"""Functions for analysis: CasADi's interpreter evaluates them, and no library has them."""
+"""Functions for analysis, which no library contains: CasADi's interpreter evaluates them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ANALYSIS: tuple[Function, ...] = (
     ),
     Function(
         "coriolis",
-        "C of Eq. 8 over (v_D, v_K): C v is the velocity's part of the bias.",
+        "C of Eq. 8 over (v_D, v_K): C v is the velocity-dependent part of the bias.",
         STATE,
         (Quantity("C", ("n_v", "n_v"), "", "dM/dt - 2 C is skew"),),
         exported=True,
@@ -54,7 +54,7 @@ ANALYSIS: tuple[Function, ...] = (
     ),
     Function(
         "damping",
-        "Force of damping and drag, on the same side as the bias.",
+        "Force of damping and drag, with the sign of the bias.",
         STATE,
         (Quantity("f", ("n_vD",), FORCE, "force"),),
         exported=True,
@@ -68,21 +68,21 @@ ANALYSIS: tuple[Function, ...] = (
     ),
     Function(
         "A_D",
-        "A_D of Eq. 10: partial derivative of hdot by v_D.",
+        "A_D of Eq. 10: derivative of hdot by v_D.",
         PLACE,
         (Quantity("A_D", ("n_rows", "n_vD"), PER_VELOCITY, "strings, then limits"),),
         exported=True,
     ),
     Function(
         "A_K",
-        "A_K of Eq. 10: partial derivative of hdot by v_K.",
+        "A_K of Eq. 10: derivative of hdot by v_K.",
         PLACE,
         (Quantity("A_K", ("n_rows", "n_vK"), PER_VELOCITY, "strings, then limits"),),
         exported=True,
     ),
     Function(
         "Adot_v",
-        "dA/dt v of Eq. 11: hddot = A_D acc_D + A_K acc_K + Adot_v.",
+        "(dA/dt) v of Eq. 11: hddot = A_D acc_D + A_K acc_K + Adot_v.",
         STATE,
         (Quantity("Adot_v", ("n_rows",), "row's unit / s^2", "strings, then limits"),),
         exported=True,
@@ -92,8 +92,8 @@ ANALYSIS: tuple[Function, ...] = (
         "dA_D/dt and dA_K/dt of Eq. 11 along the velocity.",
         STATE,
         (
-            Quantity("Adot_D", ("n_rows", "n_vD"), "", "of A_D"),
-            Quantity("Adot_K", ("n_rows", "n_vK"), "", "of A_K"),
+            Quantity("Adot_D", ("n_rows", "n_vD"), "", "rate of A_D"),
+            Quantity("Adot_K", ("n_rows", "n_vK"), "", "rate of A_K"),
         ),
     ),
     Function(

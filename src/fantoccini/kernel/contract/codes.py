@@ -1,4 +1,4 @@
-"""Numbers with a meaning in both languages; ``errors.Status`` is one more of them."""
+"""Enumerations shared by Python and C++; ``errors.Status`` is another one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fantoccini.base import Status
 
 
 class Code(enum.IntEnum):
-    """A number with a meaning."""
+    """Base of enumerations whose members carry their meaning."""
 
     meaning: str
 
@@ -20,36 +20,36 @@ class Code(enum.IntEnum):
 
 
 class EventCode(Code):
-    """What happened to a row or a drive."""
+    """Kind of an event."""
 
-    CATCH = 0, "a slack string came taut, or a limit was reached"
+    CATCH = 0, "a slack string became taut, or a limit was reached"
     RELEASE = 1, "a string went slack, or a limit was left"
-    ACCUMULATION = 2, "infinitely many catches were taken as one"
-    BREAKPOINT = 3, "the inputs may jump in acceleration"
+    ACCUMULATION = 2, "infinitely many catches were treated as one"
+    BREAKPOINT = 3, "the inputs' acceleration may jump"
     SLIP = 4, "the winch began to slip"
     GRIP = 5, "the winch grips again"
     LOST_STEP = 6, "a stepper motor lost a step"
     RAN_AWAY = 7, "a drive ran away"
     TOUCH = 8, "two solids came into contact"
-    LIFT = 9, "two solids parted"
+    LIFT = 9, "two solids separated"
     STICK = 10, "two solids that touch stopped sliding"
     SLIDE = 11, "two solids that touch began to slide"
 
 
 class Hold(Code):
-    """What a row does between two events."""
+    """Mode of a row between two events."""
 
-    SLACK = 0, "no force"
+    SLACK = 0, "inactive, without force"
     HELD = 1, "active"
-    IDLE = 2, "redundant: depends on the held rows, active without tension"
-    PINNED = 3, "redundant, at its winch's largest tension"
+    IDLE = 2, "active without tension: linearly dependent on the held rows"
+    PINNED = 3, "active at its winch's largest tension, linearly dependent"
     SLIPPING = 4, "pulls with its winch's largest tension while the winch slips"
 
 
 class SolidKind(Code):
     """Kinds of solids."""
 
-    SEGMENT = 0, "from a to b, inflated by the radius; with half[0] > 0 the ellipsoid in it"
+    SEGMENT = 0, "from a to b, inflated by the radius; if half[0] > 0, the ellipsoid in it"
     BOX = 1, "centre a, axes the columns of R, half edges, inflated by the radius"
     HALF_SPACE = 2, "below the plane through a with the normal b"
     HULL = 3, "convex polytope `hull`: its origin a, axes the columns of R, inflated by the radius"
@@ -64,26 +64,26 @@ class GoalKind(Code):
 
 
 class Solved(Code):
-    """How a complementarity solve ended."""
+    """Outcome of a complementarity solve."""
 
     YES = 0, "solved"
     INFEASIBLE = 1, "there is no solution"
     UNSETTLED = 2, "the bound on iterations was reached"
-    NO_ROOM = 3, "more rows than the puppet has, or no memory"
+    NO_ROOM = 3, "more rows than the puppet has, or not enough memory"
 
 
 class ReachEnd(Code):
-    """How a search for the pose nearest to places ended."""
+    """Outcome of a search for the hanging pose nearest to targets."""
 
-    REACHED = 0, "it is there, within the tolerance"
-    NEAREST = 1, "no hanging pose near by is nearer"
-    STALLED = 2, "no step came nearer any more, or the iterations ended first"
-    LOST = 3, "the puppet does not hang where it was to begin"
-    TIPS = 4, "any nearer, no pose that hangs stably is found"
+    REACHED = 0, "the targets are reached within the tolerance"
+    NEAREST = 1, "no neighbouring hanging pose is nearer"
+    STALLED = 2, "no step reduced the distance, or the bound on iterations was reached"
+    LOST = 3, "there is no equilibrium at the start of the search"
+    TIPS = 4, "nearer poses are not stable equilibria"
 
 
 class StepEdge(Code):
-    """What a fixed step is on the edge of, as bits; from LEAVES_LAW on it has no derivative."""
+    """Reasons, as bits, why a step is not smooth; from LEAVES_LAW on it has no derivative."""
 
     WITHOUT_FORCE = 1, "a point touches without force"
     STRAINED = 2, "a point sticks at the edge of its cone"
@@ -98,8 +98,8 @@ class StepEdge(Code):
         ),
     )
     JAMS = 64, "friction jams: no forces keep the modes"
-    OPEN_SHARES = 128, "solids slide on more points than the law can share force among"
-    CROWDED = 256, "more points push than there is room for"
+    OPEN_SHARES = 128, "solids slide on so many points that their forces are not unique"
+    CROWDED = 256, "there are more points with force than a step allows"
 
     @classmethod
     def meanings(cls, bits: int) -> tuple[str, ...]:
@@ -120,4 +120,4 @@ CODES: tuple[type[Code] | type[Status], ...] = (
 """All codes."""
 
 SCOPED = (Solved, ReachEnd)
-"""Codes whose members are qualified by the code's name in C++."""
+"""Enumerations that are scoped in C++."""

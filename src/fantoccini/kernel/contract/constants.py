@@ -1,4 +1,4 @@
-"""Numbers that Python and compiled code compare with: one value, one meaning."""
+"""Thresholds and limits that Python and compiled code share."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ class Constant(float):
     meaning: str
 
     def __new__(cls, value: float, unit: str, meaning: str) -> Constant:
-        made = super().__new__(cls, value)
-        made.unit = unit
-        made.meaning = meaning
-        return made
+        constant = super().__new__(cls, value)
+        constant.unit = unit
+        constant.meaning = meaning
+        return constant
 
 
 TENSION_CAP = Constant(
-    1e5, "1", "largest tension relative to the weight: beyond it the input is impossible"
+    1e5, "1", "largest tension relative to the weight; above it, the input is impossible"
 )
 CLOSED_GAP = Constant(
-    5e-13, "1", "-h up to which a row is closed, relative to its string's length or to 1"
+    5e-13, "1", "largest -h of a closed row, relative to its string's length or to 1"
 )
-START_GAP = Constant(1e-9, "1", "the same where a run begins, which brings the row to h = 0")
+START_GAP = Constant(1e-9, "1", "largest -h of a row that a run's start sets to h = 0, likewise")
 REST_SPEED = Constant(
     1e-5,
     "m/s or rad/s",
-    "hdot up to which a closed row is at rest, times the largest velocity if that is above 1",
+    "largest hdot of a closed row at rest, times the largest velocity if that is above 1",
 )
 LEAST_LENGTH = Constant(1e-3, "m", "lower bound of the length by which a string's gap is divided")
-WINCH_DECELERATION = Constant(1.0, "m/s^2", "of a winch that rewinds, before it stops")
-HULL_VERTICES = Constant(128.0, "1", "most vertices of a convex polytope that touches something")
+WINCH_DECELERATION = Constant(1.0, "m/s^2", "deceleration of a rewinding winch before it stops")
+HULL_VERTICES = Constant(128.0, "1", "largest number of vertices of a polytope in contact")
 
 CONSTANTS: dict[str, Constant] = {
     "tension_cap": TENSION_CAP,
@@ -41,4 +41,4 @@ CONSTANTS: dict[str, Constant] = {
     "winch_deceleration": WINCH_DECELERATION,
     "hull_vertices": HULL_VERTICES,
 }
-"""By their names in C++."""
+"""Name in C++ -> constant."""

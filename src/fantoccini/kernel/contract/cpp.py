@@ -65,7 +65,7 @@ def _structure(structure: Structure) -> str:
 
 
 def _noted(code: str, meaning: str) -> list[str]:
-    """A line of code with its meaning after it, or before it where the line is too long."""
+    """A line of code with its meaning after it; before it if the line would be too long."""
     if not meaning:
         return [code]
     line = f"{code}  // {meaning}"
@@ -81,7 +81,7 @@ def _field(field: Field) -> str:
 
 
 def _numel(quantity: Quantity) -> str:
-    """How many numbers it has, in C++."""
+    """Number of entries, as a C++ expression."""
     factors = (f"Model::{n}" if isinstance(n, str) else str(n) for n in quantity.shape)
     return " * ".join(factors) or "1"
 
@@ -95,7 +95,7 @@ def _layout(parts: tuple[Quantity, ...]) -> str:
 
 
 def _call(function: Function) -> str:
-    """A member of ``Call``: one result is an argument, several are members of a structure."""
+    """A member of ``Call``: a single result is an argument, several are members of a structure."""
     own, several = function.name, len(function.results) > 1
     parameters = ["int which"] if function is COLUMN else []
     parameters += [_parameter(q, "const Real") for q in function.arguments]
@@ -135,8 +135,8 @@ def _filled(prefix: str, words: list[str], indent: str) -> str:
 
 
 _HEADER = """\
-// The contract between Python and compiled code, made by `python -m fantoccini.kernel.contract`
-// from fantoccini/kernel/contract/*.py: change it there.
+// The contract between Python and compiled code, generated from fantoccini/kernel/contract/*.py
+// by `python -m fantoccini.kernel.contract`: make changes there.
 #pragma once
 
 #include "fantoccini/math/real.hpp"
@@ -146,8 +146,8 @@ namespace fan {{
 // A hash of the contract.
 constexpr long long contract_digest = {digest};
 
-// Identity of a library, which Python checks when it loads it: the contract's hash, how many
-// trajectories or configurations are advanced together, and the puppet's sizes.
+// Identity of a library, which Python checks when it loads it: the contract's hash, the number of
+// trajectories or configurations that are advanced together, and the puppet's sizes.
 template <class Sizes>
 void identity(int width, long long* out) {{
   const long long values[] = {{
@@ -155,7 +155,7 @@ void identity(int width, long long* out) {{
   for (long long value : values) *out++ = value;
 }}
 
-// Numbers that Python compares with, too.
+// Constants shared with Python.
 struct Constants {{
 {constants}
 }};
@@ -190,7 +190,7 @@ struct Part {{
   }};
 }};
 
-// How many numbers a part has.
+// Number of entries of a part.
 template <class Model>
 constexpr int part_width(int part) {{
   const int widths[] = {{
@@ -199,8 +199,8 @@ constexpr int part_width(int part) {{
 }}
 
 // The generated functions. A single result is written to the last argument; several are written to
-// the members of their names (arrays, pointers or numbers) of `to`. With `constants` false, entries
-// that never change keep what an earlier call with `constants` wrote.
+// the members of `to` with their names (arrays, pointers or numbers). If `constants` is false,
+// constant entries are not written: they keep the values of an earlier call with `constants`.
 template <class Model, class Real>
 struct Call {{
 {calls}

@@ -1,4 +1,4 @@
-"""A generated function: its arguments, its results and the libraries that have it."""
+"""A generated function: its arguments, its results and the libraries that contain it."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ class Function:
     """One generated function.
 
     Attributes:
-        name: of the function.
-        purpose: in one sentence.
-        arguments, results: in the order of compiled code.
-        libraries: that have it; without any, CasADi's interpreter evaluates it.
+        name: name of the function.
+        purpose: purpose in one sentence.
+        arguments, results: arguments and results in the order of compiled code.
+        libraries: libraries that contain it; if empty, CasADi's interpreter evaluates it.
         mapped: whether Python may call it over whole arrays.
-        exported: whether the C99 export has it.
-        needs: the size that is above 0 where a puppet has it; empty where all puppets have it.
-        standing: results with many constants, which are written once.
+        exported: whether the C99 export contains it.
+        needs: size that is above 0 for puppets with this function; empty if all puppets have it.
+        standing: results with many constant entries, which are written once.
     """
 
     name: str
@@ -58,7 +58,7 @@ FORCE, PER_VELOCITY = "N or N m", "row's unit / s per velocity's unit"
 
 
 def arguments(names: str) -> tuple[Quantity, ...]:
-    """The declared arguments of these names, between spaces."""
+    """The arguments with given names, separated by spaces."""
     return tuple(ARGUMENTS[name] for name in names.split())
 
 

@@ -1,4 +1,4 @@
-"""Every generated function: its arguments, its results and the libraries that have it.
+"""Every generated function: its arguments, its results and the libraries that contain it.
 
 To add a quantity, declare it here and derive it in ``equations/functions.py``. Signatures of the
 CasADi functions, callers in C++, named results in Python, the C99 header and ``docs/functions.md``
@@ -31,7 +31,7 @@ from fantoccini.kernel.contract.function import (
 )
 from fantoccini.kernel.contract.quantity import Quantity, Shape
 
-_L = Quantity("L", ("n_packed",), "", "the factor M = F^T F, for forth and back only")
+_L = Quantity("L", ("n_packed",), "", "factor F of M = F^T F, an argument of forth and back")
 _STRINGS: Shape = ("n_strings",)
 _FACTOR = (
     _L,
@@ -40,12 +40,12 @@ _FACTOR = (
     Quantity("G", ("n_strings", "n_strings"), "1/kg", "A_D M^-1 A_D^T = W^T W"),
 )
 _H = Quantity("h", _STRINGS, "m", "path length minus string length")
-_HDOT = Quantity("hdot", _STRINGS, "m/s", "its rate")
+_HDOT = Quantity("hdot", _STRINGS, "m/s", "rate of h")
 _A0 = Quantity("a0", _STRINGS, "m/s^2", "W^T w0")
 _HDOT_K = Quantity("hdot_K", _STRINGS, "m/s", "A_K v_K, the inputs' part of hdot")
 _LIMITS = (
     Quantity("h_limit", ("n_limits",), "", "h of the limits"),
-    Quantity("J_limit", (3, "n_limits"), "", "their rows of A_D, in their own joints"),
+    Quantity("J_limit", (3, "n_limits"), "", "A_D of the limits, for their joints' velocities"),
 )
 _POWER = (
     Quantity("power0", (), "W", "power of the inputs at acc_D = 0 without tensions"),
@@ -71,23 +71,23 @@ _STEPPING = (LANES, ROLLOUTS, VARIATIONAL, VARIATIONAL_LANES, STEP_DERIVATIVES, 
 
 
 def _derivative(name: str, rows: str, by: str, meaning: str) -> Quantity:
-    return Quantity(name, (rows, by), "", meaning)
+    return Quantity(name, (rows, by), "", f"derivative of {meaning}")
 
 
 _BY_RATES = (
-    _derivative("A_D", "n_rows", "n_vD", "of hdot by v_D"),
-    _derivative("A_K", "n_rows", "n_vK", "of hdot by v_K"),
-    _derivative("h_p", "n_rows", "n_p", "of h by the parameters"),
-    _derivative("hdot_q", "n_rows", "n_vD", "of hdot by tangents of q_D"),
-    _derivative("hdot_qK", "n_rows", "n_vK", "of hdot by tangents of q_K"),
-    _derivative("hdot_p", "n_rows", "n_p", "of hdot by the parameters"),
+    _derivative("A_D", "n_rows", "n_vD", "hdot by v_D"),
+    _derivative("A_K", "n_rows", "n_vK", "hdot by v_K"),
+    _derivative("h_p", "n_rows", "n_p", "h by the parameters"),
+    _derivative("hdot_q", "n_rows", "n_vD", "hdot by tangents of q_D"),
+    _derivative("hdot_qK", "n_rows", "n_vK", "hdot by tangents of q_K"),
+    _derivative("hdot_p", "n_rows", "n_p", "hdot by the parameters"),
 )
 _BY_ACCELERATIONS = (
-    _derivative("hddot_q", "n_rows", "n_vD", "of hddot by tangents of q_D"),
-    _derivative("hddot_v", "n_rows", "n_vD", "of hddot by v_D"),
-    _derivative("hddot_qK", "n_rows", "n_vK", "of hddot by tangents of q_K"),
-    _derivative("hddot_vK", "n_rows", "n_vK", "of hddot by v_K"),
-    _derivative("hddot_p", "n_rows", "n_p", "of hddot by the parameters"),
+    _derivative("hddot_q", "n_rows", "n_vD", "hddot by tangents of q_D"),
+    _derivative("hddot_v", "n_rows", "n_vD", "hddot by v_D"),
+    _derivative("hddot_qK", "n_rows", "n_vK", "hddot by tangents of q_K"),
+    _derivative("hddot_vK", "n_rows", "n_vK", "hddot by v_K"),
+    _derivative("hddot_p", "n_rows", "n_p", "hddot by the parameters"),
 )
 
 _ENDS = "before", "after"
@@ -116,12 +116,12 @@ _DECLARED = (
     ),
     Function(
         "step_dynamics",
-        "The same over a step dt: damping and drag are in F, velocity products those of v_ahead.",
+        "`dynamics` over a step dt: F contains damping and drag, velocity products use v_ahead.",
         arguments("q_D v_D q_K v_K acc_K u_D v_ahead dt p"),
         (
             *_STEP,
-            Quantity("f_M", ("n_motors",), FORCE, "motors exert f_M - y_M dv over the step"),
-            Quantity("y_M", ("n_motors",), "", "derivative by the change dv of velocity"),
+            Quantity("f_M", ("n_motors",), FORCE, "force of the motors at dv = 0: f_M - y_M dv"),
+            Quantity("y_M", ("n_motors",), "", "decrease of that force per change dv of velocity"),
         ),
         (MODEL, LANES, ROLLOUTS, STEP_DERIVATIVES, GRADIENTS),
         mapped=True,
@@ -198,8 +198,8 @@ _DECLARED = (
         PLACE,
         (
             Quantity("poses", (12, "n_links"), "1, m", "R column by column, then the origin"),
-            Quantity("screw_D", (6, "n_vD"), "1 or m", "of v_D: linear, then angular; world axes"),
-            Quantity("screw_K", (6, "n_vK"), "1 or m", "of v_K, likewise"),
+            Quantity("screw_D", (6, "n_vD"), "1 or m", "v_D's screws: linear, angular; world axes"),
+            Quantity("screw_K", (6, "n_vK"), "1 or m", "v_K's screws, likewise"),
         ),
         (MODEL, LANES, ROLLOUTS, GRADIENTS, REACH),
         mapped=True,
@@ -224,11 +224,11 @@ _DECLARED = (
     ),
     Function(
         "motor_lags",
-        "Lag of the drives that may be too weak.",
+        "Lag of the watched drives behind their commands.",
         PLACE,
         (
             Quantity("at", ("n_watched",), "rad or m", "position of the drive"),
-            Quantity("command", ("n_watched",), "rad or m", "position that its command asks for"),
+            Quantity("command", ("n_watched",), "rad or m", "position of its command"),
             Quantity("lag", ("n_watched",), "1", "lag in periods of a stepper motor"),
         ),
         (MODEL, *_STEPPING),
@@ -236,17 +236,17 @@ _DECLARED = (
     ),
     Function(
         "motor_shares",
-        "Share of the force its controller asks for that a motor can exert.",
+        "Share of its controller's demanded force that each watched motor can exert.",
         arguments("q_D v_D q_K v_K acc_K p"),
-        (Quantity("share", ("n_watched",), "1", "force it can exert over force asked for"),),
+        (Quantity("share", ("n_watched",), "1", "possible force / demanded force, at most 1"),),
         (MODEL, *_STEPPING),
         needs="n_watched",
     ),
     Function(
         "motor_demands",
-        "Force that controllers ask motors for, whatever these can exert.",
+        "Force that controllers demand, without the bounds of the motors.",
         arguments("q_D v_D q_K v_K acc_K p"),
-        (Quantity("f_D", ("n_vD",), FORCE, "force asked for; 0 without a drive"),),
+        (Quantity("f_D", ("n_vD",), FORCE, "demanded force; 0 without a drive"),),
         (MODEL,),
         needs="n_watched",
         mapped=True,
@@ -258,8 +258,8 @@ _DECLARED = (
         (
             *_STEP,
             Quantity("L_firm", ("n_packed",), "", "L with damping and drag over dt"),
-            Quantity("W_firm", ("n_vD", "n_strings"), "", "W of that factor"),
-            Quantity("G_firm", ("n_strings", "n_strings"), "1/kg", "G of that factor"),
+            Quantity("W_firm", ("n_vD", "n_strings"), "", "W for L_firm"),
+            Quantity("G_firm", ("n_strings", "n_strings"), "1/kg", "G for L_firm"),
         ),
         (VARIATIONAL, VARIATIONAL_LANES),
         standing=("W", "W_firm", "J_limit", "M_DK_v_K"),
@@ -272,7 +272,7 @@ _DECLARED = (
             Quantity("before", ("n_vD",), "", "momentum p_k(xi) at the step's start"),
             Quantity("after", ("n_vD",), "", "momentum p_k+1 at its end"),
             Quantity("q_next", ("n_qD",), "", "configuration q_k+1"),
-            Quantity("h", ("n_rows",), "m", "h of all rows there"),
+            Quantity("h", ("n_rows",), "m", "h of all rows at q_k+1"),
             Quantity("work_M", (), "J", "work of the motors"),
         ),
         (VARIATIONAL, VARIATIONAL_LANES),
@@ -299,21 +299,21 @@ _DECLARED = (
             (
                 "q",
                 "Derivative of Eq. 10's residual r by the dynamic configuration.",
-                (_derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),),
+                (_derivative("r_q", "n_vD", "n_vD", "r by tangents of q_D"),),
             ),
             (
                 "v",
                 "Derivative of r by the dynamic velocity.",
-                (_derivative("r_v", "n_vD", "n_vD", "of r by v_D"),),
+                (_derivative("r_v", "n_vD", "n_vD", "r by v_D"),),
             ),
             (
                 "K",
                 "Derivatives of r by the driven coordinates and the parameters.",
                 (
-                    _derivative("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
-                    _derivative("r_vK", "n_vD", "n_vK", "of r by v_K"),
-                    _derivative("M_DK", "n_vD", "n_vK", "of r by acc_K"),
-                    _derivative("r_p", "n_vD", "n_p", "of r by the parameters"),
+                    _derivative("r_qK", "n_vD", "n_vK", "r by tangents of q_K"),
+                    _derivative("r_vK", "n_vD", "n_vK", "r by v_K"),
+                    _derivative("M_DK", "n_vD", "n_vK", "r by acc_K"),
+                    _derivative("r_p", "n_vD", "n_p", "r by the parameters"),
                 ),
             ),
         )
@@ -338,31 +338,31 @@ _DECLARED = (
     ),
     Function(
         "hanging",
-        "Forces that do not balance at rest, r of Eq. 10, h, and their derivatives.",
+        "Residual force r of Eq. 10 at rest, h, and their derivatives.",
         arguments("q_D q_K tension p"),
         (
             Quantity("r", ("n_vD",), FORCE, "g + A_D^T tension, and springs"),
-            Quantity("h", ("n_rows",), "m", "of strings and limits"),
-            _derivative("r_q", "n_vD", "n_vD", "of r by tangents of q_D"),
-            _derivative("r_qK", "n_vD", "n_vK", "of r by tangents of q_K"),
-            _derivative("r_p", "n_vD", "n_p", "of r by the parameters"),
-            _derivative("A_D", "n_rows", "n_vD", "of h by tangents of q_D"),
-            _derivative("A_K", "n_rows", "n_vK", "of h by tangents of q_K"),
-            _derivative("h_p", "n_rows", "n_p", "of h by the parameters"),
+            Quantity("h", ("n_rows",), "m", "h of strings and limits"),
+            _derivative("r_q", "n_vD", "n_vD", "r by tangents of q_D"),
+            _derivative("r_qK", "n_vD", "n_vK", "r by tangents of q_K"),
+            _derivative("r_p", "n_vD", "n_p", "r by the parameters"),
+            _derivative("A_D", "n_rows", "n_vD", "h by tangents of q_D"),
+            _derivative("A_K", "n_rows", "n_vK", "h by tangents of q_K"),
+            _derivative("h_p", "n_rows", "n_p", "h by the parameters"),
         ),
         (REACH,),
     ),
     Function(
         "momenta_by",
-        "M v_D + M_DK v_K + A_D^T tension and its derivatives.",
+        "e = M v_D + M_DK v_K + A_D^T tension and its derivatives.",
         arguments("q_D v_D q_K v_K tension p"),
         (
-            Quantity("e", ("n_vD",), "", "itself"),
-            _derivative("e_q", "n_vD", "n_vD", "by tangents of q_D"),
-            _derivative("M", "n_vD", "n_vD", "by v_D"),
-            _derivative("e_qK", "n_vD", "n_vK", "by tangents of q_K"),
-            _derivative("M_DK", "n_vD", "n_vK", "by v_K"),
-            _derivative("e_p", "n_vD", "n_p", "by the parameters"),
+            Quantity("e", ("n_vD",), "", "M v_D + M_DK v_K + A_D^T tension"),
+            _derivative("e_q", "n_vD", "n_vD", "e by tangents of q_D"),
+            _derivative("M", "n_vD", "n_vD", "e by v_D"),
+            _derivative("e_qK", "n_vD", "n_vK", "e by tangents of q_K"),
+            _derivative("M_DK", "n_vD", "n_vK", "e by v_K"),
+            _derivative("e_p", "n_vD", "n_p", "e by the parameters"),
         ),
         (VARIATIONAL_DERIVATIVES,),
         mapped=True,
@@ -374,30 +374,30 @@ _DECLARED = (
         (
             *(Quantity(end, ("n_vD",), "", f"momenta {end} the step") for end in _ENDS),
             *(
-                _derivative(f"{end}_{by}", "n_vD", size, f"of `{end}` by {what}")
+                _derivative(f"{end}_{by}", "n_vD", size, f"`{end}` by {variable}")
                 for end in _ENDS
-                for by, size, what in _OF_MIDPOINT
+                for by, size, variable in _OF_MIDPOINT
             ),
-            _derivative("next_q", "n_vD", "n_vD", "of tangents of q_D after it by those before"),
-            _derivative("next_xi", "n_vD", "n_vD", "of them by xi"),
+            _derivative("next_q", "n_vD", "n_vD", "tangents of q_k+1 by tangents of q_k"),
+            _derivative("next_xi", "n_vD", "n_vD", "tangents of q_k+1 by xi"),
         ),
         (VARIATIONAL_DERIVATIVES,),
         mapped=True,
     ),
     Function(
         "step_back",
-        "Gradient of z . r + y . hdot + y_h . h; r has the velocity products of v_ahead, hdot is "
-        "at v_next.",
+        "Gradient of z . r + y . hdot + y_h . h; r has velocity products of v_ahead, hdot is at "
+        "v_next.",
         arguments("q_D v_D v_ahead v_next acc_D q_K v_K acc_K tension z y y_h dt p"),
         (
-            Quantity("g_q", ("n_vD",), "", "by tangents of q_D"),
-            Quantity("g_v", ("n_vD",), "", "by v_D"),
-            Quantity("g_ahead", ("n_vD",), "", "by v_ahead"),
-            Quantity("g_next", ("n_vD",), "", "by v_next"),
-            Quantity("g_qK", ("n_vK",), "", "by tangents of q_K"),
-            Quantity("g_vK", ("n_vK",), "", "by v_K"),
-            Quantity("g_aK", ("n_vK",), "", "by acc_K"),
-            Quantity("g_p", ("n_p",), "", "by the parameters"),
+            Quantity("g_q", ("n_vD",), "", "gradient by tangents of q_D"),
+            Quantity("g_v", ("n_vD",), "", "gradient by v_D"),
+            Quantity("g_ahead", ("n_vD",), "", "gradient by v_ahead"),
+            Quantity("g_next", ("n_vD",), "", "gradient by v_next"),
+            Quantity("g_qK", ("n_vK",), "", "gradient by tangents of q_K"),
+            Quantity("g_vK", ("n_vK",), "", "gradient by v_K"),
+            Quantity("g_aK", ("n_vK",), "", "gradient by acc_K"),
+            Quantity("g_p", ("n_p",), "", "gradient by the parameters"),
         ),
         (GRADIENTS,),
     ),
@@ -405,15 +405,15 @@ _DECLARED = (
 )
 
 FUNCTIONS: dict[str, Function] = {f.name: f for f in _DECLARED}
-"""Every generated function, by name."""
+"""Name -> generated function."""
 
 COLUMN = Function(
     "column",
-    "The entries of y = F^-T x that are not zero for x in one joint, by its number.",
+    "The nonzero entries of y = F^-T x for an x that is zero outside one joint.",
     arguments("L x_joint"),
-    (Quantity("y", ("n_vD",), "", "these entries, side by side"),),
+    (Quantity("y", ("n_vD",), "", "nonzero entries, in order"),),
 )
-"""One for every joint with limits: ``column(which, ...)`` in compiled code."""
+"""One function for every joint with limits: ``column(which, ...)`` in compiled code."""
 
 
 def needed(function: Function, sizes: Mapping[str, int]) -> bool:
@@ -422,10 +422,10 @@ def needed(function: Function, sizes: Mapping[str, int]) -> bool:
 
 
 def compiled(library: str, sizes: Mapping[str, int]) -> tuple[str, ...]:
-    """Names of the functions that a library has.
+    """Names of the functions in a library.
 
     Args:
         library: one of ``LIBRARIES``.
-        sizes: of the puppet.
+        sizes: sizes of the puppet.
     """
     return tuple(f.name for f in _DECLARED if library in f.libraries and needed(f, sizes))

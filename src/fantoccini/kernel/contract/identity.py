@@ -16,7 +16,7 @@ from fantoccini.kernel.contract.structures import STRUCTURES
 
 @cache
 def digest() -> int:
-    """63 bits of names, shapes, types, codes and constants; wording does not count."""
+    """63-bit hash of names, shapes, types, codes and constants, without meanings and units."""
     functions = [
         [f.name, *([[q.name, q.shape] for q in part] for part in (f.arguments, f.results))]
         for f in (*FUNCTIONS.values(), COLUMN)
@@ -30,5 +30,5 @@ def digest() -> int:
         "codes": [[c.__name__, [[m.name, m.value] for m in c]] for c in CODES],
         "constants": [[name, float(x).hex()] for name, x in CONSTANTS.items()],
     }
-    found = hashlib.sha256(json.dumps(parts, sort_keys=True).encode("ascii")).digest()
-    return int.from_bytes(found[:8], "big") >> 1
+    hashed = hashlib.sha256(json.dumps(parts, sort_keys=True).encode("ascii")).digest()
+    return int.from_bytes(hashed[:8], "big") >> 1

@@ -1,4 +1,4 @@
-"""The lane record: arrays of n trajectories that are advanced together, piece by piece."""
+"""The lane record: arrays of n trajectories that are advanced together, in pieces."""
 
 from __future__ import annotations
 
@@ -23,4 +23,4 @@ LANE: tuple[Field, ...] = (
     Field("status", "int*", "(n,) Status; written"),
     Field("blame", OUT, "(n, n_rows + n_watched) shares of the blame for it; written"),
 )
-"""The lane record, declared once: compiled code and Python take its arrays from here."""
+"""The lane record of compiled code and Python."""

@@ -19,16 +19,16 @@ SIZES: dict[str, str] = {
     "n_links": "links",
     "n_points": "points of all strings",
     "n_motors": "velocities that motors move",
-    "n_watched": "drives that may be too weak for their command",
-    "n_contacts": "contact points that a step has room for; 0 without contact",
-    "n_solids": "solids of the links, where they may touch; else 0",
-    "n_packed": "numbers of the factor M = F^T F",
+    "n_watched": "drives with a command, whose motor or controller may be too weak",
+    "n_contacts": "maximum number of contact points in a step; 0 without contact",
+    "n_solids": "solids of the links; 0 without contact",
+    "n_packed": "numbers of the factor F of M = F^T F",
 }
-"""Every size of a puppet that a shape may name. ``Tree.sizes`` has all but ``n_packed``, which is
-known once the equations are derived."""
+"""Sizes of a puppet in shapes. ``Tree.sizes`` has all except ``n_packed``, which the derivation of
+the equations determines."""
 
 Shape = tuple[str | int, ...]
-"""() is a number, (n,) a vector, (n, m) a matrix, stored column by column."""
+"""Shape: () is a number, (n,) a vector, (n, m) a matrix, stored column by column."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Quantity:
     """An argument, a result, or a part of a sample.
 
     Attributes:
-        name: the same in Python, C++ and the docs.
-        shape: in names of ``SIZES`` and numbers.
-        unit: empty where it follows from the coordinates.
-        meaning: in one sentence.
+        name: name in Python, C++ and the docs.
+        shape: shape in names of ``SIZES`` and numbers.
+        unit: unit; empty if it depends on the coordinates.
+        meaning: meaning in one sentence.
     """
 
     name: str

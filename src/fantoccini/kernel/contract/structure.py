@@ -1,4 +1,4 @@
-"""What a structure that Python and compiled code share is."""
+"""Declaration of a structure that Python and compiled code share."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ class Field:
     """A field of a structure.
 
     Attributes:
-        name: the same in Python and C++.
-        type: in C++: a number, an array ``double[3]``, a pointer, a structure, or a function
+        name: name in Python and C++.
+        type: type in C++: a number, an array ``double[3]``, a pointer, a structure, or a function
             ``double(const Solid*, const Solid*)``.
         meaning: with its shape and unit. An array's shape comes first, in parentheses: sizes by
             name, and sums of them.
@@ -31,12 +31,12 @@ class Field:
 
 @dataclass(frozen=True)
 class Structure:
-    """A structure as C lays it out.
+    """A structure with the memory layout of C.
 
     Attributes:
-        name: the same in Python and C++.
-        meaning: in one sentence.
-        fields: in order.
+        name: name in Python and C++.
+        meaning: meaning in one sentence.
+        fields: fields in order.
     """
 
     name: str

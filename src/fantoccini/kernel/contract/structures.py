@@ -1,4 +1,4 @@
-"""Every structure that Python and compiled code share, field by field: those of runs here."""
+"""All structures that Python and compiled code share; those of runs are declared here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ RUNS: tuple[Structure, ...] = (
         "InputArrays",
         "An input: arrays in C order.",
         (
-            Field("n_segments", "int", "pieces"),
+            Field("n_segments", "int", "number of pieces"),
             Field("breaks", IN, "(n_segments + 1,) [s]"),
             Field("coef", IN, "(n_segments, n_vK, 6)"),
             Field("base", IN, "(n_segments, n_qK)"),
@@ -27,18 +27,18 @@ RUNS: tuple[Structure, ...] = (
             Field("n_vertices", "int"),
             Field("n_facets", "int"),
             Field("n_edges", "int"),
-            Field("inner", "double", "radius of the largest ball about the origin inside [m]"),
+            Field("inner", "double", "radius of the largest ball about the origin in it [m]"),
             Field("outer", "double", "radius of the smallest ball about the origin around it [m]"),
             Field("vertices", IN, "(n_vertices, 3) [m]"),
             Field("planes", IN, "(n_facets, 4) outward unit normal; height above the origin [m]"),
-            Field("begins", INT, "(n_facets + 1,) where the corners of each facet begin"),
+            Field("begins", INT, "(n_facets + 1,) index of each facet's first corner"),
             Field(
                 "corners", INT, "vertices of each facet in turn, anticlockwise seen from outside"
             ),
-            Field("sides", INT, "the edge from each corner to the next"),
+            Field("sides", INT, "edge from each corner to the next"),
             Field("edges", INT, "(n_edges, 4) two vertices, the facets to the left and right"),
-            Field("around_begins", INT, "(n_vertices + 1,) where the facets of each vertex begin"),
-            Field("around", INT, "facets of each vertex"),
+            Field("around_begins", INT, "(n_vertices + 1,) index of each vertex's first facet"),
+            Field("around", INT, "facets of each vertex in turn"),
         ),
     ),
     Structure(
@@ -57,64 +57,70 @@ RUNS: tuple[Structure, ...] = (
             Field("R", "double[9]", "column by column"),
             Field("half", "double[3]"),
             Field("radius", "double", "[m]"),
-            Field("hull", "const Hull*", "null but for hulls"),
+            Field("hull", "const Hull*", "polytope of a HULL; otherwise null"),
         ),
     ),
     Structure(
         "ContactArrays",
-        "Solids that may touch, and how.",
+        "Solids that may touch, and the contact laws of their pairs.",
         (
             Field("n_solids", MANY),
             Field("n_pairs", MANY),
             Field("n_groups", MANY),
-            Field("solids", "const Solid*", "those of the links, then those that stand"),
-            Field("pairs", INT, "(n_pairs, 2) of solids; the second may stand in the world"),
+            Field("solids", "const Solid*", "solids of the links, then solids fixed in the world"),
+            Field("pairs", INT, "(n_pairs, 2) solids; the second may be fixed in the world"),
             Field(
                 "groups",
                 INT,
-                "(n_groups, 3) of pairs of the same two links, or of a link and a solid that "
-                "stands: first link; second link, or -1 - the solid; where the pairs end",
+                "(n_groups, 3) groups of pairs of the same two links, or of a link and a fixed "
+                "solid: first link; second link, or -1 - the solid; end of its pairs",
             ),
             Field("friction", IN, "(n_pairs,) coefficient of Coulomb's law"),
             Field("restitution", IN, "(n_pairs,) 0 to 1"),
-            Field("meetings", INT, "(n_pairs,) the first pair of parts of the same two names"),
+            Field("meetings", INT, "(n_pairs,) first pair of parts with the same two names"),
         ),
     ),
     Structure(
         "Options",
         "Options of a run.",
         (
-            Field("rtol", "double", "of the event-driven integrator"),
-            Field("atol", "double", "likewise"),
+            Field("rtol", "double", "relative tolerance of the event-driven integrator"),
+            Field("atol", "double", "absolute tolerance, likewise"),
             Field("first_step", "double", "[s]"),
             Field("max_step", "double", "[s]"),
-            Field("tension_cap", "double", "[N]; times 1 m of a limit, times 1 s of an impulse"),
-            Field("energy_scale", "double", "size of the work and loss integrals, for errors [J]"),
-            Field("force_scale", "double", "size of forces that balance, M_DD one [kg^1/2 m/s^2]"),
+            Field("tension_cap", "double", "[N]; for limits [N m], for impulses [N s]"),
+            Field("energy_scale", "double", "scale of work and loss integrals, for errors [J]"),
+            Field("force_scale", "double", "scale of forces in coordinates with M_DD = 1"),
             Field(
-                "recovery_speed", "double", "cap on how fast time-stepping undoes a violation [m/s]"
+                "recovery_speed",
+                "double",
+                "largest speed at which time-stepping removes a violation [m/s]",
             ),
             Field("dt", "double", "fixed step [s]"),
             Field("max_steps", MANY),
             Field("max_events", MANY),
-            Field("save_steps", "int", "save every accepted step"),
-            Field("extrapolate", "int", "time-stepping: velocity products half a step ahead"),
+            Field("save_steps", "int", "whether to save every accepted step"),
+            Field(
+                "extrapolate",
+                "int",
+                "time-stepping: whether velocity products are half a step ahead",
+            ),
             Field("contacts", "const ContactArrays*", "null without contact; must outlive the run"),
         ),
     ),
     Structure(
         "RecordArrays",
-        "Where a run writes samples and events.",
+        "Memory for the samples and events of a run.",
         (
             Field("samples", OUT, "(sample_capacity, SampleLayout::width)"),
             Field("sample_capacity", MANY),
-            Field("n_samples", MANY, "written"),
+            Field("n_samples", MANY, "number of samples written"),
             Field("events", OUT, "(event_capacity, EventLayout::width)"),
             Field("event_capacity", MANY),
-            Field("n_events", MANY, "written"),
+            Field("n_events", MANY, "number of events written"),
             Field("contacts", OUT, "(contact_capacity, ContactLayout::width)"),
             Field("contact_capacity", MANY),
-            Field("n_contacts", MANY, "written"),
+            Field("n_contacts", MANY, "number of contact points written"),
         ),
     ),
     Structure(
@@ -138,19 +144,19 @@ RUNS: tuple[Structure, ...] = (
     ),
     Structure(
         "RunProgress",
-        "How far a run is.",
+        "Progress of a run.",
         (
-            Field("steps", MANY, "taken"),
-            Field("t", "double", "reached [s]"),
-            Field("violation", "double", "largest so far, of fixed steps [m or rad]"),
+            Field("steps", MANY, "number of steps taken"),
+            Field("t", "double", "time reached [s]"),
+            Field("violation", "double", "largest violation of fixed steps so far [m or rad]"),
         ),
     ),
     Structure(
         "Shared",
-        "An array of every trajectory.",
+        "An array for every trajectory, or one that all share.",
         (
-            Field("first", IN, "or null"),
-            Field("stride", MANY, "from one trajectory to the next; 0 where all share one"),
+            Field("first", IN, "array of the first trajectory, or null"),
+            Field("stride", MANY, "distance of neighbouring trajectories' arrays; 0 if shared"),
         ),
     ),
     Structure(
@@ -201,4 +207,4 @@ RUNS: tuple[Structure, ...] = (
 )
 
 STRUCTURES = RUNS + DERIVATIVES + SEARCHES
-"""Each comes after those that it holds."""
+"""Structures in the order of declaration: each after those that it contains."""

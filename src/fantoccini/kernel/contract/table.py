@@ -38,12 +38,12 @@ def _line(function: Function) -> str:
     arguments = ", ".join(q.name for q in function.arguments)
     results = ", ".join(f"`{q.name}`" for q in function.results)
     where = [*function.libraries, *["C99"] * function.exported]
-    given = f"| `{function.name}({arguments})` | {results} | {function.purpose} "
-    return f"{given}| {', '.join(where) or 'interpreted'} |"
+    cells = f"| `{function.name}({arguments})` | {results} | {function.purpose} "
+    return f"{cells}| {', '.join(where) or 'interpreted'} |"
 
 
-def _table(what: str, quantities: Iterable[tuple[str, Quantity]]) -> str:
-    lines = [f"| {what} | shape | unit | meaning |", "|---|---|---|---|"]
+def _table(title: str, quantities: Iterable[tuple[str, Quantity]]) -> str:
+    lines = [f"| {title} | shape | unit | meaning |", "|---|---|---|---|"]
     for name, q in quantities:
         shape = f"({', '.join(map(str, q.shape))}{',' if len(q.shape) == 1 else ''})"
         lines.append(f"| `{name}` | {shape if q.shape else 'number'} | {q.unit} | {q.meaning} |")
@@ -54,9 +54,9 @@ _PAGE = """\
 # Generated functions
 
 After this page you can call any function that is generated from a puppet's equations, and read the
-samples and events that a run writes. The page is made from `kernel/contract` by
-`python -m fantoccini.kernel.contract`, as are the header `kernel/cpp/fantoccini/contract.hpp`, the
-ctypes structures and the C99 header.
+samples and events of a run. `python -m fantoccini.kernel.contract` generates this page from
+`kernel/contract`, and the header `kernel/cpp/fantoccini/contract.hpp`; the ctypes structures and
+the C99 header come from the same declarations.
 
 ```python
 import fantoccini as fan
@@ -79,13 +79,13 @@ Matrices are stored column by column.
 
 ## Sizes
 
-| size | of |
+| size | number of |
 |---|---|
 {sizes}
 
 ## Functions
 
-| function | results | what it computes | libraries |
+| function | results | purpose | libraries |
 |---|---|---|---|
 {functions}
 

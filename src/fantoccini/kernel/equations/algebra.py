@@ -1,7 +1,7 @@
 """Small symbolic vectors and matrices: NumPy arrays of dtype object that hold CasADi scalars.
 
-Products with the constants 0 and 1 vanish while expressions are built, so that sparse joint axes
-and aligned frames cost nothing.
+Products with the constants 0 and 1 are simplified when they are built, so that sparse joint axes
+and aligned frames need no operations.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ class Regularisation(NamedTuple):
 
     Attributes:
         segment: length of a segment between coincident points [m].
-        square: added to a square under a root, so that the root has the derivative 0 at 0.
-        same: relative difference below which two forces count as equal.
+        square: term added to a square under a root, so that the root has the derivative 0 at 0.
+        same: relative difference below which two forces are equal.
     """
 
     segment: float = 1e-9
@@ -33,20 +33,20 @@ REGULAR = Regularisation()
 
 
 class Expression(ca.SX):
-    """A CasADi scalar with quick operators.
+    """A CasADi scalar with fast operators.
 
-    Those of ``ca.SX`` try the overloads of all types first, which takes six times as long as the
-    operation itself. Whatever an Expression is combined with becomes one.
+    The operators of ``ca.SX`` first try the overloads of all types, which takes six times as long
+    as the operation itself. A result with an Expression as an operand is an Expression.
     """
 
     def __neg__(self) -> Expression:
         return _expression(ca.SX.unary(ca.OP_NEG, self))
 
 
-def _expression(made: ca.SX) -> Expression:
-    made.__class__ = Expression
-    assert isinstance(made, Expression)
-    return made
+def _expression(sx: ca.SX) -> Expression:
+    sx.__class__ = Expression
+    assert isinstance(sx, Expression)
+    return sx
 
 
 def _operator(operation: int, reflected: bool) -> Callable[[Any, Any], Expression]:
@@ -123,7 +123,7 @@ def dot(a: np.ndarray, b: np.ndarray) -> ca.SX:
 
 
 def scaled(factor: ca.SX | float, values: np.ndarray) -> np.ndarray:
-    """factor times an object array; factor * array would be CasADi's product."""
+    """factor times an object array; ``factor * array`` would be CasADi's product."""
     out = np.empty(values.shape, dtype=object)
     for index in np.ndindex(values.shape):
         out[index] = values[index] * factor

@@ -1,22 +1,23 @@
-"""M_DD = F^T F by the articulated-body recursion: F^-T and F^-1 in operations linear in the links.
+"""M_DD = F^T F by the articulated-body recursion: F^-T x and F^-1 x, linear in the number of links.
 
-A link with all that hangs from it answers a motion of its frame with the wrench N a - p, where N
-(6, 6) is its articulated inertia. From the leaves to the root every velocity k, with the column S
-of its joint, is eliminated:
+An acceleration a of a link's frame requires the wrench N a - p for the link and its whole subtree,
+where N (6, 6) is its articulated inertia. From the leaves to the root every velocity k, with the
+column S of its joint, is eliminated:
 
     U = N S,  D = S.U + armature,  N <- N - U U^T / D,  w_k = (x_k + S.p) / sqrt D,
     p <- p - U w_k / sqrt D
 
-w = F^-T x for forces x in the joints and wrenches p on the links; back from the root to the leaves
+This gives w = F^-T x for forces x in the joints and wrenches p on the links. From the root to the
+leaves,
 
     y_k = (w_k - U.a / sqrt D) / sqrt D,  a <- a + S y_k
 
 gives y = F^-1 w. Wrenches and motions have six entries, the angular ones first, in the link's
-frame. The linear velocities of a free joint are eliminated along the link's own axes: F is then
-not triangular, and need not be.
+frame. The linear velocities of a free joint are eliminated along the link's own axes, so that F is
+not triangular.
 
-A joint without armature hands on nothing about its own axis, so that rows of N vanish: a ball joint
-hands on a force. Armature is a drive's inertia and, over a step, damping.
+A joint without armature transmits no wrench along its own axis, so that rows of N vanish: a ball
+joint transmits a force only. Armature is a drive's inertia and, over a step, damping.
 """
 
 from __future__ import annotations
@@ -38,14 +39,14 @@ Wrench = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Column:
-    """One velocity that has been eliminated.
+    """An eliminated velocity.
 
     Attributes:
         S: (6,) motion of the link per unit velocity, a constant.
         U: (6,) U / sqrt D.
         d: 1 / sqrt D.
-        place: the entry of S that alone differs from zero, where a column without armature has
-            one: there the wrench handed on is known beforehand. None elsewhere.
+        place: index of the only nonzero entry of S, for a column without armature: this entry of
+            the transmitted wrench is known in advance. None for other columns.
     """
 
     S: np.ndarray
@@ -54,7 +55,7 @@ class Column:
     place: int | None
 
     def forth(self, x: ca.SX, p: np.ndarray) -> ca.SX:
-        """w_k from the force x in the joint; the wrench p (6,) becomes the one handed on."""
+        """w_k from the force x in the joint; changes the wrench p (6,) to the transmitted one."""
         w = (x + dot(self.S, p)) * self.d
         p -= scaled(w, self.U)
         if self.place is not None:
@@ -62,7 +63,7 @@ class Column:
         return w
 
     def back(self, w: ca.SX, a: np.ndarray) -> ca.SX:
-        """y_k; the acceleration a (6,) becomes that below the joint."""
+        """y_k; changes the acceleration a (6,) to the one below the joint."""
         if self.place is None:
             y = (w - dot(self.U, a)) * self.d
             a += scaled(y, self.S)
@@ -78,10 +79,10 @@ class Elimination:
     """The step of the recursion that eliminates a link's joint.
 
     Attributes:
-        parent: index of the link that wrenches are handed to, ``WORLD`` where no joint from there
-            on is dynamic.
+        parent: index of the link to which wrenches are transmitted; ``WORLD`` if no joint on the
+            way to the world is dynamic.
         R, r: pose of the link in its parent.
-        columns: of a dynamic joint, in the order of its velocities; empty otherwise.
+        columns: columns of a dynamic joint, in the order of its velocities; empty otherwise.
         v: place of these velocities in v_D.
         turned: (3, 3) orientation in the link of the axes of a free joint's linear velocities;
             None for other joints.
@@ -95,7 +96,7 @@ class Elimination:
     turned: np.ndarray | None
 
     def forth(self, x: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """w of the joint from forces x in it and the wrench p (6,), and the wrench handed on."""
+        """w of the joint from its forces x and the wrench p (6,), and the transmitted wrench."""
         p, own, w = p.copy(), x.copy(), zeros(len(self.columns))
         if self.turned is not None:
             own[:3] = self.turned.dot(own[:3])
@@ -110,7 +111,7 @@ class Factor:
     """F of M_DD = F^T F.
 
     Attributes:
-        steps: of the links, parents before children.
+        steps: elimination of each link's joint, parents before children.
         n: number of dynamic velocities.
     """
 
@@ -118,7 +119,7 @@ class Factor:
     n: int
 
     def forth(self, x: np.ndarray, wrenches: dict[int, Wrench]) -> np.ndarray:
-        """w = F^-T (x + J^T p), from the leaves to the root (n,).
+        """(n,) w = F^-T (x + J^T p), from the leaves to the root.
 
         Args:
             x: (n,) forces in the joints.
@@ -136,7 +137,7 @@ class Factor:
         return w
 
     def forth_from(self, link: int, x: np.ndarray) -> dict[int, ca.SX]:
-        """The entries of w = F^-T x that differ from zero, for forces x in one joint alone."""
+        """Place -> nonzero entry of w = F^-T x, for forces x in one joint only."""
         w: dict[int, ca.SX] = {}
         p = zeros(6)
         while link != WORLD:
@@ -148,7 +149,7 @@ class Factor:
         return {k: value for k, value in sorted(w.items()) if not value.is_zero()}
 
     def back(self, w: np.ndarray) -> np.ndarray:
-        """y = F^-1 w, from the root to the leaves (n,)."""
+        """(n,) y = F^-1 w, from the root to the leaves."""
         y = zeros(self.n)
         a: list[np.ndarray] = []
         for step in self.steps:
@@ -168,29 +169,29 @@ class Factor:
         """The numbers that store the factor: those that are not constant in a layout.
 
         Args:
-            layout: this factor, or the same tree's with fewer constants.
+            layout: this factor, or the factor of the same tree with fewer constants.
         """
-        found: dict[int, ca.SX] = {}
-        for theirs, own in zip(layout._all(), self._all(), strict=True):
-            if not theirs.is_constant():
-                found.setdefault(theirs.element_hash(), own)
-        return list(found.values())
+        numbers: dict[int, ca.SX] = {}
+        for entry, own in zip(layout._all(), self._all(), strict=True):
+            if not entry.is_constant():
+                numbers.setdefault(entry.element_hash(), own)
+        return list(numbers.values())
 
     def stored(self, packed: np.ndarray) -> Factor:
-        """The same factor with its numbers read from a vector in its own layout."""
+        """The factor with its numbers taken from a vector in its own layout."""
         place = {x.element_hash(): k for k, x in enumerate(self.numbers(self))}
         return self._with(lambda x: x if x.is_constant() else packed[place[x.element_hash()]])
 
     def _all(self) -> list[ca.SX]:
         """All numbers of the factor."""
-        found: list[ca.SX] = []
+        numbers: list[ca.SX] = []
 
-        def note(x: ca.SX) -> ca.SX:
-            found.append(x)
+        def collect(x: ca.SX) -> ca.SX:
+            numbers.append(x)
             return x
 
-        self._with(note)
-        return found
+        self._with(collect)
+        return numbers
 
     def _with(self, change: Callable[[ca.SX], ca.SX]) -> Factor:
         """The factor with every number replaced."""
@@ -219,8 +220,9 @@ def factorise(
     """The factor of M_DD + armature.
 
     Args:
-        tree, joints, inertias: as elsewhere.
-        armature: (k,) what a link's joint adds to the diagonal.
+        tree: the tree.
+        joints, inertias: joint motion and inertia of every link.
+        armature: returns the terms (k,) that a link's joint adds to the diagonal.
     """
     n = len(tree.links)
     N = [_spatial(inertia) for inertia in inertias]
@@ -251,7 +253,10 @@ def _below_dynamic(tree: Tree) -> list[bool]:
 def _eliminated(
     N: np.ndarray, link: Link, joint: JointMotion, armature: np.ndarray
 ) -> tuple[Column, ...]:
-    """The columns of a joint, the last eliminated first; N becomes what its parent feels."""
+    """The columns of a joint; changes N to the inertia that its parent sees.
+
+    The last velocity is eliminated first.
+    """
     S = np.vstack([joint.S_w, joint.S_v])
     if link.kind == "free":
         S = np.roll(symbolic(np.eye(6)), 3, axis=0)
@@ -274,13 +279,13 @@ def _eliminated(
 
 
 def _single(s: np.ndarray) -> int | None:
-    """The place of the only entry that differs from zero, where it is 1 or -1."""
+    """The index of the only nonzero entry, if it is 1 or -1; else None."""
     places = [i for i in range(6) if not s[i].is_zero()]
     return places[0] if len(places) == 1 and abs(float(s[places[0]])) == 1.0 else None
 
 
 def _spatial(inertia: BodyInertia) -> np.ndarray:
-    """(6, 6): [[I, [h]], [-[h], m 1]]."""
+    """(6, 6) spatial inertia [[I, [h]], [-[h], m 1]]."""
     N, h = zeros(6, 6), inertia.h
     skew = symbolic(rotation.skew_rows(*h))
     N[:3, :3], N[:3, 3:], N[3:, :3] = inertia.I, skew, skew.T
@@ -290,7 +295,7 @@ def _spatial(inertia: BodyInertia) -> np.ndarray:
 
 
 def _in_parent(N: np.ndarray, R: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """The same articulated inertia about the parent's origin, with pose (R, r) in the parent."""
+    """The articulated inertia about the parent's origin, for a link with pose (R, r) in it."""
     A, C = rotated(R, N[:3, :3]), rotated(R, N[3:, 3:])
     B = R.dot(N[:3, 3:]).dot(R.T)
     across = np.array([cross(r, B[i]) for i in range(3)], dtype=object)  # -B [r], row by row

@@ -1,12 +1,12 @@
 """The Coriolis matrix C(q, v) of Eq. 8.
 
-Where every joint is scalar it is Christoffel's:
+If every joint is scalar, it consists of Christoffel symbols:
 
     C_ij = sum_k 1/2 (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) v_k
 
 Otherwise it is the sum over bodies of J^T (I Jdot + B J), with B the skew matrix of the body's
-momentum (angular l, linear p), B (w, v) = (-l x w - p x v, -p x w). Both give the velocity part
-of the bias as C v and make dM/dt - 2 C skew, over all velocities, dynamic and driven together.
+momentum (angular l, linear p), B (w, v) = (-l x w - p x v, -p x w). In both cases C v is the
+velocity-dependent part of the bias and dM/dt - 2 C is skew, over all dynamic and driven velocities.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from fantoccini.model.tree import WORLD, Role
 
 _SCALAR = ("fixed", "revolute", "prismatic", "translation")
 Columns = dict[int, tuple[np.ndarray, ...]]
-"""Velocity -> (w, v, wdot, vdot) of a body per unit of it."""
+"""Velocity -> (w, v, wdot, vdot) of a body per unit velocity."""
 
 
 def coriolis_matrix(system: System) -> ca.SX:
     """C over (v_D, v_K), (n_vD + n_vK, n_vD + n_vK)."""
     if all(link.kind in _SCALAR for link in system.tree.links):
         return _christoffel(system)
-    return _of_bodies(system)
+    return _from_bodies(system)
 
 
 def _christoffel(system: System) -> ca.SX:
@@ -53,7 +53,7 @@ def _christoffel(system: System) -> ca.SX:
     return C
 
 
-def _of_bodies(system: System) -> ca.SX:
+def _from_bodies(system: System) -> ca.SX:
     s, tree, table = system.symbols, system.tree, system.tree.coordinates
     n_D, n = table.n_vD, table.n_vD + table.n_vK
     velocity = system.by_link(elements(s.v_D), elements(s.v_K), "v")
@@ -83,7 +83,7 @@ def _of_bodies(system: System) -> ca.SX:
 
 
 def _moved(joint: JointMotion, w: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A motion of the parent, in the link's frame."""
+    """A motion of the parent, transformed to the link's frame."""
     Rt = joint.R.T
     return Rt.dot(w), Rt.dot(v + cross(w, joint.r))
 

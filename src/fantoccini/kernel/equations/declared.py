@@ -1,4 +1,4 @@
-"""CasADi functions with the arguments and results that the contract declares."""
+"""CasADi functions with the arguments and results of the contract."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from fantoccini.kernel.contract import FUNCTIONS
 
 
 def declared(name: str, symbols: Mapping[str, ca.SX], results: Mapping[str, ca.SX]) -> ca.Function:
-    """The function of a name, its arguments and results in the contract's order; all are dense.
+    """The function of a name, with arguments and dense results in the contract's order.
 
     Args:
-        name: of the function.
-        symbols: its arguments, and perhaps more, by name.
-        results: expressions of its results, and perhaps more, by name.
+        name: name of the function.
+        symbols: name -> symbol, for all arguments; others are ignored.
+        results: name -> expression, for all results; others are ignored.
     """
     function = FUNCTIONS[name]
     names = [q.name for q in function.arguments], [q.name for q in function.results]

@@ -3,10 +3,10 @@
     r = M acc_D + M_DK acc_K + c + damping + A_D^T tension - u_D        (Eq. 10; r = 0)
     hddot = A_D acc_D + A_K acc_K + Adot v                              (Eq. 11; 0 on taut rows)
 
-The implicit function theorem turns them into derivatives of acc_D and of the tensions, with the
-factor of M and of the taut rows that the model has. The residual is recursive Newton-Euler, a tenth
-of the solved form. Derivatives by a configuration are along tangent vectors: a scalar adds, a
-quaternion turns in the body's frame, dq/ddelta = N(q) with qdot = N(q) v.
+The implicit function theorem gives the derivatives of acc_D and of the tensions, with the model's
+factors of M and of the taut rows. The residual is recursive Newton-Euler, with a tenth of the
+operations of the solved form. Derivatives by a configuration are along tangent vectors: a scalar
+adds, a quaternion turns in the body's frame, dq/ddelta = N(q) with qdot = N(q) v.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Derivatives:
 
     Attributes:
         tree: the tree.
-        system: its symbolic expressions.
+        system: symbolic expressions of the tree.
     """
 
     def __init__(self, tree: Tree):
@@ -61,26 +61,26 @@ class Derivatives:
         self.system = System(tree)
 
     def functions(self, library: str = DERIVATIVES) -> dict[str, ca.Function]:
-        """The functions of a library that are derivatives, by name; all results are dense."""
+        """Name -> derivative function of a library; all results are dense."""
         symbols = self.system.symbols
         names = [n for n in compiled(library, self.tree.sizes) if n in _FUNCTIONS]
         if "step_back" in names:
-            found = self._gradient()
+            results = self._gradient()
         elif "hanging" in names:
-            found = self._hanging()
+            results = self._hanging()
         else:
-            found = {**self._forces(symbols.tension), **self._rows()}
-        return {name: declared(name, symbols, found) for name in names}
+            results = {**self._forces(symbols.tension), **self._rows()}
+        return {name: declared(name, symbols, results) for name in names}
 
     def residual(self, tension: ca.SX, v_D: ca.SX | None = None) -> ca.SX:
         """r (n_vD,) of Eq. 10 without u_D; damping and drag act on v_D + dt acc_D.
 
-        Strings pull as forces on the links, which one pass towards the root projects together with
+        Strings pull as forces on the links; one pass towards the root projects them together with
         inertia and gravity.
 
         Args:
-            tension: (n_rows,) of strings and limits [N or N m].
-            v_D: (n_vD,) of the velocity products alone; that of the state when not given.
+            tension: (n_rows,) tensions of strings, forces of limits [N or N m].
+            v_D: (n_vD,) velocity in the velocity products; by default that of the state.
         """
         system, s, tree = self.system, self.system.symbols, self.tree
         motions = system.full_motions
@@ -111,7 +111,7 @@ class Derivatives:
         return column(f_D)
 
     def _late_drag(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Change of the drag on every link over a step at acc_D."""
+        """Change of the drag on every link over a step with acc_D."""
         system, s = self.system, self.system.symbols
         moved = system.motions(elements(s.acc_D))
         return [
@@ -150,8 +150,8 @@ class Derivatives:
             "M_DK": "acc_K",
             "r_p": "p",
         }
-        found = self._derivatives(ca.cse(self.residual(tension)), names.values())
-        return {name: found[by] for name, by in names.items()}
+        derivatives = self._derivatives(ca.cse(self.residual(tension)), names.values())
+        return {name: derivatives[by] for name, by in names.items()}
 
     def _rows(self) -> dict[str, ca.SX]:
         """A_D, A_K and the derivatives of h, hdot and hddot of strings and limits."""
@@ -170,20 +170,20 @@ class Derivatives:
             h.append(height)
             hdot.append(dot(J, v_D[place]))
             hddot.append(dot(J, acc_D[place]) + gamma)
-        found = {"A_D": stacked(A_D, n), "A_K": stacked(A_K, n_K)}
-        # A string hangs on few links: backward from each row is the shorter way.
+        results = {"A_D": stacked(A_D, n), "A_K": stacked(A_K, n_K)}
+        # A string acts on few links: differentiation backwards from each row is shorter.
         for name, values, by in (
             ("h", h, "p"),
             ("hdot", hdot, "q_D q_K p"),
             ("hddot", hddot, "q_D v_D q_K v_K p"),
         ):
-            made = self._derivatives(ca.cse(column(values)), by.split(), backward=True)
-            for symbol, x in made.items():
-                found[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
-        return found
+            derivatives = self._derivatives(ca.cse(column(values)), by.split(), backward=True)
+            for symbol, x in derivatives.items():
+                results[f"{name}_{symbol.removesuffix('_D').replace('_', '')}"] = x
+        return results
 
     def _gradient(self) -> dict[str, ca.SX]:
-        """That of z . r + y . hdot + y_h . h, in one backward pass."""
+        """Gradient of z . r + y . hdot + y_h . h, in one backward pass."""
         s = self.system.symbols
         h, hdot = self._heights()
         rates = ca.substitute(hdot, s.v_D, s.v_next)
@@ -199,28 +199,28 @@ class Derivatives:
             "g_aK": "acc_K",
             "g_p": "p",
         }
-        given = [getattr(s, name) for name in names.values()]
-        # One vector for all symbols, so that what they share is differentiated once.
-        whole = ca.SX.sym("whole", sum(x.numel() for x in given))
-        cuts = np.cumsum([0, *(x.numel() for x in given)]).tolist()
-        value = ca.substitute([value], given, ca.vertsplit(whole, cuts))[0]
-        back = ca.substitute(ca.gradient(value, whole), whole, ca.vertcat(*given))
+        variables = [getattr(s, name) for name in names.values()]
+        # One vector for all variables, so that common subexpressions are differentiated once.
+        whole = ca.SX.sym("whole", sum(x.numel() for x in variables))
+        cuts = np.cumsum([0, *(x.numel() for x in variables)]).tolist()
+        value = ca.substitute([value], variables, ca.vertsplit(whole, cuts))[0]
+        back = ca.substitute(ca.gradient(value, whole), whole, ca.vertcat(*variables))
         return {
             result: tangents(s, self.tree, name).T @ part
             for (result, name), part in zip(names.items(), ca.vertsplit(back, cuts), strict=True)
         }
 
     def _hanging(self) -> dict[str, ca.SX]:
-        """r and h at rest, with derivatives."""
+        """r and h at rest, and their derivatives."""
         s, (h, _) = self.system.symbols, self._heights()
         moving = [s.v_D, s.v_K, s.acc_D, s.acc_K, s.dt]
-        still = [ca.SX.zeros(*x.shape) for x in moving]
-        r = ca.cse(ca.substitute([self.residual(s.tension)], moving, still)[0])
+        zero = [ca.SX.zeros(*x.shape) for x in moving]
+        r = ca.cse(ca.substitute([self.residual(s.tension)], moving, zero)[0])
         by = {"q_D": "q", "q_K": "qK", "p": "p"}
-        found = {f"r_{by[name]}": x for name, x in self._derivatives(r, by).items()}
+        r_by = {f"r_{by[name]}": x for name, x in self._derivatives(r, by).items()}
         names = {"q_D": "A_D", "q_K": "A_K", "p": "h_p"}
-        made = self._derivatives(ca.cse(h), names, backward=True)
-        return {"r": r, "h": h, **found, **{names[name]: x for name, x in made.items()}}
+        h_by = self._derivatives(ca.cse(h), names, backward=True)
+        return {"r": r, "h": h, **r_by, **{names[name]: x for name, x in h_by.items()}}
 
     def _heights(self) -> tuple[ca.SX, ca.SX]:
         """h and hdot (n_rows,) of strings and limits."""
@@ -235,7 +235,7 @@ class Derivatives:
     def _derivatives(
         self, values: ca.SX, names: Iterable[str], backward: bool = False
     ) -> dict[str, ca.SX]:
-        """Derivatives of a column by some symbols, along tangents of configurations."""
+        """Name of a symbol -> derivative of a column by it, along tangents of configurations."""
         symbols = self.system.symbols
         return {n: along_tangents(values, symbols, self.tree, n, backward) for n in names}
 
@@ -253,7 +253,7 @@ def along_tangents(
 
 
 def tangents(symbols: Symbols, tree: Tree, name: str) -> ca.SX:
-    """N(q) of a configuration, one of everything else."""
+    """N(q) for a configuration, the identity for any other symbol."""
     s, t = symbols, tree.coordinates
     if name == "q_D":
         rate = configuration_rate(s.q_D, s.v_D, t.quaternions_D, t.scalars_D)

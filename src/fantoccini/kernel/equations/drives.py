@@ -1,8 +1,8 @@
 """Drives: reflected inertia, friction, and the forces of motors.
 
 With n the rotor angle per unit of the coordinate q (a gear g on a drum of radius r: n = g / r), a
-rotor of inertia J and a carriage of mass m put m + n^2 J on the diagonal of M_DD. The motor follows
-the command r by the error e = r - q, edot = rdot - v:
+rotor of inertia J and a carriage of mass m add m + n^2 J to the diagonal of M_DD. The controller
+follows the command r with the error e = r - q, edot = rdot - v:
 
     PD               f = k e + d edot
     computed torque  f = [M_MM a + c] + friction,  a = rddot + 2 zeta w edot + w^2 e
@@ -11,17 +11,17 @@ the command r by the error e = r - q, edot = rdot - v:
     direct current   f = n k i,  |i| <= I,  |R i + k n v| <= U
 
 c is the force that gravity, velocities and driven coordinates require at acc_M = a, with acc_D = 0
-elsewhere and without strings. Orientations have the error 2 e_w (e_x, e_y, e_z) of the quaternion
-from q to r, in the body's frame, so that k phi restores a small rotation phi.
+elsewhere and without strings. The error of an orientation is 2 e_w (e_x, e_y, e_z) with the
+quaternion e from q to r, in the body's frame, so that k phi restores a small rotation phi.
 
 Over a step dt drives are implicit, like the damping of joints: f is evaluated at the error
-e + dt edot, and its change by the step's own acceleration is on the diagonal of M_DD,
+e + dt edot, and its derivative by the step's acceleration is added to the diagonal of M_DD,
 
     armature = m + n^2 J + dt (d + friction / v) + dt^2 k
 
-so that a drive is stable however stiff it is. Where computed torque couples several coordinates,
-the sums of |M| over each row stand for M: a diagonal that bounds all their motions. At its voltage
-bound a motor's force has the derivative (n k)^2 / R. dt = 0 gives the exact equations.
+so that a drive of any stiffness is stable. If computed torque couples several coordinates, M is
+replaced by a diagonal of the sums of |M| over each row, which bounds all their motions. At its
+voltage bound a motor's force has the derivative (n k)^2 / R. dt = 0 gives the exact equations.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class DriveForces:
     """Forces of all drives over a step.
 
     Attributes:
-        f_D: (n_vD,) forces of the motors, if the step does not change the velocities [N or N m].
-        yields: (n_vD,) their negative derivative by the change of velocity over the step.
-        armature: (n_vD,) what the step adds to the diagonal of M_DD, besides the drives' inertia.
+        f_D: (n_vD,) forces of the motors for a step without change of velocity [N or N m].
+        yields: (n_vD,) decrease of these forces per change of velocity over the step.
+        armature: (n_vD,) terms that the step adds to the diagonal of M_DD, without inertia.
     """
 
     f_D: np.ndarray
@@ -66,13 +66,13 @@ class DriveForces:
 
 
 def forces(system: System, dt: ca.SX) -> DriveForces:
-    """Forces of the motors over a step dt; 0 for the exact equations."""
+    """Forces of the motors over a step dt; dt = 0 for the exact equations."""
     n = system.tree.coordinates.n_vD
     f_D, yields, friction = zeros(n), zeros(n), zeros(n)
-    wanted = _Wanted(system, dt)
+    controllers = _Controllers(system, dt)
     v_D = elements(system.symbols.v_D)
     for row in system.tree.drives:
-        force, stiffness, damping = wanted.of(row)
+        force, stiffness, damping = controllers.force(row)
         force, share, braked = _bounded(row, force, v_D[row.v], system.value)
         f_D[row.v] = force
         n = len(force)
@@ -82,20 +82,20 @@ def forces(system: System, dt: ca.SX) -> DriveForces:
 
 
 def lags(system: System) -> dict[str, np.ndarray]:
-    """The results of ``motor_lags``: how watched drives follow their commands.
+    """The results of ``motor_lags``: lags of watched drives behind their commands.
 
-    ``at`` and ``command`` are positions; of an orientation its angle from its command, and 0
-    [m or rad]. ``lag`` is in periods of four full steps of a stepper motor, which holds at most
-    half a period.
+    ``at`` and ``command`` are positions [m or rad]; for an orientation, ``at`` is its angle from
+    its command, and ``command`` is 0. ``lag`` is in periods of four full steps of a stepper motor,
+    which holds at most half a period.
     """
-    s, found = system.symbols, []
+    s, entries = system.symbols, []
     for row in system.tree.watched:
         q, own, lag = _command(row)[0], elements(s.q_D)[row.q], ca.SX(0)
         if row.turns:
-            there = elements(s.q_K)[q : q + 4]
-            vector = _between(own, there)
+            target = elements(s.q_K)[q : q + 4]
+            vector = _between(own, target)
             sine = ca.sqrt(dot(vector, vector) + REGULAR.square)
-            cosine = ca.sqrt(dot(own, there) ** 2 + REGULAR.square)
+            cosine = ca.sqrt(dot(own, target) ** 2 + REGULAR.square)
             at, command = 2 * ca.atan(sine / cosine), ca.SX(0)
         else:
             at, command = own[0], s.q_K[q]
@@ -103,47 +103,48 @@ def lags(system: System) -> dict[str, np.ndarray]:
         if isinstance(motor, StepperMotor):
             periods = _periods(system, row, motor) / (2 * np.pi) * row.ratio(system.value)
             lag = periods * (command - at)
-        found.append((at, command, lag))
-    columns = zip(*found, strict=True) if found else ((), (), ())
+        entries.append((at, command, lag))
+    columns = zip(*entries, strict=True) if entries else ((), (), ())
     return {n: symbolic(list(c)) for n, c in zip(("at", "command", "lag"), columns, strict=True)}
 
 
 def shares(system: System) -> np.ndarray:
-    """1 for each watched drive whose motor exerts the force asked for, less where it cannot."""
-    wanted, v_D, found = _Wanted(system, ca.SX(0)), elements(system.symbols.v_D), []
+    """Share of the demanded force that the motor of each watched drive can exert, at most 1."""
+    controllers, v_D = _Controllers(system, ca.SX(0)), elements(system.symbols.v_D)
+    out = []
     for row in system.tree.watched:
-        force, _, _ = wanted.of(row)
-        found.append(_bounded(row, force, v_D[row.v], system.value)[1])
-    return symbolic(found)
+        force, _, _ = controllers.force(row)
+        out.append(_bounded(row, force, v_D[row.v], system.value)[1])
+    return symbolic(out)
 
 
 def demands(system: System) -> np.ndarray:
-    """(n_vD,) forces that controllers ask for, whatever their motors can exert [N or N m]."""
-    wanted, f_D = _Wanted(system, ca.SX(0)), zeros(system.tree.coordinates.n_vD)
+    """(n_vD,) forces that controllers demand, without the bounds of motors [N or N m]."""
+    controllers, f_D = _Controllers(system, ca.SX(0)), zeros(system.tree.coordinates.n_vD)
     for row in system.tree.drives:
-        f_D[row.v] = wanted.of(row)[0]
+        f_D[row.v] = controllers.force(row)[0]
     return f_D
 
 
 def _command(row: DriveRow) -> tuple[int, int]:
     """Places of the command in q_K and v_K."""
-    assert row.command is not None, "the drive follows no command"
+    assert row.command is not None, "the drive has no command"
     return row.command
 
 
 def _periods(system: System, row: DriveRow, motor: StepperMotor) -> float:
-    """Pole pairs of a stepper motor: periods of its torque in a radian, or in 1 / 2 pi metres."""
+    """Pole pairs of a stepper motor: periods of its torque per radian, or per 1 / (2 pi) metres."""
     pairs = motor.steps / 4
     return 2 * np.pi * pairs if _is_linear(system, row) else pairs
 
 
 def _is_linear(system: System, row: DriveRow) -> bool:
-    """Whether a motor moves along: a coordinate in metres without a drum."""
+    """Whether a motor is linear: its coordinate is in metres, and it has no drum."""
     return row.drive.drum is None and system.tree.links[row.link].kind != "revolute"
 
 
-class _Wanted:
-    """Forces that controllers ask for, before the motors' bounds.
+class _Controllers:
+    """Forces that controllers demand, without the bounds of motors.
 
     Args:
         system: the equations.
@@ -155,26 +156,26 @@ class _Wanted:
         s = system.symbols
         self.v_D, self.q_D = elements(s.v_D), elements(s.q_D)
         self.q_K, self.v_K, self.acc_K = (elements(x) for x in (s.q_K, s.v_K, s.acc_K))
-        self.needed = self._inverse_dynamics()
+        self.computed_torque = self._inverse_dynamics()
 
-    def of(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Force, and its derivatives by the error and the error's rate, at the coordinate."""
-        value, control, none = self.system.value, row.drive.control, zeros(row.v.stop - row.v.start)
+    def force(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Force at the coordinate, and its derivatives by the error and by the error's rate."""
+        value, control, zero = self.system.value, row.drive.control, zeros(row.v.stop - row.v.start)
         if row.command is None:
-            return none, none, none
+            return zero, zero, zero
         if isinstance(row.drive.motor, StepperMotor):
             return self._stepper(row, row.drive.motor)
         if isinstance(control, PD):
             late, rate, _ = self._error(row)
             k, d = value(control.stiffness), value(control.damping)
-            return scaled(k, late) + scaled(d, rate), _each(k, len(none)), _each(d, len(none))
+            return scaled(k, late) + scaled(d, rate), _each(k, len(zero)), _each(d, len(zero))
         assert control is not None, "a command is followed by a stepper motor or a controller"
         w, zeta = value(control.bandwidth), value(control.damping_ratio)
         own = self.inertia[row.v]
-        return self.needed[row.v], scaled(w * w, own), scaled(2 * zeta * w, own)
+        return self.computed_torque[row.v], scaled(w * w, own), scaled(2 * zeta * w, own)
 
     def _error(self, row: DriveRow) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """e and edot at the end of the step, and rddot; of an orientation in the body's frame.
+        """e and edot at the end of the step, and rddot; for an orientation in the body's frame.
 
         Over a step v_K is the command's mean velocity and acc_K its mean acceleration.
         """
@@ -186,39 +187,39 @@ class _Wanted:
         if not row.turns:
             late = self.q_K[q : q + 1] - own + scaled(self.dt, mean - w)
             return late, last - w, curve
-        there = self.q_K[q : q + 4]
-        scalar = dot(own, there)
-        vector = _between(own, there)
+        target = self.q_K[q : q + 4]
+        scalar = dot(own, target)
+        vector = _between(own, target)
         R = quaternion_rotation(np.concatenate([[scalar], vector]))
         late = scaled(2 * scalar, vector) + scaled(self.dt, R.dot(mean) - w)
         return late, R.dot(last) - w, R.dot(curve)
 
     def _inverse_dynamics(self) -> np.ndarray:
-        """(n_vD,) forces of computed torque at the error at the end of the step."""
+        """(n_vD,) forces of computed torque for the error at the end of the step."""
         system, tree = self.system, self.system.tree
-        acc, some = zeros(tree.coordinates.n_vD), False
+        acc, is_used = zeros(tree.coordinates.n_vD), False
         for row in tree.drives:
             control = row.drive.control
             if not isinstance(control, ComputedTorque):
                 continue
-            some = True
+            is_used = True
             w, zeta = system.value(control.bandwidth), system.value(control.damping_ratio)
             late, rate, curve = self._error(row)
             acc[row.v] = curve + scaled(2 * zeta * w, rate) + scaled(w * w, late)
-        if not some:
+        if not is_used:
             return acc
         motions = system.motions(self.v_D, self.v_K, acc, self.acc_K)
         wrenches = dynamics.link_wrenches(system.regrouped, motions)
-        found = dynamics.joint_forces(tree, system.joints, wrenches)
-        needed = system.by_velocity(found)[0] + system.armature * acc
+        joint_forces = dynamics.joint_forces(tree, system.joints, wrenches)
+        f_D = system.by_velocity(joint_forces)[0] + system.armature * acc
         for row in tree.drives:
-            needed[row.v] += scaled(system.resistance(row), self.v_D[row.v])
-        return needed
+            f_D[row.v] += scaled(system.resistance(row), self.v_D[row.v])
+        return f_D
 
     @cached_property
     def inertia(self) -> np.ndarray:
-        """(n_vD,) sums of |M| over the coordinates that computed torque moves, row by row."""
-        found, links = self.system.armature.copy(), self.system.tree.links
+        """(n_vD,) row sums of |M| over the coordinates that computed torque moves."""
+        sums, links = self.system.armature.copy(), self.system.tree.links
         moved = [d for d in self.system.tree.drives if isinstance(d.drive.control, ComputedTorque)]
         places = {k for row in moved for k in range(row.v.start, row.v.stop)}
         for (i, j), block in self.system.mass_blocks.items():
@@ -229,10 +230,10 @@ class _Wanted:
                 if not dynamic or not {k, m} <= places or entry.is_zero():
                     continue
                 size = entry if k == m else ca.sqrt(entry**2 + REGULAR.square)
-                found[k] = found[k] + size
+                sums[k] = sums[k] + size
                 if i != j:
-                    found[m] = found[m] + size
-        return found
+                    sums[m] = sums[m] + size
+        return sums
 
     def _stepper(
         self, row: DriveRow, motor: StepperMotor
@@ -257,33 +258,33 @@ class _Wanted:
 def _bounded(
     row: DriveRow, force: np.ndarray, v: np.ndarray, value: Value
 ) -> tuple[np.ndarray, ca.SX, ca.SX]:
-    """A force within its motor's bounds; 1 where they do not bind, else 0; -d force/dv there."""
-    motor, none = row.drive.motor, ca.SX(0)
+    """A force within its motor's bounds, its share of the demand, and -d force/dv of the bound."""
+    motor, zero = row.drive.motor, ca.SX(0)
     if motor is None or isinstance(motor, StepperMotor):
-        return force, ca.SX(1), none
+        return force, ca.SX(1), zero
     n = row.ratio(value)
     if isinstance(motor, Servo):
-        most = n * value(motor.torque)
+        limit = n * value(motor.torque)
         if row.turns:
             size = ca.sqrt(dot(force, force) + REGULAR.square)
-            share = most / ca.fmax(size, most)
-            return scaled(share, force), share, none
-        held = _clipped(force[0], -most, most)
-        return symbolic([held]), _same(force[0], held, most), none
+            share = limit / ca.fmax(size, limit)
+            return scaled(share, force), share, zero
+        clipped = _clipped(force[0], -limit, limit)
+        return symbolic([clipped]), _same(force[0], clipped, limit), zero
     gain = n * value(motor.constant)
-    most, R = gain * value(motor.current), value(motor.resistance)
-    top, back = gain * value(motor.voltage) / R, gain * gain / R * v[0]
-    held = _clipped(force[0], -most, most)
-    within = _clipped(held, -top - back, top - back)
+    limit, R = gain * value(motor.current), value(motor.resistance)
+    stall, back_emf = gain * value(motor.voltage) / R, gain * gain / R * v[0]
+    by_current = _clipped(force[0], -limit, limit)
+    by_both = _clipped(by_current, -stall - back_emf, stall - back_emf)
     # Above its no-load speed the motor brakes, at most with the largest current.
-    made = _clipped(within, -most, most)
-    by_voltage = (1 - _same(held, within, most)) * _same(within, made, most)
-    return symbolic([made]), _same(force[0], made, most), by_voltage * gain * gain / R
+    exerted = _clipped(by_both, -limit, limit)
+    at_voltage = (1 - _same(by_current, by_both, limit)) * _same(by_both, exerted, limit)
+    return symbolic([exerted]), _same(force[0], exerted, limit), at_voltage * gain * gain / R
 
 
-def _between(own: np.ndarray, there: np.ndarray) -> np.ndarray:
+def _between(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """(3,) vector part of the quaternion from one orientation to another."""
-    return scaled(own[0], there[1:]) - scaled(there[0], own[1:]) - cross(own[1:], there[1:])
+    return scaled(p[0], q[1:]) - scaled(q[0], p[1:]) - cross(p[1:], q[1:])
 
 
 def _each(x: ca.SX, n: int) -> np.ndarray:
@@ -295,5 +296,5 @@ def _clipped(x: ca.SX, low: ca.SX, high: ca.SX) -> ca.SX:
 
 
 def _same(a: ca.SX, b: ca.SX, size: ca.SX) -> ca.SX:
-    """1 where a is b, 0 where they differ."""
+    """1 if a equals b, 0 if they differ; smooth."""
     return ca.fmax(0, 1 - ((a - b) / (REGULAR.same * size)) ** 2)

@@ -1,4 +1,4 @@
-"""M and c.
+"""M and c of the equations of motion.
 
 M_DD acc_D + M_DK acc_K + c(q, v) = u_D + A_D^T lambda                        (Eq. 10)
 
@@ -23,12 +23,12 @@ Wrench = tuple[np.ndarray, np.ndarray]
 def mass_matrix(
     tree: Tree, joints: list[JointMotion], inertias: list[BodyInertia]
 ) -> dict[tuple[int, int], np.ndarray]:
-    """Blocks of M between the joints of links i and j, j an ancestor of i or i itself.
+    """Blocks of M between the joints of links i and j, for j an ancestor of i or i itself.
 
     H_ij = S_j^T (X_ij^T I_i^c S_i), with I_i^c the inertia of the whole subtree below i.
 
     Returns:
-        (i, j) -> (k_j, k_i) block, for links that have moving joints.
+        (i, j) -> (k_j, k_i) block, for links with moving joints.
     """
     composite = list(inertias)
     for i in reversed(range(len(tree.links))):
@@ -62,20 +62,20 @@ def mass_matrix(
 
 
 def link_wrenches(inertias: list[BodyInertia], motions: list[LinkMotion]) -> list[Wrench]:
-    """The wrench on each link that makes it move as given."""
-    none = zeros(3), zeros(3)
+    """The wrench on each link that causes its motion."""
+    zero = zeros(3), zeros(3)
     return [
-        none if inertia.is_zero() else inertia.wrench(motion.a, motion.U)
+        zero if inertia.is_zero() else inertia.wrench(motion.a, motion.U)
         for inertia, motion in zip(inertias, motions, strict=True)
     ]
 
 
 def joint_forces(tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]) -> list[np.ndarray]:
-    """Generalised forces of wrenches on the links: tau_i = S_i^T f_i, f summed towards the root.
+    """Generalised forces of wrenches on the links: tau_i = S_i^T f_i, with f summed to the root.
 
     Args:
         tree, joints: the tree and its joints at the configuration.
-        wrenches: on each link.
+        wrenches: wrench on each link.
 
     Returns:
         (k,) forces for the joint of each link.
@@ -85,7 +85,7 @@ def joint_forces(tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]) 
 
 
 def summed(tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]) -> list[Wrench]:
-    """Wrenches, or momenta, of every link's subtree about the link's origin."""
+    """Total wrench, or momentum, of every link's subtree about the link's origin."""
     torque, force = ([wrench[k] for wrench in wrenches] for k in range(2))
     for i in reversed(range(len(wrenches))):
         joint, parent = joints[i], tree.links[i].parent
@@ -97,7 +97,7 @@ def summed(tree: Tree, joints: list[JointMotion], wrenches: list[Wrench]) -> lis
 
 
 def project(joint: JointMotion, angular: np.ndarray, linear: np.ndarray) -> np.ndarray:
-    """S^T (angular, linear), (k,)."""
+    """(k,) projection S^T (angular, linear)."""
     if joint.S_w.shape[1] == 6:
         return np.concatenate([joint.R_joint.dot(linear), angular])
     columns = range(joint.S_w.shape[1])

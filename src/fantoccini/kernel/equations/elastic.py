@@ -4,8 +4,8 @@ With the stretch s = d - l of points at the distance d:
 
     V = k s^2 / 2,    pull = k s + c sdot.
 
-A piece of a chain has l = L / n, k = EA / l, c = damping / l. Where L is driven l and k follow it:
-winding in removes relaxed string, and by virtual work
+A piece of a chain has l = L / n, k = EA / l, c = damping / l. If L is driven, l and k depend on it:
+winding in removes relaxed string, and virtual work gives
 
     -dV/dl = k s + k s^2 / (2 l) = EA e (1 + e / 2),    e = s / l.
 """
@@ -26,13 +26,13 @@ from fantoccini.model.tree import ChainRow
 
 @dataclass(frozen=True)
 class Elastic:
-    """A spring, stretched.
+    """A spring between two points.
 
     Attributes:
-        row: its stretch s and how it changes.
-        k: [N/m].
-        c: [N s/m].
-        relaxed: length l [m] where it is part of a moving length; else None.
+        row: stretch s and its derivatives.
+        k: stiffness [N/m].
+        c: damping [N s/m].
+        relaxed: relaxed length l [m] if it is part of a driven length; else None.
     """
 
     row: PathRow
@@ -56,7 +56,7 @@ class Elastic:
                 f[place[1]] -= self.row.share * self.energy / self.relaxed
 
     def add_damping(self, f_D: np.ndarray, f_K: np.ndarray) -> ca.SX:
-        """Adds the damping forces, on the side of the bias; returns their power [W]."""
+        """Adds the damping forces, with the sign of the bias; returns their power [W]."""
         pull = self.c * self.row.rate
         self._pull(pull, f_D, f_K)
         return pull * self.row.rate
@@ -73,16 +73,16 @@ def elastics(
 
     Args:
         around: arguments of rows.
-        own_length: returns L of a chain, its rate and acceleration.
+        own_length: returns L of a chain, its rate and its acceleration.
     """
-    found = []
+    springs = []
     for spring in around.tree.springs:
         row = path_row(around, spring.points)
         row = replace(row, length=row.length - around.value(spring.rest))
-        found.append(Elastic(row, around.value(spring.stiffness), around.value(spring.damping)))
+        springs.append(Elastic(row, around.value(spring.stiffness), around.value(spring.damping)))
     for chain in around.tree.chains:
-        found.extend(_pieces(around, chain, *own_length(chain)[:2]))
-    return found
+        springs.extend(_pieces(around, chain, *own_length(chain)[:2]))
+    return springs
 
 
 def _pieces(around: Surroundings, chain: ChainRow, length: ca.SX, rate: ca.SX) -> Iterator[Elastic]:

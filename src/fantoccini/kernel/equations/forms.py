@@ -1,4 +1,4 @@
-"""A polynomial in cosines, sines and symbols, in the shortest of a few forms."""
+"""The shortest of several forms of a polynomial in cosines, sines and symbols."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from sympy.polys.rings import PolyElement
 Monomial = tuple[int, ...]
 
 _MAX_TERMS = 150
-"""Longer polynomials stay expanded: other forms take too long to find."""
+"""Most terms of a polynomial for which other forms than the expanded one are tried."""
 _MAX_DEGREE = 10
-"""Degree in cosines and sines up to which the form with sums of angles is tried."""
+"""Largest degree in cosines and sines for which the form with sums of angles is tried."""
 
 
 @dataclass
@@ -22,7 +22,7 @@ class Form:
     """The meaning of the generators of a ring.
 
     Attributes:
-        meaning: expression of each generator that has one.
+        meaning: expression of each generator.
         velocities: generators that are velocities.
         inverse: generators that are reciprocals.
         pairs: generator of a cosine -> generator of the sine of the same angle.
@@ -40,7 +40,7 @@ class Form:
         return min((whole, by_velocity), key=_cost)
 
     def _over(self, value: PolyElement, outside: set[int]) -> sp.Expr:
-        """A sum of products: a monomial of the generators outside, times a short expression."""
+        """A sum of products: a monomial of the generators ``outside``, times a short expression."""
         groups: dict[Monomial, dict[Monomial, Any]] = {}
         for monomial, coefficient in value.items():
             key = tuple(e if k in outside else 0 for k, e in enumerate(monomial))
@@ -57,7 +57,7 @@ class Form:
             return expanded
         forms = [expanded, expanded.replace(_is_even_cosine, _as_sine).expand()]
         if all(self._degree(m) <= _MAX_DEGREE for m in terms):
-            forms.append(self._of_sums(terms))
+            forms.append(self._sums_of_angles(terms))
         forms += [change(form) for form in forms for change in _CHANGES]
         return min(forms, key=_cost)
 
@@ -68,11 +68,11 @@ class Form:
     def _degree(self, monomial: Monomial) -> int:
         return sum(monomial[c] + monomial[s] for c, s in self.pairs.items())
 
-    def _of_sums(self, terms: dict[Monomial, Any]) -> sp.Expr:
-        """Products of cosines and sines as cosines and sines of sums of angles.
+    def _sums_of_angles(self, terms: dict[Monomial, Any]) -> sp.Expr:
+        """Cosines and sines of sums of angles, equal to products of cosines and sines.
 
-        cos a = (e^ia + e^-ia) / 2 and sin a = (e^ia - e^-ia) / 2i are multiplied out; waves that
-        run opposite ways then join to one cosine and one sine.
+        cos a = (e^ia + e^-ia) / 2 and sin a = (e^ia - e^-ia) / 2i are expanded; two opposite waves
+        are then one cosine and one sine.
         """
         cosines = list(self.pairs)
         angles = [self.meaning[c].args[0] for c in cosines]
@@ -125,20 +125,20 @@ def _as_sine(e: sp.Expr) -> sp.Expr:
 
 
 def _factored(form: sp.Expr) -> sp.Expr:
-    """Common factors of the summands stand outside; a number stays with the summands."""
-    found = sp.factor_terms(form)
-    number, rest = found.as_coeff_Mul()
+    """The form with common factors of the summands outside; numbers stay in the summands."""
+    factored = sp.factor_terms(form)
+    number, rest = factored.as_coeff_Mul()
     sums = [part for part in sp.Mul.make_args(rest) if part.is_Add]
     if number in (1, -1) or len(sums) != 1:
-        return found
+        return factored
     if all(abs(term.as_coeff_Mul()[0]) == 1 for term in sums[0].args):
-        return found
+        return factored
     spread = sp.Add(*(number * term for term in sums[0].args))
     return sp.Mul(*(spread if part is sums[0] else part for part in sp.Mul.make_args(rest)))
 
 
 def _collected(form: sp.Expr) -> sp.Expr:
-    """Collected by plain symbols: masses and other parameters above all."""
+    """The form collected by plain symbols, such as masses and other parameters."""
     symbols = sorted(form.free_symbols, key=lambda s: s.name)
     return sp.collect(form, symbols) if form.is_Add and len(form.args) > 1 else form
 

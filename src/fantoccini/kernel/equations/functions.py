@@ -1,7 +1,7 @@
-"""CasADi functions of a system: the compiled *model*, and the interpreted *analysis*.
+"""CasADi functions of a system: compiled ones of the model, interpreted ones for analysis.
 
-A function of the contract is derived in the method of its name, with an underscore. All results are
-dense; matrices are stored column by column.
+The method ``_name`` derives the function ``name`` of the contract. All results are dense; matrices
+are stored column by column.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from fantoccini.kernel.equations.system import Loads, System
 from fantoccini.model.tree import Link, Role, Tree
 
 _MAX_COLUMNS_SIZE = 5
-"""Instructions of all ``columns`` together, relative to ``forth``, up to which they are used."""
+"""Largest total number of instructions of ``columns``, relative to ``forth``."""
 _MAX_PUSHES_SIZE = 8
-"""The same of all ``pushes``."""
+"""Largest total number of instructions of ``pushes``, relative to ``forth``."""
 
 
 class Equations:
@@ -42,13 +42,13 @@ class Equations:
 
     Attributes:
         tree: the tree.
-        system: its symbolic expressions.
+        system: symbolic expressions of the tree.
     """
 
     def __init__(self, tree: Tree):
         self.tree = tree
         self.system = System(tree)
-        self._made: dict[str, ca.Function] = {}
+        self._functions: dict[str, ca.Function] = {}
 
     def __iter__(self) -> Iterator[str]:
         """The names of the functions."""
@@ -62,20 +62,20 @@ class Equations:
         return name in tuple(self)
 
     def __getitem__(self, name: str) -> ca.Function:
-        """A function of the contract that is compiled in the model or interpreted.
+        """A function of the contract that is compiled in the model, or interpreted.
 
         Raises:
-            UnknownNameError: there is none.
+            UnknownNameError: there is no such function.
         """
         if name not in self:
             raise UnknownNameError("function", str(name), self)
-        if name not in self._made:
-            self._made[name] = self._function(name)
-        return self._made[name]
+        if name not in self._functions:
+            self._functions[name] = self._function(name)
+        return self._functions[name]
 
     @cached_property
     def model(self) -> dict[str, ca.Function]:
-        """The functions of the compiled model, by name."""
+        """Name -> function of the compiled model."""
         return {name: self[name] for name in compiled(MODEL, self.tree.sizes)}
 
     @property
@@ -109,21 +109,21 @@ class Equations:
         return articulated.factorise(self.tree, system.joints, inertias, armature)
 
     def _dynamics(self) -> dict[str, ca.SX]:
-        """All that Eqs. 10 and 11 need for any active set."""
-        made = self._with_factor(self._factor(ca.SX(0)), ca.SX(0), self.system.free_loads)
+        """All quantities of Eqs. 10 and 11 for any active set."""
+        results = self._with_factor(self._factor(ca.SX(0)), ca.SX(0), self.system.free_loads)
         motors = drives.forces(self.system, ca.SX(0)).f_D
-        made["power0"] = made["power0"] + dot(elements(self.system.symbols.v_D), motors)
-        return made
+        results["power0"] = results["power0"] + dot(elements(self.system.symbols.v_D), motors)
+        return results
 
     def _step_dynamics(self) -> dict[str, ca.SX]:
-        """All that a step needs, with its damping and drag, without accelerations of rows.
+        """All quantities of a step, with damping and drag, without accelerations of rows.
 
         ``power0`` is without the motors, which exert f_M - y_M dv over the step.
         """
-        made = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
-        made = {name: x for name, x in made.items() if name not in ("gamma", "gamma_limit")}
+        results = self._with_factor(self.factor, self.system.symbols.dt, self.system.step_loads)
+        results = {name: x for name, x in results.items() if name not in ("gamma", "gamma_limit")}
         motors, places = drives.forces(self.system, self.system.symbols.dt), self.tree.motor_places
-        return made | {"f_M": column(motors.f_D[places]), "y_M": column(motors.yields[places])}
+        return results | {"f_M": column(motors.f_D[places]), "y_M": column(motors.yields[places])}
 
     def _with_factor(self, factor: articulated.Factor, dt: ca.SX, loads: Loads) -> dict[str, ca.SX]:
         system, s, tree = self.system, self.system.symbols, self.tree
@@ -170,37 +170,38 @@ class Equations:
 
     @cached_property
     def _stored(self) -> tuple[ca.SX, articulated.Factor]:
-        """L as symbols, and the factor that it stores."""
+        """L as symbols, and the factor with its numbers in L."""
         L = ca.SX.sym("L", self.n_packed)
         return L, self.factor.stored(elements(L))
 
     @cached_property
     def columns(self) -> dict[int, tuple[list[int], ca.Function]]:
-        """Links with limits -> y = F^-T x for forces x in the link's joint.
+        """Link with limits -> y = F^-T x for forces x in the link's joint.
 
-        Each is the list of the nonzero entries of y, those on the way to the root, and a function
-        (L, x (3,)) -> these entries. Empty where all together are much longer than ``forth``, as
-        for a long chain with limits all along.
+        Each value is the list of places of the nonzero entries of y, those on the way to the root,
+        and a function (L, x (3,)) -> these entries. Empty if all functions are much longer than
+        ``forth`` in total, as for a long chain with limits in all joints.
         """
-        made: dict[int, tuple[list[int], ca.Function]] = {}
+        columns: dict[int, tuple[list[int], ca.Function]] = {}
         (L, factor), x = self._stored, self.system.symbols.x_joint
         names_in, names_out = ([q.name for q in p] for p in (COLUMN.arguments, COLUMN.results))
         for i in sorted({limit.link for limit in self.tree.limits}):
             place = self.tree.links[i].v
-            found = factor.forth_from(i, elements(x)[: place.stop - place.start])
-            y = ca.cse(column(list(found.values())))
-            made[i] = list(found), ca.Function(f"fan_column_{i}", [L, x], [y], names_in, names_out)
-        total = sum(function.n_instructions() for _, function in made.values())
-        return made if total < _MAX_COLUMNS_SIZE * self["forth"].n_instructions() else {}
+            entries = factor.forth_from(i, elements(x)[: place.stop - place.start])
+            y = ca.cse(column(list(entries.values())))
+            function = ca.Function(f"fan_column_{i}", [L, x], [y], names_in, names_out)
+            columns[i] = list(entries), function
+        total = sum(function.n_instructions() for _, function in columns.values())
+        return columns if total < _MAX_COLUMNS_SIZE * self["forth"].n_instructions() else {}
 
     @cached_property
     def pushes(self) -> dict[int, ca.Function]:
-        """Links that may touch something -> (L, x) -> y = F^-T x, all entries.
+        """Link with contact -> function (L, x) -> y = F^-T x, all entries.
 
-        For forces x in the joints from the link to the root alone; others count as 0. Empty where
-        all together are much longer than ``forth``, as for a long chain.
+        Only forces x in the joints from the link to the root count. Empty if all functions are
+        much longer than ``forth`` in total, as for a long chain.
         """
-        made: dict[int, ca.Function] = {}
+        pushes: dict[int, ca.Function] = {}
         (L, factor), x = self._stored, self.system.symbols.x
         for i, link in enumerate(self.tree.links):
             way = [self.tree.links[j] for j in self.tree.ancestors(i)]
@@ -211,18 +212,18 @@ class Equations:
             for place in moved:
                 own[place] = elements(x)[place]
             y = ca.densify(ca.cse(column(factor.forth(own, {}))))
-            made[i] = ca.Function(f"fan_push_{i}", [L, x], [y], ["L", "x"], ["y"])
-        total = sum(function.n_instructions() for function in made.values())
-        return made if total < _MAX_PUSHES_SIZE * self["forth"].n_instructions() else {}
+            pushes[i] = ca.Function(f"fan_push_{i}", [L, x], [y], ["L", "x"], ["y"])
+        total = sum(function.n_instructions() for function in pushes.values())
+        return pushes if total < _MAX_PUSHES_SIZE * self["forth"].n_instructions() else {}
 
     def _limit_rates(self) -> dict[str, ca.SX]:
-        """hdot of the limits at a velocity, with the constants of their Jacobians folded in."""
+        """hdot of the limits at a velocity, with the constants of their Jacobians inserted."""
         v, J, rates = self.system.symbols.v_D, self.system.symbols.J_limit, []
         limits = zip(self.tree.limits, self.system.limit_rows, strict=True)
         for i, (limit, (_, jacobian, _)) in enumerate(limits):
             place = self.tree.links[limit.link].v
-            given = [x if ca.SX(x).is_constant() else J[k, i] for k, x in enumerate(jacobian)]
-            rates.append(dot(np.array(given, dtype=object), elements(v[place])))
+            row = [x if ca.SX(x).is_constant() else J[k, i] for k, x in enumerate(jacobian)]
+            rates.append(dot(np.array(row, dtype=object), elements(v[place])))
         return {"rates": column(rates)}
 
     def _rows(self) -> dict[str, ca.SX]:
@@ -286,7 +287,7 @@ class Equations:
         return {"u_D": column(u)}
 
     def _poses(self) -> dict[str, ca.SX]:
-        """World pose of every link: 12 numbers a link, R column by column and then r."""
+        """World pose of every link: 12 numbers for each, R column by column and then r."""
         motions = self.system.resting_motions
         return {"poses": column(x for m in motions for x in (*m.R.T.flatten(), *m.r))}
 
@@ -310,7 +311,7 @@ class Equations:
         }
 
     def _points(self) -> dict[str, ca.SX]:
-        """World positions of all points of all strings, in order: 3 numbers a point."""
+        """World positions of all points of all strings, in order: 3 numbers for each point."""
         around = self.system.around(self.system.resting_motions)
         points = (point for string in self.tree.strings for point in string.points)
         return {"points": column(x for point in points for x in around.place(point))}

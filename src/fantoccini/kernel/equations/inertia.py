@@ -1,7 +1,7 @@
 """Inertia of a link from its shapes and its explicit values.
 
-A link's inertia about its own origin is kept as (m, h, J): the mass, the first moment h = m c and
-the second moment J = tr(I)/2 1 - I, with I = I_c + m (c.c 1 - c c^T) the rotational inertia.
+A link's inertia about its origin is stored as (m, h, J): the mass, the first moment h = m c and the
+second moment J = tr(I)/2 1 - I, with I = I_c + m (c.c 1 - c c^T) the rotational inertia.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class BodyInertia:
         return self.I.dot(omega) + cross(self.h, v), scaled(self.m, v) - cross(self.h, omega)
 
     def wrench(self, a: np.ndarray, U: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(torque about the origin, force) that accelerate all points by a + U r.
+        """(torque about the origin, force) for which all points accelerate by a + U r.
 
         The force is m a + U h; the torque is h x a plus the skew part of U J.
         """
@@ -81,7 +81,7 @@ class BodyInertia:
         return cross(self.h, a) + np.array(turn, dtype=object), scaled(self.m, a) + U.dot(self.h)
 
     def in_parent(self, R: np.ndarray, r: np.ndarray) -> BodyInertia:
-        """The same inertia about the parent's origin, with pose (R, r) of the link in the parent.
+        """The inertia about the parent's origin, for a link with pose (R, r) in the parent.
 
         J' = R J R^T + h r^T + r h'^T, with h and h' = h + m r in the parent's axes.
         """
@@ -94,12 +94,12 @@ class BodyInertia:
         return BodyInertia(self.m, moved, out)
 
     def without_mass(self) -> tuple[BodyInertia, BodyInertia]:
-        """Splits off the mass at the origin; returns (rest, split off), as the next two do."""
+        """(rest, part): the part is a point mass at the origin."""
         nothing = BodyInertia.nothing()
         return BodyInertia(ca.SX(0), self.h, self.J), BodyInertia(self.m, nothing.h, nothing.J)
 
     def without_axis(self, axis: np.ndarray) -> tuple[BodyInertia, BodyInertia]:
-        """Splits off mass on an axis, which rotation about it does not move."""
+        """(rest, part): the part is mass on an axis."""
         e = symbolic(axis)
         along, second = dot(e, self.h), dot(e, self.J.dot(e))
         axial = np.array([[second * x * y for y in e] for x in e], dtype=object)
@@ -110,39 +110,40 @@ class BodyInertia:
         return BodyInertia(ca.SX(0), h, J), BodyInertia(self.m, scaled(along, e), axial)
 
     def without_turning(self) -> tuple[BodyInertia, BodyInertia]:
-        """Splits off the second moment, which matters only in rotation."""
+        """(rest, part): the part is the second moment, which acts in rotation only."""
         return BodyInertia(self.m, self.h, zeros(3, 3)), BodyInertia(ca.SX(0), zeros(3), self.J)
 
 
 def regrouped(tree: Tree, inertias: list[BodyInertia], at: list[np.ndarray]) -> list[BodyInertia]:
     """Inertias with more zeros that give the same equations of motion.
 
-    Mass that a joint does not move in the parent may belong to the parent: all of a link on a fixed
+    Mass that a joint does not move relative to the parent is moved to the parent: a link on a fixed
     joint, a point mass at the centre of a ball joint, mass on the axis of a revolute joint, the
-    second moment on a prismatic joint. It moves from the leaves to the root; the world drops it.
+    second moment on a prismatic joint. Links are regrouped from the leaves to the root; mass that
+    reaches the world is dropped.
 
     Args:
         tree: the tree.
-        inertias: of the links about their origins.
-        at: (3,) origin of each link in its parent; used where the joint does not move it.
+        inertias: inertias of the links about their origins.
+        at: (3,) origin of each link in its parent; used if the joint does not move it.
     """
-    kept = list(inertias)
+    out = list(inertias)
     for i in reversed(range(len(tree.links))):
         link = tree.links[i]
-        if link.kind == "free" or kept[i].is_zero():
+        if link.kind == "free" or out[i].is_zero():
             continue
         if link.kind == "fixed":
-            kept[i], moved = BodyInertia.nothing(), kept[i]
+            out[i], moved = BodyInertia.nothing(), out[i]
         elif link.kind == "ball":
-            kept[i], moved = kept[i].without_mass()
+            out[i], moved = out[i].without_mass()
         elif link.kind == "revolute":
-            kept[i], moved = kept[i].without_axis(link.axes[:, 0])
+            out[i], moved = out[i].without_axis(link.axes[:, 0])
         else:
-            kept[i], moved = kept[i].without_turning()
+            out[i], moved = out[i].without_turning()
         if link.parent != WORLD:
             moved = moved.in_parent(symbolic(link.rotation), at[i])
-            kept[link.parent] = kept[link.parent] + moved
-    return kept
+            out[link.parent] = out[link.parent] + moved
+    return out
 
 
 def rotated(R: np.ndarray, A: np.ndarray) -> np.ndarray:

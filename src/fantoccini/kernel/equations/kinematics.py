@@ -3,9 +3,9 @@
 g_i = g_parent T(offset) R(rotation) J_i(q)                                  (Eqs. 2, 3)
 V_i = Ad(g_i^-1 g_parent) V_parent + S_i v_i                                  (Eq. 4)
 
-Accelerations are those of the link's origin, in the link's frame, and those of a link's other
-points follow by one product: a(r) = a + U r with U = [alpha] + [w][w]. The world's acceleration is
-taken as -gravity, so that forces computed from them contain gravity.
+Accelerations are those of the link's origin, in the link's frame; other points of the link have
+a(r) = a + U r with U = [alpha] + [w][w]. The world's acceleration is -gravity, so that forces
+computed from accelerations contain gravity.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ class LinkMotion:
     Attributes:
         R, r: orientation (3, 3) and origin (3,) in the world.
         rate: velocity of the origin, in the world's axes.
-        w, alpha: angular velocity and acceleration, in the link's.
-        a: acceleration of the origin minus gravity, in the link's.
-        U: (3, 3) [alpha] + [w][w]: what a point's place adds to its acceleration, in the link's.
+        w, alpha: angular velocity and acceleration, in the link's axes.
+        a: acceleration of the origin minus gravity, in the link's axes.
+        U: (3, 3) [alpha] + [w][w], in the link's axes; a point at r has the acceleration a + U r.
     """
 
     R: np.ndarray
@@ -78,25 +78,25 @@ def joint_motion(link: Link, q: np.ndarray, value: Value) -> JointMotion:
     """Pose and motion subspace of a joint at its configuration.
 
     Args:
-        link: the link the joint carries.
-        q: the joint's configuration numbers.
+        link: link that the joint carries.
+        q: configuration numbers of the joint.
         value: turns a number or parameter into a CasADi scalar.
     """
     R0 = symbolic(link.rotation)
     r0 = symbolic([value(x) for x in link.offset])
     rotation, translation = joint_transform(link, list(q), ca.cos, ca.sin)
     R, axes = symbolic(rotation), symbolic(link.axes)
-    one, none = symbolic(np.eye(3)), zeros(3, 0)
+    identity, empty = symbolic(np.eye(3)), zeros(3, 0)
     S_w, S_v = zeros(*axes.shape), axes
     match link.kind:
         case "fixed":
-            S_w, S_v = none, none
+            S_w, S_v = empty, empty
         case "revolute":
             S_w, S_v = axes, zeros(3, 1)
         case "ball":
-            S_w, S_v = one, zeros(3, 3)
+            S_w, S_v = identity, zeros(3, 3)
         case "free":
-            S_w, S_v = np.hstack([zeros(3, 3), one]), np.hstack([R.T, zeros(3, 3)])
+            S_w, S_v = np.hstack([zeros(3, 3), identity]), np.hstack([R.T, zeros(3, 3)])
     return JointMotion(R0.dot(R), r0 + R0.dot(symbolic(translation)), S_w, S_v, R)
 
 
@@ -111,16 +111,16 @@ def link_motions(
 
     Args:
         tree: the tree.
-        joints: each link's joint at the configuration.
-        velocity, acceleration: each link's joint velocity and acceleration, (k,) each.
-        gravity: (3,) [m/s^2].
+        joints: joint of each link at the configuration.
+        velocity, acceleration: (k,) velocity and acceleration of each link's joint.
+        gravity: (3,) acceleration of gravity [m/s^2].
     """
-    none = zeros(3)
-    still = LinkMotion(symbolic(np.eye(3)), none, none, none, none, np.array(-gravity), zeros(3, 3))
+    zero = zeros(3)
+    world = LinkMotion(symbolic(np.eye(3)), zero, zero, zero, zero, np.array(-gravity), zeros(3, 3))
     motions: list[LinkMotion] = []
     for i, link in enumerate(tree.links):
         joint = joints[i]
-        up = still if link.parent == WORLD else motions[link.parent]
+        up = world if link.parent == WORLD else motions[link.parent]
         Rt = joint.R.T
         w_joint, v_joint = joint.S_w.dot(velocity[i]), joint.S_v.dot(velocity[i])
         w_carried = Rt.dot(up.w)
@@ -158,7 +158,7 @@ def turning(w: np.ndarray, alpha: np.ndarray) -> np.ndarray:
 
 
 def configuration_rate(q: ca.SX, v: ca.SX, quaternions: Places, scalars: Places) -> ca.SX:
-    """qdot = N(q) v: velocities as they are, quaternions by 1/2 q (0, w).
+    """qdot = N(q) v: v for scalars, 1/2 q (0, w) for quaternions.
 
     Args:
         q: (n_q,) configuration.

@@ -1,8 +1,8 @@
-"""The textbook's symbols for a puppet's coordinates.
+"""Textbook symbols for a puppet's coordinates.
 
 An angle is theta, a slide s, a position x, y, z, a string's length L, a drive's command r, a unit
-quaternion e_0 ... e_3 with the angular velocity omega_1 ... omega_3; each has a number where there
-are several of its kind. Velocities carry a dot. A parameter keeps its name.
+quaternion e_0 ... e_3 with the angular velocity omega_1 ... omega_3; each has a number if there are
+several of its kind. Velocities carry a dot. A parameter keeps its name.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ _BALL = ("qw", "qx", "qy", "qz")
 
 @dataclass(frozen=True)
 class Notation:
-    """Symbols and what they stand for.
+    """Symbols of a puppet's coordinates, velocities and parameters.
 
     Attributes:
-        symbols: q_D, v_D, q_K, v_K, p -> the symbols of their entries.
+        symbols: q_D, v_D, q_K, v_K, p -> symbols of their entries.
         names: symbol of a coordinate or parameter -> its name in the puppet file.
         quaternions: q_D, q_K -> places where a unit quaternion begins.
     """
@@ -85,7 +85,7 @@ def notation(tree: Tree) -> Notation:
 
 
 def _letter(name: str, turns: bool) -> str:
-    """The letter of a joint's configuration number; a digit after it is a component."""
+    """The letter of a joint's configuration number; for a quaternion with the component's digit."""
     last = name.rsplit(".", 1)[-1] if "." in name else ""
     if last in _BALL:
         return f"e{_BALL.index(last)}"
@@ -95,7 +95,7 @@ def _letter(name: str, turns: bool) -> str:
 
 
 def _split(letter: str, place: str) -> tuple[str, str]:
-    """Letter and subscript: a component's digit stands last."""
+    """Letter and subscript; the component's digit is last in the subscript."""
     return (letter[0], place + letter[1]) if letter[0] == "e" else (letter, place)
 
 

@@ -1,12 +1,13 @@
-"""Equations for people: CasADi's graphs as SymPy expressions in the textbook's symbols.
+"""Readable equations: CasADi's graphs as SymPy expressions in textbook symbols.
 
 A graph is evaluated once over sparse polynomials with rational coefficients. Their generators are
 the state, the parameters, cos and sin of every angle, and a symbol for each root, quotient or other
-function. sin^2 = 1 - cos^2 and the unit length of quaternions are applied at once, so that equal
-expressions are equal polynomials. Every polynomial is then written in the shortest of a few forms,
-including one with sines and cosines of sums of angles. Work is bounded; TooLargeError beyond it.
+function. sin^2 = 1 - cos^2 and the unit length of quaternions are applied immediately, so that
+equal expressions are equal polynomials. Every polynomial is then written in the shortest of several
+forms, including one with sines and cosines of sums of angles. The work is bounded: larger equations
+raise TooLargeError.
 
-Constants have 15 digits, and the rounding of a segment's length at coincident points (1e-9 m) is
+Constants have 15 digits, and the regularisation of segment lengths at coincident points (1e-9 m) is
 left out: values differ from the interpreter's by rounding only.
 """
 
@@ -29,15 +30,15 @@ from fantoccini.kernel.equations.notation import Notation, notation
 
 
 class PrintingBounds(NamedTuple):
-    """Bounds on what is printed, chosen so that it takes seconds and fits a page.
+    """Bounds of printed equations, chosen so that printing takes seconds and fits a page.
 
     Attributes:
-        operations: of a puppet's equations.
-        terms: of a polynomial.
-        products: of terms, in all.
-        rounding: coefficients below this, relative to the largest of the matrix, are what is left
-            where terms cancel.
-        digits: of a printed number.
+        operations: number of operations in a puppet's equations.
+        terms: number of terms of a polynomial.
+        products: total number of products of terms.
+        rounding: largest coefficient, relative to the largest of the matrix, that is the rounding
+            of terms that cancel.
+        digits: digits of a printed number.
     """
 
     operations: int = 1500
@@ -85,11 +86,11 @@ class Printable:
     """A puppet's equations as SymPy expressions.
 
     Attributes:
-        notation: which symbol stands for what.
-        objects: M, M_DK (n_vD, n_vK), M_KK, C over (v_D, v_K), g, f (damping), h, A_D, A_K as
-            matrices, T and V as expressions; those that were asked for.
-        lengths: symbols of roots, distances between the points of strings above all, and what
-            they stand for; a later one may contain earlier ones.
+        notation: symbols of the coordinates, velocities and parameters.
+        objects: the requested ones of M, M_DK (n_vD, n_vK), M_KK, C over (v_D, v_K), g,
+            f (damping), h, A_D, A_K as matrices, T and V as expressions.
+        lengths: symbols and expressions of roots, mainly distances between points of strings; a
+            later one may contain earlier ones.
     """
 
     notation: Notation
@@ -105,7 +106,7 @@ class Printable:
 def operation_counts(
     equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
 ) -> dict[str, int]:
-    """Operations of the functions that hold a puppet's equations, by the paper's symbol."""
+    """The paper's symbols -> number of operations of the function that computes them."""
     return {", ".join(_OBJECTS[f]): equations[f].n_instructions() for f in functions}
 
 
@@ -114,10 +115,10 @@ def printable(equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
 
     Args:
         equations: the derived equations.
-        functions: those of the analysis that are wanted; all that are printed when not given.
+        functions: functions for analysis; by default all that can be printed.
 
     Raises:
-        TooLargeError: they would fill pages.
+        TooLargeError: the equations exceed :data:`BOUNDS`.
     """
     total = sum(operation_counts(equations, functions).values())
     if total > BOUNDS.operations:
@@ -125,8 +126,8 @@ def printable(equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
     symbols = {name: getattr(equations.system.symbols, name) for name in _ARGUMENTS}
     outputs, shapes = [], {}
     for function in functions:
-        made, names = equations[function], _OBJECTS[function]
-        results = made.call([symbols[name] for name in made.name_in()])
+        derived, names = equations[function], _OBJECTS[function]
+        results = derived.call([symbols[name] for name in derived.name_in()])
         for name, result in zip(names, results, strict=False):
             outputs.append(ca.densify(result))
             shapes[name] = result.shape
@@ -145,7 +146,7 @@ def printable(equations: Equations, functions: tuple[str, ...] = tuple(_OBJECTS)
 
 
 def decimal(expression: sp.Expr) -> sp.Expr:
-    """The expression as it is printed: fractions as decimals with six digits, but in exponents."""
+    """The expression with fractions as decimals of six digits, except in exponents."""
     if isinstance(expression, sp.MatrixBase):
         return expression.applyfunc(decimal)
     if expression.is_Rational:
@@ -158,23 +159,23 @@ def decimal(expression: sp.Expr) -> sp.Expr:
 
 
 def rational(number: float) -> sp.Rational:
-    """A constant of the graph as the short decimal it was, before it was folded with others."""
+    """A constant of the graph as a fraction of its 15-digit decimal."""
     return sp.Rational(format(number, ".15g"))
 
 
 def _short(coefficient: Any) -> Any:
-    """A coefficient as a short decimal, where it is one but for the rounding of its parts."""
+    """A coefficient as a short decimal, if it differs from one by rounding only."""
     short = rational(float(coefficient))
     close = abs(QQ(short.p, short.q) - coefficient) <= BOUNDS.rounding * abs(coefficient)
     return QQ(short.p, short.q) if close and short.q < coefficient.denominator else coefficient
 
 
 class _Reading:
-    """Runs a graph over polynomials.
+    """Evaluates a graph over polynomials.
 
     Args:
-        graph: its arguments are ``_ARGUMENTS``.
-        notation: the symbols of the arguments' entries.
+        graph: function with the arguments ``_ARGUMENTS``.
+        notation: symbols of the arguments' entries.
     """
 
     def __init__(self, graph: ca.Function, notation: Notation):
@@ -207,12 +208,12 @@ class _Reading:
         """(output, entry) -> expression."""
         graph = self.graph
         work: dict[int, _Value] = {}
-        found: dict[tuple[int, int], PolyElement] = {}
+        values: dict[tuple[int, int], PolyElement] = {}
         for k in range(graph.n_instructions()):
             op = graph.instruction_id(k)
             into, out = graph.instruction_input(k), graph.instruction_output(k)
             if op == ca.OP_OUTPUT:
-                found[out[0], out[1]] = work[into[0]].value
+                values[out[0], out[1]] = work[into[0]].value
             elif op == ca.OP_INPUT:
                 first = self._first[_ARGUMENTS[into[0]]]
                 work[out[0]] = _Value(self.ring.gens[first + into[1]])
@@ -223,20 +224,20 @@ class _Reading:
             else:
                 work[out[0]] = self._operation(op, [work[i] for i in into])
         shortest: dict[PolyElement, sp.Expr] = {}
-        for output in {k for k, _ in found}:
-            places = [place for place in found if place[0] == output]
-            largest = max((abs(c) for p in places for c in found[p].values()), default=0)
+        for output in {k for k, _ in values}:
+            places = [place for place in values if place[0] == output]
+            largest = max((abs(c) for p in places for c in values[p].values()), default=0)
             for place in places:
-                terms = found[place].items()
-                found[place] = self.ring.from_dict(
+                terms = values[place].items()
+                values[place] = self.ring.from_dict(
                     {m: _short(c) for m, c in terms if abs(c) > BOUNDS.rounding * largest}
                 )
-                if found[place] not in shortest:
-                    shortest[found[place]] = self.form.shortest(found[place])
-        return {place: shortest[value] for place, value in found.items()}
+                if values[place] not in shortest:
+                    shortest[values[place]] = self.form.shortest(values[place])
+        return {place: shortest[value] for place, value in values.items()}
 
-    def _operation(self, op: int, given: list[_Value]) -> _Value:
-        x, y = given[0], given[-1]
+    def _operation(self, op: int, operands: list[_Value]) -> _Value:
+        x, y = operands[0], operands[-1]
         match op:
             case ca.OP_ASSIGN:
                 return x
@@ -263,8 +264,8 @@ class _Reading:
         function = _UNARY.get(op) or _BINARY.get(op)
         if function is None:
             raise TooLargeError(f"they hold an operation that is not printed ({op})")
-        arguments = [self.form.shortest(v.value) for v in given]
-        return _Value(self._generator((op, *(v.value for v in given)), function(*arguments)))
+        arguments = [self.form.shortest(v.value) for v in operands]
+        return _Value(self._generator((op, *(v.value for v in operands)), function(*arguments)))
 
     def _product(self, x: PolyElement, y: PolyElement) -> PolyElement:
         self._n_products += len(x) * len(y)
@@ -276,7 +277,7 @@ class _Reading:
         return product
 
     def _reduced(self, value: PolyElement) -> PolyElement:
-        """Squares with a rule are replaced until none is left."""
+        """The value with all squares replaced that have a rule."""
         for generator, square in self._squares.items():
             while high := {m: c for m, c in value.items() if m[generator] > 1}:
                 lowered = self.ring.from_dict(
@@ -286,7 +287,7 @@ class _Reading:
         return value
 
     def _generator(self, key: tuple[Any, ...], expression: sp.Expr) -> PolyElement:
-        """The generator that stands for an expression; the same one for the same key."""
+        """The generator of an expression; the same generator for the same key."""
         if key not in self._known:
             self._known[key] = self.ring.gens[len(self.form.meaning)]
             self.form.meaning.append(expression)
@@ -307,12 +308,12 @@ class _Reading:
     def _inverse(self, value: PolyElement) -> PolyElement:
         if value.is_ground:
             return self.ring.ground_new(1 / value.coeff(1))
-        made = self._generator((ca.OP_INV, value), 1 / self.form.shortest(value))
-        self.form.inverse.add(self.ring.gens.index(made))
-        return made
+        generator = self._generator((ca.OP_INV, value), 1 / self.form.shortest(value))
+        self.form.inverse.add(self.ring.gens.index(generator))
+        return generator
 
     def _root(self, value: _Value) -> PolyElement:
-        """A symbol for a root; a distance is written as the root of a sum of squares."""
+        """The generator of a root; a distance is written as the root of a sum of squares."""
         total = value.value
         if total.is_ground:
             number = rational(float(sp.sqrt(self.form.shortest(total))))
@@ -330,19 +331,19 @@ class _Reading:
 
 @dataclass(frozen=True)
 class _Value:
-    """A polynomial, and where it was made as a sum the summands (polynomial, power)."""
+    """A polynomial; if it is a known sum, with its summands (polynomial, power)."""
 
     value: PolyElement
     made_of: tuple[tuple[PolyElement, int], ...] = ()
 
     @cached_property
     def summands(self) -> tuple[tuple[PolyElement, int], ...]:
-        """Summands whose sum it is; itself where it is not known as a sum of few."""
+        """Summands (polynomial, power); the value itself if it is not a known sum of few."""
         if self.value == 0:
             return ()
         return self.made_of if 0 < len(self.made_of) <= 4 else ((self.value, 1),)
 
 
 def _starts(parts: list[list[sp.Symbol]]) -> list[int]:
-    """Where each list begins when all are laid end to end."""
+    """Index of each list's first entry in their concatenation."""
     return [sum(len(part) for part in parts[:k]) for k in range(len(parts))]

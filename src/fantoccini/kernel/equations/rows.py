@@ -3,7 +3,7 @@
 String (Sec. III-B):  h = sum_k |p_k+1 - p_k| - L,  hdot = A_D v_D + A_K v_K          (Eq. 9)
                       hddot = A_D acc_D + gamma,    gamma = Adot v + A_K acc_K        (Eq. 11)
 
-A segment's length is sqrt(d.d + eps^2): a slack string through coincident points stays finite.
+A segment's length is sqrt(d.d + eps^2), so that a slack string through coincident points is finite.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from fantoccini.model.tree import WORLD, ChainRow, LimitRow, Point, Role, String
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Arguments of the rows of a tree."""
+    """Arguments of the rows of a tree: joints, motions, gravity, values of numbers."""
 
     tree: Tree
     joints: list[JointMotion]
@@ -40,16 +40,16 @@ class Surroundings:
     value: Value
 
     def at(self, point: Point) -> np.ndarray:
-        """Place of a point in its link's frame (3,)."""
+        """(3,) position of a point in its link's frame."""
         return symbolic([self.value(x) for x in point.at])
 
     def place(self, point: Point) -> np.ndarray:
-        """World position of a point (3,)."""
+        """(3,) world position of a point."""
         at = self.at(point)
         return at if point.link == WORLD else self.motions[point.link].point(at)
 
     def velocity(self, point: Point) -> np.ndarray:
-        """World velocity of a point (3,)."""
+        """(3,) world velocity of a point."""
         if point.link == WORLD:
             return zeros(3)
         return self.motions[point.link].point_velocity(self.at(point))
@@ -58,10 +58,10 @@ class Surroundings:
         """Adds direction . d(point velocity)/dv to a row: the pull J^T direction.
 
         Args:
-            point: where it pulls.
-            direction: (3,) in the world.
-            role: of the joints whose velocities the row is over.
-            row: (n_vD,) or (n_vK,), by role.
+            point: point on which the pull acts.
+            direction: (3,) direction of the pull, in the world.
+            role: role of the joints whose velocities the row has.
+            row: (n_vD,) or (n_vK,) row, by role.
         """
         if point.link == WORLD:
             return
@@ -93,17 +93,17 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class PathRow:
-    """A path's length, or that less a string's, and how it changes.
+    """A path's length, possibly minus a string's length, and its derivatives.
 
     Attributes:
         around: arguments of the row.
-        points: the path.
-        pulls: (3,) derivative of the length by each point's place, in the world.
-        length: sum of the segments, less the string's length [m].
+        points: points of the path.
+        pulls: (3,) derivative of the length by each point's position, in the world.
+        length: sum of the segments, minus the string's length [m].
         rate: d length / dt.
-        bias: d^2 length / dt^2 for the accelerations the motions were computed with.
-        own: the string or chain whose length is subtracted, if any.
-        share: of that length.
+        bias: d^2 length / dt^2 for the accelerations of the motions.
+        own: string or chain whose length is subtracted, or None.
+        share: factor of that length.
     """
 
     around: Surroundings
@@ -131,15 +131,15 @@ class PathRow:
     @cached_property
     def wrenches(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
         """Link -> (torque, force) about its origin, in its frame, of a unit multiplier."""
-        found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        sums: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         for point, pull in zip(self.points, self.pulls, strict=True):
             if point.link == WORLD:
                 continue
             force = self.around.motions[point.link].R.T.dot(pull)
             torque = cross(self.around.at(point), force)
-            before = found.get(point.link, (zeros(3), zeros(3)))
-            found[point.link] = (before[0] + torque, before[1] + force)
-        return found
+            before = sums.get(point.link, (zeros(3), zeros(3)))
+            sums[point.link] = (before[0] + torque, before[1] + force)
+        return sums
 
     @property
     def winding(self) -> np.ndarray:
@@ -187,12 +187,12 @@ def path_row(around: Surroundings, points: tuple[Point, ...]) -> PathRow:
 def string_row(
     around: Surroundings, string: StringRow, length: ca.SX, rate: ca.SX, curve: ca.SX
 ) -> PathRow:
-    """h, hdot, gamma, A_D and A_K of a string: its path's row less its length.
+    """h, hdot, gamma, A_D and A_K of a string: the row of its path minus its length.
 
     Args:
         around: arguments of the row.
-        string: the string.
-        length, rate, curve: L and its derivatives by time.
+        string: string of the row.
+        length, rate, curve: L and its time derivatives.
     """
     row = path_row(around, string.points)
     return replace(
@@ -204,9 +204,9 @@ def limit_row(limit: LimitRow, q: np.ndarray, w: np.ndarray) -> tuple[ca.SX, np.
     """h, Jacobian by the joint's own velocities, and bias of a limit.
 
     Args:
-        limit: the limit.
-        q: the joint's configuration numbers.
-        w: the joint's velocities; the angular velocity in the body's frame for ball joints.
+        limit: limit of the row.
+        q: configuration numbers of the joint.
+        w: velocities of the joint; for ball joints, the angular velocity in the body's frame.
 
     Returns:
         h, J (k,), gamma with hdot = J w and hddot = J wdot + gamma.
@@ -226,8 +226,8 @@ def limit_row(limit: LimitRow, q: np.ndarray, w: np.ndarray) -> tuple[ca.SX, np.
     x = dot(vector, b)
     # The twist is known modulo one turn; atan of the ratio gives the value nearest to zero.
     twist = 2 * ca.atan(x / scalar)
-    # With n = scalar^2 + x^2 the rate is (scalar alpha + x beta) / n; the second derivatives of
-    # scalar and x at wdot = 0 are both -|w|^2/4 of them, so that only n's rate is left.
+    # With n = scalar^2 + x^2 the rate is (scalar alpha + x beta) / n. At wdot = 0 the second
+    # derivatives of scalar and x are -|w|^2/4 times themselves and cancel; n's rate remains.
     n = scalar * scalar + x * x
     J = scaled(1 / n, scaled(scalar, scaled(scalar, b) + cross(b, vector)) + scaled(x, vector))
     alpha, beta = dot(b, scaled(scalar, w) + cross(vector, w)), dot(vector, w)
@@ -236,5 +236,5 @@ def limit_row(limit: LimitRow, q: np.ndarray, w: np.ndarray) -> tuple[ca.SX, np.
 
 
 def segment_length(d: np.ndarray) -> ca.SX:
-    """|d|, rounded off where the ends of the segment coincide [m]."""
+    """|d| [m], regularised for coincident ends of the segment."""
     return ca.sqrt(dot(d, d) + REGULAR.segment**2)

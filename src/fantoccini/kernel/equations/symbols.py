@@ -1,4 +1,4 @@
-"""The symbols that all expressions are in, by the paper's letters."""
+"""Symbols of all expressions, with the paper's letters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fantoccini.model.tree import Tree
 
 
 class Symbols(dict[str, ca.SX]):
-    """The contract's arguments as symbols, by name and as attributes; all but the factor L."""
+    """Name -> symbol of an argument of the contract, also as attributes; without the factor L."""
 
     @classmethod
     def of(cls, tree: Tree) -> Symbols:

@@ -1,6 +1,6 @@
 """Symbolic expressions of a tree in the paper's symbols, each derived on first use.
 
-:mod:`fantoccini.kernel.equations.functions` turns them into functions.
+:mod:`fantoccini.kernel.equations.functions` makes functions of them.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Loads:
     """Forces of a motion.
 
     Attributes:
-        f_D, f_K: of springs and damping, in the joints.
-        wrenches: of inertia, gravity and drag, on each link.
+        f_D, f_K: forces of springs and damping, in the joints.
+        wrenches: wrenches of inertia, gravity and drag, on each link.
         loss: power of damping and drag [W].
     """
 
@@ -59,7 +59,7 @@ class System:
 
     Attributes:
         tree: the tree.
-        symbols: the arguments.
+        symbols: symbols of the arguments.
     """
 
     tree: Tree
@@ -69,7 +69,7 @@ class System:
         object.__setattr__(self, "symbols", Symbols.of(self.tree))
 
     def value(self, number: Number) -> ca.SX:
-        """A number as a constant, a parameter as its entry of p."""
+        """A constant for a number, the entry of p for a parameter."""
         if isinstance(number, Parameter):
             return self.symbols.p[list(self.tree.parameters).index(number.parameter)]
         return ca.SX(float(number))
@@ -95,12 +95,12 @@ class System:
         q = self.by_link(elements(self.symbols.q_D), elements(self.symbols.q_K), "q")
         return [joint_motion(link, q[i], self.value) for i, link in enumerate(self.tree.links)]
 
-    def by_link(self, dynamic: np.ndarray, driven: np.ndarray, what: str) -> list[np.ndarray]:
-        """Splits a dynamic and a driven vector, of what ``q`` or ``v``, into each link's part."""
+    def by_link(self, dynamic: np.ndarray, driven: np.ndarray, part: str) -> list[np.ndarray]:
+        """Each link's entries of a dynamic and a driven vector; ``part`` is ``q`` or ``v``."""
         parts = []
         for link in self.tree.links:
             source = {Role.DYNAMIC: dynamic, Role.DRIVEN: driven}.get(link.role, zeros(0))
-            parts.append(source[getattr(link, what)])
+            parts.append(source[getattr(link, part)])
         return parts
 
     def _zeros(self) -> tuple[np.ndarray, np.ndarray]:
@@ -115,10 +115,10 @@ class System:
         acc_K: np.ndarray | None = None,
         gravity: np.ndarray | None = None,
     ) -> list[LinkMotion]:
-        """Link motions for velocities and accelerations; what is not given is zero."""
-        none_D, none_K = self._zeros()
+        """Link motions for velocities and accelerations; those not given are zero."""
+        zero_D, zero_K = self._zeros()
         velocity, acceleration = (
-            self.by_link(none_D if D is None else D, none_K if K is None else K, "v")
+            self.by_link(zero_D if D is None else D, zero_K if K is None else K, "v")
             for D, K in ((v_D, v_K), (acc_D, acc_K))
         )
         g = self.gravity if gravity is None else gravity
@@ -126,7 +126,7 @@ class System:
 
     @cached_property
     def free_motions(self) -> list[LinkMotion]:
-        """Link motions with acc_D = 0: bias and driven part."""
+        """Link motions with acc_D = 0, for the bias and the driven accelerations."""
         s = self.symbols
         return self.motions(elements(s.v_D), elements(s.v_K), acc_K=elements(s.acc_K))
 
@@ -138,42 +138,42 @@ class System:
 
     @cached_property
     def resting_motions(self) -> list[LinkMotion]:
-        """Link motions at zero velocity and acceleration: gravity alone."""
+        """Link motions at zero velocity and acceleration, with gravity."""
         return self.motions()
 
     @cached_property
     def ahead_motions(self) -> list[LinkMotion]:
-        """:attr:`free_motions` with the velocity products of v_ahead, for a step."""
+        """:attr:`free_motions` with velocity products of v_ahead, for a step."""
         s = self.symbols
         return self.motions(elements(s.v_ahead), elements(s.v_K), acc_K=elements(s.acc_K))
 
     def around(self, motions: list[LinkMotion]) -> Surroundings:
-        """The arguments of rows, for the given motions."""
+        """The arguments of rows for given motions."""
         return Surroundings(self.tree, self.joints, motions, self.gravity, self.value)
 
     @cached_property
     def armature(self) -> np.ndarray:
-        """(n_vD,) inertia of the drives and rotors of joints, on the diagonal of M_DD."""
-        found = zeros(self.tree.coordinates.n_vD)
+        """(n_vD,) inertia of drives and of joints' rotors, on the diagonal of M_DD."""
+        diagonal = zeros(self.tree.coordinates.n_vD)
         for link in self.tree.links:
             if link.role is Role.DYNAMIC:
-                found[link.v] = self.value(link.armature)
+                diagonal[link.v] = self.value(link.armature)
         for row in self.tree.drives:
-            found[row.v] = row.inertia(self.value)
-        return found
+            diagonal[row.v] = row.inertia(self.value)
+        return diagonal
 
     def resistance(self, row: DriveRow) -> ca.SX:
-        """Friction of a drive over its speed: -resistance v is its force [N s/m or N m s]."""
+        """Friction of a drive divided by its speed: its force is -resistance v [N s/m or N m s]."""
         friction = row.drive.friction
         if friction is None:
             return ca.SX(0)
         n, v = row.ratio(self.value), elements(self.symbols.v_D)[row.v]
-        found = n * n * self.value(friction.viscous)
+        viscous = n * n * self.value(friction.viscous)
         coulomb = self.value(friction.coulomb)
         if coulomb.is_zero():
-            return found
+            return viscous
         speed = self.value(friction.speed)
-        return found + n * n * coulomb / ca.sqrt(n * n * dot(v, v) + speed * speed)
+        return viscous + n * n * coulomb / ca.sqrt(n * n * dot(v, v) + speed * speed)
 
     @cached_property
     def mass_blocks(self) -> dict[tuple[int, int], np.ndarray]:
@@ -197,7 +197,7 @@ class System:
 
     @cached_property
     def elastics(self) -> list[Elastic]:
-        """Point-to-point springs, and the pieces of chains."""
+        """Springs between points, and the pieces of chains."""
         return elastics(self.around(self.free_motions), self.own_length)
 
     def spring_forces(self, f_D: np.ndarray, f_K: np.ndarray) -> None:
@@ -217,7 +217,7 @@ class System:
             elastic.add_gradient(f_D, f_K)
 
     def dissipation(self) -> tuple[np.ndarray, np.ndarray, list[dynamics.Wrench], ca.SX]:
-        """Damping (f_D, f_K) of joints, drives and springs, drag on the links, loss of power."""
+        """Damping (f_D, f_K) of joints, drives and springs, drag on the links, and lost power."""
         (f_D, f_K), loss = self._zeros(), ca.SX(0)
         v = self.by_link(elements(self.symbols.v_D), elements(self.symbols.v_K), "v")
         wrenches: list[dynamics.Wrench] = []
@@ -239,7 +239,7 @@ class System:
         return f_D, f_K, wrenches, loss
 
     def drag(self, i: int) -> tuple[np.ndarray, np.ndarray, ca.SX]:
-        """Air drag on link i: torque about its origin, force, in its frame; and power lost."""
+        """Air drag on link i: torque about its origin and force, in its frame; lost power."""
         rate, angular = self.drag_rates[i]
         if rate.is_zero() and angular.is_zero():
             return zeros(3), zeros(3), ca.SX(0)
@@ -252,18 +252,18 @@ class System:
 
     @cached_property
     def drag_rates(self) -> list[tuple[ca.SX, ca.SX]]:
-        """For every link drag over speed of its centre [N s/m], torque over spin [N m s]."""
-        found = []
+        """Drag / speed of the centre of mass [N s/m] and torque / spin [N m s] of every link."""
+        rates = []
         for i, link in enumerate(self.tree.links):
             rate, quadratic, angular = (self.value(x) for x in link.drag)
             if not quadratic.is_zero():
                 v = self.free_motions[i].v + cross(self.free_motions[i].w, self.centre(i))
                 rate = rate + quadratic * ca.sqrt(dot(v, v) + REGULAR.square)
-            found.append((rate, angular))
-        return found
+            rates.append((rate, angular))
+        return rates
 
     def drag_inertia(self, i: int, dt: ca.SX) -> BodyInertia:
-        """What drag over a step dt adds to the inertia of link i: dt times its rates."""
+        """The inertia that drag over a step dt adds to link i: dt times its drag rates."""
         rate, angular = (dt * x for x in self.drag_rates[i])
         if rate.is_zero() and angular.is_zero():
             return BodyInertia.nothing()
@@ -273,7 +273,7 @@ class System:
         return BodyInertia(rate, scaled(rate, com), J)
 
     def centre(self, i: int) -> np.ndarray:
-        """Centre of mass of link i in its frame (3,); its origin when massless."""
+        """(3,) centre of mass of link i in its frame; its origin if it is massless."""
         inertia = self.inertias[i]
         return zeros(3) if inertia.m.is_zero() else scaled(1 / inertia.m, inertia.h)
 
@@ -289,14 +289,14 @@ class System:
         return Loads(f_D, f_K, wrenches, loss)
 
     def generalised(self, loads: Loads) -> tuple[np.ndarray, np.ndarray]:
-        """(n_vD,) and (n_vK,) generalised forces of loads."""
+        """Generalised forces (n_vD,) and (n_vK,) of loads."""
         own_D, own_K = self.by_velocity(
             dynamics.joint_forces(self.tree, self.joints, loads.wrenches)
         )
         return loads.f_D + own_D, loads.f_K + own_K
 
     def by_velocity(self, forces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Every link's own part as a dynamic (n_vD,) and a driven (n_vK,) vector."""
+        """A dynamic (n_vD,) and a driven (n_vK,) vector from the forces in every link's joint."""
         f_D, f_K = self._zeros()
         for link, force in zip(self.tree.links, forces, strict=True):
             if link.role is Role.DYNAMIC:
@@ -307,20 +307,20 @@ class System:
 
     @cached_property
     def free_loads(self) -> Loads:
-        """Loads with acc_D = 0: c + M_DK acc_K, with dissipation."""
+        """Loads at acc_D = 0: c + M_DK acc_K, with dissipation."""
         return self.loads(self.free_motions)
 
     @cached_property
     def step_loads(self) -> Loads:
-        """:attr:`free_loads` with the velocity products of v_ahead, for a step."""
+        """:attr:`free_loads` with velocity products of v_ahead, for a step."""
         return self.loads(self.ahead_motions)
 
     def inertial(self, acc_D: np.ndarray | None, acc_K: np.ndarray | None) -> np.ndarray:
         """(n_vD,) M_DD acc_D + M_DK acc_K, without M."""
         motions = self.motions(acc_D=acc_D, acc_K=acc_K, gravity=zeros(3))
         wrenches = dynamics.link_wrenches(self.regrouped, motions)
-        found = self.generalised(Loads(*self._zeros(), wrenches, ca.SX(0)))[0]
-        return found if acc_D is None else found + self.armature * acc_D
+        forces = self.generalised(Loads(*self._zeros(), wrenches, ca.SX(0)))[0]
+        return forces if acc_D is None else forces + self.armature * acc_D
 
     @cached_property
     def bias_D(self) -> np.ndarray:
@@ -342,7 +342,7 @@ class System:
 
     @cached_property
     def dissipation_D(self) -> np.ndarray:
-        """(n_vD,) generalised force of damping and drag, on the side of the bias."""
+        """(n_vD,) generalised force of damping and drag, with the sign of the bias."""
         f_D, f_K, drag, loss = self.dissipation()
         wrenches = [(-torque, -force) for torque, force in drag]
         return self.generalised(Loads(f_D, f_K, wrenches, loss))[0]
@@ -356,25 +356,25 @@ class System:
     @cached_property
     def full_string_rows(self) -> list[PathRow]:
         """:attr:`string_rows` with all accelerations, so that ``bias`` is hddot."""
-        around, found = self.around(self.full_motions), []
+        around, rows = self.around(self.full_motions), []
         for string in self.tree.strings:
             length, rate, curve = self.own_length(string)
             if string.wound_length:
                 curve = self.symbols.acc_D[string.wound_length[1]]
-            found.append(string_row(around, string, length, rate, curve))
-        return found
+            rows.append(string_row(around, string, length, rate, curve))
+        return rows
 
     def own_length(self, string: StringRow | ChainRow) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """L, its rate, and its acceleration where acc_D = 0."""
-        s, none = self.symbols, ca.SX(0)
+        """L, its rate, and its acceleration at acc_D = 0."""
+        s, zero = self.symbols, ca.SX(0)
         if string.driven_length:
             q, v = string.driven_length
             return Expression(s.q_K[q]), Expression(s.v_K[v]), Expression(s.acc_K[v])
         if string.wound_length:
             q, v = string.wound_length
-            return Expression(s.q_D[q]), Expression(s.v_D[v]), none
-        assert string.length is not None, "the string has a length"
-        return self.value(string.length), none, none
+            return Expression(s.q_D[q]), Expression(s.v_D[v]), zero
+        assert string.length is not None, "a length is a coordinate or a number"
+        return self.value(string.length), zero, zero
 
     @cached_property
     def limit_rows(self) -> list[tuple[ca.SX, np.ndarray, ca.SX]]:

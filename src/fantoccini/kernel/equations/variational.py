@@ -1,12 +1,12 @@
-"""Discrete Euler-Lagrange equations by the midpoint rule, on the configurations as they are.
+"""Discrete Euler-Lagrange equations by the midpoint rule, in the configurations themselves.
 
 A step of length dt goes from q_k to q_k+1 = q_k c(xi/4) c(xi/4), with a tangent vector xi of the
 size of the velocities. A scalar moves by xi; a quaternion turns twice by
 
     c(s) = (1, s) / sqrt(1 + s.s),                   a turn by 2 atan |s| about s (Cayley's map)
 
-so that no orientation is singular. Half-way lies q_mid = q_k c(xi/4), where the discrete Lagrangian
-takes v_mid = xi/dt:
+so that no orientation is singular. The discrete Lagrangian is evaluated at the midpoint
+q_mid = q_k c(xi/4) with v_mid = xi/dt:
 
     L_d = dt L(q_mid, v_mid),    P = dL/dv,    G = dt/2 (dL/dq + u_D - damping - drag)
 
@@ -18,16 +18,16 @@ momenta at both ends,
     p_k+1 = (1 - s.s) P - 2 (s x P) + 2 s (s.P) + (G - s x G)
 
 and a step solves p_k - A_D(q_k)^T Lambda = p_k(xi) for xi, with h(q_k+1) <= 0 complementary to
-Lambda >= 0. The midpoint's forces are half before and half after it, so that damping, drag and
-moving inputs leave the rule of second order. Driven coordinates are no unknowns: q_K,mid lies
-half-way between the inputs at both ends, v_K,mid leads from one to the other.
+Lambda >= 0. Half of the midpoint's forces act before it and half after it, so that the rule is of
+second order with damping, drag and moving inputs, too. Driven coordinates are not unknowns: q_K,mid
+lies half-way between the inputs at both ends, v_K,mid leads from one to the other.
 
 P and dL/dq come from two recursions over the tree. With the twist (w, v) of a link and the momentum
-H = (H_w, H_v) of all that hangs from it, about its origin and in its frame,
+H = (H_w, H_v) of its subtree, about its origin and in its frame,
 
     P = S^T H,     dT/dq = S_w^T (H_w x w_c + H_v x v) + S_v^T (H_v x w_c)
 
-where w_c is the part of w that the joint's own motion does not make.
+where w_c is w without the joint's own motion.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ class Variational:
     """The discrete equations of a tree as CasADi functions.
 
     Attributes:
-        equations: the continuous ones.
+        equations: continuous equations of the tree.
     """
 
     def __init__(self, equations: Equations):
         self.equations = equations
 
     def functions(self) -> dict[str, ca.Function]:
-        """The functions that are compiled, by name; all results are dense."""
+        """Name -> compiled function; all results are dense."""
         return {
             "node": self._node(),
             "midpoint_rule": self._midpoint_rule(),
@@ -66,14 +66,14 @@ class Variational:
     def _node(self) -> ca.Function:
         exact, firm = self.equations["dynamics"], self.equations["step_dynamics"]
         symbols = self.equations.system.symbols
-        given = {**symbols, "v_ahead": symbols["v_D"]}
-        made, with_damping = (
-            dict(zip(f.name_out(), f.call([given[a] for a in f.name_in()]), strict=True))
+        arguments = {**symbols, "v_ahead": symbols["v_D"]}
+        results, with_damping = (
+            dict(zip(f.name_out(), f.call([arguments[a] for a in f.name_in()]), strict=True))
             for f in (exact, firm)
         )
-        made |= {f"{name}_firm": with_damping[name] for name in ("L", "W", "G")}
-        made["power0"] = with_damping["power0"]  # without the motors': theirs is the midpoint's
-        return declared("node", symbols, made)
+        results |= {f"{name}_firm": with_damping[name] for name in ("L", "W", "G")}
+        results["power0"] = with_damping["power0"]  # the motors' work is added at the midpoint
+        return declared("node", symbols, results)
 
     def _midpoint_rule(self) -> ca.Function:
         system = self.equations.system
@@ -81,14 +81,14 @@ class Variational:
         q_mid, q_next = self._moved(s.xi, 1), self._moved(s.xi, 2)
         P, force, motors = self._at(q_mid, s.xi / s.dt, s.q_mid, s.v_mid, s.acc_mid, s.u_D, s.p)
         before, after = self._ends(elements(P), elements(force), elements(s.xi))
-        made = {
+        results = {
             "before": before,
             "after": after,
             "q_next": q_next,
             "h": self.equations["rows"](q_next, s.q_K, s.p),
             "work_M": dot(elements(motors), elements(s.xi)),
         }
-        return declared("midpoint_rule", s, made)
+        return declared("midpoint_rule", s, results)
 
     def _momenta(self) -> ca.Function:
         s = self.equations.system.symbols
@@ -96,7 +96,7 @@ class Variational:
         return declared("momenta", s, {"p_D": P})
 
     def _moved(self, xi: ca.SX, times: int) -> ca.SX:
-        """q_D moved by c(xi/4) so many times, once or twice."""
+        """q_D moved by c(xi/4) once or twice."""
         s, table = self.equations.system.symbols, self.equations.tree.coordinates
         q = elements(s.q_D)
         for i, j in table.scalars_D:
@@ -133,7 +133,7 @@ class Variational:
     def _at(self) -> ca.Function:
         """(q_D, v_D, q_K, v_K, acc_K, u_D, p) -> P (n_vD,), dL/dq + u_D - damping - drag (n_vD,).
 
-        The motors' forces (n_vD,) are among u_D, and given by themselves.
+        The third result is the motors' forces (n_vD,), which the second one includes.
         """
         system = self.equations.system
         s, tree = system.symbols, system.tree
@@ -182,7 +182,7 @@ def _slope(
     turning = cross(H_w, w_c) + cross(H_v, v)
     sliding = cross(H_v, w_c)
     if link.kind == "free":
-        # The linear velocity is in the joint's frame, which the link's own turning does not move.
+        # The linear velocity is in the joint's frame, which does not turn with the link.
         return np.concatenate([joint.R_joint.dot(sliding), turning])
     columns = range(joint.S_w.shape[1])
     return np.array(

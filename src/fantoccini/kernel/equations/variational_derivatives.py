@@ -1,10 +1,11 @@
-"""Derivatives of the discrete Euler-Lagrange equations
-(:mod:`fantoccini.kernel.equations.variational`).
+"""Derivatives of the discrete Euler-Lagrange equations.
 
-    e = M v_D + M_DK v_K + A_D^T tension            the momenta that a node leaves with, or has
-    p_k(xi), p_k+1(xi), q_k+1(xi)                   of the midpoint rule
+They are those of :mod:`fantoccini.kernel.equations.variational`:
 
-Derivatives by configurations are along tangent vectors in the body's frame, as those of q_k+1 are.
+    e = M v_D + M_DK v_K + A_D^T tension            momenta at a node, with or without impulses
+    p_k(xi), p_k+1(xi), q_k+1(xi)                   results of the midpoint rule
+
+Derivatives of and by configurations are along tangent vectors in the body's frame.
 """
 
 from __future__ import annotations
@@ -22,23 +23,23 @@ class VariationalDerivatives:
     """The derivatives of a tree's discrete equations as CasADi functions.
 
     Attributes:
-        equations: the continuous ones.
+        equations: continuous equations of the tree.
     """
 
     def __init__(self, equations: Equations):
         self.equations = equations
 
     def functions(self, library: str) -> dict[str, ca.Function]:
-        """The functions of a library, by name; all results are dense."""
-        made = {"momenta": Variational(self.equations).functions()["momenta"]}
-        made |= {"momenta_by": self._momenta_by(), "midpoint_by": self._midpoint_by()}
-        return made | Derivatives(self.equations.tree).functions(library)
+        """Name -> function of a library; all results are dense."""
+        own = {"momenta": Variational(self.equations).functions()["momenta"]}
+        own |= {"momenta_by": self._momenta_by(), "midpoint_by": self._midpoint_by()}
+        return own | Derivatives(self.equations.tree).functions(library)
 
     def _called(self, function: ca.Function) -> dict[str, ca.SX]:
-        """The results of a function at the symbols, by name."""
+        """Name -> result of a function at the symbols."""
         s = self.equations.system.symbols
-        found = function.call([s[name] for name in function.name_in()])
-        return dict(zip(function.name_out(), found, strict=True))
+        results = function.call([s[name] for name in function.name_in()])
+        return dict(zip(function.name_out(), results, strict=True))
 
     def _momenta_by(self) -> ca.Function:
         s, tree = self.equations.system.symbols, self.equations.tree
@@ -46,14 +47,14 @@ class VariationalDerivatives:
         A_D = self._called(self.equations["A_D"])["A_D"]
         e = ca.cse(self._called(momenta)["p_D"] + A_D.T @ s.tension)
         names = {"e_q": "q_D", "M": "v_D", "e_qK": "q_K", "M_DK": "v_K", "e_p": "p"}
-        found = {name: along_tangents(e, s, tree, by) for name, by in names.items()}
-        return declared("momenta_by", s, found | {"e": e})
+        derivatives = {name: along_tangents(e, s, tree, by) for name, by in names.items()}
+        return declared("momenta_by", s, derivatives | {"e": e})
 
     def _midpoint_by(self) -> ca.Function:
         s, tree = self.equations.system.symbols, self.equations.tree
-        made = self._called(Variational(self.equations).functions()["midpoint_rule"])
-        found = {name: made[name] for name in ("before", "after")}
-        both = ca.cse(ca.vertcat(made["before"], made["after"]))
+        rule = self._called(Variational(self.equations).functions()["midpoint_rule"])
+        results = {name: rule[name] for name in ("before", "after")}
+        both = ca.cse(ca.vertcat(rule["before"], rule["after"]))
         n = tree.coordinates.n_vD
         for name, by in (
             ("q", "q_D"),
@@ -65,14 +66,14 @@ class VariationalDerivatives:
             ("p", "p"),
         ):
             part = along_tangents(both, s, tree, by)
-            found[f"before_{name}"], found[f"after_{name}"] = part[:n, :], part[n:, :]
-        # N^T N is 1 of scalars and 1/4 of quaternions.
+            results[f"before_{name}"], results[f"after_{name}"] = part[:n, :], part[n:, :]
+        # N^T N is 1 for scalars and 1/4 for quaternions.
         weights = np.ones(n)
         for _, v in tree.coordinates.quaternions_D:
             weights[v : v + 3] = 4.0
-        back = ca.substitute(tangents(s, tree, "q_D"), s.q_D, made["q_next"]).T
+        back = ca.substitute(tangents(s, tree, "q_D"), s.q_D, rule["q_next"]).T
         for name in ("q", "xi"):
             by = "q_D" if name == "q" else "xi"
-            moved = ca.diag(weights) @ (back @ along_tangents(made["q_next"], s, tree, by))
-            found[f"next_{name}"] = moved
-        return declared("midpoint_by", s, found)
+            moved = ca.diag(weights) @ (back @ along_tangents(rule["q_next"], s, tree, by))
+            results[f"next_{name}"] = moved
+        return declared("midpoint_by", s, results)

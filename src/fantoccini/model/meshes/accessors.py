@@ -1,4 +1,4 @@
-"""Numbers in a glTF document."""
+"""Arrays of numbers in a glTF document."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126:
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
-def whole(value: object, what: str) -> int:
-    """A whole number of at least 0.
+def whole(value: object, name: str) -> int:
+    """The value, if it is a whole number of at least 0.
 
     Raises:
-        ValueError: it is none.
+        ValueError: it is not.
     """
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise ValueError(f"{what} is {str(value)[:40]}; needed: a whole number of at least 0")
+        raise ValueError(f"{name} is {str(value)[:40]}; needed: a whole number of at least 0")
     return value
 
 
@@ -28,36 +28,38 @@ class Accessors:
     """Reads arrays of numbers.
 
     Args:
-        header: the document's JSON.
+        header: JSON of the document.
         buffers: contents of its buffers.
     """
 
     def __init__(self, header: dict[str, Any], buffers: list[bytes]):
         self.header, self.buffers = header, buffers
         self._floats: dict[int, Array] = {}
-        self._left = 6 * LIMITS.max_triangles  # elements of arrays that may still be kept
+        self._left = 6 * LIMITS.max_triangles  # elements of arrays that may still be cached
 
     def count(self, index: int) -> int:
-        """Elements of an array, which is not read."""
+        """Number of elements of an array, without reading it."""
         return _count(self.header["accessors"][whole(index, "an accessor")])
 
     def numbers(self, index: int, *widths: int) -> Array:
-        """(n, width) floats; ``widths`` are allowed. Normalised integers are 0 to 1 or -1 to 1."""
+        """(n, width) floats, in one of ``widths``. Normalised integers are 0 to 1 or -1 to 1."""
         about = self.header["accessors"][whole(index, "an accessor")]
         if index not in self._floats:
             self._left -= _count(about)
             if self._left < 0:
-                raise ValueError("its accessors have too many elements together")
+                raise ValueError("its accessors have too many elements in total")
             raw = self._raw(about)
             out = raw.astype(float)
             if about.get("normalized") and raw.dtype.kind in "iu":
                 out = np.maximum(out / np.iinfo(raw.dtype).max, -1.0)
             out.setflags(write=False)
             self._floats[index] = out
-        found = self._floats[index]
-        if found.shape[1] not in widths:
-            raise ValueError(f"its accessor {index} is {str(about['type'])[:9]}; that is no such")
-        return found
+        floats = self._floats[index]
+        if floats.shape[1] not in widths:
+            allowed = " or ".join(name for name, width in _WIDTHS.items() if width in widths)
+            text = f"its accessor {index} is {str(about['type'])[:9]}; allowed here: {allowed}"
+            raise ValueError(text)
+        return floats
 
     def whole_numbers(self, index: int) -> Indices:
         """(n,) whole numbers."""
@@ -67,7 +69,7 @@ class Accessors:
         return raw[:, 0].astype(np.int64)
 
     def view(self, index: int) -> tuple[bytes, int | None]:
-        """The bytes of a view, and the distance of its elements if it has one."""
+        """The bytes of a view, and its stride, if it has one."""
         about = self.header["bufferViews"][whole(index, "a view of a buffer")]
         buffer = self.buffers[whole(about["buffer"], "a buffer")]
         start = whole(about.get("byteOffset", 0), "an offset")
@@ -77,7 +79,7 @@ class Accessors:
         return buffer[start:end], about.get("byteStride")
 
     def _raw(self, about: dict[str, Any]) -> np.ndarray:
-        """(n, width) as the file has them."""
+        """(n, width) numbers of the file's type."""
         kind, width = np.dtype(_KINDS[about["componentType"]]), _WIDTHS[about["type"]]
         count = _count(about)
         if "bufferView" in about:
@@ -107,7 +109,7 @@ class Accessors:
 
 
 def _count(about: dict[str, Any]) -> int:
-    """Elements of an accessor."""
+    """Number of elements of an accessor."""
     count = whole(about["count"], "the count of an accessor")
     if count > 3 * LIMITS.max_triangles:
         raise ValueError(f"it has an accessor of {count} elements")

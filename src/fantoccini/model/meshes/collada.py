@@ -1,4 +1,4 @@
-"""COLLADA (.dae) by pycollada: unit and upward axis of the file become metres and z."""
+"""COLLADA files (.dae), read by pycollada and converted to metres with z up."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from fantoccini.base import Array, Indices, MissingLibraryError
-from fantoccini.model.meshes.beside import Beside
-from fantoccini.model.meshes.colours import Texture, image_beside, srgb
+from fantoccini.model.meshes.colours import Texture, linked_image, srgb
 from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.linked_files import LinkedFiles
 from fantoccini.model.meshes.part import Y_UP, Count, Part, lost
 
 _UP = {
@@ -21,16 +21,15 @@ _UP = {
 }
 
 
-def read_collada(content: bytes, beside: Beside, name: str) -> list[Part]:
+def read_collada(content: bytes, beside: LinkedFiles, name: str) -> list[Part]:
     """The parts of a file, z up [m].
 
-    Images that are not beside the file are left out: their names are often those of another
-    machine.
+    Images outside the file's folder are left out: their paths are often those of another machine.
 
     Args:
-        content: of the file.
-        beside: reads images.
-        name: of the file, for messages.
+        content: content of the file.
+        beside: reader of its images.
+        name: name of the file, for messages.
 
     Raises:
         ValueError: the file is broken.
@@ -40,27 +39,30 @@ def read_collada(content: bytes, beside: Beside, name: str) -> list[Part]:
         import collada
     except ImportError:
         raise MissingLibraryError(f"the mesh {name}", "pycollada", "dae") from None
-    # Entities could stand for other files, or for gigabytes.
-    refused = any(mark in content for mark in (b"<!DOCTYPE", b"<!ENTITY", b"\0"))
-    if refused or content[:2] == b"PK":
+    # Entities may include other files, or expand to gigabytes.
+    unsafe = any(mark in content for mark in (b"<!DOCTYPE", b"<!ENTITY", b"\0"))
+    if unsafe or content[:2] == b"PK":
         raise ValueError("allowed: plain XML in UTF-8, without a document type")
     try:
-        found = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeUnsupportedError])
+        document = collada.Collada(io.BytesIO(content), ignore=[collada.common.DaeUnsupportedError])
     except collada.common.DaeError as reason:
         raise ValueError(f"it is broken: {str(reason)[:120]}") from reason
-    about = found.assetInfo
-    placed = np.eye(4)
+    about = document.assetInfo
+    to_metres = np.eye(4)
     unit = 1.0 if about.unitmeter is None else float(about.unitmeter)
-    placed[:3, :3] = unit * _UP[about.upaxis]
-    if found.scene is None:
+    to_metres[:3, :3] = unit * _UP[about.upaxis]
+    if document.scene is None:
         raise ValueError("it has no scene")
-    if sum(_nodes(node, {}) for node in found.scene.nodes) > LIMITS.max_nodes:
+    if sum(_nodes(node, {}) for node in document.scene.nodes) > LIMITS.max_nodes:
         raise ValueError(f"it has more than {LIMITS.max_nodes} nodes")
-    return list(_parts(found, placed, beside))
+    return list(_parts(document, to_metres, beside))
 
 
 def _nodes(node: Any, known: dict[int, int]) -> int:
-    """Nodes in a tree whose nodes may be instances of others."""
+    """Number of nodes in a tree, with every instance counted.
+
+    ``known`` caches the numbers by node.
+    """
     node = getattr(node, "node", node)
     if id(node) not in known:
         children = getattr(node, "children", None) or []
@@ -68,9 +70,9 @@ def _nodes(node: Any, known: dict[int, int]) -> int:
     return known[id(node)]
 
 
-def _parts(found: Any, placed: Array, beside: Beside) -> Iterator[Part]:
+def _parts(document: Any, to_metres: Array, beside: LinkedFiles) -> Iterator[Part]:
     count, images = Count(), dict[str, np.ndarray | None]()
-    for geometry in found.scene.objects("geometry"):
+    for geometry in document.scene.objects("geometry"):
         mirrored = np.linalg.det(geometry.matrix[:3, :3]) < 0.0
         for primitive in geometry.primitives():
             if hasattr(primitive, "triangleset"):
@@ -84,7 +86,7 @@ def _parts(found: Any, placed: Array, beside: Beside) -> Iterator[Part]:
             vertices = np.asarray(primitive.vertex, dtype=float)
             colours = _colours(primitive, faces, beside, images)
             faces = faces[:, ::-1] if mirrored else faces
-            yield Part.placed(placed, vertices, faces, colours, _lost(primitive.material))
+            yield Part.placed(to_metres, vertices, faces, colours, _lost(primitive.material))
 
 
 def _lost(material: Any) -> frozenset[str]:
@@ -103,9 +105,9 @@ def _lost(material: Any) -> frozenset[str]:
 
 
 def _colours(
-    primitive: Any, faces: Indices, beside: Beside, images: dict[str, np.ndarray | None]
+    primitive: Any, faces: Indices, beside: LinkedFiles, images: dict[str, np.ndarray | None]
 ) -> Array | None:
-    """Diffuse colours, or the emission of a material that has none; as sRGB."""
+    """sRGB of triangles: the diffuse colour, or the emission of a material without one."""
     effect = getattr(primitive.material, "effect", None)
     look = getattr(effect, "diffuse", None) or getattr(effect, "emission", None)
     if look is None:
@@ -114,7 +116,7 @@ def _colours(
         return np.tile(np.clip(np.array(look[:3], dtype=float), 0.0, 1.0), (len(faces), 1))
     path = look.sampler.surface.image.path
     if path not in images:
-        images[path] = image_beside(path, beside)
+        images[path] = linked_image(path, beside)
     pixels = images[path]
     if pixels is None or not primitive.texcoordset:
         return None

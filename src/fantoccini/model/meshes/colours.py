@@ -1,4 +1,4 @@
-"""Colours of triangles, from factors, colours of corners and textures."""
+"""Colours of triangles from factors, vertex colours and textures."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from urllib.parse import quote, unquote
 import numpy as np
 
 from fantoccini.base import Array
-from fantoccini.model.meshes.beside import Beside
 from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.linked_files import LinkedFiles
 
-_SPLIT = 4
-"""A triangle's texture is its mean over the middles of 4 x 4 smaller triangles."""
+_SAMPLES_PER_SIDE = 4
+"""A texture is averaged over the centres of 4 x 4 subdivisions of a triangle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """An image and where it lies.
+    """An image, and its continuation beyond its edges.
 
     Attributes:
         pixels: (height, width, 3) sRGB bytes, rows from the top.
-        repeats: (2,) whether it repeats along u and v; elsewhere its edge goes on.
+        repeats: (2,) whether it repeats along u and v; otherwise its edge pixels continue.
     """
 
     pixels: np.ndarray
     repeats: tuple[bool, bool] = (True, True)
 
     def over(self, uv: Array) -> Array:
-        """(m, 3) linear colours of triangles with corners (m, 3, 2), v from the top."""
+        """(m, 3) linear colours of triangles, from their uv (m, 3, 2), with v from the top."""
         height, width = self.pixels.shape[:2]
         total = np.zeros((len(uv), 3))
-        points = _middles()
+        points = _sample_points()
         for weights in points:
             at = np.einsum("k,mkc->mc", weights, uv)
             places = []
@@ -46,29 +46,29 @@ class Texture:
 
 
 def image(content: bytes, name: str) -> np.ndarray:
-    """(height, width, 3) sRGB bytes of an image, which is PNG, JPEG or WebP.
+    """(height, width, 3) sRGB bytes of an image in PNG, JPEG or WebP format.
 
     Raises:
-        ValueError: it is too large or cannot be read.
+        ValueError: the image is too large or cannot be read.
     """
     from PIL import Image
 
     try:
-        with Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP")) as found:
-            width, height = found.size
+        with Image.open(io.BytesIO(content), formats=("PNG", "JPEG", "WEBP")) as opened:
+            width, height = opened.size
             if width * height <= LIMITS.max_pixels:
-                return np.asarray(found.convert("RGB"))
-    except Exception as reason:  # Pillow's readers raise whatever their parsing meets
+                return np.asarray(opened.convert("RGB"))
+    except Exception as reason:  # Pillow raises errors of many classes for broken images
         text = f"its image {name} is not a PNG, JPEG or WebP that can be read"
         raise ValueError(text) from reason
-    most = LIMITS.max_pixels / 1e6
-    raise ValueError(f"its image {name} has {width} x {height} pixels; allowed: {most:.0f} million")
+    allowed = f"{LIMITS.max_pixels / 1e6:.0f} million"
+    raise ValueError(f"its image {name} has {width} x {height} pixels; allowed: {allowed}")
 
 
-def image_beside(path: str, beside: Beside) -> np.ndarray | None:
-    """The image of this name, or that of its last part where the whole name leads elsewhere.
+def linked_image(path: str, beside: LinkedFiles) -> np.ndarray | None:
+    """The image at a path or, if it cannot be read, the one of that name in the mesh's folder.
 
-    Names are often those of the machine that wrote them: None where neither can be read.
+    Paths are often those of the machine that wrote the file. None if neither can be read.
     """
     name = unquote(path).replace("\\", "/").removeprefix("./")
     for place in (name, posixpath.basename(name)):
@@ -80,22 +80,19 @@ def image_beside(path: str, beside: Beside) -> np.ndarray | None:
 
 
 def linear(colour: Array) -> Array:
-    """Linear red, green and blue of sRGB."""
+    """Converts sRGB to linear red, green and blue."""
     return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
 
 
 def srgb(colour: Array) -> Array:
-    """sRGB, which screens have, of linear red, green and blue."""
+    """Converts linear red, green and blue to sRGB."""
     colour = np.clip(np.nan_to_num(colour), 0.0, 1.0)
     bent = 1.055 * colour ** (1.0 / 2.4) - 0.055
     return np.where(colour <= 0.0031308, 12.92 * colour, bent)
 
 
-def few(colours: Array) -> Array:
-    """The colours (m, 3), sRGB, or nan for none, as at most ``LIMITS.max_colours`` different ones.
-
-    More of them are merged by median cut.
-    """
+def reduced(colours: Array) -> Array:
+    """The sRGB colours (m, 3), reduced to ``LIMITS.max_colours`` by median cut; nan stays nan."""
     from PIL import Image
 
     out = np.array(colours, dtype=float)
@@ -114,9 +111,9 @@ def few(colours: Array) -> Array:
     return out
 
 
-def _middles() -> Array:
-    """(16, 3) weights of corners at the middles of smaller triangles."""
-    n, out = _SPLIT, []
+def _sample_points() -> Array:
+    """(16, 3) barycentric coordinates of the centres of the subdivisions."""
+    n, out = _SAMPLES_PER_SIDE, []
     for i in range(n):
         for j in range(n - i):
             out.append((i + 1 / 3, j + 1 / 3))

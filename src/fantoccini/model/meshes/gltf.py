@@ -1,7 +1,7 @@
-"""glTF 2.0 (.glb, .gltf): nodes, triangles, base colours. Its y is up; here z is, as in Blender.
+"""glTF 2.0 (.glb, .gltf): nodes, triangles, base colours. y up becomes z up, as in Blender.
 
-Cameras, lights, animations, skins and morph targets are left out. Of a file nothing is believed:
-every index and length is checked before memory is taken.
+Cameras, lights, animations, skins and morph targets are left out. No file is trusted: every index
+and length is checked before memory is allocated.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, rotation
 from fantoccini.model.meshes.accessors import Accessors, whole
-from fantoccini.model.meshes.beside import Beside
 from fantoccini.model.meshes.colours import Texture, image, srgb
 from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.linked_files import LinkedFiles
 from fantoccini.model.meshes.part import Y_UP, Count, Part, lost
 
-_KNOWN = (
+_SUPPORTED = (
     "KHR_materials_",
     "KHR_lights_",
     "KHR_texture_transform",
@@ -29,38 +29,39 @@ _KNOWN = (
     "EXT_texture_webp",
     "KHR_xmp",
 )
-"""Extensions, or how their names begin, that a file may need: read here, or not about shapes."""
+"""Beginnings of the names of extensions that a file may require."""
 
-_CLAMPED = 33071
+_CLAMP_TO_EDGE = 33071
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
-def read_gltf(content: bytes, beside: Beside) -> list[Part]:
+def read_gltf(content: bytes, beside: LinkedFiles) -> list[Part]:
     """The parts of a file, z up [m].
 
     Args:
-        content: of the .glb or the .gltf file.
-        beside: reads what it names.
+        content: content of the .glb or .gltf file.
+        beside: reader of the files to which it refers.
 
     Raises:
-        ValueError: the file is broken, names what may not be read, or needs what is not known.
+        ValueError: the file is broken, refers to a file that may not be read, or requires an
+            unsupported extension.
     """
     text, chunk = _unpacked(content)
     header = json.loads(text)
     if not isinstance(header, dict):
-        raise ValueError("it is no glTF")
+        raise ValueError("it is not a glTF file")
     version = str(header.get("asset", {}).get("version"))
     if not version.startswith("2."):
         raise ValueError(f"it is glTF {version[:20]}; allowed: 2.0")
     needed = header.get("extensionsRequired", [])
-    unknown = sorted(name for name in needed if not name.startswith(_KNOWN))
+    unknown = sorted(name for name in needed if not name.startswith(_SUPPORTED))
     if unknown:
         raise ValueError(f"it needs {', '.join(unknown)[:99]}: export it without compression")
     return _Reader(header, chunk, beside).parts()
 
 
 def _unpacked(content: bytes) -> tuple[bytes, bytes | None]:
-    """The JSON and, of a .glb, its chunk of numbers."""
+    """The JSON and, for a .glb file, its binary chunk."""
     if content[:4] != b"glTF":
         return content, None
     chunks, at = dict[int, bytes](), 12
@@ -76,19 +77,19 @@ def _unpacked(content: bytes) -> tuple[bytes, bytes | None]:
 
 
 _Primitive = tuple[Array, Indices, Array | None, frozenset[str]]
-"""Vertices, faces, colours, and what its look has besides."""
+"""Vertices, faces, colours, and properties of the material that are not kept."""
 
 
 class _Reader:
     """Reads one file.
 
     Args:
-        header: its JSON.
-        chunk: numbers of a .glb.
-        beside: reads what it names.
+        header: JSON of the file.
+        chunk: binary chunk of a .glb file.
+        beside: reader of the files to which it refers.
     """
 
-    def __init__(self, header: dict[str, Any], chunk: bytes | None, beside: Beside):
+    def __init__(self, header: dict[str, Any], chunk: bytes | None, beside: LinkedFiles):
         self.header, self.chunk, self.beside = header, chunk, beside
         buffers = [self._buffer(k, b) for k, b in enumerate(header.get("buffers", []))]
         self.accessors = Accessors(header, buffers)
@@ -97,7 +98,7 @@ class _Reader:
         self._count = Count()
 
     def parts(self) -> list[Part]:
-        """Those of all nodes of the scene."""
+        """The parts of all nodes of the scene."""
         up = np.eye(4)
         up[:3, :3] = Y_UP
         nodes, seen = self.header.get("nodes", []), set[int]()
@@ -125,15 +126,15 @@ class _Reader:
         return [k for k in range(len(nodes)) if k not in below]
 
     def _mesh(self, index: int) -> list[_Primitive]:
-        """Each primitive that has triangles, which are counted."""
+        """The primitives of a mesh that have triangles; counts the triangles."""
         primitives = [
             p
             for p in self.header["meshes"][index]["primitives"]
             if p.get("mode", _TRIANGLES) >= _TRIANGLES
         ]
         for primitive in primitives:
-            given = primitive.get("indices", primitive["attributes"]["POSITION"])
-            corners = self.accessors.count(given)
+            accessor = primitive.get("indices", primitive["attributes"]["POSITION"])
+            corners = self.accessors.count(accessor)
             listed = primitive.get("mode", _TRIANGLES) == _TRIANGLES
             self._count.add(corners // 3 if listed else max(corners - 2, 0))
         if index not in self._meshes:
@@ -149,9 +150,9 @@ class _Reader:
             corners = np.arange(len(vertices))
         faces = _faces(corners, whole(primitive.get("mode", _TRIANGLES), "a mode"))
         if len(faces) and int(faces.max()) >= len(vertices):
-            raise ValueError("a triangle has a corner that is not there")
+            raise ValueError("a triangle has a corner that does not exist")
         colours = self._colours(primitive, attributes, faces)
-        used, own = np.unique(faces, return_inverse=True)  # others may have the rest
+        used, own = np.unique(faces, return_inverse=True)  # primitives may share vertices
         return vertices[used], own.reshape(-1, 3), colours, self._lost(primitive)
 
     def _lost(self, primitive: dict[str, Any]) -> frozenset[str]:
@@ -164,7 +165,7 @@ class _Reader:
     def _colours(
         self, primitive: dict[str, Any], attributes: dict[str, Any], faces: Indices
     ) -> Array | None:
-        """Base colours: factor, colours of the corners, texture; multiplied in linear light."""
+        """sRGB of triangles: base colour, vertex colours and texture, multiplied as linear RGB."""
         if "material" not in primitive and "COLOR_0" not in attributes:
             return None
         colours = np.ones((len(faces), 3))
@@ -193,7 +194,7 @@ class _Reader:
         sampler: dict[str, Any] = {}
         if "sampler" in texture:
             sampler = self.header["samplers"][whole(texture["sampler"], "a sampler")]
-        repeats = sampler.get("wrapS") != _CLAMPED, sampler.get("wrapT") != _CLAMPED
+        repeats = sampler.get("wrapS") != _CLAMP_TO_EDGE, sampler.get("wrapT") != _CLAMP_TO_EDGE
         return Texture(self._image(source), repeats).over(uv[faces])
 
     def _image(self, index: int) -> np.ndarray:
@@ -221,7 +222,7 @@ class _Reader:
         return content[:length]
 
     def _linked(self, uri: str) -> bytes:
-        """The content of a data URI or of a file beside this one."""
+        """The content of a data URI, or of a file in this one's folder."""
         if not uri.startswith("data:"):
             return self.beside.read(uri)
         kind, comma, text = uri.partition(",")
@@ -234,7 +235,7 @@ class _Reader:
 
 
 def _faces(corners: Indices, mode: int) -> Indices:
-    """(m, 3) triangles of a list, a strip, which turns every second one, or a fan."""
+    """(m, 3) triangles of a list, a strip or a fan; in a strip, every second one is reversed."""
     if mode == _TRIANGLES:
         return corners[: len(corners) // 3 * 3].reshape(-1, 3)
     if mode not in (_STRIP, _FAN):
@@ -247,7 +248,7 @@ def _faces(corners: Indices, mode: int) -> Indices:
 
 
 def _pose(node: dict[str, Any]) -> Array:
-    """(4, 4) of a node in its parent: its matrix, or T R S."""
+    """(4, 4) pose of a node in its parent: its matrix, or T R S."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=float).reshape(4, 4).T
     out = np.eye(4)

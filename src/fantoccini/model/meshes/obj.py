@@ -13,9 +13,9 @@ from urllib.parse import quote, unquote
 import numpy as np
 
 from fantoccini.base import Array, decoded, lines_of
-from fantoccini.model.meshes.beside import Beside
-from fantoccini.model.meshes.colours import Texture, image_beside, srgb
+from fantoccini.model.meshes.colours import Texture, linked_image, srgb
 from fantoccini.model.meshes.limits import LIMITS
+from fantoccini.model.meshes.linked_files import LinkedFiles
 from fantoccini.model.meshes.part import Count, Part, lost
 
 _NUMBERS = {"v": 3, "vt": 1}
@@ -24,14 +24,14 @@ _NO_TINT = (np.nan, np.nan, np.nan)
 _COMMENT = re.compile(r"(?:^|\s)#")
 """Start of a comment; inside a word, ``#`` is part of a name."""
 _ANY_COMMENT = re.compile("#")
-"""Begins a comment behind numbers, which have no such mark."""
+"""Start of a comment in a line of numbers."""
 _NUMERIC = ("v", "vt", "vn", "f")
 """Keywords of lines of numbers."""
 
 
 @dataclass
 class _Material:
-    """A material: diffuse colour, name of its image, and whether it lets light through."""
+    """A material: diffuse colour, name of its image, and whether it is transparent."""
 
     diffuse: tuple[float, ...] = ()
     image: str = ""
@@ -40,27 +40,27 @@ class _Material:
 
 @dataclass
 class _Faces:
-    """Triangles of one material: three indices each of places and of texture coordinates.
+    """Triangles of one material: three indices of places and three of texture coordinates each.
 
-    An index of -1 is none.
+    An index of -1 means that there is no texture coordinate.
     """
 
     places: array[int] = field(default_factory=lambda: array("q"))
     textures: array[int] = field(default_factory=lambda: array("q"))
 
 
-def read_obj(content: bytes, beside: Beside) -> list[Part]:
+def read_obj(content: bytes, beside: LinkedFiles) -> list[Part]:
     """The parts of a file, one for each material.
 
     Faces with more than three corners become triangle fans. Free-form surfaces, lines and points,
     and materials and images missing from the file's folder, are left out.
 
     Args:
-        content: of the file.
-        beside: reads materials and images.
+        content: content of the file.
+        beside: reader of materials and images.
 
     Raises:
-        ValueError: the file is broken; with the line.
+        ValueError: the file is broken; the message contains the line.
     """
     reader = _Reader(beside)
     reader.read(decoded(content))
@@ -68,17 +68,17 @@ def read_obj(content: bytes, beside: Beside) -> list[Part]:
 
 
 class _Reader:
-    """Reads lines.
+    """Reads the lines of a file.
 
     Attributes:
         places: x, y, z of each place.
-        tints: red, green, blue of each place; nan where it has none.
+        tints: red, green, blue of each place; nan for no colour.
         textures: u, v of each pair of texture coordinates.
-        faces: by the name of the material; empty for none.
-        materials: by name.
+        faces: name of a material, or an empty name -> its faces.
+        materials: name -> material.
     """
 
-    def __init__(self, beside: Beside):
+    def __init__(self, beside: LinkedFiles):
         self.beside, self.line = beside, 0
         self.places, self.tints, self.textures = array("d"), array("d"), array("d")
         self.faces: dict[str, _Faces] = {}
@@ -106,12 +106,12 @@ class _Reader:
                     self._material = " ".join(words[1:])
                 case "mtllib":
                     self._library(_rest(line, words))
-        most, self.line = self._last
-        if 3 * most > len(self.places):
-            self._fail(f"names vertex {most}; the file has {len(self.places) // 3}")
+        largest, self.line = self._last
+        if 3 * largest > len(self.places):
+            self._fail(f"names vertex {largest}; the file has {len(self.places) // 3}")
 
     def parts(self) -> Iterator[Part]:
-        """Triangles by material."""
+        """The triangles of each material."""
         places = np.array(self.places).reshape(-1, 3)
         tints = np.array(self.tints).reshape(-1, 3)
         if np.nanmax(tints, initial=0.0) > 1.0:
@@ -129,28 +129,28 @@ class _Reader:
             yield Part(places[used], renamed.reshape(-1, 3), colours, missing)
 
     def _colours(self, material: _Material, faces: _Faces) -> Array | None:
-        """sRGB of triangles: the image, or the diffuse colour."""
+        """sRGB of triangles, from the image or the diffuse colour; None if there is no colour."""
         corners = np.array(faces.textures, dtype=int).reshape(-1, 3)
-        there = np.all((corners >= 0) & (2 * corners < len(self.textures)), axis=1)
-        found: Array = np.full((len(corners), 3), np.nan)
+        textured = np.all((corners >= 0) & (2 * corners < len(self.textures)), axis=1)
+        colours: Array = np.full((len(corners), 3), np.nan)
         if len(material.diffuse) == 3:
-            found[:] = np.clip(material.diffuse, 0.0, 1.0)
-        pixels = image_beside(material.image, self.beside) if material.image else None
-        if pixels is not None and there.any():
-            uv = np.array(self.textures).reshape(-1, 2)[corners[there]]
-            found[there] = srgb(Texture(pixels).over(uv * [1.0, -1.0] + [0.0, 1.0]))
-        return found if np.isfinite(found).any() else None
+            colours[:] = np.clip(material.diffuse, 0.0, 1.0)
+        pixels = linked_image(material.image, self.beside) if material.image else None
+        if pixels is not None and textured.any():
+            uv = np.array(self.textures).reshape(-1, 2)[corners[textured]]
+            colours[textured] = srgb(Texture(pixels).over(uv * [1.0, -1.0] + [0.0, 1.0]))
+        return colours if np.isfinite(colours).any() else None
 
     def _numbers(self, words: list[str]) -> list[float]:
         try:
-            found = [float(word) for word in words[1:]]
+            numbers = [float(word) for word in words[1:]]
         except ValueError:
-            found = []
-        least = _NUMBERS[words[0].lower()]
-        if len(found) < least:
-            needed = f"{least} number{'s' if least > 1 else ''} with decimal points"
+            numbers = []
+        minimum = _NUMBERS[words[0].lower()]
+        if len(numbers) < minimum:
+            needed = f"{minimum} number{'s' if minimum > 1 else ''} with decimal points"
             self._fail(f"found {' '.join(words)[:60]!r}; needed: {needed}")
-        return found
+        return numbers
 
     def _plain_face(self, words: list[str]) -> bool:
         """Adds a triangle with positive indices, the common case; returns whether it was one."""
@@ -163,11 +163,11 @@ class _Reader:
                 u, v, w = int(a[1]), int(b[1]), int(c[1])
         except ValueError:
             return False
-        most = max(i, j, k)
-        if min(i, j, k) < 1 or max(most, u, v, w) > LIMITS.max_bytes:
+        largest = max(i, j, k)
+        if min(i, j, k) < 1 or max(largest, u, v, w) > LIMITS.max_bytes:
             return False
-        if most > self._last[0]:
-            self._last = most, self.line
+        if largest > self._last[0]:
+            self._last = largest, self.line
         faces = self.faces.get(self._material)
         if faces is None:
             faces = self.faces[self._material] = _Faces()
@@ -177,18 +177,18 @@ class _Reader:
         return True
 
     def _face(self, corners: list[str]) -> None:
-        """Adds a face; indices count from 1, and negative ones back from this line."""
+        """Adds a face; indices count from 1, and negative ones backwards from this line."""
         try:
-            given = [[int(n) if n else None for n in corner.split("/")[:2]] for corner in corners]
+            indices = [[int(n) if n else None for n in corner.split("/")[:2]] for corner in corners]
         except ValueError:
-            given = [[None]]
-        if any(place is None for place, *_ in given):
+            indices = [[None]]
+        if any(place is None for place, *_ in indices):
             self._fail(f"found {' '.join(corners)[:60]!r}; needed: vertices such as 1, -1 or 1/2/3")
         n_places, n_textures = len(self.places) // 3, len(self.textures) // 2
-        places = [self._index(place, n_places) for place, *_ in given]
-        textures = [self._index(more[0], n_textures) if more else -1 for _, *more in given]
+        places = [self._index(place, n_places) for place, *_ in indices]
+        textures = [self._index(more[0], n_textures) if more else -1 for _, *more in indices]
         if len(corners) < 3:
-            return  # it bounds nothing
+            return  # it has no area
         self._count.add(len(corners) - 2)
         self._last = max(self._last, (max(places) + 1, self.line))
         faces = self.faces.setdefault(self._material, _Faces())
@@ -196,24 +196,24 @@ class _Reader:
             faces.places.extend((places[0], places[k], places[k + 1]))
             faces.textures.extend((textures[0], textures[k], textures[k + 1]))
 
-    def _index(self, given: int | None, count: int) -> int:
-        """A file's index counted from 0, out of ``count`` entries so far; -1 for none."""
-        if given is None:
+    def _index(self, number: int | None, count: int) -> int:
+        """The 0-based index of a file's number after ``count`` entries; -1 for None."""
+        if number is None:
             return -1
-        found = given - 1 if given > 0 else count + given
-        if given == 0 or not 0 <= found < LIMITS.max_bytes:
+        index = number - 1 if number > 0 else count + number
+        if number == 0 or not 0 <= index < LIMITS.max_bytes:
             allowed = f"1 and more, or {-count} to -1" if count else "1 and more"
-            self._fail(f"found the index {given}; allowed here: {allowed}")
-        return found
+            self._fail(f"found the index {number}; allowed here: {allowed}")
+        return index
 
     def _library(self, rest: str) -> None:
-        """Reads a material file, or several; a name may have spaces."""
+        """Reads one material file, whose name may contain spaces, or several."""
         if not self._add_library(rest):
             for name in rest.split():
                 self._add_library(name)
 
-    def _add_library(self, given: str) -> bool:
-        name = unquote(given).replace("\\", "/").removeprefix("./")
+    def _add_library(self, uri: str) -> bool:
+        name = unquote(uri).replace("\\", "/").removeprefix("./")
         for place in dict.fromkeys((name, posixpath.basename(name))):
             try:
                 if not place.lower().endswith(".mtl"):
@@ -232,32 +232,32 @@ class _Reader:
 
 
 def _materials(text: str) -> dict[str, _Material]:
-    """Materials of a file by name."""
-    found: dict[str, _Material] = {}
-    made = _Material()
+    """Name -> material of a material file."""
+    materials: dict[str, _Material] = {}
+    material = _Material()
     for _, words, line in _statements(text):
         rest = _rest(line, words)
         match words[0].lower():
             case "newmtl":
-                made = found[" ".join(words[1:])] = _Material()
+                material = materials[" ".join(words[1:])] = _Material()
             case "kd":
-                made.diffuse = _three(words[1:])
+                material.diffuse = _three(words[1:])
             case "map_kd" if rest:
-                # Options stand before the name.
-                made.image = words[-1] if rest.startswith("-") else rest
+                # Options precede the name.
+                material.image = words[-1] if rest.startswith("-") else rest
             case "d":
-                made.transparent |= _last(words, 1.0) != 1.0
+                material.transparent |= _last(words, 1.0) != 1.0
             case "tr":
-                made.transparent |= _last(words, 0.0) != 0.0
+                material.transparent |= _last(words, 0.0) != 0.0
             case "map_d":
-                made.transparent = True
-    return found
+                material.transparent = True
+    return materials
 
 
 def _statements(text: str) -> Iterator[tuple[int, list[str], str]]:
-    """Number, words and text of each line that has words, without comments.
+    """Number, words and text, without comments, of each line that has words.
 
-    A backslash at its end continues a line.
+    A line that ends in a backslash is continued by the next one.
     """
     before, number = "", 0
     for number, line in enumerate(lines_of(text.replace("\ufeff", "")), 1):

@@ -10,27 +10,27 @@ from fantoccini.base import Array, Indices
 from fantoccini.model.meshes.limits import LIMITS
 
 Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Turns a y that is up into a z that is up, about x."""
+"""Rotation from y up to z up."""
 
 TEXTURES, TRANSPARENCY = "textures", "transparency"
-"""Of a material; triangles have one opaque colour each."""
+"""Properties of materials that are not kept: every triangle has one opaque colour."""
 
 
 def lost(textures: bool, transparent: bool) -> frozenset[str]:
-    """What colours of triangles do not have of a material."""
-    found = ((TEXTURES, textures), (TRANSPARENCY, transparent))
-    return frozenset(what for what, there in found if there)
+    """The properties of a material that are not kept."""
+    properties = ((TEXTURES, textures), (TRANSPARENCY, transparent))
+    return frozenset(name for name, present in properties if present)
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Triangles.
+    """Triangles of one material.
 
     Attributes:
-        vertices: (n, 3).
+        vertices: (n, 3) positions.
         faces: (m, 3) indices of vertices, anticlockwise from outside.
-        colours: (m, 3) sRGB of the faces; None where they have no material.
-        lost: what their looks have besides, of :data:`TEXTURES` and :data:`TRANSPARENCY`.
+        colours: (m, 3) sRGB of the faces; None without a material.
+        lost: properties of the material that are not kept.
     """
 
     vertices: Array
@@ -47,7 +47,7 @@ class Part:
         colours: Array | None,
         lost: frozenset[str],
     ) -> Part:
-        """A part moved by a matrix (4, 4), which may mirror it."""
+        """A part transformed by a matrix (4, 4), which may mirror it."""
         moved = vertices @ matrix[:3, :3].T + matrix[:3, 3]
         mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
         return cls(moved, faces[:, ::-1] if mirrored else faces, colours, lost)
@@ -60,10 +60,10 @@ class Count:
         self.triangles = 0
 
     def add(self, n: int) -> None:
-        """Counts ``n`` more.
+        """Adds ``n`` triangles to the count.
 
         Raises:
-            ValueError: there are too many.
+            ValueError: there are more triangles than allowed.
         """
         self.triangles += n
         if self.triangles > LIMITS.max_triangles:

@@ -1,4 +1,4 @@
-"""STL and PLY: formats that define neither unit nor upward axis."""
+"""STL and PLY: formats without unit and upward axis."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from fantoccini.base import Array, decoded
 from fantoccini.model.meshes.part import Count, Part, lost
 
-_HEADER = 84
-"""Bytes of a binary STL before its triangles; the last four are their number."""
+_HEADER_BYTES = 84
+"""Size of a binary STL's header; its last four bytes are the number of triangles."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _CORNER = r"\s+vertex\s+(\S+)\s+(\S+)\s+(\S+)"
 _FACET = re.compile(rf"\bloop{3 * _CORNER}\s+endloop\b", re.IGNORECASE)
@@ -21,62 +21,63 @@ _LOOP = re.compile(r"\bouter\s+loop\b", re.IGNORECASE)
 
 
 def read_stl(content: bytes) -> list[Part]:
-    """The one part of an STL, binary or text.
+    """The single part of an STL file, binary or text.
 
     The file is binary if it is long enough for the triangle count in its header; in a text file
     these four bytes give 100 million or more. Bytes after the triangles are ignored.
 
     Raises:
-        ValueError: the file is no mesh.
+        ValueError: the file is not a mesh.
     """
-    head = content[:_HEADER]
-    (count,) = struct.unpack("<I", head[80:]) if len(head) == _HEADER else (0,)
-    if _HEADER + count * _TRIANGLE.itemsize <= len(content) and count:
+    head = content[:_HEADER_BYTES]
+    (count,) = struct.unpack("<I", head[80:]) if len(head) == _HEADER_BYTES else (0,)
+    if _HEADER_BYTES + count * _TRIANGLE.itemsize <= len(content) and count:
         Count().add(count)
-        corners = np.frombuffer(content, _TRIANGLE, count, _HEADER)["corners"]
-        return [_of_corners(corners.reshape(-1, 3))]
+        corners = np.frombuffer(content, _TRIANGLE, count, _HEADER_BYTES)["corners"]
+        return [_from_corners(corners.reshape(-1, 3))]
     text = decoded(content)
     loops = len(_LOOP.findall(text))
     if not loops and b"\0" in content:
-        have = max(len(content) - _HEADER, 0) // _TRIANGLE.itemsize
+        have = max(len(content) - _HEADER_BYTES, 0) // _TRIANGLE.itemsize
         raise ValueError(f"its header counts {count} triangles; the file has room for {have}")
     Count().add(loops)
     facets = _FACET.findall(text)
     if len(facets) < loops:
         raise ValueError(_first_broken(text))
     try:
-        return [_of_corners(np.array(facets, dtype=float).reshape(-1, 3))]
+        return [_from_corners(np.array(facets, dtype=float).reshape(-1, 3))]
     except ValueError as reason:
-        raise ValueError(f"it has a vertex that is no three numbers: {str(reason)[:90]}") from None
+        text = f"it has a vertex that is not three numbers: {str(reason)[:90]}"
+        raise ValueError(text) from None
 
 
 def _first_broken(text: str) -> str:
-    """Error message for the first facet that is not of three vertices."""
+    """Error message for the first facet that does not have three vertices."""
     for begin in _LOOP.finditer(text):
         if not _FACET.match(text, begin.end() - len("loop")):
             line = len(re.findall(r"\r\n?|\n", text[: begin.start()])) + 1
             return f"line {line}: found a facet that is not three vertices of three numbers"
-    return "it has facets within facets"
+    return "it has facets inside facets"
 
 
-def _of_corners(corners: Array) -> Part:
-    """A part of m triangles with corners (3 m, 3)."""
+def _from_corners(corners: Array) -> Part:
+    """A part with m triangles, from their corners (3 m, 3)."""
     return Part(np.array(corners, dtype=float), np.arange(len(corners)).reshape(-1, 3), None)
 
 
 def read_ply(content: bytes) -> list[Part]:
-    """The parts of a PLY, by trimesh.
+    """The parts of a PLY file, read by trimesh.
 
     Raises:
-        ValueError: the file is no mesh.
+        ValueError: the file is not a mesh.
     """
     import trimesh
 
     try:
-        found = trimesh.load(io.BytesIO(content), file_type="ply")
-    except Exception as reason:  # trimesh's readers raise whatever their parsing meets
-        raise ValueError(f"{type(reason).__name__} in its reader") from reason
-    meshes = found.dump() if isinstance(found, trimesh.Scene) else [found]
+        loaded = trimesh.load(io.BytesIO(content), file_type="ply")
+    except Exception as reason:  # trimesh raises errors of many classes for broken files
+        raise ValueError(f"trimesh reports {type(reason).__name__}") from reason
+    meshes = loaded.dump() if isinstance(loaded, trimesh.Scene) else [loaded]
     count, parts = Count(), []
     for mesh in meshes:
         if isinstance(mesh, trimesh.Trimesh):
@@ -87,7 +88,7 @@ def read_ply(content: bytes) -> list[Part]:
 
 
 def _look(mesh: Any) -> tuple[Array | None, frozenset[str]]:
-    """sRGB of faces from their own colours or those of corners, and what these have besides."""
+    """sRGB of faces from face or vertex colours, and properties that are not kept."""
     look = mesh.visual
     if look.kind not in ("face", "vertex"):
         return None, frozenset()

@@ -1,4 +1,4 @@
-"""Closed surfaces: whether one is closed, the pieces it has, and which way they face."""
+"""Closed surfaces: test whether one is closed, connected pieces, orientation of faces."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fantoccini.model.meshes.limits import LIMITS
 
 
 def is_closed(faces: Indices) -> bool:
-    """Whether triangles (m, 3) bound a volume: every edge is run through as often either way.
+    """Whether triangles (m, 3) bound a volume: every edge is used equally often in both directions.
 
     Pieces may share edges and corners.
     """
@@ -23,9 +23,9 @@ def is_closed(faces: Indices) -> bool:
 
 
 def pieces(mesh: Any) -> list[Any]:
-    """The pieces of a closed mesh, each a ``trimesh.Trimesh``, with the hollows in it.
+    """The pieces of a closed mesh with their hollows, each a ``trimesh.Trimesh``.
 
-    Where pieces share an edge, faces belong together that have the inside between them.
+    At an edge shared by pieces, two faces belong to one piece if the inside is between them.
     """
     shells = _Shells.of(mesh)
     if len(shells.volumes) == 1:
@@ -34,17 +34,17 @@ def pieces(mesh: Any) -> list[Any]:
     for k in np.flatnonzero(shells.volumes <= 0.0):
         around = shells.around(int(k), shells.volumes > 0.0)
         owner[k] = around[np.argmin(shells.volumes[around])] if len(around) else -1
-    of = owner[shells.label]
-    return [shells.part(np.flatnonzero(of == k)) for k in np.unique(owner) if k >= 0]
+    piece = owner[shells.label]
+    return [shells.part(np.flatnonzero(piece == k)) for k in np.unique(owner) if k >= 0]
 
 
 def facing_out(mesh: Any) -> Mask:
-    """(m,) faces of a closed mesh that must be turned over, so that each piece's face outwards.
+    """(m,) flags of the faces of a closed mesh to reverse, so that every piece faces outwards.
 
-    Pieces of negative volume within another piece are its hollows, and stay as they are.
+    Pieces of negative volume inside another piece are its hollows, and are not reversed.
 
     Raises:
-        ValueError: there are too many pieces, or too many within one another.
+        ValueError: there are too many pieces, or too many inside one another.
     """
     shells = _Shells.of(mesh)
     if len(shells.volumes) > LIMITS.max_pieces:
@@ -58,7 +58,7 @@ def facing_out(mesh: Any) -> Mask:
 
 
 def inside(mesh: Any, points: Array) -> Mask:
-    """(n,) whether points (n, 3) lie in a closed mesh: its winding number, by solid angles.
+    """(n,) whether points (n, 3) lie in a closed mesh, from its winding number by solid angles.
 
         tan(angle / 2) = a . (b x c) / (|a||b||c| + (a . b)|c| + (b . c)|a| + (c . a)|b|)
 
@@ -72,11 +72,11 @@ class _Shells:
     """Connected parts of a closed mesh.
 
     Attributes:
-        mesh: all of it.
-        label: (m,) part of each face.
-        volumes: (k,) of what each bounds; negative where it faces inwards.
-        low, high: (k, 3) corners of the boxes around them.
-        tested: faces against which points were tested.
+        mesh: whole mesh.
+        label: (m,) index of the part of each face.
+        volumes: (k,) volumes of the parts; negative if the faces point inwards.
+        low, high: (k, 3) corners of the boxes around the parts.
+        tested: number of tests of a point against a face.
     """
 
     mesh: Any
@@ -88,7 +88,7 @@ class _Shells:
 
     @classmethod
     def of(cls, mesh: Any) -> _Shells:
-        """Those of a mesh."""
+        """The shells of a closed mesh."""
         label = _labels(mesh)
         count = int(label.max()) + 1
         a, b, c = np.moveaxis(np.array(mesh.triangles) - mesh.vertices[0], 1, 0)
@@ -100,22 +100,22 @@ class _Shells:
         return cls(mesh, label, np.bincount(label, parts).astype(float), low, high)
 
     def around(self, k: int, among: Mask) -> Indices:
-        """Shells in which one lies, among some (k,), whichever way they face."""
+        """Indices of the shells among ``among`` (k,) that contain shell ``k``."""
         boxes = among & np.all((self.low <= self.low[k]) & (self.high >= self.high[k]), axis=1)
         boxes[k] = False
-        found = []
+        enclosing = []
         point = self.mesh.triangles[np.argmax(self.label == k), 0]
         for i in np.flatnonzero(boxes):
             outer = self.mesh.triangles[self.label == i]
             self.tested += len(outer)
             if self.tested > LIMITS.max_tested:
-                raise ValueError("it has too many pieces within one another")
+                raise ValueError("it has too many pieces inside one another")
             if abs(_winding(outer - point)) > 0.5:
-                found.append(i)
-        return np.array(found, dtype=int)
+                enclosing.append(i)
+        return np.array(enclosing, dtype=int)
 
     def part(self, faces: Indices) -> Any:
-        """Some faces as a mesh."""
+        """The given faces as a mesh."""
         import trimesh
 
         used, renamed = np.unique(self.mesh.faces[faces], return_inverse=True)
@@ -123,7 +123,7 @@ class _Shells:
 
 
 def _winding(triangles: NDArray[np.float64]) -> float:
-    """Turns of the surface (n, 3, 3) around the origin."""
+    """Winding number of triangles (n, 3, 3) around the origin."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c))
@@ -133,7 +133,7 @@ def _winding(triangles: NDArray[np.float64]) -> float:
 
 
 def _edges(faces: Indices) -> tuple[Indices, NDArray[np.float64], Indices]:
-    """Of each side of each face: a number for its edge, way (1, -1, or 0 for none), face."""
+    """(3 m,) edge numbers of the faces, directions (1, -1; 0 if collapsed), and face indices."""
     start, end = faces[:, [0, 1, 2]].ravel().astype(np.int64), faces[:, [1, 2, 0]].ravel()
     key = np.minimum(start, end) * (int(faces.max()) + 1) + np.maximum(start, end)
     return key, np.sign(end - start).astype(float), np.repeat(np.arange(len(faces)), 3)
@@ -164,10 +164,10 @@ def _labels(mesh: Any) -> Indices:
 
 
 def _pairs(mesh: Any, key: int, faces: Indices, way: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Faces around one edge, in pairs with the inside between them.
+    """Pairs of the faces around one edge, with the inside between them.
 
     A face that runs up the edge has its inside on the side of smaller angles, seen with the edge
-    towards the eye: its partner is the next one that runs down.
+    pointing to the eye: its partner is the next one that runs down.
     """
     ends = divmod(int(key), int(mesh.faces.max()) + 1)
     a, b = mesh.vertices[list(ends)]
@@ -178,7 +178,7 @@ def _pairs(mesh: Any, key: int, faces: Indices, way: NDArray[np.float64]) -> lis
     angle = np.arctan2(away @ np.cross(axis, x), away @ x)
     down, pairs = np.flatnonzero(way < 0.0).tolist(), []
     for up in np.flatnonzero(way > 0.0):
-        # Faces that lie on one another have nothing between them: the last choice.
+        # Coincident faces enclose no volume: they are paired last.
         gap = np.mod(angle[up] - angle[down], 2.0 * np.pi)
         gap = np.where(gap < 1e-7, 2.0 * np.pi, gap)
         best = down.pop(int(np.argmin(gap)))

@@ -1,4 +1,4 @@
-"""Bundled puppets, scenes and performances, and lookup of the file behind a ``puppet`` key."""
+"""Files of bundled puppets, scenes and performances, and of ``puppet`` keys in other files."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ def scenes() -> tuple[str, ...]:
 
 
 def bundled(name: str) -> Path | None:
-    """The file of a bundled puppet or scene, or None."""
+    """Path of a bundled puppet or scene; None if no such file is bundled."""
     files = [*_FOLDER.glob("*.yaml"), *(_FOLDER / "scenes").glob("*.yaml")]
     return {path.stem: path for path in files}.get(name)
 
 
 def path(name: str) -> Path:
-    """The file of a bundled puppet or scene.
+    """Path of a bundled puppet or scene.
 
     Args:
         name: one of ``names()`` or ``scenes()``.
 
     Raises:
-        UnknownNameError: there is none.
+        UnknownNameError: there is no bundled puppet or scene of this name.
     """
-    found = bundled(name)
-    if found is None:
+    file = bundled(name)
+    if file is None:
         raise UnknownNameError("bundled puppet or scene", name, (*names(), *scenes()))
-    return found
+    return file
 
 
 def performances() -> tuple[str, ...]:
@@ -49,13 +49,13 @@ def performances() -> tuple[str, ...]:
 
 
 def performance(name: str) -> Path:
-    """The inputs file of a bundled performance.
+    """Path of the inputs file of a bundled performance.
 
     Args:
         name: one of ``performances()``.
 
     Raises:
-        UnknownNameError: there is none.
+        UnknownNameError: there is no bundled performance of this name.
     """
     if name not in performances():
         raise UnknownNameError("bundled performance", name, performances())
@@ -63,14 +63,14 @@ def performance(name: str) -> Path:
 
 
 def named_file(name: str, located: Located) -> Path:
-    """The puppet or scene file that the key ``puppet`` of another file refers to.
+    """Path of the puppet or scene file in the key ``puppet`` of another file.
 
     Args:
         name: value of the key: a bundled name, or a file in the folder of the referring file.
-        located: the referring file.
+        located: location of the referring file.
 
     Raises:
-        FileError: no such file or bundled name.
+        FileError: there is no file and no bundled puppet or scene of this name.
     """
     known = (*names(), *scenes())
     if name in known and not os.path.exists(located.folder / name):

@@ -11,10 +11,13 @@ from fantoccini.model.puppet.limits import LIMITS
 from fantoccini.model.puppet.quantities import Damping, PositiveMass, PositiveStiffness
 
 DEFAULT_PIECES = 8
-"""Springs of a chain whose file does not give their number."""
+"""Default number of springs of a chain."""
 CORD_MASS, CORD_STIFFNESS, CORD_DAMPING = 5e-4, 5000.0, 0.05
-"""A metre of polyester cord of 0.5 g/m, 0.7 mm thick. Its yarn has a specific modulus of 10 N/tex,
-so EA = 10 N/tex x 500 tex. The damping is a loss factor of 0.05 at 800 Hz."""
+"""Mass [kg], EA [N] and damping [N s] of one metre of polyester cord, 0.5 g/m, 0.7 mm thick.
+
+EA = 10 N/tex (specific modulus of the yarn) x 500 tex. The damping is a loss factor of 0.05 at
+800 Hz.
+"""
 
 
 class Chain(Model):
@@ -25,9 +28,9 @@ class Chain(Model):
     mass: PositiveMass
     """Mass of the string [kg], shared equally among the point masses."""
     stiffness: PositiveStiffness
-    """EA: force per unit of strain [N]; each spring has EA / (its relaxed length)."""
+    """EA: force per unit of strain [N]; each spring's stiffness is EA / (its relaxed length)."""
     damping: Damping = 0.0
-    """Force per unit of strain rate [N s]; each spring has it / (its relaxed length)."""
+    """Force per unit of strain rate [N s]; each spring's damping is this / (its relaxed length)."""
 
 
 def check_chain(wire: bool, bounces: bool, slips: bool, points: int) -> None:
@@ -38,10 +41,10 @@ def check_chain(wire: bool, bounces: bool, slips: bool, points: int) -> None:
         points: number of points of its path.
     """
     given = {"wire: true": wire, "restitution": bounces, "max_tension": slips}
-    found = [what for what, is_given in given.items() if is_given]
-    if found:
+    keys = [key for key, is_given in given.items() if is_given]
+    if keys:
         raise mistake(
-            f"found chain and {found[0]}; a chain is made of springs, which are not rigid and "
+            f"found chain and {keys[0]}; a chain is made of springs, which are not rigid and "
             "neither bounce nor slip"
         )
     if points > 2:
@@ -52,5 +55,5 @@ def check_chain(wire: bool, bounces: bool, slips: bool, points: int) -> None:
 
 
 def chained(strings: list[dict[str, Any]], chain: dict[str, Any]) -> list[dict[str, Any]]:
-    """Plain data of strings, each with the chain unless it has one or is a wire."""
+    """Plain data of strings, with ``chain`` added to those that are neither chains nor wires."""
     return [s if s.get("chain") or s.get("wire") else s | {"chain": chain} for s in strings]

@@ -1,7 +1,7 @@
-"""Mistakes that concern a puppet as a whole.
+"""Checks of a puppet as a whole.
 
-A puppet with other mistakes is checked, too, so that one reading reports everything: its invalid
-parts are unclear, and nothing is said of them.
+A puppet with other mistakes is checked, too, so that all mistakes are reported together. Its
+invalid parts are ``UNCLEAR``, and no mistakes are reported for them.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ def findings(puppet: AnyPuppet, data: dict[str, Any]) -> list[Finding]:
     """All mistakes that concern more than one part of a puppet.
 
     Args:
-        puppet: valid, or made by :func:`valid_parts`.
-        data: its plain data as written.
+        puppet: valid puppet, or the result of :func:`valid_parts`.
+        data: plain data of its file.
     """
     parts = Parts(puppet, data)
     _names(parts)
@@ -54,11 +54,11 @@ def twins(
         data: its plain data.
         valid_parts: makes a puppet of the valid parts of plain data.
     """
-    out, found = reflected(data)
+    out, mistakes = reflected(data)
     if puppet.mirror is None:
-        return found
+        return mistakes
     token = puppet.mirror.from_
-    # Twins of shapes are as valid as the originals, and meshes take long to read.
+    # Twins of shapes are valid, since the originals are; reading meshes is slow.
     bodies = [{k: v for k, v in body.items() if k != "shapes"} for body in out["bodies"]]
     whole = valid_parts(out | {"bodies": bodies, "obstacles": []})
     for path, text in findings(whole, out):
@@ -68,16 +68,16 @@ def twins(
             twin = out[path[0]][path[1]]["name"]
             path = (path[0], originals[path[1] - len(section)], *path[2:])
             text = f"in its mirrored twin {twin}: {text}"
-        found.append((path, text))
-    return found
+        mistakes.append((path, text))
+    return mistakes
 
 
 def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Finding]:
     """Joints that make the mass matrix singular: nothing beyond them has mass.
 
     Args:
-        bodies: the bodies of a puppet without other mistakes.
-        mirror: its mirror, or None. Mass carried by a twin counts for the original.
+        bodies: bodies of a puppet without other mistakes.
+        mirror: mirror of the puppet, or None. Mass carried by a twin counts for the original.
     """
     place = {body.name: i for i, body in enumerate(bodies)}
     if mirror is not None:
@@ -103,9 +103,7 @@ def massless_joints(bodies: tuple[Body, ...], mirror: Mirror | None) -> list[Fin
         and not body.joint.driven
         and not value_of(body.joint.armature)
     ]
-    text = (
-        "this joint moves no mass; give the body or one it carries a mass, or the joint an armature"
-    )
+    text = "this joint moves no mass; give a body that it carries a mass, or the joint an armature"
     return [(("bodies", i, "joint"), text) for i in moving if not heavy[i]]
 
 
@@ -129,7 +127,7 @@ def _mirror(parts: Parts) -> None:
     if token == to:
         parts.say(("mirror", "to"), f"found {shown(to)} for both from and to")
         return
-    made: dict[str, str] = {}
+    originals: dict[str, str] = {}
     carried = [(n, p) for n, p in named(parts.puppet) if p[0] in _MIRRORED]
     mirrored = {p[:2] for n, p in carried if p[-2] != "joint" and token in n}
     for name, path in carried:
@@ -140,12 +138,12 @@ def _mirror(parts: Parts) -> None:
             continue
         twin = parts.twin(name)
         taken = parts.owner.get(twin)
-        if token not in name or taken is not None or twin in made:
-            by = key_path(taken) if taken is not None else f"the twin of {made.get(twin)!r}"
+        if token not in name or taken is not None or twin in originals:
+            by = key_path(taken) if taken is not None else f"the twin of {originals.get(twin)!r}"
             parts.say(path, f"its twin would be called {shown(twin)}, which is taken by {by}")
         elif not re.fullmatch(NAME, twin, re.ASCII) and re.fullmatch(NAME, name, re.ASCII):
             parts.say(("mirror", "to"), f"{shown(twin)}, the twin of {name!r}, is not a valid name")
-        made[twin] = name
+        originals[twin] = name
     if not mirrored:
         shared = {w for n, _ in carried for w in re.split(r"[_-]", n)}
         text = f"no body, string or spring has {shown(token)} in its name"
@@ -183,7 +181,7 @@ def _parents(parts: Parts) -> None:
 
 
 def _count(parts: Parts) -> None:
-    """Checks the number of parts."""
+    """Checks the total number of parts."""
     counts = dict.fromkeys(_MIRRORED, 0)
     for key in counts:
         for item in getattr(parts.puppet, key):
@@ -200,7 +198,7 @@ def _count(parts: Parts) -> None:
 
 
 def _contact(parts: Parts) -> None:
-    """Checks the names of pairs with rules of their own."""
+    """Checks the names in contact pairs."""
     puppet = parts.puppet
     if puppet.contact and FLOOR in parts.owner:
         text = "found 'floor', which is the floor's name in contact; choose another"
@@ -219,8 +217,8 @@ def _contact(parts: Parts) -> None:
 
 def _parameters(parts: Parts, data: dict[str, Any]) -> None:
     first: dict[str, tuple[Path, float]] = {}
-    for path, found in parameters(data):
-        name, value = found["parameter"], found["value"]
+    for path, parameter in parameters(data):
+        name, value = parameter["parameter"], parameter["value"]
         place, known = first.setdefault(name, (path, value))
         if "." in name and name.partition(".")[0] not in parts.puppet.members:
             parts.say((*path, "parameter"), name_mistake(name))

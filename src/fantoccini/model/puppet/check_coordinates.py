@@ -1,4 +1,4 @@
-"""Mistakes in start values and drives, which both name coordinates."""
+"""Checks of start values and drives, which refer to coordinates by name."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _SUFFIXES = {
     "free": {".x": "length", ".y": "length", ".z": "length", ".rotation": "rotation"},
     "fixed": {},
 }
-"""Type of joint -> suffix of a coordinate's name -> kind of the coordinate."""
+"""Type of joint -> suffix of a coordinate's name -> kind of coordinate."""
 _UNITS = {"length": "m", "string": "m", "revolute": "rad", "rotation": "rotation"}
 _QUATERNION = ("qw", "qx", "qy", "qz")
 
 
 def check_pose(parts: Parts) -> None:
-    """Checks that start values belong to coordinates and are of their kind."""
+    """Checks that start values have names of coordinates, and the right kind of value."""
     kinds, unclear = _coordinates(parts)
     own = {s.name for s in parts.puppet.strings if isinstance(s.name, str)}
     strings = own | {parts.twin(name) for name in own}
@@ -47,7 +47,7 @@ def check_pose(parts: Parts) -> None:
 
 
 def check_drives(parts: Parts) -> None:
-    """Checks that drives suit driven coordinates, one drive each."""
+    """Checks that drives suit their coordinates, which are driven and have one drive each."""
     units = _driven(parts)
     _, unclear = _coordinates(parts)
     taken: dict[str, str] = {}
@@ -80,25 +80,25 @@ def check_drives(parts: Parts) -> None:
 
 
 def _hint(parts: Parts, key: str, names: set[str]) -> str:
-    """Hint of the coordinate meant: of the body's joint, or the one with the nearest name."""
+    """The end of a message: the coordinate of the body's joint, or the most similar name."""
     owner, suffix = parts.split(key)
     dot = "." if suffix else ""
     joint = parts.joint_of.get(owner, owner)
-    meant = [
+    candidates = [
         name
         for name in (joint + dot + suffix, *(owner + s for s in (".length", ".rotation")))
         if name in names and name != key
     ]
-    if meant:
+    if candidates:
         of_body = f"; the joint of {owner} is called {joint}" if joint != owner else ""
-        return f"{of_body}; did you mean {meant[0]!r}?"
+        return f"{of_body}; did you mean {candidates[0]!r}?"
     if joint != owner:
         return f"; the joint of {owner} is called {joint}"
     return parts.near(key, names)
 
 
 def _joints(parts: Parts) -> Iterator[tuple[str, Joint, dict[str, str] | None]]:
-    """Name, joint and coordinates of every joint; None if its type is unclear."""
+    """Name and joint of every joint, and suffix -> kind of its coordinates; None if unclear."""
     for body in parts.puppet.bodies:
         joint = body.joint
         name = joint.name or body.name
@@ -137,17 +137,17 @@ def _pose_value(parts: Parts, path: Path, kind: str, value: Any) -> None:
 
 
 def _driven(parts: Parts) -> dict[str, str]:
-    """Driven coordinates -> ``m``, ``rad`` or ``rotation``."""
-    found: dict[str, str] = {}
+    """Driven coordinate -> ``m``, ``rad`` or ``rotation``."""
+    units: dict[str, str] = {}
     for name, joint, suffixes in _joints(parts):
         if joint.driven is True:
             for suffix, kind in (suffixes or {}).items():
-                found[name + suffix] = found[parts.twin(name) + suffix] = _UNITS[kind]
+                units[name + suffix] = units[parts.twin(name) + suffix] = _UNITS[kind]
     for string in parts.puppet.strings:
         if not isinstance(string.name, str):
             continue
         axes = [axis for point in string.path for axis in point.driven or ()]
         ends = [f".{axis}" for axis in axes if isinstance(axis, str)]
         ends += [".length"] if string.length == "driven" else []
-        found |= {n + end: "m" for n in (string.name, parts.twin(string.name)) for end in ends}
-    return found
+        units |= {n + end: "m" for n in (string.name, parts.twin(string.name)) for end in ends}
+    return units

@@ -1,4 +1,4 @@
-"""Mistakes in the paths of strings and the ends of springs."""
+"""Checks of the paths of strings and the ends of springs."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ def check_paths(parts: Parts) -> None:
 
 
 def _path(parts: Parts, path: Path, points: tuple[Attachment, ...]) -> None:
-    found = [_carrier(parts, p, (*path, k)) for k, p in enumerate(points)]
-    driven = [k for k, c in enumerate(found) if c and c[0] == "driven"]
+    all_carriers = [_carrier(parts, p, (*path, k)) for k, p in enumerate(points)]
+    driven = [k for k, c in enumerate(all_carriers) if c and c[0] == "driven"]
     for k in driven:
         if path[0] == "springs":
             parts.say((*path, k, "driven"), "a spring's end cannot be driven")
-        elif k not in (0, len(found) - 1):
+        elif k not in (0, len(all_carriers) - 1):
             parts.say((*path, k, "driven"), "only a string's two ends can be driven")
     if len(driven) > 1 and path[0] == "strings":
         text = "both ends are driven; let one be a body with a driven joint"
         parts.say((*path, driven[1], "driven"), text)
-    carriers = [c for c in found if c is not None]
-    if len(found) < 2 or len(carriers) < len(found):
+    carriers = [c for c in all_carriers if c is not None]
+    if len(all_carriers) < 2 or len(carriers) < len(all_carriers):
         return
     if len({c[:2] for c in carriers}) == 1:
         where = "in the world" if carriers[0][0] == "world" else f"on {shown(carriers[0][1])}"
         places = {c[2] for c in carriers}
-        what = "its length is zero" if len(places) == 1 else "its length can never change"
-        parts.say(path, f"all points lie {where}: {what}")
+        length = "its length is zero" if len(places) == 1 else "its length can never change"
+        parts.say(path, f"all points lie {where}: {length}")
         return
     for k in range(1, len(carriers)):
         if carriers[k] == carriers[k - 1] and carriers[k][2] is not None:
@@ -61,7 +61,7 @@ def _carrier(parts: Parts, point: Attachment, path: Path) -> Carrier | None:
 
 
 def _check_body(parts: Parts, name: str, path: Path, others: set[str]) -> bool:
-    """Whether a body has this name; notes a mistake if not."""
+    """Whether a body has this name; reports a mistake otherwise."""
     if name not in parts.known:
         hint = parts.near(name, parts.known | others)
         parts.say(path, f"no body is called {shown(name)}{hint}")

@@ -1,4 +1,4 @@
-"""Contact: which solids touch, and with what friction and restitution."""
+"""Contact rules: which solids touch, their friction and restitution."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from fantoccini.base.documents import Model, NotNegative, RealShare, entries, mistake
 
 Group = Literal["floor", "obstacles", "props", "puppets", "self"]
-"""What the bodies of a puppet may touch: ``puppets`` are the others, ``self`` its own bodies."""
+"""Possible partners in contact: ``puppets`` are the other ones, ``self`` are its own bodies."""
 
 GROUPS: tuple[Group, ...] = get_args(Group)
 FLOOR = "floor"
-"""The floor's name in pairs, and in what a run says of contacts."""
+"""Name of the floor in contact pairs, and in the results of runs."""
 
 
 class ContactPair(Model):
-    """Two parts that touch otherwise than the rest, or not at all."""
+    """Contact rule for two parts, which overrides the general rules."""
 
     between: Annotated[tuple[str, str], entries(2, 2)]
     """Their names: a body, a prop, a puppet of a scene, an obstacle, or `floor`."""
     friction: NotNegative | None = None
     """Coefficient of friction of this pair."""
     restitution: RealShare | None = None
-    """Part of the normal speed that an impact gives back: 0 to 1."""
+    """Ratio of the normal speeds after and before an impact: 0 to 1."""
     meet: bool = Field(default=True, strict=True)
-    """False where they pass through one another."""
+    """False if they pass through one another."""
 
     @model_validator(mode="after")
     def _says_something(self) -> ContactPair:
@@ -36,16 +36,16 @@ class ContactPair(Model):
 
 
 class Contact(Model):
-    """Contact of solids: they do not overlap, and rub with Coulomb's friction."""
+    """General contact rules: solids do not overlap, and have Coulomb friction."""
 
     friction: NotNegative = 0.5
-    """Coefficient of friction: the largest tangential over the normal force."""
+    """Coefficient of friction: largest tangential force / normal force."""
     restitution: RealShare = 0.0
-    """Part of the normal speed that an impact gives back: 0 to 1."""
+    """Ratio of the normal speeds after and before an impact: 0 to 1."""
     meets: tuple[Group, ...] = GROUPS
-    """What bodies touch: floor, obstacles, props, puppets (the others), self (own bodies)."""
+    """Partners in contact: floor, obstacles, props, puppets (other ones), self (own bodies)."""
     pairs: tuple[ContactPair, ...] = ()
-    """Pairs with rules of their own, which meet whatever `meets` says; later ones go first."""
+    """Pairs with their own rules, which override `meets`; later pairs override earlier ones."""
 
 
 def _form(value: Any) -> str:
@@ -55,4 +55,4 @@ def _form(value: Any) -> str:
 ContactRule = Annotated[
     Annotated[bool, Tag("<flag>")] | Annotated[Contact, Tag("<rules>")], Discriminator(_form)
 ]
-"""``true`` stands for a :class:`Contact` with its defaults, ``false`` for none."""
+"""``true`` is a :class:`Contact` with default rules; ``false`` is no contact."""

@@ -34,9 +34,9 @@ class Friction(Model):
     """Friction torque at the rotor: -viscous w - coulomb w / sqrt(w^2 + speed^2)."""
 
     viscous: Damping = 0.0
-    """[N m s], or [N s/m] without a drum."""
+    """Viscous coefficient [N m s], or [N s/m] without a drum."""
     coulomb: Force = 0.0
-    """[N m], or [N] without a drum."""
+    """Coulomb friction [N m], or [N] without a drum."""
     speed: Speed = 0.05
     """Speed at which Coulomb friction is 0.7 of its full value [rad/s], or [m/s] without a drum."""
 
@@ -66,9 +66,9 @@ class DirectCurrent(Model):
 
 
 def _count(value: Any) -> int:
-    most = LIMITS.max_motor_steps
-    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= most:
-        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to {most}")
+    largest = LIMITS.max_motor_steps
+    if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= largest:
+        raise mistake(f"found {shown(value)}; needed: a whole number from 1 to {largest}")
     return value
 
 
@@ -104,24 +104,24 @@ class PD(Model):
     type: Literal["pd"]
     """Kind of controller."""
     stiffness: PositiveStiffness
-    """At the coordinate [N/m or N m/rad]."""
+    """Stiffness at the coordinate [N/m or N m/rad]."""
     damping: Damping
-    """At the coordinate [N s/m or N m s/rad]."""
+    """Damping at the coordinate [N s/m or N m s/rad]."""
 
 
 class ComputedTorque(Model):
-    """Force that makes the error of q decay as e'' + 2 zeta w e' + w^2 e = 0.
+    """Force for which the error of q decays as e'' + 2 zeta w e' + w^2 e = 0.
 
-    It is the mechanism's inverse dynamics with inertia, load, gravity and friction. It leaves out
-    the tension of strings and the accelerations of joints without drives.
+    It is computed from the inverse dynamics with inertia, load, gravity and friction, without the
+    tension of strings and the accelerations of joints without drives.
     """
 
     type: Literal["computed_torque"]
     """Kind of controller."""
     bandwidth: Ratio
-    """w [rad/s]."""
+    """Bandwidth w [rad/s]."""
     damping_ratio: NotNegativeRatio = 1.0
-    """zeta."""
+    """Damping ratio zeta."""
 
 
 Motor = Annotated[Servo | DirectCurrent | StepperMotor, Field(discriminator="type")]
@@ -134,7 +134,7 @@ def _listed(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
 
-def _some(names: tuple[str, ...]) -> tuple[str, ...]:
+def _not_empty(names: tuple[str, ...]) -> tuple[str, ...]:
     if not names:
         raise mistake("found an empty list; needed: one or more driven coordinates")
     return names
@@ -143,7 +143,7 @@ def _some(names: tuple[str, ...]) -> tuple[str, ...]:
 _Names = Annotated[
     tuple[str, ...],
     BeforeValidator(_listed),
-    AfterValidator(_some),
+    AfterValidator(_not_empty),
     WithJsonSchema(
         {
             "anyOf": [
@@ -159,9 +159,9 @@ class Drive(Model):
     """Makes driven coordinates dynamic, moved by a motor."""
 
     on: _Names
-    """Driven coordinates; each gets such a drive: `hand.length`, `bar.x`, `bar.rotation`."""
+    """Driven coordinates, such as `hand.length`, `bar.x`, `bar.rotation`; one drive for each."""
     mass: PositiveMass | None = None
-    """Mass of a carriage that moves with a coordinate in metres; it has no weight [kg]."""
+    """Mass of a carriage that moves with a coordinate in metres [kg]; it has no weight."""
     inertia: RotorInertia | None = None
     """Moment of inertia of the rotor [kg m^2]."""
     gear: Ratio = 1.0
@@ -171,14 +171,14 @@ class Drive(Model):
     friction: Friction | None = None
     """Friction in the rotor's bearings and the gear."""
     motor: Motor | None = None
-    """Bounds the torque; without a motor it is unbounded."""
+    """Motor, which bounds the torque; without a motor it is unbounded."""
     control: Control | None = None
     """Controller that follows the command; without one only user forces move the rotor."""
 
     @model_validator(mode="after")
     def _moves(self) -> Drive:
         if self.mass is None and self.inertia is None:
-            raise mistake("needed: mass, inertia or both; a drive without inertia is an input")
+            raise mistake("needed: mass, inertia or both; otherwise leave the drive out")
         steps = isinstance(self.motor, StepperMotor)
         if steps and self.control is not None:
             raise mistake("found control and a stepper; a stepper follows its command by itself")
@@ -188,23 +188,23 @@ class Drive(Model):
 
     @property
     def follows(self) -> bool:
-        """Whether it has a command."""
+        """Whether the drive has a command."""
         return self.control is not None or isinstance(self.motor, StepperMotor)
 
 
 def drive_misfits(drive: Drive, name: str, unit: str) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Mistakes of a drive that does not suit its coordinate: path in the drive, and message.
+    """Mistakes of a drive that does not suit its coordinate: key in the drive, and message.
 
     Args:
-        drive: the drive.
-        name: of the coordinate.
-        unit: of the coordinate: ``m``, ``rad``, or ``rotation`` for an orientation.
+        drive: drive to check.
+        name: name of the coordinate.
+        unit: unit of the coordinate: ``m``, ``rad``, or ``rotation`` for an orientation.
     """
     rotor, drum = drive.inertia is not None, drive.drum is not None
     if unit != "m":
         for key in ("mass", "drum"):
             if getattr(drive, key) is not None:
-                yield (key,), f"{name} turns: it takes inertia and gear, no {key}"
+                yield (key,), f"{name} turns; allowed: inertia and gear, but not {key}"
     elif rotor and not drum:
         yield ("inertia",), f"{name} is a length; needed: the drum that the rotor turns"
     elif drum and not rotor:

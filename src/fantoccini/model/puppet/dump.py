@@ -12,19 +12,19 @@ from pydantic import BaseModel
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
 _WORDS = {"true", "false", "null"}
 _FIRST = ("name", "type")
-"""Keys that come before the others."""
-_WIDTH = 90
-"""Characters up to which a value stays on one line."""
+"""Keys that are written first."""
+_MAX_LINE_WIDTH = 90
+"""Longest line on which a value is written in flow style [characters]."""
 
 
 def plain(value: Any) -> Any:
-    """Models, tuples and arrays as dicts, lists and scalars, under the names a file uses."""
+    """Models, tuples and arrays as dicts, lists and scalars, with the keys of a file."""
     if isinstance(value, BaseModel):
         fields = type(value).model_fields
-        given = {k: getattr(value, k) for k in sorted(fields, key=lambda k: k not in _FIRST)}
+        values = {k: getattr(value, k) for k in sorted(fields, key=lambda k: k not in _FIRST)}
         return {
             fields[k].alias or k: plain(v)
-            for k, v in given.items()
+            for k, v in values.items()
             if k == "type" or v != fields[k].get_default(call_default_factory=True)
         }
     if isinstance(value, dict):
@@ -62,7 +62,7 @@ def _block(value: Any, indent: str) -> list[str]:
             lines += _entry(f"{indent}{_scalar(key)}:", item, indent + "  ", indent)
     else:
         for item in value:
-            if isinstance(item, dict) and len(_flow(item)) + len(indent) > _WIDTH - 2:
+            if isinstance(item, dict) and len(_flow(item)) + len(indent) > _MAX_LINE_WIDTH - 2:
                 block = _block(item, indent + "  ")
                 lines += [f"{indent}- {block[0].lstrip()}", *block[1:]]
             else:
@@ -75,7 +75,7 @@ def _entry(head: str, item: Any, deeper: str, indent: str) -> list[str]:
     nested = isinstance(item, list) and item and isinstance(item[0], dict)
     if not isinstance(item, (dict, list)) or not item:
         return [f"{head} {flow}"]
-    if len(head) + 1 + len(flow) <= _WIDTH and not (nested and not indent):
+    if len(head) + 1 + len(flow) <= _MAX_LINE_WIDTH and not (nested and not indent):
         return [f"{head} {flow}"]
     if isinstance(item, list) and not nested:
         return [f"{head} {flow}"]

@@ -1,4 +1,4 @@
-"""Reads puppet files, and gives the schema that editors use."""
+"""Reads puppet files, and exports their JSON Schema."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ def load(path: str | os.PathLike[str]) -> Puppet:
     """Reads a puppet file.
 
     Args:
-        path: of a YAML file.
+        path: path of a YAML file.
 
     Raises:
-        PuppetError: with every mistake, each with its line.
+        PuppetError: every mistake, each with its line.
     """
     return read_document(path, Puppet)
 
@@ -26,12 +26,12 @@ def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None)
     """Reads a puppet from a text.
 
     Args:
-        text: YAML.
-        name: of the text, for messages.
-        folder: where mesh files are looked for; by default the current folder.
+        text: YAML text.
+        name: name of the text, for messages.
+        folder: folder of mesh files; by default the current folder.
 
     Raises:
-        PuppetError: with every mistake, each with its line.
+        PuppetError: every mistake, each with its line.
     """
     return parse_document(text, Puppet, name=name, folder=folder)
 

@@ -1,4 +1,4 @@
-"""Joints: how they carry bodies, how they move, and their limits."""
+"""Joints: their place on the parent body, coordinates, springs and limits."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ _ALLOWED_IN = {
 
 
 class JointSpring(Model):
-    """V = k/2 (q - rest)^2; in a ball joint V = 2 k (1 - q_w^2), k/2 phi^2 for small angles."""
+    """V = k/2 (q - rest)^2; of a ball joint V = 2 k (1 - q_w^2), k/2 phi^2 for small angles."""
 
     stiffness: Stiffness
-    """k [N m/rad or N/m]."""
+    """Stiffness k [N m/rad or N/m]."""
     rest: NumberAngleOrPlace = 0.0
     """Coordinate at which the spring is relaxed [rad or m]; not for ball joints."""
 
 
 class Limits(Model):
-    """Lower and upper limit of a joint's coordinate; at least one of them."""
+    """Lower or upper limit of a joint's coordinate, or both."""
 
     lower: AngleOrPlace | None = None
-    """[rad or m]."""
+    """Lower limit [rad or m]."""
     upper: AngleOrPlace | None = None
-    """[rad or m]."""
+    """Upper limit [rad or m]."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Limits:
@@ -60,9 +60,9 @@ class Cone(Model):
     max: Angle
     """Largest angle between the two axes, between 0 and 180 deg."""
     axis: Direction
-    """a, the cone's axis, in the joint frame."""
+    """Axis a of the cone, in the joint frame."""
     of: Direction | None = None
-    """b, the axis it limits, in the body frame; by default the same numbers as `axis`."""
+    """Limited axis b, in the body frame; by default the same numbers as `axis`."""
 
     @field_validator("max")
     @classmethod
@@ -73,19 +73,19 @@ class Cone(Model):
 
     @property
     def body_axis(self) -> tuple[float, float, float]:
-        """b, the axis that is limited, in the body frame."""
+        """Limited axis b, in the body frame."""
         return self.axis if self.of is None else self.of
 
 
 class Twist(Model):
-    """Limit on a ball joint's rotation about an axis of the body (swing-twist)."""
+    """Limits of a ball joint's rotation about an axis of the body (swing-twist)."""
 
     lower: Angle | None = None
-    """[rad]."""
+    """Lower limit [rad]."""
     upper: Angle | None = None
-    """[rad]."""
+    """Upper limit [rad]."""
     axis: Direction | None = None
-    """b, in the body frame; by default the axis that the cone limits."""
+    """Axis b, in the body frame; by default the axis that the cone limits."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Twist:
@@ -110,7 +110,7 @@ class Joint(Model):
     name: PartName | None = None
     """Name of its coordinates; by default the body's name."""
     driven: bool = Field(default=False, strict=True)
-    """True when a person or a motor moves it: its coordinates are inputs."""
+    """True if a person or a motor moves it: its coordinates are inputs."""
     axis: Annotated[Direction | None, Field(validate_default=True)] = None
     """Axis of a revolute or prismatic joint, in the joint frame."""
     axes: Annotated[Axes | None, Field(validate_default=True)] = None
@@ -124,7 +124,7 @@ class Joint(Model):
     armature: Armature = 0.0
     """Inertia of a rotor geared to every velocity of the joint [kg m^2 or kg]."""
     spring: JointSpring | None = None
-    """Pulls the joint to a rest position."""
+    """Spring that pulls the joint to a rest position."""
     limits: Limits | None = None
     """Limits of a revolute or prismatic joint."""
     cone: Cone | None = None
@@ -148,7 +148,7 @@ class Joint(Model):
             return value
         kind, allowed = info.data.get("type"), _ALLOWED_IN[name]
         if kind is not None and kind not in allowed:
-            raise mistake(f"a {kind} joint has none; it belongs to {', '.join(allowed)} joints")
+            raise mistake(f"found in a {kind} joint; allowed in {', '.join(allowed)} joints")
         if name not in ("driven", "axis", "axes") and info.data.get("driven"):
             text = "a driven joint follows its input; it has no damping, spring or limits"
             if name == "armature":

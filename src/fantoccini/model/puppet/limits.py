@@ -1,4 +1,4 @@
-"""Limits of puppet files, so that any file is read or refused within seconds."""
+"""Limits of puppet files, so that every file is read or rejected within seconds."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class PuppetLimits(NamedTuple):
-    """Largest counts. All are far beyond the files that people write."""
+    """Largest counts, far above those of real puppets."""
 
     max_parts: int = 1000
     """Bodies, strings, springs and masses of chains, twins included: more take gigabytes."""

@@ -1,7 +1,7 @@
 """Reflection of one half of a puppet into the other, on plain data.
 
 With S the reflection (a diagonal of one -1 and two 1): points S p, rotations S R S, inertia S I S;
-the axis of a rotation is a pseudo-vector, -S a, so that equal angles are mirror images.
+the axis a of a rotation is a pseudo-vector, -S a, so that equal angles are mirror images.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _INDEX = {"x": 0, "y": 1, "z": 2}
 
 
 def twin_name(name: str, token: str, to: str) -> str:
-    """The name of the twin; names without the token are shared by both halves."""
+    """The name of the twin; a part whose name does not contain the token is its own twin."""
     return name.replace(token, to)
 
 
@@ -55,7 +55,7 @@ class Reflection:
     """Mirror images of the parts of a puppet.
 
     Attributes:
-        findings: parameters that a mirror image would need with the other sign.
+        findings: mistakes for parameters that a mirror image would need with the opposite sign.
     """
 
     def __init__(self, plane: str, token: str, to: str):
@@ -66,7 +66,7 @@ class Reflection:
         return twin_name(name, self.token, self.to)
 
     def contact(self, contact: dict[str, Any]) -> dict[str, Any]:
-        """Rules of contact with those of twins before the originals, which go first."""
+        """Contact rules with the twins' pairs before the originals, which override them."""
         pairs = contact.get("pairs", [])
         twins = [p | {"between": [self.name(n) for n in p["between"]]} for p in pairs]
         twins = [twin for twin, pair in zip(twins, pairs, strict=True) if twin != pair]
@@ -155,7 +155,7 @@ class Reflection:
         return out
 
     def pose(self, pose: dict[str, Any]) -> dict[str, Any]:
-        """Start values of the twins; x, y, z are read in the (mirrored) joint frame."""
+        """Start values of the twins; x, y, z are coordinates in the (mirrored) joint frame."""
         out = {}
         for key, value in pose.items():
             owner = owner_of(key)

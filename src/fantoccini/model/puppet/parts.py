@@ -1,4 +1,4 @@
-"""The names of a puppet's parts and of their twins, and the mistakes found in them."""
+"""The names of a puppet's parts and of their twins, and the list of mistakes."""
 
 from __future__ import annotations
 
@@ -72,17 +72,17 @@ def named(puppet: AnyPuppet) -> Iterator[tuple[str, Path]]:
 
 
 class Parts:
-    """A :class:`Puppet` whose invalid parts are unclear, its names and twins, and mistakes.
+    """A :class:`Puppet` whose invalid parts are ``UNCLEAR``, its names and twins, and mistakes.
 
     Attributes:
-        puppet: the puppet.
-        pose: its start values as written.
-        found: paths and messages.
+        puppet: puppet to check.
+        pose: start values of its file.
+        found: paths and messages of mistakes.
         owner: name -> its path; filled by the check of names.
-        rule: the mirror's two words, or None.
+        rule: the two words of the mirror, or None.
         bodies: name of a body -> its index.
         known: names of all bodies, twins included.
-        joint_of: body -> the name of its joint.
+        joint_of: body -> name of its joint.
     """
 
     def __init__(self, puppet: AnyPuppet, data: dict[str, Any]):
@@ -102,20 +102,20 @@ class Parts:
                 self.joint_of |= {self.twin(name): self.twin(joint), name: joint}
 
     def say(self, path: Path, message: str) -> None:
-        """Notes a mistake."""
+        """Adds a mistake."""
         self.found.append((path, message))
 
     def twin(self, name: str) -> str:
-        """The name of the twin, or the name itself if nothing mirrors it."""
+        """The name of the twin, or the name itself if it is not mirrored."""
         return twin_name(name, *self.rule) if self.rule else name
 
     def split(self, coordinate: str) -> tuple[str, str]:
-        """The owner of a coordinate, and what follows the dot after it."""
+        """The owner of a coordinate, and the rest of the name after the dot."""
         owner = owner_of(coordinate, tuple(self.puppet.members))
         return owner, coordinate[len(owner) + 1 :]
 
     def near(self, name: str, allowed: set[str]) -> str:
-        """Hint of the nearest name; empty beyond the limits, since the search is slow."""
+        """The end of a message with the most similar name; empty above the limits (slow search)."""
         self._hints += 1
-        few = self._hints <= LIMITS.max_hints and len(allowed) <= LIMITS.max_hint_names
-        return nearest(name[:64], allowed) if few else ""
+        within = self._hints <= LIMITS.max_hints and len(allowed) <= LIMITS.max_hint_names
+        return nearest(name[:64], allowed) if within else ""

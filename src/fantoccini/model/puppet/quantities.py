@@ -1,7 +1,7 @@
-"""Kinds of quantities: the unit of each, and how small and how large it may be.
+"""Kinds of quantities: unit, smallest and largest size.
 
-The bounds are far beyond real puppets. They keep products of several numbers finite, so that no
-file makes a run overflow.
+The bounds are far wider than the numbers of real puppets. They keep products of several numbers
+finite, so that no file causes an overflow.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Quantity:
     """A kind of quantity.
 
     Attributes:
-        unit: for messages.
+        unit: unit, for messages.
         min_size: smallest absolute value other than 0.
         max_size: largest absolute value.
     """
@@ -63,18 +63,18 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Bounded:
-    """Annotation that checks a number's sign and size; texts and None pass.
+    """Annotation that checks a number's sign and size; texts and None are allowed.
 
     Attributes:
         kind: key of :data:`QUANTITIES`.
-        sign: which signs are allowed.
+        sign: allowed signs.
     """
 
     kind: str
     sign: Literal["any", "not negative", "positive"] = "any"
 
     def check(self, number: ValueT) -> ValueT:
-        """The number, if it is allowed."""
+        """The number itself; raises a mistake if it is not allowed."""
         if number is None or isinstance(number, str):
             return number
         quantity, value = QUANTITIES[self.kind], value_of(number)
@@ -108,7 +108,7 @@ class Bounded:
 
 
 def _with_range(schema: dict[str, Any], low: float, high: float) -> dict[str, Any]:
-    """A JSON schema whose numbers, alone or as an alternative, lie in a range."""
+    """A JSON schema with a range added to its numbers, also in alternatives."""
     if schema.get("type") == "number":
         return schema | {"minimum": low, "maximum": high}
     ways = {key: schema[key] for key in ("anyOf", "oneOf") if key in schema}

@@ -52,13 +52,13 @@ class Puppet(Document):
     bodies: Annotated[tuple[Body, ...], entries(1)]
     """Bodies, in any order; each names its parent."""
     strings: tuple[String, ...] = ()
-    """Strings the puppet hangs on."""
+    """Strings on which the puppet hangs."""
     springs: tuple[Spring, ...] = ()
     """Springs between points."""
     drives: tuple[Drive, ...] = ()
     """Drives of driven coordinates, which become dynamic."""
     mirror: Mirror | None = None
-    """Reflects one half of the puppet into the other."""
+    """Reflection of one half of the puppet into the other."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
     """Start values: coordinate -> number; `joint.rotation` -> quaternion or rotation vector."""
     obstacles: tuple[AnyObstacle, ...] = ()
@@ -66,11 +66,11 @@ class Puppet(Document):
     floor: Place | None = None
     """Height of the floor [m]."""
     contact: ContactRule | None = None
-    """Contact of its bodies with the floor, obstacles and one another: true, or its rules."""
+    """Contact of its bodies with the floor, obstacles and one another: true, false or rules."""
     members: tuple[Name, ...] = ()
-    """Puppets of an assembled scene, whose names and a dot precede those of their parts."""
+    """Names of an assembled scene's puppets; names of their parts begin with these and a dot."""
     props: tuple[Name, ...] = ()
-    """Bodies of an assembled scene that are props."""
+    """Names of the props of an assembled scene."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
 
@@ -79,26 +79,26 @@ class Puppet(Document):
         if isinstance(data, Puppet):
             return data
         located = info.context if isinstance(info.context, Located) else Located()
-        plain, puppet, found = dump.plain(data), None, []
+        plain, puppet, mistakes = dump.plain(data), None, []
         tried = plain
         while puppet is None and tried is not None:
             try:
                 puppet = handler(data if tried is plain else tried)
             except ValidationError as error:
-                found += findings(cls, tried, error, WORDS)
-                # A number out of range hides nothing: the rest is checked with one in range.
+                mistakes += findings(cls, tried, error, WORDS)
+                # A number out of range is replaced by one in range, so that the rest is checked.
                 tried = mended(tried, error)
         if isinstance(plain, dict):
             whole = valid_parts(cls, plain, located) if puppet is None else puppet
             wide = check.findings(whole, plain)
             if puppet is not None and not wide:
-                found += check.massless_joints(puppet.bodies, puppet.mirror)
-                found += check.twins(
+                mistakes += check.massless_joints(puppet.bodies, puppet.mirror)
+                mistakes += check.twins(
                     puppet, dump.plain(puppet), lambda halves: puppet._with_halves(halves, located)
                 )
-            found += [(data_path(plain, path)[0], text) for path, text in wide]
-        if puppet is None or found or located.mistakes:
-            raise located.error(found, PuppetError)
+            mistakes += [(data_path(plain, path)[0], text) for path, text in wide]
+        if puppet is None or mistakes or located.mistakes:
+            raise located.error(mistakes, PuppetError)
         lines = {name: located.line(path) for name, path in named(puppet)}
         known = {name: line for name, line in lines.items() if line is not None}
         puppet._origin = Origin(located.file, located.folder, known)
@@ -119,13 +119,13 @@ class Puppet(Document):
 
     @property
     def touching(self) -> Contact | None:
-        """The rules of contact; None where nothing touches anything."""
+        """The contact rules; None without contact."""
         if isinstance(self.contact, Contact):
             return self.contact
         return Contact() if self.contact else None
 
     def expanded(self) -> Puppet:
-        """The puppet with its mirror applied: both halves written out."""
+        """The puppet with both halves and without a mirror."""
         if self.mirror is None:
             return self
         data, _ = mirror.reflected(dump.plain(self))
@@ -164,18 +164,18 @@ class Puppet(Document):
     ) -> Puppet:
         """The same puppet on chains of point masses joined by springs, instead of constraints.
 
-        Chains and wires stay as they are. By default every string has the mass and stiffness of a
+        Chains and wires are not changed. By default every string has the mass and stiffness of a
         metre of polyester cord of 0.5 g/m: EA is the yarn's specific modulus, 10 N/tex, times
         500 tex.
 
         Args:
-            pieces: springs of each string; there is one mass fewer.
-            mass: of each string [kg].
+            pieces: number of springs of each string; there is one mass fewer.
+            mass: mass of each string [kg].
             stiffness: EA of each string [N].
             damping: force per unit of strain rate [N s].
 
         Raises:
-            PuppetError: a string cannot be a chain (its winch slips, it bounces, it runs over
+            PuppetError: a string cannot be a chain (it has a slipping winch, restitution or
                 pulleys), or a number is not allowed.
         """
         chain = {"pieces": pieces, "mass": mass, "stiffness": stiffness, "damping": damping}
@@ -192,10 +192,10 @@ class Puppet(Document):
         return puppet
 
     def locate(self, name: str) -> tuple[str, int | None]:
-        """File and line in which a body, joint, string, spring or obstacle is described.
+        """File and line of a body, joint, string, spring or obstacle.
 
         Args:
-            name: of the part; a twin is located at its original.
+            name: name of the part; a twin has the line of its original.
         """
         origin = self._origin
         line = origin.lines.get(name)
@@ -204,24 +204,24 @@ class Puppet(Document):
         return origin.files.get(name, origin.file), line
 
     def member_of(self, body: str) -> str:
-        """The puppet or prop of a scene that a body belongs to; empty for a single puppet's."""
+        """Name of the scene's puppet or prop to which a body belongs; empty for a single puppet."""
         first = body.partition(".")[0]
         return first if first in (*self.members, *self.props) else ""
 
     def owner_of(self, coordinate: str) -> str:
-        """The joint or string that a coordinate or limit belongs to, by its name."""
+        """Name of the joint or string that has a coordinate or limit."""
         return owner_of(coordinate, self.members)
 
     def to_yaml(self) -> str:
-        """The puppet as a file; reading it back gives an equal puppet."""
+        """The text of a puppet file; reading it gives an equal puppet."""
         return dump.to_yaml(dump.plain(self))
 
     def canonical(self, *, values: bool = True) -> str:
-        """One text for equal puppets: JSON of the expanded puppet and of its meshes' digests.
+        """JSON of the expanded puppet and its meshes' digests, the same for equal puppets.
 
         Args:
-            values: whether the text depends on what no compiled code has: the values of
-                parameters, the rules of contact, obstacles and the floor.
+            values: whether to include values that do not change the compiled code: values of
+                parameters, contact rules, obstacles and the floor.
         """
         puppet = self.expanded()
         solids = [s for body in puppet.bodies for s in body.shapes]

@@ -38,7 +38,7 @@ from fantoccini.model import meshes
 from fantoccini.model.puppet.quantities import QUANTITIES, Density, Mass, Scale, Size, Sizes, Vector
 
 MIN_MESH_VOLUME = 1e-15
-"""Volume of a mesh with mass [m^3]; a smaller one is flat, and its inertia is rounding."""
+"""Smallest volume of a mesh with mass [m^3]; a smaller one is flat: its inertia is rounding."""
 
 
 def _colour(text: str) -> str:
@@ -77,7 +77,7 @@ class Capsule(Shape):
     to: Vector
     """Centre of the second half-sphere [m]."""
     radius: Size
-    """[m]."""
+    """Radius [m]."""
 
 
 class Box(Shape):
@@ -89,7 +89,7 @@ class Box(Shape):
     at: Vector = (0.0, 0.0, 0.0)
     """Centre [m]."""
     orientation: Orientation | None = None
-    """Turns the box about its centre."""
+    """Orientation of the box's axes."""
 
 
 class Sphere(Shape):
@@ -97,7 +97,7 @@ class Sphere(Shape):
 
     type: Literal["sphere"] = "sphere"
     radius: Size
-    """[m]."""
+    """Radius [m]."""
     at: Vector = (0.0, 0.0, 0.0)
     """Centre [m]."""
 
@@ -107,18 +107,18 @@ class Ellipsoid(Shape):
 
     type: Literal["ellipsoid"] = "ellipsoid"
     radii: Sizes
-    """Half axes along x, y, z [m]."""
+    """Semi-axes along x, y, z [m]."""
     at: Vector = (0.0, 0.0, 0.0)
     """Centre [m]."""
     orientation: Orientation | None = None
-    """Turns the ellipsoid about its centre."""
+    """Orientation of the ellipsoid's axes."""
 
 
 class Mesh(Shape):
     """Triangles from a file (glTF, COLLADA, OBJ, STL, PLY) in the puppet file's folder or below.
 
-    Metres and z up, as the program shows it that wrote it, where the format has a unit and an axis:
-    glTF and COLLADA. Without a `colour`, the colours are those of the file's materials.
+    glTF and COLLADA files are converted to metres with z up; the other formats have no unit and no
+    upward axis. Without a `colour`, the colours are those of the file's materials.
     """
 
     type: Literal["mesh"] = "mesh"
@@ -129,7 +129,7 @@ class Mesh(Shape):
     at: Vector = (0.0, 0.0, 0.0)
     """Position of the mesh's origin [m]."""
     orientation: Orientation | None = None
-    """Turns the mesh about its origin."""
+    """Orientation of the mesh's axes."""
 
     _origin: Origin = PrivateAttr(default_factory=Origin)
 
@@ -164,9 +164,9 @@ class Mesh(Shape):
             size = place.stat().st_size
         except OSError as reason:
             raise mistake(f"found {shown(file)}, which cannot be read: {reason}") from None
-        most = meshes.LIMITS.max_bytes
-        if size > most:
-            raise mistake(f"found {size / 1e6:.0f} MB; allowed: up to {most / 1e6:.0f} MB")
+        largest = meshes.LIMITS.max_bytes
+        if size > largest:
+            raise mistake(f"found {size / 1e6:.0f} MB; allowed: up to {largest / 1e6:.0f} MB")
         try:
             meshes.read(folder / path, folder)
         except (OSError, ValueError) as reason:
@@ -195,18 +195,18 @@ class Mesh(Shape):
         return meshes.read(self.path, self._origin.folder)
 
     def digest(self) -> str:
-        """SHA-256 of the mesh file's content and of the files that it names, in hexadecimal."""
+        """SHA-256 of the mesh file and the files to which it refers, in hexadecimal."""
         own, *others = self.contents().items()
-        found = hashlib.sha256(own[1])
+        total = hashlib.sha256(own[1])
         for name, content in sorted(others):
-            found.update(f"\n{name}\n".encode() + hashlib.sha256(content).digest())
-        return found.hexdigest()
+            total.update(f"\n{name}\n".encode() + hashlib.sha256(content).digest())
+        return total.hexdigest()
 
     def contents(self) -> dict[str, bytes]:
-        """Contents of the mesh file, first, and of the files that it names, by names like it."""
-        found = meshes.contents(self.path, self._origin.folder)
+        """Paths relative to the puppet file -> contents: the mesh file, then files it refers to."""
+        files = meshes.contents(self.path, self._origin.folder)
         folder = PurePosixPath(self.file).parent
-        return {self.file if n == "." else (folder / n).as_posix(): c for n, c in found.items()}
+        return {self.file if n == "." else (folder / n).as_posix(): c for n, c in files.items()}
 
 
 AnyShape = Annotated[Capsule | Box | Sphere | Ellipsoid | Mesh, Field(discriminator="type")]
@@ -255,7 +255,7 @@ class UnitInertia:
 
     Attributes:
         com: (3,) centre of mass in the body frame [m].
-        inertia: (3, 3) about the centre of mass, body axes, per unit mass [m^2].
+        inertia: (3, 3) inertia about the centre of mass, in body axes, per unit mass [m^2].
     """
 
     com: np.ndarray
@@ -295,10 +295,10 @@ def _placed(shape: Box | Sphere | Ellipsoid, moments: tuple[float, float, float]
 
 
 def _capsule(shape: Capsule) -> tuple[float, UnitInertia]:
-    """Cylinder of length l and two half-spheres of radius r, about the middle.
+    """Volume and unit inertia of a cylinder of length l and two half-spheres of radius r.
 
-    A half-sphere of mass m: centre of mass 3/8 r beyond its flat face, transverse moment about
-    that centre (2/5 - 9/64) m r^2, so about the capsule's middle m (2/5 r^2 + l^2/4 + 3/8 l r).
+    A half-sphere of mass m has its centre of mass 3/8 r beyond its flat face, and a transverse
+    moment of (2/5 - 9/64) m r^2 about it: m (2/5 r^2 + l^2/4 + 3/8 l r) about the capsule's centre.
     """
     start, end, r = np.array(shape.from_), np.array(shape.to), shape.radius
     length = float(np.linalg.norm(end - start))
@@ -325,26 +325,26 @@ def load_mesh(shape: Mesh) -> Any:
     """The mesh in the body frame, as a ``trimesh.Trimesh``.
 
     Args:
-        shape: its file, scale and pose.
+        shape: mesh with its file, scale and pose.
 
     Raises:
-        ValueError: the file is no mesh, or the mesh has a mass but is not closed, or a size that
-            is not allowed.
+        ValueError: the file is not a mesh, or the mesh has a mass but is not closed, or its size is
+            not allowed.
     """
     import trimesh
 
-    found = shape.read()
-    mesh = trimesh.Trimesh(found.vertices.copy(), found.faces.copy(), process=False)
-    placed = np.eye(4)
-    placed[:3, :3] = np.eye(3) if shape.orientation is None else shape.orientation.matrix
-    placed[:3, :3] = placed[:3, :3] @ np.diag(shape.scale)
-    placed[:3, 3] = shape.at
-    mesh.apply_transform(placed)
+    file = shape.read()
+    mesh = trimesh.Trimesh(file.vertices.copy(), file.faces.copy(), process=False)
+    transform = np.eye(4)
+    transform[:3, :3] = np.eye(3) if shape.orientation is None else shape.orientation.matrix
+    transform[:3, :3] = transform[:3, :3] @ np.diag(shape.scale)
+    transform[:3, 3] = shape.at
+    mesh.apply_transform(transform)
     length, extent = QUANTITIES["length"], float(np.max(mesh.extents))
     if not length.min_size <= extent <= length.max_size:
         text = f"{shape.file} measures {extent:g} m with its scale"
         raise ValueError(f"{text}; allowed: {length.min_size:g} to {length.max_size:g} m")
-    if has_mass(shape) and not found.closed:
+    if has_mass(shape) and not file.closed:
         raise ValueError(f"{shape.file} {unclosed(mesh)}, so its mass has no centre")
     if mesh.volume < 0:
         mesh.invert()
@@ -354,9 +354,9 @@ def load_mesh(shape: Mesh) -> Any:
 
 
 def unclosed(mesh: Any) -> str:
-    """What is wrong with a mesh that is not closed."""
+    """The end of a message about a mesh that is not closed."""
     if mesh.is_watertight:
-        return "has triangles that face inwards beside such that face outwards"
+        return "has neighbouring triangles that face inwards and outwards"
     return "is not closed"
 
 

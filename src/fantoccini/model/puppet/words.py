@@ -21,7 +21,7 @@ OWN_WORDS = {
 """Other programs' joint and shape names -> ours. `ball` is our joint; elsewhere it is a sphere."""
 
 PLACE_WORDS = ("at", "orientation", "origin", "pos", "position", "quat", "rpy", "xyz")
-"""Keys that place a body in other programs; here its joint does."""
+"""Keys of a body's place in other programs; here its joint has the place."""
 
 
 def _placed_by_joint(key: str, allowed: Collection[str]) -> str | None:

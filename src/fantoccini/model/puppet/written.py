@@ -1,4 +1,4 @@
-"""Places in a puppet's plain data, of any form: parameters, items of lists, texts."""
+"""Lookup in a puppet's plain data, which may be invalid: parameters, items of lists, texts."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fantoccini.base.documents import Path
 
 
 def parameters(data: Any) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Every ``{parameter: ..., value: ...}`` with its place, in file order."""
+    """Path and data of every ``{parameter: ..., value: ...}``, in the order of the file."""
     stack: list[tuple[Path, Any]] = [((), data)]
     while stack:
         path, value = stack.pop()
@@ -22,12 +22,12 @@ def parameters(data: Any) -> Iterator[tuple[Path, dict[str, Any]]]:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is a number; true and false are not."""
+    """Whether a value is a number; true and false are not numbers."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def items(data: Any, key: str) -> list[tuple[int, dict[str, Any]]]:
-    """The mappings in a list under a key, with their places."""
+    """Indices and mappings of the list under a key; items of other types are left out."""
     section = data.get(key) if isinstance(data, dict) else None
     if not isinstance(section, list):
         return []
@@ -35,6 +35,6 @@ def items(data: Any, key: str) -> list[tuple[int, dict[str, Any]]]:
 
 
 def word(item: Any, key: str) -> str | None:
-    """The text under a key, or None."""
+    """The text under a key; None if there is no text."""
     value = item.get(key) if isinstance(item, dict) else None
     return value if isinstance(value, str) else None

@@ -1,9 +1,8 @@
 """Assembles a scene into one puppet.
 
-Every puppet stands on a massless frame with the member's name, so that its coordinates mean the
-same wherever it is placed. In a scene of several puppets the names of its parts begin with the
-member's name and a dot. In pairs of contact that name stands for all of them, in a scene of one
-puppet too.
+Every puppet stands on a massless frame with the member's name, so that its coordinates do not
+depend on its place. With several puppets, the names of a puppet's parts begin with the member's
+name and a dot. In contact pairs a member's name stands for all parts of its puppet.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ from fantoccini.model.scene.schema import PUPPET_OR_SCENE, Member, Prop, Scene
 
 
 @dataclass(frozen=True)
-class _Placed:
-    """A member with its puppet, and the name that precedes those of its parts."""
+class _Placement:
+    """A member of a scene, its puppet, and the prefix of the names of the puppet's parts."""
 
     member: Member
     puppet: Puppet
@@ -32,46 +31,48 @@ class _Placed:
 
     @property
     def frame(self) -> str:
-        """The body on which the puppet stands: a frame of its own, or the world."""
+        """Name of the body on which the puppet stands: a frame of its own, or the world."""
         moved = self.member.orientation is not None or any(self.member.at)
         return self.member.name if moved else "world"
 
     def part(self, name: str) -> str:
-        """The name of a body, joint, string, coordinate or parameter in the scene."""
+        """Name in the scene of a body, joint, string, coordinate or parameter."""
         return self.prefix + name
 
     def touched(self, name: str) -> str:
-        """The name in the scene of what takes part in contact; there is one floor."""
+        """Name in the scene of a partner in contact; all puppets share one floor."""
         return name if name == FLOOR else self.part(name)
 
     def body(self, name: str) -> str:
-        """The name of a body in the scene, the puppet's world included."""
+        """Name in the scene of a body or of the puppet's world."""
         return self.frame if name == "world" else self.prefix + name
 
 
 def assembled(scene: Scene) -> Puppet:
-    """A scene as one puppet; with several members, their names stand before those of parts.
+    """A scene as one puppet; with several members, their names precede the names of parts.
 
     Raises:
-        PuppetError: with every mistake of the puppets' files, and of what the scene says of them.
+        PuppetError: every mistake in the puppets' files, and in the scene's use of them.
     """
     located = scene.located
-    placed: list[_Placed] = []
+    placements: list[_Placement] = []
     mistakes: list[Mistake] = []
     for i, member in enumerate(scene.puppets):
         prefix = f"{member.name}." if len(scene.puppets) > 1 else ""
         try:
-            placed.append(_Placed(member, _puppet(member, ("puppets", i), located), prefix))
+            placements.append(_Placement(member, _puppet(member, ("puppets", i), located), prefix))
         except PuppetError as error:
             mistakes += error.mistakes
     if mistakes:
         raise PuppetError(mistakes)
-    found = _name_clashes(scene, placed)
-    shared = {key: _shared(key, getattr(scene, key), placed, found) for key in ("gravity", "floor")}
-    shared["contact"] = _contact(scene, placed, found)
-    if found:
-        raise located.error(found, PuppetError)
-    folder = _folder(placed, located)
+    findings = _name_clashes(scene, placements)
+    shared = {
+        key: _shared(key, getattr(scene, key), placements, findings) for key in ("gravity", "floor")
+    }
+    shared["contact"] = _contact(scene, placements, findings)
+    if findings:
+        raise located.error(findings, PuppetError)
+    folder = _folder(placements, located)
     data: dict[str, Any] = {"puppet": scene.scene, "bodies": [], "pose": {}, **shared}
     if len(scene.puppets) > 1:
         data["members"] = [member.name for member in scene.puppets]
@@ -79,26 +80,28 @@ def assembled(scene: Scene) -> Puppet:
     for key in ("strings", "springs", "drives", "obstacles"):
         data[key] = []
     same: dict[str, str] = {}
-    for one in placed:
-        same |= _add(data, one, folder)
+    for placement in placements:
+        same |= _add(data, placement, folder)
     if isinstance(data["contact"], dict):
         for pair in data["contact"].get("pairs", []):
             pair["between"] = [same.get(name, name) for name in pair["between"]]
     for prop in scene.props:
         _add_prop(data, prop)
     data["obstacles"] += [plain(obstacle) for obstacle in scene.obstacles]
-    made = Puppet.model_validate(
+    puppet = Puppet.model_validate(
         {key: value for key, value in data.items() if value is not None},
         context=Located(None, located.file, folder),
     )
-    made._origin = _origin(scene, placed, located, folder)
-    return made
+    puppet._origin = _origin(scene, placements, located, folder)
+    return puppet
 
 
-def _name_clashes(scene: Scene, placed: list[_Placed]) -> list[Finding]:
-    """Names of the scene that parts of its puppets have already."""
-    taken = {one.part(name) for one in placed for name, _ in named(one.puppet)}
-    unused = {one.member.name for one in placed if one.frame == "world"}
+def _name_clashes(scene: Scene, placements: list[_Placement]) -> list[Finding]:
+    """Findings for names of the scene that parts of its puppets already have."""
+    taken = {
+        placement.part(name) for placement in placements for name, _ in named(placement.puppet)
+    }
+    unused = {placement.member.name for placement in placements if placement.frame == "world"}
     if isinstance(scene.contact, Contact):
         unused -= {name for pair in scene.contact.pairs for name in pair.between}
     return [
@@ -109,7 +112,7 @@ def _name_clashes(scene: Scene, placed: list[_Placed]) -> list[Finding]:
 
 
 def _puppet(member: Member, at: tuple[str | int, ...], located: Located) -> Puppet:
-    """A member's puppet, both halves written out, with the member's pose and parameters."""
+    """A member's puppet with both halves, in the member's pose, with its parameters."""
     puppet = member.puppet
     if isinstance(puppet, str):
         path = bundled(puppet) or located.folder / puppet
@@ -130,85 +133,86 @@ def _puppet(member: Member, at: tuple[str | int, ...], located: Located) -> Pupp
     ]
     if unknown:
         raise located.error(unknown, PuppetError)
-    made = puppet.expanded()
-    data = plain(made)
+    expanded = puppet.expanded()
+    data = plain(expanded)
     for _, parameter in parameters(data):
         parameter["value"] = member.parameters.get(parameter["parameter"], parameter["value"])
     data["pose"] = data.get("pose", {}) | {k: plain(v) for k, v in member.pose.items()}
     try:
-        again = Puppet.model_validate(data, context=Located(folder=made._origin.folder))
+        posed = Puppet.model_validate(data, context=Located(folder=expanded._origin.folder))
     except PuppetError as error:
-        raise PuppetError(_of_scene(m, at, located) for m in error.mistakes) from None
-    again._origin = made._origin
-    return again
+        raise PuppetError(_in_scene(m, at, located) for m in error.mistakes) from None
+    posed._origin = expanded._origin
+    return posed
 
 
-def _of_scene(found: Mistake, at: tuple[str | int, ...], located: Located) -> Mistake:
-    """A mistake in a puppet's pose or parameters, at its place in the scene."""
-    head, _, key = found.key.partition(".")
+def _in_scene(mistake: Mistake, at: tuple[str | int, ...], located: Located) -> Mistake:
+    """A mistake in a member's pose or parameters, with its key in the scene's file."""
+    head, _, key = mistake.key.partition(".")
     if head == "pose":
-        return located.problem((*at, head, key), found.message)
-    return located.problem((*at, "parameters"), f"{found.key}: {found.message}")
+        return located.problem((*at, head, key), mistake.message)
+    return located.problem((*at, "parameters"), f"{mistake.key}: {mistake.message}")
 
 
-def _shared(key: str, own: Any, placed: list[_Placed], found: list[Finding]) -> Any:
-    """Gravity or floor: the scene's own, or else the one that the puppets' files agree on."""
+def _shared(key: str, own: Any, placements: list[_Placement], findings: list[Finding]) -> Any:
+    """Gravity or floor: the scene's own, or else the common one of the puppets' files."""
     if own is not None:
         return plain(own)
-    given: dict[str, tuple[str, Any]] = {}
-    for one in placed:
-        value = plain(getattr(one.puppet, key))
+    values: dict[str, tuple[str, Any]] = {}
+    for placement in placements:
+        value = plain(getattr(placement.puppet, key))
         if value is not None:
-            given.setdefault(repr(value), (one.member.name, value))
-    if len(given) > 1:
-        listed = ", ".join(f"{value} ({name})" for name, value in given.values())
-        found.append(((), f"the puppets differ in {key}: {listed}; give the scene its own"))
-    return next((value for _, value in given.values()), None)
+            values.setdefault(repr(value), (placement.member.name, value))
+    if len(values) > 1:
+        listed = ", ".join(f"{value} ({name})" for name, value in values.values())
+        findings.append(((), f"the puppets differ in {key}: {listed}; give the scene its own"))
+    return next((value for _, value in values.values()), None)
 
 
-def _contact(scene: Scene, placed: list[_Placed], found: list[Finding]) -> Any:
-    """The scene's own rules of contact, or else those that the puppets' files agree on."""
+def _contact(scene: Scene, placements: list[_Placement], findings: list[Finding]) -> Any:
+    """Contact rules: the scene's own, or else the common ones of the puppets' files."""
     if isinstance(scene.contact, Contact):
-        return plain(scene.contact) | {"pairs": _pairs(scene, scene.contact, placed, found)}
+        return plain(scene.contact) | {"pairs": _pairs(scene, scene.contact, placements, findings)}
     if scene.contact is not None:
         return scene.contact
-    given = [one for one in placed if one.puppet.contact is not None]
-    if not given:
+    with_rules = [p for p in placements if p.puppet.contact is not None]
+    if not with_rules:
         return None
-    rules = [plain(one.puppet.touching) for one in given]
+    rules = [plain(p.puppet.touching) for p in with_rules]
     shared = [rule and {k: v for k, v in rule.items() if k != "pairs"} for rule in rules]
     if any(rule != shared[0] for rule in shared):
-        names = ", ".join(one.member.name for one in given)
-        found.append(((), f"the puppets {names} differ in contact; give the scene its own"))
+        names = ", ".join(p.member.name for p in with_rules)
+        findings.append(((), f"the puppets {names} differ in contact; give the scene its own"))
     if shared[0] is None:
         return False
     pairs = [
-        pair | {"between": [one.touched(name) for name in pair["between"]]}
-        for one, rule in zip(given, rules, strict=True)
+        pair | {"between": [placement.touched(name) for name in pair["between"]]}
+        for placement, rule in zip(with_rules, rules, strict=True)
         for pair in rule.get("pairs", [])
     ]
     return shared[0] | {"pairs": pairs}
 
 
 def _pairs(
-    scene: Scene, rules: Contact, placed: list[_Placed], found: list[Finding]
+    scene: Scene, rules: Contact, placements: list[_Placement], findings: list[Finding]
 ) -> list[dict[str, Any]]:
-    """The scene's own pairs; where nothing stands before names, a puppet's is spelt out."""
+    """The scene's own pairs; a single member's name is replaced by the names of all its parts."""
     parts = {
-        one.member.name: [
-            one.part(part.name) for part in (*one.puppet.bodies, *one.puppet.obstacles)
+        placement.member.name: [
+            placement.part(part.name)
+            for part in (*placement.puppet.bodies, *placement.puppet.obstacles)
         ]
-        for one in placed
+        for placement in placements
     }
     known = {FLOOR, *(name for _, name in scene.names())}.union(*parts.values())
-    alone = parts if len(placed) == 1 else {}
+    alone = parts if len(placements) == 1 else {}
     pairs: list[dict[str, Any]] = []
     for i, pair in enumerate(rules.pairs):
         for k, name in enumerate(pair.between):
             if name not in known:
                 text = f"no body, obstacle, prop or puppet is called {shown(name)}"
                 path = ("contact", "pairs", i, "between", k)
-                found.append((path, text + nearest(name[:64], known)))
+                findings.append((path, text + nearest(name[:64], known)))
         first, second = (alone.get(name, [name]) for name in pair.between)
         pairs += [
             plain(pair) | {"between": [a, b]}
@@ -218,9 +222,11 @@ def _pairs(
     return pairs
 
 
-def _folder(placed: list[_Placed], located: Located) -> Path:
-    """The folder below which all mesh files lie."""
-    folders = [one.puppet._origin.folder for one in placed if _has_meshes(one.puppet)]
+def _folder(placements: list[_Placement], located: Located) -> Path:
+    """The deepest folder that contains all mesh files."""
+    folders = [
+        placement.puppet._origin.folder for placement in placements if _has_meshes(placement.puppet)
+    ]
     return Path(os.path.commonpath([located.folder.resolve(), *(f.resolve() for f in folders)]))
 
 
@@ -229,18 +235,18 @@ def _has_meshes(puppet: Puppet) -> bool:
     return any(shape.type == "mesh" for shape in (*shapes, *puppet.obstacles))
 
 
-def _add(data: dict[str, Any], one: _Placed, folder: Path) -> dict[str, str]:
+def _add(data: dict[str, Any], placement: _Placement, folder: Path) -> dict[str, str]:
     """Adds the parts of a puppet to the data of the scene.
 
     Returns:
-        Names of obstacles that stand in the scene already, and what these are called there.
+        Names of obstacles that are already in the scene -> their names in the scene.
     """
-    own = _renamed(one, plain(one.puppet), folder)
-    if one.frame != "world":
-        joint = {"type": "fixed", "at": plain(one.member.at)}
-        if one.member.orientation is not None:
-            joint["orientation"] = plain(one.member.orientation)
-        data["bodies"].append({"name": one.frame, "joint": joint})
+    own = _renamed(placement, plain(placement.puppet), folder)
+    if placement.frame != "world":
+        joint = {"type": "fixed", "at": plain(placement.member.at)}
+        if placement.member.orientation is not None:
+            joint["orientation"] = plain(placement.member.orientation)
+        data["bodies"].append({"name": placement.frame, "joint": joint})
     for key in ("bodies", "strings", "springs", "drives"):
         data[key] += own.get(key, [])
     same: dict[str, str] = {}
@@ -255,54 +261,54 @@ def _add(data: dict[str, Any], one: _Placed, folder: Path) -> dict[str, str]:
 
 
 def _unnamed(obstacle: dict[str, Any]) -> dict[str, Any]:
-    """An obstacle but for its name: several puppets may stand round the same table."""
+    """An obstacle without its name: files of several puppets may contain the same table."""
     return {key: value for key, value in obstacle.items() if key != "name"}
 
 
-def _renamed(one: _Placed, own: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The plain data of a puppet with the names and places that it has in the scene."""
+def _renamed(placement: _Placement, own: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The plain data of a puppet with the names and places in the scene."""
     for body in own["bodies"]:
-        body["name"] = one.part(body["name"])
-        body["parent"] = one.body(body.get("parent", "world"))
+        body["name"] = placement.part(body["name"])
+        body["parent"] = placement.body(body.get("parent", "world"))
         if "name" in body.get("joint", {}):
-            body["joint"]["name"] = one.part(body["joint"]["name"])
+            body["joint"]["name"] = placement.part(body["joint"]["name"])
     for key, points in (("strings", "path"), ("springs", "between")):
         for item in own.get(key, []):
-            item["name"] = one.part(item["name"])
-            item[points] = [_point(one, point) for point in item[points]]
+            item["name"] = placement.part(item["name"])
+            item[points] = [_point(placement, point) for point in item[points]]
     for drive in own.get("drives", []):
-        drive["on"] = [one.part(name) for name in drive["on"]]
-    own["pose"] = {one.part(name): value for name, value in own.get("pose", {}).items()}
-    own["obstacles"] = [_obstacle(one, o) for o in own.get("obstacles", [])]
+        drive["on"] = [placement.part(name) for name in drive["on"]]
+    own["pose"] = {placement.part(name): value for name, value in own.get("pose", {}).items()}
+    own["obstacles"] = [_obstacle(placement, o) for o in own.get("obstacles", [])]
     for _, parameter in parameters(own):
-        parameter["parameter"] = one.part(parameter["parameter"])
-    there = os.path.relpath(one.puppet._origin.folder.resolve(), folder)
+        parameter["parameter"] = placement.part(parameter["parameter"])
+    subfolder = os.path.relpath(placement.puppet._origin.folder.resolve(), folder)
     shapes = [shape for body in own["bodies"] for shape in body.get("shapes", [])]
     for shape in (*shapes, *own["obstacles"]):
         if shape["type"] == "mesh":
-            shape["file"] = PurePath(there, shape["file"]).as_posix()
+            shape["file"] = PurePath(subfolder, shape["file"]).as_posix()
     return own
 
 
-def _point(one: _Placed, point: dict[str, Any]) -> dict[str, Any]:
-    """A point of a string or spring; those in the puppet's world lie on its frame."""
+def _point(placement: _Placement, point: dict[str, Any]) -> dict[str, Any]:
+    """A point of a string or spring; points in the puppet's world are moved to its frame."""
     if "body" in point:
-        return point | {"body": one.part(point["body"])}
+        return point | {"body": placement.part(point["body"])}
     if "driven" in point:
-        return point | {"parent": one.body(point.get("parent", "world"))}
-    if one.frame == "world":
+        return point | {"parent": placement.body(point.get("parent", "world"))}
+    if placement.frame == "world":
         return point
-    return {"body": one.frame, "at": point["world"]}
+    return {"body": placement.frame, "at": point["world"]}
 
 
-def _obstacle(one: _Placed, obstacle: dict[str, Any]) -> dict[str, Any]:
-    """An obstacle of a puppet's file, where the puppet is placed."""
-    out = obstacle | {"name": one.part(obstacle["name"])}
-    if one.frame == "world":
+def _obstacle(placement: _Placement, obstacle: dict[str, Any]) -> dict[str, Any]:
+    """An obstacle of a puppet's file, at its place in the scene."""
+    out = obstacle | {"name": placement.part(obstacle["name"])}
+    if placement.frame == "world":
         return out
-    turn = one.member.orientation
+    turn = placement.member.orientation
     R = np.eye(3) if turn is None else turn.matrix
-    r = np.array(one.member.at)
+    r = np.array(placement.member.at)
     keys = ("from", "to") if obstacle["type"] == "capsule" else ("at",)
     for key in keys:
         out[key] = (R @ np.array(obstacle.get(key, [0.0, 0.0, 0.0])) + r).tolist()
@@ -314,7 +320,7 @@ def _obstacle(one: _Placed, obstacle: dict[str, Any]) -> dict[str, Any]:
 
 
 def _add_prop(data: dict[str, Any], prop: Prop) -> None:
-    """Adds a prop: a body on a free joint that starts at its place."""
+    """Adds a prop: a body on a free joint, at its start place."""
     body = {k: v for k, v in plain(prop).items() if k not in ("at", "orientation")}
     data["bodies"].append(body | {"joint": {"type": "free"}})
     data["pose"] |= {f"{prop.name}.{axis}": x for axis, x in zip("xyz", prop.at, strict=True)}
@@ -323,16 +329,16 @@ def _add_prop(data: dict[str, Any], prop: Prop) -> None:
         data["pose"][f"{prop.name}.rotation"] = turn.tolist()
 
 
-def _origin(scene: Scene, placed: list[_Placed], located: Located, folder: Path) -> Origin:
+def _origin(scene: Scene, placements: list[_Placement], located: Located, folder: Path) -> Origin:
     """File and line of every name of the scene."""
     lines: dict[str, int] = {}
     files: dict[str, str] = {}
-    for one in placed:
-        for name, _ in named(one.puppet):
-            file, line = one.puppet.locate(name)
-            files[one.part(name)] = file
+    for placement in placements:
+        for name, _ in named(placement.puppet):
+            file, line = placement.puppet.locate(name)
+            files[placement.part(name)] = file
             if line is not None:
-                lines[one.part(name)] = line
+                lines[placement.part(name)] = line
     for path, name in scene.names():
         if (line := located.line(path)) is not None:
             lines[name] = line

@@ -13,27 +13,27 @@ from fantoccini.model.scene.schema import PUPPET_OR_SCENE, Scene
 
 
 def load(path: str | os.PathLike[str]) -> Puppet:
-    """Reads a puppet file, or a scene file, whose scene it assembles.
+    """Reads a puppet file, or a scene file as one puppet.
 
     Args:
-        path: of a YAML file.
+        path: path of a YAML file.
 
     Raises:
-        PuppetError: with every mistake, each with its file and line.
+        PuppetError: every mistake, each with its file and line.
     """
     return _puppet(read_document(path, *PUPPET_OR_SCENE))
 
 
 def loads(text: str | bytes, name: str = "<string>", folder: Path | None = None) -> Puppet:
-    """Reads a puppet or a scene from a text.
+    """Reads a puppet from a text, or a scene as one puppet.
 
     Args:
-        text: YAML.
-        name: what messages call the text.
-        folder: where mesh and puppet files are looked for; by default the current folder.
+        text: YAML text.
+        name: name of the text, for messages.
+        folder: folder of mesh and puppet files; by default the current folder.
 
     Raises:
-        PuppetError: with every mistake, each with its file and line.
+        PuppetError: every mistake, each with its file and line.
     """
     return _puppet(parse_document(text, *PUPPET_OR_SCENE, name=name, folder=folder))
 

@@ -1,4 +1,4 @@
-"""The schema of a scene file: puppets, each placed, named and posed; props, obstacles, a floor."""
+"""The schema of a scene file: puppets with names, places and poses; props, obstacles, a floor."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ def _puppet_kind(value: Any) -> str:
 
 
 class Member(Model):
-    """A puppet of a scene, and where it stands."""
+    """A puppet of a scene, and its place."""
 
     name: Name
-    """Its name in the scene; names of its parts and coordinates begin with it and a dot."""
+    """Its name in the scene; names of its parts and coordinates begin with this and a dot."""
     puppet: Annotated[
         Annotated[str, Tag("<file>")] | Annotated[InstanceOf[Puppet], Tag("<puppet>")],
         Discriminator(_puppet_kind),
@@ -59,13 +59,13 @@ class Member(Model):
     orientation: Orientation | None = None
     """Orientation of the axes of its world in the scene."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
-    """Start values that replace those of its file, under the names of its file."""
+    """Start values that replace those of its file, by the names in its file."""
     parameters: dict[str, Real] = Field(default_factory=dict)
     """Values of its parameters that replace those of its file."""
 
 
 class Prop(Model):
-    """A rigid body that nothing holds: a ball, a chair, a hat."""
+    """A rigid body that is not attached to anything: a ball, a chair, a hat."""
 
     name: Name
     """Its name; its coordinates are `ball.x`, `ball.y`, `ball.z` and `ball.rotation`."""
@@ -76,11 +76,11 @@ class Prop(Model):
     com: Point | None = None
     """Centre of mass in its frame [m], instead of the shapes'."""
     inertia: SolidInertia | None = None
-    """ixx, iyy, izz and perhaps ixy, ixz, iyz about the centre of mass [kg m^2]."""
+    """ixx, iyy, izz and optionally ixy, ixz, iyz about the centre of mass [kg m^2]."""
     drag: Drag | None = None
     """Air drag."""
     at: Vector = (0.0, 0.0, 0.0)
-    """Where its frame is at the start [m]."""
+    """Place of its frame at the start [m]."""
     orientation: Orientation | None = None
     """Orientation of its frame at the start."""
 
@@ -88,7 +88,7 @@ class Prop(Model):
     def _has_mass(self) -> Prop:
         own = any(map(has_mass, self.shapes)) if self.mass is None else value_of(self.mass) > 0
         if not own:
-            raise mistake("this prop has no mass; give it one, or one of its shapes")
+            raise mistake("this prop has no mass; give it a mass, or one of its shapes")
         return self
 
 
@@ -110,9 +110,9 @@ class Scene(Document):
     puppets: Annotated[tuple[Member, ...], entries(1)]
     """The puppets, in the order of their coordinates."""
     props: tuple[Prop, ...] = ()
-    """Bodies that nothing holds."""
+    """Rigid bodies that are not attached to anything."""
     obstacles: tuple[AnyObstacle, ...] = ()
-    """Shapes that stand in the scene."""
+    """Fixed shapes."""
 
     @model_validator(mode="after")
     def _names_differ(self) -> Scene:
@@ -127,14 +127,14 @@ class Scene(Document):
 
     @classmethod
     def of(cls, *puppets: Puppet, name: str | None = None) -> Scene:
-        """The scene of these puppets, where their files place them.
+        """The scene of several puppets, at the places given in their files.
 
         Args:
-            puppets: one or more, with different names.
-            name: of the scene; by default the puppets' names, joined by _.
+            puppets: one or more puppets, with different names.
+            name: name of the scene; by default the puppets' names, joined by _.
 
         Raises:
-            PuppetError: naming the puppets that do not go together.
+            PuppetError: two puppets have the same name.
         """
         if not puppets:
             raise PuppetError([Mistake("<python>", None, "puppets", "a scene needs a puppet")])
@@ -147,7 +147,7 @@ class Scene(Document):
         return self.scene
 
     def names(self) -> Iterator[tuple[Path, str]]:
-        """Where the puppets, props and obstacles are named, and their names."""
+        """Key paths and names of the puppets, props and obstacles."""
         for i, member in enumerate(self.puppets):
             yield ("puppets", i, "name"), member.name
         for i, prop in enumerate(self.props):
@@ -157,4 +157,4 @@ class Scene(Document):
 
 
 PUPPET_OR_SCENE: tuple[type[Puppet | Scene], ...] = (Puppet, Scene)
-"""Kinds of files that stand for one puppet."""
+"""Kinds of files that describe a puppet."""

@@ -1,4 +1,4 @@
-"""Chains: the point masses of strings, and where they start."""
+"""Chains: strings as point masses, and their start configuration."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ def mass_link(name: str, mass: Number, masses: int) -> Link:
     """A point mass of a chain, free in the world.
 
     Args:
-        name: of the link and of its joint: string, dot, number from 1.
-        mass: of the whole string [kg].
-        masses: number of point masses that share it.
+        name: name of the link and of its joint: string, dot, number from 1.
+        mass: mass of the whole string [kg].
+        masses: number of point masses.
     """
     point = Lump(mass, 1.0 / masses, UnitInertia(np.zeros(3), np.zeros((3, 3))))
     return Link(
@@ -40,18 +40,18 @@ def placed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """A configuration with the masses of chains placed between the strings' ends.
 
-    They lie on the straight line or, if the string is longer, on a V that hangs down, where the
-    springs are relaxed.
+    They lie on a straight line; if the string is longer than the distance of its ends, on a V that
+    hangs down, with relaxed springs.
 
     Args:
-        tree: with the chains.
-        q_D: (n_qD,) configuration without these places.
-        q_K: (n_qK,); a driven length that is nan becomes the distance of the ends.
+        tree: tree with the chains.
+        q_D: (n_qD,) configuration; entries of the chains' masses are ignored.
+        q_K: (n_qK,) configuration; a driven length that is nan becomes the distance of the ends.
         number: value of a number of the puppet.
-        given: names of coordinates that stay as they are.
+        given: names of coordinates that are not changed.
 
     Returns:
-        q_D, q_K.
+        q_D (n_qD,), q_K (n_qK,).
     """
     q_D, q_K = q_D.copy(), q_K.copy()
     if not tree.chains:
@@ -70,7 +70,7 @@ def placed(
 
 
 def _line(start: np.ndarray, end: np.ndarray, length: float, pieces: int) -> np.ndarray:
-    """(pieces - 1, 3) places between two points [m]."""
+    """(pieces - 1, 3) positions of the masses between two points [m]."""
     away = end - start
     distance = float(np.linalg.norm(away))
     share = np.arange(1, pieces)[:, None] / pieces

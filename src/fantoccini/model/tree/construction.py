@@ -24,7 +24,7 @@ from fantoccini.model.tree.structure import (
 )
 
 MAX_CONTACTS = 64
-"""Contact points that a step has room for, where solids may touch."""
+"""Maximum number of contact points in a step, for puppets with contact."""
 
 Pose = dict[str, float | tuple[float, ...]]
 """Coordinate -> start value, or ``joint.rotation`` -> quaternion."""
@@ -205,22 +205,22 @@ def _parents_first(bodies: Iterable[Body]) -> list[Body]:
 
 
 def _start(joint: str, pose: Pose) -> dict[str, float]:
-    """Suffix of a joint's or length's configuration number -> its value in the pose, if given."""
-    found: dict[str, float] = {}
+    """Suffixes of a joint's or length's configuration numbers -> their values in the pose."""
+    values: dict[str, float] = {}
     for key, value in pose.items():
         if joint not in (key, key.rpartition(".")[0]):
             continue
         if isinstance(value, tuple):
-            found |= dict(zip(suffixes("ball")[0], value, strict=True))
+            values |= dict(zip(suffixes("ball")[0], value, strict=True))
         else:
-            found[key[len(joint) :]] = value
-    return found
+            values[key[len(joint) :]] = value
+    return values
 
 
 def _point(attachment: Attachment, place: dict[str, int]) -> Point:
     if attachment.world is not None:
         return Point(WORLD, attachment.world)
-    assert attachment.body is not None, "a driven end is no point of a body"
+    assert attachment.body is not None, "a driven end has a body of its own"
     return Point(place[attachment.body], attachment.at)
 
 

@@ -1,10 +1,10 @@
 """The table of coordinates: their names, roles and places.
 
-A coordinate's role tells what moves it:
+The role of a coordinate:
 
-* ``dynamic``  the equations of motion (q_D, v_D),
-* ``driven``   a kinematic input (q_K, v_K),
-* ``fixed``    nothing: it is a number.
+* ``dynamic``  moves by the equations of motion (q_D, v_D),
+* ``driven``   is a kinematic input (q_K, v_K),
+* ``fixed``    is a constant.
 
 Configuration and velocity differ in size where a joint rotates freely: a ball joint has four
 configuration numbers (a unit quaternion w, x, y, z) and three velocities (the angular velocity in
@@ -20,11 +20,11 @@ from functools import cached_property
 import numpy as np
 
 COMMAND = ".command"
-"""Follows the owner's name in the name of a command: ``hand.command.length``."""
+"""Part of a command's name, after the owner's name: ``hand.command.length``."""
 
 
 class Role(enum.StrEnum):
-    """What determines a coordinate's motion."""
+    """Role of a coordinate: moved by the equations of motion, by an input, or not at all."""
 
     DYNAMIC = "dynamic"
     DRIVEN = "driven"
@@ -38,7 +38,7 @@ class Coordinate:
     Attributes:
         name: for example ``elbow``, ``torso.qw``, ``hand.length``.
         role: dynamic, driven or fixed.
-        owner: the joint or string it belongs to.
+        owner: name of its joint or string.
         unit: unit of the configuration number.
         index: place in q_D or q_K; None when fixed.
     """
@@ -61,8 +61,8 @@ class CoordinateTable:
             begin.
         scalars_D, scalars_K: (q, v) places of all other coordinates.
         rotations: name of the rotation channel (``bar.rotation``) -> (q, v), driven ones only.
-        start_D, start_K: configuration in the file's pose; nan for driven lengths without one.
-        commands: coordinate with a drive -> the name of its command.
+        start_D, start_K: configuration in the file's pose; nan for driven lengths not in it.
+        commands: coordinate with a drive -> name of its command.
     """
 
     rows: tuple[Coordinate, ...]

@@ -43,8 +43,8 @@ def joint_inertias(
 ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
     """Inertias of the dynamic joints, with the joints beyond them held and free.
 
-    Those with free joints are the pivots of M's factorisation from the leaves to the root: M is
-    singular if one of them is.
+    The inertias with free joints are the pivots when M is factored from the leaves to the root: M
+    is singular if one of them is.
 
     Args:
         tree: the tree.
@@ -52,8 +52,8 @@ def joint_inertias(
         number: value of a number of the puppet.
 
     Yields:
-        Index of the link, and (k, k) inertias for its joint's velocities with the joints beyond
-        held and with them free.
+        Index of the link, and (k, k) inertias for its joint's velocities: with the joints beyond
+        it held, and with them free.
     """
     poses = link_poses(tree.links, q_D[None], q_K[None], number)[0]
     rotors = np.zeros(tree.coordinates.n_vD)
@@ -95,7 +95,7 @@ def _about_origin(m: float, com: np.ndarray, inertia: np.ndarray, R: np.ndarray)
 
 
 def _shifted(inertia: np.ndarray, r: np.ndarray) -> np.ndarray:
-    """(6, 6) inertia about another origin; the present one lies at r from it."""
+    """(6, 6) inertia about a new origin; r points from it to the old one."""
     X = np.eye(6)
     X[3:, :3] = -rotation.skew(r)
     return X.T @ inertia @ X

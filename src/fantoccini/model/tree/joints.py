@@ -1,7 +1,7 @@
-"""Joints become links, and their coordinates get places in q_D, v_D, q_K, v_K.
+"""Links of joints, and the places of their coordinates in q_D, v_D, q_K, v_K.
 
-A driven joint that a drive moves is dynamic, and its command is driven. Where drives move only
-some of a joint's coordinates, the joint is split: the part without drives carries the other.
+A driven joint that a drive moves is dynamic, and its command is driven. If drives move only some
+coordinates of a joint, the joint is split: the part without drives carries the part with drives.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ AXES = ("x", "y", "z")
 _QUATERNION = (".qw", ".qx", ".qy", ".qz")
 _TURNING = (".wx", ".wy", ".wz")
 TURNS_WITH_LINK: dict[str, tuple[int, ...]] = {"ball": (0, 1, 2), "free": (3, 4, 5)}
-"""By kind, the velocities of a joint whose axes are fixed in the link that it carries."""
+"""Kind of joint -> its velocities whose axes are fixed in the link that it carries."""
 _UNITS = {"revolute": "rad", ".x": "m", ".y": "m", ".z": "m", "prismatic": "m", ".length": "m"}
 
 
 def suffixes(kind: str, axes: tuple[str, ...] = ()) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Suffixes of the names of a joint's configuration numbers and velocities."""
     if kind == "translation":
-        found = tuple(f".{a}" for a in axes)
-        return found, found
+        names = tuple(f".{a}" for a in axes)
+        return names, names
     if kind == "length":
         return (".length",), (".length",)
     scalars = {"revolute": ("",), "prismatic": ("",), "free": suffixes("translation", AXES)[0]}
@@ -60,12 +60,12 @@ class Table:
         v: tuple[str, ...],
         start: list[float],
     ) -> tuple[slice, slice]:
-        """Adds coordinates of one role; their places in q and v.
+        """Adds coordinates of one role, and returns their places in q and v.
 
         Args:
             owner: prefix of their names.
-            kind: of the joint, or ``length``.
-            role: of the coordinates.
+            kind: kind of the joint, or ``length``.
+            role: role of the coordinates.
             q, v: suffixes of the names of configuration numbers and velocities.
             start: configuration in the file's pose.
         """
@@ -110,13 +110,13 @@ class Table:
 
 @dataclass
 class Joints:
-    """The links of all joints, and the drives that move some.
+    """The links and drives of all joints.
 
     Attributes:
-        table: assigns places.
-        links: parents before children.
+        table: table that assigns places.
+        links: links, parents before children.
         drives: rows of the drives.
-        motors: coordinate -> the drive that moves it.
+        motors: coordinate -> drive that moves it.
     """
 
     table: Table = field(default_factory=Table)
@@ -128,8 +128,8 @@ class Joints:
         """Adds the links of a body's joint.
 
         Args:
-            last: the body's link, without the fields that the joint determines.
-            joint: as in the file.
+            last: link of the body, without the fields that the joint determines.
+            joint: joint of the file.
             start: suffix -> configuration number in the file's pose.
 
         Returns:
@@ -156,7 +156,7 @@ class Joints:
     def end(
         self, string: str, parent: int, axes: tuple[str, ...], at: tuple[Number, Number, Number]
     ) -> int:
-        """Adds the massless body at a string's driven end, on axes of its parent; its index."""
+        """Adds a massless body on driven axes at a string's end; returns its index."""
         start = {f".{a}": value_of(x) for a, x in zip(AXES, at, strict=True)}
         x, y, z = (0.0 if a in axes else x for a, x in zip(AXES, at, strict=True))
         parts = list(self._parts(string, "translation", axes, True))
@@ -175,9 +175,9 @@ class Joints:
         return parent
 
     def length(self, string: str, start: float) -> tuple[Role, tuple[int, int]]:
-        """Adds a string's driven length; its role, and its places in q and v.
+        """Adds a string's driven length; returns its role and its places in q and v.
 
-        A length with a drive is the coordinate of a link of its own, the winch.
+        A length with a drive is the coordinate of an extra link, the winch.
         """
         role = self._role(string, (".length",))
         if role is Role.DRIVEN:
@@ -194,9 +194,9 @@ class Joints:
         """Adds a link with the places of its coordinates, and the rows of their drives.
 
         Args:
-            link: without q and v.
-            kind: of the coordinates: the joint's, or ``length``.
-            axes: of a translation.
+            link: link without q and v.
+            kind: kind of the joint, or ``length``.
+            axes: axes of a translation.
             start: suffix -> configuration number in the file's pose; 0 by default.
         """
         names = suffixes(kind, axes)
@@ -249,8 +249,8 @@ class Joints:
 
 
 def carriage(name: str, joint: str) -> Link:
-    """A massless link on the world, which a driven joint moves."""
-    none = slice(0, 0)
+    """A massless link that a driven joint moves in the world."""
+    empty = slice(0, 0)
     return Link(
         name=name,
         parent=WORLD,
@@ -260,8 +260,8 @@ def carriage(name: str, joint: str) -> Link:
         rotation=np.eye(3),
         offset=(0.0, 0.0, 0.0),
         role=Role.DRIVEN,
-        q=none,
-        v=none,
+        q=empty,
+        v=empty,
     )
 
 

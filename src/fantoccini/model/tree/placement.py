@@ -21,9 +21,8 @@ def link_poses(
     """World poses (R | r) of links.
 
     Args:
-        links: parents before children.
-        q_D: (T, n_qD), or (1, n_qD) where the other has T rows.
-        q_K: (T, n_qK) or (1, n_qK).
+        links: links, parents before children.
+        q_D, q_K: (T, n_qD) and (T, n_qK) configurations; one of them may have a single row.
         number: value of a number of the puppet.
 
     Returns:
@@ -63,9 +62,9 @@ def joint_transform(
     """Rotation (3 x 3 entries) and translation (3 entries) of a joint's motion.
 
     Args:
-        link: that the joint carries.
-        q: the joint's configuration: numbers, arrays (T,) or symbols.
-        cos, sin: for these.
+        link: link that the joint carries.
+        q: configuration of the joint: numbers, arrays (T,) or symbols.
+        cos, sin: functions for these.
     """
     R: list[list[Any]] = np.eye(3).tolist()
     r: list[Any] = [0.0, 0.0, 0.0]

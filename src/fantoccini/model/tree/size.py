@@ -18,14 +18,14 @@ class Size:
     """Size of a puppet in its start pose.
 
     Attributes:
-        low, high: (3,) corners of the box around the bodies that move [m], along the world's axes.
-        mass: of these bodies [kg].
-        hangs: height of the strings' highest support above the lowest point of these bodies [m];
-            None without such a support.
+        low, high: (3,) corners of the box around the moving bodies [m], along the world's axes.
+        mass: mass of the moving bodies [kg].
+        hangs: height of the strings' highest support above the lowest point of the moving bodies
+            [m]; None if no string has a support.
         bodies: (n_links, 3) lengths of the boxes around the links' shapes, along their own axes
             [m]; nan for a link without shapes.
-        masses: (n_links,) of the links [kg].
-        poses: (n_links, 3, 4) of the links.
+        masses: (n_links,) masses of the links [kg].
+        poses: (n_links, 3, 4) poses of the links.
     """
 
     low: np.ndarray
@@ -38,7 +38,7 @@ class Size:
 
     @property
     def lengths(self) -> np.ndarray:
-        """(3,) of the box around the bodies [m]."""
+        """(3,) lengths of the box around the moving bodies [m]."""
         return self.high - self.low
 
 
@@ -46,7 +46,7 @@ def measure(tree: Tree, number: Value) -> Size:
     """The size and the mass of a puppet in its start pose.
 
     Args:
-        tree: of the puppet.
+        tree: tree of the puppet.
         number: value of a number of the puppet.
     """
     table = tree.coordinates
@@ -78,28 +78,28 @@ def measure(tree: Tree, number: Value) -> Size:
 
 
 def path_lengths(tree: Tree, poses: np.ndarray, number: Value) -> dict[str, float]:
-    """Lengths of the strings' paths from end to end [m]; a chain's is the distance of its ends.
+    """Lengths of the strings' paths [m]; for a chain, the distance of its ends.
 
     Args:
-        tree: with the strings.
-        poses: (n_links, 3, 4) of the links.
+        tree: tree with the strings.
+        poses: (n_links, 3, 4) poses of the links.
         number: value of a number of the puppet.
     """
-    found = {}
+    lengths = {}
     for string in (*tree.strings, *tree.chains):
         ends = (string.points[0], string.points[-1])
         points = string.points if isinstance(string, StringRow) else ends
         at = np.array([place(poses[None], point, number)[0] for point in points])
-        found[string.name] = float(np.linalg.norm(np.diff(at, axis=0), axis=1).sum())
-    return found
+        lengths[string.name] = float(np.linalg.norm(np.diff(at, axis=0), axis=1).sum())
+    return lengths
 
 
 def shape_box(shape: Shape, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (3,), (3,) of the box around a shape [m], along the axes that a pose is given in.
+    """Lower and upper corner (3,) of the box around a shape [m], along the axes of ``pose``.
 
     Args:
-        shape: on a link.
-        pose: (3, 4) of the link.
+        shape: shape of a link.
+        pose: (3, 4) pose of the link.
     """
     R, r = pose[:, :3], pose[:, 3]
     if isinstance(shape, Mesh):

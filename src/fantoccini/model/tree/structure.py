@@ -27,8 +27,8 @@ class Lump:
     """One contribution to a link's inertia.
 
     Attributes:
-        amount: the mass [kg], or the density [kg/m^3] when ``volume`` is not 1.
-        volume: factor that turns ``amount`` into a mass.
+        amount: mass [kg], or density [kg/m^3].
+        volume: 1 for a mass; volume [m^3] for a density.
         unit: centre of mass (3,) [m] and inertia per unit mass about it (3, 3) [m^2].
     """
 
@@ -44,18 +44,18 @@ class Link:
     The body frame's pose in its parent is T(offset) R(rotation) J(q), with J the joint's motion.
 
     Attributes:
-        name: the body's name.
+        name: name of the body.
         parent: index of the parent link, ``WORLD`` for the world.
-        joint: the joint's name.
+        joint: name of the joint.
         kind: fixed, revolute, prismatic, translation, ball or free.
         axes: (3, k) unit columns, in the joint frame: the axis of a revolute or prismatic joint,
             the axes of a translation.
         rotation: (3, 3) orientation of the joint frame in the parent.
         offset: origin of the joint frame in the parent [m].
-        role: what determines the joint's motion.
+        role: role of the joint's coordinates.
         q, v: places of the joint's coordinates in (q_D, v_D) or (q_K, v_K), by role.
-        damping: on every velocity of the joint [N s/m or N m s/rad].
-        armature: inertia of a rotor on every velocity of the joint [kg or kg m^2].
+        damping: damping of every velocity of the joint [N s/m or N m s/rad].
+        armature: rotor inertia of every velocity of the joint [kg or kg m^2].
         stiffness, rest: joint spring [N/m or N m/rad], [m or rad].
         lumps: contributions of the shapes to the inertia.
         mass, com, inertia: explicit values that override the lumps, or None;
@@ -119,11 +119,11 @@ class Lengthed:
         return self.length_index if self.length_role is Role.DYNAMIC else None
 
     def just_reaches(self, span: float, q_D: np.ndarray, q_K: np.ndarray) -> None:
-        """Sets a length that is a coordinate and nan to the span.
+        """Sets a length that is a coordinate and nan to the length of the path.
 
         Args:
             span: length of the path [m].
-            q_D, q_K: (n_qD,), (n_qK,) changed in place.
+            q_D, q_K: (n_qD,), (n_qK,) configuration, changed in place.
         """
         for own, q in ((self.driven_length, q_K), (self.wound_length, q_D)):
             if own is not None and np.isnan(q[own[0]]):
@@ -132,10 +132,10 @@ class Lengthed:
     def own_length(
         self, q_D: np.ndarray, q_K: np.ndarray, number: Callable[[Number], float]
     ) -> np.ndarray:
-        """L [m] at configurations (..., n_qD), (..., n_qK): of shape (...) or ()."""
+        """L [m], of shape (...) or (), at configurations (..., n_qD), (..., n_qK)."""
         if self.length_index is not None:
             return (q_K if self.driven_length else q_D)[..., self.length_index[0]]
-        assert self.length is not None, "a length without a place is a number"
+        assert self.length is not None, "a length is a coordinate or a number"
         return np.array(number(self.length), dtype=float)
 
 
@@ -144,17 +144,17 @@ class StringRow(Lengthed):
     """A string: h = (path length) - L <= 0.
 
     Attributes:
-        name: the string's name.
-        points: two or more points the string runs through.
-        length: L [m], or None when the length is driven.
-        length_index: place of the length in (q_K, v_K), or in (q_D, v_D) where a drive moves it;
-            None when it is a number.
+        name: name of the string.
+        points: two or more points that the string runs through.
+        length: L [m]; None if it is driven.
+        length_index: place of the length in (q_K, v_K), or in (q_D, v_D) if a drive moves it;
+            None if it is a number.
         wire: True for a two-sided constraint (Sec. III-B).
         colour: "#rrggbb" or None.
         restitution: part of the speed that a catch gives back.
         max_tension: tension at which its winch slips [N]; None for no slip.
-        rewind_speed: speed at which the winch rewinds the slipped length [m/s]; None for never.
-        length_role: of the length, where it has a place.
+        rewind_speed: speed at which the winch rewinds the slip [m/s]; None for no rewinding.
+        length_role: role of a length that is a coordinate.
     """
 
     name: str
@@ -185,12 +185,12 @@ class DriveRow:
     """A coordinate that a drive moves: one number, or the orientation of a ball joint.
 
     Attributes:
-        name: of the coordinate: ``hand.length``, ``bar.rotation``.
-        link: index of the link whose joint it belongs to.
-        q, v: its places in q_D and v_D.
-        command_name: of its command, ``hand.command.length``; empty without a command.
+        name: name of the coordinate: ``hand.length``, ``bar.rotation``.
+        link: index of the link whose joint has the coordinate.
+        q, v: places of the coordinate in q_D and v_D.
+        command_name: name of the command, ``hand.command.length``; empty without a command.
         command: place of the command in (q_K, v_K); None without a command.
-        drive: as the puppet's file describes it.
+        drive: drive of the puppet's file.
     """
 
     name: str
@@ -203,12 +203,12 @@ class DriveRow:
 
     @property
     def steps(self) -> bool:
-        """Whether a stepper moves it."""
+        """Whether a stepper motor moves the coordinate."""
         return isinstance(self.drive.motor, StepperMotor)
 
     @property
     def turns(self) -> bool:
-        """Whether it is an orientation."""
+        """Whether the coordinate is an orientation."""
         return self.v.stop - self.v.start == 3
 
     def ratio(self, number: Callable[[Number], Any]) -> Any:
@@ -232,14 +232,14 @@ class ChainRow(Lengthed):
     """A string of point masses joined by springs: V = sum_k EA/(2 l) (d_k - l)^2, l = L / pieces.
 
     Attributes:
-        name: the string's name.
-        points: its ends, and between them the masses.
+        name: name of the string.
+        points: first end, masses, last end.
         stiffness: EA [N].
         damping: force per unit of strain rate [N s].
-        length: L, relaxed [m], or None when it is driven.
+        length: relaxed length L [m]; None if it is driven.
         length_index: place of the length, as in :class:`StringRow`.
         colour: "#rrggbb" or None.
-        length_role: of the length, where it has a place.
+        length_role: role of a length that is a coordinate.
     """
 
     name: str
@@ -262,13 +262,13 @@ class LimitRow:
     """A one-sided limit of a joint, h <= 0.
 
     ``lower``: bound - q; ``upper``: q - bound; ``cone``: cos(bound) - a . R b;
-    ``twist.lower``, ``twist.upper``: the same as lower and upper for the twist of R about b.
+    ``twist.lower``, ``twist.upper``: lower and upper for the twist of R about b.
 
     Attributes:
         name: joint name, dot, side.
         link: index of the link whose joint is limited.
         side: lower, upper, cone, twist.lower or twist.upper.
-        bound: [rad or m].
+        bound: limit of the coordinate or angle [rad or m].
         a, b: unit axes (3,) in the joint frame and in the body frame (ball joints only).
     """
 
@@ -285,16 +285,16 @@ class Tree:
     """Links, strings, springs, limits and coordinates of a puppet, in the order of the equations.
 
     Attributes:
-        name: of the puppet.
-        gravity: [m/s^2].
-        links: parents before children.
-        strings, springs, limits: one-sided rows are strings first, then limits.
+        name: name of the puppet.
+        gravity: acceleration of gravity [m/s^2].
+        links: links, parents before children.
+        strings, springs, limits: rows; the one-sided rows are the strings, then the limits.
         drives: coordinates with drives.
         coordinates: the coordinate table.
         parameters: names and values of the argument p.
         chains: strings modelled as masses and springs; they have no rows.
-        n_contacts: contact points that a step has room for; 0 where nothing touches anything.
-        n_pieces: solids beyond one for each shape: those of dented meshes, which are several.
+        n_contacts: maximum number of contact points in a step; 0 without contact.
+        n_pieces: additional solids of dented meshes, which consist of several solids.
     """
 
     name: str
@@ -317,7 +317,7 @@ class Tree:
 
     @cached_property
     def sizes(self) -> dict[str, int]:
-        """Sizes by their names in :mod:`fantoccini.kernel.contract`."""
+        """Names of sizes in :mod:`fantoccini.kernel.contract` -> their values."""
         t = self.coordinates
         return {
             "n_qD": t.n_qD,
@@ -348,13 +348,13 @@ class Tree:
     def limit_entries(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The limits' entries of A_D: limits, axes of their joints, and places in v_D."""
         places = [self.links[limit.link].v for limit in self.limits]
-        found = [(i, k - v.start, k) for i, v in enumerate(places) for k in range(v.start, v.stop)]
-        limit, axis, velocity = np.array(found, dtype=np.intp).reshape(-1, 3).T
+        rows = [(i, k - v.start, k) for i, v in enumerate(places) for k in range(v.start, v.stop)]
+        limit, axis, velocity = np.array(rows, dtype=np.intp).reshape(-1, 3).T
         return limit, axis, velocity
 
     @property
     def motor_places(self) -> list[int]:
-        """Places in v_D of the coordinates with drives, in order."""
+        """Places in v_D of the coordinates with drives, in the order of the drives."""
         return [k for row in self.drives for k in range(row.v.start, row.v.stop)]
 
     @property
@@ -364,13 +364,13 @@ class Tree:
 
     @cached_property
     def blamable(self) -> tuple[str, ...]:
-        """Names that a run's status may blame: rows, then watched drives."""
+        """Names to which a run's status may be attributed: rows, then watched drives."""
         return (*self.row_names, *(row.name for row in self.watched))
 
     def lead(self, link: int) -> tuple[slice, slice] | None:
         """Places in (q_K, v_K) of a driven joint's coordinates, or of its drives' commands.
 
-        None for a winch, and for a joint with coordinates that are neither driven nor commanded.
+        None for a winch, and for a joint with a coordinate that is neither driven nor commanded.
         """
         joint = self.links[link]
         if joint.role is Role.DRIVEN:
@@ -384,7 +384,7 @@ class Tree:
         return slice(q, q + last.q.stop - first.q.start), slice(v, v + last.v.stop - first.v.start)
 
     def length_lead(self, string: Lengthed) -> tuple[int, int] | None:
-        """Place in (q_K, v_K) of a driven length, or of the command of the drive that winds it."""
+        """Place in (q_K, v_K) of a driven length, or of the command of its drive."""
         if string.wound_length is None:
             return string.driven_length
         rows = [row for row in self.drives if row.name == f"{string.name}.length"]
@@ -406,7 +406,7 @@ class Tree:
         return out
 
     def ancestors(self, link: int) -> list[int]:
-        """Indices of ``link`` and all links between it and the world, nearest first."""
+        """Indices of ``link`` and of all links between it and the world, nearest first."""
         path = []
         while link != WORLD:
             path.append(link)

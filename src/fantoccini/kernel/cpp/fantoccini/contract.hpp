@@ -1,5 +1,5 @@
-// The contract between Python and compiled code, made by `python -m fantoccini.kernel.contract`
-// from fantoccini/kernel/contract/*.py: change it there.
+// The contract between Python and compiled code, generated from fantoccini/kernel/contract/*.py
+// by `python -m fantoccini.kernel.contract`: make changes there.
 #pragma once
 
 #include "fantoccini/math/real.hpp"
@@ -9,8 +9,8 @@ namespace fan {
 // A hash of the contract.
 constexpr long long contract_digest = 0x48f3634dd075e199;
 
-// Identity of a library, which Python checks when it loads it: the contract's hash, how many
-// trajectories or configurations are advanced together, and the puppet's sizes.
+// Identity of a library, which Python checks when it loads it: the contract's hash, the number of
+// trajectories or configurations that are advanced together, and the puppet's sizes.
 template <class Sizes>
 void identity(int width, long long* out) {
   const long long values[] = {
@@ -21,31 +21,31 @@ void identity(int width, long long* out) {
   for (long long value : values) *out++ = value;
 }
 
-// Numbers that Python compares with, too.
+// Constants shared with Python.
 struct Constants {
-  // largest tension relative to the weight: beyond it the input is impossible
+  // largest tension relative to the weight; above it, the input is impossible
   static constexpr double tension_cap = 100000.0;
-  // -h up to which a row is closed, relative to its string's length or to 1
+  // largest -h of a closed row, relative to its string's length or to 1
   static constexpr double closed_gap = 5e-13;
-  // the same where a run begins, which brings the row to h = 0
+  // largest -h of a row that a run's start sets to h = 0, likewise
   static constexpr double start_gap = 1e-09;
-  // hdot up to which a closed row is at rest, times the largest velocity if that is above 1
-  // [m/s or rad/s]
+  // largest hdot of a closed row at rest, times the largest velocity if that is above 1 [m/s
+  // or rad/s]
   static constexpr double rest_speed = 1e-05;
   // lower bound of the length by which a string's gap is divided [m]
   static constexpr double least_length = 0.001;
-  // of a winch that rewinds, before it stops [m/s^2]
+  // deceleration of a rewinding winch before it stops [m/s^2]
   static constexpr double winch_deceleration = 1.0;
-  // most vertices of a convex polytope that touches something
+  // largest number of vertices of a polytope in contact
   static constexpr double hull_vertices = 128.0;
 };
 
-// How a run ended. Compiled code has the same numbers (``contract.hpp``).
+// End of a run, with a message. Compiled code has the same numbers (``contract.hpp``).
 enum Status : int {
   DONE = 0,  // the run reached its end
   RUNNING = 1,  // the run has not reached its end yet
   IMPOSSIBLE_INPUT = 2,  // the inputs ask for a motion that no puppet on these strings can follow
-  TENSION_CAP = 3,  // a tension passed the cap on what a string may pull
+  TENSION_CAP = 3,  // a tension exceeded the largest one that a string may have
   STEP_TOO_SMALL = 4,  // the step size fell below what the clock can resolve
   TOO_MANY_EVENTS = 5,  // strings caught and released more often than the bound on events
   TOO_MANY_STEPS = 6,  // the bound on the number of steps was reached
@@ -70,34 +70,34 @@ enum Status : int {
   OUT_OF_TIME = 23,  // the time limit on computing ended the run
 };
 
-// What happened to a row or a drive.
+// Kind of an event.
 enum EventCode : int {
-  CATCH = 0,  // a slack string came taut, or a limit was reached
+  CATCH = 0,  // a slack string became taut, or a limit was reached
   RELEASE = 1,  // a string went slack, or a limit was left
-  ACCUMULATION = 2,  // infinitely many catches were taken as one
-  BREAKPOINT = 3,  // the inputs may jump in acceleration
+  ACCUMULATION = 2,  // infinitely many catches were treated as one
+  BREAKPOINT = 3,  // the inputs' acceleration may jump
   SLIP = 4,  // the winch began to slip
   GRIP = 5,  // the winch grips again
   LOST_STEP = 6,  // a stepper motor lost a step
   RAN_AWAY = 7,  // a drive ran away
   TOUCH = 8,  // two solids came into contact
-  LIFT = 9,  // two solids parted
+  LIFT = 9,  // two solids separated
   STICK = 10,  // two solids that touch stopped sliding
   SLIDE = 11,  // two solids that touch began to slide
 };
 
-// What a row does between two events.
+// Mode of a row between two events.
 enum Hold : signed char {
-  SLACK = 0,  // no force
+  SLACK = 0,  // inactive, without force
   HELD = 1,  // active
-  IDLE = 2,  // redundant: depends on the held rows, active without tension
-  PINNED = 3,  // redundant, at its winch's largest tension
+  IDLE = 2,  // active without tension: linearly dependent on the held rows
+  PINNED = 3,  // active at its winch's largest tension, linearly dependent
   SLIPPING = 4,  // pulls with its winch's largest tension while the winch slips
 };
 
 // Kinds of solids.
 enum SolidKind : int {
-  SEGMENT = 0,  // from a to b, inflated by the radius; with half[0] > 0 the ellipsoid in it
+  SEGMENT = 0,  // from a to b, inflated by the radius; if half[0] > 0, the ellipsoid in it
   BOX = 1,  // centre a, axes the columns of R, half edges, inflated by the radius
   HALF_SPACE = 2,  // below the plane through a with the normal b
   HULL = 3,  // convex polytope `hull`: its origin a, axes the columns of R, inflated by the radius
@@ -110,24 +110,24 @@ enum GoalKind : int {
   POINT = 2,  // a point of a link lies in the box from place to place_high
 };
 
-// How a complementarity solve ended.
+// Outcome of a complementarity solve.
 enum class Solved : int {
   YES = 0,  // solved
   INFEASIBLE = 1,  // there is no solution
   UNSETTLED = 2,  // the bound on iterations was reached
-  NO_ROOM = 3,  // more rows than the puppet has, or no memory
+  NO_ROOM = 3,  // more rows than the puppet has, or not enough memory
 };
 
-// How a search for the pose nearest to places ended.
+// Outcome of a search for the hanging pose nearest to targets.
 enum class ReachEnd : int {
-  REACHED = 0,  // it is there, within the tolerance
-  NEAREST = 1,  // no hanging pose near by is nearer
-  STALLED = 2,  // no step came nearer any more, or the iterations ended first
-  LOST = 3,  // the puppet does not hang where it was to begin
-  TIPS = 4,  // any nearer, no pose that hangs stably is found
+  REACHED = 0,  // the targets are reached within the tolerance
+  NEAREST = 1,  // no neighbouring hanging pose is nearer
+  STALLED = 2,  // no step reduced the distance, or the bound on iterations was reached
+  LOST = 3,  // there is no equilibrium at the start of the search
+  TIPS = 4,  // nearer poses are not stable equilibria
 };
 
-// What a fixed step is on the edge of, as bits; from LEAVES_LAW on it has no derivative.
+// Reasons, as bits, why a step is not smooth; from LEAVES_LAW on it has no derivative.
 enum StepEdge : int {
   WITHOUT_FORCE = 1,  // a point touches without force
   STRAINED = 2,  // a point sticks at the edge of its cone
@@ -138,13 +138,13 @@ enum StepEdge : int {
   // one after the other
   LEAVES_LAW = 32,
   JAMS = 64,  // friction jams: no forces keep the modes
-  OPEN_SHARES = 128,  // solids slide on more points than the law can share force among
-  CROWDED = 256,  // more points push than there is room for
+  OPEN_SHARES = 128,  // solids slide on so many points that their forces are not unique
+  CROWDED = 256,  // there are more points with force than a step allows
 };
 
 // An input: arrays in C order.
 struct InputArrays {
-  int n_segments;  // pieces
+  int n_segments;  // number of pieces
   const double* breaks;  // (n_segments + 1,) [s]
   const double* coef;  // (n_segments, n_vK, 6)
   const double* base;  // (n_segments, n_qK)
@@ -156,16 +156,16 @@ struct Hull {
   int n_vertices;
   int n_facets;
   int n_edges;
-  double inner;  // radius of the largest ball about the origin inside [m]
+  double inner;  // radius of the largest ball about the origin in it [m]
   double outer;  // radius of the smallest ball about the origin around it [m]
   const double* vertices;  // (n_vertices, 3) [m]
   const double* planes;  // (n_facets, 4) outward unit normal; height above the origin [m]
-  const int* begins;  // (n_facets + 1,) where the corners of each facet begin
+  const int* begins;  // (n_facets + 1,) index of each facet's first corner
   const int* corners;  // vertices of each facet in turn, anticlockwise seen from outside
-  const int* sides;  // the edge from each corner to the next
+  const int* sides;  // edge from each corner to the next
   const int* edges;  // (n_edges, 4) two vertices, the facets to the left and right
-  const int* around_begins;  // (n_vertices + 1,) where the facets of each vertex begin
-  const int* around;  // facets of each vertex
+  const int* around_begins;  // (n_vertices + 1,) index of each vertex's first facet
+  const int* around;  // facets of each vertex in turn
 };
 
 // A solid in the frame of a link or of the world.
@@ -178,53 +178,53 @@ struct Solid {
   double R[9];  // column by column
   double half[3];
   double radius;  // [m]
-  const Hull* hull;  // null but for hulls
+  const Hull* hull;  // polytope of a HULL; otherwise null
 };
 
-// Solids that may touch, and how.
+// Solids that may touch, and the contact laws of their pairs.
 struct ContactArrays {
   long long n_solids;
   long long n_pairs;
   long long n_groups;
-  const Solid* solids;  // those of the links, then those that stand
-  const int* pairs;  // (n_pairs, 2) of solids; the second may stand in the world
-  // (n_groups, 3) of pairs of the same two links, or of a link and a solid that stands: first
-  // link; second link, or -1 - the solid; where the pairs end
+  const Solid* solids;  // solids of the links, then solids fixed in the world
+  const int* pairs;  // (n_pairs, 2) solids; the second may be fixed in the world
+  // (n_groups, 3) groups of pairs of the same two links, or of a link and a fixed solid: first
+  // link; second link, or -1 - the solid; end of its pairs
   const int* groups;
   const double* friction;  // (n_pairs,) coefficient of Coulomb's law
   const double* restitution;  // (n_pairs,) 0 to 1
-  const int* meetings;  // (n_pairs,) the first pair of parts of the same two names
+  const int* meetings;  // (n_pairs,) first pair of parts with the same two names
 };
 
 // Options of a run.
 struct Options {
-  double rtol;  // of the event-driven integrator
-  double atol;  // likewise
+  double rtol;  // relative tolerance of the event-driven integrator
+  double atol;  // absolute tolerance, likewise
   double first_step;  // [s]
   double max_step;  // [s]
-  double tension_cap;  // [N]; times 1 m of a limit, times 1 s of an impulse
-  double energy_scale;  // size of the work and loss integrals, for errors [J]
-  double force_scale;  // size of forces that balance, M_DD one [kg^1/2 m/s^2]
-  double recovery_speed;  // cap on how fast time-stepping undoes a violation [m/s]
+  double tension_cap;  // [N]; for limits [N m], for impulses [N s]
+  double energy_scale;  // scale of work and loss integrals, for errors [J]
+  double force_scale;  // scale of forces in coordinates with M_DD = 1
+  double recovery_speed;  // largest speed at which time-stepping removes a violation [m/s]
   double dt;  // fixed step [s]
   long long max_steps;
   long long max_events;
-  int save_steps;  // save every accepted step
-  int extrapolate;  // time-stepping: velocity products half a step ahead
+  int save_steps;  // whether to save every accepted step
+  int extrapolate;  // time-stepping: whether velocity products are half a step ahead
   const ContactArrays* contacts;  // null without contact; must outlive the run
 };
 
-// Where a run writes samples and events.
+// Memory for the samples and events of a run.
 struct RecordArrays {
   double* samples;  // (sample_capacity, SampleLayout::width)
   long long sample_capacity;
-  long long n_samples;  // written
+  long long n_samples;  // number of samples written
   double* events;  // (event_capacity, EventLayout::width)
   long long event_capacity;
-  long long n_events;  // written
+  long long n_events;  // number of events written
   double* contacts;  // (contact_capacity, ContactLayout::width)
   long long contact_capacity;
-  long long n_contacts;  // written
+  long long n_contacts;  // number of contact points written
 };
 
 // The start of a run.
@@ -242,17 +242,17 @@ struct StartArrays {
   int save_every;  // fixed steps from sample to sample
 };
 
-// How far a run is.
+// Progress of a run.
 struct RunProgress {
-  long long steps;  // taken
-  double t;  // reached [s]
-  double violation;  // largest so far, of fixed steps [m or rad]
+  long long steps;  // number of steps taken
+  double t;  // time reached [s]
+  double violation;  // largest violation of fixed steps so far [m or rad]
 };
 
-// An array of every trajectory.
+// An array for every trajectory, or one that all share.
 struct Shared {
-  const double* first;  // or null
-  long long stride;  // from one trajectory to the next; 0 where all share one
+  const double* first;  // array of the first trajectory, or null
+  long long stride;  // distance of neighbouring trajectories' arrays; 0 if shared
 };
 
 // A batch: its starts and where its samples go.
@@ -309,42 +309,44 @@ struct StepperArrays {
   double* blame;  // (n, n_rows + n_watched) shares of the blame for it; written
 };
 
-// A point that pushes in a fixed step, in its mode.
+// A contact point with force in a fixed step, and its mode.
 struct StepContact {
-  int pair;  // of ContactArrays
-  int feature;  // which of the pair's points
-  int links[2];  // of the two solids; -1 for the world
-  int sticks;  // else it slides
+  int pair;  // index of the pair in ContactArrays
+  int feature;  // index of the point among the pair's points
+  int links[2];  // links of the two solids; -1 for the world
+  int sticks;  // whether it sticks; otherwise it slides
   int turns;  // whether the direction of sliding turns with the velocity
-  double friction;  // coefficient
-  double gap;  // [m]
-  double closes;  // d(gap speed)/d(gap) that the step asks for [1/s]
-  double bounces;  // restitution that it asks for
-  double at[3];  // place in the world [m]
-  double normal[3];  // from the second solid to the first
-  double force[3];  // on the first solid [N]
-  double velocity[3];  // of the first solid against the second after it [m/s]
-  double along[3];  // direction of sliding; 0 where it sticks
-  double by[42];  // (7, 6) gap, place and normal by a twist of the first link about the origin
+  double friction;  // coefficient of friction
+  double gap;  // distance of the solids [m]
+  double closes;  // d(gap speed)/d(gap) required by the step [1/s]
+  double bounces;  // restitution required by the step
+  double at[3];  // position in the world [m]
+  double normal[3];  // unit normal from the second solid to the first
+  double force[3];  // force on the first solid [N]
+  double velocity[3];  // velocity of the first solid relative to the second after the step [m/s]
+  double along[3];  // direction of sliding; 0 if it sticks
+  // (7, 6) derivatives of gap, position and normal by a twist of the first link about the
+  // origin
+  double by[42];
 };
 
 // First time steps with contact, one for each node.
 struct TouchingStepArrays {
   Options options;
-  const double* winches;  // of all
-  double reference_force;  // a weight [N]
-  int room;  // for points of a node
+  const double* winches;  // winches of all nodes
+  double reference_force;  // size of forces, such as the weight [N]
+  int room;  // largest number of points of a node
   Shared p;
-  Shared acc_K;  // at the start
-  Shared u_D;  // or null
+  Shared acc_K;  // driven acceleration at the start
+  Shared u_D;  // user forces, or null
   const double* q_D;  // (n, n_qD) starts
   const double* v_D;  // (n, n_vD)
   const double* q_K;  // (n, n_qK)
   const double* v_K;  // (n, n_vK)
-  double* slip;  // (n, n_strings) at the start, and then after the step
+  double* slip;  // (n, n_strings) slip at the start; then after the step
   const double* rate;  // (n, n_vK) dq_K/dt over the step
   const double* mean;  // (n, n_vK) dv_K/dt over the step
-  double* q_D_next;  // (n, n_qD) after the step; so the others
+  double* q_D_next;  // (n, n_qD) state after the step
   double* v_D_next;  // (n, n_vD)
   double* q_K_next;  // (n, n_qK)
   double* v_K_next;  // (n, n_vK)
@@ -355,21 +357,21 @@ struct TouchingStepArrays {
   // screws is there
   double* delay;
   int* edges;  // (n,) StepEdge
-  int n_pairs;  // of ContactArrays
+  int n_pairs;  // number of pairs in ContactArrays
   int* pair_edges;  // (n, n_pairs) StepEdge of every pair; set to 0 before
-  int* n_points;  // (n,) that push
+  int* n_points;  // (n,) numbers of points with force
   StepContact* points;  // (n, room)
-  double* screws;  // (n, n_vD + n_vK, 6) at the start, as the function of this name
-  // (n, n_links + n_vD + n_vK, 6, n_p) twists of links and changes of screws by the
-  // parameters; null without any
+  double* screws;  // (n, n_vD + n_vK, 6) results of the function screws at the start
+  // (n, n_links + n_vD + n_vK, 6, n_p) derivatives by the parameters: twists of links, changes
+  // of screws; null without parameters
   double* by_p;
 };
 
 // Time steps and their derivatives, one for each node.
 struct StepDerivativeArrays {
   double dt;  // length of all steps [s]
-  double recovery_speed;  // as in Options [m/s]
-  int forces;  // whether to differentiate by u_D, too
+  double recovery_speed;  // recovery_speed of Options [m/s]
+  int forces;  // whether to differentiate by u_D as well
   Shared p;
   Shared u_D;  // or null
   const double* q_D;  // (n, n_qD) starts
@@ -378,16 +380,16 @@ struct StepDerivativeArrays {
   const double* rate;  // (n, n_vK) dq_K/dt over the step
   const double* mean;  // (n, n_vK) dv_K/dt over the step
   const double* slip;  // (n, n_strings)
-  const double* tension;  // (n, n_rows) of the step
+  const double* tension;  // (n, n_rows) tensions of the step
   const unsigned char* held;  // (n, n_rows) rows that the step holds
-  const int* cap_by;  // (n_rows,) which parameter a largest tension is; -1 for none
+  const int* cap_by;  // (n_rows,) parameter that is the row's largest tension; -1 for none
   double* acc_D;  // (n, n_vD) mean acceleration over the step
-  // (n, 2 n_vD, m) of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K, acc_K, u_D if asked
-  // for, and p; of driven rotations by rate and mean
+  // (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K, acc_K, u_D
+  // if requested, and p; for driven rotations by rate and mean
   double* motion;
-  double* pull;  // (n, n_rows, m) of the tensions; null: not asked for
-  // (n, 3 room, m) of the points' multipliers: along the normal, and along two tangents where
-  // it sticks; point after point; null: not asked for
+  double* pull;  // (n, n_rows, m) derivatives of the tensions, or null
+  // (n, 3 room, m) derivatives of the multipliers, point after point: along the normal and, if
+  // the point sticks, along two tangents; or null
   double* shares;
   // (n, n_vD + n_vK, m) of the configuration where what springs back touches, of steps in
   // which something does; null without shares
@@ -396,30 +398,30 @@ struct StepDerivativeArrays {
   const double* delay;  // as in TouchingStepArrays; null without contact
   int room;  // for points of a node
   const StepContact* points;  // (n, room)
-  const double* screws;  // as in TouchingStepArrays
-  const double* by_p;  // likewise
-  int* edges;  // (n,) StepEdge; added to
+  const double* screws;  // screws of TouchingStepArrays
+  const double* by_p;  // by_p of TouchingStepArrays
+  int* edges;  // (n,) StepEdge; bits are added
 };
 
-// A smooth piece of a run, and small changes along it.
+// A smooth piece of a run, and the evolution of small changes along it.
 struct FlowDerivativeArrays {
-  double rtol;  // of the integration of state and changes
-  double atol;  // likewise
-  double step;  // that is tried first, and at the end would be tried next [s]
-  double start;  // [s]
+  double rtol;  // relative tolerance of the integration of state and changes
+  double atol;  // absolute tolerance, likewise
+  double step;  // first step size; at the end, the next step size [s]
+  double start;  // time of the start [s]
   long long n_times;
-  const double* times;  // (n_times,) at which to write, increasing, up to the end [s]
-  InputArrays input;  // of one piece
-  int m;  // changes: by the state, by the parameters, along the inputs
-  int n_inputs;  // those along the inputs
-  // (6, 3 n_vK + n_vD, n_inputs) changes of q_K, v_K, acc_K and u_D in powers of the time
-  // since the start over the whole
+  const double* times;  // (n_times,) times of results, increasing; the last is the end [s]
+  InputArrays input;  // input with one piece
+  int m;  // number of changes: of the state, of parameters, of the inputs
+  int n_inputs;  // number of changes of the inputs
+  // (6, 3 n_vK + n_vD, n_inputs) changes of q_K, v_K, acc_K and u_D, in powers of the time
+  // since the start relative to the whole time
   const double* by_inputs;
   const double* p;
   const unsigned char* held;  // (n_rows,) rows that are held
   const double* q_D;  // (n_qD,) at the start
   const double* v_D;  // (n_vD,)
-  const double* changes;  // (2 n_vD, m) of (q_D, v_D)
+  const double* changes;  // (2 n_vD, m) changes of (q_D, v_D) at the start
   double* q_D_at;  // (n_times, n_qD)
   double* v_D_at;  // (n_times, n_vD)
   double* changes_at;  // (n_times, 2 n_vD, m)
@@ -428,34 +430,34 @@ struct FlowDerivativeArrays {
 
 // A quadratic program of stages (search/stage_program.hpp).
 struct StageProgramArrays {
-  long long N;  // stages
-  int n_z;  // states of a stage
-  int k;  // inputs
-  int m;  // rows
-  const double* H;  // (N, k + n_z, k + n_z) of (u_i, z_{i+1})
-  const double* g;  // (N, k + n_z)
-  const double* cross;  // (N, k + n_z, k) of (u_{i-1}, z_i) with u_i
+  long long N;  // number of stages
+  int n_z;  // number of states
+  int k;  // number of inputs
+  int m;  // number of rows
+  const double* H;  // (N, k + n_z, k + n_z) Hessians by (u_i, z_{i+1})
+  const double* g;  // (N, k + n_z) gradients
+  const double* cross;  // (N, k + n_z, k) mixed derivatives by (u_{i-1}, z_i) and u_i
   const double* A;  // (N, n_z, n_z)
   const double* B;  // (N, n_z, k)
   const double* e;  // (N, n_z)
   const double* low;  // (N, k + n_z) bounds of (u_i, z_{i+1})
   const double* high;  // (N, k + n_z)
-  const double* C;  // (N, m, 2 k + n_z) rows of (u_{i-1}, z_i, u_i)
+  const double* C;  // (N, m, 2 k + n_z) coefficients of rows in (u_{i-1}, z_i, u_i)
   const double* row_low;  // (N, m)
   const double* row_high;  // (N, m)
-  const double* price;  // (N, m) of passing a row
-  double unit;  // of the cost
-  double unbounded;  // from which a bound is none
-  double tolerance;  // of the residuals; ten times as much of the barrier
-  double barrier;  // least product of slacks and multipliers
+  const double* price;  // (N, m) prices of violating a row
+  double unit;  // unit of the cost
+  double unbounded;  // size that represents no bound
+  double tolerance;  // tolerance of the residuals; of the barrier ten times this
+  double barrier;  // smallest product of slacks and multipliers
   int most_iterations;
   double* u;  // (N, k)
-  double* z;  // (N, n_z) of z_1 and later
+  double* z;  // (N, n_z) z_1 and later
   double* costate;  // (N, n_z) multipliers of the dynamics
-  double* passed;  // (N, m) how far rows are passed
+  double* passed;  // (N, m) violations of the rows
   double* force;  // (N, m) multipliers of the rows
-  double* gain;  // (k, n_z) of u_0 by z_0 with the last factors, or null
-  int iterations;  // factorisations made
+  double* gain;  // (k, n_z) derivative of u_0 by z_0 with the last factors, or null
+  int iterations;  // number of factorisations
   int solved;  // whether the tolerance was reached
   double primal;  // residual of the bounds
   double dual;  // residual of stationarity, relative to g
@@ -464,121 +466,123 @@ struct StageProgramArrays {
 
 // A time step in every interval (search/stage_dynamics.hpp).
 struct StageStepArrays {
-  long long N;  // intervals
+  long long N;  // number of intervals
   int n_d;  // 2 n_vD
   int k;  // n_vK
-  int columns;  // of motion, the first n_d + 3 k count
-  int is_first;  // of the steps of an interval
-  const double* motion;  // (N, n_d, columns) of (dq_D, v_D) after the step, as linearised
-  Shared driven;  // (2 k, 3 k) of (dq_K, v_K) before it by q_K, v_K and acc_K at the start
+  int columns;  // columns of motion; the first n_d + 3 k are used
+  int is_first;  // whether it is the first step of the interval
+  const double* motion;  // (N, n_d, columns) linearised (dq_D, v_D) after the step
+  // (2 k, 3 k) derivative of (dq_K, v_K) before the step by q_K, v_K and acc_K at the start of
+  // the interval
+  Shared driven;
 };
 
 // A program of stages in real time (search/stage_clamped.hpp).
 struct StageClampArrays {
-  long long N;  // stages
+  long long N;  // number of stages
   int n_d;  // 2 n_vD
   int n_inputs;  // n_vK; n_z = n_d + 2 n_vK
-  int k;  // inputs that take part
-  const int* inputs;  // (k,) which
+  int k;  // number of active inputs
+  const int* inputs;  // (k,) active inputs
   int n_squares;  // rows of J
   int n_pulls;  // rows of C
-  int n_joints;  // numbers of the state with bounds that may be passed
-  Shared driven;  // (2 n_vK, 3 n_vK) of (dq_K, v_K) after the interval
-  const double* squares;  // (N, n_squares, n_z) J of z_{i+1}
-  const double* diagonal;  // (N, n_vK + n_z) of (u_i, z_{i+1})
-  const double* g;  // (N, n_vK + n_z)
-  double jerk;  // c: less u_{i-1} . u_i times this
-  const double* pulls;  // (N, n_pulls, n_z + n_vK) C of (z_i, u_i)
+  int n_joints;  // number of state variables with soft bounds
+  Shared driven;  // (2 n_vK, 3 n_vK) derivative of (dq_K, v_K) after the interval
+  const double* squares;  // (N, n_squares, n_z) J for z_{i+1}
+  const double* diagonal;  // (N, n_vK + n_z) diagonal of the Hessian by (u_i, z_{i+1})
+  const double* g;  // (N, n_vK + n_z) gradients
+  double jerk;  // c: the cost contains -c u_{i-1} . u_i
+  const double* pulls;  // (N, n_pulls, n_z + n_vK) C for (z_i, u_i)
   const double* pull_weight;  // (N, n_pulls) W
   double h;  // length of an interval [s]
-  const double* acc;  // (N, n_vK) at which changes begin
-  const double* q;  // (N + 1, n_vK) numbers of the driven coordinates
-  const double* v;  // (N + 1, n_vK)
-  const double* most;  // (n_vK,) of accelerations
-  const double* last_most;  // (n_vK,) of the last acceleration
-  const double* speed;  // (n_vK,) largest
-  const double* low;  // (n_vK,) of the numbers
+  const double* acc;  // (N, n_vK) accelerations to be changed
+  const double* q;  // (N + 1, n_vK) values of the driven coordinates
+  const double* v;  // (N + 1, n_vK) velocities of the driven coordinates
+  const double* most;  // (n_vK,) largest accelerations
+  const double* last_most;  // (n_vK,) largest last accelerations
+  const double* speed;  // (n_vK,) largest speeds
+  const double* low;  // (n_vK,) bounds of the values
   const double* high;  // (n_vK,)
   const int* joint_places;  // (n_joints,) places in z
   const double* joint;  // (N, n_joints) values after the intervals
   const double* joint_low;  // (n_joints,)
   const double* joint_high;  // (n_joints,)
-  double price;  // of passing a bound
-  double unit;  // of the cost
-  int shift;  // stages by which the horizon went on since the one before; -1: anew
-  int most_stages;  // that may be factorised in all
+  double price;  // price of violating a bound
+  double unit;  // unit of the cost
+  int shift;  // stages by which the horizon moved since the last solve; -1: no warm start
+  int most_stages;  // largest total number of factorised stages
   double* u;  // (N, n_vK) changes of the accelerations
-  double decrease;  // of the cost
-  int iterations;  // factorisations begun
-  int stages;  // factorised in all
-  int solved;  // whether bounds in force are the right ones
+  double decrease;  // decrease of the cost
+  int iterations;  // number of factorisations begun
+  int stages;  // total number of factorised stages
+  int solved;  // whether the active bounds are optimal
 };
 
 // A rollout of fixed steps, and the gradient of its cost.
 struct GradientArrays {
-  long long n;  // steps
+  long long n;  // number of steps
   Options options;
   const double* winches;
   const double* p;
-  Shared u_D;  // by step, or null
-  const double* q_K;  // (n + 1, n_qK) by node
+  Shared u_D;  // user forces of each step, or null
+  const double* q_K;  // (n + 1, n_qK) driven configuration at each node
   const double* v_K;  // (n + 1, n_vK)
   const double* rate;  // (n, n_vK) dq_K/dt over the steps
   const double* mean;  // (n, n_vK) dv_K/dt over the steps
-  double* q_D;  // (n + 1, n_qD) the first is given
+  double* q_D;  // (n + 1, n_qD) the first is the start
   double* v_D;  // (n + 1, n_vD) likewise
   double* acc_D;  // (n, n_vD) mean accelerations over the steps
   double* tension;  // (n, n_rows)
-  double* ahead;  // (n, 2) times by which acc_D and its change run ahead [s]
-  double reference_force;  // a weight [N]
-  int* n_points;  // (n,) points of contact that push in the steps
-  int* n_sliding;  // (n,) those that slide
-  int* edges;  // (n,) StepEdge; a sweep adds to them and ends where it has to
-  int* pairs;  // (n,) pair of contact that is on an edge; -1 for none
-  double slip;  // largest [m]
-  long long shortened;  // first step that was cut short; n for none
-  long long made;  // steps before something stopped the rollout
+  double* ahead;  // (n, 2) times by which acc_D and its change are extrapolated [s]
+  double reference_force;  // size of forces, such as the weight [N]
+  int* n_points;  // (n,) numbers of contact points with force
+  int* n_sliding;  // (n,) numbers of sliding contact points
+  int* edges;  // (n,) StepEdge; the backward sweep adds bits
+  int* pairs;  // (n,) contact pair of the edge; -1 for none
+  double slip;  // largest slip of a winch [m]
+  long long shortened;  // first shortened step; n for none
+  long long made;  // number of steps before the rollout ended
   int status;  // Status
   const unsigned char* held;  // (n, n_rows) rows that the steps hold
-  const double* l_q;  // (n + 1, n_vD) the cost's own derivatives: by tangents of q_D
-  const double* l_v;  // (n + 1, n_vD) by v_D
-  const double* l_tension;  // (n, n_rows) by the tensions, or null
+  const double* l_q;  // (n + 1, n_vD) partial derivatives of the cost by tangents of q_D
+  const double* l_v;  // (n + 1, n_vD) partial derivatives by v_D
+  const double* l_tension;  // (n, n_rows) partial derivatives by the tensions, or null
   double* g_q;  // (n_vD,) gradient by tangents of q_D at the start
-  double* g_v;  // (n_vD,) by v_D there
-  double* g_qK;  // (n, n_vK) by tangents of q_K in the steps
-  double* g_rate;  // (n, n_vK) by the rates
-  double* g_mean;  // (n, n_vK) by the mean accelerations
-  double* g_u;  // (n, n_vD) by u_D
-  double* g_p;  // (n_p,)
+  double* g_v;  // (n_vD,) gradient by v_D at the start
+  double* g_qK;  // (n, n_vK) gradient by tangents of q_K in the steps
+  double* g_rate;  // (n, n_vK) gradient by the rates
+  double* g_mean;  // (n, n_vK) gradient by the mean accelerations
+  double* g_u;  // (n, n_vD) gradient by u_D
+  double* g_p;  // (n_p,) gradient by the parameters
 };
 
-// Places, and the hanging poses nearest to them.
+// Targets, and the hanging poses nearest to them.
 struct ReachArrays {
-  long long n;  // poses
-  int n_targets;  // points and coordinates with a place in every pose
-  const int* links;  // (n_targets,) of points; -1 for coordinates
-  const int* columns;  // (n_targets,) of coordinates: the velocity, v_K after v_D
+  long long n;  // number of poses
+  int n_targets;  // number of points and coordinates with a target
+  const int* links;  // (n_targets,) links of points; -1 for coordinates
+  const int* columns;  // (n_targets,) velocities of coordinates, v_K after v_D
   const double* at;  // (n_targets, 3) points in their links' frames [m]
   const unsigned char* moves;  // (n_targets, n_vD + n_vK) velocities that move the link
-  const double* places;  // (n, n_targets, 3) NaN is free; a coordinate's value is the first
-  const double* weights;  // (n_targets,) of squared distances
-  int once;  // whether poses that are not reached are not looked for again
-  const double* q_D;  // (n_qD,) where the first pose begins
+  const double* places;  // (n, n_targets, 3) targets; NaN is free; coordinates use the first
+  const double* weights;  // (n_targets,) weights of squared distances
+  int once;  // whether poses that are not reached are searched once only
+  const double* q_D;  // (n_qD,) start of the search for the first pose
   const double* q_K;  // (n_qK,)
   const double* p;  // (n_p,)
   const double* tension;  // (n_rows,)
-  const unsigned char* held;  // (n_rows,) rows that pull
-  const unsigned char* may_change;  // (n_rows,) rows that may begin or cease to
-  const int* lengths;  // (n_rows,) of driven strings: place of the length in v_K; else -1
-  const unsigned char* moved;  // (n_vK + n_p,) what is chosen
+  const unsigned char* held;  // (n_rows,) active rows
+  const unsigned char* may_change;  // (n_rows,) rows that may be added or removed
+  const int* lengths;  // (n_rows,) place in v_K of a driven string's length; otherwise -1
+  const unsigned char* moved;  // (n_vK + n_p,) unknowns of the search
   const double* low;  // (n_vK + n_p,) bounds of scalars
   const double* high;  // (n_vK + n_p,)
-  const double* tension_low;  // (n_rows,) of rows that pull
+  const double* tension_low;  // (n_rows,) bounds of active rows' tensions
   const double* tension_high;  // (n_rows,)
-  const double* joint_low;  // (n_vD,) of scalars
+  const double* joint_low;  // (n_vD,) bounds of scalars
   const double* joint_high;  // (n_vD,)
-  double weight;  // of the puppet, as the size of forces [N]
-  double tolerance;  // of the distance [m or rad]
+  double weight;  // weight of the puppet, as the size of forces [N]
+  double tolerance;  // tolerance of the distance [m or rad]
   int max_iterations;
   int* status;  // (n,) ReachEnd
   int* iterations;  // (n,)
@@ -587,56 +591,56 @@ struct ReachArrays {
   double* out_p;  // (n, n_p)
   double* out_tension;  // (n, n_rows)
   unsigned char* out_held;  // (n, n_rows)
-  double* left;  // (n, n_targets, 3) from the place to where it is; 0 where free
-  double* price;  // (n, n_vK + n_p + n_rows + n_vD) multipliers of bounds: above 0 at the high one
-  double* by;  // (n, n_vK + n_p, n_vD) derivative of q_D by what is chosen
-  unsigned char* stable;  // (n,) whether V has a minimum there
+  double* left;  // (n, n_targets, 3) vectors from targets to actual places; 0 if free
+  double* price;  // (n, n_vK + n_p + n_rows + n_vD) multipliers of bounds, positive at high ones
+  double* by;  // (n, n_vK + n_p, n_vD) derivative of q_D by the unknowns
+  unsigned char* stable;  // (n,) whether V has a minimum at the pose
 };
 
-// A link's joint, and where its coordinates are.
+// A link's joint, and the places of its coordinates.
 struct JointPlace {
-  int parent;  // link, or -1 for the world
-  int role;  // 0: it does not move; 1: in q_D; 2: in q_K
-  int q;  // first of its coordinates
-  int slides;  // coordinates along axes, which come first
-  int turns;  // coordinates that turn it: 1 for an angle, 4 for a quaternion
+  int parent;  // parent link, or -1 for the world
+  int role;  // 0: fixed; 1: in q_D; 2: in q_K
+  int q;  // place of its first coordinate
+  int slides;  // number of translations, which come first
+  int turns;  // numbers of its rotation: 1 for an angle, 4 for a quaternion
 };
 
-// Solids and pairs of them whose clearance is measured.
+// Pairs of solids whose clearance is measured.
 struct ClearanceArrays {
   long long n_moving;
   long long n_standing;
   long long n_pairs;
-  const Solid* moving;  // against all standing solids
+  const Solid* moving;  // moving solids, measured against all standing ones
   const Solid* standing;
-  const int* pairs;  // (n_pairs, 2) of moving solids, against one another
-  // (n_moving, n_standing) those that are not measured against one another
-  const unsigned char* left_out;
-  const double* string_radius;  // (n_strings,) against standing solids; negative: not measured
+  const int* pairs;  // (n_pairs, 2) moving solids measured against one another
+  const unsigned char* left_out;  // (n_moving, n_standing) pairs that are not measured
+  // (n_strings,) radii, for strings against standing solids; negative: not measured
+  const double* string_radius;
   const JointPlace* joints;  // (n_links,)
   const int* carriers;  // (n_points,) links of the strings' points; -1 for the world
-  // distance of two solids one of which is a mesh, without radii; null without mesh
+  // distance of two solids without radii, one of them a mesh; null without meshes
   double (*exact)(const Solid*, const Solid*);
 };
 
-// A goal.
+// A goal of a plan.
 struct GoalArrays {
   int kind;  // GoalKind
-  int link;  // of a point
-  const double* low;  // (n_qD,) of a pose; an orientation is at low, with its first weight
+  int link;  // link of a point
+  const double* low;  // (n_qD,) bounds of a pose; an orientation is in low, weighted once
   const double* high;  // (n_qD,)
   const double* weight;  // (n_vD,)
   const double* v_D;  // (n_vD,) target
   const double* v_K;  // (n_vK,) target
-  double at[3];  // the point in its link's frame [m]
-  double place[3];  // low corner of the box it must reach [m]
+  double at[3];  // point in its link's frame [m]
+  double place[3];  // low corner of the target box of the point [m]
   double place_high[3];  // high corner [m]
-  double speed_weight;  // of the error of v_D [s]
-  double driven_weight;  // of the error of v_K [s]
-  double tolerance;  // of the distance; negative: never stop at the goal
-  int n_touches;  // touches that are asked for
-  const int* touches;  // (n_pairs,) of contact: the touch that a pair is part of, or -1
-  double open;  // added to the distance while some touch does not push
+  double speed_weight;  // weight of the error of v_D [s]
+  double driven_weight;  // weight of the error of v_K [s]
+  double tolerance;  // tolerance of the distance; negative: never stop at the goal
+  int n_touches;  // number of required touches
+  const int* touches;  // (n_pairs,) required touch of each contact pair, or -1
+  double open;  // penalty in the distance for a required touch without force
 };
 
 // An equilibrium and the gains of the feedback to it.
@@ -668,10 +672,10 @@ struct SegmentArrays {
 
 // A planner's rollouts.
 struct RolloutArrays {
-  long long n;  // rollouts
-  int segments;  // of a rollout, at most
-  int looks;  // of a segment
-  int steps;  // of a look
+  long long n;  // number of rollouts
+  int segments;  // largest number of segments of a rollout
+  int looks;  // number of looks of a segment, at which it is checked
+  int steps;  // number of steps of a look
   Options options;
   const double* p;
   const double* winches;
@@ -681,25 +685,25 @@ struct RolloutArrays {
   const double* slip;
   const double* q_K;
   const double* v_K;
-  double* acc_K;  // (n, segments, n_vK); those not given are led, and written
-  const int* n_segments;  // (n,) segments of each, at least one
+  double* acc_K;  // (n, segments, n_vK); written where feedback determines them
+  const int* n_segments;  // (n,) number of segments of each, at least 1
   const int* n_given;  // (n,) leading segments whose accelerations are given
   const int* funnel;  // (n,) index of its funnel
   const double* lead_time;  // (n,) time by which its reference runs ahead [s]
   const FunnelArrays* funnels;
   BoundArrays bounds;
-  double margin;  // least clearance [m]
+  double margin;  // smallest allowed clearance [m]
   int may_slacken;  // whether strings that pull may go slack
   const ClearanceArrays* solids;
-  const unsigned char* kept_off;  // (n_pairs,) of contact: those that must not touch; null: none
+  const unsigned char* kept_off;  // (n_pairs,) contact pairs that must not touch; null for none
   GoalArrays goal;
   SegmentArrays out;
 };
 
-// What the threads that simulate rollouts share.
+// State shared by the threads that simulate rollouts.
 struct RolloutProgress {
   long long next;  // next rollout to simulate
-  long long reached;  // first rollout at the goal; n while none is; -1 abandons all
+  long long reached;  // first rollout at the goal so far, or n; -1 abandons all
 };
 
 // Offsets of the parts of a sample.
@@ -719,12 +723,12 @@ struct SampleLayout {
   static constexpr int kinetic = taut + Model::n_rows;  // kinetic energy [J]
   static constexpr int potential = kinetic + 1;  // potential energy [J]
   static constexpr int work = potential + 1;  // work of the inputs [J]
-  static constexpr int damping = work + 1;  // lost to damping and drag [J]
-  static constexpr int impact = damping + 1;  // lost at catches [J]
-  static constexpr int slip_loss = impact + 1;  // lost by slipping winches [J]
-  static constexpr int friction = slip_loss + 1;  // lost to friction of contacts [J]
-  static constexpr int slip = friction + 1;  // what the winches have let out [m]
-  // of the laws of contact in the step before: a speed, relative to the largest in them [1]
+  static constexpr int damping = work + 1;  // loss by damping and drag [J]
+  static constexpr int impact = damping + 1;  // loss at catches [J]
+  static constexpr int slip_loss = impact + 1;  // loss by slipping winches [J]
+  static constexpr int friction = slip_loss + 1;  // loss by friction of contacts [J]
+  static constexpr int slip = friction + 1;  // lengths let out by slipping winches [m]
+  // error of the contact laws in the last step, relative to the largest speed in them [1]
   static constexpr int contact_residual = slip + Model::n_strings;
   static constexpr int width = contact_residual + 1;
 };
@@ -736,13 +740,14 @@ struct EventLayout {
 
 // Offsets of the parts of a contact point.
 struct ContactLayout {
-  static constexpr int sample = 0;  // which of the record's samples [1]
-  static constexpr int pair = sample + 1;  // which pair of solids [1]
-  static constexpr int gap = pair + 1;  // between their surfaces; negative where they overlap [m]
-  static constexpr int point = gap + 1;  // midway between them, in the world [m]
-  static constexpr int normal = point + 3;  // from the second solid to the first [1]
-  static constexpr int force = normal + 3;  // on the first solid, in the world [N]
-  static constexpr int velocity = force + 3;  // of the first solid against the second there [m/s]
+  static constexpr int sample = 0;  // index of the sample in the record [1]
+  static constexpr int pair = sample + 1;  // index of the pair of solids [1]
+  static constexpr int gap = pair + 1;  // distance of their surfaces; negative if they overlap [m]
+  static constexpr int point = gap + 1;  // midpoint between the surfaces, in the world [m]
+  static constexpr int normal = point + 3;  // unit normal from the second solid to the first [1]
+  static constexpr int force = normal + 3;  // force on the first solid, in the world [N]
+  // velocity of the first solid relative to the second [m/s]
+  static constexpr int velocity = force + 3;
   static constexpr int width = velocity + 3;
 };
 
@@ -758,7 +763,7 @@ struct Part {
   };
 };
 
-// How many numbers a part has.
+// Number of entries of a part.
 template <class Model>
 constexpr int part_width(int part) {
   const int widths[] = {
@@ -768,8 +773,8 @@ constexpr int part_width(int part) {
 }
 
 // The generated functions. A single result is written to the last argument; several are written to
-// the members of their names (arrays, pointers or numbers) of `to`. With `constants` false, entries
-// that never change keep what an earlier call with `constants` wrote.
+// the members of `to` with their names (arrays, pointers or numbers). If `constants` is false,
+// constant entries are not written: they keep the values of an earlier call with `constants`.
 template <class Model, class Real>
 struct Call {
   // Accelerations and tensions of any active set (Eqs. 10, 11): acc_D = back(L, w0 + W lam),
@@ -786,7 +791,7 @@ struct Call {
     Model::dynamics_varying(arg, res);
   }
 
-  // The same over a step dt: damping and drag are in F, velocity products those of v_ahead.
+  // `dynamics` over a step dt: F contains damping and drag, velocity products use v_ahead.
   template <class Results>
   FAN_FN static void step_dynamics(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -895,7 +900,7 @@ struct Call {
     Model::back(arg, res);
   }
 
-  // Lag of the drives that may be too weak.
+  // Lag of the watched drives behind their commands.
   template <class Results>
   FAN_FN static void motor_lags(
       const Real* q_D, const Real* q_K, const Real* p, Results& to) {
@@ -904,7 +909,7 @@ struct Call {
     Model::motor_lags(arg, res);
   }
 
-  // Share of the force its controller asks for that a motor can exert.
+  // Share of its controller's demanded force that each watched motor can exert.
   FAN_FN static void motor_shares(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* acc_K, const Real* p, Real* share) {
@@ -913,7 +918,7 @@ struct Call {
     Model::motor_shares(arg, res);
   }
 
-  // Force that controllers ask motors for, whatever these can exert.
+  // Force that controllers demand, without the bounds of the motors.
   FAN_FN static void motor_demands(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* acc_K, const Real* p, Real* f_D) {
@@ -1015,7 +1020,7 @@ struct Call {
     Model::row_rates_by_varying(arg, res);
   }
 
-  // Forces that do not balance at rest, r of Eq. 10, h, and their derivatives.
+  // Residual force r of Eq. 10 at rest, h, and their derivatives.
   template <class Results>
   FAN_FN static void hanging(
       const Real* q_D, const Real* q_K, const Real* tension, const Real* p,
@@ -1026,7 +1031,7 @@ struct Call {
     Model::hanging(arg, res);
   }
 
-  // Gradient of z . r + y . hdot + y_h . h; r has the velocity products of v_ahead, hdot is at
+  // Gradient of z . r + y . hdot + y_h . h; r has velocity products of v_ahead, hdot is at
   // v_next.
   template <class Results>
   FAN_FN static void step_back(
@@ -1040,7 +1045,7 @@ struct Call {
     Model::step_back(arg, res);
   }
 
-  // The entries of y = F^-T x that are not zero for x in one joint, by its number.
+  // The nonzero entries of y = F^-T x for an x that is zero outside one joint.
   FAN_FN static void column(
       int which, const Real* L, const Real* x_joint, Real* y) {
     const Real* arg[] = {L, x_joint};

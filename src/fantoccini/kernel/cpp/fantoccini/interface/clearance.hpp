@@ -8,9 +8,9 @@
 #include "fantoccini/collision/clearance.hpp"
 #include "fantoccini/interface/export.hpp"
 
-// Clearances (n,) of configurations (n, n_qD), (n, n_qK), lower bounds of all distances while
-// joints move by up to slide, turn (n, n_links), wound and loose (n, n_strings), and the number of
-// the nearest pair. Nothing moves where these are null. Returns 0, or 1 without memory.
+// Clearances (n,) of configurations (n, n_qD), (n, n_qK): lower bounds of all distances while
+// joints move by up to slide, turn (n, n_links), wound and loose (n, n_strings), which are zero if
+// null; and the index of the nearest pair. Returns 0, or 1 if there is not enough memory.
 FAN_EXPORT int fan_clearance(
     long long n, const double* q_D, const double* q_K, const double* p, const double* slide,
     const double* turn, const double* wound, const double* loose, const fan::ClearanceArrays* in,

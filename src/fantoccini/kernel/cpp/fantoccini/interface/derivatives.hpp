@@ -7,8 +7,8 @@
 #include "fantoccini/derivatives/flow_derivatives.hpp"
 #include "fantoccini/interface/map_lanes.hpp"
 
-// Changes along a smooth piece of a run; sets its status and step. 1 where there was no memory,
-// else 0.
+// Changes along a smooth piece of a run; sets its status and step. Returns 0, or 1 if there is not
+// enough memory.
 FAN_EXPORT int fan_flow_derivatives(fan::FlowDerivativeArrays* arrays) {
   try {
     const auto flow = std::make_unique<fan::FlowDerivatives<fan::Model>>(*arrays);

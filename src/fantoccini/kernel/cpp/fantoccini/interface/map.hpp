@@ -1,12 +1,12 @@
-// Calls of generated functions over whole arrays, as fantoccini.kernel.runtime makes them. The
+// Calls of generated functions over whole arrays, for fantoccini.kernel.runtime. The
 // translation unit that includes this defines `fan::Model` first, and maps functions after it.
 #pragma once
 
 #include "fantoccini/contract.hpp"
 #include "fantoccini/interface/export.hpp"
 
-// Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i]. No
-// pointer may be null but those of empty arguments and results.
+// Calls a model function n times: argument i of call k begins at arg[i] + k * arg_stride[i]. Only
+// pointers of empty arguments and results may be null.
 #define FAN_MAP(NAME, N_ARG, N_RES)                                                           \
   FAN_EXPORT int fan_map_##NAME(                                                              \
       long long n, const double* const* arg, const long long* arg_stride, double* const* res, \

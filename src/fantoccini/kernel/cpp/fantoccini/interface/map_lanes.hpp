@@ -1,4 +1,4 @@
-// Calls over whole arrays of generated functions that are computed in lanes: several states at
+// Calls over whole arrays of generated functions that are computed in lanes: at several states at
 // once.
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace fan {
 
-// As FAN_MAP's calls; the widths of arguments and results are their lengths.
+// The calls of FAN_MAP, in lanes; the widths of arguments and results are their lengths.
 template <int n_arg, int n_res>
 void map_in_lanes(
     int (*function)(const Wide**, Wide**), const int* arg_width, const int* res_width, long long n,
@@ -45,7 +45,8 @@ void map_in_lanes(
 
 #define FAN_LIST(...) {__VA_ARGS__}
 
-// As FAN_MAP; 1 where there was no memory. ARGS and RESULTS are lists of widths in parentheses.
+// FAN_MAP in lanes; returns 1 if there is not enough memory. ARGS and RESULTS are lists of widths
+// in parentheses.
 #define FAN_MAP_IN_LANES(NAME, ARGS, RESULTS)                                                 \
   FAN_EXPORT int fan_map_##NAME(                                                              \
       long long n, const double* const* arg, const long long* arg_stride, double* const* res, \

@@ -29,13 +29,13 @@ FAN_EXPORT void fan_look(
   for (int i = 0; slip && i < F::S; ++i) slip[i] = event.flow.slip_now[i];
 }
 
-// Until when the flow is smooth from the present time on, at most t_end, into `end`; a status.
+// Writes to `end` the time until which the flow is smooth, at most t_end; returns a status.
 FAN_EXPORT int fan_smooth_until(
     void* handle, double t_end, double* end, fan::Record<fan::Model>* out) {
   return static_cast<fan::AnyRun*>(handle)->event.begin_stretch(t_end, end, *out);
 }
 
-// The present time, y and what every row does (fan::Hold).
+// The present time, y and the mode of every row (fan::Hold).
 FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) {
   const auto& flow = static_cast<const fan::AnyRun*>(handle)->event.flow;
   for (int j = 0; j < flow.NY; ++j) y[j] = flow.y[j];
@@ -45,8 +45,8 @@ FAN_EXPORT double fan_present(const void* handle, double* y, signed char* mode) 
 
 FAN_BATCHES(fan::EventBatch<fan::Model>)
 
-// How far the solids of every pair are apart at n configurations (n, n_pairs); pairs farther apart
-// than `margin` keep what is in `gaps`. 1 where there was no memory, else 0.
+// Distances (n, n_pairs) of the solids of every pair at n configurations; entries of `gaps` are not
+// written for distances above `margin`. Returns 0, or 1 if there is not enough memory.
 FAN_EXPORT int fan_gaps(
     const fan::ContactArrays* in, long long n, const double* q_D, const double* q_K,
     const double* p, double margin, double* gaps) {
@@ -66,10 +66,9 @@ FAN_EXPORT int fan_step_touches(
   return fan::find_step_touches<fan::Model>(*in, first, last);
 }
 
-// Complementarity of n rows by itself (solvers/active_set.hpp): W (n, n_vD) with a row's column in
-// each row, b (n,), upper (n,), two_sided (n,) -> x of least norm, s, and a Farkas ray where there
-// is no solution (n,) each. `active` (n,) is the guess on entry and the rows in the basis on
-// return. Returns fan::Solved.
+// A complementarity problem of n rows (solvers/active_set.hpp): W^T (n, n_vD), b (n,), upper (n,),
+// two_sided (n,) -> x of minimum norm, s, and a Farkas ray if there is no solution, each (n,).
+// `active` (n,) is the first guess, and then the rows in the basis. Returns fan::Solved.
 FAN_EXPORT int fan_complementarity(
     int n, const double* W, const double* b, const double* upper, const int* two_sided, int* active,
     double* x, double* s, double* ray) {

@@ -1,4 +1,4 @@
-// An event-driven or a time-stepping run of one trajectory, whichever it is made for.
+// An event-driven or a time-stepping run of one trajectory.
 #pragma once
 
 #include "fantoccini/event/run.hpp"

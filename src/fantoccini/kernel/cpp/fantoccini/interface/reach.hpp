@@ -1,4 +1,4 @@
-// The C interface of hanging poses nearest to places, as fantoccini.kernel.runtime loads it. The
+// The C interface of hanging poses nearest to targets, as fantoccini.kernel.runtime loads it. The
 // translation unit that includes this defines `fan::Model` first.
 #pragma once
 
@@ -7,7 +7,7 @@
 #include "fantoccini/interface/export.hpp"
 #include "fantoccini/search/reach.hpp"
 
-// 1 where there was no memory, else 0.
+// Returns 0, or 1 if there is not enough memory.
 FAN_EXPORT int fan_reach(const fan::ReachArrays* in) {
   auto* made = new (std::nothrow) fan::Reach<fan::Model>();
   if (!made) return 1;

@@ -8,8 +8,8 @@
 #include "fantoccini/interface/export.hpp"
 #include "fantoccini/search/rollouts.hpp"
 
-// Simulates rollouts until none is left, on as many threads as call it with the same arguments.
-// Returns 0, or 1 without memory.
+// Simulates rollouts until all are done; several threads may call it with the same arguments.
+// Returns 0, or 1 if there is not enough memory.
 FAN_EXPORT int fan_rollouts(const fan::RolloutArrays* in, fan::RolloutProgress* progress) {
   try {
     std::vector<fan::Rollouts<fan::Model, fan::Wide>> worker(1);

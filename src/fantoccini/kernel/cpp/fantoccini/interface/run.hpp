@@ -13,13 +13,13 @@ FAN_EXPORT void* fan_new(int event_driven) {
 
 FAN_EXPORT void fan_free(void* run) { delete static_cast<fan::AnyRun*>(run); }
 
-// Sets everything a run needs and writes its first row.
+// Sets up a run and writes its first row.
 FAN_EXPORT int fan_start(void* run, const fan::StartArrays* start, fan::Record<fan::Model>* out) {
   return static_cast<fan::AnyRun*>(run)->start(*start, *out);
 }
 
-// Runs until t_end (DONE), until the record is full or the budget of steps is spent (RUNNING), or
-// until something stops it.
+// Runs until t_end (DONE), until the record is full or the budget of steps is used (RUNNING), or
+// until another status.
 FAN_EXPORT int fan_run(void* run, double t_end, long long budget, fan::Record<fan::Model>* out) {
   return static_cast<fan::AnyRun*>(run)->run(t_end, budget, *out);
 }
@@ -34,9 +34,9 @@ FAN_EXPORT void fan_set_input(void* run, const fan::InputArrays* input) {
   static_cast<fan::AnyRun*>(run)->set_input(*input);
 }
 
-// Writes the run's state, except its inputs, to `out`, or reads it from `from`, which a run of the
-// same library wrote; either may be null. Set the inputs before the run continues. Returns the size
-// in bytes.
+// Writes the run's state, without its inputs, to `out`, or reads it from `from`, written by a run
+// of the same library; either may be null. The inputs must be set before the run continues. Returns
+// the size in bytes.
 FAN_EXPORT long long fan_memory(void* run, unsigned char* out, const unsigned char* from) {
   fan::Snapshot memory(out, from);
   static_cast<fan::AnyRun*>(run)->remember(memory);
@@ -47,7 +47,7 @@ FAN_EXPORT void fan_progress(const void* run, fan::RunProgress* out) {
   *out = static_cast<const fan::AnyRun*>(run)->progress();
 }
 
-// By row and watched drive, its share of the blame for how the run ended, at most 1.
+// Attribution of the run's end to each row and watched drive, at most 1.
 FAN_EXPORT void fan_blame(const void* run, int status, double* out) {
   static_cast<const fan::AnyRun*>(run)->tell_blame(fan::Status(status), out);
 }

@@ -1,4 +1,4 @@
-// The C interface of programs of stages, as fantoccini.kernel.runtime loads it: of no puppet.
+// The C interface of programs of stages, as fantoccini.kernel.runtime loads it, without a puppet.
 #pragma once
 
 #include <new>
@@ -13,7 +13,7 @@ FAN_EXPORT void fan_stage_solver_free(void* solver) {
   delete static_cast<fan::StageProgramSolver*>(solver);
 }
 
-// 1 where there was no memory, else 0.
+// Returns 0, or 1 if there is not enough memory.
 FAN_EXPORT int fan_stage_solve(void* solver, fan::StageProgramArrays* in) {
   try {
     static_cast<fan::StageProgramSolver*>(solver)->solve(*in);
@@ -29,7 +29,7 @@ FAN_EXPORT void fan_clamped_stages_free(void* solver) {
   delete static_cast<fan::ClampedStages*>(solver);
 }
 
-// Adds a time step to the intervals; 1 where there was no memory, else 0.
+// Adds a time step to the intervals. Returns 0, or 1 if there is not enough memory.
 FAN_EXPORT int fan_clamped_stages_step(void* solver, const fan::StageStepArrays* in) {
   try {
     static_cast<fan::ClampedStages*>(solver)->dynamics.add(*in);
@@ -39,7 +39,7 @@ FAN_EXPORT int fan_clamped_stages_step(void* solver, const fan::StageStepArrays*
   return 0;
 }
 
-// Of the steps added since the first; 1 where there was no memory, else 0.
+// Results for the steps added since the first. Returns 0, or 1 if there is not enough memory.
 FAN_EXPORT int fan_clamped_stages_solve(void* solver, fan::StageClampArrays* in) {
   try {
     static_cast<fan::ClampedStages*>(solver)->solve(*in);

@@ -7,7 +7,7 @@
 #include "fantoccini/derivatives/step_bundles.hpp"
 #include "fantoccini/interface/export.hpp"
 
-// The nodes [first, last) of the arrays; 1 where there was no memory, else 0.
+// The nodes [first, last) of the arrays. Returns 0, or 1 if there is not enough memory.
 FAN_EXPORT int fan_step_derivatives(
     const fan::StepDerivativeArrays* in, long long first, long long last) {
   using Bundles = fan::StepBundles<fan::Model>;

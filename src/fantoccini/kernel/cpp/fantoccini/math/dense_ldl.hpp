@@ -1,7 +1,7 @@
 // A = U^T D U with ones on U's diagonal, for symmetric positive definite matrices whose size is
 // known at run time (Golub and Van Loan, Matrix Computations, section 4.1), without pivoting.
-// Columns are filled up to a multiple of four; four rows at a time are eliminated. A right side b
-// may stand in the column beside A: it is eliminated along with it.
+// Columns are padded to a multiple of four; four rows are eliminated at a time. A right-hand side b
+// may be stored in the column after A, and is eliminated with it.
 #pragma once
 
 #include "fantoccini/math/dense_lu.hpp"
@@ -15,18 +15,18 @@ struct DenseLdl {
   static constexpr int N = padded(room(capacity) + 1);
 
   int n = 0, stride = 0;
-  int n_left_out = 0;  // rows
+  int n_left_out = 0;  // number of rows left out
   double
       A[N * N];  // row i, column j >= i at i * stride + j; also j >= the multiple of four below i
 
-  // The sizes, with room for a column n beside A if wanted. Write the rest afterwards.
+  // Sets the sizes, optionally with a column n after A. The entries are written afterwards.
   FAN_FN void resize(int rows, bool with_column = false) {
     n = rows;
     stride = padded(rows + with_column);
   }
 
-  // Replaces A by D U; false where a pivot is not positive or not finite. With `least`, rows whose
-  // pivot falls to that share of their diagonal entry depend on those before: they are left out.
+  // Replaces A by D U; false if a pivot is not positive or not finite. With `least`, a row is left
+  // out if its pivot is at most this share of its diagonal entry: it depends on earlier rows.
   FAN_FN bool factorise(double least = 0.0) {
     n_left_out = 0;
     for (int i = 0; i < n && least > 0.0; ++i) inverse_[i] = least * A[i * (stride + 1)];
@@ -64,8 +64,7 @@ struct DenseLdl {
     return true;
   }
 
-  // r <- A^-1 r, with numbers that are given, or 0, for the rows left out; r has room for the
-  // padded length.
+  // r <- A^-1 r; entries of rows left out are given, or 0. r has the padded length.
   FAN_FN void substitute(double* r, const double* given = nullptr) const {
     const int stride = this->stride;
     for (int k = 0; k < n; k += 4) {
@@ -85,7 +84,7 @@ struct DenseLdl {
     back(r, given);
   }
 
-  // r <- A^-1 b, with the b that column n held when A was factorised.
+  // r <- A^-1 b, with b from column n when A was factorised.
   FAN_FN void take_column(double* r, const double* given = nullptr) const {
     for (int i = 0; i < n; ++i) r[i] = A[i * stride + n] * inverse_[i];
     back(r, given);

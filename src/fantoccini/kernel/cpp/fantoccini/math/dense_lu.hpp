@@ -1,13 +1,13 @@
 // P A = L U with partial pivoting (Golub and Van Loan, Matrix Computations, algorithm 3.4.1), for
-// matrices whose size is known at run time. Rows are contiguous and filled up with zeros to a
-// multiple of four, so that the inner loops run along them in whole registers.
+// matrices whose size is known at run time. Rows are contiguous and padded with zeros to a multiple
+// of four, so that the inner loops use whole registers.
 #pragma once
 
 #include "fantoccini/math/real.hpp"
 
 namespace fan {
 
-// Four doubles that compilers keep in one register, or in two; and where they lie in an array.
+// Four doubles in one or two registers, and four doubles in an array.
 typedef double Quad __attribute__((vector_size(32)));
 typedef double QuadInPlace __attribute__((vector_size(32), aligned(8), may_alias));
 
@@ -16,7 +16,7 @@ FAN_FN const QuadInPlace& quad(const double* at) {
   return *reinterpret_cast<const QuadInPlace*>(at);
 }
 
-// The length of a row of n numbers with its zeros.
+// Padded length of a row of n numbers.
 constexpr int padded(int n) { return (n + 3) / 4 * 4; }
 
 // x . y over padded lengths.
@@ -38,7 +38,7 @@ struct DenseLu {
     stride = padded(rows);
   }
 
-  // Replaces A by its factors; false where a pivot is 0 or not finite.
+  // Replaces A by its factors; false if a pivot is 0 or not finite.
   FAN_FN bool factorise() {
     const int n = this->n, stride = this->stride;  // in registers: stores may alias the members
     double top[N];                                 // of the pivot's row what is right of the pivot
@@ -107,7 +107,7 @@ struct DenseLu {
   }
 
  private:
-  // Of up to four rows from `first` the products with y, over columns from `begin` to `end`.
+  // Products of up to four rows from `first` with y, over columns from `begin` to `end`.
   FAN_FN void products(
       int first, int rows, const double* y, int begin, int end, double* out) const {
     const double* row = A + first * stride;
@@ -125,7 +125,7 @@ struct DenseLu {
         (sum[k][0] + sum[k][1]) + (sum[k][2] + sum[k][3]);
   }
 
-  // Takes from the rows below k their shares of `top` in 4 `quads` columns from j.
+  // Subtracts multiples of `top` from the rows below k, in 4 `quads` columns from j.
   template <int quads>
   FAN_FN void eliminate(int k, int j, const double* top) {
     Quad held[quads];

@@ -1,9 +1,9 @@
 // Elementary functions for any Real: sine and cosine, arctangent, inverse root. They make no calls
-// (except for angles beyond max_reduced_angle), so that all lanes are computed at once. Errors stay
-// below 1 unit in the last place up to 1e4 rad and below 1.5 up to max_reduced_angle, of the
-// arctangent and the inverse root below 2.
+// (except for angles beyond max_reduced_angle), so that all lanes are computed at once. Errors are
+// below 1 unit in the last place up to 1e4 rad, below 1.5 up to max_reduced_angle, and below 2 for
+// the arctangent and the inverse root.
 //
-// Ranges are reduced and approximated as in Sun's fdlibm (K. C. Ng), whose coefficients these are.
+// Range reduction, approximations and their coefficients are those of Sun's fdlibm (K. C. Ng).
 #pragma once
 
 #include <cmath>
@@ -12,7 +12,7 @@
 
 namespace fan {
 
-// What a condition is as a number, and a number that counts only under one.
+// 1 if a condition holds, else 0; and x if a condition holds, else 0.
 FAN_FN double one_if(bool condition) { return condition ? 1.0 : 0.0; }
 template <class Real>
 FAN_FN Real zero_unless(bool condition, const Real& x) {
@@ -56,7 +56,7 @@ FAN_FN void sine_cosine(const Real& x, Real* sine, Real* cosine) {
   using std::abs;
   using std::cos;
   using std::sin;
-  // x = n pi/2 + r + rest, with pi/2 in parts of 33 bits that n multiplies exactly.
+  // x = n pi/2 + r + rest, with pi/2 in parts of 33 bits, whose products with n are exact.
   const Real n = whole(x * 6.36619772367581382433e-01);
   const Real first = x - n * 1.57079632673412561417e+00;
   const Real second = n * 6.07710050630396597660e-11;
@@ -79,7 +79,7 @@ FAN_FN void sine_cosine(const Real& x, Real* sine, Real* cosine) {
 template <class Real>
 FAN_FN Real arctangent(const Real& x) {
   using std::abs;
-  // Beyond tan(3 pi/8) from pi/2, beyond tan(pi/8) from pi/4.
+  // Above tan(3 pi/8) relative to pi/2, above tan(pi/8) relative to pi/4.
   const Real size = abs(x);
   const auto steep = size > Real(2.414213562373095), slant = size > Real(0.41421356237309503);
   const Real above = select(steep, Real(-1.0), select(slant, size - Real(1.0), size));

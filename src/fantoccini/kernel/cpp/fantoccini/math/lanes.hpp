@@ -1,8 +1,7 @@
-// Real as a bundle of doubles: one trajectory per lane.
+// Real as a vector of doubles: one trajectory per lane.
 //
-// A thin type over the compiler's vectors. std::experimental::simd has the same operations as
-// functions, which g++ stops inlining in functions as long as the generated ones: three times
-// slower.
+// A thin type over the compiler's vectors. std::experimental::simd has the same operations, but g++
+// does not inline them in functions as long as the generated ones, which is three times slower.
 #pragma once
 
 #include <cmath>
@@ -19,7 +18,7 @@ struct VectorOf {
   typedef T type __attribute__((vector_size(sizeof(T) * width)));
 };
 
-// A truth value per lane: all ones or all zeros in it.
+// One truth value per lane: all bits of the lane are ones or zeros.
 template <int width>
 struct LaneMask {
   using Bits = typename VectorOf<long long, width>::type;
@@ -44,7 +43,7 @@ struct LaneMask {
 };
 
 #if defined(__AVX512F__)
-// One bit per lane, as AVX-512 compares and selects.
+// One truth value per lane, as one bit: the masks of AVX-512.
 template <>
 struct LaneMask<8> {
   unsigned char bits;
@@ -65,7 +64,7 @@ struct LaneMask<8> {
 };
 #endif
 
-// A comparison of lanes; HOW is its number in AVX-512.
+// A comparison of lanes; HOW is its code in AVX-512.
 #if defined(__AVX512F__)
 #define FAN_LANE_COMPARISON(OP, HOW)                             \
   FAN_LANE_OP Mask operator OP(const Lanes& a, const Lanes& b) { \
@@ -124,7 +123,7 @@ struct Lanes {
   FAN_LANE_COMPARISON(<=, 0x12)
   FAN_LANE_COMPARISON(>=, 0x1d)
 
-  // Hidden friends, so that step code on doubles still finds the C library's.
+  // Hidden friends, so that step code on doubles still uses the C library's functions.
   FAN_LANE_OP Lanes abs(const Lanes& a) {
     using Bits = typename VectorOf<long long, width>::type;
     return of((Vector)((Bits)a.v & 0x7fffffffffffffffLL));
@@ -142,7 +141,7 @@ struct Lanes {
     return out;
   }
 
-  // The C library's, lane by lane: for what elementary.hpp does not cover.
+  // Functions of the C library, lane by lane, which elementary.hpp does not have.
 #define FAN_LANE_CALL(NAME)                                     \
   __attribute__((noinline)) friend Lanes NAME(const Lanes& a) { \
     Lanes out;                                                  \
@@ -173,7 +172,7 @@ __attribute__((always_inline)) inline Lanes<width> select(
     return Lanes<width>::of(mask.bits ? yes.v : no.v);
 }
 
-// As in elementary.hpp.
+// The functions of the same names in elementary.hpp, for lanes.
 template <int width>
 __attribute__((always_inline)) inline Lanes<width> one_if(const LaneMask<width>& condition) {
   return select(condition, Lanes<width>(1.0), Lanes<width>(0.0));
@@ -184,7 +183,7 @@ __attribute__((always_inline)) inline Lanes<width> zero_unless(
   return select(condition, Lanes<width>(x), Lanes<width>(0.0));
 }
 
-// a where a > b or a < b, else b: one operation instead of two that wait for each other.
+// a if a > b (or a < b), else b: one operation instead of two dependent ones.
 template <int width>
 __attribute__((always_inline)) inline Lanes<width> maximum(
     const Lanes<width>& a, const Lanes<width>& b) {
@@ -209,7 +208,7 @@ __attribute__((always_inline)) inline Lanes<width> minimum(
   return Lanes<width>::of(a.v < b.v ? a.v : b.v);
 }
 
-// A place for every lane.
+// One index for every lane.
 template <int width>
 struct LanePlaces {
   typename VectorOf<int, width>::type v;
@@ -221,8 +220,8 @@ struct LanePlaces {
   FAN_LANE_OP LanePlaces operator*(const LanePlaces& a, int by) { return {a.v * by}; }
 };
 
-// The numbers at these places behind `from`; 0 in lanes that are not in the mask, whose places must
-// be good, too.
+// The numbers at these indices of `from`; 0 in lanes outside the mask, whose indices must be valid,
+// too.
 template <int width>
 __attribute__((always_inline)) inline Lanes<width> gathered(
     const double* from, const LanePlaces<width>& at, const LaneMask<width>& mask) {
@@ -235,7 +234,7 @@ __attribute__((always_inline)) inline Lanes<width> gathered(
 }
 
 // 1 / sqrt(x), x > 0 (NaN at 0 with AVX-512). A root and a quotient of eight doubles take as long
-// as sixty products; AVX-512 has an estimate to 2^-14, which two iterations make as exact.
+// as sixty products; AVX-512 has an estimate to 2^-14, which two iterations make equally exact.
 template <int width>
 __attribute__((always_inline)) inline Lanes<width> inverse_root(const Lanes<width>& x) {
 #if defined(__AVX512F__)
@@ -244,7 +243,7 @@ __attribute__((always_inline)) inline Lanes<width> inverse_root(const Lanes<widt
     EightDoubles y = rough_inverse_root(v);
     const EightDoubles rough = less_product(v * y, y, one);
     y += (y * rough) * (0.5 + 0.375 * rough);
-    // The remaining error is below the rounding of x y, so that product keeps its low part.
+    // The remaining error is below the rounding of x y, whose low part is therefore kept.
     const EightDoubles high = v * y, low = product_less(v, y, high);
     const EightDoubles lacks = less_product(high, y, one) - low * y;
     return Lanes<width>::of(y + (0.5 * y) * lacks);

@@ -1,4 +1,4 @@
-// The span of some rows, by Gram and Schmidt's method with the longest row first.
+// A basis of the span of rows, by the Gram-Schmidt method with the longest row first.
 #pragma once
 
 #include <math.h>
@@ -8,20 +8,20 @@
 namespace fan {
 
 struct LeastSpanTolerances {
-  // Part of a row that others do not give, relative to the longest: below, it follows from them.
+  // Smallest remainder of an independent row, relative to the longest row.
   static constexpr double dependent = 1e-7;
 };
 
-// Room for `capacity` rows of n numbers.
+// Memory for `capacity` rows of n numbers.
 template <int capacity, int n>
 class LeastSpan {
  public:
   void begin() { n_ = 0; }
 
-  // Room for one more row.
+  // Memory of the next row, to be written.
   double* next() { return row_[n_++]; }
 
-  // The basis of the rows that were written.
+  // Computes the basis of the rows that were written.
   void find() {
     double longest = 0.0;
     for (rank_ = 0; rank_ < n_; ++rank_) {
@@ -41,7 +41,7 @@ class LeastSpan {
     }
   }
 
-  // Whether a row does not follow from them.
+  // Whether a row is linearly independent of them.
   bool leaves(const double* row) const {
     double rest[room(n)];
     for (int k = 0; k < n; ++k) rest[k] = row[k];

@@ -27,7 +27,7 @@ FAN_FN void normalise(Real* q) {
 
 constexpr double series_half_turn = 0.25;  // rad: smaller half angles use a power series
 
-// cos(x) and sin(x) / x in powers of x^2, but for the highest one.
+// cos(x) and sin(x) / x in powers of x^2, without the highest one.
 constexpr double cosine_series[] = {-1.0 / 3628800.0, 1.0 / 40320.0, -1.0 / 720.0,
                                     1.0 / 24.0,       -0.5,          1.0};
 constexpr double factor_series[] = {-1.0 / 39916800.0, 1.0 / 362880.0, -1.0 / 5040.0,
@@ -59,7 +59,7 @@ FAN_FN void quaternion_exp(const Real* phi, Real* out) {
   out[3] = half * phi[2];
 }
 
-// The rotation vector of a unit quaternion, the shorter way round.
+// The rotation vector of a unit quaternion, for the shorter way.
 template <class Real>
 FAN_FN void quaternion_log(const Real* q, Real* phi) {
   using std::sqrt;
@@ -80,8 +80,8 @@ FAN_FN void tidy(Real* q) {
   unrolled<0, 4>([&](auto k) FAN_INLINE { q[k] *= scale; });
 }
 
-// moved = q moved by the tangent vector time d, with d velocities or, for time 1, that vector
-// itself: scalars add, quaternions turn. moved may be q itself.
+// moved = q moved by the tangent vector time d, with velocities d; for time = 1, d is the tangent
+// vector. Scalars add, quaternions turn. moved may be q.
 template <class Space, class Real>
 FAN_FN void retract(const Real* q, const Real* d, double time, Real* moved) {
   each<Space::n_scalars>([&](int i) FAN_INLINE {
@@ -104,9 +104,9 @@ FAN_FN void retract(const Real* q, const Real* d, Real* moved) {
   retract<Space>(q, d, 1.0, moved);
 }
 
-// The configuration half-way from q to q_next and the tangent vector xi between them, with q_next =
+// The midpoint between q and q_next, and the tangent vector xi between them, with q_next =
 // q c(xi/4) c(xi/4): scalars move by xi, quaternions turn by c(s) = (1, s) / sqrt(1 + s.s), the
-// shorter way round.
+// shorter way.
 template <class Space, class Real>
 FAN_FN void half_way(const Real* q, const Real* q_next, Real* middle, Real* xi) {
   for (int i = 0; i < Space::n_scalars; ++i) {

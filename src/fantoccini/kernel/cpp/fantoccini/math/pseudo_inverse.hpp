@@ -10,20 +10,20 @@ FAN_LOOPS_BEGIN
 
 namespace fan {
 
-// All is done row by row, so that sums over rows are several at once.
+// All loops run along rows, so that several sums over rows are computed at once.
 template <int capacity>
 class PseudoInverse {
  public:
   int rank = 0;
   double inverse[room(capacity * capacity)];  // (n, n), row by row
 
-  // The n by n matrix, row by row, to be written.
+  // The n by n matrix, to be written row by row.
   double* matrix(int n) {
     n_ = n;
     return A_;
   }
 
-  // The rank: columns that are left are shorter than this part of the longest.
+  // The rank: all remaining columns are shorter than this share of the longest.
   void factorise(double dependent) {
     double first = 0.0;
     for (int j = 0; j < n_; ++j) from_[j] = j;
@@ -36,7 +36,7 @@ class PseudoInverse {
       const int j = from_[best];
       from_[best] = from_[rank];
       from_[rank] = j;
-      // The reflection that takes the column to its first entry.
+      // The reflection that maps the column to a multiple of its first entry.
       double* v = left_[rank];
       for (int i = rank; i < n_; ++i) v[i] = at(i, rank);
       make_unit(v, rank, rank + 1, length);
@@ -44,10 +44,10 @@ class PseudoInverse {
     }
   }
 
-  // `inverse`, of the matrix that was written.
+  // Computes `inverse` from the matrix that was written.
   void find(double dependent) {
     factorise(dependent);
-    // From the right: rows [R11 R12] of rank many become [T 0], from the last one on.
+    // From the right: the first `rank` rows [R11 R12] become [T 0], beginning with the last one.
     for (int r = rank - 1; rank < n_ && r >= 0; --r) {
       double* v = right_[r];
       v[r] = at(r, r);
@@ -103,11 +103,11 @@ class PseudoInverse {
       for (int j = 0; j < n_; ++j) y[j] += inverse[i * n_ + j] * x[i];
   }
 
-  // A vector that the matrix takes to 0, after find(); false where there is none but 0.
+  // A null vector of the matrix, after find(); false if the matrix is regular.
   bool null_vector(double* out) const {
     if (rank == n_) return false;
     double x[room(capacity)] = {};
-    // A sum of all of them that hides none.
+    // A sum of all basis vectors, with different weights, so that none cancels.
     for (int j = rank; j < n_; ++j) x[j] = cos(double(j - rank));
     for (int r = 0; r < rank; ++r) {
       const double* v = right_[r];
@@ -129,7 +129,7 @@ class PseudoInverse {
     b = x;
   }
 
-  // The longest of the columns from `rank` on, below row `rank`; sum_ has the squares.
+  // The longest of the columns from `rank` on, from row `rank` on; sum_ has the squared lengths.
   int longest() {
     for (int j = rank; j < n_; ++j) sum_[j] = 0.0;
     for (int i = rank; i < n_; ++i) {
@@ -149,15 +149,15 @@ class PseudoInverse {
     for (int c = first; c < n_; ++c) to[c] -= by * x[c];
   }
 
-  // Rows of X from row and column `first`, `column` on, reflected by v.
+  // Reflects the rows of X by v, from row `first` and column `column` on.
   void reflect(const double* v, int first, double* X, int column) {
     for (int c = column; c < n_; ++c) sum_[c] = 0.0;
     for (int i = first; i < n_; ++i) take(-v[i], X + i * n_, sum_, column);
     for (int i = first; i < n_; ++i) take(2.0 * v[i], sum_, X + i * n_, column);
   }
 
-  // The unit vector of the reflection that takes v, of this length, to a multiple of its entry
-  // `first`; its other entries are those from `next` on.
+  // The unit vector of the reflection that maps v, of this length, to a multiple of its entry
+  // `first`; its other nonzero entries are those from `next` on.
   void make_unit(double* v, int first, int next, double length) const {
     v[first] += v[first] < 0.0 ? -length : length;
     double sum = v[first] * v[first];

@@ -1,6 +1,6 @@
 // C += L^T R for matrices whose rows are contiguous, one block of C in registers at a time (Goto
-// and van de Geijn, ACM Trans. Math. Softw. 34, 2008, section 4). Sizes are known at run time; rows
-// and their number are filled up to a multiple of eight, with zeros.
+// and van de Geijn, ACM Trans. Math. Softw. 34, 2008, section 4). Sizes are known at run time; the
+// length and the number of rows are padded to a multiple of eight with zeros.
 #pragma once
 
 #include "fantoccini/math/wide.hpp"
@@ -18,7 +18,7 @@ typedef double VecInPlace;
 FAN_FN VecInPlace& vec(double* at) { return *reinterpret_cast<VecInPlace*>(at); }
 FAN_FN const VecInPlace& vec(const double* at) { return *reinterpret_cast<const VecInPlace*>(at); }
 
-// The length of a row of n numbers with its zeros.
+// Padded length of a row of n numbers.
 constexpr int in_eights(int n) { return (n + 7) / 8 * 8; }
 
 // y += a x over a padded length.
@@ -62,8 +62,8 @@ FAN_FN void add_block(
   }
 }
 
-// C[i][j] += sum over r < count of L[r][i] R[r][j], i < rows, j < columns; only blocks that reach
-// below or onto the diagonal if `lower`.
+// C[i][j] += sum over r < count of L[r][i] R[r][j], i < rows, j < columns; if `lower`, only blocks
+// that touch the lower triangle.
 FAN_FN void add_product(
     int count, const double* L, int ld_L, const double* R, int ld_R, double* C, int ld_C, int rows,
     int columns, bool lower = false) {
@@ -80,7 +80,7 @@ FAN_FN void add_product(
   }
 }
 
-// The upper triangle of a square matrix from its lower one.
+// Copies the lower triangle of a square matrix to its upper one.
 FAN_FN void mirror(double* P, int ld, int n) {
   for (int i = 0; i < n; i += 8) {
     for (int j = 0; j < i + 8; j += 8) {

@@ -68,7 +68,7 @@ FAN_FN void bracket(const double* a, const double* b, double* out) {
   for (int c = 0; c < 3; ++c) out[c] += more[c];
 }
 
-// Adds two unit vectors across a normal and each other, from the axis that it is farthest from.
+// Two unit vectors perpendicular to a normal and to each other, from the axis farthest from it.
 FAN_FN void add_tangents(double* frame) {
   int axis = 0;
   for (int c = 1; c < 3; ++c)

@@ -1,5 +1,5 @@
-// Three numbers of a contact point: of its normal and its two tangents. Three doubles fill one
-// register, whose last part is 0.
+// Three numbers of a contact point: for its normal and its two tangents. Three doubles are stored
+// in a register of four, whose last entry is 0.
 #pragma once
 
 #include "fantoccini/math/dense_lu.hpp"
@@ -18,7 +18,7 @@ struct Triple {
     FAN_UNROLL for (int d = 0; d < 3; ++d) of[d] += by * x.of[d];
   }
 
-  // Writes those of one lane.
+  // Writes the numbers of one lane.
   FAN_FN void put(int lane, QuadInPlace& out) const {
     out = Quad{of[0][lane], of[1][lane], of[2][lane], 0.0};
   }
@@ -28,7 +28,7 @@ struct Triple {
     FAN_UNROLL for (int d = 0; d < 3; ++d) of[d][lane] += by * x[d];
   }
 
-  // For generated functions that take several vectors at once.
+  // Operators for generated functions of several vectors.
   FAN_ALWAYS_INLINE friend Triple operator+(const Triple& a, const Triple& b) {
     return {{a.of[0] + b.of[0], a.of[1] + b.of[1], a.of[2] + b.of[2]}};
   }

@@ -1,5 +1,5 @@
-// Between numbers of several lanes and an array for each lane: transposes, a block of registers at
-// a time (Eklundh, IEEE Trans. Comput. C-21, 1972).
+// Conversion between numbers of several lanes and one array per lane: transposes blocks of
+// registers (Eklundh, IEEE Trans. Comput. C-21, 1972).
 #pragma once
 
 #include <cstring>
@@ -10,7 +10,7 @@
 namespace fan {
 
 #if defined(__GNUC__) && !defined(__clang__) && FAN_WIDTH > 1
-// Exchanges lanes l + s of `a` with lanes l of `b`, where l has no bit s.
+// Exchanges lanes l + s of `a` with lanes l of `b`, for all l without the bit s.
 template <int s>
 FAN_ALWAYS_INLINE void exchange(Wide* a, Wide* b) {
   typedef long long Places __attribute__((vector_size(8 * FAN_WIDTH)));
@@ -46,8 +46,8 @@ inline void unpack(const Wide* from, int n, double* const* to, int n_lanes) {
     for (int l = 0; l < n_lanes; ++l) to[l][j] = lane_of(from[j], l);
 }
 
-// n numbers of as many arrays as there are lanes, turned round: number j of array i goes to lane i
-// of number j of array l, from its lane l, for the first n_lanes.
+// Transposes n numbers of one array per lane: lane l of number j of array i goes to lane i of
+// number j of array l, for the first n_lanes arrays.
 inline void turn(const Wide* const* from, int n, Wide* const* to, int n_lanes) {
   for (int j = 0; j < n; ++j) {
     Wide x[FAN_WIDTH];
@@ -57,7 +57,7 @@ inline void turn(const Wide* const* from, int n, Wide* const* to, int n_lanes) {
   }
 }
 
-// n numbers of arrays, one for each lane.
+// Reads n numbers of one array for each lane.
 inline void pack(const double* const* from, int n, Wide* to) {
   int j = 0;
   for (; j + FAN_WIDTH <= n; j += FAN_WIDTH) {

@@ -1,4 +1,4 @@
-// Short loops as straight-line code. g++ -O2 leaves loops of constant length as they are.
+// Short loops as straight-line code; g++ -O2 does not unroll loops of constant length.
 #pragma once
 
 #include <type_traits>
@@ -8,7 +8,7 @@
 namespace fan {
 
 // Calls f(from), ..., f(to - 1) with each index as a type, so that it is a constant in f. A lambda
-// is to be FAN_INLINE: what it does is then optimised as one piece.
+// should be FAN_INLINE, so that all calls are optimised together.
 template <int from, int to, class F>
 FAN_ALWAYS_INLINE void unrolled(const F& f) {
   if constexpr (from < to) {
@@ -17,8 +17,7 @@ FAN_ALWAYS_INLINE void unrolled(const F& f) {
   }
 }
 
-// Calls f(0), ..., f(n - 1). None of the calls may read what another one writes: the compiler may
-// compute several at once.
+// Calls f(0), ..., f(n - 1), which must be independent: the compiler may compute several at once.
 template <int n, class F>
 FAN_ALWAYS_INLINE void each(const F& f) {
   constexpr int whole = n / 8 * 8;
@@ -27,8 +26,8 @@ FAN_ALWAYS_INLINE void each(const F& f) {
   unrolled<whole, n>(f);
 }
 
-// Calls f(k, j) for k from 0 to n - 1 with j = k % step, a constant: for as many sums at a time, as
-// each addition waits for the one before.
+// Calls f(k, j) for k from 0 to n - 1 with the constant j = k % step, for `step` independent sums:
+// each addition waits for the previous one of its sum.
 template <int step, int n, class F>
 FAN_ALWAYS_INLINE void unrolled_by(const F& f) {
   constexpr int whole = n / step * step;
@@ -36,7 +35,7 @@ FAN_ALWAYS_INLINE void unrolled_by(const F& f) {
   unrolled<0, n - whole>([&](auto j) FAN_INLINE { f(whole + j, j); });
 }
 
-// The largest of f(0), ..., f(n - 1); -unbounded where there is none.
+// The largest of f(0), ..., f(n - 1); -unbounded for n = 0.
 template <int n, class F>
 FAN_ALWAYS_INLINE auto largest_of(const F& f) {
   using Real = std::decay_t<decltype(f(0))>;

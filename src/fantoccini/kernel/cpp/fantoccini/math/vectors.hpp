@@ -1,7 +1,7 @@
-// Operations on vectors of doubles that only AVX and AVX-512 have, under names of our own.
+// Operations on vectors of doubles that only AVX and AVX-512 have.
 //
-// g++ gets the builtins behind <immintrin.h>, which it would read for most of a second in every
-// file; clang, whose builtins change, gets the header.
+// With g++ they are the builtins behind <immintrin.h>, which takes most of a second to read in
+// every file; clang's builtins change, so that it uses the header.
 #pragma once
 
 #if defined(__AVX__)
@@ -24,7 +24,7 @@ FAN_VECTOR_FN FourDoubles vector_root(FourDoubles x) {
   return FAN_BUILTIN(__builtin_ia32_sqrtpd256(x), _mm256_sqrt_pd(x));
 }
 
-// a where a > b or a < b, else b.
+// a if a > b (or a < b), else b.
 FAN_VECTOR_FN FourDoubles vector_maximum(FourDoubles a, FourDoubles b) {
   return FAN_BUILTIN(__builtin_ia32_maxpd256(a, b), _mm256_max_pd(a, b));
 }
@@ -40,10 +40,10 @@ FAN_VECTOR_FN bool any_bit(FourBits x) {
 
 typedef double EightDoubles __attribute__((vector_size(64)));
 
-// The builtins' arguments for all lanes, and for the rounding that is in force.
+// The builtins' arguments for all lanes, and for the current rounding mode.
 #define FAN_WHOLE (unsigned char)-1, 4
 
-// Which lanes compare as ``how`` says, by Intel's numbers (_CMP_LT_OQ and so on); a bit for each.
+// The result of the comparison `how`, one of Intel's codes such as _CMP_LT_OQ; a bit for each lane.
 template <int how>
 FAN_VECTOR_FN unsigned char compared(EightDoubles a, EightDoubles b) {
   return FAN_BUILTIN(
@@ -74,7 +74,7 @@ FAN_VECTOR_FN EightDoubles rough_inverse_root(EightDoubles x) {
 
 typedef int EightPlaces __attribute__((vector_size(32)));
 
-// The numbers at these places behind `from` in the lanes of a mask, 0 in the others.
+// The numbers at these indices of `from` in the lanes of a mask, 0 in the others.
 FAN_VECTOR_FN EightDoubles numbers_at(const double* from, EightPlaces at, unsigned char bits) {
   return FAN_BUILTIN(
       __builtin_ia32_gathersiv8df(EightDoubles{}, from, at, bits, 8),

@@ -1,4 +1,4 @@
-// Real as wide as the processor and the compiler allow: bundles of doubles, or one double.
+// Real with the widest vectors of the processor and the compiler, or one double.
 #pragma once
 
 #include <cmath>

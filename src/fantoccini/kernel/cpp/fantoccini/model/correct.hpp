@@ -1,4 +1,4 @@
-// Corrections of a configuration, repeated until only rounding is left.
+// Corrections of a configuration, repeated until only rounding remains.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -6,16 +6,16 @@
 
 namespace fan {
 
-// Compared with the largest error of the rows' heights, relative to their scale.
+// Thresholds for the largest error of the rows' heights, relative to their scale.
 struct CorrectionTolerances {
   static constexpr double exact = 1e-15;       // done: a few roundings
-  static constexpr double acceptable = 1e-12;  // done, if a round no longer makes progress
-  static constexpr double progress = 0.5;      // share of the error that a converging round leaves
+  static constexpr double acceptable = 1e-12;  // done, if an iteration makes no progress
+  static constexpr double progress = 0.5;      // largest reduction factor of a converging iteration
   static constexpr int max_rounds = 12;
 };
 
-// Repeats `move` on q until the error `left` is rounding, which is when a round no longer halves
-// it. A round that adds to it, as nearly dependent rows may, is undone in q alone. A move that
+// Repeats `move` on q until the error `left` is rounding: when an iteration no longer halves it. An
+// iteration that increases it, as with nearly dependent rows, is undone in q only. A move that
 // fails is ignored if the error before it was acceptable.
 template <int n_q, class Left, class Move>
 Status correct(double* q, Left left, Move move) {

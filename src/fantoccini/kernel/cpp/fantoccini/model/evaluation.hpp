@@ -1,11 +1,11 @@
-// One evaluation of the generated model, and the systems over one-sided rows made from it.
+// One evaluation of the generated model, and its complementarity problems over one-sided rows.
 //
 //   hddot = gamma + A_D acc_D,   acc_D = F^-1 (w0 + W lambda),   W = F^-T A_D^T,   M_DD = F^T F
 //
 // forth applies F^-T and back F^-1, both from L, the generated code's factor of M_DD.
 //
-// Rows are the strings, then the limits. The generated code gives W and G = W^T W of the strings; a
-// limit's column of W is computed when the limit takes part.
+// Rows are the strings, then the limits. The generated code computes W and G = W^T W of the
+// strings; a limit's column of W is computed when the limit is in a problem.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -15,7 +15,7 @@
 
 namespace fan {
 
-// Model supplies sizes and tables (generated), and for each Real the generated functions.
+// Model contains the generated sizes and tables, and for each Real the generated functions.
 template <class Model, class Real>
 struct Evaluation {
   static constexpr int N = Model::n_vD, S = Model::n_strings, K = Model::n_limits;
@@ -33,8 +33,8 @@ struct Evaluation {
     constants_ = OF_DYNAMICS;
   }
 
-  // For a step dt, with damping and drag over it in F and the velocity products of v_ahead; gamma
-  // is left alone.
+  // For a step dt, with its damping and drag in F and velocity products of v_ahead; gamma is not
+  // changed.
   FAN_FN void at(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, const Real* v_ahead, Real dt, const Real* p) {
@@ -43,8 +43,8 @@ struct Evaluation {
     constants_ = OF_STEP;
   }
 
-  // At a node of a variational run. firm gets L, W and G of the factor that includes damping over
-  // dt, and J_limit.
+  // At a node of a variational run. firm gets L, W and G of the factor with damping over dt, and
+  // J_limit.
   FAN_FN void at_node(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, Real dt, const Real* p, Evaluation& firm) {
@@ -80,13 +80,13 @@ struct Evaluation {
   FAN_FN Real height(int row) const { return row < S ? h[row] : h_limit[row - S]; }
 
  private:
-  // The function whose constant entries of W, J_limit and M_DK_v_K were written last; it does not
-  // write them again.
+  // The last function that wrote the constant entries of W, J_limit and M_DK_v_K; it does not write
+  // them again.
   enum { NOBODYS, OF_DYNAMICS, OF_STEP, OF_NODE } constants_ = NOBODYS;
 };
 
-// Lists the strings and the limits that take part in some lane, in order, so that no lane's sums
-// depend on its neighbours. Returns how many there are.
+// Lists the rows that are in the problem of any lane: strings, then limits. Their order makes sums
+// of a lane independent of its neighbours. Returns their number.
 template <class Model, class Mask>
 FAN_FN int rows_in_some_lane(const Mask* takes_part, int* list) {
   int n = 0;
@@ -95,7 +95,7 @@ FAN_FN int rows_in_some_lane(const Mask* takes_part, int* list) {
   return n;
 }
 
-// The rows that take part in a complementarity problem, in increasing order.
+// The rows of a complementarity problem, in increasing order.
 template <class Model, class Real>
 struct RowSystem {
   static constexpr int N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
@@ -110,7 +110,7 @@ struct RowSystem {
   Real kick[room(M)];   // A_D acc_free: change of hdot per unit time without gamma
   Real hdot_K[room(M)];
   bool two_sided[room(M)];
-  // Few strings are worth straight-line code, which grows with the third power of their number.
+  // Straight-line code is used for few strings: it grows with the third power of their number.
   static constexpr int leading = S <= 8 ? S : 0;
   Complementarity<Real, M, leading> problem;
 
@@ -119,15 +119,15 @@ struct RowSystem {
     gather_more(e, v_D, rows, n_rows);
   }
 
-  // The same for more rows at the same evaluation: columns already computed are kept.
+  // The same for more rows of the same evaluation; columns are not computed again.
   FAN_FN void gather_more(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
     n = problem.n = n_rows;
     gather_from(0, e, v_D, rows);
     problem.use(problem.G, Complementarity<Real, M>::N);
   }
 
-  // The first `leading` rows of gather() where all strings come first; without hddot and their
-  // block of G, which stays where the equations have it.
+  // The first `leading` rows of gather(), which are strings; without hddot, and without their block
+  // of G, which is not copied from the equations.
   FAN_FN void gather_leading(const Eval& e) {
     for (int i = 0; i < Model::n_limits; ++i) made_[i] = false;
     each<leading>([&](int r) FAN_INLINE {
@@ -151,13 +151,13 @@ struct RowSystem {
         problem.G[a * stride + b] = problem.G[b * stride + a] = e.G[b + S * a];
   }
 
-  // The other rows of it, after gather_leading() or, at the same evaluation, after fewer rows.
+  // The other rows, after gather_leading() or, in the same evaluation, after fewer rows.
   FAN_FN void gather_others(const Eval& e, const Real* v_D, const int* rows, int n_rows) {
     n = problem.n = n_rows;
     gather_from(leading, e, v_D, rows);
   }
 
-  // w <- w + W y over the rows; in lanes of V several vectors at once.
+  // w <- w + W y over the rows; in the lanes of V for several vectors.
   template <class V>
   FAN_FN void add(const V* y, V* w) const {
     add_from(0, y, w);
@@ -175,8 +175,7 @@ struct RowSystem {
     add_from(leading, y, w);
   }
 
-  // Whether no velocity moves both gathered row a and what these move: entries of either lie beyond
-  // the other's.
+  // Whether no velocity moves both gathered row a and these rows: their entries do not overlap.
   template <class Moved>
   FAN_FN bool is_apart(int a, const Moved& moved) const {
     const Entries of = entries(row[a]);
@@ -184,7 +183,7 @@ struct RowSystem {
     return of.n == 0 || moved.n == 0 || of[of.n - 1] < entry[0] || entry[moved.n - 1] < of[0];
   }
 
-  // W^T w over the rows, likewise; two sums at a time: each addition waits for the one before.
+  // W^T w over the rows, likewise; two sums at a time, since each addition waits for the last one.
   template <class V>
   FAN_FN void along(const V* w, V* out) const {
     for (int a = 0; a < n; ++a) {
@@ -241,7 +240,7 @@ struct RowSystem {
     }
   }
 
-  // The entries of a row's column that differ from zero.
+  // The nonzero entries of a row's column.
   struct Entries {
     const int* place;
     int n;
@@ -254,13 +253,13 @@ struct RowSystem {
       return {Model::string_entry + begin[0], begin[1] - begin[0]};
     }
     const int i = r - S;
-    // w = F^-T x is zero after the last entry of x, as links come after their parents.
+    // w = F^-T x is zero after the last nonzero entry of x, since links follow their parents.
     if (Model::n_columns == 0) return {nullptr, Model::limit_v[i] + Model::limit_n[i]};
     const int* begin = Model::column_begin + Model::limit_column[i];
     return {Model::column_entry + begin[0], begin[1] - begin[0]};
   }
 
-  // Row a of W^T W up to its diagonal, four sums at a time: each addition waits for the one before.
+  // Row a of W^T W up to its diagonal, four sums at a time, since each addition waits for the last.
   FAN_FN void products(int a, Real* out) const {
     const Real* own_column = column[a];
     const Entries of = entries(row[a]);

@@ -1,10 +1,10 @@
 // Bounds of joint motion about a configuration, and of the paths of a puppet's points:
 //
-//   path(x) = sum over the links i from x's own up to the world of slide_i + turn_i (|x - r_i| +
+//   path(x) = sum over the links i from x's link to the world of slide_i + turn_i (|x - r_i| +
 //   path below i)
 //
-// with r_i the origin of link i, about which its joint turns, slide_i the path of r_i in the frame
-// of its parent and turn_i the angle that its joint turns on the way.
+// with r_i the origin of link i, about which its joint turns, slide_i the path length of r_i in the
+// frame of its parent, and turn_i the angle by which its joint turns.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -27,7 +27,8 @@ struct JointPaths {
   Real slide[room(L)], turn[room(L)], wound[room(S)];  // of links, and of the strings' lengths
   Real loose[room(
       S)];  // 1.0 for strings that may go slack on the way although they are straight now
-  // If known, bounds of a string's length less its span; else they follow from the paths.
+  // Bounds of a string's length minus its span, if known; otherwise they are computed from the
+  // paths.
   bool known = false;
   Real least_excess[room(S)], most_excess[room(S)];
 
@@ -37,7 +38,7 @@ struct JointPaths {
     for (int i = 0; i < S; ++i) wound[i] = loose[i] = Real(0.0);
   }
 
-  // Adds a share of the way on which everything moves evenly from one configuration to another.
+  // Adds a share of the motion from one configuration to another at constant velocity.
   FAN_FN void add(
       const ClearanceArrays& in, const Real* q_D, const Real* q_K, const Real* to_D,
       const Real* to_K, double share = 1.0) {
@@ -61,8 +62,7 @@ struct JointPaths {
                               string_length<Model, Real>(i, q_D, q_K));
   }
 
-  // The longest path of what lies up to `beyond` from a point x of a link, which is -1 for the
-  // world.
+  // The longest path of points within `beyond` of a point x of a link; link -1 is the world.
   FAN_FN Real path(
       const ClearanceArrays& in, const Real* poses, int link, const Real* x,
       double beyond = 0.0) const {
@@ -91,7 +91,7 @@ struct JointPaths {
   }
 
  private:
-  // Between two orientations: |a - b| = 2 sin(angle / 4) for unit quaternions of one sign.
+  // Angle between two orientations: |a - b| = 2 sin(angle / 4) for unit quaternions of equal sign.
   FAN_FN static Real angle(const Real* a, const Real* b) {
     using std::sqrt;
     Real less = Real(0.0), more = Real(0.0);

@@ -1,12 +1,10 @@
-// Drives whose motor may be too weak for its commands, checked after every step:
+// Checks after every step whether motors are too weak for their commands:
 //
-//   a stepper loses a step where it lags by more than half a period of its torque behind the tooth
-//   that it holds: beyond that, the torque turns it to the next one;
-//   a drive runs away where it is farther than runaway_distance outside of all commands since the
-//   run began, with its motor out of step or at its bound; beyond gone_distance it runs away
-//   whatever its motor could still exert, and the run ends.
-//
-// Written for any Real.
+//   a stepper loses a step when it lags by more than half a period of its torque behind its tooth:
+//   then the torque turns it to the next one;
+//   a drive runs away when it is more than runaway_distance outside the range of all commands since
+//   the start, with its motor out of step or at its bound; more than gone_distance outside, it runs
+//   away in any case, and the run ends.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -16,12 +14,11 @@
 namespace fan {
 
 struct MotorTolerances {
-  // How far outside of its commands a drive runs away, and the run ends: for prismatic joints (m),
-  // and for turning joints (rad, a quarter and a whole turn).
+  // Distances outside the range of commands: for prismatic joints (m), and for turning joints (rad,
+  // a quarter and a whole turn).
   static constexpr double runaway_distance[] = {0.1, 1.5707963267948966};
   static constexpr double gone_distance[] = {1.0, 6.283185307179586};
-  // Share of the force or torque that the controller asks for, below which the motor is at its
-  // bound: just above rounding.
+  // Share of the controller's demand below which the motor is at its bound: just above rounding.
   static constexpr double saturated_share = 1.0 - 1e-9;
 };
 
@@ -31,7 +28,7 @@ struct MotorWatch {
   static constexpr int D = Model::n_watched;
   using Mask = typename Traits<Real>::Mask;
 
-  // Of the last step: drives that lost steps in it, and that began to run away.
+  // Drives that lost steps, or began to run away, in the last step.
   Mask loses[room(D)], strays[room(D)];
 
   // Begins where the run does.
@@ -47,21 +44,21 @@ struct MotorWatch {
     }
   }
 
-  // Where the drives are and how far they lag.
+  // Measures the positions and lags of the drives.
   FAN_FN void measure(const Real* q_D, const Real* q_K, const Real* p) {
     if constexpr (D > 0) {
       Call<Model, Real>::motor_lags(q_D, q_K, p, drives_);
     }
   }
 
-  // A drive's guard at the last measurement, in periods, m or rad: of a stepper its lag beyond half
-  // a period, of others how far they are beyond runaway_distance, or -1 once they are.
+  // Guard of a drive at the last measurement, in periods, m or rad: for a stepper its lag minus
+  // half a period; for others their distance minus runaway_distance, or -1 after it was positive.
   FAN_FN Real excess(int d) const {
     if (Model::watched_steps[d]) return lag_beyond(d);
     return select(passed_[d], Real(-1.0), Real(outside(d) - Real(astray_from(d))));
   }
 
-  // Checks the drives after a step that the lanes in `lanes` have made.
+  // Checks the drives after a step of the lanes in `lanes`.
   FAN_FN void look(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* p, const Mask& lanes) {
@@ -100,9 +97,9 @@ struct MotorWatch {
     memory.keep(gone, low_, high_, tooth_, lost_, astray_, passed_);
   }
 
-  Mask gone = Real(0.0) > Real(1.0);  // lanes in which a drive is so far away that the run ends
+  Mask gone = Real(0.0) > Real(1.0);  // lanes with a drive beyond gone_distance: the run ends
 
-  // How a run that reaches its end has ended, in a lane.
+  // Status of a run that has reached its end, in a lane.
   Status verdict(int lane) const {
     Status status = DONE;
     for (int d = 0; d < D; ++d) {
@@ -138,13 +135,13 @@ struct MotorWatch {
     return Tolerance::runaway_distance[Model::watched_turns[d]];
   }
 
-  // By how many periods a stepper lags beyond half a period.
+  // Lag of a stepper minus half a period, in periods.
   FAN_FN Real lag_beyond(int d) const {
     using std::abs;
     return abs(drives_.lag[d] - tooth_[d]) - Real(0.5);
   }
 
-  // How far a drive is outside of the range of its commands.
+  // Distance of a drive outside the range of its commands.
   FAN_FN Real outside(int d) const {
     const Real above = drives_.at[d] - high_[d], below = low_[d] - drives_.at[d];
     return select(above > below, above, below);

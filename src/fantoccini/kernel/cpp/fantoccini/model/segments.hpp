@@ -12,7 +12,7 @@ namespace fan {
 
 constexpr int n_powers = 6;
 
-// Value, rate and second derivative, by Horner's scheme three times over.
+// Value, first and second derivative, by Horner's scheme.
 template <class Real>
 FAN_FN void polynomial(const Real* c, Real s, Real& p, Real& d, Real& dd) {
   const Real p4 = c[4] + s * c[5], d4 = p4 + s * c[5];
@@ -24,7 +24,7 @@ FAN_FN void polynomial(const Real* c, Real s, Real& p, Real& d, Real& dd) {
   dd = 2.0 * (d2 + s * e2);
 }
 
-// The factors of J_r = 1 - a [phi] + b [phi]^2, from theta^2 = |phi|^2: a = (1 - cos)/theta^2,
+// The coefficients of J_r = 1 - a [phi] + b [phi]^2, for theta^2 = |phi|^2: a = (1 - cos)/theta^2,
 // b = (theta - sin)/theta^3, da = a'/theta and db = b'/theta.
 template <class Real>
 struct TurningFactors {
@@ -87,8 +87,8 @@ FAN_FN bool is_constant(const Real* c) {
   return !any(moves);
 }
 
-// q_K, v_K and acc_K at s, from coef (n_v, 6), base (n_q,) and still (n_v,), which says which
-// polynomials are constant: most driven coordinates stand still most of the time.
+// q_K, v_K and acc_K at s, from coef (n_v, 6), base (n_q,) and still (n_v,), which flags constant
+// polynomials: most driven coordinates are at rest most of the time.
 template <class Space, class Real>
 FAN_FN void motion_of(
     const Real* coef, const Real* base, const bool* still, Real s, Real* q, Real* v, Real* a) {
@@ -121,7 +121,7 @@ constexpr bool scalars_first() {
   return true;
 }
 
-// The velocity that takes q to q_next in dt.
+// The velocity that moves q to q_next in dt.
 template <class Space, class Real>
 FAN_FN void increment(const Real* q, const Real* q_next, double dt, Real* rate) {
   const double per = 1.0 / dt;

@@ -1,4 +1,5 @@
-// A string's own length L: driven, wound by a drive, or a number; and when a driven one runs out.
+// A string's length L, which is driven, wound by a drive, or a number, and the time at which a
+// driven length becomes too short.
 #pragma once
 
 #include "fantoccini/model/segments.hpp"
@@ -6,8 +7,8 @@
 namespace fan {
 
 struct LengthTolerances {
-  static constexpr double min_length = 1e-6;  // m: a string this short has run out
-  static constexpr int max_halvings = 40;     // of a piece, to find when: to 1e-12 of its duration
+  static constexpr double min_length = 1e-6;  // m: shortest length of a string
+  static constexpr int max_halvings = 40;     // of a piece, for times to 1e-12 of its duration
 };
 
 template <class Model, class Real>
@@ -17,10 +18,10 @@ FAN_FN Real string_length(int i, const Real* q_D, const Real* q_K) {
   return wound >= 0 ? q_D[wound] : Real(Model::nominal_length[i]);
 }
 
-// Where a polynomial first falls to `least`, given by its control points (Bernstein form) between
-// `from` and `from + width`; `none`, which must be larger, if it does not. A polynomial lies
-// between its least and its largest control point; de Casteljau's construction gives those of both
-// halves.
+// The argument at which a polynomial first falls to `least`, from its control points (Bernstein
+// form) between `from` and `from + width`; `none`, which must be larger, if it does not. A
+// polynomial lies between its smallest and its largest control point; de Casteljau's construction
+// computes those of both halves.
 inline double falls_to(
     const double* points, double least, double from, double width, double none,
     int halvings = LengthTolerances::max_halvings) {

@@ -1,11 +1,10 @@
-// What a string's winch does beyond its commands (it slips and rewinds), and the restitution of
-// catches.
+// Slip and rewinding of a string's winch, and the restitution of catches.
 //
 // A winch with a largest tension slips: the string's length is L + slip with slip >= 0, and
 //
-//   0 <= tension < max:  the slip is wound back;   tension = max:  its rate is larger than that
+//   0 <= tension < max:  the slip is rewound;   tension = max:  its rate is larger than that
 //
-// It is wound back at rewind_speed and braked evenly to rest at no slip, or not at all:
+// It is rewound at rewind_speed, with constant deceleration to rest at no slip, or not at all:
 //
 //   rate of slip = -min(rewind_speed, sqrt(2 Tolerance::brake slip))
 #pragma once
@@ -19,10 +18,10 @@ struct WinchTolerances {
   static constexpr double brake = Constants::winch_deceleration;  // m/s^2
   // m: a smaller slip counts as 0.
   static constexpr double negligible_slip = 1e-20;
-  // m: a smaller slip is not wound back, which would take less than sqrt(2 slip / brake) = 2 us:
-  // rounding alone would start the winch.
+  // m: a smaller slip is not rewound, which would take less than sqrt(2 slip / brake) = 2 us:
+  // rounding would start the winch.
   static constexpr double max_resting_slip = 2e-12;
-  // m: how far a slip may be negative, or differ from its string's gap, where redundant strings
+  // m: largest negative slip, or difference from its string's gap, with redundant strings that
   // contradict one another.
   static constexpr double max_length_error = 1e-10;
   // Braking begins at a slip larger by this share, so that the end of a stretch lies in the next
@@ -31,7 +30,7 @@ struct WinchTolerances {
   static constexpr double clock = 1e-15;  // resolution of the time, relative to it or 1 s
 };
 
-// Slip while it is wound back [m, m/s, m/s^2].
+// Slip while it is rewound [m, m/s, m/s^2].
 struct Wound {
   double slip, rate, acc;
 };
@@ -44,7 +43,7 @@ struct Winches {
   double max_tension[room(S)];   // N; unbounded for none
   double rewind_speed[room(S)];  // m/s; 0 for none
   double restitution[room(S)];   // of catches, 0 to 1
-  bool some_slip = false;        // whether any has a largest tension
+  bool some_slip = false;        // whether any string has a largest tension
 
   void set(const double* table) {
     some_slip = false;
@@ -62,7 +61,7 @@ struct Winches {
   // N: the largest tension or force of a row.
   double largest(int row) const { return row < S ? max_tension[row] : unbounded; }
 
-  // The rate at which a slip is wound back.
+  // The rate at which a slip is rewound.
   double winding(int i, double slip) const {
     if (!(slip > 0.0)) return 0.0;
     const double braked = sqrt(2.0 * Tolerance::brake * slip);
@@ -87,8 +86,7 @@ struct Winches {
     return {0.5 * Tolerance::brake * left * left, -Tolerance::brake * left, Tolerance::brake};
   }
 
-  // s: how long the winch keeps its acceleration: until it brakes, or until it stops; 0 if it
-  // rests.
+  // s: time of constant acceleration: until the winch brakes, or until it stops; 0 if it rests.
   double stretch(int i, double slip) const {
     const double speed = rewind_speed[i];
     if (!(slip > Tolerance::max_resting_slip && speed > 0.0)) return 0.0;

@@ -1,4 +1,4 @@
-"""Files that a mesh file names: buffers, materials, images, in its folder or below."""
+"""Files to which a mesh file refers: buffers, materials, images, in its folder or below."""
 
 from __future__ import annotations
 
@@ -9,46 +9,46 @@ from urllib.parse import unquote
 from fantoccini.model.meshes.limits import LIMITS
 
 
-class Beside:
-    """Reads the files that a mesh file names.
+class LinkedFiles:
+    """Reads the files to which a mesh file refers.
 
     Args:
-        path: of the mesh file.
-        root: folder that no file may lie outside of, also not by a link.
+        path: path of the mesh file.
+        root: folder that must contain all files, with links resolved.
 
     Attributes:
-        found: content of each file that was looked for, by its name relative to the mesh file's
-            folder; None where there is none.
+        contents: name of a requested file, relative to the mesh file's folder -> its content; None
+            if it does not exist.
     """
 
     def __init__(self, path: Path, root: Path):
         self._folder, self._root = path.parent, root
-        self.found: dict[str, bytes | None] = {}
+        self.contents: dict[str, bytes | None] = {}
 
     def read(self, name: str) -> bytes:
-        """The content of a file, by its name as a URI has it.
+        """The content of a file, by its name in a URI.
 
         Raises:
-            ValueError: the name leads out of the folder, or the file cannot be read.
+            ValueError: the file lies outside the folder, or cannot be read.
         """
         plain = unquote(name)
         path = PurePosixPath(plain)
         allowed = plain.isprintable() and "\\" not in plain and ":" not in plain
         if not allowed or len(plain) > 255 or path.is_absolute() or ".." in path.parts:
             raise ValueError(f"it names {_shown(name)}; allowed: files in its folder or below")
-        kept = path.as_posix()
-        if kept not in self.found:
-            self.found[kept] = self._content(path)
-        content = self.found[kept]
+        relative = path.as_posix()
+        if relative not in self.contents:
+            self.contents[relative] = self._content(path)
+        content = self.contents[relative]
         if content is None:
-            raise ValueError(f"it names {_shown(name)}, which is not there")
-        if sum(len(c) for c in self.found.values() if c is not None) > LIMITS.max_bytes:
-            most = LIMITS.max_bytes / 1e6
-            raise ValueError(f"the files that it names are larger than {most:.0f} MB together")
+            raise ValueError(f"it names {_shown(name)}, which does not exist")
+        if sum(len(c) for c in self.contents.values() if c is not None) > LIMITS.max_bytes:
+            limit = f"{LIMITS.max_bytes / 1e6:.0f} MB"
+            raise ValueError(f"the files that it names have more than {limit} in total")
         return content
 
     def peek(self, name: str) -> bytes | None:
-        """The content of a file that was read before, by its name in ``found``, if it is there."""
+        """The present content of a file, by its name in ``contents``; None if it cannot be read."""
         try:
             return self._content(PurePosixPath(name))
         except ValueError:
@@ -63,13 +63,13 @@ class Beside:
             if not place.is_file():
                 return None
             if place.stat().st_size > LIMITS.max_bytes:
-                most = LIMITS.max_bytes / 1e6
-                raise ValueError(f"{_shown(path.as_posix())} is larger than {most:.0f} MB")
+                limit = f"{LIMITS.max_bytes / 1e6:.0f} MB"
+                raise ValueError(f"{_shown(path.as_posix())} is larger than {limit}")
             return place.read_bytes()
         except OSError:
             return None
 
 
 def _shown(name: str) -> str:
-    """A name in quotes, cut."""
+    """A name in quotes, shortened to 60 characters."""
     return repr(name if len(name) <= 60 else f"{name[:57]}...")
