@@ -361,7 +361,7 @@ class _Cut:
         return slot
 
     def _is_apart(self, which: int, value: int) -> bool:
-        return which in self.separate and self.whole.statements[value].operation == ca.OP_CONST
+        return which in self.kept and self.whole.statements[value].operation == ca.OP_CONST
 
     def constants(self) -> list[str]:
         """Statements that write the constants of ``standing`` results."""
