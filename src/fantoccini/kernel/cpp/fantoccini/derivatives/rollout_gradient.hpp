@@ -136,7 +136,10 @@ class RolloutGradient {
     for (int i = 0; i < S; ++i) run_.at.slip[i] = 0.0;
     inputs(in, 0, run_.inputs());
     run_.begin();
-    if constexpr (touches) contacts_.clear();
+    if constexpr (touches) {
+      run_.at.contacts.looks_ahead = false;
+      contacts_.clear();
+    }
   }
 
   // Those of node k, with the forces and accelerations of the step that begins there.

@@ -60,6 +60,7 @@ struct FixedRun {
     if constexpr (touches) {
       auto& contacts = trajectory.at.contacts;
       const int n = contacts.shared(trajectory.at.eval, trajectory.at.rows, share_, shared_);
+      for (int i = 0; i < n; ++i) shared_[i].gap = closed_gap(shared_[i], last_dt_);
       out.touching(shared_, n, last_dt_, contacts.residual);
     }
   }
