@@ -47,8 +47,7 @@ def test_a_ball_turns_where_it_touches(elastic, e, dt):
                 assert np.allclose(gap[sure], turned(way, e)[sure], rtol=0, atol=1e-12)
                 assert gap.min() > -1e-12
                 assert run.status is Status.DONE
-                if e > 0.0:
-                    assert len(run.contact) and np.max(np.abs(run.contact.gap)) < 1e-12
+                assert len(run.contact) and np.max(np.abs(run.contact.gap)) < 1e-12
                 assert np.diff(run.ledger["kinetic"]).max() <= 1e-12 * speed**2
 
 
@@ -128,9 +127,9 @@ bodies:
         tilt = np.concatenate([[1.0], 0.02 * rng.normal(size=3)])
         place = {"body.z": 0.07, "body.rotation": tuple(tilt / np.linalg.norm(tilt))}
         run = stepped(box, thrown(box, place, {"body.z": -10.0}), 0.02, 2e-3)
-        energy = run.ledger["kinetic"]
         assert run.status is Status.DONE
-        assert np.diff(energy).max() < 1e-9 * energy[0]
+        lost = np.diff(run.ledger["impact"] + run.ledger["friction"])
+        assert lost.min() > -1e-9 * run.ledger["kinetic"][0]
         assert run["v:body.z"][-1] > 0.0
 
 

@@ -54,7 +54,9 @@ class GroundFeet {
     for (int k = 0; k < in.n_pairs; ++k) {
       const int own = in.pairs[2 * k], other = in.pairs[2 * k + 1];
       const Solid &x = in.solids[own], &y = in.solids[other];
-      if (y.kind != HALF_SPACE || y.link >= 0 || !has_points_in_lanes(x)) continue;
+      // Ellipsoids roll (rolling.hpp).
+      if (y.kind != HALF_SPACE || y.link >= 0 || !has_points_in_lanes(x) || is_ellipsoid(x))
+        continue;
       if (plane < 0) {
         plane = other;
         for (int c = 0; c < 3; ++c) frame[c] = y.b[c];

@@ -133,7 +133,9 @@ class GroundLanes {
                             rate(twist, p.at) + p.asked > Real(StepTolerance::passing_speed);
         if (!any(closes)) continue;
         more = true;
-        failed = failed || (closes && (p.dropped || Mask(!(Real(own.friction) > Real(0.0)))));
+        // What may spring back is struck at a time of its own.
+        const bool is_other = !(own.friction > 0.0) || own.restitution > 0.0;
+        failed = failed || (closes && (p.dropped || Real(is_other ? 1.0 : 0.0) > Real(0.5)));
         p.joins = p.joins || (closes && !p.dropped);
         stands = stands || (closes && !p.dropped);
         is_solved_ = false;

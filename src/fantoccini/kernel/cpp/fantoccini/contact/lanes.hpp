@@ -59,7 +59,8 @@ class ContactLanes {
     const Mask alone = links_.find_on(in, dt, feet.kept && !idle, feet);
     ground_.start(links_, alone, dt, whole, recovery_speed);
     violation = ground_.depth;
-    apart = !idle && !ground_.lanes;
+    apart = Real(0.0) > Real(1.0);
+    leave(!idle && !ground_.lanes);
   }
 
   // Leaves lanes whose links impulses have made faster than the margins of find() allow for;

@@ -20,8 +20,8 @@ struct ContactStepTolerances {
   // m/s at which a point that pushes across a gap still closes it: it will be stopped in the next
   // step, as after a rebound that another impact turns round.
   static constexpr double closing_speed = 0.1;
-  // Share of a step within which what an impact makes fast strikes something at once.
-  static constexpr double least_time = 1e-6;
+  // Share of a step within which touches are one.
+  static constexpr double same_touch = 1e-6;
   // Residual of the law up to which a step is accepted: far below the error of the step itself.
   static constexpr double accepted_residual = 1e-5;
   // By how much less, relative, an impulse at its winch's bound may be found: rounding.
@@ -60,6 +60,13 @@ FAN_FN int keep_resting(ContactPush* push, int n) {
     push[kept++].steps = ContactStepTolerances::steps_of_impact + 1;
   }
   return kept;
+}
+
+// The gap that is left at the end of a step dt in which a point has closed it.
+inline double closed_gap(const ContactPush& push, double dt) {
+  double u = 0.0;
+  for (int c = 0; c < 3; ++c) u += push.velocity[c] * push.normal[c];
+  return push.gap > 0.0 && u < 0.0 ? fmax(push.gap + dt * u, 0.0) : push.gap;
 }
 
 // In the place of ContactStep for puppets that touch nothing.

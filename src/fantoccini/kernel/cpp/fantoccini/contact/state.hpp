@@ -41,6 +41,7 @@ struct ContactState {
   // is false while nothing has asked for `before`, nor for b.
   Real before[room(3 * C)], hdot[room(3 * C)], asked[room(C)];
   bool is_before_known = true;
+  Real drift[room(3 * C)] = {};  // b - before of tangents: see rolling.hpp
 
   // Whether point i takes part in the law as it is solved point by point.
   FAN_FN bool takes_part(int l, int i) const { return near[l][i] && !held[i]; }
@@ -68,7 +69,7 @@ struct ContactState {
   FAN_FN void know_aims() {
     for (int i = 0; i < points.most; ++i) {
       b[3 * i] = before[3 * i] + asked[i];
-      for (int d = 1; d < 3; ++d) b[3 * i + d] = before[3 * i + d];
+      for (int d = 1; d < 3; ++d) b[3 * i + d] = before[3 * i + d] + drift[3 * i + d];
     }
   }
 

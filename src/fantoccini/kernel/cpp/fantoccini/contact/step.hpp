@@ -14,6 +14,7 @@
 
 #include "fantoccini/contact/patches.hpp"
 #include "fantoccini/contact/problem.hpp"
+#include "fantoccini/contact/rolling.hpp"
 #include "fantoccini/contact/share.hpp"
 #include "fantoccini/contact/state.hpp"
 
@@ -40,6 +41,8 @@ class ContactStep {
   Real residual = Real(0.0);               // of the law, in the last step
   double early = 0.0;  // m: largest gap across which something springs back; of one trajectory
 
+  bool looks_ahead = true;  // whether points that roll are to stop in the middle of a step
+
   // The points that the last step looked at.
   const Points& candidates() const { return state_.points; }
 
@@ -51,6 +54,7 @@ class ContactStep {
   // Nothing has touched anything yet.
   FAN_FN void begin(const ContactArrays& in) {
     state_.points.begin(in);
+    rolling_.begin(in);
     for (int l = 0; l < width; ++l) {
       n[l] = 0;
       state_.points.too_many[l] = false;
@@ -127,6 +131,7 @@ class ContactStep {
     }
     for (int l = 0; l < width; ++l) state_.recall(l, push[l]);
     for (int i = 0; i < state_.points.n[0]; ++i) state_.ask(0, i, recovery_speed);
+    if (looks_ahead) rolling_.ask(state_, q_D, v_D, q_K, v_K, p, dt);
     state_.is_before_known = !state_.all_pushed();
     if (state_.is_before_known) state_.know_before(eval);
     for (int i = 0; i < state_.points.n[0]; ++i) state_.aim(0, i);
@@ -248,7 +253,7 @@ class ContactStep {
     for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
     for (int l = 0; l < width; ++l) taking_part[l] = state_.chosen[l] + int(lane_of(n_near, l));
     bool held = false;  // all of it by patches
-    if (state_.chosen[0] != 0 && taking_part[0] != solved_with_[0])
+    if (state_.chosen[0] != 0 && taking_part[0] != solved_with_[0] && !rolling_.some)
       held = patches_.hold(state_, eval, rows, near, guess, cap, found, s);
     if (!held) state_.need_before(eval);
     if (!held) problem_.make_columns(state_, eval, rows, near, guess);
@@ -354,7 +359,7 @@ class ContactStep {
     const auto& point = state_.points.point[l][i];
     const bool is_new = state_.steps[l][i] == 0 && state_.rebound[l][i] == 0.0;
     if (!is_new || !state_.is_before_known || !(state_.rebound_of(l, i, closing) > 0.0)) return;
-    if (!(point.gap > Tolerance::least_time * state_.whole * closing)) return;
+    if (!(point.gap > Tolerance::same_touch * state_.whole * closing)) return;
     struck_again_ = fmin(struck_again_, point.gap / closing);
   }
 
@@ -414,6 +419,7 @@ class ContactStep {
   }
 
   State state_;
+  RollingPoints<Model, Real> rolling_;
   ContactPatches<Model, Real> patches_;
   ContactProblem<Model, Real> problem_;
   int looks_ = 0;  // how often was looked again

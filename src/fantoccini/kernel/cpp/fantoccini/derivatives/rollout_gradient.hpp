@@ -46,6 +46,7 @@ class RolloutGradient {
     Tape tape{*this, in};
     StepCount count{0.0, in.options.dt};
     run_.begin(nodes);
+    if constexpr (touches) run_.at.contacts.looks_ahead = false;
     make_steps(run_, nodes, EvenSteps{in.options.dt, in.n}, count, tape);
     in.made = count.made;
     in.status = verdict(run_, 0);

@@ -54,6 +54,7 @@ class GridRun {
     if constexpr (touches) {
       auto& at = trajectory_.at;
       const int n = at.contacts.shared(at.eval, at.rows, share_, shared_);
+      for (int i = 0; i < n; ++i) shared_[i].gap = closed_gap(shared_[i], count_.dt);
       out.touching(shared_, n, count_.dt, at.contacts.residual);
     }
   }

@@ -78,6 +78,7 @@ struct TimeStep {
     some_near_ = limits_pull_ = limits_pulled_ = true;
     if constexpr (touches)
       if (solids) contacts.begin(*solids);
+    if constexpr (touches && !some_singly) contacts.looks_ahead = extrapolates;
     if constexpr (some_singly)
       if (solids) singles_.ready(options);
   }

@@ -15,8 +15,6 @@
 namespace fan {
 
 struct TouchingStepTolerances {
-  // Share of a step within which touches are one.
-  static constexpr double same_touch = 1e-6;
   // Share of a step to which the time of a touch is found, and Newton steps for it.
   static constexpr double touch_time = 1e-12;
   static constexpr int newton_steps = 6;
@@ -62,7 +60,7 @@ class TouchingStep {
     clear();
     double left = dt;
     for (int made = 1;; ++made) {
-      const auto [first, second] = at.contacts.touches(Tolerance::same_touch * dt);
+      const auto [first, second] = at.contacts.touches(ContactStepTolerances::same_touch * dt);
       const bool may_part = made < Tolerance::max_parts;
       double part = left;
       if (may_part && second < left) {

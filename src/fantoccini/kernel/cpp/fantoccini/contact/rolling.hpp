@@ -1,0 +1,82 @@
+// What points of ellipsoids that go on pushing are asked for beyond stopping: hdot is to vanish in
+// the middle of the step and not at its start,
+//
+//   J(q) v+ + (J(q + dt/2 v) - J(q)) v = 0
+//
+// since the impulses, along the rows J(q), act between the middles of two steps. At its start, what
+// rolls without slip would gain or lose energy at the order of the step, without end. Normals are
+// asked for half of it: the gap asks for the other half. Of one trajectory.
+#pragma once
+
+#include "fantoccini/collision/solids.hpp"
+#include "fantoccini/contact/points.hpp"
+#include "fantoccini/math/manifold.hpp"
+
+FAN_LOOPS_BEGIN
+
+namespace fan {
+
+template <class Model, class Real>
+class RollingPoints {
+ public:
+  static constexpr double ahead = 0.5;       // of a step
+  static constexpr double of_normals = 0.5;  // of what they would be asked for
+
+  bool some = false;  // whether anything rolls in the step
+
+  FAN_FN void begin(const ContactArrays& in) {
+    middle_.begin(in);
+    may_ = false;
+    for (int k = 0; k < in.n_pairs; ++k) may_ = may_ || rolls(in, k);
+  }
+
+  // Changes what the points of a step of length dt from (q_D, v_D, q_K, v_K) are asked for.
+  template <class State>
+  FAN_FN void ask(
+      State& state, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
+      const Real* p, double dt) {
+    some = false;
+    const auto& points = state.points;
+    for (int i = 0; i < points.n[0] && may_; ++i) some = some || is_rolling(state, i);
+    if (may_)
+      for (Real& drift : state.drift) drift = Real(0.0);
+    if (!some) return;
+    Real q[room(Model::n_qD)], q_in[room(Model::n_qK)];
+    retract<typename Model::Dynamic>(q_D, v_D, ahead * dt, q);
+    retract<typename Model::Driven>(q_K, v_K, ahead * dt, q_in);
+    middle_.find(*state.in, q, v_D, q_in, v_K, p, dt, Real(0.0) > Real(1.0), [](int) {});
+    for (int i = 0; i < points.n[0]; ++i) {
+      if (!is_rolling(state, i)) continue;
+      const auto& own = points.point[0][i];
+      for (int j = 0; j < middle_.n[0]; ++j) {
+        const auto& then = middle_.point[0][j];
+        if (then.pair != own.pair || then.feature != own.feature) continue;
+        const Triple<Real> rate = middle_.rate(j, v_D);
+        double u[3] = {};  // in the world: tangents may have turned
+        for (int d = 0; d < 3; ++d)
+          for (int c = 0; c < 3; ++c) u[c] += rate[d] * then.frame[3 * d + c];
+        for (int d = 1; d < 3; ++d)
+          state.drift[3 * i + d] = dot3(u, own.frame + 3 * d) - state.hdot[3 * i + d];
+        state.asked[i] += of_normals * (rate[0] - state.hdot[3 * i]);
+      }
+    }
+  }
+
+ private:
+  template <class State>
+  FAN_FN static bool is_rolling(const State& state, int i) {
+    return state.steps[0][i] > 0 && rolls(*state.in, state.points.point[0][i].pair);
+  }
+
+  FAN_FN static bool rolls(const ContactArrays& in, int pair) {
+    const int* of = in.pairs + 2 * pair;
+    return is_ellipsoid(in.solids[of[0]]) || is_ellipsoid(in.solids[of[1]]);
+  }
+
+  ContactPoints<Model, Real> middle_;
+  bool may_ = false;  // whether any pair may roll
+};
+
+}  // namespace fan
+
+FAN_LOOPS_END
