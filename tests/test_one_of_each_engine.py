@@ -76,6 +76,13 @@ def test_one_discrete_linearisation():
         if isinstance(node, ast.Attribute) and node.attr == "step_derivatives"
     }
     assert calling == {"dynamics/derivatives/step_partials.py"}
+    (function,) = (
+        node
+        for node in SOURCES["dynamics/derivatives/step_partials.py"].body
+        if isinstance(node, ast.FunctionDef) and node.name == "linearise_steps"
+    )
+    named = [argument.arg for argument in function.args.args]
+    assert named == ["marionette", "given", "options", "room"], "not one argument for each array"
     arm = fan.puppets.arm2d()
     x = arm.rest({"hand.length": 0.8}).replace(v_D=[0.3, -0.2])
     one = arm.linearise_step(x, [0.4, -0.7], [0.01, -0.02])
@@ -102,7 +109,7 @@ def test_the_classes_that_step_by_held_accelerations():
 
 
 def test_progress_has_one_callback():
-    """Parameters called ``progress`` are of one kind, but for hooks of searches and counters."""
+    """Parameters called ``progress`` are of one kind."""
     kinds = {
         (path, ast.unparse(argument.annotation or ast.Constant(None)))
         for path, tree in SOURCES.items()
@@ -111,13 +118,8 @@ def test_progress_has_one_callback():
         for argument in (*node.args.args, *node.args.kwonlyargs)
         if argument.arg == "progress"
     }
-    others = {
-        (path, kind) for path, kind in kinds if "OnProgress" not in kind and kind != "Progress"
-    }
-    assert {path for path, kind in others if "Iterate" not in kind} == {
-        "stand/sending.py",
-        "stand/streaming.py",
-    }, others
+    others = {x for x in kinds if "OnProgress" not in x[1] and x[1] != "Progress"}
+    assert others == set()
     declared = {
         path
         for path, tree in SOURCES.items()

@@ -202,7 +202,7 @@ def test_nobody_listening_stops_before_the_motion(lifted, hoist):
         port = taken.getsockname()[1]
     progress = Sending()
     with udp_sender(LOCAL, port) as send, pytest.raises(PacketError, match="not sent") as stopped:
-        send_points(points_of(lifted, hoist), send, progress=progress)
+        send_points(points_of(lifted, hoist), send, counts=progress)
     assert stopped.value.t == 0.0 and progress.sent <= 2
 
 
@@ -218,7 +218,7 @@ def test_a_listener_that_goes_away_stops_the_motion(lifted, hoist):
             send(data)
 
         with pytest.raises(PacketError, match="not sent"):
-            send_points(points, until, progress=progress)
+            send_points(points, until, counts=progress)
     assert 0.2 < progress.t < 1.0
 
 
@@ -282,12 +282,12 @@ def test_a_hold_stays_on_the_path_and_goes_on_or_stops(lifted, hoist, answer):
         return answer
 
     if answer:
-        send_points(points, send, hold=hold, go_on=go_on, progress=progress)
+        send_points(points, send, hold=hold, go_on=go_on, counts=progress)
         assert progress.t == points.motion.t[-1]
         assert sent[-1] == np.float32(points.motion.position[-1, 0])
     else:
         with pytest.raises(PacketError, match="stopped here") as stopped:
-            send_points(points, send, hold=hold, go_on=go_on, progress=progress)
+            send_points(points, send, hold=hold, go_on=go_on, counts=progress)
         assert stopped.value.t == progress.t
     ((k, kept),) = asked
     t = np.array(progress.times)

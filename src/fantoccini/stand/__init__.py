@@ -22,7 +22,7 @@ from fantoccini.stand.stand_file import (
 )
 from fantoccini.stand.streaming import (
     STOPPED,
-    Progress,
+    Streamed,
     first_lost,
     lines_of,
     resumed,
@@ -46,13 +46,13 @@ __all__ = [
     "Limit",
     "Marlin",
     "Osc",
-    "Progress",
     "Receiver",
     "Sending",
     "SetPoints",
     "SlowedRun",
     "Stand",
     "StandCheck",
+    "Streamed",
     "axes_of",
     "check_first",
     "check_stand",

@@ -80,7 +80,7 @@ def send_points(
     first: float = 0.0,
     hold: threading.Event | None = None,
     go_on: Callable[[Sending], bool] | None = None,
-    progress: Sending | None = None,
+    counts: Sending | None = None,
     latest: float | None = None,
 ) -> Sending:
     """Sends set points as packets, and returns when the last one was due.
@@ -95,19 +95,19 @@ def send_points(
         hold: set from elsewhere to hold all motion, softly.
         go_on: then asked whether to go on or to stop, while the held position is sent on; it may
             return once ``lost`` is set, what it says does not count then.
-        progress: to count in, for who catches what interrupts.
+        counts: to count in, for who catches what interrupts.
         latest: how late a packet may be [s]; ``LATEST`` by default.
 
     Raises:
         PacketError: nobody listens, the sender is too late, or it was held and stopped.
         StandError, FileError: as of :func:`packets_of`, and there is nothing to go on from.
     """
-    sender = _Sender(points, send, progress or Sending(), LATEST if latest is None else latest)
+    sender = _Sender(points, send, counts or Sending(), LATEST if latest is None else latest)
     check_first(first, sender.end)
     sender.stand(first)
     sender.go(first, hold or threading.Event(), go_on, soft=first > 0.0)
     sender.stand(sender.end)
-    return sender.progress
+    return sender.counts
 
 
 def check_first(first: float, end: float) -> None:
@@ -117,7 +117,7 @@ def check_first(first: float, end: float) -> None:
 
 
 class _Sender:
-    def __init__(self, points: SetPoints, send: Send, progress: Sending, latest: float):
+    def __init__(self, points: SetPoints, send: Send, counts: Sending, latest: float):
         motion = points.whole()
         self.packets = packets_of(points.map.stand, points.controller, points.rate)
         self.path = CubicHermiteSpline(motion.t, motion.position, motion.velocity)
@@ -126,7 +126,7 @@ class _Sender:
         self.stops = SOFT * max(
             (a.file.speed or 0.0) / (a.file.acceleration or np.inf) for a in points.axes
         )
-        self.send, self.progress, self.latest = send, progress, latest
+        self.send, self.counts, self.latest = send, counts, latest
         self.due, self.epoch = time.monotonic(), _epoch()
 
     def stand(self, t: float) -> None:
@@ -163,7 +163,7 @@ class _Sender:
                     t = self.end
                     break
                 t += step
-                self.progress.dropped += bool(left_out)
+                self.counts.dropped += bool(left_out)
 
     def _at(self, t: float) -> None:
         """Sends the position of a time when it is due."""
@@ -171,8 +171,8 @@ class _Sender:
         late = time.monotonic() - self.due
         if late > self.latest:
             raise self._too_late(t, late)
-        self.progress.times.append(t)
-        self.progress.late.append(late)
+        self.counts.times.append(t)
+        self.counts.late.append(late)
         self._send(self.path(t), self.due)
 
     def _too_late(self, t: float, late: float) -> PacketError:
@@ -182,8 +182,8 @@ class _Sender:
         try:
             self.send(self.packets.encode(position, self.epoch + due))
         except OSError as error:
-            raise PacketError(self.progress.t, f"not sent: {error.strerror or error}") from None
-        self.progress.sent += 1
+            raise PacketError(self.counts.t, f"not sent: {error.strerror or error}") from None
+        self.counts.sent += 1
 
     def _held(self, go_on: Callable[[Sending], bool] | None) -> None:
         """Asks whether to go on, and sends the position on meanwhile.
@@ -193,7 +193,7 @@ class _Sender:
         """
         ended = threading.Event()
         wrong: list[PacketError] = []
-        position = self.path(self.progress.t)
+        position = self.path(self.counts.t)
 
         def keep() -> None:
             while not ended.wait(self.interval):
@@ -201,20 +201,20 @@ class _Sender:
                     self._send(position, time.monotonic())
                 except PacketError as error:
                     wrong.append(error)
-                    self.progress.lost.set()
+                    self.counts.lost.set()
                     return
 
         thread = threading.Thread(target=keep, name="held", daemon=True)
         thread.start()
         try:
-            goes = go_on is not None and go_on(self.progress)
+            goes = go_on is not None and go_on(self.counts)
         finally:
             ended.set()
             thread.join()
         if wrong:
             raise wrong[0]
         if not goes:
-            raise PacketError(self.progress.t, STOPPED)
+            raise PacketError(self.counts.t, STOPPED)
         self.due = time.monotonic()
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from fantoccini.base import MissingLibraryError, StandError, StreamError
+from fantoccini.base import MissingLibraryError, OnProgress, Progress, StandError, StreamError
 
 HOLD, RESUME, RESET = b"!", b"~", b"\x18"
 SILENCE = 30.0
@@ -68,7 +68,7 @@ class Line:
 
 
 @dataclass
-class Progress:
+class Streamed:
     """How far a stream is.
 
     Attributes:
@@ -148,12 +148,12 @@ def stream(
     buffer: int = 128,
     counting: bool = True,
     *,
-    on_line: Callable[[Progress], None] | None = None,
+    progress: OnProgress | None = None,
     silence: float = SILENCE,
-    progress: Progress | None = None,
+    counts: Streamed | None = None,
     hold: threading.Event | None = None,
-    go_on: Callable[[Progress], bool] | None = None,
-) -> Progress:
+    go_on: Callable[[Streamed], bool] | None = None,
+) -> Streamed:
     """Sends lines, and waits until the controller took them all.
 
     Args:
@@ -161,16 +161,16 @@ def stream(
         lines: to send.
         buffer: characters that the controller holds, one of which stays free.
         counting: whether to count characters; otherwise a line waits for the last one's ``ok``.
-        on_line: called when the controller took a line.
+        progress: called when the controller took a line.
         silence: longest wait for an answer [s].
-        progress: to count in, for who catches what interrupts.
+        counts: to count in, for who catches what interrupts.
         hold: set from elsewhere to hold all motion.
         go_on: then asked whether to go on or to stop.
 
     Raises:
         StreamError: it refused a line, or does not answer; it was held and reset.
     """
-    done = progress or Progress()
+    done = counts or Streamed()
     waiting: deque[Line] = deque()
     todo = deque(lines)
     room = buffer - 1
@@ -211,8 +211,8 @@ def stream(
         if answer.lower() == "ok" or answer.lower().startswith("ok "):
             line = waiting.popleft()
             done.done, done.last = done.done + 1, line.number
-            if on_line is not None:
-                on_line(done)
+            if progress is not None:
+                progress(Progress(done=done.done, total=len(lines)))
     return done
 
 

@@ -22,9 +22,9 @@ from fantoccini.stand import (
     STOPPED,
     ArtNet,
     Grbl,
-    Progress,
     Sending,
     SetPoints,
+    Streamed,
     check_first,
     first_lost,
     gcode,
@@ -64,7 +64,7 @@ def send_lines(points: SetPoints, request: StandStreamRequest) -> None:
         fail("the stand's controller names no port; needed: --port NAME", "--port")
     counting = isinstance(controller, Grbl)
     buffer = controller.buffer if counting else 4096
-    progress = Progress()
+    counts = Streamed()
     try:
         with _holding() as hold, serial_port(name, request.baud or controller.baud) as port:
             stream(
@@ -72,21 +72,21 @@ def send_lines(points: SetPoints, request: StandStreamRequest) -> None:
                 lines,
                 buffer,
                 counting,
-                progress=progress,
+                counts=counts,
                 hold=hold,
                 go_on=lambda done: _ask(f"line {done.last}"),
             )
     except StreamError as error:
         say(f"fantoccini: {error}")
-        if progress.last:
-            first = first_lost(text, progress.last, controller.planner)
+        if counts.last:
+            first = first_lost(text, counts.last, controller.planner)
             say(
-                f"the controller took all lines up to {progress.last}, and may have dropped what "
+                f"the controller took all lines up to {counts.last}, and may have dropped what "
                 f"waited; when it still knows where it is, go on with --from-line {first}"
             )
         raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
     if not request.quiet:
-        write(f"{progress.done} lines; up to {progress.most} characters were under way")
+        write(f"{counts.done} lines; up to {counts.most} characters were under way")
 
 
 def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
@@ -114,7 +114,7 @@ def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
             "must stand there"
         )
     broadcast = isinstance(controller, ArtNet) and controller.broadcast
-    progress = Sending()
+    counts = Sending()
     try:
         with _holding() as hold, udp_sender(host, port, broadcast) as send:
             send_points(
@@ -122,12 +122,12 @@ def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
                 send,
                 first=first,
                 hold=hold,
-                progress=progress,
+                counts=counts,
                 go_on=lambda done: _ask(f"t = {done.t:.3f} s", done.lost),
             )
     except PacketError as error:
         say(f"fantoccini: {error}")
-        if progress.t > 0.0:
+        if counts.t > 0.0:
             # Rounded down, so that no set point is left out.
             say(
                 f"when the axes are where they were, go on with --from-time "
@@ -136,8 +136,8 @@ def send_packets(points: SetPoints, request: StandStreamRequest) -> None:
         raise typer.Exit(INTERRUPTED if error.reason == STOPPED else FAILED) from None
     if not request.quiet:
         write(
-            f"{progress.sent} packets to {host}:{port}, {progress.dropped} set points left out; "
-            f"at most {1e3 * progress.latest:.2f} ms late"
+            f"{counts.sent} packets to {host}:{port}, {counts.dropped} set points left out; "
+            f"at most {1e3 * counts.latest:.2f} ms late"
         )
 
 

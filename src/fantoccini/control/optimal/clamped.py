@@ -18,7 +18,7 @@ from fantoccini.control.optimal.dynamics import TimeSteps
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.quadratic import StageSolver
 from fantoccini.control.tasks import Nodes
-from fantoccini.dynamics.derivatives import linearise_steps
+from fantoccini.dynamics.derivatives import StepInputs, StepOptions, linearise_steps
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import AnyArray, ClampedOutcome, ClampedStages
 
@@ -75,15 +75,9 @@ class ClampedSteps:
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):
-            one = linearise_steps(
-                self._marionette,
-                *x,
-                nodes.acc_K,
-                dt=dt,
-                pull=pulls and j == 0,
-                threads=self._threads,
-                room=self._room,
-            )
+            given = StepInputs.of(self._marionette, x, nodes.acc_K, dt=dt)
+            options = StepOptions(pull=pulls and j == 0, threads=self._threads)
+            one = linearise_steps(self._marionette, given, options, self._room)
             self._room = one.motion
             self._stages.add_step(one.motion, driven, k, j == 0)
             if j == 0:

@@ -25,7 +25,13 @@ from fantoccini.dynamics.derivatives.mode_system import ModeSystem, solve_in_mod
 from fantoccini.dynamics.derivatives.rollout_gradient import Rollout, RolloutGradient, rollout
 from fantoccini.dynamics.derivatives.small_motions import SmallMotions, balanced_state
 from fantoccini.dynamics.derivatives.step_linearisation import StepLinearisation, linearise_step
-from fantoccini.dynamics.derivatives.step_partials import StepLinearisations, linearise_steps
+from fantoccini.dynamics.derivatives.step_partials import (
+    StepInputs,
+    StepKeywords,
+    StepLinearisations,
+    StepOptions,
+    linearise_steps,
+)
 
 __all__ = [
     "TOLERANCES",
@@ -42,8 +48,11 @@ __all__ = [
     "Rollout",
     "RolloutGradient",
     "SmallMotions",
+    "StepInputs",
+    "StepKeywords",
     "StepLinearisation",
     "StepLinearisations",
+    "StepOptions",
     "balanced_state",
     "closed_without_force",
     "geometries",

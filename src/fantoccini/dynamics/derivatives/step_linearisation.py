@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import ARRIVED, Array, SimulationError, StateError, Status, check_positive
+from fantoccini.base import ARRIVED, Array, SimulationError, StateError, Status
 from fantoccini.dynamics.compiled import CompiledPuppet, Screws, Touch, vector
 from fantoccini.dynamics.derivatives.contact_rows import ContactMode, ContactRows, HeldPoint
 from fantoccini.dynamics.derivatives.driven_step import DrivenStep
 from fantoccini.dynamics.derivatives.linearisation import Partials
-from fantoccini.dynamics.derivatives.step_partials import StepInputs, linearised
+from fantoccini.dynamics.derivatives.step_partials import StepInputs, StepOptions, linearised
 from fantoccini.dynamics.steppers import CONTRADICTION_STATUSES, contradiction, decide
 from fantoccini.kernel.contract import StepEdge
 from fantoccini.kernel.runtime import LaneRecord, StepTouches
@@ -87,10 +87,10 @@ def linearise_step(
     n, k, n_p = t.n_vD, t.n_vK, len(marionette.p)
     acc_K, u_D = vector("acc_K", acc_K, k), vector("u_D", u_D, n)
     slip = marionette.states([x]).slip[0]
-    check_positive(dt=dt)
     motion = x.q_D, x.v_D, x.q_K, x.v_K
     given = StepInputs.of(marionette, motion, acc_K, u_D, None, dt, slip)
-    found = linearised(marionette, given, forces=True, pull=True, shares=True)
+    options = StepOptions(forces=True, pull=True, threads=1)
+    found = linearised(marionette, given, options, shares=True)
     steps, made = found.steps, found.made
     _check_arrived(marionette, x, made, acc_K, dt)
     touches = made if isinstance(made, StepTouches) else None

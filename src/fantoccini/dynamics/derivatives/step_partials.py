@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -120,39 +120,67 @@ class StepLinearisations:
         return np.array([one.state(n, 0)[:, 2 * n : 2 * n + 3 * k] for one in steps])
 
 
+@dataclass(frozen=True)
+class StepOptions:
+    """How time steps are linearised.
+
+    Attributes:
+        forces: differentiate by the user's forces, too.
+        pull: also the tensions' derivatives.
+        threads: all processors when not given.
+        method: ``"timestepping"``, or ``"variational"`` for steps of that method, in which no
+            driven joint turns.
+
+    Raises:
+        StateError: an unknown method.
+    """
+
+    forces: bool = False
+    pull: bool = False
+    threads: int | None = None
+    method: Literal["timestepping", "variational"] = "timestepping"
+
+    def __post_init__(self) -> None:
+        if self.method not in ("timestepping", "variational"):
+            text = f"method is {self.method!r}; it must be 'timestepping' or 'variational'"
+            raise StateError(text)
+
+
+class StepKeywords(TypedDict, total=False):
+    """The fields of :class:`StepOptions` as keyword arguments."""
+
+    forces: bool
+    pull: bool
+    threads: int | None
+    method: Literal["timestepping", "variational"]
+
+
 def linearise_steps(
     marionette: CompiledPuppet,
-    q_D: Array,
-    v_D: Array,
-    q_K: Array,
-    v_K: Array,
-    acc_K: Array | None = None,
-    u_D: Array | None = None,
-    *,
-    p: Array | None = None,
-    dt: float = 0.002,
-    forces: bool = False,
-    pull: bool = False,
-    threads: int | None = None,
-    method: str = "timestepping",
+    given: StepInputs,
+    options: StepOptions | None = None,
     room: Array | None = None,
 ) -> StepLinearisations:
     """One time step from each of n states; see :meth:`Marionette.linearise_steps`.
 
-    ``room``, the ``motion`` of an earlier call, is written over where it has the right size.
+    Args:
+        marionette: the puppet.
+        given: the steps.
+        options: how they are linearised.
+        room: the ``motion`` of an earlier call, written over where it has the right size.
     """
-    check_positive(dt=dt)
-    if method not in ("timestepping", "variational"):
-        raise StateError(f"method is {method!r}; it must be 'timestepping' or 'variational'")
-    given = StepInputs.of(marionette, (q_D, v_D, q_K, v_K), acc_K, u_D, p, dt)
-    threads = default_threads() if threads is None else threads
-    if method == "variational":
-        refuse_contact(marionette, "the method variational")
-        made = variational_partials(
-            marionette, given.x, given.acc_K, given.u_D, given.p, dt, threads
-        )
-        return _variational(marionette, made, given.driven, forces, pull, dt)
-    return linearised(marionette, given, forces=forces, pull=pull, threads=threads, room=room).steps
+    options = options or StepOptions()
+    if options.method == "timestepping":
+        return linearised(marionette, given, options, room=room).steps
+    refuse_contact(marionette, "the method variational")
+    made = variational_partials(
+        marionette, given.x, given.acc_K, given.u_D, given.p, given.dt, _threads(options)
+    )
+    return _variational(marionette, made, given, options)
+
+
+def _threads(options: StepOptions) -> int:
+    return default_threads() if options.threads is None else options.threads
 
 
 class StepInputs(NamedTuple):
@@ -181,13 +209,14 @@ class StepInputs(NamedTuple):
         cls,
         marionette: CompiledPuppet,
         motion: tuple[Array, Array, Array, Array],
-        acc_K: Array | None,
-        u_D: Array | None,
-        p: Array | None,
-        dt: float,
+        acc_K: Array | None = None,
+        u_D: Array | None = None,
+        p: Array | None = None,
+        dt: float = 0.002,
         slip: Array | None = None,
     ) -> StepInputs:
         """From the states (n, ...) or (...,), of which q_D, v_D, q_K and v_K are ``motion``."""
+        check_positive(dt=dt)
         t = marionette.coordinates
         widths = {"q_D": t.n_qD, "v_D": t.n_vD, "q_K": t.n_qK, "v_K": t.n_vK}
         given = zip(widths.items(), motion, strict=True)
@@ -233,23 +262,21 @@ class Linearised(NamedTuple):
 def linearised(
     marionette: CompiledPuppet,
     given: StepInputs,
+    options: StepOptions,
     *,
-    forces: bool,
-    pull: bool,
     shares: bool = False,
-    threads: int = 1,
     room: Array | None = None,
 ) -> Linearised:
-    """Time steps and their derivatives; see :func:`linearise_steps`."""
-    x, along, dt = given.x, given.along, given.dt
-    options = marionette.run_options(dt=dt, extrapolate=False)
+    """Time steps of the time-stepper and their derivatives; see :func:`linearise_steps`."""
+    x, along, dt, threads = given.x, given.along, given.dt, _threads(options)
+    stepping = marionette.run_options(dt=dt, extrapolate=False)
     made: LaneRecord | StepTouches
-    if options.contacts is None:
-        touches, made = None, _made(marionette, options, given, threads)
+    if stepping.contacts is None:
+        touches, made = None, _made(marionette, stepping, given, threads)
     else:
         touches = made = step_touches(
             marionette.library,
-            options,
+            stepping,
             marionette.winches,
             marionette.reference_force,
             x | along | {"slip": given.slip},
@@ -270,9 +297,9 @@ def linearised(
         given.p,
         given.u_D,
         dt=dt,
-        recovery_speed=options.recovery_speed,
-        forces=forces,
-        pull=pull,
+        recovery_speed=stepping.recovery_speed,
+        forces=options.forces,
+        pull=options.pull,
         shares=shares,
         threads=threads,
         touches=touches,
@@ -325,17 +352,12 @@ def _made(
 
 
 def _variational(
-    marionette: CompiledPuppet,
-    found: VariationalPartials,
-    driven: tuple[DrivenStep, ...],
-    forces: bool,
-    pull: bool,
-    dt: float,
+    marionette: CompiledPuppet, found: VariationalPartials, given: StepInputs, options: StepOptions
 ) -> StepLinearisations:
     """The results of variational steps."""
     t = marionette.coordinates
     kept = np.ones(found.motion.shape[-1], dtype=bool)
-    if not forces:
+    if not options.forces:
         first = 2 * t.n_vD + 3 * t.n_vK
         kept[first : first + t.n_vD] = False
     slips = np.any(found.tension >= AT_CAP * marionette.upper, axis=1)
@@ -345,13 +367,13 @@ def _variational(
         tension=found.tension,
         held=found.held,
         motion=found.motion[..., kept],
-        pull=found.pull[..., kept] if pull else None,
+        pull=found.pull[..., kept] if options.pull else None,
         settled=found.solved & ~slips,
         edges=none,
         n_contacts=none,
-        dt=dt,
+        dt=given.dt,
         coordinates=t,
-        _driven=driven,
+        _driven=given.driven,
     )
 
 

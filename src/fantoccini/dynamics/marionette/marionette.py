@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Unpack
 
 import numpy as np
 
@@ -23,8 +23,11 @@ from fantoccini.dynamics.derivatives import (
     Linearisation,
     PointMode,
     Rollout,
+    StepInputs,
+    StepKeywords,
     StepLinearisation,
     StepLinearisations,
+    StepOptions,
     linearise,
     linearise_step,
     linearise_steps,
@@ -297,10 +300,7 @@ class Marionette(CompiledPuppet):
         *,
         p: Array | None = None,
         dt: float = 0.002,
-        forces: bool = False,
-        pull: bool = False,
-        threads: int | None = None,
-        method: Literal["timestepping", "variational"] = "timestepping",
+        **options: Unpack[StepKeywords],
     ) -> StepLinearisations:
         """One time step from each of n states with its derivatives, compiled.
 
@@ -314,29 +314,14 @@ class Marionette(CompiledPuppet):
             u_D: (n, n_vD) or (n_vD,) user forces; 0 when not given.
             p: (n, n_p) or (n_p,) parameters; the marionette's own when not given.
             dt: length of the steps [s].
-            forces: differentiate by the user's forces, too.
-            pull: also the tensions' derivatives.
-            threads: all processors when not given.
-            method: ``variational`` for steps of that method, in which no driven joint turns.
+            options: the fields of :class:`fantoccini.dynamics.derivatives.StepOptions`, such as
+                ``pull=True``.
 
         Raises:
             StateError: an array has another shape.
         """
-        return linearise_steps(
-            self,
-            q_D,
-            v_D,
-            q_K,
-            v_K,
-            acc_K,
-            u_D,
-            p=p,
-            dt=dt,
-            forces=forces,
-            pull=pull,
-            threads=threads,
-            method=method,
-        )
+        given = StepInputs.of(self, (q_D, v_D, q_K, v_K), acc_K, u_D, p, dt)
+        return linearise_steps(self, given, StepOptions(**options))
 
     def rollout(
         self,

@@ -20,7 +20,12 @@ import numpy as np
 
 from fantoccini.base import ARRIVED, Array, Indices, tangent
 from fantoccini.dynamics import Marionette
-from fantoccini.dynamics.derivatives import StepLinearisations, linearise_steps
+from fantoccini.dynamics.derivatives import (
+    StepInputs,
+    StepLinearisations,
+    StepOptions,
+    linearise_steps,
+)
 from fantoccini.kernel.runtime import LaneRecord, LaneSteppers
 from fantoccini.motion import Input
 
@@ -238,20 +243,9 @@ def sense(
                 for x in (rolled.q_D, rolled.v_D, driven.q_K, driven.v_K, driven.acc_K)
             )
             force = None if driven.u_D is None else driven.u_D[some].reshape(block * S, -1)
-            lin = linearise_steps(
-                marionette,
-                q_D,
-                v_D,
-                q_K,
-                v_K,
-                acc_K,
-                force,
-                p=p,
-                dt=driven.dt,
-                pull=pull,
-                threads=threads,
-                room=room,
-            )
+            motion = q_D, v_D, q_K, v_K
+            given = StepInputs.of(marionette, motion, acc_K, force, p, driven.dt)
+            lin = linearise_steps(marionette, given, StepOptions(pull=pull, threads=threads), room)
             room = lin.motion
             for done in [pool.submit(carry, own, k, lin) for own in of_step]:
                 done.result()
