@@ -91,6 +91,26 @@ def test_one_function_lets_a_puppet_go_until_it_rests():
     assert runs == ["letting_go.py: let_go"]
 
 
+def test_one_newtons_method_ends_the_searches_for_hanging_puppets():
+    """Relaxation and descent bring a puppet there; whether it is stable is decided in one place."""
+    folder = PACKAGE / "dynamics" / "equilibrium"
+    stable = {
+        name
+        for name, function in functions(folder).items()
+        if not name.startswith(("vibration.py", "plausible.py"))
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and ast.unparse(node.func).startswith("np.linalg.eig")
+    }
+    assert stable == {"newton.py: curvature", "newton.py: instability"}
+    using = {
+        name
+        for name, function in functions(folder).items()
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "newton"
+    }
+    assert using == {"descent.py: descended", "newton.py: as_asked", "relaxation.py: relaxed"}
+
+
 def test_one_outer_loop_iterates_quadratic_programs():
     """Methods give it steps, and say whether they are taken; when it ends is decided once."""
     folder = PACKAGE / "control"
