@@ -20,18 +20,18 @@ from fantoccini.control.planning import solve
 
 
 def tasks(names: Sequence[str]) -> None:
-    """Status, iterations and cost of the answer to each task."""
+    """Prints status, iterations and cost of the answer to each task."""
     for name in names:
         best = fan.optimise(fan.control.load_task(name), time_limit=86_400.0)
         print(f"{name}: {best.status.name}, {best.iterations} iterations, cost {best.cost!r}")
 
 
 def plans(name: str, seeds: int, polished: bool) -> None:
-    """How many seeds find a plan, and a hash of the durations and inputs of all.
+    """Prints how many seeds find a plan, and a hash of the durations and inputs of all.
 
     Args:
         name: of the problem.
-        seeds: how many.
+        seeds: their number.
         polished: whether the plans are brought to the goal.
     """
     problem = fan.control.load_problem(name)

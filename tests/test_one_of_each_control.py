@@ -91,6 +91,40 @@ def test_one_function_lets_a_puppet_go_until_it_rests():
     assert runs == ["letting_go.py: let_go"]
 
 
+def test_one_newtons_method_ends_the_searches_for_hanging_puppets():
+    """Relaxation and descent bring a puppet there; whether it is stable is decided in one place."""
+    folder = PACKAGE / "dynamics" / "equilibrium"
+    stable = {
+        name
+        for name, function in functions(folder).items()
+        if not name.startswith(("vibration.py", "plausible.py"))
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and ast.unparse(node.func).startswith("np.linalg.eig")
+    }
+    assert stable == {"newton.py: curvature", "newton.py: instability"}
+    using = {
+        name
+        for name, function in functions(folder).items()
+        for node in ast.walk(function)
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "newton"
+    }
+    assert using == {"descent.py: descended", "newton.py: as_asked", "relaxation.py: relaxed"}
+
+
+def test_all_searches_for_equilibria_end_alike():
+    """Compiled poses of ``reach``, and where rollouts of plans are led, are rests."""
+    arm = fan.puppets.arm2d()
+    x = arm.rest()
+    bent = float(x.q_D[1]) + 0.3
+    pose = fan.reach(arm, {"elbow": bent}, x)[0]
+    assert pose and pose.state.q_D[1] == pytest.approx(bent)
+    assert arm.rest(pose.state).q_D == pytest.approx(pose.state.q_D, abs=1e-12)
+    problem = fan.control.Problem(arm, x, {"elbow": bent})
+    led = problem.rollouts.funnels[0]
+    again = arm.rest(x.replace(q_D=led.q_D, q_K=led.q_K))
+    assert problem.equilibrium and again.q_D == pytest.approx(led.q_D, abs=1e-9)
+
+
 def test_one_outer_loop_iterates_quadratic_programs():
     """Methods give it steps, and say whether they are taken; when it ends is decided once."""
     folder = PACKAGE / "control"

@@ -77,8 +77,8 @@ def test_an_error_stops_the_stream_with_line_and_reason(points):
 def test_hold_goes_on_or_stops(points):
     lines, hold, asked = lines_of(gcode(points)), threading.Event(), []
 
-    def on_line(progress):
-        if progress.done == 20:
+    def hold_at_line_20(at):
+        if at.done == 20:
             hold.set()
 
     for answer in (True, False):
@@ -91,11 +91,11 @@ def test_hold_goes_on_or_stops(points):
 
             with serial_port(emulator.port, 115_200) as port:
                 if answer:
-                    stream(port, lines, on_line=on_line, hold=hold, go_on=go_on)
+                    stream(port, lines, progress=hold_at_line_20, hold=hold, go_on=go_on)
                     assert emulator.lines == [line.text for line in lines]
                 else:
                     with pytest.raises(StreamError, match="stopped here") as stopped:
-                        stream(port, lines, on_line=on_line, hold=hold, go_on=go_on)
+                        stream(port, lines, progress=hold_at_line_20, hold=hold, go_on=go_on)
                     assert stopped.value.line > lines[19].number
     assert asked == [True, True]
 

@@ -6,7 +6,7 @@ from fantoccini.base import Outcome
 
 
 class AnswerStatus(Outcome):
-    """How a search for an answer ended, and whether the answer holds and is at a minimum."""
+    """The end of a search, and with it whether the answer holds and is at a minimum."""
 
     SOLVED = "the residual of the conditions of optimality is below the tolerance"
     NARROW = "all spreads are narrow"
@@ -79,7 +79,7 @@ class Answer:
 
     @property
     def message(self) -> str:
-        """How the search ended, in words."""
+        """The end of the search, in words."""
         return self.status.message
 
     def __bool__(self) -> bool:

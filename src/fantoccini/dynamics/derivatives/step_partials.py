@@ -122,7 +122,7 @@ class StepLinearisations:
 
 @dataclass(frozen=True)
 class StepOptions:
-    """How time steps are linearised.
+    """Options of linearised time steps.
 
     Attributes:
         forces: differentiate by the user's forces, too.
@@ -166,7 +166,7 @@ def linearise_steps(
     Args:
         marionette: the puppet.
         given: the steps.
-        options: how they are linearised.
+        options: see :class:`StepOptions`.
         room: the ``motion`` of an earlier call, written over where it has the right size.
     """
     options = options or StepOptions()

@@ -17,15 +17,16 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, StateError, tangent
 from fantoccini.dynamics.compiled import ROW_TOLERANCES, CompiledPuppet, Evaluation, retract
-from fantoccini.dynamics.equilibrium.projection import onto_rows, positioned
-from fantoccini.dynamics.equilibrium.relaxation import (
+from fantoccini.dynamics.equilibrium.newton import (
     Equilibrium,
+    curvature,
     derivatives,
-    in_step,
+    instability,
     newton,
-    poles,
     pushed,
 )
+from fantoccini.dynamics.equilibrium.projection import onto_rows, positioned
+from fantoccini.dynamics.equilibrium.relaxation import in_step, poles
 from fantoccini.motion import State
 
 
@@ -89,11 +90,10 @@ def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
     for _ in range(DESCENT.rounds):
         at = Evaluation.of(marionette, x)
         near = np.flatnonzero((at.h > -DESCENT.near_gap * scale) | wires)
-        curvature, modes = _curvature(
-            at, _force_derivative(marionette, Equilibrium(x, rows, tension))
-        )
+        by_move = _force_derivative(marionette, Equilibrium(x, rows, tension))
+        bends = values, modes = curvature(at, by_move)
         while True:
-            damped = np.maximum(np.abs(curvature) + mu, DESCENT.least_curvature)
+            damped = np.maximum(np.abs(values) + mu, DESCENT.least_curvature)
             softened = modes / np.sqrt(damped)
             W = softened.T @ at.W[:, near]
             force = softened.T @ at.w0
@@ -117,7 +117,7 @@ def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
         # once leave those across it as large as they were.
         stalls = stalls + 1 if flat and unbalanced > 0.5 * before else 0
         if size < DESCENT.min_move or stalls > DESCENT.max_stalls or mu > DESCENT.max_mu:
-            push = _unstable(at, rows, curvature, modes)
+            push = instability(at, rows, bends, DESCENT.unstable)
             below = None if push is None else pushed(marionette, x, push)
             if below is None and unbalanced > DESCENT.balanced_force * size_of_forces:
                 raise StateError(
@@ -169,20 +169,3 @@ def _force_derivative(marionette: CompiledPuppet, found: Equilibrium) -> Array:
     at = marionette.at(x) | {"q_D": moved, "acc_K": np.zeros_like(x.v_K), "u_D": np.zeros(n)}
     w0 = marionette.library.evaluate("dynamics", **at).w0
     return (w0[:n] - w0[n:]).T / (2 * DESCENT.difference)
-
-
-def _curvature(at: Evaluation, by_move: Array) -> tuple[Array, Array]:
-    """Eigenvalues [1/s^2] and vectors of V's Hessian where M_DD is the identity."""
-    H = -by_move @ at.back(np.eye(len(by_move))).T
-    return np.linalg.eigh(0.5 * (H + H.T))
-
-
-def _unstable(at: Evaluation, rows: Indices, curvature: Array, modes: Array) -> Array | None:
-    """A push (n_vD,) along which V falls while the rows hold; None at a minimum."""
-    W = at.W[:, rows]
-    free = np.eye(len(modes)) - W @ np.linalg.pinv(W) if len(rows) else np.eye(len(modes))
-    values, vectors = np.linalg.eigh(free @ (modes * curvature) @ modes.T @ free)
-    if values[0] > -DESCENT.unstable * max(1.0, float(np.max(np.abs(values)))):
-        return None
-    push = at.back(free @ vectors[:, 0])
-    return push / np.max(np.abs(push))

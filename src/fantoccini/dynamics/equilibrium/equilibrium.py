@@ -17,6 +17,7 @@ from fantoccini.dynamics.compiled import (
 )
 from fantoccini.dynamics.derivatives import balanced_state, with_active_set
 from fantoccini.dynamics.equilibrium import descent, relaxation
+from fantoccini.dynamics.equilibrium.newton import Equilibrium, as_asked, sizes
 from fantoccini.dynamics.equilibrium.projection import onto_rows, overstepped, positioned
 from fantoccini.dynamics.equilibrium.settling import settled
 from fantoccini.dynamics.equilibrium.support import falling, falls
@@ -81,12 +82,12 @@ def rest(marionette: CompiledPuppet, x: State) -> State:
 
 def _relaxed(marionette: CompiledPuppet, start: State, asked: State) -> State:
     found = relaxation.relaxed(marionette, start)
-    return _hung(marionette, start, relaxation.as_asked(marionette, asked, found))
+    return _hung(marionette, start, as_asked(marionette, asked, found))
 
 
 def _descended(marionette: CompiledPuppet, start: State, asked: State) -> State:
     found = descent.descended(marionette, start)
-    return _hung(marionette, start, relaxation.as_asked(marionette, asked, found))
+    return _hung(marionette, start, as_asked(marionette, asked, found))
 
 
 def _settled(marionette: CompiledPuppet, start: State, asked: State) -> State:
@@ -97,7 +98,7 @@ def _settled(marionette: CompiledPuppet, start: State, asked: State) -> State:
         raise
 
 
-def _hung(marionette: CompiledPuppet, start: State, found: relaxation.Equilibrium) -> State:
+def _hung(marionette: CompiledPuppet, start: State, found: Equilibrium) -> State:
     """The state of an equilibrium; StateError where it is not accepted."""
     pulls = np.isin(np.arange(marionette.tree.n_rows), found.rows)
     found = replace(found, x=found.x.replace(taut=pulls))
@@ -126,9 +127,9 @@ def _begun(marionette: CompiledPuppet, x: State) -> State:
     return start
 
 
-def _wrong(marionette: CompiledPuppet, start: State, found: relaxation.Equilibrium) -> str:
+def _wrong(marionette: CompiledPuppet, start: State, found: Equilibrium) -> str:
     """Why an equilibrium is not accepted, in words; "" where it is."""
-    mass, weight = relaxation.sizes(marionette)
+    mass, weight = sizes(marionette)
     left = overstepped(marionette, found.x)
     if left:
         return f"where forces balance, {left}"
