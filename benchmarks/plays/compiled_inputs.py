@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -96,35 +97,33 @@ def of_play(path: str | Path) -> dict[str, Array]:
     return kept
 
 
-def compiled(folder: Path, scores: int, plays: int) -> dict[str, Array]:
-    """Those of random scores, of random plays and of the bundled plays."""
-    kept: dict[str, Array] = {}
-    texts = [(f"score {seed}", random_score(seed)) for seed in range(scores)]
-    texts += [(f"play {seed}", random_play(seed)) for seed in range(plays)]
-    for name, data in texts:
-        path = folder / "given.yaml"
-        YAML().dump(data, path)
-        own = of_score(path) if name.startswith("score") else of_play(path)
-        kept |= {f"{name} {key}": value for key, value in own.items()}
-        print(name, *(f"{key} {value.shape}" for key, value in own.items()), flush=True)
+def compiled(folder: Path, scores: int, plays: int) -> Iterator[tuple[str, dict[str, Array]]]:
+    """Names and arrays of random scores, of random plays and of the bundled plays."""
+    for seed in range(scores):
+        yield f"score {seed}", of_score(written(folder, random_score(seed)))
+    for seed in range(plays):
+        yield f"play {seed}", of_play(written(folder, random_play(seed)))
     for name in play_names():
-        kept |= {f"{name} {key}": value for key, value in of_play(name).items()}
-        print(name, flush=True)
-    return kept
+        yield name, of_play(name)
 
 
-def differences(before: dict[str, Array], after: dict[str, Array]) -> list[str]:
-    """What is not the same within the tolerance."""
-    faults = [f"{key} is in one only" for key in sorted(before.keys() ^ after.keys())]
-    for key in sorted(before.keys() & after.keys()):
-        old, new = before[key], after[key]
-        if old.shape != new.shape:
-            faults.append(f"{key}: {old.shape} and {new.shape}")
-        elif old.dtype.kind == "U" or not old.size:
-            faults += [f"{key}: {a!r} and {b!r}" for a, b in zip(old, new, strict=True) if a != b]
-        elif (far := float(np.max(np.abs(new - old)))) > TOLERANCE:
-            faults.append(f"{key}: differs by {far:.3g}")
-    return faults
+def written(folder: Path, data: dict[str, Any]) -> Path:
+    """A file of a score or a play."""
+    path = folder / "given.yaml"
+    YAML().dump(data, path)
+    return path
+
+
+def difference(old: Array | None, new: Array | None) -> str:
+    """What is not the same within the tolerance; "" where nothing is."""
+    if old is None or new is None:
+        return "is in one only"
+    if old.shape != new.shape:
+        return f"{old.shape} and {new.shape}"
+    if old.dtype.kind == "U" or not old.size:
+        return "; ".join(f"{a!r} and {b!r}" for a, b in zip(old, new, strict=True) if a != b)
+    far = float(np.max(np.abs(new - old)))
+    return f"differs by {far:.3g}" if far > TOLERANCE else ""
 
 
 def main() -> int:
@@ -134,18 +133,27 @@ def main() -> int:
     parser.add_argument("--scores", type=int, default=20)
     parser.add_argument("--plays", type=int, default=5)
     given = parser.parse_args()
+    before: dict[str, Array] = {}
+    if given.file.exists():
+        with np.load(given.file, allow_pickle=False) as saved:
+            before = {key: saved[key] for key in saved.files}
+    after, differ = dict[str, Array](), 0
     with tempfile.TemporaryDirectory() as folder:
-        after = compiled(Path(folder), given.scores, given.plays)
-    if not given.file.exists():
+        for name, arrays in compiled(Path(folder), given.scores, given.plays):
+            own = {f"{name} {key}": value for key, value in arrays.items()}
+            after |= own
+            old = {key: x for key, x in before.items() if key.startswith(f"{name} ")}
+            faults = {key: difference(old.get(key), own.get(key)) for key in old | own}
+            wrong = [f"{key}: {fault}" for key, fault in faults.items() if fault]
+            same = sum(np.array_equal(old[key], own[key]) for key in old.keys() & own.keys())
+            differ += bool(before and wrong)
+            print(f"{name}: {len(own)} arrays", end=", " if before else "\n", flush=True)
+            if before:
+                print(f"{same} the same to the bit", *wrong, sep="\n  ", flush=True)
+    if not before:
         np.savez(given.file, **after)  # type: ignore[arg-type]
-        print(f"{given.file}: {len(after)} arrays")
-        return 0
-    with np.load(given.file, allow_pickle=False) as saved:
-        before = {key: saved[key] for key in saved.files}
-    faults = differences(before, after)
-    bits = sum(np.array_equal(before[key], after[key]) for key in before if key in after)
-    print(*faults, f"{bits} of {len(before)} arrays are the same to the bit", sep="\n")
-    return int(bool(faults))
+    print(f"{differ} differ" if before else f"{given.file}: {len(after)} arrays")
+    return int(differ > 0)
 
 
 if __name__ == "__main__":

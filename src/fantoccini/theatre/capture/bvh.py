@@ -249,7 +249,7 @@ def _channels(words: _Words, joint: _Joint, columns: int) -> int:
         if found.lower() not in _CHANNELS:
             words.fail(f"found {shown(found)}; needed: a channel, Xposition to Zrotation")
         kind, axis = _CHANNELS[found.lower()]
-        if (kind, axis) in [one[:2] for one in joint.channels]:
+        if (kind, axis) in [channel[:2] for channel in joint.channels]:
             words.fail(f"found {found} twice")
         joint.channels.append((kind, axis, columns))
         columns += 1

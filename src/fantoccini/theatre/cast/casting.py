@@ -65,9 +65,9 @@ class Player:
         table, hangs = self.alone.coordinates, self.hangs
         owners = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
         places = [
-            complex(hangs[f"{one}.x"], hangs[f"{one}.y"])
-            for one in owners
-            if {f"{one}.x", f"{one}.y"} <= {*table.q_K}
+            complex(hangs[f"{owner}.x"], hangs[f"{owner}.y"])
+            for owner in owners
+            if {f"{owner}.x", f"{owner}.y"} <= {*table.q_K}
         ]
         poses = self.alone.poses(hangs.q_D[None], hangs.q_K[None])[0]
         places += [complex(x, y) for x, y in poses[:, :2, 3]]
@@ -123,7 +123,7 @@ class Cast:
         if len(self.players) == 1:
             (only,) = self.players.values()
             tree = only.alone.tree
-            own = {*(link.name for link in tree.links), *(one.name for one in tree.strings)}
+            own = {*(link.name for link in tree.links), *(string.name for string in tree.strings)}
             return only.name if name in own else name
         first = name.split(".")[0]
         return first if first in self.players and "." in name else name
@@ -182,7 +182,7 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
             floor=stage.floor,
             puppets=tuple(members),
             obstacles=stage.obstacles,
-            props=tuple(one.prop for one in props.values()),
+            props=tuple(prop.prop for prop in props.values()),
             contact=rules if rules.pairs else None,
         )
         whole = Marionette(scene)

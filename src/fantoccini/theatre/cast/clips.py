@@ -123,7 +123,7 @@ def read_clip(player: Player, path: Path) -> Clip:
     except FileError as error:
         if mapping is not None:
             raise
-        raise FileError([_hinted(one, own.name) for one in error.mistakes]) from None
+        raise FileError([_hinted(mistake, own.name) for mistake in error.mistakes]) from None
     h = hashlib.blake2b(player.content.encode())
     h.update(path.read_bytes())
     h.update(b"" if mapping is None else own.read_bytes())

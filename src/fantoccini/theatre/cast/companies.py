@@ -95,7 +95,7 @@ def spans(players: Sequence[str], meetings: Iterable[Meeting], end: float) -> tu
         meetings: who may touch what, and when; who meets nobody is alone.
         end: of the play [s].
     """
-    listed = [one for one in meetings if one.begin < min(one.end, end)]
+    listed = [meeting for meeting in meetings if meeting.begin < min(meeting.end, end)]
     cuts = sorted({0.0, end, *(min(t, end) for one in listed for t in (one.begin, one.end))})
     open_: dict[Company, float] = {}
     found = []
@@ -162,7 +162,7 @@ class Staged:
         tree, x = self.marionette.tree, self.marionette.state()
         table = self.marionette.coordinates
         parts = {name: np.array(getattr(x, name)) for name in ("q_D", "v_D", "q_K", "v_K")}
-        rows = [*(one.name for one in tree.strings), *(one.name for one in tree.limits)]
+        rows = [*(string.name for string in tree.strings), *(limit.name for limit in tree.limits)]
         taut, slip = np.zeros(len(rows), dtype=bool), np.zeros(len(tree.strings))
         for name, prefix in self.prefixes.items():
             own = players[name]
@@ -218,7 +218,7 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
         return Staged(company, only.alone, {only.name: ""}, {}, {}, only.content)
     things = [cast.props[name] for name in company.props]
     used = {name for pair in company.pairs for name in pair}
-    stand = [one for one in cast.file.stage.obstacles if one.name in used]
+    stand = [obstacle for obstacle in cast.file.stage.obstacles if obstacle.name in used]
     alone = len(players) == 1
     prefixes = {one.name: "" if alone else f"player_{i}." for i, one in enumerate(players, 1)}
     props = {one.name: f"prop_{i}" for i, one in enumerate(things, 1)}
@@ -228,10 +228,10 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
     local = Staged(company, players[0].alone, prefixes, props, names, "").local
     content = repr(
         (
-            [one.content for one in players],
-            [one.content for one in things],
+            [player.content for player in players],
+            [thing.content for thing in things],
             sorted(sorted(map(local, pair)) for pair in company.pairs),
-            [repr(one) for one in obstacles],
+            [repr(obstacle) for obstacle in obstacles],
             cast.file.stage.floor,
         )
     )
@@ -245,7 +245,9 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
                 Member(name=f"player_{i}", puppet=one.alone.puppet)
                 for i, one in enumerate(players, 1)
             ),
-            props=tuple(one.prop.model_copy(update={"name": props[one.name]}) for one in things),
+            props=tuple(
+                thing.prop.model_copy(update={"name": props[thing.name]}) for thing in things
+            ),
             obstacles=obstacles,
         )
         return Marionette(scene)
@@ -262,7 +264,7 @@ def settled(cast: Cast, kept: Kept) -> Cast:
     """
     players, lie = dict(cast.players), dict(cast.lie)
     for who, player in cast.players.items():
-        held = [one for one in cast.props.values() if one.held_by == who]
+        held = [prop for prop in cast.props.values() if prop.held_by == who]
         if not held:
             continue
         pairs = frozenset(hanging(who, one.side, one.name) for one in held)

@@ -38,23 +38,23 @@ def sitting(player: str, seat: str) -> frozenset[Pair]:
 
 def asked_pairs(file: PlayFile) -> frozenset[Pair]:
     """All that may touch at some time of a play."""
-    found = set[Pair]()
+    pairs = set[Pair]()
     for prop, given in file.props.items():
-        found |= standing(prop, given.on or FLOOR)
+        pairs |= standing(prop, given.on or FLOOR)
         if given.held_by is not None:
-            found.add(hanging(given.held_by, given.side, prop))
+            pairs.add(hanging(given.held_by, given.side, prop))
     for act in file.acts:
         for cue in act.cues:
             named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
             if "seat" in named:
-                found |= sitting(cue.who[0], named["seat"])
+                pairs |= sitting(cue.who[0], named["seat"])
             if "prop" in named:
                 players = [cue.who[0], *([named["player"]] if "player" in named else [])]
-                found |= {
+                pairs |= {
                     hanging(who, side, named["prop"]) for who in players for side in OTHER_SIDE
                 }
-                found |= standing(named["prop"], named.get("table", FLOOR))
-    return frozenset(found)
+                pairs |= standing(named["prop"], named.get("table", FLOOR))
+    return frozenset(pairs)
 
 
 def rules_of(pairs: Iterable[Pair], named: Callable[[str], str] = str) -> Contact:

@@ -64,7 +64,7 @@ def play_timeline(
             name = given.name or VERBS[given.verb].called or str(given.verb_value)
             name = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
             known = (*marks(given, spot), START, END)
-            before = tuple(last[one] for one in who if one in last)
+            before = tuple(last[player] for player in who if player in last)
             cue = Cue(spot, len(cues), a, given, who, name, known, before)
             last.update(dict.fromkeys(who, cue))
             acts[-1].append(cue)

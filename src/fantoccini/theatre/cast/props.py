@@ -71,9 +71,9 @@ def prop_names() -> tuple[str, ...]:
 
 def top_of(file: PlayFile, name: str) -> float | None:
     """Height of what stands on the stage [m]; None where no obstacle is called so."""
-    for one in file.stage.obstacles:
-        if one.name == name:
-            return float(extent(one)[1][2])
+    for obstacle in file.stage.obstacles:
+        if obstacle.name == name:
+            return float(extent(obstacle)[1][2])
     return None
 
 
@@ -93,7 +93,7 @@ def read_props(
         places: what names of places mean.
         log: collects mistakes.
     """
-    found: dict[str, PlayProp] = {}
+    play_props: dict[str, PlayProp] = {}
     arms: dict[tuple[str, str], str] = {}
     for name, given in file.props.items():
         if given.held_by is not None:
@@ -103,8 +103,8 @@ def read_props(
                 log.mistakes.add(("props", name, "held by"), text)
         prop = _prop(file, name, given, starts, lifts, places, log)
         if prop is not None:
-            found[name] = prop
-    return found
+            play_props[name] = prop
+    return play_props
 
 
 def _prop(
@@ -191,7 +191,7 @@ def _place(
     if given.on is not None:
         top, middle = top_of(file, given.on), places.still(given.on)
         if top is None:
-            known = [one.name for one in file.stage.obstacles]
+            known = [obstacle.name for obstacle in file.stage.obstacles]
             text = f"found {given.on!r}; needed: an obstacle{nearest(given.on, known)}"
             log.mistakes.add((*spot, "on"), text)
             return None

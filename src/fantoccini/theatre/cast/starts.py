@@ -23,7 +23,8 @@ class Places:
     def __init__(self, file: PlayFile, log: ScriptLog):
         self._file, self._log = file, log
         self._obstacles = {
-            one.name: 0.5 * np.sum(extent(one), axis=0) for one in file.stage.obstacles
+            obstacle.name: 0.5 * np.sum(extent(obstacle), axis=0)
+            for obstacle in file.stage.obstacles
         }
 
     @property

@@ -84,7 +84,7 @@ class Aim:
         if of or marionette.puppet.touching is not None:
             self.puppet = _by_itself()
             # Hands and knees hang as bundled: with the member's lengths it may not hang stably.
-            names = [f"{one}.{part}" for one in BODY for part in ("x", "y", "length")]
+            names = [f"{string}.{part}" for string in BODY for part in ("x", "y", "length")]
             self.x0 = self.puppet.rest({name: float(start[of + name]) for name in names})
             if of and of[:-1] in bodies:
                 frame = marionette.pose(start, of[:-1])

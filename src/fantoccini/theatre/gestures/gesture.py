@@ -359,15 +359,15 @@ class Gesture:
         Raises:
             ValueError: they are of different puppets, or a bound is not greater than 0.
         """
-        binding.check_same_puppet([one.coordinates for one in (self, *others)])
+        binding.check_same_puppet([gesture.coordinates for gesture in (self, *others)])
         line = Line.empty(limits(self.coordinates, speed, acceleration), *(x[0] for x in self.ends))
         marks: dict[str, float] = {}
         for one in (self, *others):
             line, begun, _ = line.add(one.motion)
             for name, t in one.marks.items():
                 marks[numbered(name, marks)] = begun + t
-        names = dict.fromkeys(one.name for one in (self, *others) if one.name)
-        turns = any(one.turns for one in (self, *others))
+        names = dict.fromkeys(gesture.name for gesture in (self, *others) if gesture.name)
+        turns = any(gesture.turns for gesture in (self, *others))
         return Gesture(self.coordinates, *line.motion, ", ".join(names), marks, turns)
 
     def __add__(self, other: Gesture) -> Gesture:
@@ -396,7 +396,7 @@ class Gesture:
             coef,
             self.named | other.named,
             self.travel + other.travel,
-            " + ".join(one.name for one in (self, other) if one.name),
+            " + ".join(gesture.name for gesture in (self, other) if gesture.name),
             marks,
         )
 

@@ -37,10 +37,10 @@ class Parameters:
     def refuse(self, name: str, known: tuple[str, ...] = ()) -> None:
         """Raises an InputError where one is given that a gesture does not have."""
         mistakes = Mistakes.of_inputs()
-        for one in fields(self):
-            if getattr(self, one.name) is not None and one.name not in known:
-                have = ", ".join(other for other, own in MADE.items() if one.name in own)
-                mistakes.add((one.name,), f"{name} has no {one.name!r}; those with it: {have}")
+        for field in fields(self):
+            if getattr(self, field.name) is not None and field.name not in known:
+                have = ", ".join(other for other, own in MADE.items() if field.name in own)
+                mistakes.add((field.name,), f"{name} has no {field.name!r}; those with it: {have}")
         mistakes.refuse()
 
 

@@ -158,7 +158,7 @@ class _Aim:
         for string, own in self._leads.items():
             i, marks = self._strings.index(string), sorted(own)
             knots = np.array([marks[0] - _AROUND, *marks, marks[-1] + _AROUND])
-            values = np.array([0.0, *(own[one] for one in marks), 0.0])
+            values = np.array([0.0, *(own[mark] for mark in marks), 0.0])
             by: Array = np.interp(self._t, knots, values)
             by = gaussian_filter1d(by, 0.25 * _AROUND / _STEP, mode="nearest")
             places[:, i] = CubicSpline(self._t, self._hung[:, i])(

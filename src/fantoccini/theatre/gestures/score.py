@@ -130,7 +130,7 @@ class Score:
 
     def captions_at(self, t: float) -> tuple[Caption, ...]:
         """The captions to be read at a time [s], in order of their beginnings."""
-        shown = (one for one in self.captions if one.start <= t < one.end)
+        shown = (caption for caption in self.captions if caption.start <= t < caption.end)
         return tuple(sorted(shown, key=lambda one: one.start))
 
     @property

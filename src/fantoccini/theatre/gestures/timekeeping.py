@@ -62,13 +62,13 @@ class Late:
 def ties(marionette: Marionette) -> dict[str, Point]:
     """String -> where it is tied to a body that moves by itself."""
     tree = marionette.tree
-    found = {}
+    points = {}
     for string in tree.strings:
         end = string.points[0]
         if end.link >= 0:
             x, y, z = (marionette.number(v) for v in end.at)
-            found[string.name] = (tree.links[end.link].name, (x, y, z))
-    return found
+            points[string.name] = (tree.links[end.link].name, (x, y, z))
+    return points
 
 
 def paths(marionette: Marionette, run: Trajectory, points: Mapping[str, Point], t: Times) -> Array:
@@ -95,14 +95,14 @@ def hanging(marionette: Marionette, q_K: Array, x0: State, t: Times) -> ReachedP
     """
     table = marionette.coordinates
     wanted: dict[What, Array] = {table.q_K[q]: q_K[:, q] for q, _ in table.scalars_K}
-    found = reach(marionette, wanted, x0, slack=True)
-    far = int(np.argmax(found.distance))
-    if found.distance[far] > _NEAR:
+    reached_poses = reach(marionette, wanted, x0, slack=True)
+    far = int(np.argmax(reached_poses.distance))
+    if reached_poses.distance[far] > _NEAR:
         raise StateError(
             f"the puppet does not hang where the score takes its strings at {t[far]:.2f} s: "
-            f"{found[far].summary()}"
+            f"{reached_poses[far].summary()}"
         )
-    return found
+    return reached_poses
 
 
 def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
@@ -123,7 +123,7 @@ def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
         times = [cue.marks[mark] for mark, own in turns.items() if own]
         for mark, own in turns.items():
             at = cue.marks[mark]
-            window = min([_WINDOW, *(_NEIGHBOUR * abs(at - one) for one in times if one != at)])
+            window = min([_WINDOW, *(_NEIGHBOUR * abs(at - time) for time in times if time != at)])
             near: Indices = np.flatnonzero(np.abs(t - at) <= window)
             if own and len(near) > 2:
                 seen.append((cue, mark, own, near))
@@ -132,13 +132,13 @@ def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
     # Limbs are looked for around the marks only: that is a small part of a long run.
     around = np.unique(np.concatenate([near for *_, near in seen]))
     moved = paths(marionette, run, tied, run.t[0] + t[around])
-    found = []
+    late_limbs = []
     for cue, mark, own, near in seen:
         at, there = cue.marks[mark], np.searchsorted(around, near)
         for string, axis, sign in own:
             path = sign * moved[there, list(tied).index(string), axis]
-            found.append(Late(cue, mark, string, _turns(path, t[near] - at)))
-    return tuple(found)
+            late_limbs.append(Late(cue, mark, string, _turns(path, t[near] - at)))
+    return tuple(late_limbs)
 
 
 def _turns(path: Array, away: Times) -> float:

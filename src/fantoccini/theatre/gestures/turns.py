@@ -38,7 +38,7 @@ def from_start(inputs: Input, h: Times) -> Array:
         for place, w, wdot in (first, last):
             phi = rotation.between(start, place[:, q : q + 4])
             ends.append((phi, *rotation.tangent_motion(phi, w[:, turn], wdot[:, turn])))
-        phi = np.array([one[0] for one in ends])
+        phi = np.array([end[0] for end in ends])
         # A piece that passes pi comes back on the other side.
         passes = np.max(np.linalg.norm(phi[1] - phi[0], axis=-1)) > np.pi
         if passes or np.max(np.linalg.norm(phi, axis=-1)) > _MOST:

@@ -76,10 +76,10 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     clock = np.arange(n * _PARTS + 1) / _PARTS
     k = np.minimum(clock.astype(int), n - 1)
     up = _bump(clock - k, step_time)
-    moves = np.array([not one.stands for one in given])
+    moves = np.array([not step.stands for step in given])
     # +1 where the left foot goes, -1 where the right one does.
     side = np.where(moves, (-1.0) ** (np.cumsum(moves) + 1), 0.0)
-    lift = np.array([_LIFT if one.length else _LIFT_ON_SPOT for one in given])
+    lift = np.array([_LIFT if step.length else _LIFT_ON_SPOT for step in given])
     path, heading = track.at(clock * step_time)
     ends.carry(path, heading, times(-SWAY * side[k], up))
     for name in BODY:

@@ -21,7 +21,7 @@ from fantoccini.theatre.perform.performance import Performance
 
 
 class _Weights(NamedTuple):
-    """Of a second of deviation."""
+    """Costs of a second of deviation."""
 
     place: float = 1000.0  # [1/m^2]
     speed: float = 0.3  # [s^2/rad^2 or s^2/m^2]
@@ -33,7 +33,7 @@ WEIGHTS = _Weights()
 _INTERVAL = 0.02
 """About the interval of updates [s]; it is made of whole ticks."""
 _ROUNDING = 1e-9
-"""Of times [s]."""
+"""Difference of times that counts as rounding [s]."""
 _PAUSE = 0.001
 """Interval at which the thread looks whether an update is due [s]."""
 _LATENCIES = 10

@@ -67,7 +67,7 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
         marionette: the puppet.
         poses: (n_links, 3, 4) of its links.
     """
-    found = []
+    handles = []
     for i, link in enumerate(marionette.tree.links):
         lead = marionette.tree.lead(i)
         if lead is None:
@@ -83,7 +83,7 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
         }[link.kind]
         # Names of bodies have no dots: this is a driven string end.
         end = link.name.endswith(".end")
-        found.append(
+        handles.append(
             Handle(
                 name=link.joint if end else link.name,
                 kind="end" if end else "body",
@@ -97,7 +97,7 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
                 base=(R, r) if _stands(marionette, link) else None,
             )
         )
-    return tuple(found)
+    return tuple(handles)
 
 
 def _stands(marionette: Marionette, link: Link) -> bool:

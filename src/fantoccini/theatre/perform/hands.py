@@ -215,11 +215,11 @@ class Hands:
             UnknownNameError: no handle is called that.
             StateError: a position or orientation that is none.
         """
-        made, handle = np.array(q_K), self.handle(name)
+        moved, handle = np.array(q_K), self.handle(name)
         for h in (*self.carriers(handle), handle):
             about = q_K[h.q], self._poses(h, x), position, wxyz
-            made[h.q] = wanted(self.marionette, h, *about)
-        return made
+            moved[h.q] = wanted(self.marionette, h, *about)
+        return moved
 
     def _place(self, handle: Handle, q_K: ConfigK, x: State) -> Place:
         return place_of(self.marionette, handle, q_K, self._poses(handle, x))
@@ -263,14 +263,14 @@ class Hands:
 
     def moved(self, q_K: ConfigK, d: VecK) -> ConfigK:
         """(n_qK,) a driven configuration with offsets (n_vK,) on top, lengths in their ranges."""
-        table, made = self.marionette.coordinates, np.array(q_K)
+        table, moved = self.marionette.coordinates, np.array(q_K)
         q, v = table.places_K
-        made[q] += d[v]
+        moved[q] += d[v]
         for at, w in table.quaternions_K:
-            made[at : at + 4] = rotation.multiply(q_K[at : at + 4], rotation.exp(d[w : w + 3]))
+            moved[at : at + 4] = rotation.multiply(q_K[at : at + 4], rotation.exp(d[w : w + 3]))
         for name, (place, _) in self.winch.items():
-            made[place] = np.clip(made[place], *self.lengths[name])
-        return made
+            moved[place] = np.clip(moved[place], *self.lengths[name])
+        return moved
 
     def _rates(self, wanted: ConfigK, d: VecK, rate: VecK, away: VecK) -> VecK:
         """(n_vK,) velocities of :meth:`moved`, of rotations in the frame of the hand."""

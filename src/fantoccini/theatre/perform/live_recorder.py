@@ -63,8 +63,8 @@ class LiveRecorder:
             StateError: nothing was recorded.
         """
         self.end("")
-        made, why = self._ended or (None, "")
+        recording, why = self._ended or (None, "")
         self._ended = None
-        if made is None:
+        if recording is None:
             raise StateError(f"nothing was recorded{': ' + why if why else ''}")
-        return made
+        return recording

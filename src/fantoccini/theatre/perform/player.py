@@ -16,7 +16,7 @@ from fantoccini.theatre.perform.score_voice import ScoreVoice
 from fantoccini.theatre.perform.voice import Offsets, Voice, fitted, lead_time
 
 _ROUNDING = 1e-9
-"""Of times [s]."""
+"""Difference of times that counts as rounding [s]."""
 
 
 class Steps(NamedTuple):
@@ -74,7 +74,7 @@ class Player:
     @property
     def playing(self) -> tuple[str, ...]:
         """Names of the gestures that move or are about to."""
-        moving = [one.gesture.name for one in self._voices if not one.over(self.t)]
+        moving = [voice.gesture.name for voice in self._voices if not voice.over(self.t)]
         return tuple(dict.fromkeys(moving + [one.gesture.name for one in self._waiting]))
 
     @property
@@ -196,7 +196,7 @@ class Player:
 
     def _start(self, gesture: Gesture, on: float | None, again: bool) -> None:
         before, over = self._before(gesture), self._taken_over(gesture)
-        self._voices = [one for one in self._voices if one not in over]
+        self._voices = [voice for voice in self._voices if voice not in over]
         self._voices.append(Voice(gesture, self._most, self.t, before, on, again))
 
     def _before(self, gesture: Gesture) -> Offsets:
@@ -205,10 +205,10 @@ class Player:
 
     def _taken_over(self, gesture: Gesture) -> list[Voice]:
         return [
-            one
-            for one in self._voices
-            if np.all(gesture.named | ~one.gesture.named)
-            or (_ends_elsewhere(gesture) and _ends_elsewhere(one.gesture))
+            voice
+            for voice in self._voices
+            if np.all(gesture.named | ~voice.gesture.named)
+            or (_ends_elsewhere(gesture) and _ends_elsewhere(voice.gesture))
         ]
 
     def _all(self) -> list[Voice]:

@@ -206,13 +206,13 @@ class Recording:
     def _output(self) -> Written:
         if self.written is not None:
             return self.written
-        made, checks = self._performed(), self.checks
+        written, checks = self._performed(), self.checks
         if checks is None:
-            return made
-        samples = made.output.samples
+            return written
+        samples = written.output.samples
         last = checks.ticks[-1]
         if len(samples) > last and np.array_equal(samples[checks.ticks], checks.samples):
-            return made
+            return written
         return self._in_parts(checks)
 
     def _performed(self, start: State | None = None, ticks: slice = slice(None)) -> Written:

@@ -13,7 +13,7 @@ _TIME = 1.0
 
 
 class Reports:
-    """Of one performance, by its time [s].
+    """Reports on one performance, by its time [s].
 
     Attributes:
         stopped: when all hands were stopped last, and why; None where they were not.

@@ -163,10 +163,10 @@ class ScoreVoice:
     @property
     def _instead(self) -> MaskRows:
         """(n_vK,) which coordinates are left to the hands."""
-        found: MaskRows = np.zeros(self._most.shape[1], dtype=bool)
+        led: MaskRows = np.zeros(self._most.shape[1], dtype=bool)
         for way in self._ways:
-            found |= way.moves & way.instead
-        return found
+            led |= way.moves & way.instead
+        return led
 
     def _score(self, tick: float) -> tuple[VecK, VecK]:
         """(n_vK,) offsets and rates of the score alone, after a tick."""

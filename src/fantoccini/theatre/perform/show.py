@@ -16,10 +16,10 @@ from fantoccini.theatre.perform.steady import Steadying
 from fantoccini.theatre.plays import CueOfPlay, Play
 
 _SHARE = np.array([[0.5], [0.25]])
-"""Of the bounds of speed and acceleration, for ways to another cue or back to the play: puppets
+"""Shares of the bounds of speed and acceleration for ways to another cue, or back: puppets
 that are led by all that hands can do swing long after."""
 _AT_ONCE = 1e-6
-"""Cues that begin within it are one place to go to [s]."""
+"""Interval within which cues are one place to go to [s]."""
 
 
 @dataclass(frozen=True)

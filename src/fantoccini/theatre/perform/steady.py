@@ -27,18 +27,18 @@ from fantoccini.theatre.plays import Play, together
 
 
 class _Weights(NamedTuple):
-    """Of the regulator, beside that of the deviation, and what it may do."""
+    """Weights of the regulator, relative to that of the deviation, and its bounds."""
 
     shift: float = 0.1
     acceleration: float = 0.1  # Of s''/w^2
     damping: float = 0.02
     """D: puppets swing long."""
     share: float = 0.25
-    """Of the bound of acceleration, for the shift."""
+    """Share of the bound of acceleration, for the shift."""
     farthest: float = 0.05
     """Deviations count as at most this [m]: what pulls harder is a hand, not a slip."""
     fastest: float = 0.5
-    """And their rates [m/s]."""
+    """Largest rate of deviations that counts [m/s]."""
     doublings: int = 16
     """The horizon is 2^16 ticks."""
     rate: float = 120.0

@@ -16,15 +16,15 @@ from fantoccini.motion import State
 from fantoccini.theatre.gestures import Gesture
 
 DURATION = 2.4
-"""Of the motion [s]."""
+"""Duration of the motion [s]."""
 _KNOTS = np.array([0.2, 0.4, 0.6, 0.8]) * DURATION
-"""When the hands are at a_k [s]."""
+"""Times at which the hands are at a_k [s]."""
 _AFTER = 1.6
-"""In which swing is measured [s]."""
+"""Duration in which swing is measured [s]."""
 _DT = 0.004
 """[s]"""
 _PROBE = 0.01
-"""Of the derivatives [m]."""
+"""Step of the derivatives [m]."""
 _MOST = 0.06
 """Farthest way of the hands [m]."""
 _WEIGHT = 0.02

@@ -109,7 +109,7 @@ def _hangs(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
 
 def _stands(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     (prop,) = meeting.props
-    obstacles = {one.name for one in cast.file.stage.obstacles}
+    obstacles = {obstacle.name for obstacle in cast.file.stage.obstacles}
     (on,) = {name for pair in meeting.pairs for name in pair} & obstacles
     pose, top = _poses(run, prop, t[-1:])[0], top_of(cast.file, on)
     assert top is not None

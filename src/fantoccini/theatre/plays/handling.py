@@ -325,7 +325,7 @@ class Handling:
         return middle, Footing(middle.real, middle.imag).towards(actor.last.place), top
 
     def _put_place(self, onto: str, puts: putting.Putting, actor: Actor) -> Footing:
-        """From where a player puts something on an obstacle: the side that is nearest."""
+        """Footing for putting something on an obstacle: at its nearest side."""
         way, found = complex(puts.forward, puts.left), []
         for heading, inside in self._walks.sides(onto, actor.last.place, _INSET):
             z = inside - np.exp(1j * heading) * way

@@ -66,7 +66,7 @@ def _of_bodies(cast: Cast, path: Path) -> Iterator[Least]:
     """Bodies of every two owners, each pair of them measured alone."""
     whole = cast.whole
     links = [link.name for link in whole.tree.links]
-    names = dict.fromkeys([*links, *(one.name for one in Clearance(whole).obstacles)])
+    names = dict.fromkeys([*links, *(obstacle.name for obstacle in Clearance(whole).obstacles)])
     owner = {name: cast.owner(name) for name in names}
     moving = {owner[name] for name in links}
     pairs = [frozenset(pair) for pair in combinations(names, 2)]
@@ -85,10 +85,10 @@ def _of_bodies(cast: Cast, path: Path) -> Iterator[Least]:
 def _of_strings(cast: Cast, path: Path) -> Iterator[Least]:
     """Strings with strings and bodies of others, and with obstacles."""
     near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
-    for one in (*near.strings, *near.bodies):
-        owners = cast.owner(one.what), cast.owner(one.other)
-        other = f"string {one.other}" if one in near.strings else one.other
-        yield Least(owners, f"string {one.what}", other, one.distance, one.t)
+    for pair in (*near.strings, *near.bodies):
+        owners = cast.owner(pair.what), cast.owner(pair.other)
+        other = f"string {pair.other}" if pair in near.strings else pair.other
+        yield Least(owners, f"string {pair.what}", other, pair.distance, pair.t)
     for name, part in Clearance(cast.whole).parts().items():
         if not name.startswith("string "):
             continue

@@ -160,13 +160,17 @@ class Play:
     def lacking(self) -> tuple[Mistake, ...]:
         """The changes that count: all but those of cues that may be left out."""
         left_out = {(cue.line, cue.change) for cue in self.cues if cue.refused and cue.optional}
-        return tuple(one for one in self.changes if (one.line, one.message) not in left_out)
+        return tuple(
+            change for change in self.changes if (change.line, change.message) not in left_out
+        )
 
     @property
     def remarks(self) -> tuple[Mistake, ...]:
         """Changes that do not refuse a cue: touches, or work not finished in time."""
         refusals = {(cue.line, cue.change) for cue in self.cues if cue.refused}
-        return tuple(one for one in self.changes if (one.line, one.message) not in refusals)
+        return tuple(
+            change for change in self.changes if (change.line, change.message) not in refusals
+        )
 
     @property
     def counts(self) -> str:

@@ -139,7 +139,7 @@ class PlayerGestures:
                 made = load_gesture(player.alone, name, player.hangs, to=own.tolist())
                 self._kept[key] = made.turned(heading)
             except InputError as error:
-                self._kept[key] = "; ".join(one.message for one in error.mistakes)
+                self._kept[key] = "; ".join(mistake.message for mistake in error.mistakes)
             except (UnknownNameError, StateError) as error:
                 self._kept[key] = str(error)
         return _or_raise(self._kept[key])
@@ -224,7 +224,7 @@ class PlayerGestures:
                 return read_clip(player, path)
             return load_gesture(player.alone, path, player.hangs)
         except (FileError, InputError) as error:
-            return "; ".join(str(one) for one in error.mistakes)
+            return "; ".join(str(mistake) for mistake in error.mistakes)
         except (UnknownNameError, StateError) as error:
             return str(error)
 

@@ -179,5 +179,5 @@ def putting(
 
 
 def _reach(before: float, out: float) -> Waypoints:
-    """From an offset to another while something is held out, and to none."""
+    """Waypoints from an offset to another while something is held out, and to none."""
     return [(0, before), (0.5, before), (6.0, out), (11.5, out), (16.0, 0), (_DURATION, 0)]

@@ -92,7 +92,7 @@ def _check_names(file: PlayFile, places: Places, log: ScriptLog) -> None:
 
 def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, log: ScriptLog) -> None:
     """Records names of places, players, props, seats and tables that are none."""
-    obstacles = [one.name for one in file.stage.obstacles]
+    obstacles = [obstacle.name for obstacle in file.stage.obstacles]
     known = {
         "player": ("player", [*file.cast]),
         "prop": ("prop", [*file.props]),

@@ -44,7 +44,7 @@ from fantoccini.theatre.script import StageFile
 _REST = 1e-9
 """Rate below which hands are at rest [m/s or rad/s]."""
 _SHORTEST = 0.5
-"""Of a part, so that beginning anew costs little [s]."""
+"""Shortest part of a run, so that beginning anew costs little [s]."""
 _STEPS = {"steps": 1e-3, "fine steps": 2.5e-4}
 """Time steps of companies that touch [s]."""
 _EVERY = 5e-3
@@ -131,9 +131,9 @@ class Runs:
 
     def with_prop(self, name: str, t: float) -> Run | None:
         """The run in which a prop takes part at a time [s]; None where it stands by itself."""
-        for one in self.companies:
-            if name in one.staged.props and one.begin <= t <= one.end:
-                return one
+        for company in self.companies:
+            if name in company.staged.props and company.begin <= t <= company.end:
+                return company
         return None
 
 
@@ -174,7 +174,9 @@ def runs_of(
     companies = tuple(one for one in found if isinstance(one, Run))
     stops = [one for one in found if isinstance(one, Stop)]
     stops += [
-        Stop(one.staged.company.players, one.end, one.stopped) for one in companies if one.stopped
+        Stop(company.staged.company.players, company.end, company.stopped)
+        for company in companies
+        if company.stopped
     ]
     players = {}
     for name, player in cast.players.items():
@@ -184,7 +186,7 @@ def runs_of(
             if name in run.staged.prefixes
         ]
         if not own:
-            raise CannotBegin(next(one for one in stops if name in one.players))
+            raise CannotBegin(next(stop for stop in stops if name in stop.players))
         players[name] = _joined(own)
     return Runs(companies, players, tuple(sorted(stops, key=lambda one: one.t)))
 
@@ -402,7 +404,7 @@ def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
     points = [run.contact for run in runs if run.contact is not None]
     before = np.cumsum([0, *(len(run) for run in runs[:-1])])
     own: dict[str, Any] = {
-        field.name: np.concatenate([getattr(one, field.name) for one in points])
+        field.name: np.concatenate([getattr(point, field.name) for point in points])
         for field in dataclasses.fields(ContactPoints)
         if field.name not in ("names", "sample")
     }

@@ -77,8 +77,8 @@ class _Whole:
         self._cast, self._t, self._table = cast, t, cast.whole.coordinates
         tree, n = cast.whole.tree, len(t)
         self.parts = {name: np.zeros((n, _width(self._table, name))) for name in _MOTION}
-        strings = tuple(one.name for one in tree.strings)
-        limits = tuple(one.name for one in tree.limits)
+        strings = tuple(string.name for string in tree.strings)
+        limits = tuple(limit.name for limit in tree.limits)
         self.columns = {
             "tension": Columns(strings, np.zeros((n, len(strings))), "string"),
             "taut": Columns(strings, np.zeros((n, len(strings)), dtype=bool), "string"),
@@ -110,7 +110,7 @@ class _Whole:
         energies = np.array([name in ENERGIES for name in LEDGER])
         self.ledger[self._t > run.end] += np.where(energies, 0.0, run.whole.ledger.values[-1])
         for event in run.whole.events:
-            name = "|".join(self._named(run, one) for one in event.name.split("|") if one)
+            name = "|".join(self._named(run, part) for part in event.name.split("|") if part)
             self.events.append(dataclasses.replace(event, t=run.begin + event.t, name=name))
 
     def _put(self, run: Run, inside: Indices) -> None:
@@ -119,12 +119,12 @@ class _Whole:
             kind = _kind(part)
             all_names = getattr(self._table, kind)
             names = getattr(own.coordinates, kind)
-            places = [all_names.index(self._named(run, one)) for one in names]
+            places = [all_names.index(self._named(run, name)) for name in names]
             self.parts[part][np.ix_(inside, np.array(places))] = getattr(own, part)
         for what, all_of in self.columns.items():
             mine: Columns | None = getattr(own, what)
             if mine is not None:
-                columns = [all_of.names.index(self._named(run, one)) for one in mine.names]
+                columns = [all_of.names.index(self._named(run, name)) for name in mine.names]
                 self.found[what][np.ix_(inside, np.array(columns, dtype=int))] = mine.values
         # When one company takes over from another, only the one before counts.
         first = (self._t[inside] == run.begin) & (run.begin > 0.0)
@@ -143,14 +143,17 @@ def _joined(points: list[ContactPoints]) -> ContactPoints | None:
     """All points in the order of their samples."""
     if not points:
         return None
-    names = tuple(dict.fromkeys(name for one in points for name in one.names))
+    names = tuple(dict.fromkeys(name for point in points for name in point.names))
     pair = np.concatenate(
-        [np.array([names.index(name) for name in one.names], dtype=int)[one.pair] for one in points]
+        [
+            np.array([names.index(name) for name in point.names], dtype=int)[point.pair]
+            for point in points
+        ]
     )
-    sample = np.concatenate([one.sample for one in points])
+    sample = np.concatenate([point.sample for point in points])
     order = np.argsort(sample, kind="stable")
     rest = {
-        field.name: np.concatenate([getattr(one, field.name) for one in points])[order]
+        field.name: np.concatenate([getattr(point, field.name) for point in points])[order]
         for field in dataclasses.fields(ContactPoints)
         if field.name not in ("names", "pair", "sample")
     }

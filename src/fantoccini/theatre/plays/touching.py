@@ -67,7 +67,7 @@ def touches(
     # Props do not move by themselves: what they stand on they may touch at all times.
     stand = {(name, one.on) for name, one in cast.file.props.items() if one.on is not None}
     always = {frozenset(pair) for pair in stand}
-    for pair in {pair for one in meetings for pair in one.pairs}:
+    for pair in {pair for meeting in meetings for pair in meeting.pairs}:
         if not any(cast.owner(cast.named(name)) in cast.players for name in pair):
             always.add(pair)
     apart = StringsApart(cast.whole, own=False)
@@ -92,7 +92,7 @@ def _windows(
 
     Between two such spans the meetings of both may touch.
     """
-    on = np.array([(t >= one.begin) & (t <= one.end) for one in meetings], dtype=bool)
+    on = np.array([(t >= meeting.begin) & (t <= meeting.end) for meeting in meetings], dtype=bool)
     on = on.reshape(len(meetings), len(t))
     changes = np.flatnonzero(np.any(on[:, 1:] != on[:, :-1], axis=0)) + 1
 
@@ -119,7 +119,7 @@ class _Rules:
         self._cast, self._clear = cast, clear
         self._groups = [{*one.players, *one.props, *_seat(one)} for one in now]
         names = [link.name for link in whole.tree.links]
-        names += [one.name for one in Clearance(whole, strings=False).obstacles]
+        names += [obstacle.name for obstacle in Clearance(whole, strings=False).obstacles]
         every = {frozenset(pair) for pair in combinations(dict.fromkeys(names), 2)}
         asked = {frozenset(map(cast.named, pair)) for one in now for pair in one.pairs}
         asked.update(always)
@@ -142,10 +142,10 @@ class _Rules:
         """Where strings come too near to those of others, and to others' bodies, first."""
         for distance in (self._clear, AT_HAND) if self._groups else (self._clear,):
             near = motion.nearer_than(distance)
-            for one in (*near.strings, *near.bodies):
-                what = f"string {one.what}"
-                other = f"string {one.other}" if one in near.strings else one.other
-                touch = Touch(one.t, what, other, one.distance)
+            for pair in (*near.strings, *near.bodies):
+                what = f"string {pair.what}"
+                other = f"string {pair.other}" if pair in near.strings else pair.other
+                touch = Touch(pair.t, what, other, pair.distance)
                 if not self._allowed(touch):
                     yield touch
 

@@ -92,7 +92,7 @@ class Verification:
     @property
     def worst(self) -> float:
         """Largest lateness of a cue, late or early [s]."""
-        return max((abs(one.late) for one in self.cues), default=0.0)
+        return max((abs(cue.late) for cue in self.cues), default=0.0)
 
 
 def verify_play(play: Play, *, within: float | None = None) -> Verification:
@@ -129,7 +129,8 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         raise play.located.error([(("cast", error.stop.players[0]), text)], FileError) from None
     run = together(play.cast, runs)
     faults += [
-        f"{one.text}, in {play.when(one.t)}" for one in failures(play.cast, play.meetings, runs)
+        f"{failure.text}, in {play.when(failure.t)}"
+        for failure in failures(play.cast, play.meetings, runs)
     ]
     faults += [_stops(play, stop) for stop in runs.stops]
     found = tuple(touches(play.cast, run, play.meetings))
@@ -151,12 +152,14 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     space, outside = _space(play, run.q_K)
     strings = StringsApart(play.marionette).over(*(x[::EVERY] for x in (run.q_D, run.q_K, run.t)))
     wound = tuple(
-        one for one in strings.windings() if np.max(np.abs(one.turns - one.turns[0])) > _WOUND
+        winding
+        for winding in strings.windings()
+        if np.max(np.abs(winding.turns - winding.turns[0])) > _WOUND
     )
     faults += [
-        f"strings {one.what} and {one.other} are wound around each other by "
-        f"{np.max(np.abs(one.turns - one.turns[0])):.1f} turns"
-        for one in wound
+        f"strings {winding.what} and {winding.other} are wound around each other by "
+        f"{np.max(np.abs(winding.turns - winding.turns[0])):.1f} turns"
+        for winding in wound
     ]
     faults += [*over, *outside]
     catches = {
@@ -175,7 +178,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         catches,
         space,
         wound,
-        tuple(why for one in runs.companies for why in one.stepped),
+        tuple(why for company in runs.companies for why in company.stepped),
     )
 
 

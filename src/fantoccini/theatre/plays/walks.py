@@ -26,7 +26,7 @@ _SWING = 0.02
 _REACH = 0.6
 """Height below which what stands on the stage is in the way [m]."""
 _TRIES = 4
-"""Of beginnings with which a walk is to arrive in time."""
+"""Number of beginnings tried for a walk to arrive in time."""
 _SAMPLE = 0.02
 """Time between checked places of a way [s]."""
 _UPRIGHT = 1e-9
@@ -53,8 +53,8 @@ class Walks:
         self._log = log
         self.step_time = step_time(log.beat)
         self.blocked: list[Region] = []
-        for one in stage.obstacles:
-            self.blocked += _regions(one.name, one)
+        for obstacle in stage.obstacles:
+            self.blocked += _regions(obstacle.name, obstacle)
         for thing in cast.props.values():
             if not thing.held_by and cast.file.props[thing.name].on is None:
                 self.blocked.append(_around(thing))
@@ -117,7 +117,7 @@ class Walks:
     def is_clear(self, player: Player, place: Footing) -> bool:
         """Whether nothing that stands on the stage is too near to a place."""
         at = np.array(place.place)
-        return all(float(one.distance(at)) >= self.clear(player) for one in self.blocked)
+        return all(float(region.distance(at)) >= self.clear(player) for region in self.blocked)
 
     def is_inside(self, player: Player, place: Footing) -> bool:
         """Whether the hands of a player that stands somewhere are within their space."""
@@ -130,9 +130,9 @@ class Walks:
         if room is not None and not room.holds(at):
             outside = abs(room.nearest(place) - place)
             return f"the place is {outside:.2f} m outside of the hands' space"
-        for one in self.blocked:
-            if float(one.distance(at)) < self.clear(player) - _TOLERANCE:
-                return f"{one.name} is there"
+        for region in self.blocked:
+            if float(region.distance(at)) < self.clear(player) - _TOLERANCE:
+                return f"{region.name} is there"
         return ""
 
     def in_the_way(self, player: Player, way: Way, others: Sequence[Track]) -> str | None:
@@ -149,7 +149,7 @@ class Walks:
 
     def middle(self, name: str) -> complex | None:
         """The middle of what stands on the stage [m]; None of what is above the players."""
-        found = (complex(*one.centre) for one in self.blocked if one.name == name)
+        found = (complex(*region.centre) for region in self.blocked if region.name == name)
         return next(found, None)
 
     def sides(self, name: str, seen: complex, inset: float) -> list[tuple[float, complex]]:

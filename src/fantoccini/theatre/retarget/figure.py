@@ -148,11 +148,11 @@ def _of_member(
         raise UnknownNameError("member of a scene", of, members)
 
     def within(member: str) -> dict[str, BodyFile]:
-        found = {}
+        body_files = {}
         for part, one in bodies.items():
             own = one.body if one.body in names else f"{member}.{one.body}"
-            found[part] = one.model_copy(update={"body": own})
-        return found
+            body_files[part] = one.model_copy(update={"body": own})
+        return body_files
 
     if of:
         return within(of)

@@ -56,7 +56,7 @@ _HORIZON = 14
 _DT = 0.0125
 """Time step of predictions [s]."""
 _WEIGHT, _WEIGHT_K = 1e4, 30.0
-"""Of the parts, relative to which their own weights are, and w_K [1/m^2]."""
+"""Weight of the parts, which their own weights multiply, and w_K [1/m^2]."""
 _SMOOTH = Smooth(acceleration=1e-3, jerk=1e-6)
 _STILL = 8
 """Intervals after the clip's end in which the puppet comes to rest."""
@@ -298,10 +298,10 @@ def _followed(
     # Run again from the inputs alone: what a stand does that is not watched.
     run = simulate(marionette, x0, driven(marionette, x0, acc_K), effort=False, throw=False)
     status = FollowStatus.FOLLOWS if arrived and run.status in ARRIVED else FollowStatus.STOPPED
-    made = Followed(clip, status, run, acc_K, INTERVAL, t, 0.0)
-    if made and made.far > MAX_ERROR:
-        return replace(made, status=FollowStatus.ASTRAY)
-    return made
+    followed = Followed(clip, status, run, acc_K, INTERVAL, t, 0.0)
+    if followed and followed.far > MAX_ERROR:
+        return replace(followed, status=FollowStatus.ASTRAY)
+    return followed
 
 
 def lead_along(
@@ -369,14 +369,14 @@ def errors_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Ar
 
 def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[PartError, ...]:
     """Errors of hands, head, feet and trunk, from those of a run by part."""
-    found = []
+    part_errors = []
     for name, parts in GROUPS.items():
         run = np.stack([errors[part] for part in parts])
         reach = np.stack([retargeted.errors[part] for part in parts])
         a, b = (float(np.sqrt(np.mean(np.square(e)))) for e in (reach, run))
         above = (b - a) / retargeted.figure.height
-        found.append(PartError(name, a, b, float(run.max()), above))
-    return tuple(found)
+        part_errors.append(PartError(name, a, b, float(run.max()), above))
+    return tuple(part_errors)
 
 
 def crossings_in(marionette: Marionette, run: Trajectory) -> tuple[Crossing, ...]:

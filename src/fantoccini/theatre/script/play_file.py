@@ -98,7 +98,7 @@ class PropFile(Model):
     held_by: Name | None = Field(None, alias="held by")
     """The player on whose forearm it hangs at the start."""
     side: Literal["left", "right"] = "right"
-    """Of that forearm."""
+    """Side of that forearm."""
     at: Where | None = None
     """The mark or place where it stands at the start."""
     on: Name | None = None

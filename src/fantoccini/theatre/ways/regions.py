@@ -28,7 +28,7 @@ class Region(Protocol):
 
     @property
     def name(self) -> str:
-        """Of what stands there."""
+        """Name of the obstacle."""
         ...
 
     @property

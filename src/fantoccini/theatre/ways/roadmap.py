@@ -88,8 +88,8 @@ class Roadmap:
         radius: float,
         longest_step: float,
     ) -> Roadmap:
-        """From places that may be anywhere: those that are free stay."""
-        corners = [one.corners(radius + BESIDE) for one in standing]
+        """The roadmap of those of some places that are free."""
+        corners = [region.corners(radius + BESIDE) for region in standing]
         all_places = np.concatenate([places, *corners])
         all_places = all_places[space.holds(all_places)]
         for one in standing:
@@ -104,7 +104,9 @@ class Roadmap:
     def open(self) -> list[Mask]:
         """(P, P) which legs keep clear of each thing that stands."""
         first, last = np.broadcast_arrays(self.points[:, None], self.points)
-        return [one.distance_of_legs(first, last) >= self.radius - EDGE for one in self.standing]
+        return [
+            region.distance_of_legs(first, last) >= self.radius - EDGE for region in self.standing
+        ]
 
     @cached_property
     def _way(self) -> Complex:

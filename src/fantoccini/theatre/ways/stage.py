@@ -50,18 +50,18 @@ class Stage:
     ):
         self.start, self.begin, self.step_time = start, begin, step_time
         self.longest_step, self.radius, self.blocked = longest_step, radius, blocked
-        still = [one.at_rest() for one in others if one.last_motion() <= begin]
+        still = [other.at_rest() for other in others if other.last_motion() <= begin]
         self.standing: list[Region] = [*blocked, *still]
-        self.movers = [one for one in others if one.last_motion() > begin]
+        self.movers = [other for other in others if other.last_motion() > begin]
         self.space = Rectangle((-np.inf, -np.inf), (np.inf, np.inf)) if space is None else space
 
     # -- checks ------------------------------------------------------------------------------
 
     def too_near(self, place: complex, t: float) -> str | None:
         """Names of obstacles and players too near to a place at a time [s]."""
-        for one in self.standing:
-            if one.distance(np.array(place)) < self.radius - EDGE:
-                return one.name
+        for region in self.standing:
+            if region.distance(np.array(place)) < self.radius - EDGE:
+                return region.name
         for other in self.movers:
             if abs(other.at(np.array(t)) - place) < self.radius + other.radius - CLOSER:
                 return other.name
@@ -70,31 +70,31 @@ class Stage:
     def is_free(self, places: Complex) -> Mask:
         """(n,) whether nothing stands at places when all have come to rest."""
         free = self.space.holds(places)
-        for one in self.at_last:
-            free &= one.distance(places) >= self.radius - EDGE
+        for mover in self.at_last:
+            free &= mover.distance(places) >= self.radius - EDGE
         return free
 
     @property
     def at_last(self) -> list[Region]:
         """All obstacles once everybody has come to rest."""
-        return [*self.standing, *(one.at_rest() for one in self.movers)]
+        return [*self.standing, *(mover.at_rest() for mover in self.movers)]
 
     def are_open(self, standing: Sequence[Region], first: Complex, last: Complex) -> Mask:
         """(...) whether nothing of what stands is in straight legs (...)."""
         free = np.ones(first.shape, dtype=bool)
-        for one in standing:
-            free &= one.distance_of_legs(first, last) >= self.radius - EDGE
+        for region in standing:
+            free &= region.distance_of_legs(first, last) >= self.radius - EDGE
         return free
 
     def is_clear(self, way: Way) -> bool:
         """Whether a way keeps clear of everything, until all others stand."""
-        end = max([way.end, *(one.last_motion() for one in self.movers)])
+        end = max([way.end, *(mover.last_motion() for mover in self.movers)])
         n = int(np.ceil((end - self.begin) / SAMPLE)) + 1
         t = np.linspace(self.begin, max(end, self.begin + SAMPLE), n + 1)
         xy, _ = way.footing(t)
         places = xy[:, 0] + 1j * xy[:, 1]
-        far = [one.distance(places) - self.radius for one in self.standing]
-        far += [np.abs(one.at(t) - places) - self.radius - one.radius for one in self.movers]
+        far = [region.distance(places) - self.radius for region in self.standing]
+        far += [np.abs(mover.at(t) - places) - self.radius - mover.radius for mover in self.movers]
         return bool(np.all(self.space.holds(places))) and all(np.min(x) >= -CLOSER for x in far)
 
     def waits(self, way: Way) -> int:
@@ -143,7 +143,7 @@ class Stage:
                 disk = Disk(other.name, (place.real, place.imag), other.radius)
                 found.append(disk.corners(self.radius + _BESIDE_OTHERS))
         places = np.concatenate(found)
-        seen = np.concatenate([places, *(one.corners(self.radius) for one in self.standing)])
+        seen = np.concatenate([places, *(region.corners(self.radius) for region in self.standing)])
         margin = 2.0 * self.radius
         low = np.array([seen.real.min() - margin, seen.imag.min() - margin])
         high = np.array([seen.real.max() + margin, seen.imag.max() + margin])

@@ -24,7 +24,7 @@ _MARGIN = 1e-3
 _MOVES = 1e-9
 """Others who stay within this stand [m]."""
 _COARSE = 8
-"""Of so many samples the first is checked before the others are."""
+"""The first of every so many samples is checked before the others."""
 NEVER = 1 << 40
 """A step that never comes."""
 
@@ -99,7 +99,7 @@ class Traffic:
     @cached_property
     def still_from(self) -> int:
         """The first step from whose start on all stand."""
-        last = max((one.last_motion() for one in self.others), default=self.begin)
+        last = max((other.last_motion() for other in self.others), default=self.begin)
         return max(0, int(np.ceil((last - self.begin) / self.step_time - 1e-9)))
 
     @cached_property
@@ -107,7 +107,7 @@ class Traffic:
         """(others, n) places at the samples until all stand."""
         n = self.still_from * self.parts
         t = np.linspace(self.begin, self.begin + self.still_from * self.step_time, n + 1)
-        return np.array([one.at(t) for one in self.others]).reshape(-1, n + 1)
+        return np.array([other.at(t) for other in self.others]).reshape(-1, n + 1)
 
     @cached_property
     def _least_squared(self) -> Array:

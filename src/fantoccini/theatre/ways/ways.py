@@ -102,13 +102,13 @@ def _at_the_goal(stage: Stage, goal: Footing) -> NoWay | None:
     name = stage.too_near(goal.place, np.inf)
     if name is None:
         return None
-    if name in {one.name for one in stage.blocked}:
+    if name in {region.name for region in stage.blocked}:
         return NoWay(Hindrance.GOAL_BLOCKED, f"{name} is there", (name,))
     return NoWay(Hindrance.GOAL_OCCUPIED, f"{name} stands there when it would arrive", (name,))
 
 
 def _between(stage: Stage, goal: Footing, late: Way | None) -> NoWay:
-    movers = tuple(one.name for one in stage.movers)
+    movers = tuple(mover.name for mover in stage.movers)
     roadmap = stage.roadmap(goal)
     if not np.any(np.isfinite(roadmap.rest[START])):
         names = _walls(stage, roadmap)
@@ -127,16 +127,16 @@ def _walls(stage: Stage, roadmap: Roadmap) -> tuple[str, ...]:
         if roadmap.reached(roadmap.open[:k] + roadmap.open[k + 1 :])[GOAL]:
             names.append(one.name)
     # Others are more easily sent away than walls.
-    fixed = {one.name for one in stage.blocked}
+    fixed = {region.name for region in stage.blocked}
     movable = [name for name in names if name not in fixed]
-    return tuple(dict.fromkeys(movable or names or [one.name for one in roadmap.standing]))
+    return tuple(dict.fromkeys(movable or names or [region.name for region in roadmap.standing]))
 
 
 def _nearest(stage: Stage, goal: Footing) -> Footing | None:
     """About the nearest footing to a goal to which there is a way."""
     tried: list[complex] = []
     for place in _free_places(stage, goal):
-        if any(abs(place - one) < _APART for one in tried):
+        if any(abs(place - option) < _APART for option in tried):
             continue
         footing = Footing(place.real, place.imag, goal.heading)
         found = stage.way(footing, stage.begin)
