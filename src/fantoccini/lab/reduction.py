@@ -33,7 +33,7 @@ MAX_ITERATIONS = 50
 """Newton iterations of :func:`fit_strings`."""
 MAX_GAP = 1e-12
 """Largest gap of a fitted string, relative to its length."""
-RANK_TOLERANCE = 1e-9
+RANK_TOL = 1e-9
 """Largest singular value, load or residual that counts as zero, relative to the largest of all."""
 TIE_TOLERANCE = 1e-6
 """Largest component of a string in the null space of A_D^T (rows of unit length) that counts as
@@ -380,7 +380,7 @@ def symmetric_products(
     A = np.hstack([marionette.A_D(x), marionette.A_K(x)])[taut]
     L = np.linalg.cholesky(metric(marionette, x, inertia))
     free, W = np.linalg.solve(L, np.eye(n)[:, n_vD:]), np.linalg.solve(L, A.T)
-    mu = -np.linalg.pinv(W, rcond=RANK_TOLERANCE) @ free
+    mu = -np.linalg.pinv(W, rcond=RANK_TOL) @ free
     fields = np.linalg.solve(L.T, free + W @ mu)
     C, Adot = np.zeros((k, n, n)), np.zeros((k, len(taut), n))
     for i in range(k):
@@ -414,7 +414,7 @@ def symmetric_products(
 def _basis(columns: Array) -> Array:
     """(n, rank) orthonormal basis of the columns' span."""
     U, s, _ = np.linalg.svd(columns, full_matrices=False)
-    return U[:, s > RANK_TOLERANCE * np.max(s, initial=0.0)] if len(s) else columns[:, :0]
+    return U[:, s > RANK_TOL * np.max(s, initial=0.0)] if len(s) else columns[:, :0]
 
 
 def tracking(marionette: Marionette, x: State, inertia: Array, rows: Rows) -> Tracking:
@@ -430,7 +430,7 @@ def tracking(marionette: Marionette, x: State, inertia: Array, rows: Rows) -> Tr
     W = np.linalg.solve(np.linalg.cholesky(M[:n, :n]), A_D.T)
     W = W / np.maximum(np.linalg.norm(W, axis=0), MIN_DIVISOR)
     _, s, V = np.linalg.svd(np.hstack([A_D, A_K]))
-    N = V[int(np.sum(s > RANK_TOLERANCE * np.max(s, initial=0.0))) :].T  # null space of A
+    N = V[int(np.sum(s > RANK_TOL * np.max(s, initial=0.0))) :].T  # null space of A
     G = (N @ np.linalg.solve(N.T @ M @ N, N.T))[n:, n:]
     D = np.sqrt(np.diag(M)[n:])
     tied, pulls_apart = _ties(A_D, A_K)
@@ -447,15 +447,13 @@ def _ties(A_D: Array, A_K: Array) -> tuple[NDArray[np.bool_], bool]:
     size = np.maximum(np.linalg.norm(np.hstack([A_D, A_K]), axis=1), MIN_DIVISOR)[:, None]
     A_D, A_K = A_D / size, A_K / size
     U, s, _ = np.linalg.svd(A_D)
-    null = U[:, int(np.sum(s > RANK_TOLERANCE * np.max(s, initial=0.0))) :]
+    null = U[:, int(np.sum(s > RANK_TOL * np.max(s, initial=0.0))) :]
     loads = null @ np.linalg.svd(A_K.T @ null)[2].T if null.shape[1] else null
-    loads = loads[:, np.linalg.norm(A_K.T @ loads, axis=0) > RANK_TOLERANCE]
+    loads = loads[:, np.linalg.norm(A_K.T @ loads, axis=0) > RANK_TOL]
     tied = np.linalg.norm(loads, axis=1) > TIE_TOLERANCE
     if not np.any(tied):
         return tied, False
     # y >= 0 with A_D^T y = 0 and a sum of 1, by least squares.
     B = np.vstack([A_D[tied].T, np.ones(int(tied.sum()))])
     y, residual = nnls(B, np.append(np.zeros(A_D.shape[1]), 1.0))
-    return tied, bool(
-        residual < RANK_TOLERANCE and np.linalg.norm(A_K[tied].T @ y) > RANK_TOLERANCE
-    )
+    return tied, bool(residual < RANK_TOL and np.linalg.norm(A_K[tied].T @ y) > RANK_TOL)
