@@ -75,11 +75,8 @@ def _write(arguments: PlayArguments, verification: Verification, out: list[Path]
             from fantoccini.output.view import AUDIENCE
 
             films = {**film_options(play.score), "follow": False}
-            output_options = (
-                output_options
-                if output_options.view is not None
-                else replace(output_options, view=AUDIENCE)
-            )
+            if output_options.view is None:
+                output_options = replace(output_options, view=AUDIENCE)
             run = verification.run
             write_outputs(
                 play.marionette, run, out, None, steps, output_options=output_options, films=films

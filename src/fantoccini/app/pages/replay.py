@@ -45,7 +45,7 @@ EVENT_TEXTS = {
     "release": "goes slack",
     "limit_on": "reaches its limit",
     "limit_off": "leaves its limit",
-    "accumulation": "catches ever faster",
+    "accumulation": "catches at shrinking intervals",
     "slip": "slips",
     "grip": "grips",
     "touch": "touch",

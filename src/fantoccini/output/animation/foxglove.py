@@ -119,7 +119,7 @@ def _bodies(scene: AnimatedScene, stamp: Timestamp) -> Any:
     shapes: dict[int, list[Any]] = {}
     for _, solid in named_solids(scene):
         shapes.setdefault(solid.link, []).append(_triangles(piece_of(solid), solid.colour))
-    if scene.geometry.ground and scene.whole:
+    if scene.geometry.ground and scene.complete:
         shapes.setdefault(WORLD, []).append(_triangles(floor_of(scene), LIGHT.bottom))
     entities = []
     for link, triangles in shapes.items():

@@ -113,7 +113,7 @@ def _solids(scene: AnimatedScene, document: Document, nodes: dict[int, int]) -> 
     for name, solid in named_solids(scene):
         node = document.add("nodes", solid_node(document, solid, name))
         _add_child(document, nodes[solid.link], node)
-    if scene.geometry.ground and scene.whole:
+    if scene.geometry.ground and scene.complete:
         _add_child(document, nodes[WORLD], document.add("nodes", floor_node(document, scene)))
 
 

@@ -54,7 +54,7 @@ def named_solids(scene: AnimatedScene) -> Iterator[tuple[str, Solid]]:
     """
     geometry, counts = scene.geometry, dict[int, int]()
     for solid in (*geometry.solids, *handles(scene.tree, LIGHT, geometry.size)):
-        if solid.link in scene.links or (solid.link == WORLD and scene.whole):
+        if solid.link in scene.links or (solid.link == WORLD and scene.complete):
             counts[solid.link] = counts.get(solid.link, 0) + 1
             owner = "world" if solid.link == WORLD else scene.tree.links[solid.link].name
             yield f"{owner}_shape{counts[solid.link]}", solid

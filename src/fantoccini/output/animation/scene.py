@@ -49,7 +49,7 @@ class AnimatedScene:
         links: indices of the shown links, parents first.
         parents: nearest shown ancestor of each of them, or ``WORLD``.
         lines: shown strings, chains and springs.
-        whole: everything is shown.
+        complete: everything is shown.
         named: `bodies` was given, as names or ``all``.
         fps: keys per second; None if the motion determines them.
     """
@@ -59,7 +59,7 @@ class AnimatedScene:
     links: tuple[int, ...]
     parents: dict[int, int]
     lines: tuple[Line, ...]
-    whole: bool
+    complete: bool
     named: bool
     fps: float | None
 
@@ -99,7 +99,7 @@ class AnimatedScene:
             links,
             _parents(tree, links),
             lines,
-            whole=names is None,
+            complete=names is None,
             named=bodies is not None,
             fps=fps,
         )

@@ -75,7 +75,7 @@ class _Writer:
         for name, solid in named_solids(scene):
             parent_path = prims[solid.link].GetPath()
             self._piece(parent_path, name, piece_of(solid), solid.colour, solid.full.colours)
-        if scene.geometry.ground and scene.whole:
+        if scene.geometry.ground and scene.complete:
             self._piece(root.GetPath(), "floor", floor_of(scene), LIGHT.bottom)
         samples = StringSamples.of(scene, self.run, self.run.t, np.arange(len(self.run)))
         for line in scene.lines:

@@ -240,9 +240,9 @@ def sized(x: float, kind: str) -> float:
     return 0 if abs(x) < QUANTITIES[kind].min_size else number(x)
 
 
-def numbers(values: Iterable[float], least: float = 1e-16) -> list[float]:
-    """Numbers as they are written; those below ``least`` are rounding errors and become 0."""
-    return [0 if abs(x) < least else number(float(x)) for x in values]
+def numbers(values: Iterable[float], min_size: float = 1e-16) -> list[float]:
+    """Numbers as they are written; those below ``min_size`` are rounding errors and become 0."""
+    return [0 if abs(x) < min_size else number(float(x)) for x in values]
 
 
 def orientation_keys(turn: Quaternion) -> dict[str, Any]:
@@ -267,8 +267,8 @@ def body_data(name: str, parent: str, joint: dict[str, Any]) -> dict[str, Any]:
 
 def inertia_data(inertia: Array) -> list[float]:
     """Inertia (3, 3) as in a puppet file: moments, then products unless they are zero."""
-    least = 1e-16 * float(np.trace(inertia))
-    xx, yy, zz, xy, xz, yz = numbers(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], least)
+    min_size = 1e-16 * float(np.trace(inertia))
+    xx, yy, zz, xy, xz, yz = numbers(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], min_size)
     return [xx, yy, zz, xy, xz, yz] if any((xy, xz, yz)) else [xx, yy, zz]
 
 

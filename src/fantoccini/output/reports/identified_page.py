@@ -107,12 +107,12 @@ def _held(result: Identified) -> str:
     """Parameters that were not estimated, and coordinates that the inputs do not move."""
     marionette = result.record.marionette
     unknowns = {unknown.name for unknown in result.record.unknowns}
-    held = [
+    fixed = [
         f"{name} {marionette.p[k]:g}"
         for name, k in marionette.parameter_index.items()
         if name not in unknowns
     ]
-    text = f"Parameters not estimated: {', '.join(held)}. " if held else ""
+    text = f"Parameters not estimated: {', '.join(fixed)}. " if fixed else ""
     if still := result.record.still:
         text += f"The inputs do not move {', '.join(still)}."
     return text

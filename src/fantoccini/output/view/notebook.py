@@ -190,9 +190,9 @@ def _page(
     """
     head = [element("div", plain(title), style="font-weight:bold")] if image is None else []
     margin, row = "margin:0 2em .8em 0", "display:flex;gap:1.2em;align-items:flex-start"
-    shown = [element("div", table, style=margin) for table in tables if table is not None]
+    cells = [element("div", table, style=margin) for table in tables if table is not None]
     inner = [] if image is None else [element("div", image, style="flex:none;max-width:100%")]
-    inner.append(element("div", *shown, style=f"{row};flex-wrap:wrap"))
+    inner.append(element("div", *cells, style=f"{row};flex-wrap:wrap"))
     direction = "column" if wide else "row"
     body = element("div", *inner, style=f"{row};flex-direction:{direction}")
     return to_html(element("div", *head, body, class_="fantoccini"))
