@@ -12,7 +12,7 @@ struct LeastSpanTolerances {
   static constexpr double dependent = 1e-7;
 };
 
-// Memory for `capacity` rows of n numbers.
+// The span of up to `capacity` rows of n numbers.
 template <int capacity, int n>
 class LeastSpan {
  public:

@@ -32,7 +32,7 @@ FAN_ALWAYS_INLINE void exchange_all(Wide* x) {
   }
 }
 
-// The first n_lanes lanes of n numbers.
+// Writes the first n_lanes lanes of n numbers to one array per lane.
 inline void unpack(const Wide* from, int n, double* const* to, int n_lanes) {
   int j = 0;
   for (; j + FAN_WIDTH <= n; j += FAN_WIDTH) {

@@ -85,8 +85,8 @@ struct Evaluation {
   enum { NOBODYS, OF_DYNAMICS, OF_STEP, OF_NODE } constants_ = NOBODYS;
 };
 
-// Lists the rows that are in the problem of any lane: strings, then limits. Their order makes sums
-// of a lane independent of its neighbours. Returns their number.
+// Lists all strings, and the limits that are in the problem of any lane, in order, so that no
+// lane's sums depend on its neighbours. Returns their number.
 template <class Model, class Mask>
 FAN_FN int rows_in_some_lane(const Mask* takes_part, int* list) {
   int n = 0;
@@ -175,7 +175,7 @@ struct RowSystem {
     add_from(leading, y, w);
   }
 
-  // Whether no velocity moves both gathered row a and these rows: their entries do not overlap.
+  // Whether no velocity moves both gathered row a and `moved`: their entries do not overlap.
   template <class Moved>
   FAN_FN bool is_apart(int a, const Moved& moved) const {
     const Entries of = entries(row[a]);

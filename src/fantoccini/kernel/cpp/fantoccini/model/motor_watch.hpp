@@ -31,7 +31,7 @@ struct MotorWatch {
   // Drives that lost steps, or began to run away, in the last step.
   Mask loses[room(D)], strays[room(D)];
 
-  // Begins where the run does.
+  // Sets the state at the start of a run.
   FAN_FN void begin(const Real* q_D, const Real* q_K, const Real* p) {
     const Mask no = Real(0.0) > Real(1.0);
     measure(q_D, q_K, p);
