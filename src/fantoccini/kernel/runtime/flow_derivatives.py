@@ -86,5 +86,5 @@ class DerivativeLibrary(Functions):
         failed = self.dll.fan_flow_derivatives(ctypes.byref(arrays))
         if failed:
             raise MemoryError(f"no memory for {m} changes")
-        results = (made[name] for name in _RESULTS)
-        return FlowChanges(*results, status=Status(arrays.status), step=arrays.step)
+        q_D_at, v_D_at, changes_at = (made[name] for name in _RESULTS)
+        return FlowChanges(q_D_at, v_D_at, changes_at, Status(arrays.status), arrays.step)
