@@ -25,9 +25,7 @@ METHODS = ("event", "timestepping", "variational")
 """The last one knows no contact."""
 SAMPLES = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "tension", "taut", "slip")
 ENDS = ("q_D", "v_D", "q_K", "v_K", "slip", "tension", "taut", "books", "violation", "status")
-
 Parts = Iterator[tuple[str, list[object]]]
-"""Names of results, and their arrays."""
 
 
 def arrays(result: object, names: tuple[str, ...]) -> list[object]:

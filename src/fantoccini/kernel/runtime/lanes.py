@@ -15,7 +15,7 @@ from fantoccini.base import Array, MaskRows
 from fantoccini.kernel.contract import LANE
 from fantoccini.kernel.runtime.batch import BatchLibrary
 from fantoccini.kernel.runtime.options import RunOptions
-from fantoccini.kernel.runtime.packing import new_arrays, packed
+from fantoccini.kernel.runtime.packing import new_arrays, packed, repacked
 from fantoccini.kernel.runtime.structures import UNLIMITED
 
 _NAMES = tuple(field.name for field in LANE)
@@ -118,15 +118,20 @@ class LaneSteppers:
         options: RunOptions,
         winches: Array,
     ):
-        self._dll, self._record, n = library.dll, record, len(record)
+        self._dll, n = library.dll, len(record)
         self._threads = threads = max(1, min(threads, -(-n // library.width)))
         self._dll.fan_steppers_new.restype = ctypes.c_void_p
         made = self._dll.fan_steppers_new(ctypes.c_longlong(n), ctypes.c_int(threads))
         if not made:
             raise MemoryError(f"no memory for {n} steppers")
         self._handle = ctypes.c_void_p(made)
-        self._options = options
-        self._winches = np.minimum(winches, UNLIMITED)
+        self._arrays = packed(
+            "StepperArrays",
+            n=n,
+            options=options.structure(),
+            winches=np.minimum(winches, UNLIMITED),
+            **{name: getattr(record, name) for name in _NAMES},
+        )
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def __del__(self) -> None:
@@ -148,16 +153,7 @@ class LaneSteppers:
 
     def bound(self, duration: float, acc_K: Array, u_D: Array | None) -> Callable[[], None]:
         """:meth:`advance` with these arrays, for many calls; contiguous ones may change between."""
-        structure = packed(
-            "StepperArrays",
-            n=len(self._record),
-            duration=duration,
-            options=self._options.structure(),
-            winches=self._winches,
-            acc_K=acc_K,
-            u_D=u_D,
-            **{name: getattr(self._record, name) for name in _NAMES},
-        )
+        structure = repacked(self._arrays, duration=duration, acc_K=acc_K, u_D=u_D)
         return partial(self._advance, structure)
 
     def _advance(self, structure: ctypes.Structure) -> None:

@@ -56,26 +56,42 @@ def packed(structure: str, /, **values: Any) -> Any:
             contiguous.
     """
     made: Any = structures[structure]()
-    kept: list[Any] = []
-    made.kept = kept
+    made.kept = []
+    _fill(made, values)
+    return made
+
+
+def repacked(made: Any, /, **values: Any) -> Any:
+    """A copy of a structure with other numbers and arrays; as :func:`packed`, in less time."""
+    copy: Any = type(made).from_buffer_copy(made)
+    copy.kept = [made]
+    _fill(copy, values)
+    return copy
+
+
+def _fill(made: Any, values: Mapping[str, Any]) -> None:
+    fields, kept = _fields(type(made).__name__), made.kept
     for name, value in values.items():
-        field = _fields(structure)[name]
         if value is None:
             continue
-        if isinstance(value, ctypes.Structure | ctypes.Array):
+        field = fields[name]
+        if isinstance(value, np.ndarray):
+            if field.is_shared:
+                value = np.ascontiguousarray(value, dtype=float)
+                kept.append(value)
+                stride = 0 if len(value) == 1 else value[0].size
+                value = structures["Shared"](pointer(value), stride)
+            else:
+                value = field.numbers(value)
+                kept.append(value)
+                value = pointer(value) if field.is_pointer else field.type(*value)
+        elif isinstance(value, _STRUCTURED):
             kept.append(value)
             value = ctypes.addressof(value) if field.is_pointer else value
-        elif field.is_shared:
-            array = np.ascontiguousarray(value, dtype=float)
-            kept.append(array)
-            stride = 0 if len(array) == 1 else array[0].size
-            value = structures["Shared"](pointer(array), stride)
-        elif isinstance(value, np.ndarray):
-            value = field.numbers(value)
-            kept.append(value)
-            value = pointer(value) if field.is_pointer else field.type(*value)
         setattr(made, name, value)
-    return made
+
+
+_STRUCTURED = (ctypes.Structure, ctypes.Array)
 
 
 @dataclass(frozen=True)
@@ -88,6 +104,7 @@ class _Packed:
     number: str
     is_pointer: bool
     is_read: bool
+    is_shared: bool
 
     @classmethod
     def of(cls, field: Field) -> _Packed:
@@ -98,11 +115,8 @@ class _Packed:
             field.type.removeprefix("const ").rstrip("*"),
             field.type.endswith("*"),
             field.type.startswith("const "),
+            field.type == "Shared",
         )
-
-    @property
-    def is_shared(self) -> bool:
-        return self.type is structures["Shared"]
 
     @property
     def dtype(self) -> Any:

@@ -18,7 +18,7 @@ from fantoccini.kernel.contract import GoalKind
 from fantoccini.kernel.runtime.clearance import Exact, Solids, clearance_arrays
 from fantoccini.kernel.runtime.functions import Loaded, pointer
 from fantoccini.kernel.runtime.options import RunOptions
-from fantoccini.kernel.runtime.packing import new_arrays, packed
+from fantoccini.kernel.runtime.packing import new_arrays, packed, repacked
 from fantoccini.kernel.runtime.structures import UNLIMITED, structures
 
 UNKNOWN, POSE, POINT = GoalKind
@@ -165,18 +165,19 @@ class RolloutPool:
         self._library, self._others = library, threads - 1
         self._solids = settings.solids
         bounds, kept_off = settings.bounds, settings.kept_off
-        self._settings = {
-            "looks": settings.looks,
-            "steps": settings.options.save_every,
-            "options": settings.options.structure(),
-            "p": settings.p,
-            "winches": np.minimum(settings.winches, UNLIMITED),
-            "bounds": packed("BoundArrays", **bounds),
-            "margin": settings.margin,
-            "may_slacken": int(settings.slack),
-            "goal": settings.goal.structure(settings.tolerance),
-            "kept_off": None if kept_off is None or not np.any(kept_off) else kept_off,
-        }
+        self._arrays = packed(
+            "RolloutArrays",
+            looks=settings.looks,
+            steps=settings.options.save_every,
+            options=settings.options.structure(),
+            p=settings.p,
+            winches=np.minimum(settings.winches, UNLIMITED),
+            bounds=packed("BoundArrays", **bounds),
+            margin=settings.margin,
+            may_slacken=int(settings.slack),
+            goal=settings.goal.structure(settings.tolerance),
+            kept_off=None if kept_off is None or not np.any(kept_off) else kept_off,
+        )
         self._sizes = {
             "n_qD": len(settings.goal.low),
             "n_vD": len(settings.goal.weight),
@@ -233,9 +234,8 @@ class RolloutPool:
         out["distance"].fill(np.inf)
         laws = [packed("FunnelArrays", **vars(f)) for f in funnels]
         exact = Exact(self._solids)
-        settings = self._settings | ({"looks": looks} if looks else {})
-        arrays: Any = packed(
-            "RolloutArrays",
+        arrays: Any = repacked(
+            self._arrays,
             n=n,
             segments=segments,
             solids=clearance_arrays(self._solids, exact),
@@ -245,8 +245,8 @@ class RolloutPool:
             out=packed("SegmentArrays", **out),
             **indices,
             **{name: starts[name] for name in STATE},
-            **settings,
         )
+        arrays.looks = looks or arrays.looks
         # Ctrl-C may leave a worker behind: what it uses lives as long as `arrays`.
         arrays.kept += [laws, exact]
         with exact:
