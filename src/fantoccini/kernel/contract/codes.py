@@ -96,8 +96,8 @@ class StepEdge(Code):
     LEAVES_LAW = (
         32,
         (
-            "bodies are wedged in, restitution is scaled down to add no energy, or points spring back "
-            "one after the other"
+            "bodies are wedged in, restitution is scaled down to add no energy, or points spring "
+            "back one after the other"
         ),
     )
     JAMS = 64, "friction jams: no forces keep the modes"
