@@ -252,7 +252,7 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
         "30: sensor angle: left out",
         "31: key bent: left out: the puppet starts in another pose",
         " option density: 1.2, left out: bodies have `drag` instead",
-        " contact: left out: add `contact: true`, and give bodies room to move",
+        " contact: left out: add `contact: true`, and keep bodies apart",
     }
 
 

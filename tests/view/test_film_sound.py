@@ -146,7 +146,7 @@ def test_captions_leave_room_for_the_picture(puppet, tmp_path):
     words = "all of us say " + "quite " * 30
     captions = [Caption(0.0, 2.0, words, f"player_{k}") for k in range(9)]
     low = Subtitles(captions, 320, 6.0, 96.0)
-    assert 0.0 < low.room <= 96.0
+    assert 0.0 < low.height <= 96.0
     low.place(Sheet((320, 240), theme_of("light")), 10.0)
     (text,) = low.at(1.0)
     assert all(f"player_{k}: all of us" in text.get_text() for k in range(9))
