@@ -155,7 +155,7 @@ def test_a_box_that_slides_stops_where_its_speed_says():
 
 
 def test_a_ball_that_bounces_turns_the_derivative_of_its_speed():
-    """dv/dv0 = dz/dz0 = -e after the impact, and dz/dv0 = -e t: what starts higher touches later."""
+    """dv/dv0 = dz/dz0 = -e after the impact, and dz/dv0 = -e t, as the touch is later or not."""
     balls = fan.loads(BALLS)
     n = 40
     x = thrown(balls, {"a.z": 0.115, "b.z": 5.0}, {"a.z": -1.0})
