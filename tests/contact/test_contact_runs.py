@@ -185,7 +185,8 @@ bodies:
 - {name: ball, joint: {type: free}, shapes: [{type: sphere, radius: 0.1, mass: 2}]}
 """)
     h, e = 0.5, 0.7
-    run = stepped(ball, ball.state({"ball.z": 0.1 + h}), 2.5, 2.5e-4)
+    # A bounce at v is short by 2 g dt/v of its energy on average.
+    run = stepped(ball, ball.state({"ball.z": 0.1 + h}), 2.5, 1.25e-4)
     z, v = run["ball.z"] - 0.1, run["v:ball.z"]
     tops = z[np.flatnonzero((v[:-1] > 0) & (v[1:] <= 0))]
     assert np.allclose(tops[:4], h * e ** (2 * np.arange(1, 5)), rtol=1e-2)
