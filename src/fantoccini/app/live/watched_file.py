@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 from fantoccini.base import FantocciniError
 from fantoccini.dynamics.marionette import Marionette, load
 
-Content = TypeVar("Made")
+Content = TypeVar("Content")
 
 INTERVAL = 0.3
 """Interval of checks of the file [s]."""
