@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import Any
 
@@ -137,7 +137,7 @@ class LaneSteppers:
     def __del__(self) -> None:
         if getattr(self, "_handle", None):
             if self._pool:
-                self._pool.shutdown()
+                self._pool.shutdown(wait=False)  # no worker is busy: those keep this alive
             self._dll.fan_steppers_free(self._handle)
             self._handle = ctypes.c_void_p()
 
@@ -158,15 +158,16 @@ class LaneSteppers:
 
     def _advance(self, structure: ctypes.Structure) -> None:
         self._dll.fan_steppers_begin(self._handle, ctypes.byref(structure))
-        work = self._dll.fan_steppers_work
         if self._pool is None:
-            work(self._handle, ctypes.c_int(0))
+            self._work(structure, 0)
             return
-        waiting = [
-            self._pool.submit(work, self._handle, ctypes.c_int(i)) for i in range(self._threads)
-        ]
-        # The arrays must outlive the workers, Ctrl-C or not.
+        waiting: list[Future[None]] = []
         try:
-            wait(waiting)
+            for i in range(self._threads):
+                waiting.append(self._pool.submit(self._work, structure, i))
         finally:
             wait(waiting)
+
+    def _work(self, structure: ctypes.Structure, worker: int) -> None:
+        """One worker's share; its arguments keep the arrays alive if Ctrl-C ends the wait."""
+        self._dll.fan_steppers_work(self._handle, ctypes.c_int(worker))
