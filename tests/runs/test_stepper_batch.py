@@ -198,3 +198,11 @@ def test_as_many_runs_as_states_and_parameters():
         ARM.stepper_batch(HANG, 4, parameters={"m2": [0.1, 0.2, 0.3]})
     with pytest.raises(ValueError, match="n is 0"):
         ARM.stepper_batch(HANG, 0)
+
+
+def test_nothing_is_driven():
+    """Accelerations of no coordinates, and a batch that is reset by arrays."""
+    batch = BLOCK.stepper_batch(BLOCK.rest(), 3)
+    batch.advance(0.01, np.zeros((3, 0)))
+    batch.reset([0, 2], slip=np.zeros((2, 0)))
+    assert batch.advance(0.01, np.zeros(0)).all()

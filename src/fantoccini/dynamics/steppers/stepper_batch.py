@@ -175,7 +175,7 @@ class StepperBatch:
             if name not in parts:
                 raise TypeError(f"reset takes no {name!r}; it takes t, {', '.join(_STATE)}")
             width = parts[name].shape[1]
-            parts[name] = vectors(name, given, width).reshape(-1, width)
+            parts[name] = np.atleast_2d(vectors(name, given, width))
         parts = {name: _rows(name, x, m) for name, x in parts.items()}
         taut = states.taut if not arrays else np.zeros_like(states.taut)
         starts = States(states.t, **parts, taut=_rows("x0", taut, m))
@@ -210,7 +210,7 @@ class StepperBatch:
         acc = self._accelerations(acc_K)
         force = None
         if u_D is not None:
-            force = _rows("u_D", vectors("u_D", u_D, table.n_vD).reshape(-1, table.n_vD), self._n)
+            force = _rows("u_D", np.atleast_2d(vectors("u_D", u_D, table.n_vD)), self._n)
         going = self.arrived
         self._engine.advance(duration, acc, force)
         self.t[going] += self._record.advanced[going]
@@ -222,7 +222,7 @@ class StepperBatch:
         if given is None:
             return np.zeros((1, table.n_vK))
         if not isinstance(given, Mapping):
-            rows = vectors("acc_K", given, table.n_vK).reshape(-1, table.n_vK)
+            rows = np.atleast_2d(vectors("acc_K", given, table.n_vK))
             return _rows("acc_K", rows, self._n)
         acc = np.zeros((self._n, table.n_vK))
         for name, values in given.items():
