@@ -202,7 +202,7 @@ def test_as_many_runs_as_states_and_parameters():
 
 def test_nothing_is_driven():
     """Accelerations of no coordinates, and a batch that is reset by arrays."""
-    batch = BLOCK.stepper_batch(BLOCK.rest(), 3)
+    batch = BLOCK.stepper_batch(BLOCK.state({"body.z": 0.05}), 3)
     batch.advance(0.01, np.zeros((3, 0)))
     batch.reset([0, 2], slip=np.zeros((2, 0)))
     assert batch.advance(0.01, np.zeros(0)).all()
