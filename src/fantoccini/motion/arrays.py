@@ -94,7 +94,7 @@ def constant_acceleration(
 def on_breaks(
     table: CoordinateTable, given: InputArrays, ends: tuple[ConfigK, ConfigK], breaks: Times
 ) -> InputArrays:
-    """The arrays on a superset of their breaks, held at the configurations ``ends`` outside."""
+    """The arrays on their own and further breaks, held at the configurations ``ends`` outside."""
     first, last = (pieces.constants(table, q_K) for q_K in ends)
     coef, base = Channel(given.breaks, given.coef, given.base, first, last, table.scalars_K).on(
         breaks
@@ -122,8 +122,8 @@ def filled(
 
 def at_rest(table: CoordinateTable, breaks: Times, coef: Array, v: VecK) -> Array:
     """The coefficients with small velocities v (2, n_vK) at both ends set to 0."""
-    _, most = joints.tolerances(table, breaks[None], coef[None])
-    small = np.where((np.abs(v) <= most) & (v != 0.0), 0.0, v)
+    _, max_speed = joints.tolerances(table, breaks[None], coef[None])
+    small = np.where((np.abs(v) <= max_speed) & (v != 0.0), 0.0, v)
     if np.array_equal(small, v):
         return coef
     coef, none = np.array(coef), np.zeros((1, len(v[0])))

@@ -96,9 +96,9 @@ def _note_start(
     """Reports a coordinate that is not finite in a start state, or differs from the inputs.
 
     Args:
-        mistakes: to add to.
-        name: of the coordinate.
-        places: (n, 1 or 4) of the inputs and of the start states.
+        mistakes: collector.
+        name: name of the coordinate.
+        places: (n, 1 or 4) values of the inputs and of the start states.
         strange, off: (n, 1 or 4) where that is so.
         t: the start [s].
     """

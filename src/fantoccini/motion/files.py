@@ -80,7 +80,7 @@ class Waypoints:
         place: key that holds the coordinates.
         forces: (times [s], forces [N or N m]) by dynamic velocity.
         duration: everything is held until then [s].
-        name: of the performance.
+        name: name of the performance.
     """
 
     channels: Mapping[str, Channel]

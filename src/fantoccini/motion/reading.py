@@ -93,7 +93,7 @@ def waypoints(
 
     Args:
         table: names of the coordinates.
-        given: what the user wrote.
+        given: waypoints as the user wrote them.
         mistakes: collects them.
         at: path of ``given`` itself.
 
@@ -111,14 +111,14 @@ def waypoints(
         if not _given_once(name, written, spelt, path, mistakes):
             continue
         if name in table.rotations:
-            found = _series(points, mistakes, path, _quaternion)
-            if found is not None and _turns(points, found[1], mistakes, path):
-                read[name] = found
+            series = _series(points, mistakes, path, _quaternion)
+            if series is not None and _turns(points, series[1], mistakes, path):
+                read[name] = series
         else:
             scalar = partial(number, angle=units.get(name) == "rad")
-            found = _series(points, mistakes, path, scalar)
-            if found is not None:
-                read[name] = found
+            series = _series(points, mistakes, path, scalar)
+            if series is not None:
+                read[name] = series
     return read
 
 
@@ -134,9 +134,9 @@ def forces(
                 path, f"is not the name of a dynamic velocity{nearest(str(name), table.v_D)}"
             )
             continue
-        found = _series(points, mistakes, path, number, steps=True)
-        if found is not None:
-            read[name] = found
+        series = _series(points, mistakes, path, number, steps=True)
+        if series is not None:
+            read[name] = series
     return read
 
 

@@ -206,8 +206,8 @@ class _Object:
 
     Attributes:
         entry: its folder in the cache.
-        folder: where it is being made; None where it is there already.
-        command: that makes it there.
+        folder: folder in which it is made; None if the cache has it.
+        command: compiler command that makes it.
     """
 
     entry: Path
@@ -264,13 +264,13 @@ def _make(
                 _settle(folder, entry, replace)
         except BuildError as error:
             # The sources are kept for the user, until the same puppet fails again.
-            kept = entry.parent / f"failed-{entry.name}"
-            shutil.rmtree(kept, ignore_errors=True)
+            sources = entry.parent / f"failed-{entry.name}"
+            shutil.rmtree(sources, ignore_errors=True)
             try:
-                folder.rename(kept)
+                folder.rename(sources)
             except OSError:
-                kept = folder
-            raise BuildError(f"{error}\nthe sources are in {kept}") from None
+                sources = folder
+            raise BuildError(f"{error}\nthe sources are in {sources}") from None
         except BaseException:
             shutil.rmtree(folder, ignore_errors=True)
             raise

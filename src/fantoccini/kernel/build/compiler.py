@@ -235,8 +235,8 @@ def run_compilers(
     """Runs compilers, as many at a time as there are processors.
 
     Args:
-        commands: each as in :func:`run_compiler`, with the folder where it runs.
-        seconds: how long each may take.
+        commands: commands as in :func:`run_compiler`, each with its folder.
+        seconds: longest time of each [s].
 
     Raises:
         BuildError, DiskError: a command failed; the others are killed.

@@ -143,8 +143,8 @@ def _programs(
 
 def _pushes(equations: Equations, forth: Program, table: Table) -> str:
     """``fan_push(link, L, x, y)``: ``forth`` of several x; shorter for one link alone."""
-    made = {f"fan_push_{i}": program(function) for i, function in equations.pushes.items()}
-    texts = [together(whole, name, SIZES.piece, table) for name, whole in made.items()]
+    pushes = {f"fan_push_{i}": program(function) for i, function in equations.pushes.items()}
+    texts = [together(whole, name, SIZES.piece, table) for name, whole in pushes.items()]
     cases = [f"    case {i}: return fan_push_{i}(L, x, y);" for i in equations.pushes]
     switch = [
         "template <class A, class V>",

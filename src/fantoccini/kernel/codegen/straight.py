@@ -235,7 +235,7 @@ def together(whole: Program, name: str, longest: int, table: Table) -> str:
 
     Args:
         whole: the function's statements, with two arguments and one result.
-        name: of the C function.
+        name: name of the C function.
         longest: arithmetic statements of a piece, at most.
         table: takes the constants, so that the text is the same for other numbers.
     """
@@ -295,8 +295,8 @@ class Table:
     """Constants that the text of functions reads from an array.
 
     Attributes:
-        name: of the array in C.
-        values: its entries.
+        name: name of the array in C.
+        values: entries.
     """
 
     name: str

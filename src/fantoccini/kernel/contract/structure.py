@@ -14,8 +14,8 @@ class Field:
         name: name in Python and C++.
         type: type in C++: a number, an array ``double[3]``, a pointer, a structure, or a function
             ``double(const Solid*, const Solid*)``.
-        meaning: with its shape and unit. An array's shape comes first, in parentheses: sizes by
-            name, and sums of them.
+        meaning: sentence with its shape and unit. An array's shape comes first, in parentheses:
+            sizes by name, and sums of them.
     """
 
     name: str

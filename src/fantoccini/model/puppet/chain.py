@@ -37,11 +37,11 @@ def check_chain(wire: bool, bounces: bool, slips: bool, points: int) -> None:
     """Raises a mistake if a string cannot be a chain.
 
     Args:
-        wire, bounces, slips: of the string.
+        wire, bounces, slips: properties of the string.
         points: number of points of its path.
     """
-    given = {"wire: true": wire, "restitution": bounces, "max_tension": slips}
-    keys = [key for key, is_given in given.items() if is_given]
+    conflicts = {"wire: true": wire, "restitution": bounces, "max_tension": slips}
+    keys = [key for key, is_given in conflicts.items() if is_given]
     if keys:
         raise mistake(
             f"found chain and {keys[0]}; a chain is made of springs, which are not rigid and "

@@ -7,7 +7,7 @@ from fantoccini.model.puppet.elements import Attachment
 from fantoccini.model.puppet.parts import Parts
 
 Carrier = tuple[str, str | Path | None, tuple[float, ...] | None]
-"""Kind and name of what carries a point, and the place on it."""
+"""Kind and name of the carrier of a point, and the place on it."""
 
 
 def check_paths(parts: Parts) -> None:
