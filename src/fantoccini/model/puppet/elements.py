@@ -110,9 +110,8 @@ class Attachment(Model):
     def _one_place(self) -> Attachment:
         keys = [k for k in ("body", "world", "driven") if getattr(self, k) is not None]
         if len(keys) != 1:
-            raise mistake(
-                f"found {' and '.join(keys) or 'neither'}; needed: exactly one of body, world, driven"
-            )
+            text = " and ".join(keys) or "neither"
+            raise mistake(f"found {text}; needed: exactly one of body, world, driven")
         if self.parent != "world" and self.driven is None:
             raise mistake("found a parent of a point that is not driven; write body instead")
         if self.world is not None and "at" in self.model_fields_set:
