@@ -23,7 +23,8 @@ namespace {
 using fan::Model;
 constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model::n_rows;
 
-fan::FixedRun<Model> run;
+using Run = fan::GridRun<fan::TimeSteppingTrajectory<Model, double>>;
+Run run;
 std::vector<fan::Solid> solids;
 std::vector<int> pairs, groups, meetings;
 std::vector<double> friction, restitution;
@@ -73,24 +74,8 @@ fan::Record<Model> record() {
 }
 
 void begin() {
-  auto& led = run.trajectory;
-  run.drive.set({n_segments, breaks.data(), coef.data(), base.data(), nullptr});
-  run.drive.start_at(0.0);
-  for (int i = 0; i < Model::n_p; ++i) led.p[i] = p[i];
-  for (int i = 0; i < NQ; ++i) led.state().q_D[i] = q_D[i];
-  for (int k = 0; k < N; ++k) led.state().v_D[k] = v_D[k];
-  for (int i = 0; i < S; ++i) led.at.slip[i] = 0.0;
-  led.winches.set(table.data());
-  led.opt.dt = number[0];
-  led.opt.recovery_speed = number[1];
-  led.opt.tension_cap = number[2];
-  led.opt.max_steps = 1LL << 60;
-  led.opt.extrapolate = 1;
-  led.opt.contacts = pairs.empty() ? nullptr : &arrays;
-  run.save_every = 1 << 30;
-  run.t = 0.0;
   auto out = record();
-  run.start(out);
+  begin_steps(run, pairs.empty() ? nullptr : &arrays, out);
 }
 
 void steps(int n) {
@@ -102,11 +87,11 @@ void steps(int n) {
 }
 
 void step_dynamics(int n) {
-  auto& led = run.trajectory;
+  auto& led = run.trajectory();
   for (int i = 0; i < n; ++i)
     led.at.eval.at(
         led.state().q_D, led.state().v_D, led.inputs().q_K, led.inputs().v_K, led.inputs().acc_K,
-        led.inputs().u_D, led.state().v_D, number[0], led.p);
+        led.inputs().u_D, led.state().v_D, number[0], led.p());
 }
 
 }  // namespace
@@ -126,7 +111,7 @@ int main(int, char** argv) {
   int points = 0;
   double force = 0.0, depth = 0.0, residual = 0.0;
   if constexpr (Model::n_contacts > 0) {
-    const auto& contacts = run.trajectory.at.contacts;
+    const auto& contacts = run.trajectory().at.contacts;
     points = contacts.n[0];
     residual = contacts.residual;
     for (int i = 0; i < points; ++i) {

@@ -62,7 +62,11 @@ def measure(kind: str, dof: int, strings: int) -> Size:
     generated = codegen.generate(puppet.equations)
     derive = _processor_time(resource.RUSAGE_SELF) - before
     source = build.Source(
-        generated.files, generated.main, {}, generated.units, generated.shared_units
+        generated.files,
+        generated.main,
+        units=generated.units,
+        pieces=generated.pieces,
+        shared_units=generated.shared_units,
     )
     with tempfile.TemporaryDirectory() as folder:
         os.environ["FANTOCCINI_CACHE"] = folder

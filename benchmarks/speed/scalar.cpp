@@ -26,7 +26,7 @@ constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings, M = Model
 constexpr int NY = fan::Flow<Model>::NY;
 
 fan::Flow<Model> flow;
-fan::FixedRun<Model> run;
+fan::GridRun<fan::TimeSteppingTrajectory<Model, double>> run;
 
 template <class Drive>
 void give(Drive& drive) {
@@ -96,21 +96,8 @@ fan::Record<Model> record() {
 }
 
 void begin_steps() {
-  give(run.drive);
-  for (int i = 0; i < Model::n_p; ++i) run.trajectory.p[i] = p[i];
-  for (int i = 0; i < NQ; ++i) run.trajectory.state().q_D[i] = q_D[i];
-  for (int k = 0; k < N; ++k) run.trajectory.state().v_D[k] = v_D[k];
-  for (int i = 0; i < S; ++i) run.trajectory.at.slip[i] = 0.0;
-  run.trajectory.winches.set(table.data());
-  run.trajectory.opt.dt = number[0];
-  run.trajectory.opt.extrapolate = 1;
-  run.trajectory.opt.recovery_speed = number[1];
-  run.trajectory.opt.tension_cap = number[2];
-  run.trajectory.opt.max_steps = 1LL << 60;
-  run.save_every = 1 << 30;
-  run.t = 0.0;
-  fan::Record<Model> out = record();
-  run.start(out);
+  auto out = record();
+  ::begin_steps(run, nullptr, out);
 }
 
 void steps(int n) {
@@ -142,8 +129,8 @@ int main(int, char** argv) {
     const double took = double(std::clock() - start) / CLOCKS_PER_SEC;
     if (i > 0) std::printf("%.9g\n", took / n);
   }
-  const double* tension = stepping ? run.trajectory.at.tension : flow.tension;
-  const auto& eval = stepping ? run.trajectory.at.eval : flow.eval;
+  const double* tension = stepping ? run.trajectory().at.tension : flow.tension;
+  const auto& eval = stepping ? run.trajectory().at.eval : flow.eval;
   double sum = 0.0, apart = 0.0;
   for (int r = 0; r < S; ++r) {
     sum += tension[r];

@@ -28,7 +28,7 @@ def test_the_puppet_is_written_and_the_report_printed(folder):
     result = fantoccini("import", "swing.xml", "swing.yaml", "--keyframe", "up")
     assert result.exit_code == 0
     assert result.stdout.splitlines()[0] == (
-        "swing.xml:6: actuator push: left out: what it moves is free"
+        "swing.xml:6: actuator push: left out: the joint or body that it moves is free"
     )
     assert "swing.yaml: 1 joint, 1 mesh beside it; 2 differences from the model" in result.stderr
     assert (folder / "swing_meshes" / "cylinder.stl").is_file()

@@ -10,24 +10,24 @@
 
 namespace {
 
-fan::FixedRun<Model> alone;
+Run alone;
 
 void step_both() {
   alone = run;
   auto out = record();
   if (run.run(1e9, 1, out) != fan::RUNNING) std::exit(3);
-  auto& contacts = alone.trajectory.at.contacts;
+  auto& contacts = alone.trajectory().at.contacts;
   for (int i = 0; i < contacts.n[0]; ++i) contacts.push[0][i].wait = 2;
   out = record();
   if (alone.run(1e9, 1, out) != fan::RUNNING) std::exit(4);
   if (contacts.has_patches()) std::exit(5);
   double apart = 0.0, most = 0.0;
   for (int k = 0; k < N; ++k) {
-    const double v = run.trajectory.state().v_D[k];
-    apart = std::fmax(apart, std::fabs(v - alone.trajectory.state().v_D[k]));
+    const double v = run.trajectory().state().v_D[k];
+    apart = std::fmax(apart, std::fabs(v - alone.trajectory().state().v_D[k]));
     most = std::fmax(most, std::fabs(v));
   }
-  const auto& own = run.trajectory.at.contacts;
+  const auto& own = run.trajectory().at.contacts;
   std::printf(
       "%.3g %.3g %d %d %.3g %.3g\n", apart, most, int(own.has_patches()), own.n[0], own.residual,
       contacts.residual);

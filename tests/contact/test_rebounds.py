@@ -211,3 +211,71 @@ bodies:
         assert run.status is Status.DONE
         assert run["ball.z"][1] == pytest.approx(0.05, abs=1e-12)
         assert run.contact.at(1).gap == pytest.approx([0.0], abs=1e-12)
+
+
+SIDES = """
+puppet: sides
+gravity: [0, 0, 0]
+floor: 0
+contact: {friction: 0, restitution: 0, pairs: [{between: [p, q], restitution: 1}]}
+bodies:
+- name: swinger
+  joint: {name: a, type: prismatic, axis: [0, 0, 1], at: [5, 0, 5], limits: {lower: -9, upper: 0}}
+  shapes: [{type: sphere, radius: 0.05, mass: 1}]
+- name: hung
+  joint: {name: s, type: prismatic, axis: [0, 0, 1], at: [9, 0, 5]}
+  shapes: [{type: sphere, radius: 0.05, mass: 1}]
+- name: lands
+  joint: {name: c, type: prismatic, axis: [0, 0, 1], at: [-5, 0, 0.05]}
+  shapes: [{type: sphere, radius: 0.05, mass: 1}]
+- name: p
+  joint: {name: x, type: prismatic, axis: [1, 0, 0], at: [0, 0, 2]}
+  shapes: [{type: sphere, radius: 0.05, mass: 1}]
+- name: q
+  joint: {name: y, type: prismatic, axis: [1, 0, 0], at: [0, 0, 2]}
+  shapes: [{type: sphere, radius: 0.05, mass: 1}]
+strings:
+- {name: line, path: [{body: hung}, {world: [9, 0, 6]}], length: 1.5}
+pose: {y: 1}
+"""
+
+
+@pytest.mark.parametrize("speed", [2.0, 10.0])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_what_does_not_spring_back_is_stopped_while_something_else_springs_back(speed, share):
+    """A limit, a string and a landing at 0.4 of a step in which two balls meet elsewhere."""
+    sides, dt = fan.loads(SIDES), 5e-3
+    way = 0.4 * dt * speed
+    place = {"a": -way, "s": -0.5 + way, "c": way, "x": 0.0, "y": 0.1 + share * dt * speed}
+    x0 = thrown(sides, place, {"a": speed, "s": -speed, "c": -speed, "x": speed})
+    run = stepped(sides, x0, 20 * dt, dt)
+    assert run.status is Status.DONE
+    stopped = [run.coordinates.v_D.index(name) for name in ("a", "s", "c")]
+    assert np.allclose(run.v_D[3:, stopped], 0.0, rtol=0, atol=1e-9)
+    assert run["a"].max() < 1e-9 and run["s"].min() > -0.5 - 1e-9 and run["c"].min() > -1e-9
+    swapped = [run.coordinates.v_D.index(name) for name in ("x", "y")]
+    assert np.allclose(run.v_D[3:, swapped], [0.0, speed], rtol=0, atol=1e-9)
+
+
+ROW = (
+    "puppet: row\ngravity: [0, 0, 0]\ncontact: {friction: 0, restitution: 1}\nbodies:\n"
+    + "".join(
+        f"- {{name: b{k}, joint: {{name: x{k}, type: prismatic, axis: [1, 0, 0]}}, "
+        f"shapes: [{{type: sphere, radius: 0.05, mass: 1, at: [0, {8 * (k == 3)}, 0]}}]}}\n"
+        for k in range(4)
+    )
+    + "pose: {x1: 0.2, x2: 0.4}\n"
+)
+
+
+@pytest.mark.parametrize("dt", [5e-4, 2e-3, 5e-3])
+def test_a_ball_struck_from_both_sides_gives_everything_back(dt):
+    """Of three equal balls the outer two exchange their velocities through the one at rest."""
+    row = fan.loads(ROW)
+    for gaps in ((0.02, 0.06), (0.02, 0.021), (0.013, 0.05)):
+        place = {"x0": 0.0, "x1": 0.1 + gaps[0], "x2": 0.2 + sum(gaps), "x3": 0.0}
+        run = stepped(row, thrown(row, place, {"x0": 20.0, "x2": -20.0, "x3": 1.0}), 40e-3, dt)
+        assert run.status is Status.DONE
+        assert np.allclose(run.v_D[-1], [-20.0, 0.0, 20.0, 1.0], rtol=0, atol=1e-6)
+        assert np.allclose(run["x3"], run.t, rtol=0, atol=1e-12)
+        assert np.diff(run.ledger["kinetic"]).max() <= 1e-9

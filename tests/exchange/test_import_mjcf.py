@@ -248,7 +248,7 @@ def test_the_report_names_what_has_no_counterpart(tmp_path):
         "24: tendon inner: left out: its length never changes",
         "25: tendon sum: left out: it is a sum of joint positions; strings run through points",
         "26: tendon pulled: left out: it has pulleys that divide its force",
-        "29: actuator m: left out: what it moves is free",
+        "29: actuator m: left out: the joint or body that it moves is free",
         "30: sensor angle: left out",
         "31: key bent: left out: the puppet starts in another pose",
         " option density: 1.2, left out: bodies have `drag` instead",
@@ -451,7 +451,8 @@ def test_actuators_of_several_controls_are_left_out_one_by_one(left, tmp_path):
         if not row.strip().startswith(tuple(f"<{tag}" for tag in left))
     )
     made, m = imported(text, tmp_path), mujoco.MjModel.from_xml_string(text)
-    told = [note for note in made.report if "left out: what it moves is free" in note.message]
+    text = "left out: the joint or body that it moves is free"
+    told = [note for note in made.report if text in note.message]
     assert len(told) == m.nactuator == 3 - len(left)
     c = fan.model.loads(made.text).bodies[2].joint
     # The motor's own gear, squared, whatever the actuators before it have.

@@ -84,8 +84,9 @@ class Tracking:
     """The drives' accelerations with some strings taut, acc_K = G u_K + ...
 
     Attributes:
-        min_singular_value: of F^-T A_D^T with columns of length 1, M_DD = F^T F: 1 if the strings
-            accelerate the puppet at right angles to one another, 0 if they depend linearly.
+        min_singular_value: smallest singular value of F^-T A_D^T with columns of length 1,
+            M_DD = F^T F: 1 if the strings accelerate the puppet at right angles to one another, 0
+            if they depend linearly.
         min_acceleration: smallest eigenvalue of D G D, D^2 the diagonal of M_KK + J: the share of
             its acceleration that a drive keeps.
         tied: strings that tie drives to one another; empty if G is regular.
@@ -103,7 +104,7 @@ class ReductionReport:
     """Claims of Sec. VI that hold for a puppet, and the consequences for the mixed model.
 
     Attributes:
-        name: of the puppet.
+        name: name of the puppet.
         driven: its driven velocities.
         kinetic: the blocks of the kinetic energy.
         slack: largest share of a symmetric product outside span{Y_k}, with slack strings.

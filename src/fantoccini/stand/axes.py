@@ -34,8 +34,8 @@ class Axis:
     """An axis of a stand.
 
     Attributes:
-        name: of the axis.
-        motor, transmission: from the file.
+        name: name of the axis.
+        motor, transmission: entries of the file.
         file: its entry in the file.
     """
 

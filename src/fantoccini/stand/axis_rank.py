@@ -42,7 +42,7 @@ def undetermined(moves: Mapping[str, Mapping[str, float]]) -> tuple[str, str] | 
     )
     moved = dict.fromkeys(name for i in involved for name in moves[axes[i]])
     text = (
-        f"{listed([axes[i] for i in involved])} are not determined by what they move "
+        f"{listed([axes[i] for i in involved])} are not determined by the bodies that they move "
         f"({listed(list(moved))}): moving {moves_of_axes} changes nothing; {len(axes)} axes move "
         f"{len(names)} coordinates, and {rank} of their motions differ"
     )

@@ -40,7 +40,7 @@ class Kick:
         strings: the strings that snapped taut.
         impulse: at the motor [N m s].
         bound: largest impulse that the stepper withstands without losing steps [N m s].
-        margin: of the impulse below the bound [%].
+        margin: margin of the impulse below the bound [%].
     """
 
     axis: str
@@ -95,10 +95,10 @@ def kicks(
     """The catches that hit a stepper, in order; other motors have none.
 
     Args:
-        impacts: of the run.
+        impacts: impacts of the run.
         axis: the axis.
         k: its number.
-        motion: of the axes, (T, n).
+        motion: motion of the axes, (T, n).
         torque: (T,) of its motor [N m].
         unknown: (T,) times at which the motion does not determine the torque; catches there are
             left out.

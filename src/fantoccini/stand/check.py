@@ -52,12 +52,12 @@ class StandCheck:
         map: the stand, bound to the run's puppet.
         run: the checked run.
         marionette: the run's puppet.
-        motion: of the axes.
+        motion: motion of the axes.
         force: (T, n) F = J^T f_K of the axes on their loads [N or N m].
         torque: (T, n) of the motors, positive where it acts along growing position [N m].
         available: (T, n) the motors' largest torque at each sample [N m].
         limits: one for every axis and quantity, in order.
-        impacts: of the run; None if it has none.
+        impacts: impacts of the run; None if it has none.
         kicks: catches of strings that hit an axis.
         lost: axis -> steps that it loses, for steppers that lose some.
         unknown: (T, n) true where the motion does not determine the force of an axis; its torque
@@ -173,7 +173,7 @@ def check_stand(
 
     Args:
         stand: a stand, its file, or the name of a bundled one.
-        run: of a puppet whose driven coordinates follow their inputs exactly.
+        run: run of a puppet whose driven coordinates follow their inputs exactly.
         marionette: the run's puppet; built from the run's own description by default.
 
     Raises:

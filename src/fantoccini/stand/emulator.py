@@ -102,7 +102,7 @@ class GrblMachine:
     """The controller and its motors.
 
     Attributes:
-        settings: of the machine.
+        settings: settings of the machine.
         waiting: planned moves, whose speeds may still change.
         executed: the moves made so far, in order.
         time: end time of the last executed move [s].

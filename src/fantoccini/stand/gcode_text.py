@@ -41,7 +41,7 @@ class GrblSettings(Limits):
     """A controller's settings for its machine; n axes. Units are mm, or degrees for a turning axis.
 
     Attributes:
-        letters: of the axes, in order.
+        letters: letters of the axes, in order.
         reversed: for every axis, whether its motor turns backwards.
         buffer: size of the serial buffer [characters].
     """
@@ -98,7 +98,7 @@ def grbl_settings(stand: Stand, controller: Any, rate: float) -> GrblSettings:
     """Settings that a controller needs for a stand and a rate of set points.
 
     Raises:
-        StandError, FileError: as for :func:`letters`; the controller is not GRBL, FluidNC or
+        StandError, FileError: see :func:`letters`; the controller is not GRBL, FluidNC or
             Marlin.
     """
     if not isinstance(controller, Grbl | Marlin):

@@ -36,7 +36,7 @@ class Limit:
     Attributes:
         axis: name of the axis.
         quantity: one of :data:`QUANTITIES`.
-        unit: of value and bound.
+        unit: unit of value and bound.
         value: the demand, or the position nearest to an end of the travel.
         bound: the bound at that time.
         margin: remaining part of the bound [%]; below 0 the limit is broken.

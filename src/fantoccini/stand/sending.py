@@ -46,7 +46,7 @@ class Sending:
     Attributes:
         sent: number of packets sent.
         dropped: number of set points left out because they were too late.
-        times: of the set points sent, in order [s].
+        times: times of the set points sent, in order [s].
         late: their delays [s].
         lost: set if the receiver disappears while the motion is held.
     """
@@ -100,7 +100,7 @@ def send_points(
 
     Raises:
         PacketError: there is no receiver, the sender is too late, or it was held and stopped.
-        StandError, FileError: as for :func:`packets_of`; or ``first`` is not within the motion.
+        StandError, FileError: see :func:`packets_of`; or ``first`` is not within the motion.
     """
     sender = Sender(points, send, counts or Sending(), LATEST if latest is None else latest)
     check_first(first, sender.end)

@@ -247,10 +247,10 @@ def load_stand(path: str | os.PathLike[str]) -> Stand:
     """Reads a stand file.
 
     Args:
-        path: of the file, or the name of a bundled stand.
+        path: path of the file, or the name of a bundled stand.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: the file has mistakes; all are listed with their locations.
     """
     return read_document(path, Stand)
 

@@ -52,7 +52,7 @@ def lost_steps(
         steps: full steps per turn.
         t: (T,) times [s].
         demand, available: (T,) required and available torque [N m].
-        inertia: of everything that turns back with the motor, at the motor [kg m^2].
+        inertia: inertia of everything that turns back with the motor, at the motor [kg m^2].
         thrown: times of catches that throw it out of step [s].
     """
     excess = demand - available

@@ -59,7 +59,7 @@ class Line:
     """A line to send.
 
     Attributes:
-        number: in the file, from 1.
+        number: line number in the file, from 1.
         text: its text, without comments and surrounding blanks.
     """
 
@@ -114,9 +114,9 @@ def resumed(text: str, first: int, feed: float = RETURN_FEED) -> list[Line]:
     slowly to the end of the previous line. Homing and set positions are not repeated.
 
     Args:
-        text: of the file.
+        text: text of the file.
         first: number of the first line to send.
-        feed: of the move to the end of the previous line [mm/min].
+        feed: feed of the move to the end of the previous line [mm/min].
 
     Raises:
         StandError: there is no such line.
@@ -157,7 +157,7 @@ def stream(
     """Sends lines, and returns when the controller has acknowledged them all.
 
     Args:
-        port: of the controller.
+        port: port of the controller.
         lines: the lines.
         buffer: size of the controller's buffer, of which one stays free [characters].
         counting: whether to fill the buffer by counting characters; otherwise every line waits for

@@ -38,11 +38,11 @@ class SlowedRun:
     Attributes:
         factor: its duration over that of the first run.
         run: simulated with the slower inputs.
-        check: of the stand.
+        check: check of the stand.
         apart: largest distance of a body from its position in the first run at the corresponding
             time [m].
         body: the name of that body.
-        t: when it is that far away, in the first run's time [s].
+        t: time of that distance, in the first run's time [s].
         rms: root mean square of all bodies' distances over all times [m].
     """
 

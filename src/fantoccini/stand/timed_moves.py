@@ -18,7 +18,7 @@ import numpy as np
 
 from fantoccini.base import Array, Indices, Mask, StandError, Times
 
-LONG_HOLD = 0.5
+MIN_HOLD = 0.5
 """Shortest hold that becomes a dwell [s]; in shorter ones a motor creeps by a step."""
 DWELL = 0.05
 """Time unit of GRBL's dwells [s]."""
@@ -108,7 +108,7 @@ def _moves(t: Times, counts: Indices, limits: Limits) -> tuple[Array, Array, Ind
         delta = counts[i + 1] - counts[i]
         if not np.any(delta):
             continue
-        if t[i] - held >= LONG_HOLD:
+        if t[i] - held >= MIN_HOLD:
             dwell = np.floor((t[i] - held) / DWELL - 1.0) * DWELL
             add(held, held + dwell, counts[i])
             held += dwell

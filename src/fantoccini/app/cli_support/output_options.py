@@ -90,7 +90,7 @@ class OutputOptions:
                 fail(f"applies to {outputs}, but none is written", option)
 
     def nondefault(self, *names: str) -> dict[str, Any]:
-        """Those of the named attributes that are not None."""
+        """The named attributes that are not None."""
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}
 

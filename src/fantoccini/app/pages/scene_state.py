@@ -68,7 +68,7 @@ def scene_of_state(
         marionette: the puppet.
         state: state of the puppet.
         tension: (n_strings,) tensions [N], or None if unknown.
-        arrows: as in :class:`SceneState`.
+        arrows: see :class:`SceneState`.
     """
     tree, n = marionette.tree, len(marionette.tree.strings)
     poses = np.asarray(marionette.poses(state.q_D, state.q_K))

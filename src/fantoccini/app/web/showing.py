@@ -76,7 +76,7 @@ def show(
         browser: open the page, if there is a display.
         wait: block until Ctrl-C; by default in scripts, and not at a prompt or in a notebook.
         record_to: folder for recordings, gestures and films.
-        forces: with ``html``, draw the forces of contacts; on a live page, a box shows them.
+        forces: whether ``html`` draws the forces of contacts; a live page has a box for them.
         balance: balance a live puppet by motions of the hands; a box on the page switches it.
         score: file of a score that a live puppet plays.
 

@@ -202,16 +202,16 @@ def _make_group(root: Path, group: Path) -> None:
 
 @dataclass(frozen=True)
 class _Object:
-    """An object file that several libraries share: an entry of its own.
+    """An object file that several libraries share and that the cache does not have yet.
 
     Attributes:
         entry: its folder in the cache.
-        folder: folder in which it is made; None if the cache has it.
+        folder: folder in which it is made.
         command: compiler command that makes it.
     """
 
     entry: Path
-    folder: Path | None
+    folder: Path
     command: list[str]
 
 
@@ -230,17 +230,18 @@ def _make(
     """
     compiler = find_compiler()
     with contextlib.ExitStack() as stack:
-        shared = {
-            name: _shared_object(root, part, flags, replace, stack)
-            for name, part in source.shared_objects().items()
-        }
-        missing = {name: part for name, part in shared.items() if part.folder}
         with _writing(root):
             folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
         try:
-            parts, whole = command_lines(compiler, source, flags, runtime_folder(), tuple(shared))
+            objects = source.shared_objects()
+            parts, whole = command_lines(compiler, source, flags, runtime_folder(), tuple(objects))
             with _writing(root):
                 write_source(folder, source)
+            shared = {
+                name: _shared_object(root, part, flags, replace, folder / name, stack)
+                for name, part in objects.items()
+            }
+            missing = {name: part for name, part in shared.items() if part is not None}
             tell(Progress(f"compiling with {compiler.version}"))
             for unit in source.shared_units:
                 if f"{Path(unit).name}.o" in missing:
@@ -249,16 +250,14 @@ def _make(
                 # Logged, so that callers without a progress callback see it too.
                 _LOGGER.warning(notice)
             with _writing(root):
-                objects = [(part.command, part.folder) for part in missing.values() if part.folder]
-                run_compilers([*objects, *((command, folder) for command in parts)])
-                for name, part in shared.items():
-                    shutil.copy((part.folder or part.entry) / LIBRARY, folder / name)
-                for part in missing.values():
-                    if part.folder:
-                        seal(part.folder, [part.command])
-                        _settle(part.folder, part.entry, replace)
+                commands = [(part.command, part.folder) for part in missing.values()]
+                run_compilers([*commands, *((command, folder) for command in parts)])
+                for name, part in missing.items():
+                    shutil.copy(part.folder / LIBRARY, folder / name)
+                    seal(part.folder, [part.command])
+                    _settle(part.folder, part.entry, replace)
                 run_compiler(whole, folder)
-                for name in [*shared, *(command[-1] for command in parts)]:
+                for name in [*objects, *(command[-1] for command in parts)]:
                     (folder / name).unlink()
                 seal(folder, [*(part.command for part in missing.values()), *parts, whole])
                 _settle(folder, entry, replace)
@@ -277,22 +276,30 @@ def _make(
 
 
 def _shared_object(
-    root: Path, source: Source, flags: tuple[str, ...], replace: bool, stack: contextlib.ExitStack
-) -> _Object:
-    """An object file from the cache, or the folder and the command to make it.
+    root: Path,
+    source: Source,
+    flags: tuple[str, ...],
+    replace: bool,
+    to: Path,
+    stack: contextlib.ExitStack,
+) -> _Object | None:
+    """Copies an object file from the cache, or returns how to make it.
 
     Its key is its whole source. Two processes may compile the same; the first to rename wins.
     """
     key = fingerprint(json.dumps(source.files, sort_keys=True), "", (*flags, "-c"))
     entry = root / key[:2] / key
-    command = object_command(find_compiler(), source.main, flags, runtime_folder(), LIBRARY)
     if not replace and not distrust(entry.parent) and _is_usable(entry):
-        return _Object(entry, None, command)
+        # Another process may clear the cache at any time.
+        with _writing(root), contextlib.suppress(FileNotFoundError):
+            shutil.copy(entry / LIBRARY, to)
+            return None
     _make_group(root, entry.parent)
     with _writing(root):
         folder = Path(tempfile.mkdtemp(prefix="tmp-", dir=entry.parent))
         stack.callback(shutil.rmtree, folder, ignore_errors=True)
         write_source(folder, source)
+    command = object_command(find_compiler(), source.main, flags, runtime_folder(), LIBRARY)
     return _Object(entry, folder, command)
 
 

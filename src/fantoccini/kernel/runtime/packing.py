@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -79,7 +80,7 @@ def _fill(made: Any, values: Mapping[str, Any]) -> None:
             if field.is_shared:
                 value = np.ascontiguousarray(value, dtype=float)
                 kept.append(value)
-                stride = 0 if len(value) == 1 else value[0].size
+                stride = 0 if len(value) == 1 else math.prod(value.shape[1:])
                 value = structures["Shared"](pointer(value), stride)
             else:
                 value = field.numbers(value)

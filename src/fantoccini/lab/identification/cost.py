@@ -37,7 +37,7 @@ class Cost:
     Attributes:
         fit: the record and its model.
         first: a point with the guess of the first state.
-        weights: of residuals and jumps.
+        weights: weights of residuals and jumps.
         trusted: (S,) bool, the segments that count, with the jumps after them; all by default.
     """
 

@@ -89,7 +89,7 @@ def identify(
         segment: duration of a segment [s].
         dt: step of the time-stepper [s].
         drift: standard deviations of the jumps between segments, of configuration and velocity [m
-            or rad, and per second]; they stand for what the model leaves out.
+            or rad, and per second]; they stand for effects that the model leaves out.
         threads: number of threads; all processors by default.
         progress: called with the stage, and with the cost as ``best`` (None when a stage begins).
 

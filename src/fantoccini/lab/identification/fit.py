@@ -34,7 +34,7 @@ class Fit:
         y: (N, n_c) samples; NaN in gaps.
         layout: order of the unknowns.
         begin: (P,) initial value of theta.
-        delay: of the record's clock, if it is known [s].
+        delay: delay of the record's clock, if it is known [s].
         prior: (P,) standard deviations of theta about ``begin`` that are known beforehand.
         segment: duration of a segment [s].
         dt: step of the time-stepper [s].

@@ -38,8 +38,8 @@ class ColumnFit:
     """Residuals of a column.
 
     Attributes:
-        name: of the column.
-        unit: of the column.
+        name: name of the column.
+        unit: unit of the column.
         samples: number of samples.
         rms: root mean square of the residuals.
         spread: standard deviation of the residuals without outliers, from their median.
@@ -85,7 +85,7 @@ def columns(result: Identified) -> tuple[ColumnFit, ...]:
             z = np.abs(r[present]) / noise
             rms = float(np.sqrt(np.mean(r[present] ** 2)))
             spread = float(MAD_FACTOR * np.median(z) * noise)
-            given = name in result.record.noise or group in result.record.noise
+            is_stated = name in result.record.noise or group in result.record.noise
             fits.append(
                 ColumnFit(
                     name,
@@ -94,7 +94,7 @@ def columns(result: Identified) -> tuple[ColumnFit, ...]:
                     rms,
                     spread,
                     noise,
-                    given,
+                    is_stated,
                     float(np.mean(z <= 2.0)),
                     _neighbour_correlation(result.t, r / noise),
                     int(np.sum(z > LISTED)),
@@ -125,10 +125,10 @@ class Leaning:
     """A configuration or velocity whose jumps have a mean far from 0.
 
     Attributes:
-        name: of the configuration or velocity.
+        name: name of the configuration or velocity.
         mean: mean jump between segments, over the drift.
         acceleration: missing acceleration, for a velocity; 0 for a configuration.
-        unit: of the acceleration.
+        unit: unit of the acceleration.
     """
 
     name: str

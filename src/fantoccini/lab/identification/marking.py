@@ -191,9 +191,9 @@ def write_numbers(text: str, numbers: Mapping[Mark, float], path: str | FilePath
     """Writes a puppet file with other numbers; the rest of its text stays unchanged.
 
     Args:
-        text: of the original file.
+        text: text of the original file.
         numbers: number -> new value.
-        path: of the file to write.
+        path: path of the file to write.
 
     Raises:
         StateError: a number is written as an alias or with an anchor.

@@ -35,7 +35,7 @@ class Unknown:
     """An unknown parameter of the puppet.
 
     Attributes:
-        name: of the parameter.
+        name: name of the parameter.
         about: initial value; the puppet's own value by default.
         known: standard deviation of ``about``, if it was measured beforehand.
         label: its name in reports; the parameter's name by default.
@@ -87,11 +87,11 @@ class Record:
         offsets: scalar driven coordinates whose commands are off by an unknown constant, because
             a string was tied or a winch zeroed elsewhere.
         find_delay: whether the delay is unknown.
-        delay: of the record's clock, which shows t + delay when the inputs' clock shows t [s]. An
-            unknown delay is searched within 0.25 s of it.
+        delay: delay of the record's clock, which shows t + delay when the inputs' clock shows t
+            [s]. An unknown delay is searched within 0.25 s of it.
         noise: standard deviations by marker or column; estimated by default.
         start: values for ``rest`` of the pose in which the puppet hangs when the record begins.
-        name: of the record.
+        name: name of the record.
         marks: unknown numbers of ``puppet_file``.
         puppet_file: the puppet's file, for writing it with the estimates.
 

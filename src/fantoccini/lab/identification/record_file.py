@@ -39,11 +39,11 @@ def load_record(path: str | os.PathLike[str], *, progress: OnProgress | None = N
     """Reads a record file and the files that it names.
 
     Args:
-        path: of the YAML file.
+        path: path of the YAML file.
         progress: called as each slow step begins; ``what`` describes it.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: the file has mistakes; all are listed with their locations.
     """
     file = read_document(path, RecordFile)
     located = file.located
@@ -258,7 +258,7 @@ def _read_inputs(
         marionette: the puppet.
         clock: (N,) times of the samples by the inputs' clock [s].
         t: (N,) times of the commands [s].
-        columns: of the samples.
+        columns: columns of the samples.
     """
     table = marionette.coordinates
     rotation_parts = {

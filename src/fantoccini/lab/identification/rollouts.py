@@ -60,7 +60,7 @@ class DrivenSteps:
 
         Args:
             marionette: the puppet.
-            inputs: of all driven coordinates.
+            inputs: inputs of all driven coordinates.
             starts: (S,) start times [s].
             n: number of steps.
             dt: length of the steps [s].

@@ -33,7 +33,7 @@ class SavedJacobians:
     """Derivatives that are reused from one move to the next.
 
     Attributes:
-        jacobians: of all segments; updated in place.
+        jacobians: jacobians of all segments; updated in place.
         theta: (P,) unknowns at which all were computed.
         stale: (S,) bool, segments whose derivatives must be computed again.
     """

@@ -50,7 +50,7 @@ class Candidate:
     """A motion, with the predicted errors of estimates from its record.
 
     Attributes:
-        name: of the motion.
+        name: name of the motion.
         inputs: the motion.
         gain: information about the unknowns [bits].
         deviations: name -> predicted standard deviation; infinite for numbers not determined.
@@ -111,14 +111,14 @@ def suggest_motion(
         record: the columns and noise that would be measured, and the unknowns. Its samples are not
             used.
         candidates: name -> inputs, such as gestures; random smooth motions by default.
-        duration: of random motions [s].
+        duration: duration of random motions [s].
         rate: samples per second.
         reach: largest displacement of random motions from the start [m]; string lengths go 0.6 as
             far, angles 3 rad per metre.
         ranges: driven coordinate -> (low, high), within which random motions stay.
         draws: number of random motions for every interval and amplitude.
-        seed: of random motions.
-        segment, dt, threads: as for :func:`identify`.
+        seed: seed of random motions.
+        segment, dt, threads: see :func:`identify`.
         progress: called with the name of every candidate.
 
     Raises:

@@ -45,7 +45,7 @@ class ThreadExecutor:
     """A pool of threads in this process: least overhead, and parallel while compiled code runs.
 
     Args:
-        job: what to run.
+        job: function to run, with its arguments.
         workers: number of threads; one per core when None.
     """
 

@@ -29,7 +29,7 @@ class Failure:
 
     Attributes:
         error: name of the exception, or ``WorkerDied``.
-        message: of the exception.
+        message: message of the exception.
         trace: its traceback.
     """
 
@@ -70,7 +70,7 @@ class Job:
     Attributes:
         study: the function to run.
         puppets: label -> marionette.
-        names: of all values; figures must have other names.
+        names: names of all values; figures must have other names.
     """
 
     study: Study

@@ -25,7 +25,7 @@ class RayExecutor:
     Args:
         job: study and puppets.
         workers: largest number of cases at a time; one per processor of the cluster when None.
-        address: of a cluster, as for ``ray.init``.
+        address: address of a cluster, as for ``ray.init``.
     """
 
     task_seconds = 0.5
@@ -42,7 +42,7 @@ class RayExecutor:
         self._workers = workers
         self._tasks: dict[Any, tuple[Case, ...]] = {}
 
-        # Ray ships the function and what it closes over once per process.
+        # Ray ships the function with its closure once per process.
         def run(cases: tuple[Case, ...]) -> list[Outcome]:
             return [job.run(case) for case in cases]
 
@@ -102,7 +102,7 @@ def connect(ray: Any, workers: int | None, address: str | None) -> None:
     Args:
         ray: the module.
         workers: processors of a cluster started here; all of this machine when None.
-        address: of a cluster; ``RAY_ADDRESS`` when None, and without it one is started.
+        address: address of a cluster; ``RAY_ADDRESS`` when None, and without it one is started.
     """
     options: dict[str, Any] = {"logging_level": logging.ERROR, "log_to_driver": False}
     if address is not None or os.environ.get("RAY_ADDRESS"):

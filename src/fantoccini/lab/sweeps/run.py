@@ -78,15 +78,15 @@ def sweep(
             ``scipy.stats``, or a function of a NumPy generator.
         seeds: repetitions of every case, each with its own random numbers; the last axis of the
             results is then ``repeat``.
-        seed: of all random numbers.
+        seed: seed of all random numbers.
         on: ``threads`` of this process, or ``ray``: the cluster that ``ray.init`` joined, the one
             at ``address``, or one started on this machine for the duration of the sweep.
         workers: cases at a time; when not given, one per core or per processor of the cluster.
-        address: of a Ray cluster, as ``ray.init`` takes it.
+        address: address of a Ray cluster, as ``ray.init`` takes it.
         store: a folder that keeps every finished case. The same sweep, or one with more values or
             seeds, reads those and runs only the others.
-        version: of the study, for the store; a store of another version is refused. By default it
-            is a digest of the study's code, without the functions that it calls.
+        version: version of the study, for the store; a store of another version is refused. By
+            default it is a digest of the study's code, without the functions that it calls.
         retry: run stored cases that failed again.
         progress: whether to show a bar on a terminal; or a callback for the cases done and failed.
 

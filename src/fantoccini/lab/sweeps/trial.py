@@ -63,7 +63,7 @@ class Trial:
         inputs: an ``Input``, or waypoints, name -> [(t [s], value), ...]; nothing moves when None.
         start: values of the start state, as :meth:`Marionette.state` takes them.
         t_end: end of the runs [s]; that of the inputs when None.
-        method: of the runs, with its options: ``TimeStepping(dt=0.001)``, or a name.
+        method: method of the runs, with its options: ``TimeStepping(dt=0.001)``, or a name.
         options: further arguments of ``simulate``, such as ``{"save_every": 10}``.
         keep: columns of :meth:`Trajectory.columns` to return: ``"max tension:hand"``,
             ``"last elbow"``, ``"rms effort:hand.length"``, with one of first, last, min, max, mean,

@@ -24,7 +24,7 @@ _LOCKED_COS = 1e-8
 """cos(beta) below which an orientation counts as gimbal lock."""
 _MAX_STEP_RATIO = 4.0
 """Largest angle step relative to the joint's rotation: it keeps gimbal lock 15 deg away."""
-_SMALL_STEP = 1e-3
+_MAX_STEP = 1e-3
 """Angle step that is always accepted [rad]."""
 
 
@@ -43,7 +43,7 @@ def euler(q: Quaternion) -> tuple[str, Array]:
     """
     turns = np.linalg.norm(rotation.between(q[:-1], q[1:]), axis=1)
     angles = {USUAL: angles_of(q, USUAL)}
-    if _step(angles[USUAL]) > _SMALL_STEP + _MAX_STEP_RATIO * turns.max(initial=0.0):
+    if _step(angles[USUAL]) > _MAX_STEP + _MAX_STEP_RATIO * turns.max(initial=0.0):
         angles |= {order: angles_of(q, order) for order in _ORDERS if order != USUAL}
     best = min(angles, key=lambda order: _step(angles[order]))
     return best, angles[best]

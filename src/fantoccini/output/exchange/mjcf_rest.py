@@ -23,7 +23,7 @@ _UNSET = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
 """Default colour of geoms in MuJoCo."""
 
 _WITHOUT_COUNTERPART = {
-    "actuators": ("actuator", "left out: what it moves is free"),
+    "actuators": ("actuator", "left out: the joint or body that it moves is free"),
     "sensors": ("sensor", "left out"),
     "excludes": ("exclude", "left out: use `pairs` of `contact`"),
     "pairs": ("pair", "left out: use `pairs` of `contact`"),

@@ -77,7 +77,7 @@ def curves(
     """Writes panels side by side.
 
     Args:
-        panels: from left to right.
+        panels: panels in the order from left to right.
         path: path that ends in ``.png``, ``.svg`` or ``.pdf``.
         theme: ``light``, ``dark``, or a Theme.
         size: width and height of a panel [px].

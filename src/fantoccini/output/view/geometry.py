@@ -63,7 +63,7 @@ class Geometry:
         springs: (T, 2, 3) ends of each spring [m].
         chains: (T, n_points, 3) ends and masses of each chain [m].
         pulls: (T, n_chains) mean force of the springs of each chain [N].
-        chain_colours: as ``colours``.
+        chain_colours: colours of chains, in the form of ``colours``.
         floor: height of the plane that shadows fall on [m].
         ground: whether that plane is the world's floor, on which slack strings lie.
         plane: mirror plane of the puppet, or None.

@@ -117,6 +117,7 @@ class GroundFeet {
       out.steps = int(lane_of(p.steps, l));
       out.wait = 0;
       out.rested = lane_of(p.rested, l);
+      out.rebounds = false;
       out.gap = lane_of(p.gap, l);
       for (int c = 0; c < 3; ++c) {
         out.at[c] = lane_of(p.at[c], l);

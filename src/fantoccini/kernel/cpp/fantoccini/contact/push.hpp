@@ -41,6 +41,7 @@ struct ContactPush {
   int pair, feature, steps;  // for how many steps, counted beyond steps_of_impact by one
   int wait;                  // steps for which patches are not tried (patches.hpp)
   bool rested;               // at the start of the step: the forces of one step closed it
+  bool rebounds = false;     // it sprang back or is about to: a next touch is a new one
   double gap, at[3], normal[3], impulse[3], velocity[3];
 };
 

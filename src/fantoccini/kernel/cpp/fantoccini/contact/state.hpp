@@ -34,8 +34,10 @@ struct ContactState {
   double held_residual = 0.0;
   // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
   double rebound[width][room(C)], parting[width][room(C)];
-  bool bounces[width];  // whether any contact bounces
-  double scale[width];  // of the restitutions of the step
+  bool withheld[width][room(C)];  // points that would spring back, were it not for holds_back
+  bool holds_back = false;        // nothing springs back: all of it is to touch only at the end
+  bool bounces[width];            // whether any contact bounces
+  double scale[width];            // of the restitutions of the step
   Real x[room(3 * C)], s[room(3 * C)], b[room(3 * C)];
   // hdot after the step without impulses; at its start; b - before of the normals. is_before_known
   // is false while nothing has asked for `before`, nor for b.
@@ -102,6 +104,7 @@ struct ContactState {
     const double back = h / (h > 0.0 ? (whole > dt ? whole : dt) : ahead);
     parting[l][i] = lane_of(asked[i], l) = back < recovery_speed ? back : recovery_speed;
     rebound[l][i] = 0.0;
+    withheld[l][i] = false;
   }
 
   // m/s: e times the speed at which a new point closes; 0 unless it is above what the forces of a
@@ -121,7 +124,8 @@ struct ContactState {
     const double closing = lane_of(hdot[3 * i], l), free = lane_of(before[3 * i], l);
     const bool is_new = steps[l][i] == 0 && free + parting[l][i] > 0.0;
     const double back = is_new ? rebound_of(l, i, closing) : 0.0;
-    const bool springs = back > 0.0 && back > parting[l][i];
+    withheld[l][i] = holds_back && back > 0.0 && back > parting[l][i];
+    const bool springs = !holds_back && back > 0.0 && back > parting[l][i];
     if (springs) rebound[l][i] = lane_of(asked[i], l) = back;
     bounces[l] = bounces[l] || springs;
     // Where other points of the pair carried it before, they are tried first; see
@@ -145,7 +149,7 @@ struct ContactState {
   FAN_FN void recognise(int l, const Push* pushes, int n_pushes) {
     int j = 0;
     const auto is_of = [&](int k, int pair) {
-      return k >= 0 && k < n_pushes && pushes[k].pair == pair;
+      return k >= 0 && k < n_pushes && pushes[k].pair == pair && !pushes[k].rebounds;
     };
     for (int i = 0; i < points.n[l]; ++i) {
       auto& p = points.point[l][i];
@@ -165,6 +169,7 @@ struct ContactState {
       const bool pushed = near[l][i] = points.has(l, i) && p.before >= 0;
       is_carried[l][i] = points.has(l, i) && p.carried;
       rebound[l][i] = 0.0;
+      withheld[l][i] = false;
       steps[l][i] = wait[l][i] = 0;
       if (!pushed) continue;
       const Push& own = pushes[p.before];

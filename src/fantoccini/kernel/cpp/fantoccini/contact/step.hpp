@@ -156,6 +156,19 @@ class ContactStep {
     return found;
   }
 
+  // Whether a new point that does not spring back closes before a time t [s].
+  bool closes_before(double t) const {
+    for (int i = 0; i < state_.points.n[0]; ++i)
+      if (state_.steps[0][i] == 0 && state_.rebound[0][i] == 0.0 && state_.near[0][i] &&
+          state_.points.point[0][i].gap > 0.0 && lane_of(state_.hdot[3 * i], 0) > 0.0 &&
+          touch_time(i) < t)
+        return true;
+    return false;
+  }
+
+  // Whether what would spring back is to close its gap only.
+  void hold_back(bool held) { state_.holds_back = held; }
+
   // After which time something that would spring back is struck by what the impulses have made fast
   // in the step [s]; unbounded for nothing.
   FAN_FN double struck_again() const { return struck_again_; }
@@ -360,6 +373,7 @@ class ContactStep {
     const bool is_new = state_.steps[l][i] == 0 && state_.rebound[l][i] == 0.0;
     if (!is_new || !state_.is_before_known || !(state_.rebound_of(l, i, closing) > 0.0)) return;
     if (!(point.gap > Tolerance::same_touch * state_.whole * closing)) return;
+    if (!(point.gap < state_.left * closing)) return;
     struck_again_ = fmin(struck_again_, point.gap / closing);
   }
 
@@ -386,6 +400,7 @@ class ContactStep {
     out.steps = state_.closes(l, i) ? 1 : steps + (steps <= Tolerance::steps_of_impact);
     out.wait = state_.wait[l][i];
     out.rested = state_.rested(l, i);
+    out.rebounds = state_.rebound[l][i] != 0.0 || state_.withheld[l][i];
     out.gap = from.gap;
     const double u[3] = {
         state_.after(l, 3 * i), state_.after(l, 3 * i + 1), state_.after(l, 3 * i + 2)};

@@ -73,6 +73,8 @@ class GridRun {
     trajectory_.attach(contacts);
   }
 
+  Trajectory& trajectory() { return trajectory_; }
+
   RunProgress progress() const { return {count_.made, trajectory_.t, trajectory_.worst_violation}; }
 
   void tell_blame(Status status, double* out) const {

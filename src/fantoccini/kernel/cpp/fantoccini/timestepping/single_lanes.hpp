@@ -117,6 +117,7 @@ class SingleLanes {
     at.stirred.set(l, one_.stirred);
     at.settled.set(l, one_.settled);
     lane_of(at.work, l) = one_.work;
+    lane_of(at.eval.loss, l) = one_.eval.loss;
     lane_of(at.impact, l) = one_.impact;
     lane_of(at.slip_loss, l) = one_.slip_loss;
     lane_of(at.friction, l) = one_.friction;

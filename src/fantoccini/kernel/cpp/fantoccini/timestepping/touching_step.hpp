@@ -5,7 +5,8 @@
 //
 // so that what springs back turns where it touches, at any speed and step. Where several touch one
 // after the other, the step is made in parts, each of which ends between two touches; impulses are
-// as large at most as those of the whole step. Of one trajectory.
+// as large at most as those of the whole step. Where a string, a limit or what does not spring back
+// closes before t, the way to the touch is a part of its own. Of one trajectory.
 #pragma once
 
 #include "fantoccini/contact/push.hpp"
@@ -20,6 +21,8 @@ struct TouchingStepTolerances {
   static constexpr int newton_steps = 6;
   // Share of a step that is left at least after a touch, where others are asked to close within it.
   static constexpr double least_left = 1e-9;
+  // m or rad: a row that closes by less before a touch closes with it.
+  static constexpr double closed_gap = 1e-9;
   // Parts into which a step is divided; what touches later in the last one turns with its first.
   static constexpr int max_parts = 16;
 };
@@ -58,6 +61,7 @@ class TouchingStep {
       const double* q_K, const double* v_K, double dt, double* q_next, const double* v_next) {
     start(q_D, v_D, q_K);
     clear();
+    loss_ = at.eval.loss;
     double left = dt;
     for (int made = 1;; ++made) {
       const auto [first, second] = at.contacts.touches(ContactStepTolerances::same_touch * dt);
@@ -67,8 +71,18 @@ class TouchingStep {
         part = 0.5 * (fmax(first, 0.0) + second);
         begin(q_, v_, q_K_, part, part);
       }
-      delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
-      if (!end(v_, part, may_part)) {
+      const double t = at.contacts.touches(0.0).first;
+      if (may_part && t > ContactStepTolerances::same_touch * dt && t < part &&
+          closes_before(at, t)) {
+        part = t;
+        delay = 0.0;
+        at.contacts.hold_back(true);
+        begin(q_, v_, q_K_, part, part);
+        end(v_, part, false);
+        at.contacts.hold_back(false);
+      } else if (
+          delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
+          !end(v_, part, may_part)) {
         part = delay + 0.5 * at.contacts.struck_again();
         begin(q_, v_, q_K_, part, part);
         delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
@@ -85,6 +99,22 @@ class TouchingStep {
       begin(q_, v_, q_K_, left, left);
     }
     tell(at, v_D, v_next, dt);
+  }
+
+  // Whether a slack string, a limit that does not push or a contact that does not spring back
+  // closes before a time t from the start of the part.
+  template <class Step>
+  bool closes_before(const Step& at, double t) const {
+    const auto closes = [&](int r, double h, double hdot) {
+      return !at.taut[r] && hdot > 0.0 && h + t * hdot > Tolerance::closed_gap;
+    };
+    double rate[room(M - S)];
+    at.eval.limit_rates(v_, rate);
+    for (int i = 0; i < S; ++i)
+      if (closes(i, at.eval.h[i], at.eval.hdot[i])) return true;
+    for (int i = 0; i < M - S; ++i)
+      if (closes(S + i, at.eval.h_limit[i], rate[i])) return true;
+    return at.contacts.closes_before(t);
   }
 
   struct Books {
@@ -149,6 +179,7 @@ class TouchingStep {
     for (int r = 0; r < M; ++r) at.tension[r] = impulse_[r] * (1.0 / dt);
     for (int i = 0; i < S; ++i) at.slips[i] = slips_[i];
     at.settled = settled_;
+    at.eval.loss = loss_;
     at.violation = violation_;
     at.contacts.residual = residual_;
     for (int k = 0; k < N; ++k) at.accs_[at.acc_at_][k] = (v_next[k] - v_D[k]) * (1.0 / dt);
@@ -159,7 +190,7 @@ class TouchingStep {
   double q_touch_[room(NQ)], q_K_touch_[room(QK)];   // at its touch
   // Of the parts that were made.
   Books books_;
-  double impulse_[room(M)], violation_, residual_;
+  double impulse_[room(M)], violation_, residual_, loss_;
   bool slips_[room(S)], settled_;
   ContactPush pushed_[room(C)];
   int n_pushed_;
