@@ -266,7 +266,7 @@ def test_a_score_is_an_input_of_the_command_line(tmp_path):
     path = written(tmp_path, NUMBER.replace("lasts: 4", "lasts: 1") + more)
     checked = fantoccini("check", "marionette", "--inputs", str(path))
     assert checked.exit_code == 0 and "the bound is 12" in checked.stderr
-    assert "waits for GO at curtain, 0.60 s, repeating from 0.00 s on" in checked.stdout
+    assert "waits for GO at curtain, 0.60 s, repeating from 0.00 s" in checked.stdout
     assert "a.wav from 0.00 s for 1.00 s" in checked.stdout and "1 caption\n" in checked.stdout
     out = tmp_path / "run.npz"
     done = fantoccini(

@@ -320,5 +320,5 @@ def test_shapes_are_checked(table, change):
 
 
 def test_time_does_not_run_backwards(table):
-    with pytest.raises(ValueError, match="none before"):
+    with pytest.raises(ValueError, match="not decreasing"):
         run_of(table, np.array([1.0, 0.0]))

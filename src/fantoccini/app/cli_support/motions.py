@@ -69,7 +69,7 @@ def score_lines(score: Score) -> list[str]:
     lines = []
     for wait in score.waits:
         loop = "" if wait.loop_start is None else f", repeating from {wait.loop_start:.2f} s"
-        lines.append(f"waits for GO at {wait.name}, {wait.t:.2f} s, when performed live{loop}")
+        lines.append(f"performed live, it waits for GO at {wait.name}, {wait.t:.2f} s{loop}")
     for sound in score.sounds:
         gain = "" if sound.gain == 1.0 else f", {sound.gain:g} times as loud"
         lines.append(f"{sound.path.name} from {sound.start:.2f} s for {sound.duration:.2f} s{gain}")
