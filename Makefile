@@ -23,13 +23,13 @@ demo: $(VENV)/stamp-demo
 show: $(VENV)/stamp-demo
 	$(BIN)/fantoccini show stroll
 
-# Tests not marked slow. At -O1 puppets compile faster and run slightly slower.
+# Tests marked neither medium nor slow. At -O1 puppets compile faster and run slightly slower.
 test: $(VENV)/stamp-test
-	$(BIN)/python -m pytest -m "not slow" --puppet-flag=-O1
+	$(BIN)/python -m pytest -m "not medium and not slow" --puppet-flag=-O1
 
-# Only the slow tests, with the default compiler flags (files marked own_puppets: -Og).
+# The others, the medium ones first, with the default compiler flags (files marked own_puppets: -Og).
 test-slow: $(VENV)/stamp-test
-	$(BIN)/python -m pytest -m slow $(PYTEST)
+	$(BIN)/python -m pytest -m "medium or slow" $(PYTEST)
 
 # All tests, likewise.
 test-all: $(VENV)/stamp-test

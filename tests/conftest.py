@@ -66,7 +66,7 @@ def compiled_with_og(request):
 
 
 def pytest_collection_modifyitems(items):
-    """Files marked ``long`` go first: the run waits for a file that begins last.
+    """Slow tests go last, files marked ``long`` first: the run waits for a file that begins last.
 
     Raises:
         UsageError: a file marked ``own_puppets`` uses a puppet of the session, which it would
@@ -76,7 +76,8 @@ def pytest_collection_modifyitems(items):
         shared = SHARED & set(item.fixturenames)
         if shared and item.get_closest_marker("own_puppets"):
             raise pytest.UsageError(f"{item.nodeid}: {sorted(shared)} in a file marked own_puppets")
-    items.sort(key=lambda item: item.get_closest_marker("long") is None)
+    marked = ("slow", True), ("long", False)
+    items.sort(key=lambda item: [bool(item.get_closest_marker(n)) is last for n, last in marked])
 
 
 @pytest.fixture(scope="session")
