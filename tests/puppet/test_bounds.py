@@ -135,7 +135,7 @@ def test_a_number_out_of_range_hides_no_other_mistake():
     assert "a wire neither bounces nor slips" in found["strings[0]"]
     bad = bad.replace("inertia: [1.1", "inertia: [9.9")
     assert (
-        "in a solid, none is larger"
+        "no solid has one that is larger"
         in {key: text for _, key, text in mistakes(bad)}["bodies[0].inertia"]
     )
     idle = EVERY.replace(

@@ -208,7 +208,7 @@ def test_mistakes_name_the_run():
         stepped([near, far])
     with pytest.raises(TypeError, match="or a list of one or more of them"):
         stepped([1, 2])
-    with pytest.raises(ValueError, match="must be of one time"):
+    with pytest.raises(ValueError, match="must have one time"):
         stepped(None, [X0, X0.replace(t=1.0)])
 
 
