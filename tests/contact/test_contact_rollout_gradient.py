@@ -256,7 +256,7 @@ def test_a_rollout_without_a_gradient_says_at_which_step_and_pair():
     for _ in range(2):
         with pytest.raises(fan.errors.StateError, match=reason):
             run.gradient()
-    assert run.edges_of(2) == ("solids slide on more points than the law can share force among",)
+    assert run.edges_of(2) == ("solids slide on so many points that their forces are not unique",)
 
 
 def test_steps_on_an_edge_are_named():
