@@ -69,6 +69,7 @@ def reach(
             the search for many places that contradict one another.
         once: whether to search each pose from the last one only, without repetition from the start:
             faster on paths.
+
     Raises:
         UnknownNameError: name that the puppet does not have, or weight without a target.
         StateError: places of another shape, start that does not hang at rest or is beyond its

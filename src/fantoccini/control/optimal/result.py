@@ -198,7 +198,7 @@ class Optimum(Answer):
 
     @property
     def reservations(self) -> list[str]:
-        """Sentences on the limits of what the status guarantees."""
+        """Sentences on results that the status does not guarantee."""
         nodes = self.nodes
         grid = f"{len(nodes)} intervals of {nodes.interval:.4g} s"
         sentences = [

@@ -65,12 +65,12 @@ class SearchSettings:
     powers: tuple[float, float] = (2.3, 1.1)
     """Exponents of the predicted decrease, and of theta, in their comparison."""
     closes: float = 0.5
-    """Share of theta after a step above which the weight of the gap is raised."""
+    """Ratio of theta after and before a step above which the weight of the gap is raised."""
     most: float = 10.0
     """Largest theta, relative to 1 or to that of the start."""
     gap_share: float = 0.1
-    """Largest gap of a program whose step is taken, relative to the predicted decrease or to the
-    tolerance; the tolerance of a finer program is reduced by the same factor."""
+    """Largest duality gap of a program whose step is taken, relative to the predicted decrease or
+    the tolerance; otherwise the program is solved again, with this share of that gap as the aim."""
     finest: float = 1e-13
     """Least tolerance of programs."""
 
@@ -88,35 +88,32 @@ class Filter:
         self._max_theta = 0.0
 
     def accepts(
-        self, pair_before: tuple[float, float], pair_after: tuple[float, float], falls: float
+        self, before: tuple[float, float], after: tuple[float, float], falls: float
     ) -> bool:
         """Whether a step may be taken; the filter notes it if it reduces theta.
 
         Args:
-            pair_before, pair_after: (theta, phi) at the start and the end of the step.
+            before, after: (theta, phi) at the start and the end of the step.
             falls: predicted change of phi.
         """
-        theta, phi = pair_before
+        theta, phi = before
         if not self._max_theta:
             self._max_theta = SETTINGS.most * max(1.0, theta)
-        if not (np.isfinite(pair_after[1]) and pair_after[0] <= self._max_theta):
+        if not (np.isfinite(after[1]) and after[0] <= self._max_theta):
             return False
         margin = 1.0 - SETTINGS.margin
         if any(
-            pair_after[0] > margin * theta_i and pair_after[1] > phi_i - SETTINGS.margin * theta_i
+            after[0] > margin * theta_i and after[1] > phi_i - SETTINGS.margin * theta_i
             for theta_i, phi_i in self._pairs
         ):
             return False
         rounding = 1e-13 * abs(phi)
         if falls < 0.0 and (-falls) ** SETTINGS.powers[0] > theta ** SETTINGS.powers[1]:
-            return pair_after[1] <= phi + SETTINGS.decrease * falls + rounding
-        if (
-            pair_after[0] <= margin * theta < theta
-            or pair_after[1] <= phi - SETTINGS.margin * theta
-        ):
-            self._pairs.append(pair_before)
+            return after[1] <= phi + SETTINGS.decrease * falls + rounding
+        if after[0] <= margin * theta < theta or after[1] <= phi - SETTINGS.margin * theta:
+            self._pairs.append(before)
             return True
-        return theta == 0.0 and pair_after[0] == 0.0 and pair_after[1] <= phi + rounding
+        return theta == 0.0 and after[0] == 0.0 and after[1] <= phi + rounding
 
 
 @dataclass(eq=False)
@@ -241,8 +238,8 @@ class Search:
             return None
         u, z = solution.u, solution.z[1:]
         step = np.concatenate([u, z], axis=1)
-        curvature_of_step = curved(program, solution)
-        bend = float(np.sum(step * curvature_of_step))
+        Hd = curved(program, solution)
+        bend = float(np.sum(step * Hd))
         gap, violation = objective.gap(at.nodes), objective.rows.violation(at.nodes, linear)
         at.defect = float(max(np.max(np.abs(linear.e)), np.max(np.abs(gap))))
         at.passed = float(np.max(violation, initial=0.0))
@@ -259,17 +256,17 @@ class Search:
         # The weight of the end is no residual: it only shifts multipliers of the gradient.
         if objective.task.goal is not None:
             at_end = solution.u.shape[1] + np.arange(len(objective.kept[1]))
-            curvature_of_step[-1, at_end] -= objective.end_weight * step[-1, at_end]
-        gradient_change = float(np.max(np.abs(curvature_of_step))) / size
+            Hd[-1, at_end] -= objective.end_weight * step[-1, at_end]
+        gradient_change = float(np.max(np.abs(Hd))) / size
         predicted_decrease = -min(falls, 0.0) / max(abs(at.cost), _MIN_SIZE)
-        unsolved = solution.gap / max(abs(at.cost), _MIN_SIZE)
-        max_unsolved = SETTINGS.gap_share * max(predicted_decrease, self._limits.tolerance)
+        duality_gap = solution.gap / max(abs(at.cost), _MIN_SIZE)
+        max_duality_gap = SETTINGS.gap_share * max(predicted_decrease, self._limits.tolerance)
         finer_tolerance = self._solver.tolerance
-        if unsolved > max_unsolved and finer_tolerance > SETTINGS.finest:
-            finer_tolerance *= SETTINGS.gap_share * max_unsolved / unsolved
+        if duality_gap > max_duality_gap and finer_tolerance > SETTINGS.finest:
+            finer_tolerance *= SETTINGS.gap_share * max_duality_gap / duality_gap
             self._solver = StageSolver(max(finer_tolerance, SETTINGS.finest))
             return self.step()
-        at.stationarity = max(min(gradient_change, 1.0), min(predicted_decrease + unsolved, 1.0))
+        at.stationarity = max(min(gradient_change, 1.0), min(predicted_decrease + duality_gap, 1.0))
         return _Step(
             z,
             u,
@@ -356,23 +353,18 @@ class Search:
             value: (N, m) values of the rows at its end.
         """
         u, z, C, s = solution.u, solution.z, step.program.C, step.program.H.shape[1]
-        before_node = np.concatenate(
-            [np.concatenate([np.zeros_like(u[:1]), u[:-1]]), z[:-1]], axis=1
-        )
-        after_node = np.concatenate([u, z[1:]], axis=1)
-        curvature_of_rows = value - step.value - np.einsum("nmj,nj->nm", C[..., :s], before_node)
-        curvature_of_rows -= np.einsum("nmj,nj->nm", C[..., s:], after_node)
-        low, high = (
-            step.program.row_low - curvature_of_rows,
-            step.program.row_high - curvature_of_rows,
-        )
+        previous = np.concatenate([np.concatenate([np.zeros_like(u[:1]), u[:-1]]), z[:-1]], axis=1)
+        current = np.concatenate([u, z[1:]], axis=1)
+        nonlinearity = value - step.value - np.einsum("nmj,nj->nm", C[..., :s], previous)
+        nonlinearity -= np.einsum("nmj,nj->nm", C[..., s:], current)
+        low, high = (step.program.row_low - nonlinearity, step.program.row_high - nonlinearity)
         program = replace(step.program, row_low=low, row_high=high)
         size = max(float(np.max(np.abs(program.g))), _MIN_SIZE)
         return self._solver.solve(program, min(size, self.objective.unit))
 
 
 def merit(objective: Objective, at: Iterate, force: Array | float) -> float:
-    """J of an iterate plus the cost of its gap and violated rows, by the gap's multipliers."""
+    """J of an iterate plus the cost of its gap and violated rows, with the gap's multipliers."""
     violation = objective.price * float(np.sum(objective.rows.violation(at.nodes, at.ends)))
     return at.cost + violation + _gap_cost(objective.gap(at.nodes), objective.end_weight, force)
 

@@ -148,12 +148,12 @@ class Tightening:
         if not solution.solved:
             at.stalled = True
             return None
-        curvature_of_step = curved(program, solution)
+        Hd = curved(program, solution)
         step = np.concatenate([solution.u, solution.z[1:]], axis=1)
         remaining = _elastic_sum(solution.passed)
         slope, price = float(np.sum(program.g * step)), self._free.price
         violation_decrease = price * (self._elastic_violation(at.nodes, at.ends) - remaining)
-        falls = violation_decrease - slope - 0.5 * float(np.sum(step * curvature_of_step))
+        falls = violation_decrease - slope - 0.5 * float(np.sum(step * Hd))
         at.defect = float(np.max(np.abs(gap), initial=0.0))
         at.passed = float(np.max(objective.rows.violation(at.nodes, at.ends), initial=0.0))
         at.solution = solution
@@ -161,7 +161,7 @@ class Tightening:
             np.max(np.abs(solution.u[:, : len(self._u)]) / self._max_acceleration)
         )
         # A step that ends at the trust region gives no information on the gradient.
-        gradient_change = float(np.max(np.abs(curvature_of_step))) / size
+        gradient_change = float(np.max(np.abs(Hd))) / size
         predicted_decrease = max(violation_decrease - slope, 0.0) / max(abs(at.cost), _MIN_SIZE)
         is_inside = relative_size < 0.9 * self._radius
         at.stationarity = (

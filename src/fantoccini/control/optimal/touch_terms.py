@@ -50,7 +50,7 @@ _MAX_MOMENT_CHANGE = 0.25
 _MAX_APPROACH = 0.25
 """Largest approach of two moments in a step, for either, relative to the time between them."""
 _EDGE_TOLERANCE = 1e-9
-"""Largest distance of a moment at the edge of its window from that edge [s]."""
+"""Distance from the edge of a window up to which a moment is at the edge [s]."""
 
 States = tuple[Array, Array, Array, Array]
 """States as q_D, v_D, q_K and v_K, (n, ...) each."""

@@ -312,10 +312,10 @@ class _Trial:
         if self.t_end is not None:
             return self.t_end
         end = inputs[0].end if self._inputs_end is None else self._inputs_end
-        for other in inputs:
-            if abs(other.end - end) > _SAME_TIME:
+        for u in inputs:
+            if abs(u.end - end) > _SAME_TIME:
                 raise ValueError(
-                    f"tune: the family's inputs end at {end:g} s and at {other.end:g} s; give t_end, "
+                    f"tune: the family's inputs end at {end:g} s and at {u.end:g} s; give t_end, "
                     "or let them end at one time"
                 )
         self._inputs_end = end

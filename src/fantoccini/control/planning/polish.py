@@ -151,8 +151,8 @@ class Polisher:
         timely = itertools.takewhile(lambda _: time.perf_counter() < end, trials)
         self.nearest, self.late = None, True
         candidates = (
-            self._at_goal(candidate, distance, end if late else self._first_deadline(limit), late)
-            for candidate, late in timely
+            self._at_goal(velocities, distance, end if late else self._first_deadline(limit), late)
+            for velocities, late in timely
         )
         best = next((candidate for candidate in candidates if candidate is not None), None)
         self.late = time.perf_counter() >= end

@@ -209,9 +209,7 @@ class Search:
             self.seconds += time.perf_counter() - start_time
             self.late = self.late or seconds > 0.0 or polisher.late
             statuses = (self._accept(candidate, distance) for candidate in reversed(candidates))
-            first_status = next(
-                (candidate for candidate in statuses if candidate is not None), None
-            )
+            first_status = next((accepted for accepted in statuses if accepted is not None), None)
             if candidates:
                 status = PolishStatus.NOT_HELD if first_status is None else first_status
             self.polished = polisher.outcome(status, distance)
@@ -249,7 +247,7 @@ class Search:
         """Runs one round of the planner.
 
         Args:
-            before: time at which the search began.
+            search_start: time at which the search began [s].
         """
         rollouts, tree = self.problem.rollouts, self._growing
         if self.arrived and (tree is self.tree or len(tree) > _EFFORT.max_nodes):

@@ -24,8 +24,8 @@ _MIN_TENSION_SHARE = 5e-3
 _TAUT_TENSION_SHARE = 1e-4
 """Tension above which a string counts as taut at the start, relative to the weight."""
 
-_START_TOLERANCE = 1e-9
-"""Allowed violation of bounds at the start, for rounding [m, rad or their rates]."""
+_STATE_TOLERANCE = 1e-9
+"""Allowed violation of bounds by a start or an end, for rounding [m, rad or their rates]."""
 _MAX_ROW_VIOLATION = 1e-3
 """Violation of a string or limit above which no motion ends in a state [m, rad]."""
 
@@ -143,12 +143,12 @@ class Bounds:
         """
         t = marionette.coordinates
         for name in self.held:
-            if abs(x.v_K[_index("driven velocity", name, t.v_K)]) > _START_TOLERANCE:
+            if abs(x.v_K[_index("driven velocity", name, t.v_K)]) > _STATE_TOLERANCE:
                 raise StateError(f"{name} is held, and moves {when}")
         low, high = self.intervals(marionette)
         numbers = Nodes.still(marionette, x, 1.0, 1).numbers[0]
         for name, value, a, b in zip(number_names(t), numbers, low, high, strict=True):
-            if not a - _START_TOLERANCE <= value <= b + _START_TOLERANCE:
+            if not a - _STATE_TOLERANCE <= value <= b + _STATE_TOLERANCE:
                 raise StateError(f"{name} is {value:.6g} {when}, beyond its bounds {a:g} to {b:g}")
 
     def check_end(self, marionette: Marionette, x0: State, end: State) -> None:
@@ -159,7 +159,7 @@ class Bounds:
         first_driven = 2 * marionette.coordinates.n_vD
         for name in self.held:
             index = first_driven + marionette.coordinates.v_K.index(name)
-            if abs(change[index]) > _START_TOLERANCE:
+            if abs(change[index]) > _STATE_TOLERANCE:
                 raise StateError(
                     f"{names[index]} is held, but the end is off its start by {change[index]:.6g}; "
                     "let it move, or choose an end at its start"
