@@ -169,11 +169,11 @@ def optimise(
         at, status = search.best if has_contact else best, AnswerStatus.STOPPED
     objective, run = search.objective, at.nodes.run
     if run is None:  # it was part of a batch, which keeps no run
-        nodes_and_ends = runs.run(at.nodes)
-        if nodes_and_ends is None:
+        nodes_and_run = runs.run(at.nodes)
+        if nodes_and_run is None:
             text = "the motion found cannot be simulated again"
             raise SimulationError(Status.NOT_SETTLED, text)
-        run = nodes_and_ends[1]
+        run = nodes_and_run[1]
     if exact and isinstance(runs, ExactRuns) and runs.reasons:
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
@@ -321,10 +321,10 @@ def _clearance_violation(objective: Objective, runs: EventRuns, nodes: Nodes) ->
     clear = objective.rows.clear
     if clear is None:
         return NONE
-    run_nodes = runs.run(nodes.finer(_CLEARANCE_SAMPLES))
-    if run_nodes is None:
+    nodes_and_run = runs.run(nodes.finer(_CLEARANCE_SAMPLES))
+    if nodes_and_run is None:
         return Residual(math.inf, "the run cannot be repeated to measure its clearances")
-    return clearance_residual(clear, run_nodes[1])
+    return clearance_residual(clear, nodes_and_run[1])
 
 
 def _check(task: Task) -> None:

@@ -281,7 +281,7 @@ class ReachedPoses:
 
 
 def _row_limit(problem: ReachProblem, j: int, pulls: bool, high: bool) -> str:
-    """Description of the limitation by the bound of a row."""
+    """Description of the bound of a row that limits a pose."""
     marionette = problem.marionette
     name, is_string = marionette.tree.row_names[j], j < len(marionette.tree.strings)
     if not pulls:

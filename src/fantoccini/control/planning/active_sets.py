@@ -160,7 +160,7 @@ def _late(plan: PlanReference, events: Indices, window: int) -> list[ExtendedRef
     """Extensions of the active sets before events, into segments after them."""
     parts, k, active, states = [], events, plan.active[events], plan.nodes[events]
     S = np.tile(np.eye(len(plan.Q)), (len(k), 1, 1))
-    for n_on in range(window):
+    for n_forward in range(window):
         continues = k + 1 < len(plan.planned)
         continues[continues] = np.any(plan.active[k[continues] + 1] != active[continues], axis=1)
         k, states, active, S = k[continues], states[continues], active[continues], S[continues]
@@ -180,7 +180,7 @@ def _late(plan: PlanReference, events: Indices, window: int) -> list[ExtendedRef
         S = plan.A[k] @ S @ np.linalg.inv(F)
         k = k + 1
         parts.append(
-            ExtendedReference(k, active, np.full(len(k), 1 + n_on), states, plan.gains[k] @ S)
+            ExtendedReference(k, active, np.full(len(k), 1 + n_forward), states, plan.gains[k] @ S)
         )
     return parts
 

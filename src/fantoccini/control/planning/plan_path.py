@@ -151,8 +151,8 @@ class PlanPath:
                 )
         displacement[~bounds.moves] = 0.0
         speed_time = np.max(_ratio(np.abs(displacement), bounds.speed), initial=0.0)
-        acceleration_time_2 = np.max(_ratio(np.abs(displacement), bounds.acceleration), initial=0.0)
-        half_time = self._rounded_up(max(speed_time, np.sqrt(acceleration_time_2)))
+        squared_time = np.max(_ratio(np.abs(displacement), bounds.acceleration), initial=0.0)
+        half_time = self._rounded_up(max(speed_time, np.sqrt(squared_time)))
         if half_time:
             durations += [half_time, half_time]
             accelerations += [displacement / half_time**2, -displacement / half_time**2]

@@ -122,11 +122,8 @@ def _place(goal: Goal, start: State, link: int, first: Array) -> Array:
     """(3,) the position of the prop at the goal."""
     numbers = goal.numbers
     if numbers.kind == POINT:
-        rotation_matrix = goal.marionette.poses(start.q_D, start.q_K)[link, :, :3]
-        return (
-            np.clip(first + rotation_matrix @ numbers.at, numbers.place, numbers.place_high)
-            - rotation_matrix @ numbers.at
-        )
+        R = goal.marionette.poses(start.q_D, start.q_K)[link, :, :3]
+        return np.clip(first + R @ numbers.at, numbers.place, numbers.place_high) - R @ numbers.at
     tree_link = goal.marionette.tree.links[link]
     place = np.array(start.q_D[tree_link.q][:3])
     has_target = numbers.weight[tree_link.v][:3] > 0.0
@@ -160,9 +157,9 @@ def _nearest_round_end(
 
 def _extent(marionette: Marionette, link: int, x: State, u: Array) -> float:
     """Largest distance of a link's shapes from its origin against a direction (3,) [m]."""
-    rotation_matrix = marionette.poses(x.q_D, x.q_K)[link, :, :3]
+    R = marionette.poses(x.q_D, x.q_K)[link, :, :3]
     shapes = marionette.tree.links[link].shapes
-    return max((_reach(shape, -(rotation_matrix.T @ u)) for shape in shapes), default=0.0)
+    return max((_reach(shape, -(R.T @ u)) for shape in shapes), default=0.0)
 
 
 def _reach(shape: Shape, u: Array) -> float:

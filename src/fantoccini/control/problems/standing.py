@@ -75,7 +75,7 @@ def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> St
     """
     marionette, bounds = rollouts.marionette, rollouts.bounds
     q_D, q_K, _ = balanced(marionette, goal, start, bounds.moves)
-    sinking = _lower(marionette, q_D, q_K, bounds.moves)
+    sinking = _sinking_direction(marionette, q_D, q_K, bounds.moves)
     wanted_share = min(1.0, _TOLERANCES.spare * (goal.share or 0.0))
     best, nearest = Stance(None, 0.0, ""), np.inf
     raised = q_K - _TOLERANCES.above * sinking
@@ -87,7 +87,7 @@ def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> St
         lowered = q_K + sink_distance * sinking
         if not np.all((lowered >= bounds.low) & (lowered <= bounds.high)):
             continue
-        run = _let_down(marionette, raised_state, lowered)
+        run = _lowering_run(marionette, raised_state, lowered)
         state, share = run.state(-1), carried(marionette, run)
         state = state.replace(v_D=np.zeros_like(state.v_D), v_K=np.zeros_like(state.v_K))
         touches_closed = np.all(touches.gaps(state.q_D, state.q_K) < _TOLERANCES.closed)
@@ -109,7 +109,7 @@ def stance(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> St
     return Stance(best.state, best.share, note)
 
 
-def _let_down(marionette: Marionette, x: State, q_K: ConfigK) -> Trajectory:
+def _lowering_run(marionette: Marionette, x: State, q_K: ConfigK) -> Trajectory:
     """A run in which a puppet is lowered to driven coordinates (n_qK,) and comes to rest."""
     half_time, rest_time = 0.5 * _TOLERANCES.lowering, _TOLERANCES.settling
     table, acceleration = marionette.coordinates, np.zeros((3, marionette.coordinates.n_vK))
@@ -121,7 +121,9 @@ def _let_down(marionette: Marionette, x: State, q_K: ConfigK) -> Trajectory:
     return simulate(marionette, x.replace(t=0.0), inputs, method=method, throw=False)
 
 
-def _lower(marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows) -> Array:
+def _sinking_direction(
+    marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows
+) -> Array:
     """(n_qK,) the least change of the driven coordinates that lengthens every taut string by 1 m.
 
     It solves dh/dq_K change = -1; the puppet sinks by that distance.

@@ -85,8 +85,8 @@ class PointResidual:
         return twist[:, :3] - rotation.skew(place) @ twist[:, 3:]
 
     def _place(self, looks: Looks) -> Array:
-        rotation_matrix, origin = looks.pose(self.link)
-        return origin + rotation_matrix @ self.at
+        R, origin = looks.pose(self.link)
+        return origin + R @ self.at
 
 
 @dataclass(frozen=True, eq=False)
