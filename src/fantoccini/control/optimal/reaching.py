@@ -42,7 +42,7 @@ def reach(
     weights: Mapping[What, float] | None = None,
     once: bool = False,
 ) -> ReachedPoses:
-    """Hanging poses of least sum_i w_i |place_i(q_D, q_K) - target_i|^2, over the q_K.
+    """The hanging poses nearest to targets, of least sum_i w_i |place_i(q_D, q_K) - target_i|^2.
 
     In a hanging pose forces balance, taut strings have their length, the others are slack, and
     joints are within their limits. The minimum is a local one: the nearest pose that the puppet

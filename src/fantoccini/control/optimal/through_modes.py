@@ -78,7 +78,7 @@ class ThroughModes:
         return time.perf_counter() > self._limits.until
 
     def _attempt(self, rng: np.random.Generator, progress: OnProgress | None) -> bool:
-        """Whether an exploration and its tightening, or their repetitions, find a motion."""
+        """Whether an exploration with its tightening, repeated if need be, finds a motion."""
         objective, before = Objective(self.objective.task), (self.best, self.objective)
 
         def keep(motion: Iterate) -> None:
@@ -113,7 +113,7 @@ class ThroughModes:
         return False
 
     def _rank(self, at: Iterate) -> tuple[bool, float]:
-        """Whether a motion fails to hold, with its cost, or else its largest residual."""
+        """Whether a motion fails to hold, and then its largest residual, otherwise its cost."""
         gap = float(np.max(np.abs(self.objective.end_gap(at.nodes)), initial=0.0))
         residual = max(passed_bound(self.objective, at.nodes, at.ends).size, gap)
         return (True, residual) if residual > HOLDS else (False, at.cost)
