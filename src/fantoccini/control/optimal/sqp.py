@@ -342,7 +342,7 @@ class Search:
                     yield alpha, nodes_and_ends
 
     def _corrected(self, step: _Step, solution: StageSolution, value: Array) -> StageSolution:
-        """A step whose rows are curved as along another one.
+        """A step with the curvature of the rows taken from another step.
 
         It is the second-order correction (Fletcher, Practical Methods of Optimization, 1987): a
         step along curved bounds violates them, and would be cut shorter and shorter.

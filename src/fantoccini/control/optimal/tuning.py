@@ -87,7 +87,7 @@ class Draws:
     Attributes:
         runs: number of runs in a generation; at least 3.
         generations: largest number of generations.
-        narrow: ratio of spreads to those at the start below which all must be to end the search.
+        narrow: ratio of final to first spreads; the search ends once all are below it.
         time_limit: time limit, checked after every generation [s].
         seed: seed of the random numbers, at least 0; the same seed gives the same draws.
 

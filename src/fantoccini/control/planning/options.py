@@ -18,7 +18,7 @@ class SearchOptions:
     """Options of a search for a plan.
 
     Attributes:
-        planner: ``"explore"``, ``"est-2007"``, or a function for one round of a planner.
+        planner: ``"explore"``, ``"est-2007"``, or a function that makes one round.
         time_limit: time limit of the search for a first plan [s].
         iterations: largest number of rollouts of that search; unlimited by default.
         improve: time for better plans and for ending nearer to the goal, after the first plan [s].

@@ -135,7 +135,7 @@ class SearchTree:
 
         Args:
             states: (k,) states.
-            arrays: the other attributes of the nodes, (k, ...) or one for all.
+            arrays: the other attributes of the nodes, (k, ...) or a single value for all.
 
         Returns:
             Indices of the new nodes.

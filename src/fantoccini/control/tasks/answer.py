@@ -38,7 +38,7 @@ class AnswerStatus(Outcome):
 
     @property
     def is_minimum(self) -> bool:
-        """Whether the cost is at a minimum; true where the search minimises no cost."""
+        """Whether the cost is at a minimum; true if the search minimises no cost."""
         return self not in _NO_MINIMUM
 
 
@@ -74,7 +74,7 @@ class Answer:
 
     @property
     def is_minimum(self) -> bool:
-        """Whether the cost is at a minimum; true where the search minimises no cost."""
+        """Whether the cost is at a minimum; true if the search minimises no cost."""
         return self.status.is_minimum
 
     @property

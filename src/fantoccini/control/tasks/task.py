@@ -52,7 +52,7 @@ class PlanConditions:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A motion within bounds, of least cost where it is optimised::
+    """A motion within bounds, of least cost if it is optimised::
 
         min J(x, acc_K)   x_{i+1} = F(x_i, acc_i),  x_0 given,  bounds
 
