@@ -1,4 +1,4 @@
-"""optimise: the motion of least cost; follow: the same in three lines."""
+"""optimise: the motion of least cost; follow: its short form for paths."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ from fantoccini.control.tasks import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 
-_LOOKS = 5
-"""In every interval, at which clearances are measured in the end."""
+_CLEARANCE_SAMPLES = 5
+"""Samples in every interval at which the clearance of the answer is measured."""
 
 
 def optimise(
@@ -72,42 +72,42 @@ def optimise(
     exact: bool = False,
     progress: OnProgress | None = None,
 ) -> Optimum:
-    """min J(x, acc_K) over accelerations that are constant between nodes, within bounds.
+    """The motion of minimum cost J(x, acc_K), with piecewise constant accelerations, within bounds.
 
-    Sequential quadratic programming. Every iterate is an event-driven run, so the answer holds as
-    it is; derivatives are those of time steps along it, through the taut strings, and steps are
-    found by Riccati's recursion, within an interior point method where bounds are in force.
-    Strings that the bounds ask to be taut stay taut; the others may go slack, and the derivatives
-    then hold for the present order of events only. Once iterations decrease the cost little, the
-    search continues with exact derivatives of the run, except for puppets with contact or driven
-    rotations. Ctrl-C ends the search with the best motion so far; before a first motion it raises.
+    The method is sequential quadratic programming. Every iterate is an event-driven run, so the
+    answer holds without correction. Derivatives are those of time steps along it, with its taut
+    strings; steps come from Riccati's recursion, within an interior point method if bounds are
+    active. Strings with a lower bound of tension stay taut; others may go slack, and the
+    derivatives then hold for the present order of events only. Once iterations decrease the cost
+    little, the search continues with exact derivatives of the run, except for puppets with contact
+    or driven rotations. Ctrl-C ends the search with the best motion so far; before a first motion
+    it raises.
 
     A task that explores is searched through modes: see
     :mod:`fantoccini.control.optimal.through_modes`.
 
-    Of puppets with contact the iterates are runs of time steps at first, whose derivatives hold
-    for the points that stick, slide or are open there. The answer is run event-driven, and goes on
-    being improved so where that takes less than a twentieth of the time that is left.
+    For puppets with contact, the first iterates are runs of time steps, whose derivatives hold for
+    the points that stick, slide or are open there. The answer is simulated event-driven, and is
+    improved further by such runs if one takes less than a twentieth of the remaining time.
 
     Args:
-        task: what is asked for.
-        guess: motion of the inputs to begin with, or what was found before; that of the task when
-            not given, and where it has none they hold still.
-        tolerance: of the KKT residual.
-        cost_tolerance: relative decrease of the cost; the search ends after four steps that each
-            decrease it by less. With 0, only ``tolerance`` ends it.
-        iterations: at most; of every motion that explorations lead to.
-        time_limit: at most [s].
-        threads: for derivatives and batches; as many as there are processors when not given.
-        seed: of the random numbers of explorations.
-        exact: take the derivatives of the event-driven run itself, through its catches, from the
-            first iteration on.
+        task: the task.
+        guess: initial motion of the inputs, or an earlier answer; by default that of the task, and
+            if it has none, the inputs hold still.
+        tolerance: tolerance of the KKT residual.
+        cost_tolerance: relative decrease of the cost; the search ends after four successive steps
+            with a smaller one. With 0, only ``tolerance`` ends it.
+        iterations: largest number of iterations, for every motion from explorations.
+        time_limit: time limit [s].
+        threads: number of threads for derivatives and batches; all processors by default.
+        seed: seed of the random numbers of explorations.
+        exact: whether to take derivatives of the event-driven run itself, through its catches, from
+            the first iteration on.
         progress: called after every iteration; ``best`` is the motion with its cost.
 
     Raises:
-        StateError, UnknownNameError: the task is not well defined, or its first motion cannot be
-            simulated.
-        KeyboardInterrupt: Ctrl-C before there is a first motion.
+        StateError, UnknownNameError: ill-defined task, or a first motion that cannot be simulated.
+        KeyboardInterrupt: Ctrl-C before a first motion.
     """
     check_positive(tolerance=tolerance, time_limit=time_limit)
     began = time.perf_counter()
@@ -121,7 +121,7 @@ def optimise(
         raise StateError("optimise: exact derivatives want driven coordinates that are scalars")
     chosen = Chosen(marionette, task.x0, task.parameters)
     pulls = bool(task.bounds.tension or task.bounds.force)
-    pulls = pulls or any(one.kind == "tension" for one in task.tracks)
+    pulls = pulls or any(track.kind == "tension" for track in task.tracks)
     has_contact = marionette.contacts is not None
     if exact and has_contact:
         raise StateError("optimise: exact derivatives want a puppet without contact")
@@ -141,15 +141,15 @@ def optimise(
         )
     curve, best = [(time.perf_counter() - began, at.cost)], at
 
-    # An exploration, and what tightens its motion.
+    # Two searches for each exploration: the exploration itself and its tightening.
     total = float(iterations * max(1, 2 * task.explore))
 
-    def note(now: Progress) -> None:
+    def note(report: Progress) -> None:
         nonlocal best
-        best = now.best
+        best = report.best
         curve.append((time.perf_counter() - began, best.cost))
         if progress is not None:
-            progress(replace(now, done=best.iterations, total=total))
+            progress(replace(report, done=best.iterations, total=total))
 
     until = began + time_limit
     limits = Limits(tolerance, cost_tolerance, iterations, until)
@@ -169,22 +169,22 @@ def optimise(
         at, status = search.best if has_contact else best, AnswerStatus.STOPPED
     objective, run = search.objective, at.nodes.run
     if run is None:  # it was part of a batch, which keeps no run
-        made = runs.run(at.nodes)
-        if made is None:
+        nodes_and_run = runs.run(at.nodes)
+        if nodes_and_run is None:
             text = "the motion found cannot be simulated again"
             raise SimulationError(Status.NOT_SETTLED, text)
-        run = made[1]
+        run = nodes_and_run[1]
     if exact and isinstance(runs, ExactRuns) and runs.reasons:
         text = f"the last derivatives were those of time steps: {runs.reasons[-1]}"
         warnings.warn(text, stacklevel=2)
     touched = objective.touches.along(run, at.nodes.parameters)
     bound = max(
         passed_bound(objective, at.nodes, at.ends),
-        _too_near(objective, runs, at.nodes),
-        key=lambda one: one.rank,
+        _clearance_violation(objective, runs, at.nodes),
+        key=lambda track: track.rank,
     )
     end = end_residual(objective, at.nodes)
-    worst = max(bound, end, touch_residual(touched), key=lambda one: one.rank)
+    worst = max(bound, end, touch_residual(touched), key=lambda track: track.rank)
     reason = ""
     if has_contact and isinstance(runs, StepRuns):
         status = AnswerStatus.NO_RUN
@@ -234,9 +234,9 @@ def follow(
     interval: float | None = None,
     **options: Any,
 ) -> Optimum:
-    """Inputs that make parts of a puppet follow paths: the short form of :func:`optimise`.
+    """Inputs with which parts of a puppet follow paths: the short form of :func:`optimise`.
 
-    Warns before the search where the puppet cannot hang at the paths of points; see :func:`reach`.
+    It warns before the search if the puppet cannot hang at the paths of points; see :func:`reach`.
 
     Args:
         marionette: the puppet.
@@ -244,19 +244,19 @@ def follow(
             places [m]; a coordinate follows values. A path is a value, a function of time, a pair
             of times and values, a :class:`Clip`, or an array (T, ...) that is spread evenly over
             the duration.
-        duration: of the motion [s].
-        x0: where it starts; hanging at rest when not given.
+        duration: duration of the motion [s].
+        x0: start; by default the puppet hangs at rest.
         bounds: see :class:`Bounds`.
         smooth: see :class:`Smooth`.
-        weight: of every path [1/m^2 or 1/rad^2].
+        weight: weight of every path [1/m^2 or 1/rad^2].
         slack: whether strings that are taut at the start may go slack.
-        explore: how many random explorations look for motions through slack strings and catches,
-            which then may go slack; see :class:`Task`.
-        interval: between nodes [s]; a fiftieth of the duration, from 0.01 to 0.04, when not given.
-        options: of :func:`optimise`.
+        explore: number of random explorations for motions through slack strings and catches, which
+            imply ``slack``; see :class:`Task`.
+        interval: time between nodes [s]; by default a fiftieth of the duration, from 0.01 to 0.04.
+        options: options of :func:`optimise`.
 
     Raises:
-        UnknownNameError: a name that is no body and no coordinate.
+        UnknownNameError: name that is neither a body nor a coordinate.
     """
     x0 = marionette.rest() if x0 is None else x0
     tracks = tracks_of(marionette, targets, x0.t, duration, weight)
@@ -283,18 +283,18 @@ def tracks_of(
     """Tracks of names and paths, as :func:`follow` takes them.
 
     Args:
-        marionette, targets, weight: see there.
-        start, duration: over which arrays of values are spread [s].
+        marionette, targets, weight: see :func:`follow`.
+        start, duration: time span over which arrays of values are spread [s].
 
     Raises:
-        UnknownNameError: a name that is no body and no coordinate.
+        UnknownNameError: name that is neither a body nor a coordinate.
     """
     bodies = [link.name for link in marionette.tree.links]
     table = marionette.coordinates
     tracks = []
     for name, path in targets.items():
         body, at = name if isinstance(name, tuple) else (name, (0.0, 0.0, 0.0))
-        path = _spread(path, start, duration, 3 if body in bodies else 1)
+        path = _sampled(path, start, duration, 3 if body in bodies else 1)
         if body in bodies:
             tracks.append(Track.point(body, path, at=at, weight=weight))
         elif name in (*table.q_D, *table.q_K):
@@ -306,7 +306,7 @@ def tracks_of(
 
 
 def refuse_winches(marionette: Marionette, what: str) -> None:
-    """Raises StateError where a winch may slip."""
+    """Raises StateError if a winch may slip."""
     upper = marionette.upper
     winches = [s.name for i, s in enumerate(marionette.tree.strings) if np.isfinite(upper[i])]
     if winches:
@@ -316,19 +316,19 @@ def refuse_winches(marionette: Marionette, what: str) -> None:
         )
 
 
-def _too_near(objective: Objective, runs: EventRuns, nodes: Nodes) -> Residual:
-    """Residual of the required clearance, also between the nodes: the worst body or string."""
+def _clearance_violation(objective: Objective, runs: EventRuns, nodes: Nodes) -> Residual:
+    """The largest violation of the required clearance, also between the nodes."""
     clear = objective.rows.clear
     if clear is None:
         return NONE
-    made = runs.run(nodes.finer(_LOOKS))
-    if made is None:
+    nodes_and_run = runs.run(nodes.finer(_CLEARANCE_SAMPLES))
+    if nodes_and_run is None:
         return Residual(math.inf, "the run cannot be repeated to measure its clearances")
-    return clearance_residual(clear, made[1])
+    return clearance_residual(clear, nodes_and_run[1])
 
 
 def _check(task: Task) -> None:
-    """Raises StateError where a task is not differentiated, or starts beyond its bounds."""
+    """Raises StateError if a task has no derivatives, or starts beyond its bounds."""
     marionette = task.marionette
     refuse_winches(marionette, "optimise")
     if task.end is not None and task.goal is None:
@@ -352,26 +352,26 @@ def _check(task: Task) -> None:
 
 
 def first_nodes(task: Task, chosen: Chosen, guess: Input | Optimum | None) -> Nodes:
-    """The nodes of the first motion; of a guess its accelerations count, within their bounds."""
+    """The nodes of the first motion, with the accelerations of a guess clipped to their bounds."""
     N, (shortest, longest) = task.n_intervals, task.durations
-    made = Nodes.still(task.marionette, task.x0, longest, N)
+    nodes = Nodes.still(task.marionette, task.x0, longest, N)
     values = chosen.first
     if isinstance(guess, Optimum):
         values = np.array(
             [guess.parameters.get(n, v) for n, v in zip(chosen.names, values, strict=True)]
         )
     if isinstance(guess, Optimum):
-        if len(guess.nodes) == N and guess.nodes.table is made.table:
+        if len(guess.nodes) == N and guess.nodes.table is nodes.table:
             interval = min(max(guess.nodes.interval, shortest / N), longest / N)
-            made = replace(made, interval=interval, acc_K=guess.nodes.acc_K)
+            nodes = replace(nodes, interval=interval, acc_K=guess.nodes.acc_K)
         else:
-            made = Nodes.of_input(task.marionette, task.x0, guess.inputs, longest, N)
+            nodes = Nodes.of_input(task.marionette, task.x0, guess.inputs, longest, N)
     elif guess is not None:
-        made = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
-    most = task.bounds.magnitudes(task.marionette, "acceleration")
+        nodes = Nodes.of_input(task.marionette, task.x0, guess, longest, N)
+    max_acceleration = task.bounds.magnitudes(task.marionette, "acceleration")
     return replace(
-        made,
-        acc_K=np.clip(made.acc_K, -most, most),
+        nodes,
+        acc_K=np.clip(nodes.acc_K, -max_acceleration, max_acceleration),
         parameters=np.clip(values, chosen.low, chosen.high),
     )
 
@@ -387,8 +387,8 @@ def _status(at: Iterate, tolerance: float, until: float) -> AnswerStatus:
     return AnswerStatus.TIMEOUT if late else AnswerStatus.ITERATIONS
 
 
-def _spread(path: Target, start: float, duration: float, width: int) -> Target:
-    """An array of many values as a pair of times and values."""
+def _sampled(path: Target, start: float, duration: float, width: int) -> Target:
+    """A path whose array of many values becomes a pair of times and values."""
     if isinstance(path, Clip) or callable(path):
         return path
     if isinstance(path, tuple) and len(path) == 2 and np.ndim(path[0]) == 1:

@@ -1,4 +1,4 @@
-"""Residuals of a motion in words: the bound, the coordinate and the time of the largest."""
+"""Attribution of the largest residual of a motion: bound, coordinate and time, in words."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Residual:
 
     @property
     def rank(self) -> float:
-        """The size, with which residuals are compared; infinite where it is no number."""
+        """The size for comparisons; infinite for NaN."""
         return math.inf if math.isnan(self.size) else self.size
 
 
@@ -44,52 +44,52 @@ NONE = Residual(0.0, "")
 
 def passed_bound(objective: Objective, nodes: Nodes, ends: Ends) -> Residual:
     """The largest violation of a bound at the nodes; :data:`NONE` if all bounds are kept."""
-    return max(_bounds(objective, nodes, ends), key=lambda one: one.rank, default=NONE)
+    return max(_bounds(objective, nodes, ends), key=lambda residual: residual.rank, default=NONE)
 
 
 def end_residual(objective: Objective, nodes: Nodes) -> Residual:
     """The largest error of a coordinate or velocity at the end."""
-    gap = np.abs(objective.end_gap(nodes))
-    if not np.max(gap, initial=0.0) > 0.0:
+    errors = np.abs(objective.end_gap(nodes))
+    if not np.max(errors, initial=0.0) > 0.0:
         return NONE
-    at = int(np.argmax(gap))
-    name = number_names(nodes.table)[at]
-    text = f"{name} ends {gap[at]:.3g} from the state asked for, at {nodes.t[-1]:.6g} s"
-    return Residual(float(gap[at]), text)
+    index = int(np.argmax(errors))
+    name = number_names(nodes.table)[index]
+    text = f"{name} ends {errors[index]:.3g} from the state asked for, at {nodes.t[-1]:.6g} s"
+    return Residual(float(errors[index]), text)
 
 
 def clearance_residual(clear: ClearRows, run: Trajectory) -> Residual:
     """The largest violation of the required clearance in a run, by body or string."""
     if not len(clear):
         return NONE
-    least = clear.whole.least(run)
-    name = f"the clearance of {clear.whole.pair_at(least.q_D, least.q_K).what}"
-    size = clear.margin - least.distance
-    return _residual(size, name, least.t, least.distance, clear.margin, np.inf)
+    closest = clear.whole.least(run)
+    name = f"the clearance of {clear.whole.pair_at(closest.q_D, closest.q_K).what}"
+    size = clear.margin - closest.distance
+    return _residual(size, name, closest.t, closest.distance, clear.margin, np.inf)
 
 
 def touch_residual(touched: tuple[Touched, ...]) -> Residual:
     """The touch with the largest miss distance."""
-    found = (Residual(one.distance, f"{one}, not there") for one in touched)
-    return max(found, key=lambda one: one.rank, default=NONE)
+    residuals = (Residual(touch.distance, f"{touch}, not there") for touch in touched)
+    return max(residuals, key=lambda touch: touch.rank, default=NONE)
 
 
 def without_input(nodes: Nodes, linear: LinearEnds, gap: Array) -> str:
     """A note if, to first order, no input moves the coordinate with the largest final error."""
-    at = int(np.argmax(np.abs(gap)))
+    index = int(np.argmax(np.abs(gap)))
     rows, effect = np.eye(nodes.n_z), np.zeros(nodes.n_z)
     for A, B in zip(linear.A[::-1], linear.B[::-1], strict=True):
         effect = np.maximum(effect, np.max(np.abs(rows @ B), axis=1, initial=0.0))
         rows = rows @ A
-    if effect[at] > _MAX_ROUNDING_EFFECT * np.max(effect):
+    if effect[index] > _MAX_ROUNDING_EFFECT * np.max(effect):
         return ""
     return "; no input moves it"
 
 
 def largest_residual(objective: Objective, at: Iterate, tolerance: float) -> str:
-    """The largest residual of an iterate that is not optimal: of the end, a bound, or a step."""
+    """The largest residual of an iterate that is not optimal: at the end, of a bound or a step."""
     bound, end = passed_bound(objective, at.nodes, at.ends), end_residual(objective, at.nodes)
-    worst = max(bound, end, key=lambda one: one.rank)
+    worst = max(bound, end, key=lambda residual: residual.rank)
     if worst.size > max(tolerance, at.stationarity) or not np.isfinite(at.stationarity):
         return worst.text or "the search ended before a step was found"
     if at.solution is None:
@@ -107,26 +107,33 @@ def _bounds(objective: Objective, nodes: Nodes, ends: Ends) -> Iterator[Residual
     """The largest violation for each kind of bound."""
     limits, names = objective.limits(nodes.interval), nodes.table.v_K
     value, low, high = objective.rows.values(nodes, ends)
-    passed = np.maximum(low - value, value - high)
-    if passed.size:
-        i, j = np.unravel_index(int(np.argmax(passed)), passed.shape)
+    violation = np.maximum(low - value, value - high)
+    if violation.size:
+        i, j = np.unravel_index(int(np.argmax(violation)), violation.shape)
         name, later = objective.rows.names[j]
         t = nodes.t[i + later]
-        yield _residual(float(passed[i, j]), name, t, value[i, j], low[j], high[j])
-    most = np.broadcast_to(limits.acceleration, nodes.acc_K.shape).copy()
-    most[-1] = np.minimum(most[-1], limits.jump)  # after the end there is no acceleration
-    place = nodes.numbers[1:, nodes.splits[1] : nodes.splits[2]]
-    for what, values, least, largest, t in (
-        ("the acceleration of ", nodes.acc_K, -most, most, nodes.t[:-1]),
+        yield _residual(float(violation[i, j]), name, t, value[i, j], low[j], high[j])
+    max_acceleration = np.broadcast_to(limits.acceleration, nodes.acc_K.shape).copy()
+    max_acceleration[-1] = np.minimum(
+        max_acceleration[-1], limits.jump
+    )  # after the end there is no acceleration
+    positions = nodes.numbers[1:, nodes.splits[1] : nodes.splits[2]]
+    for prefix, values, lowest, highest, t in (
+        ("the acceleration of ", nodes.acc_K, -max_acceleration, max_acceleration, nodes.t[:-1]),
         ("the speed of ", nodes.v_K[1:], -limits.speed, limits.speed, nodes.t[1:]),
-        ("", place, limits.low, limits.high, nodes.t[1:]),
+        ("", positions, limits.low, limits.high, nodes.t[1:]),
     ):
-        least, largest = (np.broadcast_to(a, values.shape) for a in (least, largest))
-        passed = np.maximum(least - values, values - largest)
-        if passed.size:
-            i, j = np.unravel_index(int(np.argmax(passed)), passed.shape)
+        lowest, highest = (np.broadcast_to(a, values.shape) for a in (lowest, highest))
+        violation = np.maximum(lowest - values, values - highest)
+        if violation.size:
+            i, j = np.unravel_index(int(np.argmax(violation)), violation.shape)
             yield _residual(
-                float(passed[i, j]), what + names[j], t[i], values[i, j], least[i, j], largest[i, j]
+                float(violation[i, j]),
+                prefix + names[j],
+                t[i],
+                values[i, j],
+                lowest[i, j],
+                highest[i, j],
             )
 
 

@@ -1,10 +1,10 @@
-"""A step of sequential quadratic programming in real time.
+"""Steps of sequential quadratic programming in real time.
 
     min over u  of the program of :class:`Objective` along a motion,
-    accelerations, speeds and positions of the driven coordinates within their bounds
+    with accelerations, speeds and positions of the driven coordinates within their bounds
 
 The compiled method is ``search/stage_clamped.hpp``. Its motions keep the bounds after every
-factorisation, so that it may end after any.
+factorisation, so that it can end after any of them.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from fantoccini.dynamics.derivatives import StepInputs, StepOptions, linearise_s
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import AnyArray, ClampedOutcome, ClampedStages
 
-_BARRIER, _FACTORISATIONS = 1e-5, 15
-"""Where the interior point method may end: barrier in units of the cost, and factorisations."""
-_WORK = 4.8e7
-"""Multiplications of a program: some 7 ms."""
+_MIN_BARRIER, _FACTORISATIONS = 1e-5, 15
+"""Limits of the interior point method: barrier in units of the cost, and factorisations."""
+_MAX_MULTIPLICATIONS = 4.8e7
+"""Multiplications allowed for a program: about 7 ms."""
 MIN_FACTORISATIONS, MAX_FACTORISATIONS = 1.5, 20.0
-"""Whole factorisations of a program, at least and at most."""
+"""Least and largest number of whole factorisations of a program."""
 
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """What the program of a step needs along a motion.
+    """Derivatives of a motion for the program of a step.
 
     Attributes:
-        tension: (N, n_rows) just after the nodes.
-        pull: (N, n_rows, at least n_z + n_vK) derivatives of the tensions, if asked for.
+        tension: (N, n_rows) tensions just after the nodes.
+        pull: (N, n_rows, n_z + n_vK or more) derivatives of the tensions, if requested.
         driven: (N or 1, 2 n_vK, 3 n_vK) derivatives of the driven coordinates over the intervals.
     """
 
@@ -46,21 +46,21 @@ class Slopes:
 
 
 class ClampedSteps:
-    """Steps of one puppet within bounds, again and again in the same memory.
+    """Steps of a puppet within bounds, one program after another in the same memory.
 
-    Tasks with bounds of jerks are solved by the interior point method, whose work is not bounded
-    as tightly: a motion made stage by stage cannot keep them.
+    Tasks with bounds of jerk are solved by the interior point method, whose work is less strictly
+    limited: a motion that is built stage by stage cannot keep these bounds.
 
     Args:
         marionette: the puppet.
         dt: longest time step of derivatives [s].
-        threads: for derivatives.
+        threads: number of threads for derivatives.
     """
 
     def __init__(self, marionette: Marionette, dt: float, threads: int | None) -> None:
         self._marionette, self._steps = marionette, TimeSteps(marionette, dt, threads)
         self._threads = threads
-        self._room: Array | None = None
+        self._memory: Array | None = None
         self._stages, self._solver = ClampedStages(), StageSolver(1e-6)
 
     def linearise(self, nodes: Nodes, pulls: bool) -> Slopes:
@@ -68,59 +68,62 @@ class ClampedSteps:
 
         Args:
             nodes: the motion.
-            pulls: whether those of tensions are wanted.
+            pulls: whether to compute derivatives of tensions.
         """
         k = self._marionette.coordinates.n_vK
         m, dt = self._steps.steps(nodes.interval)
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         driven = np.eye(2 * k, 3 * k)[None]
         for j in range(m):
-            given = StepInputs.of(self._marionette, x, nodes.acc_K, dt=dt)
+            inputs = StepInputs.of(self._marionette, x, nodes.acc_K, dt=dt)
             options = StepOptions(pull=pulls and j == 0, threads=self._threads)
-            one = linearise_steps(self._marionette, given, options, self._room)
-            self._room = one.motion
-            self._stages.add_step(one.motion, driven, k, j == 0)
+            step = linearise_steps(self._marionette, inputs, options, self._memory)
+            self._memory = step.motion
+            self._stages.add_step(step.motion, driven, k, j == 0)
             if j == 0:
-                tension, pull = one.tension, one.pull
-            own = one.driven
-            driven = own[..., : 2 * k] @ driven
-            driven[..., 2 * k :] += own[..., 2 * k :]
-            x = (one.q_D, one.v_D, one.q_K, one.v_K)
+                tension, pull = step.tension, step.pull
+            step_driven = step.driven
+            driven = step_driven[..., : 2 * k] @ driven
+            driven[..., 2 * k :] += step_driven[..., 2 * k :]
+            x = (step.q_D, step.v_D, step.q_K, step.v_K)
         return Slopes(tension, pull, driven)
 
     def solve(
         self, objective: Objective, nodes: Nodes, slopes: Slopes, damping: float, shift: int
     ) -> ClampedOutcome:
-        """The best changes of the accelerations that were found.
+        """The best changes of the accelerations so far.
 
         Args:
             objective: cost and bounds.
-            nodes: the motion, as linearised last.
-            slopes: from :meth:`linearise`.
-            damping: of the Hessian, in units of the cost.
-            shift: intervals by which the horizon went on since the last program; -1: another.
+            nodes: the motion, as last linearised.
+            slopes: derivatives from :meth:`linearise`.
+            damping: damping of the Hessian, in units of the cost.
+            shift: number of intervals by which the horizon moved since the last program; -1 for
+                another motion.
         """
         N, k, h = len(nodes), nodes.table.n_vK, nodes.interval
         per_stage = (nodes.n_z + k) ** 2 * (nodes.n_z - 2 * k)
-        work = min(max(_WORK / per_stage, MIN_FACTORISATIONS * N), MAX_FACTORISATIONS * N)
+        work = min(
+            max(_MAX_MULTIPLICATIONS / per_stage, MIN_FACTORISATIONS * N), MAX_FACTORISATIONS * N
+        )
         J, diagonal, g = objective.squares(nodes)
         pulls = list(objective.pulls(nodes, slopes.tension))
         C, W = np.zeros((N, len(pulls), nodes.n_z + k)), np.zeros((N, len(pulls)))
         for i, (row, weights, r) in enumerate(pulls):
             assert slopes.pull is not None
-            by = slopes.pull[:, row, : nodes.n_z + k]
-            C[:, i], W[:, i] = by, weights
-            g[:, :k] += (weights * r)[:, None] * by[:, nodes.n_z :]
-            g[:-1, k:] += (weights * r)[1:, None] * by[1:, : nodes.n_z]
+            derivatives = slopes.pull[:, row, : nodes.n_z + k]
+            C[:, i], W[:, i] = derivatives, weights
+            g[:, :k] += (weights * r)[:, None] * derivatives[:, nodes.n_z :]
+            g[:-1, k:] += (weights * r)[1:, None] * derivatives[1:, : nodes.n_z]
         if not objective.unit:
             objective.take_unit_of(g, diagonal)
         diagonal += damping * objective.unit
         bounds = objective.limits(h)
         if np.any(np.isfinite(bounds.jump)):
-            return self._of_interior_point(objective, nodes, damping)
+            return self._solve_by_interior_point(objective, nodes, damping)
         n = nodes.n_z - 2 * k
         numbers = nodes.numbers
-        numbers_of = {
+        scalars = {
             "N": N,
             "n_d": n,
             "n_inputs": k,
@@ -155,15 +158,17 @@ class ClampedSteps:
             "joint_low": bounds.joint_low,
             "joint_high": bounds.joint_high,
         }
-        return self._stages.solve(numbers_of, arrays, slopes.driven)
+        return self._stages.solve(scalars, arrays, slopes.driven)
 
-    def _of_interior_point(
+    def _solve_by_interior_point(
         self, objective: Objective, nodes: Nodes, damping: float
     ) -> ClampedOutcome:
         linear = self._steps.linearise(nodes)
         linear.e[:] = 0.0
         program = objective.program(nodes, linear, damping * objective.unit, 0.0)
-        found = self._solver.solve(program, objective.unit, barrier=_BARRIER, most=_FACTORISATIONS)
-        u = objective.widened(found)[1]
-        n = found.iterations
-        return ClampedOutcome(u, np.nan, n, n * len(nodes), found.solved)
+        solution = self._solver.solve(
+            program, objective.unit, barrier=_MIN_BARRIER, most=_FACTORISATIONS
+        )
+        u = objective.widened(solution)[1]
+        n = solution.iterations
+        return ClampedOutcome(u, np.nan, n, n * len(nodes), solution.solved)

@@ -1,6 +1,6 @@
 """Rows that keep bodies and strings clear of obstacles, of other puppets and of one another.
 
-d_i(q_{i+1}) >= margin, one row for every body and string
+d_i(q_{i+1}) >= margin, with one row for every body and string
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import Obstacle
 from fantoccini.motion import Trajectory
 
-_NEAR = 0.1
-"""Distance above the margin from which a clearance is not differentiated [m]."""
-_STEP = 1e-6
-"""Of differences [m or rad]."""
+_MAX_MARGIN_EXCESS = 0.1
+"""Distance above the margin beyond which a clearance is not differentiated [m]."""
+_DIFFERENCE = 1e-6
+"""Step of finite differences [m or rad]."""
 
 
 class ClearRows:
@@ -28,14 +28,14 @@ class ClearRows:
 
     Attributes:
         margin: the least clearance [m].
-        names: of the bodies and strings.
-        whole: measures all of them at once.
+        names: names of the bodies and strings.
+        whole: measures all clearances at once.
 
     Args:
         marionette: the puppet, with the obstacles of its file.
         margin: see above.
         own_body: whether bodies of one puppet that no joint connects are kept clear of one another.
-        obstacles: in addition to the puppet's.
+        obstacles: obstacles in addition to the puppet's.
     """
 
     def __init__(
@@ -50,38 +50,41 @@ class ClearRows:
         parts = self.whole.parts()
         self.names, self._parts = tuple(parts), tuple(parts.values())
         self._table = marionette.coordinates
-        self._kept: tuple[Nodes | None, Array] = (None, np.zeros((0, 0)))
+        self._cached: tuple[Nodes | None, Array] = (None, np.zeros((0, 0)))
 
     def __len__(self) -> int:
         return len(self.names)
 
     def value(self, nodes: Nodes) -> Array:
-        """(N, m) [m]."""
-        if self._kept[0] is not nodes:
+        """(N, m) clearances [m]."""
+        if self._cached[0] is not nodes:
             q_D, q_K = nodes.q_D[1:], nodes.q_K[1:]
-            made = [part.at(q_D, q_K) for part in self._parts]
-            self._kept = nodes, np.stack(made, axis=1)
-        return self._kept[1]
+            clearances = [part.at(q_D, q_K) for part in self._parts]
+            self._cached = nodes, np.stack(clearances, axis=1)
+        return self._cached[1]
 
     def by(self, nodes: Nodes) -> Array:
-        """(N, m, n_z) their derivatives, by differences; 0 where they are far above the margin."""
+        """(N, m, n_z) derivatives of the clearances, by differences; 0 far above the margin."""
         t, value = self._table, self.value(nodes)
         n, k = t.n_vD, t.n_vK
         q_D, q_K = nodes.q_D[1:], nodes.q_K[1:]
-        out = np.zeros((*value.shape, nodes.n_z))
-        step_D, step_K = _STEP * np.eye(n)[:, None], _STEP * np.eye(k)[:, None]
+        derivatives = np.zeros((*value.shape, nodes.n_z))
+        step_D, step_K = _DIFFERENCE * np.eye(n)[:, None], _DIFFERENCE * np.eye(k)[:, None]
         for j, part in enumerate(self._parts):
-            near = np.flatnonzero(value[:, j] < self.margin + _NEAR)
-            if not len(near):
+            near_nodes = np.flatnonzero(value[:, j] < self.margin + _MAX_MARGIN_EXCESS)
+            if not len(near_nodes):
                 continue
-            a, b = q_D[near], q_K[near]
+            a, b = q_D[near_nodes], q_K[near_nodes]
             moved = tangent.moved(t.scalars_D, t.quaternions_D, np.repeat(a[None], n, 0), step_D)
-            by_D = part.at(moved, b) - value[near, j]
+            by_D = part.at(moved, b) - value[near_nodes, j]
             moved = tangent.moved(t.scalars_K, t.quaternions_K, np.repeat(b[None], k, 0), step_K)
-            by_K = part.at(a, moved) - value[near, j]
-            out[near, j, :n], out[near, j, 2 * n : 2 * n + k] = by_D.T / _STEP, by_K.T / _STEP
-        return out
+            by_K = part.at(a, moved) - value[near_nodes, j]
+            derivatives[near_nodes, j, :n], derivatives[near_nodes, j, 2 * n : 2 * n + k] = (
+                by_D.T / _DIFFERENCE,
+                by_K.T / _DIFFERENCE,
+            )
+        return derivatives
 
     def along(self, run: Trajectory) -> Array:
-        """(T, m) at the samples of a run [m]."""
+        """(T, m) clearances at the samples of a run [m]."""
         return np.stack([part.of(run) for part in self._parts], axis=1)

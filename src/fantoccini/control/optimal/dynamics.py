@@ -1,9 +1,9 @@
-"""Where intervals lead, and the derivatives of their ends: the dynamics of optimal control.
+"""The dynamics of optimal control: ends of intervals and their derivatives.
 
     z_{i+1} = A_i z_i + B_i u_i + e_i,   e_i = F(x_i, acc_i) - x_{i+1}
 
-An interval is made of time steps; all intervals are made at once, in lanes and on threads. A and B
-are products of the steps' derivatives:
+An interval consists of time steps; all intervals are computed at once, in lanes and on threads. A
+and B are products of the steps' derivatives:
 
     X <- F_D X + F_K K + F_a,   K <- A_K K + B_K
 """
@@ -21,13 +21,13 @@ from fantoccini.dynamics.marionette import Marionette
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Where N intervals lead.
+    """The ends of N intervals.
 
     Attributes:
-        e: (N, n_z) the changes that move the nodes there.
-        tension: (N, n_rows) in the first step of every interval [N or N m].
-        taut: (N, n_rows) which rows are held in the first steps.
-        settled: (N,) whether all steps were made.
+        e: (N, n_z) changes from the nodes to these ends.
+        tension: (N, n_rows) tensions in the first step of every interval [N or N m].
+        taut: (N, n_rows) bool, the rows held in the first steps.
+        settled: (N,) bool, whether all steps were made.
     """
 
     e: Array
@@ -38,17 +38,17 @@ class Ends:
 
 @dataclass(frozen=True, eq=False)
 class LinearEnds(Ends):
-    """The same with derivatives.
+    """The ends of N intervals with their derivatives.
 
     Attributes:
-        A: (N, n_z, n_z) by the state at the start of an interval.
-        B: (N, n_z, n_vK) by its accelerations.
+        A: (N, n_z, n_z) derivatives with respect to the state at the start of an interval.
+        B: (N, n_z, n_vK) derivatives with respect to its accelerations.
         pull: (N, n_rows, n_z + n_vK) derivatives of the tensions.
         acc: (N, n_vD, n_z + n_vK) derivatives of the accelerations just after the nodes.
-        by_c: (N, n_z, 1 + n_p) derivatives of the ends by the length of the intervals, and by the
-            parameters that are chosen.
-        pull_c, acc_c: (N, n_rows or n_vD, 1 + n_p) the same of the tensions and accelerations.
-        start_c: (n_z, 1 + n_p) the same of the start.
+        by_c: (N, n_z, 1 + n_p) derivatives of the ends with respect to the length of the intervals
+            and the chosen parameters.
+        pull_c, acc_c: (N, n_rows or n_vD, 1 + n_p) the same for the tensions and accelerations.
+        start_c: (n_z, 1 + n_p) the same for the start.
     """
 
     A: Array
@@ -61,14 +61,14 @@ class LinearEnds(Ends):
     start_c: Array
 
     def widened(self, c: Indices) -> LinearEnds:
-        """The same with some constants of the motion as further states, which stay as they are."""
+        """The same, with constants of the motion as further states, which do not change."""
         N, n_z, _ = self.B.shape
         A = np.zeros((N, n_z + len(c), n_z + len(c)))
         A[:, :n_z, :n_z], A[:, :n_z, n_z:] = self.A, self.by_c[..., c]
         A[:, n_z:, n_z:] = np.eye(len(c))
         pull, acc = (
-            np.concatenate([by[..., :n_z], by_c[..., c], by[..., n_z:]], axis=2)
-            for by, by_c in ((self.pull, self.pull_c), (self.acc, self.acc_c))
+            np.concatenate([derivatives[..., :n_z], by_c[..., c], derivatives[..., n_z:]], axis=2)
+            for derivatives, by_c in ((self.pull, self.pull_c), (self.acc, self.acc_c))
         )
         B, e = np.pad(self.B, ((0, 0), (0, len(c)), (0, 0))), np.pad(self.e, ((0, 0), (0, len(c))))
         return replace(self, A=A, B=B, pull=pull, acc=acc, e=e)
@@ -81,9 +81,9 @@ class TimeSteps:
     Attributes:
         marionette: the puppet.
         dt: the longest step [s].
-        threads: that share the work; as many as there are processors when None.
+        threads: number of threads; all processors for None.
         chosen: the parameters that motions choose.
-        pulls: whether the tensions' derivatives are wanted; else they are left 0.
+        pulls: whether to compute the tensions' derivatives; otherwise they are 0.
         longest: longest interval of a search [s]. All intervals have as many steps as this one, so
             that the dynamics are a smooth function of a free duration.
     """
@@ -96,75 +96,78 @@ class TimeSteps:
     longest: float | None = None
 
     def steps(self, interval: float) -> tuple[int, float]:
-        """Number of steps of an interval, and their length [s]."""
+        """Number of steps in an interval, and their length [s]."""
         longest = interval if self.longest is None else self.longest
         n = max(1, round(longest / self.dt + 0.499999))
         return n, interval / n
 
     def extrapolated(self, nodes: Nodes) -> LinearEnds:
-        """As :meth:`linearise`, with derivatives of the ends to second order in the steps.
+        """The result of :meth:`linearise`, with derivatives to second order in the steps.
 
         With m and M steps their errors are c / m and c / M, which cancel in
-        (M D_M - m D_m) / (M - m) (Richardson extrapolation). Derivatives of tensions are kept.
+        (M D_M - m D_m) / (M - m) (Richardson extrapolation). Derivatives of tensions stay as they
+        are.
         """
         longest = nodes.interval if self.longest is None else self.longest
         finer = replace(self, dt=0.5 * min(self.dt, longest), pulls=False)
         m, M = self.steps(nodes.interval)[0], finer.steps(nodes.interval)[0]
         rough, fine = self.linearise(nodes), finer.linearise(nodes)
-        better = {
+        extrapolated = {
             name: (M * getattr(fine, name) - m * getattr(rough, name)) / (M - m)
             for name in ("A", "B", "by_c")
         }
-        return replace(rough, **better)
+        return replace(rough, **extrapolated)
 
     def linearise(self, nodes: Nodes) -> LinearEnds:
-        """Where the intervals lead, with derivatives."""
+        """The ends of the intervals with their derivatives."""
         table, N = self.marionette.coordinates, len(nodes)
         n, k = table.n_vD, table.n_vK
         n_x, n_s = 2 * n + 2 * k, 2 * n + 3 * k
         m, dt = self.steps(nodes.interval)
-        marionette, of_p = self.marionette, np.zeros(0, dtype=int)
+        marionette, parameter_columns = self.marionette, np.zeros(0, dtype=int)
         if self.chosen:
             marionette = self.chosen.marionette(nodes.parameters)
-            of_p = n_s + np.array(self.chosen.columns)
-        kept = np.concatenate([np.arange(n_s), of_p])
+            parameter_columns = n_s + np.array(self.chosen.columns)
+        columns = np.concatenate([np.arange(n_s), parameter_columns])
         x = (nodes.q_D[:-1], nodes.v_D[:-1], nodes.q_K[:-1], nodes.v_K[:-1])
         settled = np.ones(N, dtype=bool)
         for j in range(m):
             v_before = x[1]
-            one = marionette.linearise_steps(
+            step = marionette.linearise_steps(
                 *x, nodes.acc_K, dt=dt, pull=self.pulls and j == 0, threads=self.threads
             )
-            x = (one.q_D, one.v_D, one.q_K, one.v_K)
-            settled &= one.settled
-            by_D, by_K = one.motion[..., : 2 * n], one.motion[..., 2 * n : n_x]
-            K = one.driven
+            x = (step.q_D, step.v_D, step.q_K, step.v_K)
+            settled &= step.settled
+            step_by_D, step_by_K = step.motion[..., : 2 * n], step.motion[..., 2 * n : n_x]
+            K = step.driven
             if j == 0:
-                tension, taut = one.tension, one.held
+                tension, taut = step.tension, step.held
                 pull = (
-                    np.zeros((*tension.shape, one.motion.shape[2]))
-                    if one.pull is None
-                    else one.pull
+                    np.zeros((*tension.shape, step.motion.shape[2]))
+                    if step.pull is None
+                    else step.pull
                 )
-                X = one.motion[..., kept]
-                acc = one.motion[:, n : 2 * n].copy()
+                X = step.motion[..., columns]
+                acc = step.motion[:, n : 2 * n].copy()
                 acc[:, np.arange(n), n + np.arange(n)] -= 1.0
                 acc /= dt
-                whole = np.broadcast_to(K, (N, *K.shape[1:])).copy()
+                driven = np.broadcast_to(K, (N, *K.shape[1:])).copy()
                 continue
-            X = by_D @ X
-            X[..., 2 * n : n_s] += by_K @ whole
-            X[..., n_x:] += one.motion[..., n_x:][..., kept[n_x:] - n_x]
-            whole = K[..., : 2 * k] @ whole
-            whole[..., 2 * k :] += K[..., 2 * k :]
+            X = step_by_D @ X
+            X[..., 2 * n : n_s] += step_by_K @ driven
+            X[..., n_x:] += step.motion[..., n_x:][..., columns[n_x:] - n_x]
+            driven = K[..., : 2 * k] @ driven
+            driven[..., 2 * k :] += K[..., 2 * k :]
         A, B = np.zeros((N, nodes.n_z, nodes.n_z)), np.zeros((N, nodes.n_z, k))
         A[:, : 2 * n], B[:, : 2 * n] = X[..., :n_x], X[..., n_x:n_s]
-        A[:, 2 * n :, 2 * n :], B[:, 2 * n :] = whole[..., : 2 * k], whole[..., 2 * k :]
-        later = np.concatenate([x[1], (x[1] - v_before) / dt, x[3], nodes.acc_K], axis=1)
-        by_c = np.zeros((N, nodes.n_z, 1 + len(of_p)))
-        by_c[..., 0], by_c[:, : 2 * n, 1:] = later, X[..., n_s:]
-        pull_c, acc_c = (np.pad(a[..., of_p], ((0, 0), (0, 0), (1, 0))) for a in (pull, acc))
-        start_c = np.zeros((nodes.n_z, 1 + len(of_p)))
+        A[:, 2 * n :, 2 * n :], B[:, 2 * n :] = driven[..., : 2 * k], driven[..., 2 * k :]
+        rates = np.concatenate([x[1], (x[1] - v_before) / dt, x[3], nodes.acc_K], axis=1)
+        by_c = np.zeros((N, nodes.n_z, 1 + len(parameter_columns)))
+        by_c[..., 0], by_c[:, : 2 * n, 1:] = rates, X[..., n_s:]
+        pull_c, acc_c = (
+            np.pad(a[..., parameter_columns], ((0, 0), (0, 0), (1, 0))) for a in (pull, acc)
+        )
+        start_c = np.zeros((nodes.n_z, 1 + len(parameter_columns)))
         if self.chosen:
             start_c[:, 1:] = self.chosen.start_by(nodes.parameters)
         return LinearEnds(

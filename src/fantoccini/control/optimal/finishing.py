@@ -1,4 +1,4 @@
-"""Sequence of searches: with time steps, with exact derivatives, with event-driven runs."""
+"""Searches in sequence: with time steps, with exact derivatives, with event-driven runs."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ _MAX_RESTARTS = 3
 _RESTART_ITERATIONS = 8
 _MIN_COST_DECREASE = 1e-4
 """Relative decrease of the cost above which the result of a restart is kept."""
-_CONFIRM = 60.0
-"""Time that an event-driven run of the answer has at least [s]."""
-_RUNS_LEFT = 20.0
-"""Event-driven runs for which there must be time to improve the answer by them."""
+_CONFIRMATION_TIME = 60.0
+"""Least time limit of the event-driven run of an answer [s]."""
+_MIN_REMAINING_RUNS = 20.0
+"""Least remaining time for a search by event-driven runs, in durations of one run."""
 
 
 def iterate(runs: EventRuns, nodes: Nodes, objective: Objective) -> Iterate | None:
-    """The motion of the nodes' inputs; None where there is none."""
-    made = runs.run(nodes)
-    if made is None:
+    """The motion of the nodes' inputs; None if it cannot be simulated."""
+    nodes_and_run = runs.run(nodes)
+    if nodes_and_run is None:
         return None
-    ends = runs.ends(*made)
-    return Iterate(made[0], ends, objective.cost(made[0], ends))
+    ends = runs.ends(*nodes_and_run)
+    return Iterate(nodes_and_run[0], ends, objective.cost(nodes_and_run[0], ends))
 
 
 def search_minimum(
     runs: EventRuns, at: Iterate, objective: Objective, limits: Limits, note: OnProgress
 ) -> tuple[EventRuns, Iterate]:
-    """Searches with time steps, with exact derivatives, and from perturbed solutions.
+    """The best motion of searches with time steps, exact derivatives, and perturbed solutions.
 
     Driven rotations have no exact derivatives.
     """
@@ -55,20 +55,20 @@ def search_minimum(
     is_fine = rotates or isinstance(runs, ExactRuns)
     finer = runs if is_fine else ExactRuns(runs.steps, runs.chosen)
     solved = None
-    for pushes in range(1 + _MAX_RESTARTS):
+    for n_restarts in range(1 + _MAX_RESTARTS):
         if not is_fine:
             at = _search_by_steps(runs, at, objective, limits, note)
         at = _search_exactly(finer, at, objective, limits, note)
         if at.kkt > limits.tolerance:
             break
         solved = at
-        if pushes == _MAX_RESTARTS:
+        if n_restarts == _MAX_RESTARTS:
             break
-        beside = restart_from_perturbed(runs, at, objective, limits.until)
-        if beside is None:
+        restarted = restart_from_perturbed(runs, at, objective, limits.until)
+        if restarted is None:
             break
         at = replace(
-            beside, iterations=at.iterations, stationarity=np.inf, stalled=False, settled=False
+            restarted, iterations=at.iterations, stationarity=np.inf, stalled=False, settled=False
         )
     if solved is not None and at.kkt > limits.tolerance and is_worse(at, solved, objective):
         at = replace(solved, iterations=at.iterations)
@@ -78,28 +78,30 @@ def search_minimum(
 def _search_by_steps(
     runs: EventRuns, at: Iterate, objective: Objective, limits: Limits, note: OnProgress
 ) -> Iterate:
-    """The search with derivatives of time steps, for at most half of the remaining iterations.
+    """The result of a search with derivatives of time steps, by half of the remaining iterations.
 
     It ends earlier if the derivatives do not predict the decrease of the cost.
     """
-    some = (limits.iterations - at.iterations + 1) // 2
+    n_iterations = (limits.iterations - at.iterations + 1) // 2
     tolerance = max(limits.cost_tolerance, COARSE)
-    limits = replace(limits, cost_tolerance=tolerance, iterations=some, damping=SETTINGS.calm)
+    limits = replace(
+        limits, cost_tolerance=tolerance, iterations=n_iterations, damping=SETTINGS.calm
+    )
     return Search(at, runs, objective, limits).run(note)
 
 
 def _search_exactly(
     runs: EventRuns, coarse: Iterate, objective: Objective, limits: Limits, note: OnProgress
 ) -> Iterate:
-    """The search continued with exact derivatives of the run.
+    """The result of a search continued with exact derivatives of the run.
 
     Derivatives of time steps have errors of the order of the step, and so has their optimum.
     """
     start = Iterate(
         coarse.nodes, coarse.ends, coarse.cost, iterations=coarse.iterations, force=coarse.force
     )
-    left = replace(limits, iterations=limits.iterations - coarse.iterations)
-    at = Search(start, runs, objective, left).run(note)
+    remaining = replace(limits, iterations=limits.iterations - coarse.iterations)
+    at = Search(start, runs, objective, remaining).run(note)
     if at.kkt > limits.tolerance and is_worse(at, coarse, objective):
         # The residual by time steps does not apply to the run; keep the exact one.
         stationarity = max(coarse.stationarity, at.stationarity)
@@ -117,59 +119,63 @@ def _search_exactly(
 def restart_from_perturbed(
     runs: EventRuns, at: Iterate, objective: Objective, until: float
 ) -> Iterate | None:
-    """A motion of lower cost, searched from a perturbed solution; None if none is found.
+    """A motion of lower cost, searched from a perturbed solution; None if there is none.
 
-    The conditions of optimality also hold at saddles, for instance where everything hangs still and
+    The conditions of optimality also hold at saddles, for instance if everything hangs still and
     changes have no first-order effect. Costs include the error of the end by its multipliers.
     """
     nodes, driven = at.nodes, Driven.of(objective.task)
     noise = np.random.default_rng(0).uniform(-_PERTURBATION, _PERTURBATION, nodes.acc_K.shape)
     noise[:, driven.most == 0.0] = 0.0
-    pushed = driven.within((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]
-    cheap = EventRuns(runs.steps, runs.chosen, until)
-    start = iterate(cheap, replace(nodes, acc_K=pushed, run=None), objective)
+    perturbed = driven.within((nodes.acc_K + driven.scale * noise)[None], nodes.interval)[0]
+    limited_runs = EventRuns(runs.steps, runs.chosen, until)
+    start = iterate(limited_runs, replace(nodes, acc_K=perturbed, run=None), objective)
     if start is None:
         return None
     start.force = at.force
-    found = Search(start, cheap, objective, Limits(0.0, 0.0, _RESTART_ITERATIONS, until)).run()
-    saved = merit(objective, at, at.force) - merit(objective, found, at.force)
-    return found if saved > _MIN_COST_DECREASE * abs(at.cost) else None
+    result = Search(
+        start, limited_runs, objective, Limits(0.0, 0.0, _RESTART_ITERATIONS, until)
+    ).run()
+    saved = merit(objective, at, at.force) - merit(objective, result, at.force)
+    return result if saved > _MIN_COST_DECREASE * abs(at.cost) else None
 
 
 def is_worse(at: Iterate, before: Iterate, objective: Objective) -> bool:
-    """Whether a motion misses more than one before it, or costs more where both hold."""
-    missed, allowed = (
-        float(np.max(np.abs(objective.gap(one.nodes)), initial=0.0))
-        + passed_bound(objective, one.nodes, one.ends).size
-        for one in (at, before)
+    """Whether a motion violates more than an earlier one, or costs more if both hold."""
+    error, error_before = (
+        float(np.max(np.abs(objective.gap(iterate_.nodes)), initial=0.0))
+        + passed_bound(objective, iterate_.nodes, iterate_.ends).size
+        for iterate_ in (at, before)
     )
-    if max(missed, allowed) <= HOLDS:
+    if max(error, error_before) <= HOLDS:
         return at.cost > before.cost + _SAME_COST * abs(before.cost)
-    return missed > max(allowed, HOLDS)
+    return error > max(error_before, HOLDS)
 
 
 def confirmed(
     runs: EventRuns, at: Iterate, objective: Objective, limits: Limits, note: OnProgress
 ) -> tuple[EventRuns, Iterate]:
-    """The motion of time steps as an event-driven run, improved where there is time for it.
+    """The event-driven run of a motion of time steps, improved if there is time for it.
 
-    The same where the event-driven run does not arrive in time.
+    The motion of time steps is returned if the event-driven run does not arrive in time.
     """
-    began = time.perf_counter()
-    events = EventRuns(runs.steps, runs.chosen, max(limits.until, began + _CONFIRM))
-    made = iterate(events, at.nodes, objective)
-    if made is None:
+    start_time = time.perf_counter()
+    event_runs = EventRuns(
+        runs.steps, runs.chosen, max(limits.until, start_time + _CONFIRMATION_TIME)
+    )
+    event_iterate = iterate(event_runs, at.nodes, objective)
+    if event_iterate is None:
         return runs, at
-    now = time.perf_counter()
-    made = replace(
+    end_time = time.perf_counter()
+    event_iterate = replace(
         at,
-        nodes=made.nodes,
-        ends=made.ends,
-        cost=made.cost,
+        nodes=event_iterate.nodes,
+        ends=event_iterate.ends,
+        cost=event_iterate.cost,
         damping=SETTINGS.first_damping,
         stalled=False,
         settled=False,
     )
-    if limits.until - now > _RUNS_LEFT * (now - began):
-        made = Search(made, events, objective, limits).run(note)
-    return replace(events, until=np.inf), made
+    if limits.until - end_time > _MIN_REMAINING_RUNS * (end_time - start_time):
+        event_iterate = Search(event_iterate, event_runs, objective, limits).run(note)
+    return replace(event_runs, until=np.inf), event_iterate

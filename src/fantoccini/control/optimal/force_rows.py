@@ -1,8 +1,8 @@
-"""Rows of the forces that drive coordinates, just after the nodes.
+"""Rows for the forces that drive coordinates, just after the nodes.
 
     low <= f_K <= high,   f_K = M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda
 
-The accelerations acc_D and the tensions hang on the state and the inputs as well:
+The accelerations acc_D and the tensions depend on the state and the inputs, too:
 
     df_K = f_K(x + dx, acc_K + du, acc_D + acc (dx, du), tension + pull (dx, du)) - f_K
 """
@@ -16,23 +16,23 @@ from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.tasks import Chosen, Nodes, Task
 from fantoccini.dynamics.marionette import Marionette
 
-_STEP = 1e-6
-"""Of differences [m, rad and their rates]."""
-_ROUNDING = 1e-12
-"""Of times [s]."""
+_DIFFERENCE = 1e-6
+"""Step of finite differences [m, rad and their rates]."""
+_TIME_ROUNDING = 1e-12
+"""Rounding error of times [s]."""
 
 
 class ForceRows:
-    """The forces of a task that have bounds.
+    """Rows for the forces with bounds in a task.
 
     Attributes:
-        names: of the driven velocities.
+        names: names of the driven velocities.
         low, high: (m,) their bounds [N or N m].
 
     Args:
         task: see :class:`Task`.
-        chosen: parameters along with the motion.
-        c: of its constants, those that programs have.
+        chosen: the parameters chosen along with the motion.
+        c: indices of the motion's constants that programs have.
     """
 
     def __init__(self, task: Task, chosen: Chosen, c: Indices):
@@ -44,52 +44,52 @@ class ForceRows:
         return len(self._columns)
 
     def value(self, nodes: Nodes, ends: Ends) -> Array:
-        """(N, m) [N or N m].
+        """(N, m) forces [N or N m].
 
         Raises:
-            StateError: the nodes are those of no run.
+            StateError: nodes that do not belong to a run.
         """
         if not len(self):
             return np.zeros((len(nodes), 0))
-        marionette, still = self._chosen.marionette(nodes.parameters), np.zeros((1, nodes.n_z))
+        marionette, zeros = self._chosen.marionette(nodes.parameters), np.zeros((1, nodes.n_z))
         acc_D, u = _accelerations(nodes), np.zeros((1, nodes.acc_K.shape[1]))
-        return self._at(marionette, nodes, still, u, acc_D, ends.tension)[0]
+        return self._at(marionette, nodes, zeros, u, acc_D, ends.tension)[0]
 
     def by(self, nodes: Nodes, linear: LinearEnds) -> Array:
         """(N, m, n_z + n_c + n_vK) derivatives by the state, constants and accelerations."""
         N, n_z, k = len(nodes), nodes.n_z, nodes.acc_K.shape[1]
         n_c = linear.B.shape[1] - n_z
-        out = np.zeros((N, len(self), n_z + n_c + k))
+        derivatives = np.zeros((N, len(self), n_z + n_c + k))
         if not len(self):
-            return out
+            return derivatives
         acc_D = _accelerations(nodes)
-        moves = np.concatenate([np.arange(n_z), n_z + n_c + np.arange(k)])
-        way = _STEP * np.eye(n_z + k)
-        # (n, N, ...) of the directions of all moves
-        acc, pull = (np.moveaxis(a[..., moves], 2, 0) for a in (linear.acc, linear.pull))
+        columns = np.concatenate([np.arange(n_z), n_z + n_c + np.arange(k)])
+        steps = _DIFFERENCE * np.eye(n_z + k)
+        # (n, N, ...) for all directions
+        acc, pull = (np.moveaxis(a[..., columns], 2, 0) for a in (linear.acc, linear.pull))
         marionette = self._chosen.marionette(nodes.parameters)
         ends = [
             self._at(
                 marionette,
                 nodes,
-                sign * way[:, :n_z],
-                sign * way[:, n_z:],
-                acc_D + sign * _STEP * acc,
-                linear.tension + sign * _STEP * pull,
+                sign * steps[:, :n_z],
+                sign * steps[:, n_z:],
+                acc_D + sign * _DIFFERENCE * acc,
+                linear.tension + sign * _DIFFERENCE * pull,
             )
             for sign in (-1.0, 1.0)
         ]
-        out[..., moves] = np.moveaxis(ends[1] - ends[0], 0, 2) / (2.0 * _STEP)
+        derivatives[..., columns] = np.moveaxis(ends[1] - ends[0], 0, 2) / (2.0 * _DIFFERENCE)
         neighbours = self._chosen.neighbours(nodes.parameters)
-        still, u = np.zeros((1, n_z)), np.zeros((1, k))
+        zeros, u = np.zeros((1, n_z)), np.zeros((1, k))
         for j, i in enumerate(self._c):
-            if i == 0:  # the length of intervals does not change what is at a node
+            if i == 0:  # the length of intervals does not affect the values at a node
                 continue
-            found = [
+            forces = [
                 self._at(
                     self._chosen.marionette(p),
                     nodes,
-                    still,
+                    zeros,
                     u,
                     acc_D + (p[i - 1] - nodes.parameters[i - 1]) * linear.acc[..., n_z + j],
                     linear.tension
@@ -98,17 +98,17 @@ class ForceRows:
                 for p in neighbours[i - 1]
             ]
             below, above = neighbours[i - 1]
-            out[..., n_z + j] = (found[1] - found[0]) / (above[i - 1] - below[i - 1])
-        return out
+            derivatives[..., n_z + j] = (forces[1] - forces[0]) / (above[i - 1] - below[i - 1])
+        return derivatives
 
     def _at(
         self, marionette: Marionette, nodes: Nodes, z: Array, u: Array, acc_D: Array, tension: Array
     ) -> Array:
-        """(n, N, m) forces where states and accelerations are changed by n rows z and u."""
-        lead = (len(z), len(nodes))
+        """(n, N, m) forces for n changes z and u of states and accelerations."""
+        shape = (len(z), len(nodes))
         parts = (*nodes.states(z), acc_D, nodes.acc_K + u[:, None], tension)
-        given = [np.broadcast_to(a, (*lead, a.shape[-1])) for a in parts]
-        return np.asarray(marionette.effort(*given)[..., self._columns])
+        arguments = [np.broadcast_to(a, (*shape, a.shape[-1])) for a in parts]
+        return np.asarray(marionette.effort(*arguments)[..., self._columns])
 
 
 def _accelerations(nodes: Nodes) -> Array:
@@ -116,5 +116,5 @@ def _accelerations(nodes: Nodes) -> Array:
     run = nodes.run
     if run is None:
         raise StateError("bounds of forces want the motion of a run")
-    at = np.searchsorted(run.t, nodes.t[:-1] + _ROUNDING, side="right") - 1
-    return np.asarray(run.acc_D[at])
+    index = np.searchsorted(run.t, nodes.t[:-1] + _TIME_ROUNDING, side="right") - 1
+    return np.asarray(run.acc_D[index])

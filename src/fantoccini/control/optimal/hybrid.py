@@ -1,9 +1,9 @@
-"""Event-driven runs with the exact derivatives of their intervals, through releases and catches.
+"""Event-driven runs with exact derivatives of their intervals, through releases and catches.
 
     z_{i+1} = A_i z_i + B_i u_i,   z = (dq_D, dv_D, dq_K, dv_K)
 
-Between events the variational equation holds; at a catch z jumps by the saltation matrix, in which
-the time of the event, an unknown of the hybrid problem, is eliminated by its guard h = 0
+Between events the variational equation holds. At a catch z jumps by the saltation matrix, which
+eliminates the time of the event by its guard h = 0
 (:mod:`fantoccini.dynamics.simulation.intervals`).
 """
 
@@ -22,7 +22,7 @@ from fantoccini.dynamics.simulation import interval_derivatives
 from fantoccini.motion import Trajectory
 
 _SAME_TIME = 1e-12
-"""Distance of times that are one [s]."""
+"""Largest difference of times that count as equal [s]."""
 
 
 class HybridRuns(EventRuns):
@@ -32,16 +32,16 @@ class HybridRuns(EventRuns):
         """See :class:`fantoccini.control.optimal.sqp.Shooting`.
 
         Raises:
-            SimulationError, StateError: a catch has no derivative.
+            SimulationError, StateError: catch without a derivative.
         """
         marionette, inputs = self.chosen.marionette(nodes.parameters), nodes.inputs()
         x0 = self.chosen.start(nodes.parameters)
         run = uninterrupted(marionette, x0, inputs, nodes.t[-1])  # with samples at breaks
         if run.status is not Status.DONE:
             raise SimulationError(run.status, f"at t = {run.t[-1]:.6g} s")
-        found = interval_derivatives(marionette, run, inputs)
-        before = np.searchsorted(run.t, nodes.t[1:] - _SAME_TIME)  # breaks and events have two
-        later = (run.v_D[before], run.acc_D[before], run.v_K[before], nodes.acc_K)
+        derivatives = interval_derivatives(marionette, run, inputs)
+        sample = np.searchsorted(run.t, nodes.t[1:] - _SAME_TIME)  # breaks and events have two
+        rates = (run.v_D[sample], run.acc_D[sample], run.v_K[sample], nodes.acc_K)
         N, n_s = len(nodes), nodes.n_z + nodes.acc_K.shape[1]
         columns = self.chosen.columns
         n_p = len(marionette.p)
@@ -49,29 +49,30 @@ class HybridRuns(EventRuns):
         acc = np.zeros((N, nodes.v_D.shape[1], n_s + n_p))
         if self.steps.pulls:
             pull, acc = _pulls(marionette, run, nodes)
-        by_p, none = found.C[..., columns], np.zeros((nodes.n_z, 1))
+        by_p, zeros = derivatives.C[..., columns], np.zeros((nodes.n_z, 1))
         return LinearEnds(
             ends.e,
             ends.tension,
             ends.taut,
             ends.settled,
-            found.A,
-            found.B,
+            derivatives.A,
+            derivatives.B,
             pull[..., :n_s],
             acc[..., :n_s],
-            by_c=np.concatenate([np.concatenate(later, axis=1)[..., None], by_p], axis=2),
+            by_c=np.concatenate([np.concatenate(rates, axis=1)[..., None], by_p], axis=2),
             pull_c=np.pad(pull[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
             acc_c=np.pad(acc[..., n_s:][..., columns], ((0, 0), (0, 0), (1, 0))),
-            start_c=np.concatenate([none, self.chosen.start_by(nodes.parameters)], axis=1),
+            start_c=np.concatenate([zeros, self.chosen.start_by(nodes.parameters)], axis=1),
         )
 
 
 @dataclass(frozen=True)
 class ExactRuns(HybridRuns):
-    """The same, with derivatives of time steps where a motion has no exact ones.
+    """Event-driven runs, with derivatives of time steps for motions without exact ones.
 
     Attributes:
-        reasons: why the last derivatives were those of time steps; none where they were exact.
+        reasons: reasons why the last derivatives were those of time steps; empty if they were
+            exact.
     """
 
     reasons: list[str] = field(default_factory=list, compare=False)
@@ -95,16 +96,28 @@ class ExactRuns(HybridRuns):
 
 
 def _pulls(marionette: Marionette, run: Trajectory, nodes: Nodes) -> tuple[Array, Array]:
-    """(N, n_rows or n_vD, n_z + n_vK + n_p) of tensions and accelerations just after the nodes."""
-    after = np.searchsorted(run.t, nodes.t[:-1] + _SAME_TIME, side="right") - 1
+    """(N, n_rows or n_vD, n_z + n_vK + n_p) derivatives of tensions and accelerations at nodes."""
+    samples = np.searchsorted(run.t, nodes.t[:-1] + _SAME_TIME, side="right") - 1
     names, two_sided = marionette.tree.row_names, marionette.two_sided
     pull: list[Array] = []
     acc: list[Array] = []
-    for i, acc_K in zip(after, nodes.acc_K, strict=True):
-        force = run.limit_force.values[i] > 0.0
-        held = np.concatenate([run.taut.values[i], force]) | two_sided
-        rows = [name for name, holds in zip(names, held, strict=True) if holds]
-        found = marionette.linearise(run.state(int(i)), acc_K, rows=rows)
-        for out, by in ((pull, found.pull), (acc, found.acc)):
-            out.append(np.concatenate([by.q_D, by.v_D, by.q_K, by.v_K, by.acc_K, by.p], axis=1))
+    for i, acc_K in zip(samples, nodes.acc_K, strict=True):
+        has_force = run.limit_force.values[i] > 0.0
+        held = np.concatenate([run.taut.values[i], has_force]) | two_sided
+        rows = [name for name, is_held in zip(names, held, strict=True) if is_held]
+        linear = marionette.linearise(run.state(int(i)), acc_K, rows=rows)
+        for blocks, derivatives in ((pull, linear.pull), (acc, linear.acc)):
+            blocks.append(
+                np.concatenate(
+                    [
+                        derivatives.q_D,
+                        derivatives.v_D,
+                        derivatives.q_K,
+                        derivatives.v_K,
+                        derivatives.acc_K,
+                        derivatives.p,
+                    ],
+                    axis=1,
+                )
+            )
     return np.array(pull), np.array(acc)

@@ -1,8 +1,8 @@
 """The outer loop of sequential quadratic programming.
 
-A method finds a step from the best motion so far, and goes along it as far as the motion gets
-better; the loop decides when that ends. Methods differ in their programs and in what is better: a
-filter (:mod:`.sqp`), a merit in a trust region (:mod:`.tightening`), or a line search to a goal
+A method computes a step from the best motion so far and takes as much of it as improves the motion;
+the loop decides when to end. Methods differ in their programs and in their measure of improvement:
+a filter (:mod:`.sqp`), a merit in a trust region (:mod:`.tightening`), or a line search to a goal
 (:mod:`fantoccini.control.planning.descent`).
 """
 
@@ -17,15 +17,15 @@ import numpy as np
 from fantoccini.base import Array, OnProgress, Progress
 from fantoccini.control.optimal.quadratic import StageProgram, StageSolution
 
-_SMALL_STEPS = 4
-"""In a row after which a motion counts as settled."""
+_MAX_SMALL_STEPS = 4
+"""Number of successive small steps after which a motion counts as settled."""
 
 
 class Improvable(Protocol):
-    """A motion that is improved.
+    """A motion that a method improves.
 
     Attributes:
-        iterations: made.
+        iterations: number of iterations so far.
     """
 
     iterations: int
@@ -36,7 +36,7 @@ class Improvable(Protocol):
 
     @property
     def settled(self) -> bool:
-        """Whether none is needed."""
+        """Whether no further step is needed."""
 
     @property
     def kkt(self) -> float:
@@ -48,7 +48,7 @@ StepT = TypeVar("StepT")
 
 
 class Method(Protocol[MotionT, StepT]):
-    """Steps, and whether they are taken.
+    """A method: the computation and acceptance of steps.
 
     Attributes:
         best: the best motion so far.
@@ -57,10 +57,10 @@ class Method(Protocol[MotionT, StepT]):
     best: MotionT
 
     def step(self) -> StepT | None:
-        """A step from the best motion, whose residuals are noted; None where there is none."""
+        """A step from the best motion, whose residuals are noted; None if there is none."""
 
     def along(self, step: StepT) -> MotionT | None:
-        """The motion after a step; None where it is not taken."""
+        """The motion after a step; None if the step is rejected."""
 
     def learn(self, step: StepT | None, taken: bool) -> None:
         """Prepares the next step, or notes that the best motion is stalled."""
@@ -68,14 +68,14 @@ class Method(Protocol[MotionT, StepT]):
 
 @dataclass(frozen=True)
 class Limits:
-    """When an optimisation ends.
+    """Conditions for the end of an optimisation.
 
     Attributes:
-        tolerance: of the KKT residual.
-        cost_tolerance: share of the cost; it ends after some steps that each save less.
-        iterations: at most.
-        until: time of ``time.perf_counter`` [s].
-        damping: of the Hessian, above which it ends.
+        tolerance: tolerance of the KKT residual.
+        cost_tolerance: relative decrease of the cost; it ends after several smaller steps in a row.
+        iterations: largest number of iterations.
+        until: time of ``time.perf_counter`` at which it ends [s].
+        damping: damping of the Hessian above which it ends.
     """
 
     tolerance: float
@@ -88,11 +88,11 @@ class Limits:
 def improve(
     method: Method[MotionT, StepT], limits: Limits, progress: OnProgress | None = None
 ) -> MotionT:
-    """Iterates until the motion is optimal, or there is no more progress.
+    """The best motion of iterations, which end when it is optimal or makes no more progress.
 
     Args:
-        method: finds and takes steps.
-        limits: when it ends.
+        method: computes and takes steps.
+        limits: conditions for the end.
         progress: called after every iteration; ``best`` is the best motion.
     """
     for _ in range(limits.iterations):
@@ -100,10 +100,10 @@ def improve(
         if at.stalled or at.settled or (step is not None and at.kkt <= limits.tolerance):
             break
         at.iterations += 1
-        made = None if step is None else method.along(step)
-        if made is not None:
-            method.best = made
-        method.learn(step, made is not None)
+        next_motion = None if step is None else method.along(step)
+        if next_motion is not None:
+            method.best = next_motion
+        method.learn(step, next_motion is not None)
         at = method.best
         if progress is not None:
             progress(Progress(done=at.iterations, total=limits.iterations, best=at))
@@ -113,7 +113,7 @@ def improve(
 
 
 class SmallSteps:
-    """Counts steps in a row that hardly help."""
+    """A count of successive steps that hardly help."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -121,14 +121,14 @@ class SmallSteps:
     def settle(self, is_small: bool) -> bool:
         """Whether the motion is settled after one more step."""
         self._count = self._count + 1 if is_small else 0
-        return self._count >= _SMALL_STEPS
+        return self._count >= _MAX_SMALL_STEPS
 
 
 def curved(program: StageProgram, solution: StageSolution) -> Array:
-    """(N, k + n_z) H d of a step d, neighbouring inputs included."""
+    """(N, k + n_z) product H d for a step d, including terms between neighbouring inputs."""
     u, z = solution.u, solution.z[1:]
     step = np.concatenate([u, z], axis=1)
-    out = np.einsum("nij,nj->ni", program.H, step)
-    out[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
-    out[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
-    return out
+    product = np.einsum("nij,nj->ni", program.H, step)
+    product[1:, : u.shape[1]] += np.einsum("nij,ni->nj", program.cross[1:], step[:-1])
+    product[:-1] += np.einsum("nij,nj->ni", program.cross[1:], u[1:])
+    return product

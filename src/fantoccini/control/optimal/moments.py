@@ -1,6 +1,6 @@
-"""Moments at which a motion is nearest to places, each in its window and some in turn.
+"""Moments at which a motion is nearest to places, each in its window and some in order.
 
-min over t_1 <= t_2 <= ... of sum |off_k(t_k)|^2,   low_k <= t_k <= high_k
+min over t_1 <= t_2 <= ... of sum_k |off_k(t_k)|^2,   low_k <= t_k <= high_k
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from scipy.optimize import brentq
 from fantoccini.base import Array, Times
 
 Off: TypeAlias = Callable[[int, Times], Array]
-"""(n, 3) how far the k-th touch is off its place at some times [m]."""
-_EVEN = 1e-10
-"""Of the square of a share of the window, by which equally near moments are told apart [m^2]."""
-_STEP = 1e-6
-"""Of differences of time [s]."""
+"""(n, 3) offsets of the k-th touch from its place at given times [m]."""
+_SPREAD_WEIGHT = 1e-10
+"""Weight of the squared share of a window, which spreads equally near moments [m^2]."""
+_DIFFERENCE = 1e-6
+"""Step of finite differences of time [s]."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """When a touch may be [s]; `in_turn` if no earlier than the one before."""
+    """The time window of a touch [s]; `in_turn` if it comes no earlier than the previous one."""
 
     low: float
     high: float
@@ -34,58 +34,58 @@ class Window:
 def nearest(off: Off, windows: Sequence[Window], step: float) -> Times:
     """The moments of least distance.
 
-    Where a point stands still, so that all moments are as near, touches are spread evenly, in the
-    order that they have.
+    If a point stands still, so that all moments are equally near, its touches are spread evenly, in
+    their order.
 
     Args:
         off: see :data:`Off`.
-        windows: of the touches.
-        step: between the times that are looked at first [s].
+        windows: windows of the touches.
+        step: spacing of the times of the first comparison [s].
 
     Returns:
-        (T,) times.
+        (T,) moments [s].
     """
-    found = np.zeros(len(windows))
+    times = np.zeros(len(windows))
     first = 0
     for k in range(1, len(windows) + 1):
         if k == len(windows) or not windows[k].in_turn:
-            found[first:k] = _chain(off, windows, range(first, k), step)
+            times[first:k] = _chain(off, windows, range(first, k), step)
             first = k
-    return found
+    return times
 
 
 def _chain(off: Off, windows: Sequence[Window], chain: range, step: float) -> Times:
-    """(n,) times of touches that come one after another: dynamic programming."""
+    """(n,) moments of touches in order, by dynamic programming."""
     times: list[Times] = []
-    ways: list[Array] = []
+    path_costs: list[Array] = []
     for k in chain:
         low, high = windows[k].low, windows[k].high
         t = np.linspace(low, high, max(9, int(np.ceil((high - low) / step)) + 1))
         middle = (k + 1) / (len(windows) + 1)
         share = np.linspace(0.0, 1.0, len(t)) - middle
-        cost = np.sum(np.square(off(k, t)), axis=1) + _EVEN * np.square(share)
+        cost = np.sum(np.square(off(k, t)), axis=1) + _SPREAD_WEIGHT * np.square(share)
         if times:
-            before = np.searchsorted(times[-1], t, side="right") - 1
-            least = np.minimum.accumulate(ways[-1])
-            cost += np.where(before >= 0, least[before], np.inf)
+            previous = np.searchsorted(times[-1], t, side="right") - 1
+            lowest = np.minimum.accumulate(path_costs[-1])
+            cost += np.where(previous >= 0, lowest[previous], np.inf)
         times.append(t)
-        ways.append(cost)
-    chosen, latest = [], np.inf
-    for t, cost in zip(reversed(times), reversed(ways), strict=True):
-        place = int(np.argmin(np.where(t <= latest, cost, np.inf)))
-        latest = t[place]
-        chosen.append((latest, t[1] - t[0]))
-    out, earliest = np.zeros(len(chain)), -np.inf
-    for j, (k, (t, gap)) in enumerate(zip(chain, reversed(chosen), strict=True)):
+        path_costs.append(cost)
+    selected, latest = [], np.inf
+    for t, cost in zip(reversed(times), reversed(path_costs), strict=True):
+        index = int(np.argmin(np.where(t <= latest, cost, np.inf)))
+        latest = t[index]
+        selected.append((latest, t[1] - t[0]))
+    refined, earliest = np.zeros(len(chain)), -np.inf
+    for j, (k, (t, spacing)) in enumerate(zip(chain, reversed(selected), strict=True)):
         low = max(windows[k].low, earliest)
-        out[j] = _refined(off, k, t, gap, low, max(low, windows[k].high))
-        earliest = out[j]
-    return out
+        refined[j] = _refined(off, k, t, spacing, low, max(low, windows[k].high))
+        earliest = refined[j]
+    return refined
 
 
-def _refined(off: Off, k: int, t: float, gap: float, low: float, high: float) -> float:
-    """The stationary moment near a time, or the end of low to high that is nearest."""
-    a, b = max(t - gap, low), min(t + gap, high)
+def _refined(off: Off, k: int, t: float, spacing: float, low: float, high: float) -> float:
+    """The stationary moment near a time, or the nearer end of the interval from low to high."""
+    a, b = max(t - spacing, low), min(t + spacing, high)
     if a >= b:
         t = min(max(t, low), high)
     else:
@@ -96,17 +96,17 @@ def _refined(off: Off, k: int, t: float, gap: float, low: float, high: float) ->
             t = a
         elif slopes[0] <= 0.0 and slopes[1] <= 0.0 and any(slopes):
             t = b
-        else:  # it stands still, or is farthest between
+        else:  # it stands still, or its distance has a maximum between
             t = min((a, min(max(t, a), b), b), key=lambda x: _square(off, k, x, t))
     return float(t)
 
 
 def _square(off: Off, k: int, time: float, middle: float) -> float:
     square = float(np.sum(np.square(off(k, np.array([time])))))
-    return square + _EVEN * (time - middle) ** 2
+    return square + _SPREAD_WEIGHT * (time - middle) ** 2
 
 
 def _slope(off: Off, k: int, time: float) -> float:
-    """Of half the square of the distance by time."""
-    before, now, after = off(k, np.array([time - _STEP, time, time + _STEP]))
-    return float(now @ (after - before))
+    """Derivative of half the squared distance with respect to time."""
+    previous, current, following = off(k, np.array([time - _DIFFERENCE, time, time + _DIFFERENCE]))
+    return float(current @ (following - previous))

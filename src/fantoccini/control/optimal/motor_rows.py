@@ -1,11 +1,12 @@
-"""Rows of the voltages and currents of dc motors, where intervals begin and where they end.
+"""Rows for the voltages and currents of dc motors, at the beginning and end of intervals.
 
     |R i + k n v| <= voltage,  |i| <= current,   i = f / (n k)
 
 f is the force that the controller asks for (:mod:`fantoccini.kernel.equations.drives`), and v the
-velocity of its coordinate. A motor within its own limits exerts it; beyond them its voltage is at a
-limit, whatever the motion is, and what is asked for tells the way back. f depends on the state and
-the commands' accelerations alone. So accelerations that jump at nodes give two rows an interval,
+velocity of its coordinate. A motor within its own limits exerts this force. Beyond them its voltage
+stays at a limit whatever the motion; the requested force then still shows the way back. f depends
+only on the state and the commands' accelerations. As accelerations jump at nodes, each interval has
+two rows,
 
     just after node i:  r(z_i, acc_i),   just before node i + 1:  r(z_{i+1}, acc_i)
 """
@@ -20,22 +21,22 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import DirectCurrent
 from fantoccini.model.tree import DriveRow
 
-_STEP = 1e-6
-"""Of differences [m, rad and their rates]."""
+_DIFFERENCE = 1e-6
+"""Step of finite differences [m, rad and their rates]."""
 
 
 class MotorRows:
-    """The voltages and currents of a task that have bounds.
+    """Rows for the voltages and currents with bounds in a task.
 
     Attributes:
-        names: (m / 2,) of those where intervals begin, or end.
-        most: (m,) their largest magnitudes; those where intervals begin, then where they end
+        names: (m / 2,) names of the quantities.
+        most: (m,) their largest magnitudes, at the beginning of intervals, then at the end
             [V or A].
 
     Args:
         task: see :class:`Task`.
-        chosen: parameters along with the motion.
-        c: of its constants, those that programs have.
+        chosen: the parameters chosen along with the motion.
+        c: indices of the motion's constants that programs have.
     """
 
     def __init__(self, task: Task, chosen: Chosen, c: Indices):
@@ -56,7 +57,7 @@ class MotorRows:
         return len(self.most)
 
     def value(self, nodes: Nodes) -> Array:
-        """(N, m) [V or A]."""
+        """(N, m) voltages and currents [V or A]."""
         return self._values(self._chosen.marionette(nodes.parameters), nodes)
 
     def by(self, nodes: Nodes, n_c: int) -> Array:
@@ -64,34 +65,37 @@ class MotorRows:
 
         Args:
             nodes: the motion.
-            n_c: how many constants follow the numbers of a state.
+            n_c: number of constants that follow the numbers of a state.
         """
         N, n_z, k, m = len(nodes), nodes.n_z, nodes.acc_K.shape[1], len(self._drives)
-        out = np.zeros((N, len(self), 2 * (n_z + n_c) + k))
+        derivatives = np.zeros((N, len(self), 2 * (n_z + n_c) + k))
         if not m:
-            return out
+            return derivatives
         marionette, n_s = self._chosen.marionette(nodes.parameters), n_z + n_c
-        way = _STEP * np.eye(n_z + k)
+        steps = _DIFFERENCE * np.eye(n_z + k)
         neighbours = self._chosen.neighbours(nodes.parameters)
         for first, rows, begin in ((0, slice(m), 0), (1, slice(m, 2 * m), n_s + k)):
             below, above = (
-                self._at(marionette, nodes, first, sign * way[:, :n_z], sign * way[:, n_z:])
+                self._at(marionette, nodes, first, sign * steps[:, :n_z], sign * steps[:, n_z:])
                 for sign in (-1.0, 1.0)
             )
-            moves = np.concatenate([begin + np.arange(n_z), n_s + np.arange(k)])
-            out[:, rows, moves] = np.moveaxis(above - below, 0, 2) / (2.0 * _STEP)
+            columns = np.concatenate([begin + np.arange(n_z), n_s + np.arange(k)])
+            derivatives[:, rows, columns] = np.moveaxis(above - below, 0, 2) / (2.0 * _DIFFERENCE)
         for j, i in enumerate(self._c):
-            if i == 0:  # the length of intervals does not change what is at a node
+            if i == 0:  # the length of intervals does not affect the values at a node
                 continue
             below, above = neighbours[i - 1]
             change = self._values(self._chosen.marionette(above), nodes)
             change -= self._values(self._chosen.marionette(below), nodes)
             change /= above[i - 1] - below[i - 1]
-            out[:, :m, n_z + j], out[:, m:, n_s + k + n_z + j] = change[:, :m], change[:, m:]
-        return out
+            derivatives[:, :m, n_z + j], derivatives[:, m:, n_s + k + n_z + j] = (
+                change[:, :m],
+                change[:, m:],
+            )
+        return derivatives
 
     def _values(self, marionette: Marionette, nodes: Nodes) -> Array:
-        """(N, m) of one puppet."""
+        """(N, m) values for one puppet."""
         if not self._drives:
             return np.zeros((len(nodes), 0))
         z, u = np.zeros((1, nodes.n_z)), np.zeros((1, nodes.acc_K.shape[1]))
@@ -99,7 +103,7 @@ class MotorRows:
         return np.concatenate(ends, axis=1)
 
     def _at(self, marionette: Marionette, nodes: Nodes, first: int, z: Array, u: Array) -> Array:
-        """(n, N, m / 2) values where states and accelerations are changed by n rows z and u."""
+        """(n, N, m / 2) values for n changes z and u of states and accelerations."""
         q_D, v_D, q_K, v_K = nodes.states(z, first)
         force = marionette.library.evaluate(
             "motor_demands",
@@ -110,11 +114,11 @@ class MotorRows:
             acc_K=nodes.acc_K + u[:, None],
             p=marionette.p,
         ).f_D
-        found = [
+        values = [
             _electric(marionette, drive, force, v_D, j < self._n_voltages)
             for j, drive in enumerate(self._drives)
         ]
-        return np.stack(found, axis=-1)
+        return np.stack(values, axis=-1)
 
 
 def _electric(

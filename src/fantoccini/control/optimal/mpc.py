@@ -1,9 +1,9 @@
-"""Model predictive control: the best inputs from a measured state over a horizon that goes along.
+"""Model predictive control: the best inputs from a measured state over a moving horizon.
 
-    min J(x, acc_K) over [t, t + horizon],   x_{i+1} = F(x_i, acc_i),   x_0 as measured
+    min J(x, acc_K) over [t, t + horizon],   x_{i+1} = F(x_i, acc_i),   x_0 measured
 
-An update makes one step of sequential quadratic programming from the inputs of the update before
-(the real-time iteration of Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005): predict,
+An update makes one step of sequential quadratic programming from the inputs of the last update (the
+real-time iteration of Diehl, Bock and Schloeder, SIAM J. Control Optim. 43, 2005): predict,
 linearise along the prediction, solve one program of stages, predict again along the step.
 """
 
@@ -31,11 +31,11 @@ from fantoccini.motion import State
 Targets = Mapping[str | tuple[str, tuple[float, float, float]], Target]
 
 SPEED, ACCELERATION = 1.5, 10.0
-"""Bounds of driven coordinates where there is no task: a brisk hand [m/s, m/s^2, rad/s ...]."""
+"""Default bounds of driven coordinates without a task: a brisk hand [m/s, m/s^2, rad/s ...]."""
 
 
 class MPCStatus(enum.Enum):
-    """What an update came to."""
+    """The outcome of an update."""
 
     IMPROVED = "a step of the program lowered the cost of the prediction"
     KEPT = "no step lowered the cost; the inputs of the update before go on"
@@ -44,16 +44,16 @@ class MPCStatus(enum.Enum):
 
 @dataclass(frozen=True)
 class MPCSettings:
-    """Numbers of updates."""
+    """Parameters of updates."""
 
     damping: float = 1e-5
-    """Of the Hessian, in units of the cost."""
+    """Damping of the Hessian, in units of the cost."""
     price: float = 3.0
-    """Of a unit of violation of a row, in units of the cost."""
+    """Price of a unit of violation of a row, in units of the cost."""
     shares: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)
-    """Of a step that are predicted."""
+    """Step lengths of the line search."""
     kept: int = 32
-    """Updates whose inputs, and times, are remembered."""
+    """Number of updates whose inputs and durations are kept."""
 
 
 SETTINGS = MPCSettings()
@@ -61,14 +61,14 @@ SETTINGS = MPCSettings()
 
 @dataclass(frozen=True, eq=False)
 class _Plan:
-    """Accelerations (N, n_vK) from a time on, each over an interval [s]; 0 after them."""
+    """Accelerations (N, n_vK) from a start time, each for an interval [s]; 0 afterwards."""
 
     start: float
     interval: float
     acc_K: Array
 
     def at(self, t: float) -> Array:
-        """(n_vK,)."""
+        """(n_vK,) accelerations at a time."""
         i = math.floor((t - self.start) / self.interval + 1e-9)
         return self.acc_K[i] if 0 <= i < len(self.acc_K) else np.zeros_like(self.acc_K[0])
 
@@ -83,44 +83,44 @@ class MPC:
         while stepper.state.t < 2.0:
             stepper.advance(mpc.interval, mpc.step(stepper.state))
 
-    The answer holds for ``interval`` from the time ``t`` at which it comes into force. Where that
-    is later than the measurement, because the update takes time, the state is predicted until
-    then under the answers given before. An answer that does not come in time is replaced by
-    :meth:`acceleration`, what the update before had planned.
+    The answer holds for ``interval`` from the time ``t`` at which it comes into force. If that is
+    later than the measurement, because the update takes time, the state is predicted until then
+    under the earlier answers. An answer that comes too late is replaced by :meth:`acceleration`,
+    the plan of the last update.
 
-    Strings may be slack, and solids touch: predictions are time steps, and derivatives hold for
+    Strings may be slack, and solids may touch: predictions are time steps, and derivatives hold for
     the strings that pull in them and for the points that stick, slide or are open.
 
     Attributes:
         marionette: the puppet.
-        interval: over which accelerations are constant: the horizon over the nodes [s].
-        nodes: intervals of the horizon.
-        deadline: time that an update may take [s].
-        status: what the last update came to.
+        interval: time over which accelerations are constant: horizon / nodes [s].
+        nodes: number of intervals in the horizon.
+        deadline: time limit of an update [s].
+        status: outcome of the last update.
         prediction: states from the last update on; None before the first.
         cost: J of the prediction.
-        updates: made.
-        kept, braked: of those, the ones that ended as :class:`MPCStatus` says.
-        missed: updates that took longer than the deadline.
-        skipped: intervals that passed without an update.
-        seconds: that the last update took [s].
+        updates: number of updates.
+        kept, braked: numbers of updates with the :class:`MPCStatus` ``KEPT`` and ``BRAKES``.
+        missed: number of updates that took longer than the deadline.
+        skipped: number of intervals that passed without an update.
+        seconds: duration of the last update [s].
 
     Args:
         marionette: the puppet.
-        task: a :class:`Task`, of which tracks, smoothness, obstacles and bounds count, but those of
-            tensions; paths go along with time. Or targets as :func:`follow` takes them.
-        horizon: [s].
+        task: a :class:`Task`, of which tracks, smoothness, obstacles and bounds are used, except
+            bounds of tensions; paths move along with time. Or targets as for :func:`follow`.
+        horizon: length of the horizon [s].
         nodes: see above.
-        bounds, smooth: where no task is given.
-        weight: of every target, likewise [1/m^2 or 1/rad^2].
-        dt: longest time step of predictions [s]; half an interval when not given.
-        deadline: the interval when not given [s].
-        threads: for derivatives.
+        bounds, smooth: bounds and smoothness if no task is given.
+        weight: weight of every target, likewise [1/m^2 or 1/rad^2].
+        dt: longest time step of predictions [s]; by default half an interval.
+        deadline: time limit of an update [s]; by default the interval.
+        threads: number of threads for derivatives.
 
     Raises:
-        StateError: the task is not well defined, its duration is free, it has an end, or the
-            puppet has winches that slip.
-        UnknownNameError: a name that is none.
+        StateError: ill-defined task, free duration, task with an end, or puppet with winches that
+            slip.
+        UnknownNameError: unknown name.
     """
 
     def __init__(
@@ -163,20 +163,20 @@ class MPC:
             dt=dt,
             obstacles=obstacles,
         )
-        # A slack string has no derivative by which it would be pulled taut again.
+        # A slack string has no derivative that would pull it taut again.
         self._task = replace(self._task, bounds=replace(self._task.bounds, tension={}))
         self._objectives: dict[tuple[int, ...], Objective] = {}
-        self._most = self._task.bounds.magnitudes(marionette, "acceleration")
+        self._max_acceleration = self._task.bounds.magnitudes(marionette, "acceleration")
         self._steps = ClampedSteps(marionette, dt, threads)
         self._solved_at = math.nan
         self._predictions = Predictions(marionette, dt, len(SETTINGS.shares))
         self._plans: deque[_Plan] = deque(maxlen=SETTINGS.kept)
-        self._times: deque[float] = deque(maxlen=SETTINGS.kept)
+        self._update_times: deque[float] = deque(maxlen=SETTINGS.kept)
         self.status: MPCStatus | None = None
         self.prediction: Nodes | None = None
         self.cost, self.seconds = math.nan, 0.0
         self.updates = self.kept = self.braked = self.missed = self.skipped = 0
-        self._load()
+        self._warm_up()
 
     def __repr__(self) -> str:
         status = "not begun" if self.status is None else self.status.name
@@ -187,21 +187,21 @@ class MPC:
 
     @property
     def latency(self) -> float:
-        """The longest that one of the last updates took [s]; 0 before the first.
+        """The longest of the last updates [s]; 0 before the first.
 
         ``mpc.step(x, x.t + mpc.latency)`` is in time for a puppet that does not wait.
         """
-        return max(self._times, default=0.0)
+        return max(self._update_times, default=0.0)
 
     def step(self, x: State, t: float | None = None) -> Array:
-        """(n_vK,) the accelerations of the driven coordinates from ``t`` on, for an interval.
+        """(n_vK,) accelerations of the driven coordinates from ``t`` on, for an interval.
 
         Args:
-            x: the state as measured, at its time.
-            t: when the answer comes into force [s]; at the state's time when not given.
+            x: the measured state, with its time.
+            t: time at which the answer comes into force [s]; by default the state's time.
 
         Raises:
-            StateError: the state is none of this puppet, or t lies before it.
+            StateError: state of another puppet, or t before its time.
         """
         began = time.perf_counter()
         self.marionette.check_state(x)
@@ -210,12 +210,12 @@ class MPC:
             raise StateError(f"t is {t:g} s, before the state's time of {x.t:g} s")
         acc_K = self._update(x, t)
         self.seconds = time.perf_counter() - began
-        self._times.append(self.seconds)
+        self._update_times.append(self.seconds)
         self.missed += self.seconds > self.deadline
         return acc_K
 
     def acceleration(self, t: float) -> Array:
-        """(n_vK,) what is planned for a time: 0 before the first update, and after the horizon."""
+        """(n_vK,) planned accelerations at a time; 0 before the first update and after the plan."""
         in_force = [plan for plan in self._plans if plan.start <= t + 1e-9]
         if not in_force:
             return np.zeros(self.marionette.coordinates.n_vK)
@@ -223,23 +223,23 @@ class MPC:
 
     def _update(self, x: State, t: float) -> Array:
         if self._plans:
-            since = (t - self._plans[-1].start) / self.interval
-            self.skipped += max(0, math.floor(since - 1.0 + 1e-6))
+            intervals_since_update = (t - self._plans[-1].start) / self.interval
+            self.skipped += max(0, math.floor(intervals_since_update - 1.0 + 1e-6))
         h, N = self.interval, self.nodes
-        first = self._ahead(x, t)
+        first = self._predicted_state(x, t)
         times = t + h * np.arange(N)
-        shifted = np.array([self.acceleration(at + 1e-6 * h) for at in times])
-        made = None
+        accelerations = np.array([self.acceleration(at + 1e-6 * h) for at in times])
+        prediction = None
         if first is not None:
-            made = self._predictions.make(first, t, h, shifted[None])[0]
-        if made is None and first is not None:
-            shifted = np.repeat(self._braking(first)[None], N, axis=0)
-            shifted[1:] = 0.0
-            made = self._predictions.make(first, t, h, shifted[None])[0]
-        if first is None or made is None:
+            prediction = self._predictions.make(first, t, h, accelerations[None])[0]
+        if prediction is None and first is not None:
+            accelerations = np.repeat(self._braking(first)[None], N, axis=0)
+            accelerations[1:] = 0.0
+            prediction = self._predictions.make(first, t, h, accelerations[None])[0]
+        if first is None or prediction is None:
             return self._end(MPCStatus.BRAKES, t, self._braking(x)[None], None, math.nan)
-        objective = self._objective(made[0])
-        nodes, cost, status = self._improved(objective, *made)
+        objective = self._objective(prediction[0])
+        nodes, cost, status = self._improved(objective, *prediction)
         return self._end(status, t, nodes.acc_K, nodes, cost)
 
     def _end(
@@ -254,43 +254,45 @@ class MPC:
         self._plans.append(_Plan(t, self.interval, acc_K))
         return acc_K[0].copy()
 
-    def _ahead(self, x: State, t: float) -> State | None:
-        """The state at the time t, under the accelerations that are in force until then."""
+    def _predicted_state(self, x: State, t: float) -> State | None:
+        """The state at time t, under the accelerations in force until then; None without one."""
         while x.t < t - 1e-9:
             starts = [plan.start for plan in self._plans if plan.start > x.t + 1e-9]
             until = min([t, x.t + self.interval, *starts])
-            made = self._predictions.after(x, self.acceleration(x.t), until - x.t)
-            if made is None:
+            next_state = self._predictions.after(x, self.acceleration(x.t), until - x.t)
+            if next_state is None:
                 return None
-            x = made
+            x = next_state
         return x
 
     def _objective(self, nodes: Nodes) -> Objective:
-        """Of the tracks that count at the nodes of a prediction."""
+        """The objective with the tracks that count at the nodes of a prediction."""
         start, end = nodes.start, nodes.t[-1]
 
-        def counts(one: Track) -> bool:
-            return bool(one.start <= end + 1e-9 and one.end >= start - 1e-9)
+        def counts(track: Track) -> bool:
+            return bool(track.start <= end + 1e-9 and track.end >= start - 1e-9)
 
-        which = tuple(i for i, one in enumerate(self._task.tracks) if counts(one))
-        if which not in self._objectives:
-            tracks = [self._task.tracks[i] for i in which]
-            self._objectives[which] = Objective(replace(self._task, tracks=tracks))
-        return self._objectives[which]
+        active = tuple(i for i, entry in enumerate(self._task.tracks) if counts(entry))
+        if active not in self._objectives:
+            tracks = [self._task.tracks[i] for i in active]
+            self._objectives[active] = Objective(replace(self._task, tracks=tracks))
+        return self._objectives[active]
 
     def _improved(
         self, objective: Objective, nodes: Nodes, ends: Ends
     ) -> tuple[Nodes, float, MPCStatus]:
-        """The prediction after a step, its cost, and whether it is better."""
+        """The prediction after a step, its cost, and whether the step improved it."""
         slopes = self._steps.linearise(nodes, objective.has_pulls)
         shift = self._shift(nodes.start)
-        found = self._steps.solve(objective, nodes, slopes, SETTINGS.damping, shift)
+        solution = self._steps.solve(objective, nodes, slopes, SETTINGS.damping, shift)
         objective.price = SETTINGS.price * objective.unit
-        before = self._merit(objective, nodes, ends)
-        if not np.all(np.isfinite(found.u)):
-            return nodes, before, MPCStatus.KEPT
-        shares = np.array(SETTINGS.shares)[:, None, None]
-        tries = np.clip(nodes.acc_K + shares * found.u, -self._most, self._most)
+        cost_before = self._merit(objective, nodes, ends)
+        if not np.all(np.isfinite(solution.u)):
+            return nodes, cost_before, MPCStatus.KEPT
+        step_lengths = np.array(SETTINGS.shares)[:, None, None]
+        trials = np.clip(
+            nodes.acc_K + step_lengths * solution.u, -self._max_acceleration, self._max_acceleration
+        )
         first = State(
             nodes.start,
             nodes.q_D[0],
@@ -299,37 +301,37 @@ class MPC:
             nodes.v_K[0],
             np.zeros(ends.taut.shape[1], bool),
         )
-        best, least = nodes, before
-        for made in self._predictions.make(first, nodes.start, nodes.interval, tries):
-            if made is None:
+        best, lowest = nodes, cost_before
+        for prediction in self._predictions.make(first, nodes.start, nodes.interval, trials):
+            if prediction is None:
                 continue
-            cost = self._merit(objective, *made)
-            if cost < least:
-                best, least = made[0], cost
+            cost = self._merit(objective, *prediction)
+            if cost < lowest:
+                best, lowest = prediction[0], cost
         status = MPCStatus.KEPT if best is nodes else MPCStatus.IMPROVED
-        return best, least, status
+        return best, lowest, status
 
-    def _load(self) -> None:
-        """Loads and compiles what updates call, so that the first one is in time, too."""
-        still = np.zeros((1, self.nodes, self.marionette.coordinates.n_vK))
-        made = self._predictions.make(self._task.x0, self._task.x0.t, self.interval, still)[0]
-        if made is not None:
-            self._steps.linearise(made[0], False)
+    def _warm_up(self) -> None:
+        """Loads and compiles the functions of updates, so that the first one is in time, too."""
+        zeros = np.zeros((1, self.nodes, self.marionette.coordinates.n_vK))
+        prediction = self._predictions.make(self._task.x0, self._task.x0.t, self.interval, zeros)[0]
+        if prediction is not None:
+            self._steps.linearise(prediction[0], False)
 
     def _shift(self, start: float) -> int:
-        """Intervals by which the horizon went on since the last program; -1 before the first."""
-        before, self._solved_at = self._solved_at, start
-        if math.isnan(before):
+        """Intervals by which the horizon moved since the last program; -1 before the first."""
+        previous, self._solved_at = self._solved_at, start
+        if math.isnan(previous):
             return -1
-        return max(0, round((start - before) / self.interval))
+        return max(0, round((start - previous) / self.interval))
 
     def _merit(self, objective: Objective, nodes: Nodes, ends: Ends) -> float:
-        passed = float(np.sum(objective.rows.violation(nodes, ends)))
-        return objective.cost(nodes, ends) + objective.price * passed
+        violation = float(np.sum(objective.rows.violation(nodes, ends)))
+        return objective.cost(nodes, ends) + objective.price * violation
 
     def _braking(self, x: State) -> Array:
-        """(n_vK,) that stop the driven coordinates within an interval, or as hard as they may."""
-        return np.clip(-x.v_K / self.interval, -self._most, self._most)
+        """(n_vK,) accelerations that stop the inputs in an interval, or the largest allowed."""
+        return np.clip(-x.v_K / self.interval, -self._max_acceleration, self._max_acceleration)
 
 
 def _check(task: Task, marionette: Marionette) -> None:

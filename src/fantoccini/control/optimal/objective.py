@@ -1,4 +1,4 @@
-"""The cost of a motion at its nodes, and the program of stages of a step."""
+"""The cost of a motion at its nodes, and the stage program of a step."""
 
 from __future__ import annotations
 
@@ -26,31 +26,33 @@ from fantoccini.control.tasks import (
 )
 from fantoccini.dynamics.marionette import Marionette
 
-_END_WEIGHT = 100.0
-"""Of the squares of the gap, beside its multipliers; in units of the cost."""
+_FIRST_END_WEIGHT = 100.0
+"""First weight of half the squared gap, besides its multipliers; in units of the cost."""
 _WEIGHT_FACTOR = 4.0
-_LARGEST_END_WEIGHT = 1e6
+_MAX_END_WEIGHT = 1e6
 _FIRST_PRICE = 0.3
-"""Of a unit of violation of a row, in units of the cost."""
-_LEAST = 1e-12
-"""Unit of a cost that is 0."""
-_ROUNDING = 1e-9
-"""Of a gradient, relative to the curvature."""
-_NEAR = 1e-2
-"""Gap above which the motion gets no shorter [m, rad and their rates]."""
-_SHARE = 0.1
-"""Of a duration by which a step may change it."""
+"""First price of a unit of violation of a row, in units of the cost."""
+_MIN_UNIT = 1e-12
+"""Smallest unit of a cost."""
+_GRADIENT_ROUNDING = 1e-9
+"""Rounding error of a gradient, relative to the curvature."""
+_MAX_GAP_TO_SHORTEN = 1e-2
+"""Largest gap with which a step may shorten the motion [m, rad and their rates]."""
+_MAX_DURATION_CHANGE = 0.1
+"""Largest change of the duration in a step, relative to the duration."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Bounds of a task in numbers; infinite where there is none.
+    """Bounds of a task as numbers; infinite if there is none.
 
     Attributes:
         inputs: indices of the driven velocities that move.
-        acceleration, jump, speed: (n_vK,) largest magnitudes; jumps are those of accelerations.
-        low, high: (n_vK,) of the driven coordinates.
-        places, joint_low, joint_high: dynamic coordinates with bounds, places in z.
+        acceleration, jump, speed: (n_vK,) largest magnitudes; jumps are changes of accelerations
+            between intervals.
+        low, high: (n_vK,) bounds of the driven coordinates.
+        places, joint_low, joint_high: dynamic coordinates with bounds, as indices into z, and the
+            bounds.
     """
 
     inputs: Indices
@@ -65,16 +67,16 @@ class Limits:
 
 
 class Objective:
-    """Cost and bounds of a task.
+    """The cost and the bounds of a task.
 
-    Inputs that are held, and their coordinates, are left out of programs.
+    Programs leave out inputs that are held, and their coordinates.
 
     Attributes:
         task: see :class:`Task`.
-        rows: that may be passed.
-        touches: places that are passed at moments that are found.
-        price: of a unit of violation of a row; the search raises it where rows are passed.
-        unit: of the cost: the largest gradient of the first motion, or its largest curvature.
+        rows: bounds that may be violated at a price.
+        touches: places that points must pass at moments that the search finds.
+        price: price of a unit of violation of a row; the search raises it if rows are violated.
+        unit: unit of the cost: the largest gradient of the first motion, or its largest curvature.
 
     Args:
         task: see above.
@@ -88,28 +90,31 @@ class Objective:
         self._pulls = [track for track in task.tracks if track.kind == "tension"]
         self._acc = task.bounds.magnitudes(marionette, "acceleration")
         jerk = task.bounds.magnitudes(marionette, "jerk")
-        self._jerk = np.where(jerk > 0.0, jerk, np.inf)  # what is held has no acceleration either
+        self._jerk = np.where(jerk > 0.0, jerk, np.inf)  # held inputs have no acceleration either
         self._u = np.flatnonzero(self._acc > 0.0)
         self._z = np.concatenate([np.arange(2 * n), 2 * n + self._u, 2 * n + k + self._u])
         low, high = task.bounds.intervals(marionette)
-        driven = np.arange(self._n_z) >= 2 * n  # the others are rows
+        driven = np.arange(self._n_z) >= 2 * n  # bounds of the others are rows
         self._low, self._high = np.where(driven, low, -np.inf), np.where(driven, high, np.inf)
-        self._goal, self._end_weight = task.goal, _END_WEIGHT
-        self._kept: tuple[tuple[float, float, int], list[Residual]] = ((0.0, 0.0, 0), [])
+        self._goal, self._end_weight = task.goal, _FIRST_END_WEIGHT
+        self._cached_residuals: tuple[tuple[float, float, int], list[Residual]] = (
+            (0.0, 0.0, 0),
+            [],
+        )
         self._chosen = Chosen(marionette, task.x0, task.parameters)
         self.touches = Touches(task, self._chosen)
         self._c = np.arange(0 if task.is_free else 1, 1 + len(self._chosen))
-        """Of all constants of a motion, the length of its intervals and the parameters."""
+        """Indices into the constants of a motion: length of intervals, parameters."""
         self.rows = Rows(task, self._chosen, self._c)
 
     def cost(self, nodes: Nodes, ends: Ends) -> float:
-        """J."""
-        total = sum(self._parts(nodes, ends))
+        """The cost J."""
+        total = sum(self._cost_parts(nodes, ends))
         return total + self.task.time_weight * nodes.interval * len(nodes) * self.task.is_free
 
     @property
     def kept(self) -> tuple[Indices, Indices]:
-        """Places of the accelerations, and of the numbers of z, that programs have."""
+        """Indices of the accelerations, and of the entries of z, that programs have."""
         return self._u, self._z
 
     @property
@@ -119,42 +124,42 @@ class Objective:
 
     @property
     def end_weight(self) -> float:
-        """Of half the squares of the gap; 0 where neither an end nor touches are asked for."""
+        """Weight of half the squared gap; 0 if the task has neither an end nor touches."""
         has_gap = self._goal is not None or len(self.touches) > 0
         return self._end_weight * self.unit if has_gap else 0.0
 
     def stiffen_end(self) -> None:
-        """Raises the weight of the end: steps close its gap too slowly."""
-        self._end_weight = min(_WEIGHT_FACTOR * self._end_weight, _LARGEST_END_WEIGHT)
+        """Raises the weight of the end, if steps close its gap too slowly."""
+        self._end_weight = min(_WEIGHT_FACTOR * self._end_weight, _MAX_END_WEIGHT)
 
     def take_unit(self, nodes: Nodes, linear: LinearEnds) -> None:
-        """Takes the unit of the cost from a first motion."""
+        """Sets the unit of the cost from a first motion."""
         program = self.program(nodes, linear, 0.0, 0.0)
         u = np.arange(len(self._u))
-        least = self.task.time_weight * len(nodes) * self.task.is_free
-        self._take_unit(program.g, program.H[:, u, u], least)
+        min_unit = self.task.time_weight * len(nodes) * self.task.is_free
+        self._take_unit(program.g, program.H[:, u, u], min_unit)
 
     def take_unit_of(self, g: Array, diagonal: Array) -> None:
-        """The same from a gradient and the diagonal of a Hessian, (N, n_vK + n_z) each."""
-        both = np.concatenate([self._u, self._k + self._z])
-        self._take_unit(g[:, both], diagonal[:, self._u], 0.0)
+        """Sets the unit from a gradient and a Hessian's diagonal, (N, n_vK + n_z) each."""
+        indices = np.concatenate([self._u, self._k + self._z])
+        self._take_unit(g[:, indices], diagonal[:, self._u], 0.0)
 
-    def _take_unit(self, g: Array, curvature: Array, least: float) -> None:
-        unit = max(float(np.max(np.abs(g), initial=0.0)), least)
-        most = float(np.max(curvature, initial=_LEAST))
-        self.unit = unit if unit > _ROUNDING * most else most
+    def _take_unit(self, g: Array, curvature: Array, min_unit: float) -> None:
+        unit = max(float(np.max(np.abs(g), initial=0.0)), min_unit)
+        max_curvature = float(np.max(curvature, initial=_MIN_UNIT))
+        self.unit = unit if unit > _GRADIENT_ROUNDING * max_curvature else max_curvature
         self.price = _FIRST_PRICE * self.unit
 
     def end_gap(self, nodes: Nodes) -> Array:
-        """(n_z,) the change that would bring the last node to the end that is asked for."""
+        """(n_z,) the change from the last node to the required end."""
         return np.zeros(nodes.n_z) if self._goal is None else nodes.gap_at_end(self._goal)
 
     def gap(self, nodes: Nodes) -> Array:
-        """(n_z + 3 T,) the same, and what would bring the points that touch to their places."""
+        """(n_z + 3 T,) the gap at the end, and the offsets of touching points from their places."""
         return np.concatenate([self.end_gap(nodes), self.touches.gap(nodes)])
 
     def closed(self, nodes: Nodes, z: Array, c: Array, force: Array | float) -> tuple[Array, Array]:
-        """(n_z + 3 T,) how much of the gap a step closes, and the multipliers after it.
+        """(n_z + 3 T,) the part of the gap that a step closes, and the multipliers after it.
 
         Args:
             nodes, force: see :meth:`program`.
@@ -162,16 +167,16 @@ class Objective:
         """
         at_end = np.zeros(nodes.n_z) if self._goal is None else z[-1]
         weight, forces = self.end_weight, np.concatenate(self._forces(force))
-        closed, on = self.touches.closed(nodes, z, c, weight, forces[self._n_z :])
+        closed, by_moments = self.touches.closed(nodes, z, c, weight, forces[self._n_z :])
         closed = np.concatenate([at_end, closed])
-        left = self.gap(nodes) - closed
-        left[self._n_z :] -= on
-        return closed, forces + weight * left
+        remaining = self.gap(nodes) - closed
+        remaining[self._n_z :] -= by_moments
+        return closed, forces + weight * remaining
 
     def _forces(self, force: Array | float) -> tuple[Array, Array]:
         """(n_z,) and (3 T,) multipliers of the end and of touches."""
-        every = np.broadcast_to(force, (self._n_z + 3 * len(self.touches),))
-        return every[: self._n_z], every[self._n_z :]
+        forces = np.broadcast_to(force, (self._n_z + 3 * len(self.touches),))
+        return forces[: self._n_z], forces[self._n_z :]
 
     def program(
         self, nodes: Nodes, linear: LinearEnds, damping: float, force: Array | float
@@ -180,7 +185,7 @@ class Objective:
 
         Args:
             nodes, linear: the motion.
-            damping: of the Hessian.
+            damping: damping of the Hessian.
             force: (n_z + 3 T,) multipliers of the gap.
         """
         if len(self._c):
@@ -191,7 +196,7 @@ class Objective:
             np.zeros((N, k + n_z)),
             np.zeros((N, k + n_z, k)),
         )
-        # Of the first node, which no step moves but where parameters move it.
+        # Q and q belong to the first node, which moves only with the parameters.
         Q, q = np.zeros((n_z, n_z)), np.zeros(n_z)
         self._add_residuals(nodes, H, g, Q, q)
         self._add_smoothness(nodes, H, g, cross)
@@ -203,88 +208,88 @@ class Objective:
         self.touches.add(
             nodes, linear, self._c, self.end_weight, self._forces(force)[1], H, g, cross, Q, q
         )
-        every = np.arange(k + n_z)
-        H[:, every, every] += damping
+        diagonal = np.arange(k + n_z)
+        H[:, diagonal, diagonal] += damping
         numbers = nodes.numbers[1:]
         low_c, high_c = self._bounds_of_constants(nodes)
         low = np.concatenate([-self._acc - nodes.acc_K, self._low - numbers, low_c], axis=1)
         high = np.concatenate([self._acc - nodes.acc_K, self._high - numbers, high_c], axis=1)
-        # After the last interval the inputs go on at rest or at their speed, without acceleration.
-        last = self._jerk * nodes.interval
-        low[-1, :k] = np.maximum(low[-1, :k], -last - nodes.acc_K[-1])
-        high[-1, :k] = np.minimum(high[-1, :k], last - nodes.acc_K[-1])
+        # After the last interval the inputs rest or keep their speed, without acceleration.
+        max_jump = self._jerk * nodes.interval
+        low[-1, :k] = np.maximum(low[-1, :k], -max_jump - nodes.acc_K[-1])
+        high[-1, :k] = np.minimum(high[-1, :k], max_jump - nodes.acc_K[-1])
         low, high = np.maximum(low, -UNBOUNDED), np.minimum(high, UNBOUNDED)
         value, row_low, row_high = self.rows.values(nodes, linear)
         u, z = self._u, np.concatenate([self._z, self._n_z + np.arange(len(self._c))])
-        both = np.concatenate([u, k + z])
-        of_rows = np.concatenate([both, k + n_z + both])
-        made = StageProgram(
-            _part(H, both, both),
-            _part(g, both),
-            _part(cross, both, u),
-            _part(linear.A, z, z),
-            _part(linear.B, z, u),
-            _part(linear.e, z),
-            _part(low, both),
-            _part(high, both),
-            _part(self.rows.by(nodes, linear), slice(None), of_rows),
+        selected = np.concatenate([u, k + z])
+        row_columns = np.concatenate([selected, k + n_z + selected])
+        program = StageProgram(
+            _selected(H, selected, selected),
+            _selected(g, selected),
+            _selected(cross, selected, u),
+            _selected(linear.A, z, z),
+            _selected(linear.B, z, u),
+            _selected(linear.e, z),
+            _selected(low, selected),
+            _selected(high, selected),
+            _selected(self.rows.by(nodes, linear), slice(None), row_columns),
             row_low - value,
             row_high - value,
             np.full(value.shape, self.price),
         )
         if not len(self._c):
-            return made
+            return program
         if self.task.is_free:
-            _, over_time, of_jumps = self._parts(nodes, linear)
-            slope = self.task.time_weight * len(nodes) + (over_time - of_jumps) / nodes.interval
+            _, growing, shrinking = self._cost_parts(nodes, linear)
+            slope = self.task.time_weight * len(nodes) + (growing - shrinking) / nodes.interval
             q[self._n_z] += slope
         start = np.concatenate([linear.start_c[:, self._c], np.eye(len(self._c))])
-        return made.with_constants(
-            start[z], _part(Q[None], z, z)[0], q[z], low_c[0], high_c[0], damping
+        return program.with_constants(
+            start[z], _selected(Q[None], z, z)[0], q[z], low_c[0], high_c[0], damping
         )
 
     def _bounds_of_constants(self, nodes: Nodes) -> tuple[Array, Array]:
-        """(N, n_c) how far the constants may change."""
+        """(N, n_c) the allowed changes of the constants."""
         shortest, longest = self.longer(nodes) if self.task.is_free else (0.0, 0.0)
         low = np.append(shortest, self._chosen.low - nodes.parameters)[self._c]
         high = np.append(longest, self._chosen.high - nodes.parameters)[self._c]
-        every = (len(nodes), len(self._c))
-        return np.broadcast_to(low, every), np.broadcast_to(high, every)
+        shape = (len(nodes), len(self._c))
+        return np.broadcast_to(low, shape), np.broadcast_to(high, shape)
 
     def limits(self, interval: float) -> Limits:
-        """The bounds of accelerations, driven coordinates and joints, for intervals of a length."""
+        """The bounds of accelerations, driven coordinates and joints, for a length of intervals."""
         n = self._n_z // 2 - self._k
-        at = slice(2 * n, 2 * n + self._k)
+        driven = slice(2 * n, 2 * n + self._k)
         rows = self.rows
         return Limits(
             self._u,
             self._acc,
             interval * self._jerk,
-            self._high[at.stop :],
-            self._low[at],
-            self._high[at],
+            self._high[driven.stop :],
+            self._low[driven],
+            self._high[driven],
             rows.places,
             rows.joint_low,
             rows.joint_high,
         )
 
     def squares(self, nodes: Nodes) -> tuple[Array, Array, Array]:
-        """Gauss-Newton's J^T J + diagonal of the cost, but of tensions, and the gradient.
+        """Gauss-Newton's J^T J + diagonal of the cost without tensions, and its gradient.
 
         Returns:
             (N, m, n_z) J, by the states after the intervals; (N, n_vK + n_z) the diagonal and the
             gradient, by the accelerations and these states.
         """
-        looks, k, N, dense = self._looks(nodes), self._k, len(nodes), []
+        evaluation, k, N, dense = self._evaluation(nodes), self._k, len(nodes), []
         diagonal, g = np.zeros((2, N, k + self._n_z))
-        for one in self._residuals(nodes):
-            r, w = one.value(looks)[1:], one.weights[1:, None]
-            if isinstance(one, NumberResidual):
-                at = k + np.array(one.columns)
-                diagonal[:, at] += w
-                g[:, at] += w * r
+        for residual in self._residuals(nodes):
+            r, w = residual.value(evaluation)[1:], residual.weights[1:, None]
+            if isinstance(residual, NumberResidual):
+                columns = k + np.array(residual.columns)
+                diagonal[:, columns] += w
+                g[:, columns] += w * r
                 continue
-            dense.append(np.sqrt(w)[..., None] * one.by(looks)[1:])
+            dense.append(np.sqrt(w)[..., None] * residual.by(evaluation)[1:])
             g[:, k:] += ((np.sqrt(w) * r)[:, None] @ dense[-1])[:, 0]
         h, smooth = nodes.interval, self.task.smooth
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
@@ -295,21 +300,21 @@ class Objective:
         return J, diagonal, g
 
     def pulls(self, nodes: Nodes, tension: Array) -> Iterator[tuple[int, Array, Array]]:
-        """Of every tension that is tracked: its row, weights and residuals (N,)."""
+        """The row, weights and residuals (N,) of every tension that is tracked."""
         for track in self._pulls:
             row, weights, path = _pull(self.task.marionette, track, nodes)
             yield row, weights, tension[:, row] - path
 
     def longer(self, nodes: Nodes) -> tuple[float, float]:
-        """The least and the most by which a step may make the intervals longer [s].
+        """The least and largest change of the intervals' length in a step [s].
 
-        No shorter before the end is near what is asked for, and never by much.
+        Intervals get shorter only once the end is near its goal, and never by much.
         """
         h, N = nodes.interval, len(nodes)
         shortest, longest = self.task.durations
-        is_near = np.max(np.abs(self.gap(nodes)), initial=0.0) <= _NEAR
-        least = max(shortest / N - h, -_SHARE * h) if is_near else 0.0
-        return least, max(min(longest / N - h, _SHARE * h), 0.0)
+        is_near = np.max(np.abs(self.gap(nodes)), initial=0.0) <= _MAX_GAP_TO_SHORTEN
+        shortest_change = max(shortest / N - h, -_MAX_DURATION_CHANGE * h) if is_near else 0.0
+        return shortest_change, max(min(longest / N - h, _MAX_DURATION_CHANGE * h), 0.0)
 
     def widened(self, solution: StageSolution) -> tuple[Array, Array, Array]:
         """(N + 1, n_z), (N, n_vK) and (1 + n_p,) changes of states, inputs and constants."""
@@ -325,49 +330,55 @@ class Objective:
 
     def widened_gains(self, K: Array) -> Array:
         """(N, n_vK, n_z) gains of all inputs and states."""
-        out = np.zeros((len(K), self._k, self._n_z))
-        out[np.ix_(np.arange(len(K)), self._u, self._z)] = K[:, : len(self._u), : len(self._z)]
-        return out
+        gains = np.zeros((len(K), self._k, self._n_z))
+        gains[np.ix_(np.arange(len(K)), self._u, self._z)] = K[:, : len(self._u), : len(self._z)]
+        return gains
 
-    def _parts(self, nodes: Nodes, ends: Ends) -> tuple[float, float, float]:
-        """The parts of J that stay, rise and fall where intervals get longer."""
-        looks, at_end, over_time = self._looks(nodes), 0.0, 0.0
-        for track, one in zip(self._tracks, self._residuals(nodes), strict=True):
-            squares = 0.5 * np.sum(np.square(one.value(looks)), axis=1)
-            last = track.end_weight * float(squares[-1])
-            at_end, over_time = at_end + last, over_time + float(one.weights @ squares) - last
+    def _cost_parts(self, nodes: Nodes, ends: Ends) -> tuple[float, float, float]:
+        """The parts of J that are constant, grow and shrink when intervals get longer."""
+        evaluation, constant, growing = self._evaluation(nodes), 0.0, 0.0
+        for track, residual in zip(self._tracks, self._residuals(nodes), strict=True):
+            squares = 0.5 * np.sum(np.square(residual.value(evaluation)), axis=1)
+            end_cost = track.end_weight * float(squares[-1])
+            constant, growing = (
+                constant + end_cost,
+                growing + float(residual.weights @ squares) - end_cost,
+            )
         for _, weights, r in self.pulls(nodes, ends.tension):
-            over_time += 0.5 * float(weights @ np.square(r))
+            growing += 0.5 * float(weights @ np.square(r))
         h, smooth = nodes.interval, self.task.smooth
-        over_time += 0.5 * h * smooth.acceleration * float(np.sum(np.square(nodes.acc_K)))
+        growing += 0.5 * h * smooth.acceleration * float(np.sum(np.square(nodes.acc_K)))
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
-        return at_end, over_time, 0.5 * smooth.jerk / h * float(np.sum(np.square(jumps)))
+        return constant, growing, 0.5 * smooth.jerk / h * float(np.sum(np.square(jumps)))
 
     def _residuals(self, nodes: Nodes) -> list[Residual]:
-        """Of the tracks; paths are evaluated once for nodes at the same times."""
+        """Residuals of the tracks; paths are evaluated once for nodes at the same times."""
         times = (nodes.start, nodes.interval, len(nodes))
-        if self._kept[0] != times:
-            made = [residual_of(self.task.marionette, track, nodes) for track in self._tracks]
-            self._kept = times, made
-        return self._kept[1]
+        if self._cached_residuals[0] != times:
+            residuals = [residual_of(self.task.marionette, track, nodes) for track in self._tracks]
+            self._cached_residuals = times, residuals
+        return self._cached_residuals[1]
 
-    def _looks(self, nodes: Nodes) -> Looks:
+    def _evaluation(self, nodes: Nodes) -> Looks:
         return Looks(self._chosen.marionette(nodes.parameters), nodes)
 
     def _add_residuals(self, nodes: Nodes, H: Array, g: Array, Q: Array, q: Array) -> None:
-        """Gauss-Newton's parts of what is tracked at the nodes."""
-        looks, k, dense = self._looks(nodes), self._k, []
-        for one in self._residuals(nodes):
-            r, w = one.value(looks), one.weights[:, None]
-            if isinstance(one, NumberResidual):
-                at = np.array(one.columns)
-                H[:, k + at, k + at] += w[1:]
-                g[:, k + at] += (w * r)[1:]
-                Q[at, at], q[at] = Q[at, at] + w[0], q[at] + w[0] * r[0]
+        """Adds Gauss-Newton's terms of the tracks at the nodes."""
+        evaluation, k, dense = self._evaluation(nodes), self._k, []
+        for residual in self._residuals(nodes):
+            r, w = residual.value(evaluation), residual.weights[:, None]
+            if isinstance(residual, NumberResidual):
+                columns = np.array(residual.columns)
+                H[:, k + columns, k + columns] += w[1:]
+                g[:, k + columns] += (w * r)[1:]
+                Q[columns, columns], q[columns] = (
+                    Q[columns, columns] + w[0],
+                    q[columns] + w[0] * r[0],
+                )
                 continue
-            J = one.by(looks)
+            J = residual.by(evaluation)
             if len(self._c):
-                J = np.concatenate([J, self._by_constants(one, nodes)], axis=2)
+                J = np.concatenate([J, self._by_constants(residual, nodes)], axis=2)
             g[:, k:] += ((w * r)[1:, None] @ J[1:])[:, 0]
             q += w[0] * r[0] @ J[0]
             dense.append(np.sqrt(w)[..., None] * J)
@@ -376,17 +387,20 @@ class Objective:
             H[:, k:, k:] += J[1:].swapaxes(1, 2) @ J[1:]
             Q += J[0].T @ J[0]
 
-    def _by_constants(self, one: Residual, nodes: Nodes) -> Array:
-        """(N + 1, m, n_c) derivatives of a residual, by differences where parameters shape it."""
-        value = one.value(self._looks(nodes))
-        out = np.zeros((*value.shape, 1 + len(self._chosen)))
+    def _by_constants(self, residual: Residual, nodes: Nodes) -> Array:
+        """(N + 1, m, n_c) derivatives of a residual by the constants, by differences."""
+        value = residual.value(self._evaluation(nodes))
+        derivatives = np.zeros((*value.shape, 1 + len(self._chosen)))
         for i, (below, above) in enumerate(self._chosen.neighbours(nodes.parameters)):
-            ends = [one.value(self._looks(replace(nodes, parameters=p))) for p in (below, above)]
-            out[..., 1 + i] = (ends[1] - ends[0]) / (above[i] - below[i])
-        return out[..., self._c]
+            ends = [
+                residual.value(self._evaluation(replace(nodes, parameters=p)))
+                for p in (below, above)
+            ]
+            derivatives[..., 1 + i] = (ends[1] - ends[0]) / (above[i] - below[i])
+        return derivatives[..., self._c]
 
     def _add_smoothness(self, nodes: Nodes, H: Array, g: Array, cross: Array) -> None:
-        """Accelerations, and their jumps between intervals."""
+        """Adds the terms of accelerations and of their jumps between intervals."""
         u, h, smooth = np.arange(self._k), nodes.interval, self.task.smooth
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0, append=0.0)
         H[:, u, u] += h * smooth.acceleration + 2.0 * smooth.jerk / h
@@ -397,11 +411,11 @@ class Objective:
     def _add_pulls(
         self, nodes: Nodes, linear: LinearEnds, H: Array, g: Array, cross: Array, Q: Array, q: Array
     ) -> None:
-        """Tensions that are tracked, which depend on the state and the inputs after a node."""
+        """Adds the terms of tracked tensions, which depend on state and inputs after a node."""
         k, n_z = self._k, linear.B.shape[1]
         for row, weights, r in self.pulls(nodes, linear.tension):
-            by = linear.pull[:, row]
-            J_z, J_u = by[:, :n_z], by[:, n_z:]
+            derivatives = linear.pull[:, row]
+            J_z, J_u = derivatives[:, :n_z], derivatives[:, n_z:]
             w = weights[:, None, None]
             H[:, :k, :k] += w * J_u[:, :, None] * J_u[:, None]
             g[:, :k] += (weights * r)[:, None] * J_u
@@ -412,23 +426,24 @@ class Objective:
             q += weights[0] * r[0] * J_z[0]
 
 
-def _part(a: Array, *places: Indices | slice) -> Array:
-    """The given places of all axes but the first; the array itself where those are all."""
-    every = [
-        isinstance(at, slice) or len(at) == n for at, n in zip(places, a.shape[1:], strict=True)
+def _selected(a: Array, *indices: Indices | slice) -> Array:
+    """The selected indices of all axes but the first; the array itself if these are all."""
+    is_whole = [
+        isinstance(index, slice) or len(index) == n
+        for index, n in zip(indices, a.shape[1:], strict=True)
     ]
-    if all(every):
+    if all(is_whole):
         return a
-    first, *second = places
-    part = a[:, first]
-    return part[:, :, second[0]] if second else part
+    first, *second = indices
+    selected = a[:, first]
+    return selected[:, :, second[0]] if second else selected
 
 
 def _pull(marionette: Marionette, track: Track, nodes: Nodes) -> tuple[int, Array, Array]:
-    """Row of a string, weights (N,) and path (N,) of its tension in the intervals."""
+    """The row of a string, and weights (N,) and path (N,) of its tension in the intervals."""
     names = [s.name for s in marionette.tree.strings]
     if track.name not in names:
         raise UnknownNameError("string", track.name, names)
     path = path_of(marionette, track, nodes.t[:-1])[:, 0]
-    counts = share(track, nodes.t[:-1])
-    return names.index(track.name), track.weight * nodes.interval * counts, path
+    share_t = share(track, nodes.t[:-1])
+    return names.index(track.name), track.weight * nodes.interval * share_t, path

@@ -1,4 +1,4 @@
-"""Predictions: time steps from one state under several motions of the inputs, in lanes.
+"""Predictions: time steps from one state with several motions of the inputs, in lanes.
 
 x_{i+1} = F(x_i, acc_i),   x_0 given
 """
@@ -21,15 +21,15 @@ _MOTION = ("q_D", "v_D", "q_K", "v_K")
 
 
 class Predictions:
-    """Makes several predictions from one state at once.
+    """Several predictions at once, from one state.
 
-    Strings and limits may be violated at the start, as measured states violate them: steps take
-    that back.
+    Strings and limits may be violated at the start, as by measured states; the steps reduce such
+    violations.
 
     Args:
         marionette: the puppet.
         dt: longest time step [s].
-        lanes: predictions at most.
+        lanes: largest number of predictions.
     """
 
     def __init__(self, marionette: Marionette, dt: float, lanes: int):
@@ -42,16 +42,16 @@ class Predictions:
     def make(
         self, x0: State, start: float, interval: float, acc_K: Array
     ) -> list[tuple[Nodes, Ends] | None]:
-        """The nodes of every prediction, and where its intervals lead; None where one failed.
+        """The nodes and interval ends of every prediction; None for one that failed.
 
         Args:
-            x0: where all start; its time does not count.
+            x0: start of all predictions; its time is ignored.
             start: time of the first node [s].
-            interval: between nodes [s].
+            interval: time between nodes [s].
             acc_K: (n, N, n_vK) accelerations of the driven coordinates.
         """
         n, N, table = len(acc_K), acc_K.shape[1], self._marionette.coordinates
-        record = self._begin(x0)
+        record = self._restarted(x0)
         history = LaneHistory(record, N + 1, (*_MOTION, "tension"))
         history.keep(0)
         acc = np.zeros((self._n, table.n_vK))
@@ -61,23 +61,23 @@ class Predictions:
             advance()
             history.keep(i + 1)
         ok = _arrived(record)[:n]
-        made: list[tuple[Nodes, Ends] | None] = []
+        predictions: list[tuple[Nodes, Ends] | None] = []
         for j in range(n):
             states: dict[str, Any] = {
                 name: np.ascontiguousarray(history.parts[name][:, j]) for name in _MOTION
             }
             if not ok[j] or not all(np.all(np.isfinite(a)) for a in states.values()):
-                made.append(None)
+                predictions.append(None)
                 continue
             nodes = Nodes(table, start, interval, **states, acc_K=acc_K[j].copy())
             pull = np.ascontiguousarray(history.parts["tension"][1:, j])
             e = np.zeros((N, nodes.n_z))
-            made.append((nodes, Ends(e, pull, pull > 0.0, np.ones(N, dtype=bool))))
-        return made
+            predictions.append((nodes, Ends(e, pull, pull > 0.0, np.ones(N, dtype=bool))))
+        return predictions
 
     def after(self, x0: State, acc_K: Array, duration: float) -> State | None:
-        """The state a while later under constant accelerations; None where there is none."""
-        record = self._begin(x0)
+        """The state after a duration with constant accelerations; None if the steps failed."""
+        record = self._restarted(x0)
         acc = np.repeat(np.asarray(acc_K)[None], self._n, axis=0)
         self._steppers.advance(duration, acc, None)
         if not _arrived(record)[0]:
@@ -85,7 +85,7 @@ class Predictions:
         parts = {name: getattr(record, name)[0].copy() for name in _MOTION}
         return replace(x0, t=x0.t + duration, **parts, taut=record.taut[0].copy())
 
-    def _begin(self, x0: State) -> LaneRecord:
+    def _restarted(self, x0: State) -> LaneRecord:
         motion = {name: getattr(x0, name) for name in _MOTION}
         self._record.begin(**motion, p=self._marionette.p, slip=np.zeros(1))
         return self._record

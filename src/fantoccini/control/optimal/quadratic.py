@@ -1,4 +1,4 @@
-"""Quadratic programs of stages, solved by an interior point method of Riccati recursions.
+"""Quadratic programs of stages, solved by an interior point method with Riccati recursions.
 
     min  sum over i of  1/2 [u_i; z_{i+1}]^T H_i [u_i; z_{i+1}] + g_i^T [...] + u_{i-1}^T D_i u_i
     z_{i+1} = A_i z_i + B_i u_i + e_i,   z_0 = 0,   bounds on all variables,
@@ -17,11 +17,11 @@ from fantoccini.base import Array, riccati
 from fantoccini.kernel.runtime import StagePrograms
 
 UNBOUNDED = 1e30
-"""A bound that is none."""
-_MOST = 60
-"""Iterations of the interior point method."""
-_GOOD = 1e-5
-"""Residuals of a last iterate that is taken where rounding prevents better ones."""
+"""Value for a missing bound."""
+_MAX_ITERATIONS = 60
+"""Largest number of iterations of the interior point method."""
+_MAX_RESIDUAL = 1e-5
+"""Largest residuals of an accepted last iterate, if rounding prevents smaller ones."""
 
 
 @dataclass(eq=False)
@@ -29,14 +29,15 @@ class StageProgram:
     """The numbers of a program with N stages of k inputs, n_z states and m elastic rows.
 
     Attributes:
-        H: (N, k + n_z, k + n_z) symmetric, of (u_i, z_{i+1}).
-        g: (N, k + n_z).
-        cross: (N, k + n_z, k) of (u_{i-1}, z_i) with u_i; the first is not used but for z_0 = 0.
-        A, B, e: of the dynamics.
+        H: (N, k + n_z, k + n_z) symmetric Hessian for (u_i, z_{i+1}).
+        g: (N, k + n_z) gradient.
+        cross: (N, k + n_z, k) products of (u_{i-1}, z_i) with u_i; of the first, only those with
+            z_0 count, and only if z_0 is free.
+        A, B, e: matrices and offsets of the dynamics.
         low, high: (N, k + n_z) bounds.
-        C: (N, m, 2 (k + n_z)) rows of (u_{i-1}, z_i, u_i, z_{i+1}).
-        row_low, row_high: (N, m) their bounds.
-        elastic: (N, m) price of passing a row: of the first power, and of half the square.
+        C: (N, m, 2 (k + n_z)) rows for (u_{i-1}, z_i, u_i, z_{i+1}).
+        row_low, row_high: (N, m) bounds of the rows.
+        elastic: (N, m) price of a violation, for its first power and for half its square.
     """
 
     H: Array
@@ -54,9 +55,9 @@ class StageProgram:
 
     @property
     def gains(self) -> Array:
-        """(N, k, n_z) K_i of u_i = K_i z_i, where no bound is in force.
+        """(N, k, n_z) gains K_i of u_i = K_i z_i, without active bounds.
 
-        Costs between the inputs of neighbouring stages are left out: programs should have none.
+        Costs between the inputs of neighbouring stages are ignored: programs should have none.
         """
         k = self.B.shape[2]
         Q = np.concatenate([0.0 * self.H[:1, k:, k:], self.H[:-1, k:, k:]])
@@ -66,43 +67,43 @@ class StageProgram:
     def with_constants(
         self, start: Array, Q: Array, q: Array, low: Array, high: Array, damping: float
     ) -> StageProgram:
-        """The same where the last n_c states stay what further inputs of the first stage make them.
+        """The same program with constants: its last n_c states, set by inputs of the first stage.
 
-        They choose z_0 = start c as well. Those whose bounds leave no room stay 0.
+        The constants also set z_0 = start c. Those whose bounds coincide stay 0.
 
         Args:
-            start: (n_z, n_c) derivatives of z_0 by them.
-            Q, q: (n_z, n_z) and (n_z,) of the cost of z_0.
-            low, high: (n_c,) bounds.
-            damping: of the Hessian.
+            start: (n_z, n_c) derivatives of z_0 with respect to the constants.
+            Q, q: (n_z, n_z) and (n_z,) terms of the cost of z_0.
+            low, high: (n_c,) bounds of the constants.
+            damping: damping of the Hessian.
         """
         N, n_z, k = self.B.shape
         n_c = start.shape[1]
         is_open = high > low
-        start, of_c = start * is_open, k + np.arange(n_c)
-        inner = np.concatenate([np.arange(k), k + n_c + np.arange(n_z)])
+        start, constants = start * is_open, k + np.arange(n_c)
+        kept_columns = np.concatenate([np.arange(k), k + n_c + np.arange(n_z)])
         s = k + n_c + n_z
         H, cross = np.zeros((N, s, s)), np.zeros((N, s, k + n_c))
-        H[np.ix_(np.arange(N), inner, inner)] = self.H
-        H[:, of_c, of_c] = 1.0
-        H[0, of_c, of_c] = np.where(is_open, damping, 1.0)
+        H[np.ix_(np.arange(N), kept_columns, kept_columns)] = self.H
+        H[:, constants, constants] = 1.0
+        H[0, constants, constants] = np.where(is_open, damping, 1.0)
         H[0, k : k + n_c, k : k + n_c] += start.T @ Q @ start
-        across = start.T @ self.cross[0, k:]
-        H[0, k : k + n_c, :k], H[0, :k, k : k + n_c] = across, across.T
-        cross[:, inner, :k] = self.cross
+        coupling = start.T @ self.cross[0, k:]
+        H[0, k : k + n_c, :k], H[0, :k, k : k + n_c] = coupling, coupling.T
+        cross[:, kept_columns, :k] = self.cross
         g, lowest, highest = (np.zeros((N, s)) for _ in range(3))
-        g[:, inner], g[0, of_c] = self.g, start.T @ q
+        g[:, kept_columns], g[0, constants] = self.g, start.T @ q
         lowest[:], highest[:] = -UNBOUNDED, UNBOUNDED
-        lowest[:, inner], highest[:, inner] = self.low, self.high
-        # Bounds that say the same in every stage would leave their multipliers open.
+        lowest[:, kept_columns], highest[:, kept_columns] = self.low, self.high
+        # The same bounds in every stage would not determine their multipliers.
         lowest[:, s - n_c :], highest[:, s - n_c :] = -UNBOUNDED, UNBOUNDED
         lowest[0, s - n_c :] = np.where(is_open, low, -UNBOUNDED)
         highest[0, s - n_c :] = np.where(is_open, high, UNBOUNDED)
         B = np.zeros((N, n_z, k + n_c))
         B[..., :k], B[0, :, k:] = self.B, self.A[0] @ start
         C = np.zeros((N, self.C.shape[1], 2 * s))
-        C[:, :, np.concatenate([inner, s + inner])] = self.C
-        C[0, :, s + of_c] = (self.C[0, :, k : k + n_z] @ start).T
+        C[:, :, np.concatenate([kept_columns, s + kept_columns])] = self.C
+        C[0, :, s + constants] = (self.C[0, :, k : k + n_z] @ start).T
         return StageProgram(
             H,
             g,
@@ -127,12 +128,12 @@ class StageSolution:
         u: (N, k) changes of the inputs.
         z: (N + 1, n_z) changes of the states.
         costate: (N, n_z) multipliers of the dynamics.
-        passed: (N, m) how far rows are passed.
-        gain: (k, n_z) how the best u_0 changes with z_0, bounds in force being kept to.
-        solved: whether it is one.
-        iterations: of the interior point method, factorisations each.
-        gap: sum of the products of slacks and multipliers, in the unit of the cost: what it may
-            cost more than the least.
+        passed: (N, m) violations of the rows.
+        gain: (k, n_z) derivative of the best u_0 with respect to z_0, with the active bounds kept.
+        solved: whether it is a solution.
+        iterations: iterations of the interior point method, with one factorisation each.
+        gap: sum of the products of slacks and multipliers, in the unit of the cost: a bound of the
+            excess cost.
     """
 
     u: Array
@@ -146,11 +147,11 @@ class StageSolution:
 
 
 class StageSolver:
-    """Solves programs, again and again in the same memory.
+    """A solver of programs, one after another in the same memory.
 
     Args:
-        tolerance: of the residuals; the mean product of slacks and multipliers may be ten times
-            as large.
+        tolerance: tolerance of the residuals; the mean product of slacks and multipliers may be ten
+            times as large.
     """
 
     def __init__(self, tolerance: float = 1e-8) -> None:
@@ -158,29 +159,34 @@ class StageSolver:
         self._programs = StagePrograms()
 
     def solve(
-        self, program: StageProgram, unit: float = 1.0, *, barrier: float = 0.0, most: int = _MOST
+        self,
+        program: StageProgram,
+        unit: float = 1.0,
+        *,
+        barrier: float = 0.0,
+        most: int = _MAX_ITERATIONS,
     ) -> StageSolution:
-        """The solution.
+        """The solution of a program.
 
         Args:
             program: see :class:`StageProgram`.
-            unit: of its cost; the tolerance is relative to it.
+            unit: unit of its cost; the tolerance is relative to it.
             barrier: product of slacks and multipliers, in that unit, at which it may end.
-            most: factorisations.
+            most: largest number of factorisations.
         """
         n_z, k = program.B.shape[1:]
         s = k + n_z
-        # Rows of z_{i+1} become those of what it comes from.
-        before, after = program.C[..., :s], program.C[..., s : s + k]
-        later = program.C[..., s + k :]
-        C = np.concatenate([before, after], axis=2)
+        # Rows of z_{i+1} become rows of (u_{i-1}, z_i, u_i) by the dynamics.
+        previous, current = program.C[..., :s], program.C[..., s : s + k]
+        following = program.C[..., s + k :]
+        C = np.concatenate([previous, current], axis=2)
         shift = np.zeros(program.row_low.shape)
-        if np.any(later):
-            C[..., k:s] += later @ program.A
-            C[..., s:] += later @ program.B
-            shift = np.einsum("nmj,nj->nm", later, program.e)
+        if np.any(following):
+            C[..., k:s] += following @ program.A
+            C[..., s:] += following @ program.B
+            shift = np.einsum("nmj,nj->nm", following, program.e)
         names = ("H", "g", "cross", "A", "B", "e", "low", "high")
-        found = self._programs.solve(
+        result = self._programs.solve(
             {name: getattr(program, name) for name in names}
             | {
                 "C": C,
@@ -194,27 +200,27 @@ class StageSolver:
             barrier=barrier,
             iterations=most,
         )
-        near = max(found.primal, found.dual, 0.1 * found.gap) < _GOOD
-        finite = bool(np.all(np.isfinite(found.u)) and np.all(np.isfinite(found.z)))
-        costate = found.costate + np.einsum("nmj,nm->nj", later, found.force)
-        z = np.concatenate([np.zeros((1, n_z)), found.z])
+        is_close = max(result.primal, result.dual, 0.1 * result.gap) < _MAX_RESIDUAL
+        finite = bool(np.all(np.isfinite(result.u)) and np.all(np.isfinite(result.z)))
+        costate = result.costate + np.einsum("nmj,nm->nj", following, result.force)
+        z = np.concatenate([np.zeros((1, n_z)), result.z])
         return StageSolution(
-            found.u,
+            result.u,
             z,
             costate,
-            found.passed,
-            found.gain,
-            (found.solved or near) and finite,
-            found.iterations,
-            unit * found.gap * _sides(program),
+            result.passed,
+            result.gain,
+            (result.solved or is_close) and finite,
+            result.iterations,
+            unit * result.gap * _sides(program),
         )
 
 
 def _sides(program: StageProgram) -> int:
-    """How many slacks a program has: of its bounds, and of its rows with what passes them."""
-    lows, highs = (program.low, program.row_low), (program.high, program.row_high)
+    """Number of slacks of a program: for its bounds, its rows and their violations."""
+    lower_bounds, upper_bounds = (program.low, program.row_low), (program.high, program.row_high)
     return int(
-        sum(np.sum(low > -UNBOUNDED) for low in lows)
-        + sum(np.sum(high < UNBOUNDED) for high in highs)
+        sum(np.sum(low > -UNBOUNDED) for low in lower_bounds)
+        + sum(np.sum(high < UNBOUNDED) for high in upper_bounds)
         + program.row_low.size
     )

@@ -1,4 +1,4 @@
-"""What a search for hanging poses found, and in words what keeps them from their places."""
+"""The hanging poses of a search, with descriptions of the bounds that limit them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from fantoccini.kernel.contract import ReachEnd
 from fantoccini.kernel.runtime import Reached
 from fantoccini.motion import State
 
-_SHARE = 0.01
-"""Part of the largest price from which a bound is named."""
-_TAUT = 1e-6
-"""Tension from which a string pulls, relative to the weight."""
-_MOVES = 1e-9
-"""Change of a dynamic coordinate by a unit of the driven ones that is rounding."""
+_MIN_PRICE_SHARE = 0.01
+"""Least price of a bound that is named, relative to the largest."""
+_MIN_TENSION_SHARE = 1e-6
+"""Minimum tension, relative to the weight, to count as taut."""
+_MAX_RATE_ROUNDING = 1e-9
+"""Rounding error of the rate of a dynamic coordinate, for a unit rate of the driven ones."""
 
 
 _STATUS = {
@@ -35,17 +35,17 @@ _STATUS = {
 
 @dataclass(frozen=True, eq=False)
 class ReachProblem:
-    """What was asked for.
+    """The problem of a search for hanging poses.
 
     Attributes:
         marionette: the puppet.
-        start: where the search began.
-        names: of the targets.
-        places: (n, n_targets, 3) [m or rad].
+        start: start of the search.
+        names: names of the targets.
+        places: (n, n_targets, 3) required places [m or rad].
         moves: (n_targets, n_vD + n_vK) bool, the velocities that move each target.
-        low, high: (n_vK + n_p,) bounds of what is chosen.
-        tension_low, tension_high: (n_rows,) of rows that pull [N or N m].
-        joint_low, joint_high: (n_vD,) of scalars.
+        low, high: (n_vK + n_p,) bounds of the driven coordinates and the parameters.
+        tension_low, tension_high: (n_rows,) bounds of the tensions of taut rows [N or N m].
+        joint_low, joint_high: (n_vD,) bounds of scalar dynamic coordinates.
     """
 
     marionette: Marionette
@@ -63,18 +63,18 @@ class ReachProblem:
 
 @dataclass(frozen=True, eq=False)
 class ReachedPose(Answer):
-    """The hanging pose nearest to some places. True where it is there.
+    """The hanging pose nearest to some places. It is true if it reaches them.
 
     Attributes:
-        status: how near it comes.
-        state: the pose, at rest; of the puppet with ``parameters``.
-        distance: what is left, over all targets [m or rad].
-        distances: target -> what is left of it.
-        parameters: the values of those that were chosen.
+        status: outcome of the search.
+        state: the pose, at rest, of the puppet with ``parameters``.
+        distance: remaining distance, over all targets [m or rad].
+        distances: target -> its remaining distance.
+        parameters: values of the parameters that were chosen.
         tension: string -> tension [N].
         taut: strings that pull.
-        still: dynamic velocities that no driven coordinate changes there, at first order.
-        limits: what keeps it from its places, in words; empty where it is there.
+        still: dynamic velocities that no driven coordinate changes there, to first order.
+        limits: descriptions of the bounds that keep it from its places; empty if it reaches them.
     """
 
     status: AnswerStatus
@@ -88,32 +88,33 @@ class ReachedPose(Answer):
     limits: tuple[str, ...]
 
     def summary(self) -> str:
-        """What was found, in lines."""
+        """Description of the pose, in lines."""
         if self:
             return f"reached, hanging on {', '.join(self.taut)}"
         lines = [f"{self.status.name}: {self.status.message}"]
         lines += [
-            f"{name} comes no nearer than {length(left)}" for name, left in self.distances.items()
+            f"{name} comes no nearer than {length(distance)}"
+            for name, distance in self.distances.items()
         ]
         return "\n".join([*lines, *self.limits])
 
 
 @dataclass(frozen=True, eq=False)
 class ReachedPoses:
-    """Hanging poses nearest to places, one for each. True where all are reached.
+    """Hanging poses nearest to places, one for each. They are true if all places are reached.
 
     Attributes:
-        problem: what was asked for.
+        problem: the problem of the search.
     """
 
     problem: ReachProblem
-    _found: Reached
+    _result: Reached
 
     def __bool__(self) -> bool:
-        return all(self._found.status == ReachEnd.REACHED)
+        return all(self._result.status == ReachEnd.REACHED)
 
     def __len__(self) -> int:
-        return len(self._found.status)
+        return len(self._result.status)
 
     def __iter__(self) -> Iterator[ReachedPose]:
         return (self[i] for i in range(len(self)))
@@ -126,135 +127,144 @@ class ReachedPoses:
 
     @property
     def is_lost(self) -> bool:
-        """Whether the puppet did not hang at the start."""
-        return bool(np.any(self._found.status == ReachEnd.LOST))
+        """Whether the puppet does not hang at the start."""
+        return bool(np.any(self._result.status == ReachEnd.LOST))
 
     @property
     def reached(self) -> Mask:
-        """(n,) bool, the poses that are at their places."""
-        return self._found.status == ReachEnd.REACHED
+        """(n,) bool, the poses that reach their places."""
+        return self._result.status == ReachEnd.REACHED
 
     @property
     def status(self) -> tuple[AnswerStatus, ...]:
-        """How near each pose comes."""
-        return tuple(_STATUS[ReachEnd(code)] for code in self._found.status.tolist())
+        """Outcome of the search for each pose."""
+        return tuple(_STATUS[ReachEnd(code)] for code in self._result.status.tolist())
 
     @property
     def left(self) -> Array:
-        """(n, n_targets, 3) from the places to where the points are; 0 where free [m or rad]."""
-        return self._found.left
+        """(n, n_targets, 3) offsets of the points from their places; 0 if free [m or rad]."""
+        return self._result.left
 
     @cached_property
     def distance(self) -> Array:
-        """(n,) length of what is left, over all targets [m or rad]."""
-        return np.sqrt(np.sum(np.square(self._found.left), axis=(1, 2)))
+        """(n,) norms of the offsets of all targets [m or rad]."""
+        return np.sqrt(np.sum(np.square(self._result.left), axis=(1, 2)))
 
     @property
     def q_D(self) -> Array:
-        """(n, n_qD) the poses."""
-        return self._found.q_D
+        """(n, n_qD) dynamic coordinates of the poses."""
+        return self._result.q_D
 
     @property
     def q_K(self) -> Array:
-        """(n, n_qK) the driven coordinates with which they hang."""
-        return self._found.q_K
+        """(n, n_qK) driven coordinates of the poses."""
+        return self._result.q_K
 
     @property
     def p(self) -> Array:
         """(n, n_p) parameters of the puppet."""
-        return self._found.p
+        return self._result.p
 
     @property
     def tension(self) -> Array:
         """(n, n_rows) tensions of strings, forces of limits [N or N m]."""
-        return self._found.tension
+        return self._result.tension
 
     @property
     def iterations(self) -> NDArray[np.int32]:
-        """(n,) steps of the search."""
-        return self._found.iterations
+        """(n,) numbers of iterations of the search."""
+        return self._result.iterations
 
     @property
     def by_K(self) -> Array:
-        """(n, n_vD, n_vK) dq_D/dq_K: how each pose follows the driven coordinates."""
+        """(n, n_vD, n_vK) dq_D/dq_K, derivatives of each pose by the driven coordinates."""
         n_K = self.problem.marionette.coordinates.n_vK
-        return self._found.by[:, :n_K].swapaxes(1, 2)
+        return self._result.by[:, :n_K].swapaxes(1, 2)
 
     def __getitem__(self, i: int) -> ReachedPose:
-        problem, found = self.problem, self._found
+        problem, result = self.problem, self._result
         marionette, table = problem.marionette, problem.marionette.coordinates
         state = problem.start.replace(
-            q_D=found.q_D[i], q_K=found.q_K[i], taut=found.held[i].astype(bool)
+            q_D=result.q_D[i], q_K=result.q_K[i], taut=result.held[i].astype(bool)
         )
         names = [s.name for s in marionette.tree.strings]
-        moves = np.max(np.abs(self.by_K[i]), axis=1, initial=0.0) > _MOVES
-        shown = target_names(problem.names)
+        is_moved = np.max(np.abs(self.by_K[i]), axis=1, initial=0.0) > _MAX_RATE_ROUNDING
+        target_labels = target_names(problem.names)
         chosen = {
-            name: float(found.p[i, j])
+            name: float(result.p[i, j])
             for name, j in marionette.parameter_index.items()
             if problem.low[table.n_vK + j] < problem.high[table.n_vK + j]
         }
-        left = np.linalg.norm(found.left[i], axis=1)
-        least = _TAUT * (marionette.weight or 1.0)
+        distances = np.linalg.norm(result.left[i], axis=1)
+        min_tension = _MIN_TENSION_SHARE * (marionette.weight or 1.0)
         return ReachedPose(
             self.status[i],
             state,
             float(self.distance[i]),
-            dict(zip(shown, left.tolist(), strict=True)),
+            dict(zip(target_labels, distances.tolist(), strict=True)),
             chosen,
-            dict(zip(names, found.tension[i].tolist(), strict=False)),
-            tuple(s for s, pull in zip(names, found.tension[i], strict=False) if pull > least),
-            tuple(v for v, m in zip(table.v_D, moves, strict=True) if not m),
+            dict(zip(names, result.tension[i].tolist(), strict=False)),
+            tuple(
+                s for s, pull in zip(names, result.tension[i], strict=False) if pull > min_tension
+            ),
+            tuple(v for v, moves in zip(table.v_D, is_moved, strict=True) if not moves),
             () if self.reached[i] else tuple(self._limits(i)),
         )
 
     def _limits(self, i: int) -> list[str]:
-        """What keeps a pose from its places, the firmest first."""
-        problem, found = self.problem, self._found
+        """Descriptions of the bounds that keep a pose from its places, by falling price."""
+        problem, result = self.problem, self._result
         marionette = problem.marionette
         table, rows = marionette.coordinates, marionette.tree.row_names
         n_u = len(problem.low)
-        price = found.price[i].copy()
-        pulls = found.held[i].astype(bool)
-        size = np.abs(price)
-        size[n_u : n_u + len(rows)][pulls] *= marionette.weight or 1.0
+        price = result.price[i].copy()
+        is_taut = result.held[i].astype(bool)
+        price_effect = np.abs(price)
+        price_effect[n_u : n_u + len(rows)][is_taut] *= marionette.weight or 1.0
         texts = []
-        for c in np.argsort(-size, kind="stable"):
-            if not size[c] > _SHARE * size.max() or size[c] == 0.0:
+        for c in np.argsort(-price_effect, kind="stable"):
+            if (
+                not price_effect[c] > _MIN_PRICE_SHARE * price_effect.max()
+                or price_effect[c] == 0.0
+            ):
                 break
-            high = price[c] > 0.0
+            is_upper = price[c] > 0.0
             if c < n_u:
                 names = [*table.v_K, *marionette.parameter_index]
                 texts.append(
-                    self._beyond(names[c], (problem.high if high else problem.low)[c], high)
+                    self._beyond(names[c], (problem.high if is_upper else problem.low)[c], is_upper)
                 )
             elif c < n_u + len(rows):
                 j = int(c) - n_u
-                texts.append(_of_row(problem, j, bool(pulls[j]), high))
+                texts.append(_row_limit(problem, j, bool(is_taut[j]), is_upper))
             else:
                 v = int(c) - n_u - len(rows)
-                bound = (problem.joint_high if high else problem.joint_low)[v]
-                texts.append(self._beyond(table.v_D[v], bound, high))
+                bound = (problem.joint_high if is_upper else problem.joint_low)[v]
+                texts.append(self._beyond(table.v_D[v], bound, is_upper))
         if self.status[i] is AnswerStatus.TIPS:
             texts = ["any nearer, the puppet would tip over"]
-        texts += self._rests_on(pulls)
+        texts += self._carrying_limits(is_taut)
         if not texts:
             texts = [
-                f"nothing that is driven moves {target_name(what)} any further along "
-                f"({_direction(-left)})"
-                for what, left in zip(problem.names, found.left[i], strict=True)
-                if np.linalg.norm(left) > 0.0
+                f"nothing that is driven moves {target_name(target)} any further along "
+                f"({_direction(-offset)})"
+                for target, offset in zip(problem.names, result.left[i], strict=True)
+                if np.linalg.norm(offset) > 0.0
             ]
         return texts
 
-    def _rests_on(self, pulls: MaskRows) -> list[str]:
-        """The limits that carry what is to be somewhere."""
+    def _carrying_limits(self, is_taut: MaskRows) -> list[str]:
+        """Descriptions of active limits of the joints that move a target."""
         tree = self.problem.marionette.tree
-        moved, names, n = np.any(self.problem.moves, axis=0), tree.row_names, len(tree.strings)
+        moves_target, names, n = (
+            np.any(self.problem.moves, axis=0),
+            tree.row_names,
+            len(tree.strings),
+        )
         return [
             f"the joint's limit {names[n + i]} is met"
             for i, limit in enumerate(tree.limits)
-            if pulls[n + i] and moved[tree.links[limit.link].v.start]
+            if is_taut[n + i] and moves_target[tree.links[limit.link].v.start]
         ]
 
     def _beyond(self, name: str, bound: float, high: bool) -> str:
@@ -265,13 +275,13 @@ class ReachedPoses:
         }
         v_K = self.problem.marionette.coordinates.v_K
         if name in v_K and (v := list(v_K).index(name)) in lengths:
-            more = "longer" if high else "shorter"
-            return f"the string {lengths[v]} would have to be {more} than {bound:.4g} m"
+            comparison = "longer" if high else "shorter"
+            return f"the string {lengths[v]} would have to be {comparison} than {bound:.4g} m"
         return f"{name} would have to be {'above' if high else 'below'} {bound:.4g}"
 
 
-def _of_row(problem: ReachProblem, j: int, pulls: bool, high: bool) -> str:
-    """In words, what the bound of a row forbids."""
+def _row_limit(problem: ReachProblem, j: int, pulls: bool, high: bool) -> str:
+    """Description of the bound of a row that limits a pose."""
     marionette = problem.marionette
     name, is_string = marionette.tree.row_names[j], j < len(marionette.tree.strings)
     if not pulls:
@@ -287,19 +297,19 @@ def _of_row(problem: ReachProblem, j: int, pulls: bool, high: bool) -> str:
     return f"the string {name} would have to push"
 
 
-def target_name(what: Any) -> str:
+def target_name(target: Any) -> str:
     """The name of a target."""
-    return str(what[0]) if isinstance(what, tuple) else str(what)
+    return str(target[0]) if isinstance(target, tuple) else str(target)
 
 
 def target_names(targets: Sequence[Any]) -> list[str]:
-    """Names of targets, no two alike: several points of a body have their place with them."""
-    names = [target_name(what) for what in targets]
+    """Distinct names of targets: several points of a body have their position added."""
+    names = [target_name(target) for target in targets]
     return [
-        f"{name} at ({', '.join(f'{x:g}' for x in what[1])})"
-        if names.count(name) > 1 and isinstance(what, tuple)
+        f"{name} at ({', '.join(f'{x:g}' for x in target[1])})"
+        if names.count(name) > 1 and isinstance(target, tuple)
         else name
-        for name, what in zip(names, targets, strict=True)
+        for name, target in zip(names, targets, strict=True)
     ]
 
 

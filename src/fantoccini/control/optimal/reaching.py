@@ -1,4 +1,4 @@
-"""reach: the hanging poses that come nearest to places, and what keeps them from there."""
+"""reach: the hanging poses nearest to places, and the bounds that limit them."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from fantoccini.motion import State
 What: TypeAlias = str | tuple[str, tuple[float, float, float]]
 """A body, a point (x, y, z) of it, or a scalar coordinate."""
 
-_MOST_TENSION = 100.0
-"""Largest tension, relative to the weight: a limb that is pulled straight asks for ever more."""
-_AT_REST = 1e-3
-"""Largest acceleration of a start that hangs at rest [m/s^2 or rad/s^2]."""
-_FARTHEST = 100.0
-"""Farthest that a driven scalar moves [m or rad]: far ends only turn a string's direction."""
-_SHORTEST = 0.01
-"""Shortest length of a driven string [m]."""
+_MAX_TENSION = 100.0
+"""Largest tension, relative to the weight: without a bound it grows as a limb straightens."""
+_MAX_REST_ACCELERATION = 1e-3
+"""Largest acceleration of a start that counts as hanging at rest [m/s^2 or rad/s^2]."""
+_MAX_DISPLACEMENT = 100.0
+"""Largest displacement of a driven scalar [m or rad]; far ends only turn a string's direction."""
+_MIN_LENGTH = 0.01
+"""Least length of a driven string [m]."""
 
 
 def reach(
@@ -42,38 +42,38 @@ def reach(
     weights: Mapping[What, float] | None = None,
     once: bool = False,
 ) -> ReachedPoses:
-    """min sum_i w_i |place_i(q_D, q_K) - target_i|^2 over the q_K with which the puppet hangs.
+    """The hanging poses nearest to targets, of least sum_i w_i |place_i(q_D, q_K) - target_i|^2.
 
-    The pose hangs: forces balance, strings that pull have their length, the others are slack, and
+    In a hanging pose forces balance, taut strings have their length, the others are slack, and
     joints are within their limits. The minimum is a local one: the nearest pose that the puppet
-    passes into from ``start`` without falling. Of many places each pose begins at the one found
-    before whose place is nearest, on a path the last; one that is not reached is looked for from
-    the start as well.
+    reaches from ``start`` without falling. With many places, the search for a pose begins at the
+    earlier pose whose place is nearest, on a path the last one; if it does not reach its place, the
+    search is repeated from the start.
 
     Args:
         marionette: the puppet.
-        targets: what -> where. A body's origin, or a point of it as ``(body, (x, y, z))``, is to be
-            at a place (3,), or at n places (n, 3) one after the other [m]; a scalar coordinate has
+        targets: target -> place. A body's origin, or a point of it as ``(body, (x, y, z))``, is to
+            be at a place (3,), or at n places (n, 3) one after another [m]; a scalar coordinate has
             a value or (n,) values [rad or m]. NaN leaves a direction free.
-        start: a state that hangs at rest, from which the search begins; ``marionette.rest()`` when
-            not given.
-        bounds: see :class:`Bounds`; speeds, accelerations and jerks have no part. Driven strings
-            are at least 1 cm long; coordinates move by 100 m or rad at most, and tensions are at
-            most 100 times the weight, when not given.
-        parameters: name -> lowest and highest value: numbers of the puppet that may be chosen too.
-        slack: whether strings that pull at the start may go slack. Slack ones may always begin to
-            pull.
-        tolerance: of the distance [m or rad].
-        iterations: at most, of one pose.
-        weights: w_i of targets; 1 where not given. With light targets of driven coordinates many
-            places that contradict one another are found quickly.
-        once: whether each pose is looked for from the last one only, and not again where it is not
-            reached: faster on paths.
+        start: a state that hangs at rest, from which the search begins; ``marionette.rest()`` by
+            default.
+        bounds: see :class:`Bounds`; those of speed, acceleration and jerk are ignored. By default,
+            driven strings are at least 1 cm long, coordinates move by at most 100 m or rad, and
+            tensions are at most 100 times the weight.
+        parameters: name -> lowest and highest value of parameters that may be chosen, too.
+        slack: whether strings that pull at the start may go slack. Slack strings may always become
+            taut.
+        tolerance: tolerance of the distance [m or rad].
+        iterations: largest number of iterations for one pose.
+        weights: weights w_i of targets; 1 by default. Small weights of driven coordinates speed up
+            the search for many places that contradict one another.
+        once: whether to search each pose from the last one only, without repetition from the start:
+            faster on paths.
 
     Raises:
-        UnknownNameError: a name that the puppet does not have, or a weight of no target.
-        StateError: places of another shape, a start that does not hang at rest or is beyond its
-            bounds, or a puppet with contact or winches that slip.
+        UnknownNameError: name that the puppet does not have, or weight without a target.
+        StateError: places of another shape, start that does not hang at rest or is beyond its
+            bounds, or puppet with contact or winches that slip.
     """
     check_positive(tolerance=tolerance)
     refuse_contact(marionette, "reach")
@@ -87,25 +87,27 @@ def reach(
         )
     start = marionette.rest() if start is None else start
     marionette.check_state(start)
-    still = start.replace(v_D=np.zeros_like(start.v_D), v_K=np.zeros_like(start.v_K))
+    start_at_rest = start.replace(v_D=np.zeros_like(start.v_D), v_K=np.zeros_like(start.v_K))
     bounds = Bounds() if bounds is None else bounds
     bounds = replace(bounds, speed=np.inf, acceleration=np.inf, jerk=np.inf)
     if not slack:
-        bounds = bounds.staying_taut(marionette, still)
-    bounds.check_state(marionette, still, "at the start")
+        bounds = bounds.staying_taut(marionette, start_at_rest)
+    bounds.check_state(marionette, start_at_rest, "at the start")
     places, arrays = _targets(marionette, targets)
     arrays["weights"] = _weights(targets, weights or {})
-    chosen = _chosen(marionette, still, bounds, parameters or {})
-    problem = ReachProblem(marionette, still, tuple(targets), places, arrays["moves"], **chosen)
-    rows = _rows(marionette, still, chosen["tension_low"])
-    found = marionette.libraries.reach.find(
+    variable_bounds = _variable_bounds(marionette, start_at_rest, bounds, parameters or {})
+    problem = ReachProblem(
+        marionette, start_at_rest, tuple(targets), places, arrays["moves"], **variable_bounds
+    )
+    rows = _rows(marionette, start_at_rest, variable_bounds["tension_low"])
+    result = marionette.libraries.reach.find(
         places,
         {
             **arrays,
             **rows,
-            **chosen,
-            "q_D": still.q_D,
-            "q_K": still.q_K,
+            **variable_bounds,
+            "q_D": start_at_rest.q_D,
+            "q_K": start_at_rest.q_K,
             "p": marionette.p,
             "moved": problem.low < problem.high,
         },
@@ -114,19 +116,19 @@ def reach(
         max_iterations=iterations,
         once=once,
     )
-    made = ReachedPoses(problem, found)
-    if made.is_lost:
+    poses = ReachedPoses(problem, result)
+    if poses.is_lost:
         raise StateError(
             "reach: the puppet does not hang stably at the start: a push would make it fall; "
             "give marionette.rest(...) as the start"
         )
-    return made
+    return poses
 
 
 def _targets(
     marionette: Marionette, targets: Mapping[What, Any]
 ) -> tuple[Array, dict[str, np.ndarray]]:
-    """Places (n, n_targets, 3), and what is to be there."""
+    """Places (n, n_targets, 3), and arrays that describe the targets."""
     table, tree = marionette.coordinates, marionette.tree
     if not 0 < len(targets) <= MAX_TARGETS:
         raise StateError(f"reach: {len(targets)} targets; needed: 1 to {MAX_TARGETS}")
@@ -134,16 +136,16 @@ def _targets(
     columns = {table.q_D[q]: v for q, v in table.scalars_D}
     columns |= {table.q_K[q]: table.n_vD + v for q, v in table.scalars_K}
     links, places, at = [], [], []
-    of_coordinates, moves = [], np.zeros((len(targets), table.n_vD + table.n_vK), dtype=bool)
-    for i, (what, place) in enumerate(targets.items()):
-        name, point = what if isinstance(what, tuple) else (what, (0.0, 0.0, 0.0))
+    column_of_target, moves = [], np.zeros((len(targets), table.n_vD + table.n_vK), dtype=bool)
+    for i, (target, place) in enumerate(targets.items()):
+        name, point = target if isinstance(target, tuple) else (target, (0.0, 0.0, 0.0))
         is_body = name in bodies
-        if not is_body and (name not in columns or isinstance(what, tuple)):
+        if not is_body and (name not in columns or isinstance(target, tuple)):
             raise UnknownNameError("body or coordinate", str(name), [*bodies, *columns])
         if np.shape(point) != (3,) or not np.all(np.isfinite(point)):
             raise StateError(f"reach: the point of {name} is {point!r}; needed: three numbers")
         links.append(bodies.index(name) if is_body else -1)
-        of_coordinates.append(-1 if is_body else columns[name])
+        column_of_target.append(-1 if is_body else columns[name])
         at.append(point)
         moves[i] = relations(tree)[0][links[-1]] if is_body else False
         if not is_body:
@@ -153,62 +155,62 @@ def _targets(
     if len(sizes) > 1:
         raise StateError(f"reach: targets have {sorted(sizes)} places; needed: one number of them")
     n = sizes.pop() if sizes else 1
-    whole = np.stack([np.broadcast_to(x, (n, 3)) for x in places], axis=1)
-    numbers = {
+    all_places = np.stack([np.broadcast_to(x, (n, 3)) for x in places], axis=1)
+    arrays = {
         "links": np.array(links),
-        "columns": np.array(of_coordinates),
+        "columns": np.array(column_of_target),
         "at": np.array(at, dtype=float),
         "moves": moves,
     }
-    return whole, numbers
+    return all_places, arrays
 
 
 def _weights(targets: Mapping[What, Any], weights: Mapping[What, float]) -> Array:
     """(n_targets,) weights of squared distances."""
-    for what, weight in weights.items():
-        if what not in targets:
-            raise UnknownNameError("target", str(what), [str(one) for one in targets])
+    for target, weight in weights.items():
+        if target not in targets:
+            raise UnknownNameError("target", str(target), [str(key) for key in targets])
         check_positive(weight=weight)
-    return np.array([weights.get(what, 1.0) for what in targets], dtype=float)
+    return np.array([weights.get(target, 1.0) for target in targets], dtype=float)
 
 
 def _places(name: str, place: Any, is_body: bool) -> Array:
-    """(n, 3) places; of a coordinate the value is the first, the others are free."""
-    found = np.asarray(place, dtype=float)
-    if is_body and found.ndim in (1, 2) and found.shape[-1] == 3 and found.size:
-        found = found.reshape(-1, 3)
-    elif not is_body and found.ndim < 2 and found.size:
-        free = np.full((found.size, 2), np.nan)
-        found = np.concatenate([found.reshape(-1, 1), free], axis=1)
+    """(n, 3) places; for a coordinate the value is the first number, and the others are free."""
+    rows = np.asarray(place, dtype=float)
+    if is_body and rows.ndim in (1, 2) and rows.shape[-1] == 3 and rows.size:
+        rows = rows.reshape(-1, 3)
+    elif not is_body and rows.ndim < 2 and rows.size:
+        free = np.full((rows.size, 2), np.nan)
+        rows = np.concatenate([rows.reshape(-1, 1), free], axis=1)
     else:
         needed = "(3,) or (n, 3)" if is_body else "() or (n,)"
         raise StateError(
-            f"reach: the target of {name} has the shape {found.shape}; it takes {needed}"
+            f"reach: the target of {name} has the shape {rows.shape}; it takes {needed}"
         )
-    if np.any(np.isinf(found)) or np.all(np.isnan(found)):
+    if np.any(np.isinf(rows)) or np.all(np.isnan(rows)):
         raise StateError(f"reach: the target of {name} has infinite numbers, or none at all")
-    return found
+    return rows
 
 
-def _chosen(
+def _variable_bounds(
     marionette: Marionette, x0: State, bounds: Bounds, parameters: Mapping[str, Interval]
 ) -> dict[str, Array]:
-    """Bounds of what is chosen: (q_K, p), of tensions and of joints."""
+    """Bounds of the variables (q_K, p), of tensions and of joints."""
     table, tree = marionette.coordinates, marionette.tree
     n, k = table.n_vD, table.n_vK
     low_z, high_z = bounds.intervals(marionette)
     low = np.concatenate([low_z[2 * n : 2 * n + k], marionette.p])
     high = np.concatenate([high_z[2 * n : 2 * n + k], marionette.p])
-    now = {v: x0.q_K[q] for q, v in table.scalars_K}
-    for v, value in now.items():
-        low[v] = value - _FARTHEST if np.isneginf(low[v]) else low[v]
-        high[v] = value + _FARTHEST if np.isposinf(high[v]) else high[v]
+    start_values = {v: x0.q_K[q] for q, v in table.scalars_K}
+    for v, value in start_values.items():
+        low[v] = value - _MAX_DISPLACEMENT if np.isneginf(low[v]) else low[v]
+        high[v] = value + _MAX_DISPLACEMENT if np.isposinf(high[v]) else high[v]
     for string in tree.strings:
-        if string.driven_length and (v := string.driven_length[1]) in now:
-            low[v] = min(max(low[v], _SHORTEST), now[v])
+        if string.driven_length and (v := string.driven_length[1]) in start_values:
+            low[v] = min(max(low[v], _MIN_LENGTH), start_values[v])
     for name in bounds.held:
         v = table.v_K.index(name)
-        low[v] = high[v] = now.get(v, 0.0)
+        low[v] = high[v] = start_values.get(v, 0.0)
     index = marionette.parameter_index
     for name, (a, b) in parameters.items():
         if name not in index:
@@ -218,15 +220,15 @@ def _chosen(
                 f"reach: the parameter {name} is {marionette.p[index[name]]:g} and is to lie from "
                 f"{a:g} to {b:g}; needed: finite bounds that it lies between"
             )
-        for end in (a, b):
-            marionette.with_parameters({name: end})
+        for bound in (a, b):
+            marionette.with_parameters({name: bound})
         low[k + index[name]], high[k + index[name]] = a, b
-    rows, least, most = bounds.tensions(marionette)
+    rows, lowest, highest = bounds.tensions(marionette)
     tension_low = np.where(marionette.two_sided, -np.inf, 0.0)
-    tension_high = np.full(len(tension_low), _MOST_TENSION * (marionette.weight or 1.0))
+    tension_high = np.full(len(tension_low), _MAX_TENSION * (marionette.weight or 1.0))
     tension_high[len(tree.strings) :] = np.inf
-    tension_low[rows] = np.where(marionette.two_sided[rows], least, np.maximum(least, 0.0))
-    tension_high[rows] = most
+    tension_low[rows] = np.where(marionette.two_sided[rows], lowest, np.maximum(lowest, 0.0))
+    tension_high[rows] = highest
     return {
         "low": low,
         "high": high,
@@ -237,17 +239,17 @@ def _chosen(
     }
 
 
-def _rows(marionette: Marionette, x0: State, least: Array) -> dict[str, np.ndarray]:
-    """Tensions at the start, which rows pull there, and which may begin or cease to."""
-    found = marionette.forward_dynamics(x0)
-    tension, lengths = found.tension, np.full(len(found.tension), -1)
-    if np.max(np.abs(found.acc_D), initial=0.0) > _AT_REST:
+def _rows(marionette: Marionette, x0: State, tension_low: Array) -> dict[str, np.ndarray]:
+    """Tensions at the start, the taut rows, and the rows that may become taut or slack."""
+    dynamics = marionette.forward_dynamics(x0)
+    tension, length_index = dynamics.tension, np.full(len(dynamics.tension), -1)
+    if np.max(np.abs(dynamics.acc_D), initial=0.0) > _MAX_REST_ACCELERATION:
         raise StateError(
             "reach: the start does not hang at rest; give marionette.rest(...) as the start"
         )
     for j, string in enumerate(marionette.tree.strings):
         if string.driven_length:
-            lengths[j] = string.driven_length[1]
-    held = (tension > 1e-9 * (marionette.weight or 1.0)) | marionette.two_sided
-    may_change = ~marionette.two_sided & ~(held & (least > 0.0))
-    return {"tension": tension, "held": held, "may_change": may_change, "lengths": lengths}
+            length_index[j] = string.driven_length[1]
+    is_taut = (tension > 1e-9 * (marionette.weight or 1.0)) | marionette.two_sided
+    may_change = ~marionette.two_sided & ~(is_taut & (tension_low > 0.0))
+    return {"tension": tension, "held": is_taut, "may_change": may_change, "lengths": length_index}

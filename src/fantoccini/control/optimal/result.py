@@ -1,4 +1,4 @@
-"""What an optimisation found."""
+"""The result of an optimisation."""
 
 from __future__ import annotations
 
@@ -27,35 +27,34 @@ from fantoccini.control.tasks import (
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, Trajectory
 
-_DAMPING = 1e-6
-"""Of the Hessian of gains, in units of the cost."""
+_GAIN_DAMPING = 1e-6
+"""Damping of the Hessian for gains, in units of the cost."""
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum(Answer):
-    """The best motion found, as an event-driven run. True where it is ``SOLVED``; see
-    :class:`Answer`.
+    """The best motion, as an event-driven run. It is true if it is ``SOLVED``; see :class:`Answer`.
 
-    Where ``status`` is ``NO_RUN``, which with contact it may be, all is of time steps.
+    With contact, ``status`` may be ``NO_RUN``; then all results are those of time steps.
 
     Attributes:
-        task: what was asked for.
-        status: how the search ended.
+        task: the task.
+        status: status at the end of the search.
         run: the event-driven run.
         inputs: motion of the driven coordinates.
         cost: J of the run.
-        kkt: residual of the conditions of optimality: the largest of ``stationarity``, of what is
-            left at the end and of violated bounds. Its derivatives are those of time steps, or
-            exact ones; see :func:`fantoccini.optimise`.
-        stationarity: of the step before, the larger of the change of the cost's gradient along it,
-            relative to the gradient, and of the decrease that the slope promises, relative to J.
-        violation: how far the run is beyond its bounds [N, m, rad or their rates].
-        end_gap: how far it ends from the end asked for [m, rad or their rates].
-        touched: how near the run came to the places of the task's touches, and when.
-        iterations: made.
-        seconds: they took [s].
+        kkt: residual of the conditions of optimality: the largest of ``stationarity``, the error at
+            the end and the violation of bounds. Its derivatives are those of time steps, or exact
+            ones; see :func:`fantoccini.optimise`.
+        stationarity: for the last step, the larger of the change of the cost's gradient along it,
+            relative to the gradient, and of the decrease predicted by the slope, relative to J.
+        violation: largest violation of bounds in the run [N, m, rad or their rates].
+        end_gap: largest error at the end [m, rad or their rates].
+        touched: distances and times of the run's closest approaches to the places of touches.
+        iterations: number of iterations.
+        seconds: time that they took [s].
         curve: (seconds, cost) after every iteration.
-        reason: the bound, coordinate and time of the largest residual, where it is not solved.
+        reason: bound, coordinate and time of the largest residual, if it is not solved.
     """
 
     task: Task
@@ -95,7 +94,7 @@ class Optimum(Answer):
 
     @property
     def marionette(self) -> Marionette:
-        """The puppet, with the parameters that were chosen."""
+        """The puppet with the parameters that were chosen."""
         return self._runs.chosen.marionette(self.nodes.parameters)
 
     @property
@@ -105,15 +104,15 @@ class Optimum(Answer):
 
     @property
     def costate(self) -> Array | None:
-        """(N, n) multipliers of the dynamics in the last step; None where none was made."""
+        """(N, n) multipliers of the dynamics in the last step; None if there was no step."""
         solution = self._iterate.solution
         return None if solution is None else solution.costate
 
     @property
     def gains(self) -> Array:
-        """(N, n_vK, n_z) K of the best feedback near the motion, acc_K += K (x - x_node).
+        """(N, n_vK, n_z) gains K of the best feedback near the motion, acc_K += K (x - x_node).
 
-        z = (dq_D, dv_D, dq_K, dv_K); of the cost without jerks, with no bound in force.
+        z = (dq_D, dv_D, dq_K, dv_K); for the cost without jerks, without active bounds.
         """
         at = self._iterate
         linear = self._runs.linearise(at.nodes, at.ends)
@@ -127,91 +126,95 @@ class Optimum(Answer):
         objective = Objective(task)
         nodes = replace(at.nodes, parameters=np.zeros(0))
         objective.take_unit(nodes, linear)
-        program = objective.program(nodes, linear, _DAMPING * objective.unit, at.force)
+        program = objective.program(nodes, linear, _GAIN_DAMPING * objective.unit, at.force)
         return objective.widened_gains(program.gains)
 
     def errors(self) -> dict[str, Array]:
-        """Name of every track -> (N + 1,) |r| at the nodes: how far from its path.
+        """Name of every track -> (N + 1,) |r| at the nodes, the distance from its path.
 
-        Where several tracks have one name, the later ones have their kind or place as well.
+        If several tracks have one name, the later ones have their kind or index added.
         """
-        looks = Looks(self.marionette, self.nodes)
-        out = {}
-        for name, track in self._named():
+        evaluation = Looks(self.marionette, self.nodes)
+        errors = {}
+        for name, track in self._named_tracks():
             if track.kind == "tension":
                 continue
-            r = residual_of(self.task.marionette, track, self.nodes).value(looks)
-            out[name] = np.linalg.norm(r, axis=1)
-        return out
+            r = residual_of(self.task.marionette, track, self.nodes).value(evaluation)
+            errors[name] = np.linalg.norm(r, axis=1)
+        return errors
 
     def rms(self) -> dict[str, float]:
         """Name of every track -> root mean square of :meth:`errors`."""
         return {name: float(np.sqrt(np.mean(np.square(e)))) for name, e in self.errors().items()}
 
     def paths(self) -> dict[str, tuple[Array, Array]]:
-        """Name of every body of a point that is tracked -> (N + 1, 3) its path, and where it is."""
-        looks = Looks(self.marionette, self.nodes)
-        out = {}
-        for name, track in self._named():
+        """Name of every body with a tracked point -> (N + 1, 3) path and positions of the point."""
+        evaluation = Looks(self.marionette, self.nodes)
+        paths = {}
+        for name, track in self._named_tracks():
             if track.kind != "point":
                 continue
-            off = residual_of(self.task.marionette, track, self.nodes).value(looks)
+            offset = residual_of(self.task.marionette, track, self.nodes).value(evaluation)
             path = self.target(track)
-            out[name] = path, path + off
-        return out
+            paths[name] = path, path + offset
+        return paths
 
-    def _named(self) -> list[tuple[str, Track]]:
-        """The tracks with names of their own."""
-        out: dict[str, Track] = {}
+    def _named_tracks(self) -> list[tuple[str, Track]]:
+        """The tracks with distinct names."""
+        tracks: dict[str, Track] = {}
         for k, track in enumerate(self.task.tracks):
-            tries = (track.name, f"{track.name} ({track.kind})", f"{track.name} ({track.kind} {k})")
-            out[next(name for name in tries if name not in out)] = track
-        return list(out.items())
+            candidates = (
+                track.name,
+                f"{track.name} ({track.kind})",
+                f"{track.name} ({track.kind} {k})",
+            )
+            tracks[next(name for name in candidates if name not in tracks)] = track
+        return list(tracks.items())
 
     def target(self, track: Track) -> Array:
-        """(N + 1, m) the path of a track at the nodes."""
+        """(N + 1, m) path of a track at the nodes."""
         return path_of(self.task.marionette, track, self.t)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the puppet with the paths of its points, its errors, tensions and inputs.
 
         Args:
-            path: ends in ``.png``, ``.svg`` or ``.pdf``.
-            options: of :func:`fantoccini.output.optimum_picture`.
+            path: path of the picture; ends in ``.png``, ``.svg`` or ``.pdf``.
+            options: options of :func:`fantoccini.output.optimum_picture`.
         """
         return output().optimum_picture(self, path, **options)
 
     @property
     def message(self) -> str:
-        """How the search ended, with the largest residual where it is not solved."""
+        """Description of the search's end, with the largest residual if it is not solved."""
         return self.status.message + (f": {self.reason}" if self.reason else "")
 
     @property
     def is_exact(self) -> bool:
-        """Whether ``kkt`` is by the derivatives of the run itself, not by those of time steps."""
+        """Whether ``kkt`` uses derivatives of the run itself, not those of time steps."""
         if isinstance(self._runs, ExactRuns):
             return not self._runs.reasons
         return isinstance(self._runs, HybridRuns)
 
     @property
     def reservations(self) -> list[str]:
-        """Sentences on what the status does not guarantee."""
+        """Sentences on results that the status does not guarantee."""
         nodes = self.nodes
         grid = f"{len(nodes)} intervals of {nodes.interval:.4g} s"
-        found = [
+        sentences = [
             f"bounds are kept at the nodes, accelerations are constant over {grid}: shorter "
             "intervals may save more, and other local minima may be lower"
         ]
         if not self.is_exact:
-            why = f" ({self._runs.reasons[-1]})" if isinstance(self._runs, ExactRuns) else ""
-            found.append(
+            reason = f" ({self._runs.reasons[-1]})" if isinstance(self._runs, ExactRuns) else ""
+            sentences.append(
                 f"the residual is by derivatives of time steps of at most {self.task.dt:g} s, "
-                f"which differ from those of the run in the order of the step{why}"
+                f"which differ from those of the run in the order of the step{reason}"
             )
-        return found
+        return sentences
 
     def summary(self) -> str:
-        """What was found, in lines."""
+        """Description of the result, in lines."""
         lines = [f"{self.status.name}: {self.message}"]
         lines.append(
             f"cost {self.cost:.6g}, KKT residual {self.kkt:.2g}, {self.iterations} "
@@ -221,7 +224,7 @@ class Optimum(Answer):
             lines.append(f"{name} = {value:.6g}")
         for name, e in self.rms().items():
             lines.append(f"{name}: {e:.3g} from its path (root mean square)")
-        lines += [str(one) for one in self.touched]
+        lines += [str(touched) for touched in self.touched]
         if self.task.goal is not None:
             lines.append(f"ends within {self.end_gap:.2g} of the state asked for")
         if self.violation:

@@ -1,4 +1,4 @@
-"""Rows of a motion that may be passed at a price: tensions, jerks, joints, forces, motors, gaps.
+"""Rows of a motion: bounds that may be violated at a price.
 
 low <= r_i(u_{i-1}, z_i, u_i, z_{i+1}) <= high
 """
@@ -14,10 +14,10 @@ from fantoccini.control.optimal.force_rows import ForceRows
 from fantoccini.control.optimal.motor_rows import MotorRows
 from fantoccini.control.tasks import Chosen, Nodes, Task, number_names
 
-_AT_BOUND = 1e-3
-"""Distance of a tension, force or voltage from a bound that it is at, relative to its largest."""
-_LEAST_PULL = 1e-9
-"""Its least size [N, N m, V or A]."""
+_BOUND_TOLERANCE = 1e-3
+"""Distance of a tension, force or voltage at its bound, relative to the largest such value."""
+_MIN_PULL = 1e-9
+"""Least such value [N, N m, V or A]."""
 
 
 class Rows:
@@ -25,20 +25,20 @@ class Rows:
 
     Attributes:
         clear: the rows of clearances.
-        places: of the dynamic coordinates in z.
-        joint_low, joint_high: their bounds.
+        places: indices of the dynamic coordinates in z.
+        joint_low, joint_high: bounds of these coordinates.
 
     Args:
         task: see :class:`Task`.
-        chosen: parameters along with the motion.
-        c: of its constants, those that programs have.
+        chosen: the parameters chosen along with the motion.
+        c: indices of the motion's constants that programs have.
     """
 
     def __init__(self, task: Task, chosen: Chosen, c: Indices):
         marionette = task.marionette
         self._table, self._row_names = marionette.coordinates, marionette.tree.row_names
         n = marionette.coordinates.n_vD
-        self._taut, self._least, self._most = task.bounds.tensions(marionette)
+        self._taut, self._tension_low, self._tension_high = task.bounds.tensions(marionette)
         self._jerk = task.bounds.magnitudes(marionette, "jerk")
         self._jerks = np.flatnonzero(np.isfinite(self._jerk) & (self._jerk > 0.0))
         low, high = task.bounds.intervals(marionette)
@@ -67,15 +67,19 @@ class Rows:
         ]
 
     def values(self, nodes: Nodes, ends: Ends) -> tuple[Array, Array, Array]:
-        """(N, m) their values, and (m,) their bounds."""
+        """(N, m) values of the rows, and their (m,) bounds."""
         jumps = np.diff(nodes.acc_K, axis=0, prepend=0.0)[:, self._jerks]
-        most = self._jerk[self._jerks] * nodes.interval
+        max_jump = self._jerk[self._jerks] * nodes.interval
         numbers = nodes.numbers[1:, self.places]
         force = self._forces.value(nodes, ends)
         parts = [ends.tension[:, self._taut], jumps, numbers, force, self._motors.value(nodes)]
-        value, top = np.concatenate(parts, axis=1), self._motors.most
-        low = np.concatenate([self._least, -most, self.joint_low, self._forces.low, -top])
-        high = np.concatenate([self._most, most, self.joint_high, self._forces.high, top])
+        value, motor_bounds = np.concatenate(parts, axis=1), self._motors.most
+        low = np.concatenate(
+            [self._tension_low, -max_jump, self.joint_low, self._forces.low, -motor_bounds]
+        )
+        high = np.concatenate(
+            [self._tension_high, max_jump, self.joint_high, self._forces.high, motor_bounds]
+        )
         if self.clear:
             value = np.concatenate([value, self.clear.value(nodes)], axis=1)
             low = np.append(low, np.full(len(self.clear), self.clear.margin))
@@ -83,7 +87,7 @@ class Rows:
         return value, low, high
 
     def violation(self, nodes: Nodes, ends: Ends) -> Array:
-        """(N, m) how far they are beyond their bounds."""
+        """(N, m) violations of the bounds."""
         value, low, high = self.values(nodes, ends)
         return np.maximum(np.maximum(low - value, value - high), 0.0)
 
@@ -94,31 +98,35 @@ class Rows:
         s, n_clear = k + n_z, len(self.clear) if self.clear else 0
         first = n_taut + n_jerks + n_places
         last = first + len(self._forces)
-        C = np.zeros((N, last + len(self._motors) + n_clear, 2 * s))
-        C[:, :n_taut, k : s + k] = linear.pull[:, self._taut]
+        derivatives = np.zeros((N, last + len(self._motors) + n_clear, 2 * s))
+        derivatives[:, :n_taut, k : s + k] = linear.pull[:, self._taut]
         row = n_taut + np.arange(n_jerks)
-        C[:, row, self._jerks], C[:, row, s + self._jerks] = -1.0, 1.0
-        C[:, n_taut + n_jerks + np.arange(n_places), s + k + self.places] = 1.0
-        C[:, first:last, k : s + k] = self._forces.by(nodes, linear)
-        C[:, last : last + len(self._motors), k:] = self._motors.by(nodes, n_z - nodes.n_z)
+        derivatives[:, row, self._jerks], derivatives[:, row, s + self._jerks] = -1.0, 1.0
+        derivatives[:, n_taut + n_jerks + np.arange(n_places), s + k + self.places] = 1.0
+        derivatives[:, first:last, k : s + k] = self._forces.by(nodes, linear)
+        derivatives[:, last : last + len(self._motors), k:] = self._motors.by(
+            nodes, n_z - nodes.n_z
+        )
         if self.clear:
-            C[:, -n_clear:, s + k : s + k + nodes.n_z] = self.clear.by(nodes)
-        return C
+            derivatives[:, -n_clear:, s + k : s + k + nodes.n_z] = self.clear.by(nodes)
+        return derivatives
 
     def pulls_bind(self, nodes: Nodes, ends: Ends) -> bool:
         """Whether a tension, a force or a motor is at one of its bounds, or beyond.
 
-        A least tension of 0 is none: that is what slack strings have.
+        A lower bound of 0 for a tension does not count: every slack string is at it.
         """
         value, low, high = self.values(nodes, ends)
-        low[: len(self._taut)][self._least <= 0.0] = -np.inf
+        low[: len(self._taut)][self._tension_low <= 0.0] = -np.inf
         first = len(self._taut) + len(self._jerks) + len(self.places)
-        drives = len(self._forces) + len(self._motors)
-        at = [*range(len(self._taut)), *range(first, first + drives)]
-        value, low, high = value[:, at], low[at], high[at]
-        near = _AT_BOUND * np.maximum(np.max(np.abs(value), axis=0, initial=0.0), _LEAST_PULL)
-        return bool(np.any((value <= low + near) | (value >= high - near)))
+        n_drives = len(self._forces) + len(self._motors)
+        columns = [*range(len(self._taut)), *range(first, first + n_drives)]
+        value, low, high = value[:, columns], low[columns], high[columns]
+        tolerance = _BOUND_TOLERANCE * np.maximum(
+            np.max(np.abs(value), axis=0, initial=0.0), _MIN_PULL
+        )
+        return bool(np.any((value <= low + tolerance) | (value >= high - tolerance)))
 
     def n_slack(self, ends: Ends) -> int:
-        """How often, over all nodes, a string is slack that is to stay taut."""
-        return int(np.sum((ends.tension[:, self._taut] == 0.0) & (self._least > 0.0)))
+        """Number of slack strings that must be taut, summed over all nodes."""
+        return int(np.sum((ends.tension[:, self._taut] == 0.0) & (self._tension_low > 0.0)))

@@ -1,4 +1,4 @@
-"""How motions are made: as one event-driven run, or as one run of time steps."""
+"""Simulations of motions: as one event-driven run, or as one run of time steps."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation import simulate
 from fantoccini.motion import Input, State, Trajectory
 
-_ROUNDING = 1e-9
-"""Of times [s]."""
+_TIME_ROUNDING = 1e-9
+"""Rounding error of times [s]."""
 
 
 def uninterrupted(
     marionette: Marionette, x0: State, inputs: Input, end: float, **options: Any
 ) -> Trajectory:
-    """The run of given inputs, whatever its status.
+    """The run of given inputs, with any status.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C stopped it, so the motion must not count as impossible.
+        KeyboardInterrupt: Ctrl-C during the run, so that the motion does not count as impossible.
     """
     run = simulate(marionette, x0, inputs, end, effort=False, throw=False, **options)
     if run.status is Status.STOPPED:
@@ -36,12 +36,12 @@ def uninterrupted(
 
 @dataclass(frozen=True)
 class EventRuns:
-    """One event-driven run from the start. Derivatives are those of time steps along it.
+    """Event-driven runs from the start, with derivatives of time steps along them.
 
     Attributes:
-        steps: of the derivatives.
-        chosen: the puppet and where it starts, by the parameters that are chosen.
-        until: time of ``time.perf_counter`` at which a run is given up [s].
+        steps: time steps for the derivatives.
+        chosen: the puppet and its start, as functions of the chosen parameters.
+        until: time of ``time.perf_counter`` at which a run is abandoned [s].
     """
 
     steps: TimeSteps
@@ -50,8 +50,8 @@ class EventRuns:
 
     def linearise(self, nodes: Nodes, ends: Ends) -> LinearEnds:
         """See :class:`fantoccini.control.optimal.sqp.Shooting`."""
-        found = self.derivatives(nodes)
-        return replace(found, e=ends.e, tension=ends.tension)
+        linear = self.derivatives(nodes)
+        return replace(linear, e=ends.e, tension=ends.tension)
 
     def derivatives(self, nodes: Nodes) -> LinearEnds:
         """Derivatives of the intervals by time steps; contact modes may differ between steps."""
@@ -61,45 +61,47 @@ class EventRuns:
 
     def moved(self, nodes: Nodes, z: Array, u: Array, c: Array) -> tuple[Nodes, Ends] | None:
         """See :class:`fantoccini.control.optimal.sqp.Shooting`."""
-        made = self.run(nodes.moved(z, u, c))
-        return None if made is None else (made[0], self.ends(*made))
+        nodes_and_run = self.run(nodes.moved(z, u, c))
+        return None if nodes_and_run is None else (nodes_and_run[0], self.ends(*nodes_and_run))
 
     def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:
-        """The run of the nodes' inputs, and its states at the nodes."""
+        """The run of the nodes' inputs, and the nodes with its states; None if it fails."""
         t = nodes.t
         try:
             marionette = self.chosen.marionette(nodes.parameters)
             x0 = self.chosen.start(nodes.parameters)
             run = uninterrupted(
-                marionette, x0, nodes.inputs(), t[-1], save_at=t, progress=self._in_time
+                marionette, x0, nodes.inputs(), t[-1], save_at=t, progress=self._check_time
             )
         except (SimulationError, StateError, TimeoutError):
             return None
-        if run.status not in ARRIVED or run.t[-1] < t[-1] - _ROUNDING:
+        if run.status not in ARRIVED or run.t[-1] < t[-1] - _TIME_ROUNDING:
             return None
-        at = np.searchsorted(run.t, t + 1e-12, side="right") - 1
-        states = {name: getattr(run, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
+        samples = np.searchsorted(run.t, t + 1e-12, side="right") - 1
+        states = {name: getattr(run, name)[samples] for name in ("q_D", "v_D", "q_K", "v_K")}
         return replace(nodes, run=run, **states), run
 
-    def _in_time(self, _: Progress) -> None:
-        """Raises TimeoutError once the time is over."""
+    def _check_time(self, _: Progress) -> None:
+        """Raises TimeoutError after the time limit."""
         if time.perf_counter() > self.until:
             raise TimeoutError
 
     def ends(self, nodes: Nodes, run: Trajectory) -> Ends:
-        """Its intervals, which meet the nodes."""
+        """The intervals of a run, which meet the nodes."""
         N = len(nodes)
-        at = np.searchsorted(run.t, nodes.t[:-1] + 1e-12, side="right") - 1
-        tension = np.concatenate([run.tension.values[at], run.limit_force.values[at]], axis=1)
+        samples = np.searchsorted(run.t, nodes.t[:-1] + 1e-12, side="right") - 1
+        tension = np.concatenate(
+            [run.tension.values[samples], run.limit_force.values[samples]], axis=1
+        )
         e = np.zeros((N, nodes.n_z))
         return Ends(e, tension, tension > 0.0, np.ones(N, dtype=bool))
 
 
 @dataclass(frozen=True)
 class StepRuns(EventRuns):
-    """One run of the same time steps that are differentiated: for puppets with contact.
+    """Runs of the same time steps that are differentiated, for puppets with contact.
 
-    Each landing is many events, and a motion on the way to the best one may jam; steps go on.
+    A landing is many events, and an intermediate motion of a search may jam; time steps go on.
     """
 
     def run(self, nodes: Nodes) -> tuple[Nodes, Trajectory] | None:

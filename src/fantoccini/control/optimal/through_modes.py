@@ -1,4 +1,4 @@
-"""Searches through modes: explorations, each tightened, until enough motions hold."""
+"""Searches through modes: explorations, each followed by tightening, until enough motions hold."""
 
 from __future__ import annotations
 
@@ -18,31 +18,31 @@ from fantoccini.control.optimal.tightening import Tightening
 from fantoccini.dynamics.compiled import refuse_contact
 
 HOLDS = 1e-3
-"""Violation of bounds, and distance from the end, up to which a motion holds [SI]."""
+"""Largest violation of bounds, and error at the end, of a motion that holds [SI]."""
 
-_AGAIN = 2
-"""How often an exploration goes on near a motion that was tightened and does not hold."""
+_MAX_REPETITIONS = 2
+"""Number of repetitions of an exploration near a tightened motion that does not hold."""
 
 
 class ThroughModes:
-    """The best of the motions that several explorations lead to.
+    """A search for the best of the motions from several explorations.
 
-    ``task.explore`` explorations are made, and more while none of their motions holds, each with
-    random numbers of its own.
+    It makes ``task.explore`` explorations, and more until one of their motions holds, each with its
+    own random numbers.
 
     Attributes:
         best: the best motion so far.
-        objective: its cost and bounds.
+        objective: cost and bounds with the unit and prices of that motion.
 
     Args:
-        first: where explorations begin.
-        runs: makes motions.
+        first: start of explorations.
+        runs: simulates motions.
         objective: cost and bounds.
-        limits: of every tightening, and the time at which all ends.
-        seed: of the random numbers.
+        limits: limits of every tightening, and the time at which the search ends.
+        seed: seed of the random numbers.
 
     Raises:
-        StateError: the puppet has contact, or rotations are driven.
+        StateError: puppet with contact or driven rotations.
     """
 
     def __init__(
@@ -60,14 +60,14 @@ class ThroughModes:
         self._first, self._iterations = first.nodes, 0
 
     def run(self, progress: OnProgress | None = None) -> Iterate:
-        """Explores and tightens.
+        """The best motion of all attempts.
 
         Args:
-            progress: called after every generation and iteration, with the number of all so far.
+            progress: called after every generation and iteration, with their total number.
         """
-        task, attempt, held = self.objective.task, 0, 0
-        while attempt < task.explore or (not held and not self._is_late):
-            held += self._attempt(np.random.default_rng([self._seed, attempt]), progress)
+        task, attempt, n_held = self.objective.task, 0, 0
+        while attempt < task.explore or (not n_held and not self._is_late):
+            n_held += self._attempt(np.random.default_rng([self._seed, attempt]), progress)
             attempt += 1
             if self._is_late:
                 break
@@ -78,42 +78,42 @@ class ThroughModes:
         return time.perf_counter() > self._limits.until
 
     def _attempt(self, rng: np.random.Generator, progress: OnProgress | None) -> bool:
-        """Explores, and again near what does not hold yet; whether a motion holds."""
+        """Whether an exploration with its tightening, repeated if need be, finds a motion."""
         objective, before = Objective(self.objective.task), (self.best, self.objective)
 
-        def keep(now: Iterate) -> None:
-            now = replace(now, iterations=self._iterations)
-            better = self._rank(now) <= self._rank(before[0])
-            self.best, self.objective = (now, objective) if better else before
+        def keep(motion: Iterate) -> None:
+            motion = replace(motion, iterations=self._iterations)
+            is_better = self._rank(motion) <= self._rank(before[0])
+            self.best, self.objective = (motion, objective) if is_better else before
 
-        def count(now: Progress) -> None:
+        def count(report: Progress) -> None:
             self._iterations += 1
-            keep(now.best)
+            keep(report.best)
             if progress is not None:
                 best = replace(self.best, iterations=self._iterations)
-                progress(replace(now, done=self._iterations, best=best))
+                progress(replace(report, done=self._iterations, best=best))
 
         start = self._first
-        for i in range(1 + _AGAIN):
+        for i in range(1 + _MAX_REPETITIONS):
             limits, threads = self._limits, self._runs.steps.threads
-            explored = Exploration(start, objective, rng, threads, limits.until, near=i > 0)
-            drawn = explored.run(count)
-            made = None if drawn is None else self._runs.run(drawn.nodes)
-            if made is None:
+            exploration = Exploration(start, objective, rng, threads, limits.until, near=i > 0)
+            drawn = exploration.run(count)
+            nodes_and_run = None if drawn is None else self._runs.run(drawn.nodes)
+            if nodes_and_run is None:
                 return False
-            ends = self._runs.ends(*made)
-            at = Iterate(made[0], ends, objective.cost(made[0], ends))
-            found = Tightening(at, self._runs, objective, limits).run(count)
-            keep(found)
-            if not self._rank(found)[0]:
+            ends = self._runs.ends(*nodes_and_run)
+            at = Iterate(nodes_and_run[0], ends, objective.cost(nodes_and_run[0], ends))
+            tightened = Tightening(at, self._runs, objective, limits).run(count)
+            keep(tightened)
+            if not self._rank(tightened)[0]:
                 return True
             if self._is_late:
                 break
-            start = found.nodes
+            start = tightened.nodes
         return False
 
     def _rank(self, at: Iterate) -> tuple[bool, float]:
-        """Whether a motion does not hold, and its cost, or what it is away from holding."""
+        """Whether a motion fails to hold, and then its largest residual, otherwise its cost."""
         gap = float(np.max(np.abs(self.objective.end_gap(at.nodes)), initial=0.0))
-        away = max(passed_bound(self.objective, at.nodes, at.ends).size, gap)
-        return (True, away) if away > HOLDS else (False, at.cost)
+        residual = max(passed_bound(self.objective, at.nodes, at.ends).size, gap)
+        return (True, residual) if residual > HOLDS else (False, at.cost)

@@ -1,10 +1,10 @@
-"""tune: the numbers of a family of motions for which a cost of the run is least.
+"""tune: the numbers of a family of motions with the least cost of the run.
 
     min over theta of cost(run(family(theta))),   theta ~ N(mean, C)
 
-For what has no derivatives: steps of a walk, whose landings change the order of many events. Runs
-are simulated many at once, and mean and covariance C move towards the best of them: CMA-ES
-(Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772), as implemented in pycma.
+This is for motions without derivatives, such as steps of a walk, whose landings change the order of
+many events. Many runs are simulated at once, and mean and covariance C move towards the best of
+them: CMA-ES (Hansen, The CMA Evolution Strategy: A Tutorial, arXiv 1604.00772), from `pycma`.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from fantoccini.dynamics.simulation import simulate_batch
 from fantoccini.kernel.runtime import default_threads
 from fantoccini.motion import Input, State, Trajectory
 
-_AT_ONCE = 8
-"""Runs of a thread that are simulated and kept in memory together: as many as there are lanes."""
-_FEWEST = 3
-"""Runs of a generation at least, as the method needs."""
+_RUNS_PER_THREAD = 8
+"""Number of runs per thread that are simulated and kept in memory together: the lanes."""
+_MIN_RUNS = 3
+"""Least number of runs in a generation, as the method needs."""
 _PATIENCE = 3
-"""Generations without a finite cost after which there is none."""
+"""Number of generations without a finite cost after which the search ends."""
 _SAMPLES = 201
-"""Of event-driven runs, where their times are not given."""
+"""Default number of samples of event-driven runs."""
 _SAME_TIME = 1e-9
-"""Distance of ends that are one [s]."""
+"""Largest difference of end times that count as equal [s]."""
 
 Family = Callable[[dict[str, float]], Input]
 Cost = Callable[[Trajectory], float]
@@ -50,20 +50,20 @@ Cost = Callable[[Trajectory], float]
 
 @dataclass(frozen=True, eq=False)
 class Tuned(Answer):
-    """The best motion of a family, of a run that is ``DONE``. True where all spreads are narrow.
+    """The best motion of a family, with a run that is ``DONE``. True if all spreads are narrow.
 
     Attributes:
-        values: its numbers.
-        spread: of the distribution in the end, by number. After many generations, what is still
-            wide hardly matters.
-        cost: of its run.
+        values: numbers of the motion.
+        spread: final spread of the distribution, by number. After many generations, numbers with a
+            wide spread hardly matter.
+        cost: cost of its run.
         inputs: motion of the driven coordinates.
-        run: what the cost was given. ``fan.simulate`` of the inputs gives events, effort and
-            contacts as well.
-        status: how the search ended.
-        curve: (generations, 2) the least cost so far, and the median of the generation; inf where
-            half of its runs had no finite cost.
-        seconds: that it took [s].
+        run: the run that the cost was computed from. ``fan.simulate`` of the inputs gives events,
+            effort and contacts as well.
+        status: status at the end of the search.
+        curve: (generations, 2) the least cost so far, and the median of the generation; inf if half
+            of its runs had no finite cost.
+        seconds: duration of the search [s].
     """
 
     values: dict[str, float]
@@ -82,17 +82,17 @@ class Tuned(Answer):
 
 @dataclass(frozen=True)
 class Draws:
-    """How numbers are drawn.
+    """Options of the random draws.
 
     Attributes:
-        runs: of a generation; at least 3.
-        generations: at most.
-        narrow: the search ends where all spreads are below this share of those at the start.
-        time_limit: at most, looked at after every generation [s].
-        seed: of the random numbers, at least 0; the same seed gives the same draws.
+        runs: number of runs in a generation; at least 3.
+        generations: largest number of generations.
+        narrow: ratio of final to first spreads; the search ends once all are below it.
+        time_limit: time limit, checked after every generation [s].
+        seed: seed of the random numbers, at least 0; the same seed gives the same draws.
 
     Raises:
-        ValueError: a number out of range.
+        ValueError: number out of range.
     """
 
     runs: int = 60
@@ -103,10 +103,10 @@ class Draws:
 
     def __post_init__(self) -> None:
         check_positive(narrow=self.narrow, time_limit=self.time_limit)
-        for name, least in (("runs", _FEWEST), ("generations", 1)):
+        for name, lower in (("runs", _MIN_RUNS), ("generations", 1)):
             count = getattr(self, name)
-            if not (isinstance(count, (int, np.integer)) and count >= least):
-                text = f"{name} is {count!r}; it must be a whole number of at least {least}"
+            if not (isinstance(count, (int, np.integer)) and count >= lower):
+                text = f"{name} is {count!r}; it must be a whole number of at least {lower}"
                 raise ValueError(text)
 
 
@@ -125,30 +125,29 @@ def tune(
     threads: int | None = None,
     progress: OnProgress | None = None,
 ) -> Tuned:
-    """The numbers of a family of motions for which a cost of the run is least, by random draws.
+    """The numbers of a family of motions with the least cost of the run, by random draws.
 
     Args:
         marionette: the puppet or scene, with contact or without.
-        family: makes the inputs of some numbers. It must clip values outside of their range; draws
+        family: function from numbers to inputs. It must clip values outside of their range; draws
             for which it, or the simulation, raises a FantocciniError count as infinitely expensive.
-        numbers: name -> where to begin, and how far from there to look at first (a standard
-            deviation, above 0).
-        cost: of a run that is ``DONE``; inf where it will not do. Events, effort and contacts are
-            not recorded.
-        x0: where runs start; hanging at rest when not given.
-        t_end: end of the runs [s]; the end of the inputs when not given, which must then be one.
+        numbers: name -> (start, spread): first value, and first standard deviation, above 0.
+        cost: function from a run that is ``DONE`` to its cost; inf for an unacceptable run. Events,
+            effort and contacts are not recorded.
+        x0: start of the runs; by default the puppet hangs at rest.
+        t_end: end of the runs [s]; by default the common end of all inputs.
         method: see :func:`fantoccini.simulate`.
-        save_at: (n,) times of the runs' samples, event-driven; 201 from start to end when not given
+        save_at: (n,) times of the samples of event-driven runs; by default 201 from start to end
             [s].
-        save_every: write every so many steps, not event-driven; every one when not given.
-        draws: how the numbers are drawn.
-        threads: that simulate; as many as there are processors when not given.
+        save_every: number of steps between samples, with other methods; 1 by default.
+        draws: options of the random draws.
+        threads: number of threads; all processors by default.
         progress: called after every generation; ``best`` is the least cost so far and its median.
 
     Raises:
         ValueError: no numbers, a spread that is not positive, a cost that is not a number, or
             inputs that end at different times.
-        StateError: not one run of the first three generations had a finite cost.
+        StateError: no run of the first three generations had a finite cost.
     """
     draws = draws or Draws()
     began, names = time.perf_counter(), list(numbers)
@@ -173,7 +172,7 @@ def tune(
         for generation in range(draws.generations):
             drawn = search.ask()
             if not generation:
-                drawn[0] = np.zeros(len(names))  # where it begins counts as well
+                drawn[0] = np.zeros(len(names))  # the first values are tried as well
             J = trial.costs(first + spreads * np.array(drawn))
             search.tell(drawn, list(J))
             spread = spreads * np.asarray(search.stds)
@@ -211,31 +210,31 @@ def tune(
 
 
 def _begin(numbers: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """(n,) where the numbers begin, and their first spreads.
+    """(n,) first values of the numbers, and their first spreads.
 
     Raises:
-        ValueError: there are none, or not two numbers of each, or a spread is not above 0.
+        ValueError: no numbers, no pair for a number, or a spread that is not above 0.
     """
     try:
-        both = np.array(list(numbers.values()), dtype=float)
+        pairs = np.array(list(numbers.values()), dtype=float)
     except (TypeError, ValueError):
-        both = np.zeros(0)
-    is_right = both.ndim == 2 and both.shape[1] == 2 and bool(np.all(np.isfinite(both)))
-    if not (is_right and len(both) and np.all(both[:, 1] > 0.0)):
+        pairs = np.zeros(0)
+    is_valid = pairs.ndim == 2 and pairs.shape[1] == 2 and bool(np.all(np.isfinite(pairs)))
+    if not (is_valid and len(pairs) and np.all(pairs[:, 1] > 0.0)):
         raise ValueError(
             f"numbers is {dict(numbers)!r}; it must give each name (start, spread), spread above 0"
         )
-    return both[:, 0], both[:, 1]
+    return pairs[:, 0], pairs[:, 1]
 
 
 @dataclass(eq=False)
 class _Trial:
-    """Runs of numbers, what they cost, and the best; the arguments are those of :func:`tune`.
+    """Runs for draws of numbers, with costs and the best; arguments as for :func:`tune`.
 
     Attributes:
-        least: cost so far.
-        best: its values, inputs and run.
-        ended: how the last run ended, in words.
+        least: least cost so far.
+        best: values, inputs and run with that cost.
+        ended: description of the last run's end.
     """
 
     marionette: Marionette
@@ -254,35 +253,37 @@ class _Trial:
     _inputs_end: float | None = None
 
     def costs(self, theta: Array) -> Array:
-        """(n,) costs of the numbers (n, m); inf where there is no run that is done."""
-        out = np.full(len(theta), np.inf)
-        made: list[tuple[int, dict[str, float], Input]] = []
+        """(n,) costs of the numbers (n, m); inf for a run that is not done."""
+        costs = np.full(len(theta), np.inf)
+        inputs_of_draws: list[tuple[int, dict[str, float], Input]] = []
         for i, row in enumerate(theta):
             values = dict(zip(self.names, map(float, row), strict=True))
             try:
-                made.append((i, values, self.family(values)))
+                inputs_of_draws.append((i, values, self.family(values)))
             except FantocciniError as error:
                 self.ended = str(error)
-        at_once = _AT_ONCE * (default_threads() if self.threads is None else self.threads)
-        for k in range(0, len(made), at_once):
-            some = made[k : k + at_once]
-            runs = self._runs([inputs for _, _, inputs in some])
-            for (i, values, inputs), run in zip(some, runs, strict=True):
+        batch_size = _RUNS_PER_THREAD * (
+            default_threads() if self.threads is None else self.threads
+        )
+        for k in range(0, len(inputs_of_draws), batch_size):
+            part = inputs_of_draws[k : k + batch_size]
+            runs = self._runs([inputs for _, _, inputs in part])
+            for (i, values, inputs), run in zip(part, runs, strict=True):
                 if run is not None:
-                    out[i] = self._cost_of(run)
-                if out[i] < self.least:
+                    costs[i] = self._cost_of(run)
+                if costs[i] < self.least:
                     assert run is not None
-                    self.least, self.best = float(out[i]), (values, inputs, run)
-        return out
+                    self.least, self.best = float(costs[i]), (values, inputs, run)
+        return costs
 
     def _runs(self, inputs: list[Input]) -> list[Trajectory | None]:
-        """The runs; None where one cannot be begun."""
+        """The runs; None for one that cannot begin."""
         end = self._end(inputs)
         is_event, save_at = isinstance(as_method(self.method), Event), self.save_at
         if is_event and save_at is None:
             save_at = np.linspace(self.x0.t, end, _SAMPLES)
         try:
-            many = simulate_batch(
+            batch = simulate_batch(
                 self.marionette,
                 self.x0,
                 inputs,
@@ -297,31 +298,31 @@ class _Trial:
             if len(inputs) == 1:
                 self.ended = str(error)
                 return [None]
-            return [self._runs([one])[0] for one in inputs]
-        if np.any(many.status == Status.STOPPED):
+            return [self._runs([single])[0] for single in inputs]
+        if np.any(batch.status == Status.STOPPED):
             raise KeyboardInterrupt
-        return list(many)
+        return list(batch)
 
     def _end(self, inputs: list[Input]) -> float:
         """The end of all runs [s].
 
         Raises:
-            ValueError: it is not given, and inputs end at different times.
+            ValueError: end that is not given, with inputs that end at different times.
         """
         if self.t_end is not None:
             return self.t_end
         end = inputs[0].end if self._inputs_end is None else self._inputs_end
-        for one in inputs:
-            if abs(one.end - end) > _SAME_TIME:
+        for u in inputs:
+            if abs(u.end - end) > _SAME_TIME:
                 raise ValueError(
-                    f"tune: the family's inputs end at {end:g} s and at {one.end:g} s; give t_end, "
+                    f"tune: the family's inputs end at {end:g} s and at {u.end:g} s; give t_end, "
                     "or let them end at one time"
                 )
         self._inputs_end = end
         return end
 
     def _cost_of(self, run: Trajectory) -> float:
-        """What a run costs; inf where it is not done."""
+        """The cost of a run; inf if it is not done."""
         self.ended = run.status.name
         if run.status is not Status.DONE:
             return math.inf

@@ -19,7 +19,7 @@ from fantoccini.model.puppet import Obstacle
 from fantoccini.motion import State
 
 _POLISHED_DISTANCE = 1e-3
-"""Distance from the goal to which plans are polished while they are improved."""
+"""Distance from the goal at which polished plans must end, while plans are improved."""
 
 
 def plan(
@@ -37,7 +37,7 @@ def plan(
     seed: int = 0,
     **options: Any,
 ) -> PlanResult:
-    """Searches for inputs that take a puppet to a goal.
+    """The result of a search for inputs that take a puppet to a goal.
 
     The driven coordinates move with constant accelerations from node to node of a tree; their
     positions and velocities are part of a node. The same seed gives the same plan, with any number
@@ -52,13 +52,13 @@ def plan(
             :class:`SearchOptions`.
 
     Returns:
-        The plan; true where it ends within the tolerance and touches only what it may when
-        simulated again.
+        The plan; true if it ends within the tolerance and makes only allowed touches when simulated
+        again.
 
     Raises:
-        StateError, UnknownNameError, FileError: the problem is not well defined, or a string is too
-            short for the start.
-        ValueError: a number out of range, or an unknown planner or objective.
+        StateError, UnknownNameError, FileError: ill-defined problem, or a string that is too short
+            for the start.
+        ValueError: number out of range, or an unknown planner or objective.
     """
     search = SearchOptions(planner, time_limit, iterations, improve, confirm, objective, seed)
     if isinstance(marionette, Task):
@@ -73,15 +73,15 @@ def plan(
 def solve(
     problem: Problem, options: SearchOptions | None = None, **short: Unpack[SearchKeywords]
 ) -> PlanResult:
-    """Searches for a plan that solves a problem.
+    """The result of a search for a plan that solves a problem.
 
     Args:
-        problem: what is planned.
-        options: of the search.
-        short: the options one by one: ``solve(problem, seed=1)``.
+        problem: the planning problem.
+        options: options of the search.
+        short: the same options as keywords: ``solve(problem, seed=1)``.
 
     Raises:
-        ValueError: a number out of range, an unknown planner or objective, or options given twice.
+        ValueError: number out of range, an unknown planner or objective, or options given twice.
     """
     if options is not None and short:
         raise ValueError(f"give either options or {', '.join(short)}, not both")

@@ -1,4 +1,4 @@
-"""Plan files: npz without pickle. With its problem, a plan can be searched further."""
+"""Plan files: npz without pickle. With its problem, the search for a plan can go on."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ FORMAT = "fantoccini.plan.4"
 
 
 def save(path: str | Path, search: Search, record: SearchRecord, status: str) -> None:
-    """Writes a plan with its tree.
+    """Writes a plan with its search tree.
 
     Args:
-        path: of the file, which appears whole or not at all.
-        search: that found the plan.
-        record: of the search, with the plan as the best.
-        status: the plan's, for readers of the file.
+        path: path of the file, which appears whole or not at all.
+        search: search that found the plan.
+        record: record of the search, with the plan as the best.
+        status: status of the plan, for readers of the file.
     """
     problem = search.problem
-    about = {
+    metadata = {
         "format": FORMAT,
         "problem": problem.name,
         "puppet": problem.marionette.name,
@@ -49,34 +49,34 @@ def save(path: str | Path, search: Search, record: SearchRecord, status: str) ->
         "path": np.array(record.tree.path(record.best)),
         "curve": np.array(record.curve),
     }
-    npz.write(path, arrays, about, compressed=True)
+    npz.write(path, arrays, metadata, compressed=True)
 
 
 def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> Search:
-    """The search that found a file's plan, ready to go on.
+    """The search that found the plan in a file, ready to go on.
 
     Args:
-        path: of a file that :func:`save` wrote.
-        problem: that was planned.
-        planner: that was used, where it has no name.
+        path: path of a file that :func:`save` wrote.
+        problem: the planning problem.
+        planner: planner of the search, if it is not one with a name.
 
     Raises:
-        FileError: the file is not a plan, is damaged, or belongs to another problem.
+        FileError: file that is not a plan, is damaged, or belongs to another problem.
     """
-    what = "a plan"
-    arrays, about = npz.contents(path, FORMAT, what)
-    with npz.understanding(path, what):
-        if about["fingerprint"] != problem.fingerprint:
+    label = "a plan"
+    arrays, metadata = npz.contents(path, FORMAT, label)
+    with npz.understanding(path, label):
+        if metadata["fingerprint"] != problem.fingerprint:
             text = (
-                f"is a plan of {about['puppet']} for another problem: start, goal, obstacles, "
+                f"is a plan of {metadata['puppet']} for another problem: start, goal, obstacles, "
                 "bounds or parameters differ"
             )
             raise FileError([Mistake(str(path), None, "", text)])
         nodes = npz.checked(arrays, "path", (None,), "i")
         options = SearchOptions(
-            planner or about["planner"] or "explore",
-            confirm=bool(about["confirm"]),
-            objective=Objective(**about["objective"]),
+            planner or metadata["planner"] or "explore",
+            confirm=bool(metadata["confirm"]),
+            objective=Objective(**metadata["objective"]),
         )
         search = Search(problem, options)
         tree, best = SearchTree.of(arrays, like=search.tree), int(nodes[-1])
@@ -86,20 +86,20 @@ def load(path: str | Path, problem: Problem, planner: Planner | None = None) -> 
             SearchRecord(
                 tree=tree,
                 best=best,
-                tried=int(about["tried"]),
-                seconds=float(about["seconds"]),
+                tried=int(metadata["tried"]),
+                seconds=float(metadata["seconds"]),
                 curve=tuple((float(s), int(n), float(t)) for s, n, t in _curve(arrays)),
-                random_state=about["random"],
-                late=bool(about["late"]),
-                refused=int(about["refused"]),
-                polished=Polish.of(about["polished"]),
+                random_state=metadata["random"],
+                late=bool(metadata["late"]),
+                refused=int(metadata["refused"]),
+                polished=Polish.of(metadata["polished"]),
             )
         )
     return search
 
 
 def _curve(arrays: dict[str, Array]) -> Array:
-    """(n, 3) of the best plans so far; without any, the file has (0,)."""
+    """(n, 3) record of the best plans; the file has (0,) if there are none."""
     if arrays["curve"].size == 0:
         return npz.finite(arrays, "curve", (0,)).reshape(0, 3)
     return npz.finite(arrays, "curve", (None, 3))

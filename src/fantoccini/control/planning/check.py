@@ -1,4 +1,4 @@
-"""Checks of plans: simulated again, from their start and inputs alone."""
+"""Checks of plans: second simulations from their start and inputs alone."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Trajectory
 
 BACKENDS = {"fantoccini": 0.5, "mujoco": 0.25}
-"""Programs that can check a plan -> default step, as part of the planner's."""
+"""Programs that can check a plan -> default step, relative to the planner's."""
 
 
 @dataclass(frozen=True)
@@ -22,11 +22,11 @@ class _Tolerances:
     """Tolerances of checks."""
 
     integration: float = 1e-8
-    """rtol and atol of the event-driven runs that confirm plans."""
+    """Values of rtol and atol for the event-driven runs that confirm plans."""
     jam: float = 0.01
-    """Tension of a jammed string, relative to the largest that runs allow: 1e3 times the weight."""
+    """Tension of a jammed string, relative to the largest allowed: 1e3 times the weight."""
     time: float = 1e-9
-    """Time by which a run may end before the plan [s]: rounding."""
+    """Rounding error of the end of a run [s]."""
 
 
 _TOLERANCES = _Tolerances()
@@ -34,18 +34,18 @@ _TOLERANCES = _Tolerances()
 
 @dataclass(frozen=True)
 class Check:
-    """The result of simulating a plan again.
+    """The result of a second simulation of a plan.
 
     Attributes:
-        arrives: whether the run is DONE, ends within the tolerance and touches nothing that it
-            should keep off. It may use up the margin.
-        distance: from the goal at the end.
-        clearance: the least of the run, also between its samples [m].
+        arrives: whether the run is DONE, ends within the tolerance and makes only allowed touches.
+            It may use up the margin.
+        distance: distance from the goal at the end.
+        clearance: least clearance of the run, also between its samples [m].
         deviation: largest difference of a dynamic coordinate from the plan's own run, at its nodes.
         run: the trajectory.
-        touches: what a body of a puppet touched that is not its own, in order.
-        share: part of the puppets' weight that rests on what they touch at the end.
-        fault: why it does not arrive, in words; empty where it does.
+        touches: touches of a puppet's bodies with other parts, in order of time.
+        share: share of the puppets' weight that other parts carry at the end.
+        fault: description of why it does not arrive; empty if it does.
     """
 
     arrives: bool
@@ -59,8 +59,8 @@ class Check:
 
     @property
     def unasked(self) -> tuple[Meeting, ...]:
-        """Touches of what the plan should keep off."""
-        return tuple(one for one in self.touches if not one.asked)
+        """Touches that the plan does not allow."""
+        return tuple(meeting for meeting in self.touches if not meeting.asked)
 
 
 def checked(
@@ -70,7 +70,7 @@ def checked(
     backend: str = "fantoccini",
     effort: bool = True,
 ) -> Check:
-    """Simulates a plan again; see :meth:`PlanResult.verify`."""
+    """The result of a second simulation of a plan; see :meth:`PlanResult.verify`."""
     if backend not in BACKENDS:
         raise ValueError(f"backend is {backend!r}; it must be {' or '.join(map(repr, BACKENDS))}")
     dt_factor = BACKENDS[backend] if dt_factor is None else dt_factor
@@ -86,13 +86,13 @@ def checked(
         run = plan.simulate(as_method(method), effort)
     distance = float(plan.goal.distance(StateArrays.of(run.state(-1)))[0])
     clearance = plan.rollouts.clearance.least(run).distance
-    near = _nearest(run.t, plan.times)
-    deviation = float(np.max(np.abs(run.q_D[near] - plan.states.q_D)))
+    node_indices = _nearest(run.t, plan.times)
+    deviation = float(np.max(np.abs(run.q_D[node_indices] - plan.states.q_D)))
     marionette, goal = plan.problem.marionette, plan.goal
     complete = run.status is Status.DONE and run.t[-1] >= plan.end - _TOLERANCES.time
     touches = plan.problem.touches.meetings(run)
     share = carried(marionette, run)
-    faults = [str(one) for one in touches if not one.asked]
+    faults = [str(meeting) for meeting in touches if not meeting.asked]
     if not complete:
         faults.append(run.status.message)
     faults += jammed(marionette, run)
@@ -107,24 +107,24 @@ def checked(
 
 
 def jammed(marionette: Marionette, run: Trajectory) -> list[str]:
-    """The strings that pull as if nothing could give way, against what the puppet touches."""
+    """Descriptions of strings that are jammed: they pull without limit against a contact."""
     if run.contact is None:
         return []
-    most = _TOLERANCES.jam * marionette.tension_cap
+    jam_tension = _TOLERANCES.jam * marionette.tension_cap
     return [
         f"string {name} is jammed: it pulls with {np.max(tension):.3g} N"
         for name, tension in run.tension.items()
-        if np.max(tension) >= most
+        if np.max(tension) >= jam_tension
     ]
 
 
 def confirmed(plan: PlanPath) -> Check:
     """The simulation that decides whether a plan holds; see :class:`Check`.
 
-    Event-driven; by time-stepping with half the planner's step where something may touch.
+    It is event-driven, or by time-stepping with half the planner's step if touches are possible.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C ended the run, so that the result is unknown.
+        KeyboardInterrupt: Ctrl-C during the run, so that the result is unknown.
     """
     method: Method | MethodName = "timestepping"
     if not plan.problem.touches.expected:
@@ -137,12 +137,12 @@ def confirmed(plan: PlanPath) -> Check:
 
 def _nearest(t: Array, times: Array) -> Indices:
     """(n,) indices of the increasing times t that are nearest to ``times``."""
-    after = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
-    return np.maximum(after - (times - t[after - 1] <= t[after] - times), 0)
+    next_index = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
+    return np.maximum(next_index - (times - t[next_index - 1] <= t[next_index] - times), 0)
 
 
 def _check_mujoco(dt_factor: float, method: Method | MethodName) -> None:
-    """Raises ValueError for what MuJoCo cannot do."""
+    """Raises ValueError for options that MuJoCo does not support."""
     if method != "timestepping":
         raise ValueError(
             f"backend='mujoco' steps through time: method must be 'timestepping', not {method!r}"

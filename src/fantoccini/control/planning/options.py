@@ -15,22 +15,21 @@ PLANNERS: dict[str, type[Explore] | type[EST2007]] = {"explore": Explore, "est-2
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """How a plan is searched for.
+    """Options of a search for a plan.
 
     Attributes:
-        planner: ``"explore"``, ``"est-2007"``, or one round of a planner.
-        time_limit: time after which the search for a first plan ends [s].
-        iterations: rollouts after which it ends; unlimited by default.
-        improve: time to look for better plans and to bring the end nearer to the goal, once there
-            is a plan [s].
-        confirm: whether a plan counts only if it holds when it is simulated again: it ends within
-            the tolerance and touches only what it may. Otherwise the search goes on. This takes
-            some milliseconds a plan; without it, the first ``bool(plan)`` takes them.
+        planner: ``"explore"``, ``"est-2007"``, or a function that makes one round.
+        time_limit: time limit of the search for a first plan [s].
+        iterations: largest number of rollouts of that search; unlimited by default.
+        improve: time for better plans and for ending nearer to the goal, after the first plan [s].
+        confirm: whether a plan must hold in a second simulation: it ends within the tolerance and
+            makes only allowed touches. Otherwise the search goes on. This takes some milliseconds
+            per plan; without it, the first ``bool(plan)`` takes them.
         objective: cost that better plans reduce; the problem's by default.
-        seed: of all random choices.
+        seed: seed of all random choices.
 
     Raises:
-        ValueError: a number out of range, or an unknown planner or objective.
+        ValueError: number out of range, or an unknown planner or objective.
     """
 
     planner: str | Planner = "explore"
@@ -54,12 +53,12 @@ class SearchOptions:
 
     @property
     def planner_name(self) -> str:
-        """The planner's name; empty where it has none."""
+        """The planner's name; empty if it has none."""
         return self.planner if isinstance(self.planner, str) else ""
 
     @property
     def planner_round(self) -> Planner:
-        """One round of the planner."""
+        """The function for one round of the planner."""
         return PLANNERS[self.planner]() if isinstance(self.planner, str) else self.planner
 
 

@@ -1,4 +1,4 @@
-"""A plan as a path through its tree, and its simulations from start and inputs alone."""
+"""Plans as paths through a search tree, and simulations from their start and inputs alone."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class PlanPath:
     """A path of m segments through a search tree.
 
     Attributes:
-        problem: what was planned.
-        tree: in which the plan was found.
+        problem: the planning problem.
+        tree: search tree with the plan.
         path: (m + 1) nodes from the start to the plan's end.
     """
 
@@ -32,7 +32,7 @@ class PlanPath:
 
     @property
     def start(self) -> State:
-        """Where the plan begins."""
+        """The state at the start of the plan."""
         return self.problem.start
 
     @property
@@ -47,40 +47,40 @@ class PlanPath:
 
     @property
     def rollouts(self) -> Rollouts:
-        """What simulated its segments."""
+        """The rollouts that simulated the plan's segments."""
         return self.problem.rollouts
 
     @property
     def times(self) -> Times:
-        """(m + 1,) of the nodes [s]."""
+        """(m + 1,) times of the nodes [s]."""
         return self.start.t + self.tree.time[list(self.path)]
 
     @property
     def states(self) -> StateArrays:
-        """(m + 1,) at the nodes."""
+        """(m + 1,) states at the nodes."""
         return self.tree.states[list(self.path)]
 
     @property
     def looks(self) -> Indices:
-        """(m,) checks that the segments last."""
+        """(m,) numbers of checks in the segments."""
         return self.tree.looks[list(self.path[1:])]
 
     @property
     def acceleration(self) -> Array:
-        """(m, n_vK) of the driven coordinates [m/s^2 or rad/s^2]."""
+        """(m, n_vK) accelerations of the driven coordinates [m/s^2 or rad/s^2]."""
         return self.tree.acceleration[list(self.path[1:])]
 
     @cached_property
     def inputs(self) -> Input:
         """The driven coordinates: constant accelerations from node to node, then held.
 
-        Where the puppet must stay at the goal, they come to rest after the last node. A plan
-        without segments lasts one time step.
+        If the puppet must stay at the goal, they come to rest after the last node. A plan without
+        segments lasts one time step.
         """
         start, times, acceleration = self.start, self.times, self.acceleration
-        lasts, then = self._tail
-        times = np.concatenate([times, times[-1] + np.cumsum(lasts)])
-        acceleration = np.concatenate([acceleration, then])
+        tail_durations, tail_accelerations = self._tail
+        times = np.concatenate([times, times[-1] + np.cumsum(tail_durations)])
+        acceleration = np.concatenate([acceleration, tail_accelerations])
         if len(times) == 1:
             times = np.append(times, times + self.rollouts.options.dt)
             acceleration = np.zeros((1, len(start.v_K)))
@@ -88,20 +88,20 @@ class PlanPath:
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """The plan by the time-stepper, with the planner's step."""
+        """A run of the plan by the time-stepper, with the planner's step."""
         return self.simulate(TimeStepping(dt=self.rollouts.options.dt, extrapolate=False))
 
     def simulate(self, method: Method, effort: bool = True) -> Trajectory:
-        """Simulates the plan; a run that ends early is returned.
+        """A run of the plan, complete or not.
 
         Args:
-            method: of the simulation.
-            effort: compute the force on every driven coordinate.
+            method: method of the simulation.
+            effort: whether to compute the force on every driven coordinate.
         """
         start, end, save_at = exact_start(self.problem, method), self.end, None
         if method.name == "event":
-            looks = np.arange(start.t, end, self.rollouts.options.interval)
-            save_at = np.unique(np.minimum(np.append(self.times, looks), end))
+            look_times = np.arange(start.t, end, self.rollouts.options.interval)
+            save_at = np.unique(np.minimum(np.append(self.times, look_times), end))
         return simulate(
             self.problem.marionette,
             start,
@@ -114,7 +114,7 @@ class PlanPath:
         )
 
     def simulate_in_mujoco(self, dt: float) -> Trajectory:
-        """Simulates the plan in MuJoCo with a step [s]; see :meth:`PlanResult.verify`."""
+        """A run of the plan in MuJoCo with a step [s]; see :meth:`PlanResult.verify`."""
         from fantoccini.dynamics.mujoco import mujoco_run
 
         start = exact_start(self.problem, "timestepping")
@@ -122,7 +122,7 @@ class PlanPath:
 
     @property
     def end(self) -> float:
-        """When simulations of the plan end [s]."""
+        """Time at which simulations of the plan end [s]."""
         last = float(self.times[-1] + np.sum(self._tail[0])) + self.problem.hold
         return max(last, self.start.t + self.rollouts.options.dt)
 
@@ -130,40 +130,42 @@ class PlanPath:
     def _tail(self) -> tuple[Array, Array]:
         """Durations (k,) and accelerations (k, n_vK) after the last node.
 
-        Where the puppet must stay at the goal, its inputs are brought to rest; where it can rest
-        there on what it touches, they then go on to that rest, half of the way with constant
-        acceleration and half with its opposite.
+        If the puppet must stay at the goal, its inputs come to rest. If it can rest there on its
+        touches, they then move to that equilibrium, half of the way with constant acceleration and
+        half with its opposite.
         """
         rollouts, problem, v = self.rollouts, self.problem, self.states.v_K[-1]
         bounds, table = rollouts.bounds, problem.marionette.coordinates
         if not problem.hold:
             return np.zeros(0), np.zeros((0, len(v)))
-        lasts, made = list[float](), list[Array]()
-        brake = self._whole(np.max(_ratio(np.abs(v), bounds.acceleration), initial=0.0))
-        if brake:
-            lasts.append(brake)
-            made.append(-v / brake)
-        way = np.zeros(len(v))
+        durations, accelerations = list[float](), list[Array]()
+        braking_time = self._rounded_up(np.max(_ratio(np.abs(v), bounds.acceleration), initial=0.0))
+        if braking_time:
+            durations.append(braking_time)
+            accelerations.append(-v / braking_time)
+        displacement = np.zeros(len(v))
         if problem.rest_K is not None:
             for q, k in table.scalars_K:
-                way[k] = problem.rest_K[q] - (self.states.q_K[-1, q] + 0.5 * brake * v[k])
-        way[~bounds.moves] = 0.0
-        slowest = np.max(_ratio(np.abs(way), bounds.speed), initial=0.0)
-        weakest = np.max(_ratio(np.abs(way), bounds.acceleration), initial=0.0)
-        half = self._whole(max(slowest, np.sqrt(weakest)))
-        if half:
-            lasts += [half, half]
-            made += [way / half**2, -way / half**2]
-        return np.array(lasts), np.reshape(made, (len(made), len(v)))
+                displacement[k] = problem.rest_K[q] - (
+                    self.states.q_K[-1, q] + 0.5 * braking_time * v[k]
+                )
+        displacement[~bounds.moves] = 0.0
+        speed_time = np.max(_ratio(np.abs(displacement), bounds.speed), initial=0.0)
+        squared_time = np.max(_ratio(np.abs(displacement), bounds.acceleration), initial=0.0)
+        half_time = self._rounded_up(max(speed_time, np.sqrt(squared_time)))
+        if half_time:
+            durations += [half_time, half_time]
+            accelerations += [displacement / half_time**2, -displacement / half_time**2]
+        return np.array(durations), np.reshape(accelerations, (len(accelerations), len(v)))
 
-    def _whole(self, duration: float) -> float:
-        """A duration in whole looks [s]."""
+    def _rounded_up(self, duration: float) -> float:
+        """A duration, rounded up to whole looks [s]."""
         interval = self.rollouts.options.interval
         return float(np.ceil(duration / interval)) * interval
 
 
 def _ratio(a: Array, b: Array) -> Array:
-    """a / b, 0 where b is."""
+    """a / b, or 0 if b is 0."""
     return np.divide(a, b, out=np.zeros_like(a), where=b > 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Polishing: shorter plans that end nearer to the goal, found by ``descent``."""
+"""Polishing: shorter plans that end nearer to the goal, by ``descent``."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from fantoccini.kernel.runtime import UNKNOWN, Segments
 
 @dataclass(frozen=True)
 class _Attempts:
-    """Which variants of a plan are tried, and for how long."""
+    """Variants of a plan for polishing, and their time limits."""
 
     durations: tuple[float, ...] = (0.85, 1.0)
-    """Durations relative to the plan's that are tried first."""
+    """Durations of the first variants, relative to the plan's."""
     first_share: float = 0.2
-    """Part of the time limit for each of them."""
+    """Share of the time limit for each of them."""
     extensions: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 4.0)
-    """Time added to the plan until its end can be brought to the goal [s]."""
+    """Times added to the plan until its end reaches the goal [s]."""
     shortening: float = 0.15
-    """Largest part of its segments by which it is then shortened at once."""
+    """Largest share of its segments by which it is then shortened at once."""
     rounding: float = 1e-9
-    """Part of a segment that does not count as another one."""
+    """Rounding error of a number of segments."""
 
 
 _ATTEMPTS = _Attempts()
@@ -56,11 +56,11 @@ class Polish:
     """The outcome of polishing a plan.
 
     Attributes:
-        status: whether it helped, and why not.
-        asked: the distance from the goal that was near enough.
-        nearest: distance of the best rollout that did not reach the goal; nan without any.
+        status: whether it helped, or the reason why not.
+        asked: required distance from the goal.
+        nearest: distance of the best rollout that missed the goal; NaN if there is none.
         broken: constraints that it violates: ``clearance``, ``limits``, ``tension``;
-            ``equilibrium`` where the puppet would not stay.
+            ``equilibrium`` if the puppet would not stay.
     """
 
     status: PolishStatus
@@ -69,16 +69,16 @@ class Polish:
     broken: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, plain: list[Any] | None) -> Polish | None:
-        """From :attr:`plain`."""
-        if plain is None:
+    def of(cls, data: list[Any] | None) -> Polish | None:
+        """The outcome from :attr:`plain`."""
+        if data is None:
             return None
-        status, asked, nearest, broken = plain
+        status, asked, nearest, broken = data
         return cls(PolishStatus[status], float(asked), float(nearest), tuple(map(str, broken)))
 
     @property
     def plain(self) -> list[Any]:
-        """As plain data."""
+        """The outcome as plain data."""
         return [self.status.name, self.asked, self.nearest, list(self.broken)]
 
     @property
@@ -95,17 +95,17 @@ class Polish:
 
 
 class Polisher:
-    """Shortens plans of a problem, and ends them at the goal.
+    """Polishing of a problem's plans: shorter, with their end at the goal.
 
     Attributes:
-        nearest: the rollout with the least merit that does not end at the goal; None without any.
+        nearest: the rollout of least merit that misses the goal; None if there is none.
         late: whether the time ended before a plan reached the goal.
 
     Args:
-        problem: that was planned.
+        problem: the planning problem.
 
     Raises:
-        ValueError: the goal is a function, which has no residuals, or something may touch.
+        ValueError: goal that is a function, which has no residuals, or possible touches.
     """
 
     def __init__(self, problem: Problem):
@@ -128,63 +128,65 @@ class Polisher:
         *,
         shorter: bool = True,
     ) -> Iterator[Segments]:
-        """Yields plans that end at the goal, each shorter than the one before.
+        """Yields plans that end at the goal, each shorter than the previous one.
 
         Args:
-            acceleration: (m, n_vK) of a plan's segments.
-            looks: (m,) that they last.
-            distance: from the goal that is near enough.
-            seconds: how long to look for shorter plans.
-            limit: time after which polishing is abandoned where no plan comes so near [s].
-            shorter: whether shorter plans are wanted.
+            acceleration: (m, n_vK) accelerations of a plan's segments.
+            looks: (m,) numbers of looks in the segments.
+            distance: required distance from the goal.
+            seconds: time to search for shorter plans [s].
+            limit: time after which polishing is abandoned if no plan comes so near [s].
+            shorter: whether to search for shorter plans.
         """
         began = time.perf_counter()
         V, until, end = self._resampled(acceleration, looks), began + seconds, began + limit
-        sizes = [max(1, round(x * len(V))) for x in _ATTEMPTS.durations if shorter or x >= 1.0]
+        segment_counts = [
+            max(1, round(x * len(V))) for x in _ATTEMPTS.durations if shorter or x >= 1.0
+        ]
         V, segment = self._shooting.within(V), self._shooting.segment
-        tries = itertools.chain(
-            ((self._stretched(V, m), False) for m in sizes),
+        trials = itertools.chain(
+            ((self._stretched(V, m), False) for m in segment_counts),
             ((self._shooting.continued(V, round(s / segment)), True) for s in _ATTEMPTS.extensions),
         )
-        early = itertools.takewhile(lambda _: time.perf_counter() < end, tries)
+        timely = itertools.takewhile(lambda _: time.perf_counter() < end, trials)
         self.nearest, self.late = None, True
-        found = (
-            self._at_goal(one, distance, end if late else self._soon(limit), late)
-            for one, late in early
+        candidates = (
+            self._at_goal(velocities, distance, end if late else self._first_deadline(limit), late)
+            for velocities, late in timely
         )
-        best = next((one for one in found if one is not None), None)
+        best = next((candidate for candidate in candidates if candidate is not None), None)
         self.late = time.perf_counter() >= end
         if best is None:
             return
-        yield self._checked(best)
-        fewer = round(_ATTEMPTS.shortening * len(best)) if shorter else 0
-        while fewer and time.perf_counter() < until:
-            m = max(1, len(best) - fewer)
-            shorter_one = self._at_goal(self._stretched(best.V[0], m), distance, until)
-            if shorter_one is None:
-                fewer //= 2
+        yield self._simulated(best)
+        n_fewer = round(_ATTEMPTS.shortening * len(best)) if shorter else 0
+        while n_fewer and time.perf_counter() < until:
+            m = max(1, len(best) - n_fewer)
+            shorter_candidate = self._at_goal(self._stretched(best.V[0], m), distance, until)
+            if shorter_candidate is None:
+                n_fewer //= 2
             else:
-                best, fewer = shorter_one, min(fewer, round(_ATTEMPTS.shortening * m))
-                yield self._checked(best)
+                best, n_fewer = shorter_candidate, min(n_fewer, round(_ATTEMPTS.shortening * m))
+                yield self._simulated(best)
 
     @staticmethod
-    def _soon(limit: float) -> float:
-        """Time at which to stop varying the whole plan, and vary its end, which is quicker."""
+    def _first_deadline(limit: float) -> float:
+        """Time at which to vary only the end of the plan, which is quicker than all of it."""
         return time.perf_counter() + _ATTEMPTS.first_share * limit
 
     def _at_goal(
         self, V: Array, distance: float, until: float, late: bool = False
     ) -> Candidates | None:
-        """A candidate near velocities (m, n_vK) that ends at the goal, unobstructed."""
-        made = approach(
+        """A candidate near velocities (m, n_vK) that ends at the goal, unobstructed; or None."""
+        result = approach(
             self._shooting, V, lambda candidate: self._arrives(candidate, distance), until, late
         )
-        if made.arrives:
-            return made.candidate
-        if made.candidate is not None and not (
-            self.nearest is not None and self.nearest.merit[0] <= made.candidate.merit[0]
+        if result.arrives:
+            return result.candidate
+        if result.candidate is not None and not (
+            self.nearest is not None and self.nearest.merit[0] <= result.candidate.merit[0]
         ):
-            self.nearest = made.candidate
+            self.nearest = result.candidate
         return None
 
     def outcome(self, status: PolishStatus, asked: float) -> Polish:
@@ -198,28 +200,28 @@ class Polisher:
 
     def _arrives(self, candidate: Candidates, distance: float) -> bool:
         """Whether a candidate ends at the goal, within all bounds."""
-        there = candidate.distance[0] <= distance and self._shooting.stays(candidate)
-        return bool(there and self._checked(candidate).distance[0, -1] <= distance)
+        at_goal = candidate.distance[0] <= distance and self._shooting.stays(candidate)
+        return bool(at_goal and self._simulated(candidate).distance[0, -1] <= distance)
 
-    def _checked(self, candidate: Candidates) -> Segments:
-        """A candidate as a rollout that bounds and obstacles stop."""
+    def _simulated(self, candidate: Candidates) -> Segments:
+        """A candidate's rollout with bounds and obstacles."""
         acceleration = self._shooting.accelerations(candidate.V)
         return self._strict.simulate(self._problem.root, np.zeros(1, int), acceleration)
 
     def _resampled(self, acceleration: Array, looks: Indices) -> Array:
-        """(m, n_vK) velocities in segments of the usual duration; the last may last longer."""
-        lasts = looks * self._problem.rollouts.options.interval
-        times = np.concatenate([[0.0], np.cumsum(lasts)])
+        """(m, n_vK) velocities in segments of the usual duration; the last may be longer."""
+        durations = looks * self._problem.rollouts.options.interval
+        times = np.concatenate([[0.0], np.cumsum(durations)])
         first = self._problem.root.v_K
-        V = np.concatenate([first, first + np.cumsum(acceleration * lasts[:, None], axis=0)])
+        V = np.concatenate([first, first + np.cumsum(acceleration * durations[:, None], axis=0)])
         segment = self._shooting.segment
-        last = math.ceil(times[-1] / segment - _ATTEMPTS.rounding)
-        at = segment * np.arange(1, last + 1)
-        return np.stack([np.interp(at, times, column) for column in V.T], axis=1)
+        n_segments = math.ceil(times[-1] / segment - _ATTEMPTS.rounding)
+        end_times = segment * np.arange(1, n_segments + 1)
+        return np.stack([np.interp(end_times, times, column) for column in V.T], axis=1)
 
     def _stretched(self, V: Array, m: int) -> Array:
         """(m, n_vK) velocities along the same path in m segments."""
         scale = len(V) / m
-        at, there = scale * np.arange(1, m + 1), np.arange(len(V) + 1)
+        positions, nodes = scale * np.arange(1, m + 1), np.arange(len(V) + 1)
         V = np.concatenate([self._problem.root.v_K, V])
-        return scale * np.stack([np.interp(at, there, column) for column in V.T], axis=1)
+        return scale * np.stack([np.interp(positions, nodes, column) for column in V.T], axis=1)

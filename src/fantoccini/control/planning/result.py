@@ -30,17 +30,17 @@ _TIME_LIMIT_NOTE = "a time limit ended the search, so that a second run may find
 
 @dataclass(frozen=True, eq=False)
 class PlanResult(Answer):
-    """A plan, and the tree in which it was found. True where the plan :attr:`holds`.
+    """A plan, and the tree in which it was found. It is true if the plan :attr:`holds`.
 
     Attributes:
         plan_path: the plan as a path through the tree, and its simulations.
-        status: how the search ended.
-        search: that found it, and can go on.
-        tried: rollouts simulated.
-        seconds: spent searching [s].
+        status: status at the end of the search.
+        search: the search, which can go on.
+        tried: number of rollouts.
+        seconds: time of the search [s].
         curve: (seconds, rollouts, duration) of every plan that was the best, in order.
-        refused: plans that arrive by the time-stepper, but do not hold in simulation.
-        polished: the outcome of polishing the plan; None where it was not attempted.
+        refused: number of plans that arrive by the time-stepper, but not in a second simulation.
+        polished: the outcome of polishing the plan; None if it was not attempted.
     """
 
     plan_path: PlanPath
@@ -54,37 +54,37 @@ class PlanResult(Answer):
 
     @classmethod
     def of(cls, search: Search) -> PlanResult:
-        """What a search has found so far."""
-        problem, found = search.problem, search.record
-        tree, best = found.tree, found.best
-        status = AnswerStatus.OUT_OF_TIME if found.late else AnswerStatus.APPROXIMATE
+        """The best plan of a search so far."""
+        problem, record = search.problem, search.record
+        tree, best = record.tree, record.best
+        status = AnswerStatus.OUT_OF_TIME if record.late else AnswerStatus.APPROXIMATE
         if problem.reason:
             status = AnswerStatus.INFEASIBLE_START
         elif problem.out_of_reach:
             status = AnswerStatus.INFEASIBLE_GOAL
         elif tree.distance[best] <= problem.tolerance:
             # The start alone needs no confirmation.
-            sure = search.options.confirm or best == 0
-            status = AnswerStatus.EXACT if sure else AnswerStatus.UNCONFIRMED
+            is_confirmed = search.options.confirm or best == 0
+            status = AnswerStatus.EXACT if is_confirmed else AnswerStatus.UNCONFIRMED
         return cls(
             PlanPath(problem, tree, tuple(tree.path(best))),
             status,
             search,
-            found.tried,
-            found.seconds,
-            found.curve,
-            found.refused,
-            found.polished,
+            record.tried,
+            record.seconds,
+            record.curve,
+            record.refused,
+            record.polished,
         )
 
     @property
     def problem(self) -> Problem:
-        """The problem that was planned."""
+        """The planning problem."""
         return self.plan_path.problem
 
     @property
     def tree(self) -> SearchTree:
-        """All nodes that were found."""
+        """The tree of all nodes."""
         return self.plan_path.tree
 
     @property
@@ -94,7 +94,7 @@ class PlanResult(Answer):
 
     @property
     def start(self) -> State:
-        """Where the plan begins."""
+        """The state at the start of the plan."""
         return self.plan_path.start
 
     @property
@@ -109,32 +109,32 @@ class PlanResult(Answer):
 
     @property
     def rollouts(self) -> Rollouts:
-        """Simulates segments."""
+        """The rollouts that simulated the plan's segments."""
         return self.plan_path.rollouts
 
     @property
     def times(self) -> Times:
-        """(m + 1,) of the nodes of the path [s]."""
+        """(m + 1,) times of the nodes of the path [s]."""
         return self.plan_path.times
 
     @property
     def states(self) -> StateArrays:
-        """(m + 1,) at the nodes of the path."""
+        """(m + 1,) states at the nodes of the path."""
         return self.plan_path.states
 
     @property
     def acceleration(self) -> Array:
-        """(m, n_vK) of the driven coordinates [m/s^2 or rad/s^2]."""
+        """(m, n_vK) accelerations of the driven coordinates [m/s^2 or rad/s^2]."""
         return self.plan_path.acceleration
 
     @property
     def inputs(self) -> Input:
-        """The driven coordinates; see :attr:`PlanPath.inputs`."""
+        """The motion of the driven coordinates; see :attr:`PlanPath.inputs`."""
         return self.plan_path.inputs
 
     @property
     def trajectory(self) -> Trajectory:
-        """The plan by the time-stepper, with the planner's step."""
+        """A run of the plan by the time-stepper, with the planner's step."""
         return self.plan_path.trajectory
 
     def save(self, path: str | Path) -> None:
@@ -151,57 +151,57 @@ class PlanResult(Answer):
 
     @classmethod
     def load(cls, path: str | Path, problem: Problem, planner: Planner | None = None) -> PlanResult:
-        """Reads what :meth:`save` wrote; the search can go on.
+        """The plan in a file that :meth:`save` wrote; the search can go on.
 
-        It goes on as if it had never stopped, except that a tree in which it looked for a better
-        plan begins anew.
+        It goes on as if it had never stopped, except that the search for a better plan begins a new
+        tree.
 
         Args:
-            path: of the file.
-            problem: that was planned.
-            planner: that was used, where it has no name.
+            path: path of the file.
+            problem: the planning problem.
+            planner: planner of the search, if it is not one with a name.
 
         Raises:
-            FileError: the file is not a plan, or belongs to another problem.
+            FileError: file that is not a plan, or belongs to another problem.
         """
         return cls.of(archive.load(path, problem, planner))
 
     def grow(self, seconds: float = 1.0, iterations: int | None = None) -> PlanResult:
-        """Continues the search: for a plan, or for a better one where there is one.
+        """The result after continuing the search: for a plan, or for a better one.
 
         Args:
-            seconds: how long.
-            iterations: rollouts, at most.
+            seconds: time to go on [s].
+            iterations: largest number of rollouts.
 
         Raises:
-            ValueError: a number of seconds that is negative or not finite.
+            ValueError: time that is negative or not finite.
         """
         check_not_negative(seconds=seconds)
         with contextlib.suppress(KeyboardInterrupt):
-            go_on = self.search.find_better if self.search.arrived else self.search.find_first
-            go_on(seconds, iterations)
+            search = self.search.find_better if self.search.arrived else self.search.find_first
+            search(seconds, iterations)
         return PlanResult.of(self.search)
 
     @cached_property
     def holds(self) -> bool:
-        """Whether the plan ends within the tolerance and touches only what it may, in simulation.
+        """Whether the plan ends within the tolerance with only allowed touches, when simulated.
 
-        Where the search did not confirm its plans, the first call simulates the plan.
+        If the search did not confirm its plans, the first call simulates the plan.
         """
         if self.status is AnswerStatus.UNCONFIRMED:
             return confirmed(self.plan_path).arrives
         return self.status.holds
 
     def __repr__(self) -> str:
-        found = (
+        summary = (
             f"{self.duration:.2f} s in {len(self.path) - 1} segments, {self.distance:.3g} from the "
             f"goal; {self.tried} tried, {len(self.tree)} nodes, {self.seconds:.3g} s{self._notes}"
         )
-        return f"<PlanResult {self.status.name}: {self.reason or found}>"
+        return f"<PlanResult {self.status.name}: {self.reason or summary}>"
 
     @property
     def message(self) -> str:
-        """How the search ended, how many plans were refused, and the outcome of polishing."""
+        """Description of the search's end, the refused plans and the outcome of polishing."""
         text = self.reason or self.status.message
         if self.status is AnswerStatus.UNCONFIRMED and not self:
             text += ", and does not hold in simulation"
@@ -209,21 +209,21 @@ class PlanResult(Answer):
 
     @property
     def _missing(self) -> str:
-        """What is missing at the goal, where there is no plan."""
+        """Description of anything missing at the goal, if there is no plan."""
         problem = self.problem
         if self.reason or self.distance <= problem.tolerance:
             return ""
-        found = [problem.note] if problem.note else []
+        parts = [problem.note] if problem.note else []
         if problem.push is not None:
-            found.append(problem.push.progress(problem.marionette, self.states[-1]))
+            parts.append(problem.push.progress(problem.marionette, self.states[-1]))
         elif problem.goal.touches:
             gaps = problem.goal.gaps(self.states[-1:])[0]
-            found += [
+            parts += [
                 f"{a} is {gap:.3g} m from {b}"
                 for (a, b), gap in zip(problem.goal.touches, gaps, strict=True)
                 if gap > 0.0
             ]
-        return "".join(f"; {text}" for text in found)
+        return "".join(f"; {text}" for text in parts)
 
     @property
     def _notes(self) -> str:
@@ -235,24 +235,24 @@ class PlanResult(Answer):
     @property
     def ended_by_clock(self) -> bool:
         """Whether a time limit selected the plan, so that a second run may find another."""
-        found = self.distance <= self.problem.tolerance and len(self.path) > 1
-        return found and not self.reason and self.search.late
+        has_plan = self.distance <= self.problem.tolerance and len(self.path) > 1
+        return has_plan and not self.reason and self.search.late
 
     def polish(self, distance: float = 1e-3, seconds: float = 0.5) -> PlanResult:
-        """The plan, ended nearer to the goal, and made shorter where possible.
+        """The plan with its end nearer to the goal, and shorter where possible.
 
-        It may last longer where it comes no nearer otherwise.
+        It may last longer if it cannot come nearer otherwise.
 
         Args:
-            distance: from the goal that is near enough.
-            seconds: how long to make it shorter, once it is there.
+            distance: required distance from the goal.
+            seconds: time to shorten the plan once it is so near [s].
 
         Returns:
-            The plan unchanged where it cannot be brought so near; ``polished`` says why.
+            The plan, unchanged if it cannot be brought so near; ``polished`` gives the reason.
 
         Raises:
-            ValueError: there is no plan, its goal is a function, something may touch, or a number
-                is out of range.
+            ValueError: result without a plan, goal that is a function, possible touches, or a
+                number out of range.
         """
         check_not_negative(seconds=seconds)
         if not self:
@@ -263,7 +263,7 @@ class PlanResult(Answer):
 
     @property
     def reason(self) -> str:
-        """Why no plan can exist, with names and numbers; empty where one may."""
+        """The reason why no plan can exist, with names and numbers; empty if one may."""
         return self.problem.infeasible
 
     @property
@@ -283,7 +283,7 @@ class PlanResult(Answer):
 
     @property
     def clearance(self) -> Array:
-        """(T,) of the samples of ``trajectory`` [m]."""
+        """(T,) clearances at the samples of ``trajectory`` [m]."""
         return self.rollouts.clearance.of(self.trajectory)
 
     @property
@@ -293,18 +293,18 @@ class PlanResult(Answer):
 
     @property
     def touches(self) -> tuple[Meeting, ...]:
-        """What bodies of a puppet touch that is not their own, in ``trajectory``, in order."""
+        """Touches of bodies with parts that are not their own, in ``trajectory``, in order."""
         return self.problem.touches.meetings(self.trajectory)
 
     def plot(self, path: str | Path, **options: Any) -> Path:
         """Draws the paper's Fig. 4: the tree's nodes, the path of a point (:meth:`traces`), poses.
 
         Args:
-            path: ends in ``.png``, ``.svg`` or ``.pdf``.
-            options: of :func:`fantoccini.output.plan_picture`.
+            path: path of the picture; ends in ``.png``, ``.svg`` or ``.pdf``.
+            options: options of :func:`fantoccini.output.plan_picture`.
         """
-        drawn, (nodes, way) = self.problem.drawn_marionette, self.traces()
-        return output().plan_picture(drawn, self.trajectory, nodes, way, path, **options)
+        marionette, (nodes, trace) = self.problem.drawn_marionette, self.traces()
+        return output().plan_picture(marionette, self.trajectory, nodes, trace, path, **options)
 
     def traces(self) -> tuple[Array, Array]:
         """Positions of one point of the puppet: (n, 3) at the tree's nodes, (T, 3) along the plan.
@@ -321,7 +321,7 @@ class PlanResult(Answer):
         return output().film(self.problem.drawn_marionette, self.trajectory, path, **options)
 
     def _point(self, q_D: Array, q_K: Array) -> Array:
-        """(n, 3) of the point that pictures follow [m]."""
+        """(n, 3) positions of the point that pictures follow [m]."""
         marionette, numbers = self.problem.marionette, self.goal.numbers
         if numbers.kind == POINT:
             pose = marionette.poses(q_D, q_K)[:, numbers.link]
@@ -334,20 +334,20 @@ class PlanResult(Answer):
         """The feedback law that follows the plan under disturbances.
 
         Args:
-            options: of :meth:`Feedback.along`.
+            options: options of :meth:`Feedback.along`.
         """
         return Feedback.along(self.plan_path, **options)
 
     def replay(self) -> bool:
-        """Whether every segment, simulated again, comes out the same to the last bit."""
+        """Whether every segment, simulated again, gives the same result to the last bit."""
         tree, rollouts = self.tree, self.rollouts.where(tolerance=-1.0)
         for before, node in zip(self.path, self.path[1:], strict=False):
-            again = rollouts.replay(
+            replayed = rollouts.replay(
                 tree.states[[before]], tree.acceleration[node], int(tree.looks[node])
             )
-            there = tree.states[[node]].parts
-            if again is None or not all(
-                np.array_equal(a, there[name]) for name, a in again.parts.items()
+            saved = tree.states[[node]].parts
+            if replayed is None or not all(
+                np.array_equal(a, saved[name]) for name, a in replayed.parts.items()
             ):
                 return False
         return True
@@ -358,18 +358,18 @@ class PlanResult(Answer):
         method: Method | MethodName = "timestepping",
         backend: Literal["fantoccini", "mujoco"] = "fantoccini",
     ) -> Check:
-        """Simulates the plan again, from its start and inputs alone.
+        """The result of a second simulation, from the plan's start and inputs alone.
 
         Args:
             dt_factor: step of ``"timestepping"``, relative to the planner's: by default 0.5, and
                 0.25 in MuJoCo, whose strings stretch more with longer steps.
-            method: of the simulation; options of a method replace ``dt_factor``.
+            method: method of the simulation; options of a method replace ``dt_factor``.
             backend: ``"fantoccini"``, or ``"mujoco"`` (extra ``mujoco``) for another program's
                 equations and strings.
 
         Raises:
-            ExchangeError: MuJoCo cannot do slipping winches, restitution or quadratic drag.
+            ExchangeError: slipping winches, restitution or quadratic drag, which MuJoCo lacks.
             MissingLibraryError: MuJoCo is not installed.
-            ValueError: an unknown backend, or options that do not fit it.
+            ValueError: unknown backend, or options that do not fit it.
         """
         return checked(self.plan_path, dt_factor, method, backend)

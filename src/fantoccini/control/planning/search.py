@@ -1,4 +1,4 @@
-"""A search: a first plan, then better ones."""
+"""Searches for a first plan, then for better ones."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from fantoccini.kernel.runtime import Segments
 
 @dataclass(frozen=True)
 class _Effort:
-    """How a search spreads its effort."""
+    """Distribution of a search's effort."""
 
     max_nodes: int = 20_000
-    """Nodes of a tree that looks for a better plan before another replaces it."""
+    """Largest number of nodes of a tree for better plans before a new tree replaces it."""
     first_growth: float = 0.15
-    """Part of the time for improvement in which trees grow before a plan is polished."""
+    """Share of the time for improvement in which trees grow before a plan is polished."""
     later_growth: float = 0.1
-    """Part in which they grow again after every attempt to polish one."""
+    """Share in which they grow again after every attempt to polish a plan."""
 
 
 _EFFORT = _Effort()
@@ -35,19 +35,19 @@ _EFFORT = _Effort()
 
 @dataclass(frozen=True, eq=False)
 class SearchRecord:
-    """What a search has found so far.
+    """The results of a search so far.
 
     Attributes:
-        tree: that holds the best plan.
-        best: its node: the plan's end, or the nearest to the goal while there is no plan.
-        tried: rollouts simulated.
-        seconds: spent searching [s].
+        tree: tree with the best plan.
+        best: index of its end node, or of the node nearest to the goal while there is no plan.
+        tried: number of rollouts.
+        seconds: time of the search [s].
         curve: (seconds, rollouts, duration) of every plan that was the best, in order. A polished
-            plan is nearer to the goal, but may be longer than the one before it.
-        random_state: of the random choices to come, as plain data.
+            plan is nearer to the goal, but may be longer than the previous one.
+        random_state: state of the random generator, as plain data.
         late: whether a time limit ended the search or its last part.
-        refused: plans that arrive by the time-stepper, but do not hold in simulation.
-        polished: the outcome of polishing the best plan; None where it was not attempted.
+        refused: number of plans that arrive by the time-stepper, but not in a second simulation.
+        polished: the outcome of polishing the best plan; None if it was not attempted.
     """
 
     tree: SearchTree
@@ -62,27 +62,27 @@ class SearchRecord:
 
 
 class Search:
-    """A tree that grows until it holds a plan, then trees in which plans must cost less.
+    """A search with a tree that grows to a first plan, then trees with plans of lower cost.
 
     Better plans are found as in AO-x (Hauser and Zhou 2016): after each plan a new tree begins at
     the start, with the plan's cost as a bound; nodes that cannot end below it are left out.
 
     Attributes:
         problem, options: see below.
-        objective: cost of plans: the options', or else the problem's.
+        objective: cost of plans: the one of the options, otherwise the problem's.
         tree, best, tried, seconds, curve, late, refused, polished: see :class:`SearchRecord`.
-        fault: why the last plan was refused, in words; empty where none was.
+        fault: reason why the last plan was refused; empty if none was.
 
     Args:
-        problem: what is planned.
-        options: of the search; whoever calls its methods keeps the time limits.
+        problem: the planning problem.
+        options: options of the search; callers of its methods keep the time limits.
     """
 
     def __init__(self, problem: Problem, options: SearchOptions):
         self.problem, self.options = problem, options
-        given = options.objective
-        self.objective = problem.objective if given is None else Objective.of(given)
-        self.tree, self.best, self.tried, self.seconds = self._fresh(np.inf), 0, 0, 0.0
+        objective = options.objective
+        self.objective = problem.objective if objective is None else Objective.of(objective)
+        self.tree, self.best, self.tried, self.seconds = self._new_tree(np.inf), 0, 0, 0.0
         self.late, self.refused = False, 0
         self.polished: Polish | None = None
         self.fault = ""
@@ -100,7 +100,7 @@ class Search:
 
     @property
     def record(self) -> SearchRecord:
-        """What was found so far."""
+        """The results of the search so far."""
         return SearchRecord(
             self.tree,
             self.best,
@@ -114,7 +114,7 @@ class Search:
         )
 
     def restore(self, record: SearchRecord) -> None:
-        """Goes back to a record; a tree in which no plan was found yet is lost."""
+        """Returns to a record; a tree without a plan is lost."""
         self.tree, self._growing, self.best = record.tree, record.tree, record.best
         self.tried, self.seconds, self.curve = record.tried, record.seconds, list(record.curve)
         self.late, self.refused, self.polished = record.late, record.refused, record.polished
@@ -129,11 +129,11 @@ class Search:
         self._run(lambda: False, time_limit, iterations)
 
     def improve(self, seconds: float, distance: float) -> None:
-        """Searches for better plans, and polishes one.
+        """Searches for better plans and polishes the best.
 
         Args:
-            seconds: how long.
-            distance: from the goal that is near enough.
+            seconds: time for the search [s].
+            distance: required distance from the goal.
         """
         until = time.perf_counter() + seconds
         if self.problem.touches.expected:
@@ -147,16 +147,18 @@ class Search:
         if self.best == 0:
             self.polish(distance, 0.0)
             return
-        polished = tried = None
+        polished = attempted = None
         self.polished = Polish(PolishStatus.TIMEOUT, distance)
         try:
-            while (left := until - time.perf_counter()) > 0.0:
-                if (self.tree, self.best) != tried and self.polish(distance, left, left):
+            while (time_left := until - time.perf_counter()) > 0.0:
+                if (self.tree, self.best) != attempted and self.polish(
+                    distance, time_left, time_left
+                ):
                     polished = self.tree, self.best, self.polished
-                tried = self.tree, self.best
-                # Another plan that costs less may be brought to the goal too.
-                left = until - time.perf_counter()
-                self.find_better(min(left, _EFFORT.later_growth * seconds))
+                attempted = self.tree, self.best
+                # Another plan of lower cost may reach the goal after polishing, too.
+                time_left = until - time.perf_counter()
+                self.find_better(min(time_left, _EFFORT.later_growth * seconds))
         finally:
             if polished is not None and (self.tree, self.best) != polished[:2]:
                 self._adopt(*polished[:2])
@@ -168,28 +170,31 @@ class Search:
     def polish(self, distance: float, seconds: float, limit: float = np.inf) -> bool:
         """Brings the end of the best plan nearer to the goal, and makes it shorter.
 
-        It may last longer than before where it comes no nearer otherwise.
+        It may last longer than before if it cannot come nearer otherwise.
 
         Args:
-            distance: from the goal that is near enough.
-            seconds: how long to make it shorter, once it is there.
+            distance: required distance from the goal.
+            seconds: time to shorten the plan once it is so near [s].
             limit: time after which polishing is abandoned if it is not [s].
 
         Returns:
-            Whether a plan came so near; it is the best then.
+            Whether a plan came so near; it is then the best.
 
         Raises:
-            ValueError: the goal is a function, something may touch, or the distance is not greater
+            ValueError: goal that is a function, possible touches, or a distance that is not greater
                 than 0.
         """
         if not distance > 0.0:
             raise ValueError(f"distance is {distance}; it must be greater than 0")
-        began, distance = time.perf_counter(), min(distance, self.problem.rollouts.stop_distance)
-        plan, found = self._path(self.tree, self.best), []
+        start_time, distance = (
+            time.perf_counter(),
+            min(distance, self.problem.rollouts.stop_distance),
+        )
+        plan, candidates = self._path(self.tree, self.best), []
         if len(plan.path) == 1:
             end = float(self.tree.distance[self.best])
-            near = end <= distance
-            status = PolishStatus.NO_BETTER if near else PolishStatus.NO_MOTION
+            is_near = end <= distance
+            status = PolishStatus.NO_BETTER if is_near else PolishStatus.NO_MOTION
             self.polished = Polish(status, distance, end)
             return self.polished.reached
         polisher, status = Polisher(self.problem), PolishStatus.INTERRUPTED
@@ -197,27 +202,27 @@ class Search:
             shorter = not self.objective.acceleration
             steps = plan.acceleration, plan.looks
             for shortest in polisher(*steps, distance, seconds, limit, shorter=shorter):
-                found.append(shortest)
+                candidates.append(shortest)
             status = PolishStatus.TIMEOUT if polisher.late else PolishStatus.NOT_NEAR
         finally:
-            # What was found when Ctrl-C came is kept: the shortest plan that holds.
-            self.seconds += time.perf_counter() - began
+            # After Ctrl-C the shortest plan that holds is kept.
+            self.seconds += time.perf_counter() - start_time
             self.late = self.late or seconds > 0.0 or polisher.late
-            kept = (self._kept(one, distance) for one in reversed(found))
-            held = next((one for one in kept if one is not None), None)
-            if found:
-                status = PolishStatus.NOT_HELD if held is None else held
+            statuses = (self._accept(candidate, distance) for candidate in reversed(candidates))
+            first_status = next((accepted for accepted in statuses if accepted is not None), None)
+            if candidates:
+                status = PolishStatus.NOT_HELD if first_status is None else first_status
             self.polished = polisher.outcome(status, distance)
         return self.polished.reached
 
-    def _kept(self, found: Segments, distance: float) -> PolishStatus | None:
-        """Makes a polished plan the best if it is better; None where it does not hold."""
+    def _accept(self, segments: Segments, distance: float) -> PolishStatus | None:
+        """Makes a polished plan the best if it is better; None if it does not hold."""
         tree, interval = self.tree, self.problem.rollouts.options.interval
-        made = tree.add_segments(found, np.zeros(1, dtype=int), interval)[-1]
-        if tree.time[made] > self.problem.longest or not self._confirmed(tree, made):
+        node = tree.add_segments(segments, np.zeros(1, dtype=int), interval)[-1]
+        if tree.time[node] > self.problem.longest or not self._confirmed(tree, node):
             return None
-        if tree.distance[self.best] > distance or tree.cost[made] < tree.cost[self.best]:
-            self._adopt(tree, made)
+        if tree.distance[self.best] > distance or tree.cost[node] < tree.cost[self.best]:
+            self._adopt(tree, node)
             return PolishStatus.POLISHED
         return PolishStatus.NO_BETTER
 
@@ -227,48 +232,52 @@ class Search:
         self.curve.append((self.seconds, self.tried, float(tree.time[node])))
 
     def _run(self, done: Callable[[], bool], time_limit: float, iterations: int | None) -> None:
-        began, most = time.perf_counter(), self.tried + (iterations or 0)
-        before = began - self.seconds
+        start_time, max_tried = time.perf_counter(), self.tried + (iterations or 0)
+        search_start = start_time - self.seconds
         try:
             while not done() and not self.problem.infeasible:
-                self.late = time.perf_counter() - began > time_limit
-                if self.late or (iterations is not None and self.tried >= most):
+                self.late = time.perf_counter() - start_time > time_limit
+                if self.late or (iterations is not None and self.tried >= max_tried):
                     break
-                self._round(before)
+                self._round(search_start)
         finally:
-            self.seconds = time.perf_counter() - before
+            self.seconds = time.perf_counter() - search_start
 
-    def _round(self, before: float) -> None:
-        """One round of the planner; the search began at ``before``."""
+    def _round(self, search_start: float) -> None:
+        """Runs one round of the planner.
+
+        Args:
+            search_start: time at which the search began [s].
+        """
         rollouts, tree = self.problem.rollouts, self._growing
         if self.arrived and (tree is self.tree or len(tree) > _EFFORT.max_nodes):
-            tree = self._growing = self._fresh(np.inf)
+            tree = self._growing = self._new_tree(np.inf)
         if self.arrived:
-            # Better by a look at least than the best, which may have been polished.
+            # Better than the best plan, which may have been polished, by at least one look.
             cost = float(self.tree.cost[self.best])
             tree.bound = min(tree.bound, cost - 0.5 * rollouts.options.interval)
-        grown = self._planner(tree, rollouts, self._rng)
-        self.tried += grown.rollouts
-        if not len(grown.nodes):
+        planner_round = self._planner(tree, rollouts, self._rng)
+        self.tried += planner_round.rollouts
+        if not len(planner_round.nodes):
             return
-        new = slice(grown.nodes.start, grown.nodes.stop)
-        tree.distance[new][tree.time[new] > self.problem.longest] = np.inf
-        found = _best(tree, grown.nodes, rollouts.stop_distance)
-        there = tree.distance[found] <= rollouts.stop_distance and tree.cost[found] <= tree.bound
-        nearer = not self.arrived and tree.distance[found] < self.tree.distance[self.best]
-        if not (there or nearer):
+        new_nodes = slice(planner_round.nodes.start, planner_round.nodes.stop)
+        tree.distance[new_nodes][tree.time[new_nodes] > self.problem.longest] = np.inf
+        node = _best(tree, planner_round.nodes, rollouts.stop_distance)
+        at_goal = tree.distance[node] <= rollouts.stop_distance and tree.cost[node] <= tree.bound
+        is_nearer = not self.arrived and tree.distance[node] < self.tree.distance[self.best]
+        if not (at_goal or is_nearer):
             return
-        # A plan between stop distance and tolerance counts too, if the search ends with it.
-        if tree.distance[found] <= self.problem.tolerance and not self._confirmed(tree, found):
+        # A plan between stop distance and tolerance also counts, if the search ends with it.
+        if tree.distance[node] <= self.problem.tolerance and not self._confirmed(tree, node):
             return
-        if there:
-            self.seconds, self.polished = time.perf_counter() - before, None
-            self._adopt(tree, found)
+        if at_goal:
+            self.seconds, self.polished = time.perf_counter() - search_start, None
+            self._adopt(tree, node)
         else:
-            self.best = found
+            self.best = node
 
     def _confirmed(self, tree: SearchTree, node: int) -> bool:
-        """Whether the plan to a node counts; otherwise the node is set infinitely far away."""
+        """Whether the plan to a node counts; otherwise the node's distance becomes infinite."""
         if not self.options.confirm:
             return True
         check = confirmed(self._path(tree, node))
@@ -282,16 +291,16 @@ class Search:
     def _path(self, tree: SearchTree, node: int) -> PlanPath:
         return PlanPath(self.problem, tree, tuple(tree.path(node)))
 
-    def _fresh(self, bound: float) -> SearchTree:
+    def _new_tree(self, bound: float) -> SearchTree:
         problem = self.problem
         n_vK = problem.marionette.coordinates.n_vK
         return SearchTree(problem.root, problem.distance, n_vK, bound, self.objective)
 
 
 def _best(tree: SearchTree, nodes: range, stop_distance: float) -> int:
-    """The cheapest of the nodes at the goal; without any, the nearest node."""
+    """The cheapest of the nodes at the goal; if there are none, the nearest node."""
     distance = np.nan_to_num(tree.distance[nodes.start : nodes.stop], nan=np.inf)
-    there = np.flatnonzero(distance <= stop_distance)
-    if len(there):
-        return nodes[int(there[np.argmin(tree.cost[nodes.start + there])])]
+    at_goal = np.flatnonzero(distance <= stop_distance)
+    if len(at_goal):
+        return nodes[int(at_goal[np.argmin(tree.cost[nodes.start + at_goal])])]
     return nodes[int(np.argmin(distance))]

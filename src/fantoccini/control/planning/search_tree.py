@@ -1,4 +1,4 @@
-"""The search tree: states, how they were reached, their costs and distances."""
+"""The search tree: states, the segments between them, costs and distances."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from fantoccini.control.problems import TIME, Objective
 from fantoccini.control.tasks import StateArrays, flattened
 from fantoccini.kernel.runtime import STATE, Segments
 
-_CAPACITY = 1024
-"""Nodes for which a new tree has room."""
+_INITIAL_CAPACITY = 1024
+"""Initial capacity of a tree in nodes."""
 
 
 class SearchTree:
-    """States and the segments that lead to them, in arrays that grow.
+    """States and the segments between them, in arrays that grow.
 
     Attributes:
         n: number of nodes.
-        bound: on a plan's cost [s].
-        objective: that defines the cost.
+        bound: upper bound of a plan's cost [s].
+        objective: definition of the cost.
         q_D, v_D, slip, q_K, v_K: (n, ...) states.
-        acceleration: (n, n_vK) of the driven coordinates in the segment that ends at the node.
-        parent: (n,) node at which it begins; -1 for the root.
-        looks: (n,) checks that it lasts.
-        catches: (n,) strings and limits caught in it.
-        time, cost: (n,) since the start [s].
-        distance: (n,) from the goal.
-        tried: (n,) rollouts that began at the node.
+        acceleration: (n, n_vK) driven accelerations in the segment that ends at the node.
+        parent: (n,) node at which that segment begins; -1 for the root.
+        looks: (n,) number of checks in it.
+        catches: (n,) number of strings and limits caught in it.
+        time, cost: (n,) time and cost since the start [s].
+        distance: (n,) distance from the goal.
+        tried: (n,) number of rollouts that began at the node.
 
     Args:
         root: the start (1,).
-        distance: of the start from the goal.
+        distance: distance of the start from the goal.
         n_vK: number of driven velocities.
         bound, objective: see above.
     """
@@ -63,11 +63,13 @@ class SearchTree:
     ):
         self.n, self.bound, self.objective = 0, bound, objective
         widths = {name: a.shape[-1] for name, a in root.parts.items()} | {"acceleration": n_vK}
-        arrays: dict[str, Any] = {name: np.empty((_CAPACITY, w)) for name, w in widths.items()}
+        arrays: dict[str, Any] = {
+            name: np.empty((_INITIAL_CAPACITY, w)) for name, w in widths.items()
+        }
         for name in ("time", "cost", "distance"):
-            arrays[name] = np.empty(_CAPACITY)
+            arrays[name] = np.empty(_INITIAL_CAPACITY)
         for name in ("parent", "looks", "catches", "tried"):
-            arrays[name] = np.empty(_CAPACITY, dtype=np.int64)
+            arrays[name] = np.empty(_INITIAL_CAPACITY, dtype=np.int64)
         self._arrays = arrays
         self.add(
             root,
@@ -82,36 +84,36 @@ class SearchTree:
 
     @classmethod
     def of(cls, arrays: dict[str, Array], like: SearchTree, bound: float = np.inf) -> SearchTree:
-        """A tree from its ``arrays``.
+        """A tree with the given ``arrays``.
 
         Args:
-            arrays: of a tree.
+            arrays: arrays of a tree.
             like: a tree of the same puppet.
-            bound: on a plan's cost [s].
+            bound: upper bound of a plan's cost [s].
 
         Raises:
-            ValueError: the arrays are not a tree of this puppet.
+            ValueError: arrays that are not a tree of this puppet.
         """
-        made = cls.__new__(cls)
-        made.n, made.bound = len(arrays["parent"]), bound
-        made.objective = like.objective
-        made._arrays = {name: arrays[name] for name in like.arrays}
-        for name, a in made._arrays.items():
-            known = like.arrays[name]
-            if a.dtype != known.dtype or a.shape != (made.n, *known.shape[1:]):
+        tree = cls.__new__(cls)
+        tree.n, tree.bound = len(arrays["parent"]), bound
+        tree.objective = like.objective
+        tree._arrays = {name: arrays[name] for name in like.arrays}
+        for name, a in tree._arrays.items():
+            expected = like.arrays[name]
+            if a.dtype != expected.dtype or a.shape != (tree.n, *expected.shape[1:]):
                 raise ValueError(f"{name} has the shape {a.shape} of {a.dtype}")
             if name not in ("distance", *STATE) and not np.all(np.isfinite(a)):
                 raise ValueError(f"{name} is not finite")
-        parent = made._arrays["parent"]
-        if not made.n or parent[0] != -1 or np.any(parent[1:] < 0):
+        parent = tree._arrays["parent"]
+        if not tree.n or parent[0] != -1 or np.any(parent[1:] < 0):
             raise ValueError("its nodes have no root")
-        if np.any(parent >= np.arange(made.n)):
+        if np.any(parent >= np.arange(tree.n)):
             raise ValueError("a node comes before its parent")
-        return made
+        return tree
 
     @property
     def arrays(self) -> dict[str, Array]:
-        """Name -> (n, ...), as above."""
+        """Name of an attribute -> (n, ...) array, as above."""
         return {name: a[: self.n] for name, a in self._arrays.items()}
 
     def __len__(self) -> int:
@@ -132,11 +134,11 @@ class SearchTree:
         """Adds k nodes.
 
         Args:
-            states: (k,).
-            arrays: the other attributes of the nodes, (k, ...) or one for all.
+            states: (k,) states.
+            arrays: the other attributes of the nodes, (k, ...) or a single value for all.
 
         Returns:
-            Their numbers.
+            Indices of the new nodes.
         """
         k = len(states.q_D)
         while self.n + k > len(self._arrays["parent"]):
@@ -149,49 +151,49 @@ class SearchTree:
         self.n += k
         return range(new.start, new.stop)
 
-    def add_segments(self, made: Segments, chosen: Indices, interval: float) -> range:
+    def add_segments(self, segments: Segments, start_nodes: Indices, interval: float) -> range:
         """Adds the ends of all segments that rollouts completed.
 
         Args:
-            made: the rollouts.
-            chosen: (n,) nodes at which they began.
-            interval: between checks [s].
+            segments: segments of the rollouts.
+            start_nodes: (n,) nodes at which they began.
+            interval: time between checks [s].
 
         Returns:
-            Their numbers.
+            Indices of the new nodes.
         """
-        flat = np.flatnonzero(made.looks)
-        rollout, place = np.divmod(flat, made.looks.shape[1])
-        begin, chosen = place == 0, chosen[rollout]
-        looks, catches = made.looks.ravel()[flat], made.catches.ravel()[flat]
-        acceleration = flattened(made.acc_K)[flat]
-        time = interval * _running(looks, begin)
+        completed = np.flatnonzero(segments.looks)
+        rollout, segment_index = np.divmod(completed, segments.looks.shape[1])
+        begin, start_nodes = segment_index == 0, start_nodes[rollout]
+        n_looks, catches = segments.looks.ravel()[completed], segments.catches.ravel()[completed]
+        acceleration = flattened(segments.acc_K)[completed]
+        time = interval * _cumulative(n_looks, begin)
         cost = self.objective.cost(
             time,
-            _running(catches, begin),
-            lambda: _running(interval * looks * (acceleration**2).sum(axis=1), begin),
+            _cumulative(catches, begin),
+            lambda: _cumulative(interval * n_looks * (acceleration**2).sum(axis=1), begin),
         )
         return self.add(
-            StateArrays(**{name: flattened(a)[flat] for name, a in made.states.items()}),
+            StateArrays(**{name: flattened(a)[completed] for name, a in segments.states.items()}),
             acceleration=acceleration,
-            parent=np.where(begin, chosen, self.n + np.arange(len(flat)) - 1),
-            looks=looks,
+            parent=np.where(begin, start_nodes, self.n + np.arange(len(completed)) - 1),
+            looks=n_looks,
             catches=catches,
-            time=self.time[chosen] + time,
-            cost=self.cost[chosen] + cost,
-            distance=made.distance.ravel()[flat],
+            time=self.time[start_nodes] + time,
+            cost=self.cost[start_nodes] + cost,
+            distance=segments.distance.ravel()[completed],
         )
 
     def path(self, node: int) -> list[int]:
         """Nodes from the root to a node."""
-        found = [node]
-        while self.parent[found[-1]] >= 0:
-            found.append(int(self.parent[found[-1]]))
-        return found[::-1]
+        path = [node]
+        while self.parent[path[-1]] >= 0:
+            path.append(int(self.parent[path[-1]]))
+        return path[::-1]
 
 
-def _running(a: Array | Indices, begin: MaskRows) -> Array:
-    """(n,) cumulative sums that restart where a rollout begins."""
+def _cumulative(a: Array | Indices, begin: MaskRows) -> Array:
+    """(n,) cumulative sums that restart at the beginning of every rollout."""
     sums = np.cumsum(a)
     before = (sums - a)[begin]
     return sums - before[np.cumsum(begin) - 1]

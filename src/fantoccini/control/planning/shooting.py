@@ -1,4 +1,4 @@
-"""Rollouts of a plan's inputs as a whole, their goal residuals and constraints, and derivatives.
+"""Rollouts of a plan's inputs, with goal residuals, constraints and derivatives.
 
 The velocities V of the driven coordinates at the ends of segments define a rollout with::
 
@@ -20,7 +20,7 @@ from fantoccini.control.tasks import StateArrays, flattened
 
 @dataclass(frozen=True)
 class _Tolerances:
-    """Wishes, weights and tolerances of shooting."""
+    """Targets, weights and tolerances of shooting."""
 
     difference: float = 1e-5
     """Step of a velocity in finite differences [m/s or rad/s]."""
@@ -35,19 +35,19 @@ class _Tolerances:
     tension_weight: float = 0.3
     """Weight of tensions relative to the puppet's weight, as a constraint [m]."""
     near: float = 0.05
-    """Constraints with more to spare are left out."""
+    """Constraints farther than this from violation are left out."""
     violation: float = 1e-6
-    """Violation from which a constraint is reported as broken."""
+    """Violation above which a constraint is reported as broken."""
     compliance: float = 1e-9
-    """Compliance of strings, relative to the trace of G, so that they may be redundant."""
+    """Compliance of strings, relative to the trace of G, which allows redundant strings."""
     max_displacement: float = 0.005
-    """Distance of inputs from the equilibrium at the goal within which a puppet stays [m]."""
+    """Distance of inputs from the equilibrium at the goal up to which a puppet stays [m]."""
     displacement_weight: float = 0.3
     """Weight of that distance relative to the goal residual."""
     max_unknowns: int = 60
-    """Unknowns that are varied at once, since each takes a rollout."""
+    """Largest number of unknowns varied at once; each takes a rollout."""
     min_unknowns: int = 6
-    """Unknowns of each driven coordinate, whatever their number."""
+    """Least number of unknowns for each driven coordinate."""
 
 
 _TOLERANCES = _Tolerances()
@@ -60,9 +60,9 @@ class Candidates:
     Attributes:
         V: (n, m, n_vK) velocities at the ends of segments.
         nodes: (n, looks + 1) states at the looks.
-        residual: (n, n_r) of the goal.
-        constraints: (n, looks, n_c) c; negative where violated.
-        distance: (n,) of the end from the goal.
+        residual: (n, n_r) goal residuals.
+        constraints: (n, looks, n_c) values of c; negative if violated.
+        distance: (n,) distances of the ends from the goal.
         calm: (n,) first segment after the last catch.
         merit: (n,) |residual| + the worst violation of every constraint.
     """
@@ -76,7 +76,7 @@ class Candidates:
     merit: Array
 
     def __len__(self) -> int:
-        """Segments."""
+        """Number of segments."""
         return self.V.shape[1]
 
     @property
@@ -85,27 +85,27 @@ class Candidates:
         return self[int(np.argmin(self.merit))]
 
     def __getitem__(self, i: int) -> Candidates:
-        """One candidate."""
-        one = slice(i, i + 1)
+        """A single candidate, as an array of one."""
+        rows = slice(i, i + 1)
         return Candidates(
-            self.V[one],
-            self.nodes[one],
-            self.residual[one],
-            self.constraints[one],
-            self.distance[one],
-            self.calm[one],
-            self.merit[one],
+            self.V[rows],
+            self.nodes[rows],
+            self.residual[rows],
+            self.constraints[rows],
+            self.distance[rows],
+            self.calm[rows],
+            self.merit[rows],
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Derivatives:
-    """Derivatives of a candidate by x, where its velocities change by dV = basis x.
+    """Derivatives of a candidate with respect to x, for changes dV = basis x of its velocities.
 
     Attributes:
-        basis: (m, n_b) of every coordinate that moves.
-        residual: (n_r, n_b n_moves).
-        near: (k, 2) looks and numbers of the constraints that are nearly violated.
+        basis: (m, n_b) basis for the velocity of every coordinate that moves.
+        residual: (n_r, n_b n_moves) derivatives of the goal residual.
+        near: (k, 2) looks and indices of the constraints that are nearly violated.
         constraints: (k, n_b n_moves) derivatives of those.
     """
 
@@ -116,11 +116,11 @@ class Derivatives:
 
 
 class Shooting:
-    """Simulates candidates for plans of a problem.
+    """Simulations of candidates for plans of a problem.
 
     Attributes:
-        problem: that is planned.
-        looks: of a segment.
+        problem: the planning problem.
+        looks: number of looks in a segment.
         moves: (n_m,) indices of driven velocities that may be varied.
 
     Args:
@@ -134,19 +134,25 @@ class Shooting:
         table = problem.marionette.coordinates
         self._driven = [q for q, v in table.scalars_K if v in self.moves]
         self._taut: Indices = np.zeros(0, dtype=int)
-        root, margin, tol = problem.root, rollouts.margin, _TOLERANCES
-        still = np.zeros((1, root.v_K.shape[1]))
+        root, margin, tolerances = problem.root, rollouts.margin, _TOLERANCES
+        zeros = np.zeros((1, root.v_K.shape[1]))
         if not rollouts.slack:
             self._taut = np.arange(len(problem.marionette.tree.strings))
-            tension = self._forces(root, still)[1][0]
+            tension = self._forces(root, zeros)[1][0]
             wires = [s.wire for s in problem.marionette.tree.strings]
-            self._taut = np.flatnonzero((tension > tol.min_tension) & ~np.array(wires, dtype=bool))
-        aims = (margin + tol.clearance, tol.limit, tol.tension_weight * tol.tension)
-        aimed = self._by_kind(*aims)
-        self._required = self._by_kind(margin, 0.0, 0.0)
-        # Where the start misses the aim, only the requirement counts.
-        missed = self._measured(root, still)[0] < aimed
-        self._aimed = np.where(missed, self._required, aimed)
+            self._taut = np.flatnonzero(
+                (tension > tolerances.min_tension) & ~np.array(wires, dtype=bool)
+            )
+        aims = (
+            margin + tolerances.clearance,
+            tolerances.limit,
+            tolerances.tension_weight * tolerances.tension,
+        )
+        aimed = self._for_each_constraint(*aims)
+        self._required = self._for_each_constraint(margin, 0.0, 0.0)
+        # If the start misses the aim, only the requirement counts.
+        below_aim = self._constraint_values(root, zeros)[0] < aimed
+        self._aimed = np.where(below_aim, self._required, aimed)
 
     @property
     def segment(self) -> float:
@@ -163,46 +169,46 @@ class Shooting:
         return self.problem.root.v_K + self.segment * np.cumsum(acceleration, axis=0)
 
     def within(self, V: Array) -> Array:
-        """(..., m, n_vK) velocities that follow given ones within the bounds."""
-        bounds, made = self.problem.rollouts.bounds, np.empty_like(V)
-        most = self.segment * bounds.acceleration
+        """(..., m, n_vK) velocities clipped to the bounds."""
+        bounds, velocities = self.problem.rollouts.bounds, np.empty_like(V)
+        max_change = self.segment * bounds.acceleration
         v = np.broadcast_to(self.problem.root.v_K[0], V[..., 0, :].shape)
-        wanted = np.clip(V, -bounds.speed, bounds.speed)
+        target = np.clip(V, -bounds.speed, bounds.speed)
         for k in range(V.shape[-2]):
-            v = made[..., k, :] = v + np.clip(wanted[..., k, :] - v, -most, most)
-        return made
+            v = velocities[..., k, :] = v + np.clip(target[..., k, :] - v, -max_change, max_change)
+        return velocities
 
     def candidates(self, V: Array) -> Candidates:
-        """Rollouts of velocities (n, m, n_vK); bounds and obstacles do not stop them."""
-        n, looks = len(V), self.looks
-        acc_K = np.repeat(self.accelerations(V), looks, axis=1)
-        made = self._free.simulate(self.problem.root, np.zeros(n, int), acc_K, looks=1)
+        """Rollouts of velocities (n, m, n_vK), not stopped by bounds and obstacles."""
+        n, n_looks = len(V), self.looks
+        acc_K = np.repeat(self.accelerations(V), n_looks, axis=1)
+        segments = self._free.simulate(self.problem.root, np.zeros(n, int), acc_K, looks=1)
         first = self.problem.root.parts
         nodes = StateArrays(
             **{
                 name: np.concatenate([np.repeat(first[name][None], n, axis=0), a], axis=1)
-                for name, a in made.states.items()
+                for name, a in segments.states.items()
             }
         )
         residual = self._residual(nodes[:, -1])
-        constraints = (self._measured(nodes[:, 1:].flat, flattened(acc_K)) - self._aimed).reshape(
-            n, acc_K.shape[1], -1
-        )
+        constraints = (
+            self._constraint_values(nodes[:, 1:].flat, flattened(acc_K)) - self._aimed
+        ).reshape(n, acc_K.shape[1], -1)
         worst = np.max(np.maximum(-constraints, 0.0), axis=1)
         merit = np.linalg.norm(residual, axis=1) + np.sum(worst, axis=1)
-        merit = np.where((made.looks[:, -1] > 0) & np.isfinite(merit), merit, np.inf)
-        caught = (made.catches > 0) * np.arange(1, acc_K.shape[1] + 1)
-        calm = -(-np.max(caught, axis=1) // looks)
-        return Candidates(V, nodes, residual, constraints, made.distance[:, -1], calm, merit)
+        merit = np.where((segments.looks[:, -1] > 0) & np.isfinite(merit), merit, np.inf)
+        caught = (segments.catches > 0) * np.arange(1, acc_K.shape[1] + 1)
+        calm = -(-np.max(caught, axis=1) // n_looks)
+        return Candidates(V, nodes, residual, constraints, segments.distance[:, -1], calm, merit)
 
     def derivatives(self, candidate: Candidates, first: int = 0) -> Derivatives:
-        """Derivatives of one candidate, by forward differences.
+        """Derivatives of a single candidate, by forward differences.
 
         Args:
             candidate: the candidate.
-            first: first segment that is varied.
+            first: index of the first segment that is varied.
         """
-        nodes, looks = candidate.nodes[0], self.looks
+        nodes, n_looks = candidate.nodes[0], self.looks
         m, n_K = candidate.V.shape[1:]
         basis = self._basis(m, first)
         n_b, n_m = basis.shape[1], len(self.moves)
@@ -211,72 +217,75 @@ class Shooting:
             changes[:, j, :, k] = _TOLERANCES.difference * basis.T
         dV = changes.reshape(n_b * n_m, m, n_K)
         # A rollout begins at the first segment that changes.
-        begin = np.repeat(np.argmax(basis > 0.0, axis=0), n_m) * looks
+        begin = np.repeat(np.argmax(basis > 0.0, axis=0), n_m) * n_looks
         dacc = np.diff(dV, axis=1, prepend=0.0) / self.segment
-        acc_K = np.repeat(self.accelerations(candidate.V)[0] + dacc, looks, axis=1)
+        acc_K = np.repeat(self.accelerations(candidate.V)[0] + dacc, n_looks, axis=1)
         last = acc_K.shape[1] - 1
-        ahead = np.minimum(begin[:, None] + np.arange(last + 1), last)
-        each = np.arange(len(begin))
-        acc_K = acc_K[each[:, None], ahead]
-        again = self._free.simulate(nodes, begin, acc_K, n_segments=last + 1 - begin, looks=1)
-        there = StateArrays(**again.states)
+        columns = np.minimum(begin[:, None] + np.arange(last + 1), last)
+        rows = np.arange(len(begin))
+        acc_K = acc_K[rows[:, None], columns]
+        segments = self._free.simulate(nodes, begin, acc_K, n_segments=last + 1 - begin, looks=1)
+        states = StateArrays(**segments.states)
         residual = (
-            self._residual(there[each, last - begin]) - candidate.residual
+            self._residual(states[rows, last - begin]) - candidate.residual
         ).T / _TOLERANCES.difference
         # Rollouts that failed are left out.
         residual[:, ~np.isfinite(residual).all(axis=0)] = 0.0
-        near = _nearest(candidate.constraints[0], looks)
-        at = np.unique(near[:, 0])
-        which, when = np.nonzero(at >= begin[:, None])
-        off = at[when] - begin[which]
-        change = np.zeros((len(begin), len(at), candidate.constraints.shape[2]))
-        if len(which):
-            found = self._measured(there[which, off], acc_K[which, off]) - self._aimed
-            difference = found - candidate.constraints[0, at[when]]
-            change[which, when] = difference / _TOLERANCES.difference
+        near = _nearest(candidate.constraints[0], n_looks)
+        looks_near = np.unique(near[:, 0])
+        rollout, look_index = np.nonzero(looks_near >= begin[:, None])
+        offset = looks_near[look_index] - begin[rollout]
+        change = np.zeros((len(begin), len(looks_near), candidate.constraints.shape[2]))
+        if len(rollout):
+            values = (
+                self._constraint_values(states[rollout, offset], acc_K[rollout, offset])
+                - self._aimed
+            )
+            difference = values - candidate.constraints[0, looks_near[look_index]]
+            change[rollout, look_index] = difference / _TOLERANCES.difference
         change[~np.isfinite(change)] = 0.0
-        constraints = change[:, np.searchsorted(at, near[:, 0]), near[:, 1]].T
+        constraints = change[:, np.searchsorted(looks_near, near[:, 0]), near[:, 1]].T
         return Derivatives(basis, residual, near, constraints)
 
-    def continued(self, V: Array, more: int) -> Array:
+    def continued(self, V: Array, n_more: int) -> Array:
         """V (m, n_vK) with more segments, led to the goal by a funnel, or at rest without one."""
         m, n_K = V.shape
-        whole = np.zeros((1, m + more, n_K))
-        whole[0, :m] = self.accelerations(V)
+        accelerations = np.zeros((1, m + n_more, n_K))
+        accelerations[0, :m] = self.accelerations(V)
         if not self._free.funnels:
-            return self.within(np.concatenate([V, np.zeros((more, n_K))]))
+            return self.within(np.concatenate([V, np.zeros((n_more, n_K))]))
         start, n_given = np.zeros(1, int), np.array([m])
-        made = self._free.simulate(self.problem.root, start, whole, n_given=n_given)
-        return self.velocities(made.acc_K[0])
+        segments = self._free.simulate(self.problem.root, start, accelerations, n_given=n_given)
+        return self.velocities(segments.acc_K[0])
 
     def changed(self, V: Array, basis: Array, x: Array) -> Array:
-        """V (m, n_vK) + basis x."""
-        made = V.copy()
-        made[:, self.moves] += basis @ x.reshape(basis.shape[1], len(self.moves))
-        return made
+        """The velocities V + basis x (m, n_vK)."""
+        V_changed = V.copy()
+        V_changed[:, self.moves] += basis @ x.reshape(basis.shape[1], len(self.moves))
+        return V_changed
 
     def _basis(self, m: int, first: int) -> Array:
         """(m, n_b) hat functions over the ends of segments; one for each if there are few."""
-        wanted = _TOLERANCES.max_unknowns // max(1, len(self.moves))
-        n_b = min(m - first, max(_TOLERANCES.min_unknowns, wanted))
-        ends, made = np.arange(m - first), np.zeros((m, n_b))
-        at = np.linspace(0.0, m - first - 1, n_b)
-        made[first:] = np.stack([np.interp(ends, at, one) for one in np.eye(n_b)], axis=1)
-        return made
+        per_coordinate = _TOLERANCES.max_unknowns // max(1, len(self.moves))
+        n_b = min(m - first, max(_TOLERANCES.min_unknowns, per_coordinate))
+        ends, basis = np.arange(m - first), np.zeros((m, n_b))
+        knots = np.linspace(0.0, m - first - 1, n_b)
+        basis[first:] = np.stack([np.interp(ends, knots, hat) for hat in np.eye(n_b)], axis=1)
+        return basis
 
     def broken(self, candidate: Candidates) -> tuple[str, ...]:
         """The kinds of constraints that a candidate violates."""
-        kinds = self._by_kind("clearance", "limits", "tension")
+        kinds = self._for_each_constraint("clearance", "limits", "tension")
         worst = np.min(candidate.constraints[0] + self._aimed - self._required, axis=0)
         return tuple(dict.fromkeys(kinds[worst < -_TOLERANCES.violation].tolist()))
 
     def stays(self, candidate: Candidates) -> bool:
-        """Whether the puppet stays at a candidate's end, where inputs are to end at rest."""
+        """Whether the puppet stays at a candidate's end, if its inputs must end at rest."""
         displacement = np.linalg.norm(self._displacement(candidate.nodes[:, -1]))
         return bool(displacement <= _TOLERANCES.max_displacement)
 
     def _residual(self, states: StateArrays) -> Array:
-        """(n, n_r) residuals of the goal, of its velocities, and of staying there."""
+        """(n, n_r) residuals of the goal, its velocities and the inputs' equilibrium."""
         goal, numbers = self.problem.goal, self.problem.goal.numbers
         speeds = (
             numbers.speed_weight * (states.v_D - numbers.v_D),
@@ -286,38 +295,38 @@ class Shooting:
         return np.concatenate(parts, axis=1)
 
     def _displacement(self, states: StateArrays) -> Array:
-        """(n, n_l) weighted distance of inputs from the equilibrium, where they end at rest."""
+        """(n, n_l) weighted distance of inputs from the equilibrium, if they must end at rest."""
         problem = self.problem
         if not (problem.equilibrium and problem.goal.numbers.driven_weight):
             return np.zeros((len(states.q_K), 0))
-        away = states.q_K - problem.rollouts.funnels[0].q_K
-        return _TOLERANCES.displacement_weight * away[:, self._driven]
+        displacement = states.q_K - problem.rollouts.funnels[0].q_K
+        return _TOLERANCES.displacement_weight * displacement[:, self._driven]
 
-    def _measured(self, states: StateArrays, acc_K: Array) -> Array:
+    def _constraint_values(self, states: StateArrays, acc_K: Array) -> Array:
         """(n, n_c) clearances, distances from limits, and weighted tensions."""
         rollouts = self.problem.rollouts
         limits, tension = self._forces(states, acc_K)
         parts = [-limits, _TOLERANCES.tension_weight * tension]
         if not rollouts.clearance.measures_nothing:
             threads = rollouts.options.threads
-            clear = rollouts.clearance.at(states.q_D, states.q_K, threads=threads)
-            parts.insert(0, clear[:, None])
+            clearance = rollouts.clearance.at(states.q_D, states.q_K, threads=threads)
+            parts.insert(0, clearance[:, None])
         return np.concatenate(parts, axis=1)
 
-    def _by_kind(self, clearance: object, limit: object, tension: object) -> Any:
+    def _for_each_constraint(self, clearance: object, limit: object, tension: object) -> Any:
         """(n_c,) a number or name for every constraint, by its kind."""
-        nothing = self.problem.rollouts.clearance.measures_nothing
+        no_clearance = self.problem.rollouts.clearance.measures_nothing
         n_limits = len(self.problem.marionette.tree.limits)
-        counts = [0 if nothing else 1, n_limits, len(self._taut)]
+        counts = [0 if no_clearance else 1, n_limits, len(self._taut)]
         return np.repeat([clearance, limit, tension], counts)
 
     def _forces(self, states: StateArrays, acc_K: Array) -> tuple[Array, Array]:
-        """h of limits (n, n_limits), and tensions of taut strings relative to the weight.
+        """The h of limits (n, n_limits), and tensions of taut strings relative to the weight.
 
-        G tau = hddot without tension, over these strings, as if nothing else held.
+        They satisfy G tau = hddot without tension, over these strings, ignoring other forces.
         """
         marionette, n = self.problem.marionette, len(acc_K)
-        found = marionette.library.evaluate(
+        values = marionette.library.evaluate(
             "dynamics",
             q_D=states.q_D,
             v_D=states.v_D,
@@ -329,18 +338,20 @@ class Shooting:
         )
         taut = self._taut
         if not len(taut):
-            return found.h_limit, np.zeros((n, 0))
-        G = found.G[:, taut[:, None], taut]
+            return values.h_limit, np.zeros((n, 0))
+        G = values.G[:, taut[:, None], taut]
         trace = np.trace(G, axis1=1, axis2=2)[:, None, None]
         G = G + _TOLERANCES.compliance * trace * np.eye(len(taut))
-        tension = np.linalg.solve(G, (found.gamma + found.a0)[:, taut, None])[..., 0]
-        return found.h_limit, tension / marionette.weight
+        tension = np.linalg.solve(G, (values.gamma + values.a0)[:, taut, None])[..., 0]
+        return values.h_limit, tension / marionette.weight
 
 
 def _nearest(constraints: Array, looks: int) -> Indices:
-    """(k, 2) looks and numbers of constraints (n, n_c) near violation: the worst look of each
-    segment."""
+    """(k, 2) looks and indices of constraints near violation, from (n, n_c) values.
+
+    They are the worst look of each segment.
+    """
     by_segment = constraints.reshape(len(constraints) // looks, looks, constraints.shape[1])
-    segment, which = np.nonzero(np.min(by_segment, axis=1) < _TOLERANCES.near)
-    worst = np.argmin(by_segment, axis=1)[segment, which]
-    return np.stack([segment * looks + worst, which], axis=1)
+    segment, constraint = np.nonzero(np.min(by_segment, axis=1) < _TOLERANCES.near)
+    worst = np.argmin(by_segment, axis=1)[segment, constraint]
+    return np.stack([segment * looks + worst, constraint], axis=1)

@@ -1,4 +1,4 @@
-"""Equilibria of a puppet at a goal, or as near to it as it can hang."""
+"""Equilibria of a puppet at a goal, or as near to it as the puppet can hang."""
 
 from __future__ import annotations
 
@@ -20,31 +20,31 @@ class _Tolerances:
     """Weights and tolerances of the search for an equilibrium."""
 
     driven_weight: float = 1e-3
-    """Weight of displacements of driven coordinates, so that irrelevant ones stay."""
+    """Weight of displacements of driven coordinates; keeps irrelevant ones unmoved."""
     dynamic_weight: float = 1e-4
     """Weight of displacements of dynamic coordinates."""
     press: float = 0.002
-    """Overlap aimed for where parts are to touch [m], so that they meet before the inputs rest."""
+    """Overlap aimed for at required touches [m], so that they close before the inputs rest."""
     min_tension: float = 1e-6
     """Minimum tension, relative to the weight, to count as taut."""
     min_slack: float = 0.005
     """Least slack of the other strings [m]."""
     limit_margin: float = 0.05
-    """Distance kept from limits on the way [rad or m]."""
+    """Distance kept from limits during the search [rad or m]."""
     stages: int = 8
-    """Stages in which a goal is approached, so that the puppet keeps hanging."""
+    """Number of stages of the approach to a goal; the puppet hangs at the end of each."""
     difference: float = 1e-7
     """Step of finite differences [m or rad]."""
     last_step: float = 1e-6
-    """Step that ends the iteration: the remaining error is 1e-7 of it [m or rad]."""
+    """Step that ends the iteration [m or rad]; the remaining error is 1e-7 of it."""
     max_step: float = 0.5
     """Largest change of a coordinate in one iteration [m or rad]."""
     min_step: float = 1e-9
-    """Step below which halving ends [m or rad]."""
+    """Step at which halving ends [m or rad]."""
     min_decrease: float = 1e-6
-    """Least decrease of the squares in one iteration, relative to them."""
+    """Smallest decrease of the sum of squares in one iteration, relative to the sum."""
     max_iterations: int = 60
-    """Iterations, halvings included."""
+    """Largest number of iterations, including halvings."""
 
 
 _TOLERANCES = _Tolerances()
@@ -58,17 +58,17 @@ def balanced(
         min over q_D, q_K and T >= 0 of |w_0 - W T|^2 + |goal residuals|^2 + |limits exceeded|^2,
         acc_D = F^-1 (w_0 - W T) at rest
 
-    Driven lengths are those that just reach; slack strings keep their slack at the start. Where
-    the goal is one configuration, q_D is that.
+    Each driven length makes its string just taut; slack strings keep their slack at the start. If
+    the goal is a single configuration, q_D is that configuration.
 
     Args:
         marionette: the puppet.
-        goal: of the plan.
+        goal: goal of the plan.
         start: initial guess.
         moves: (n_vK,) bool, the driven velocities that may be nonzero.
 
     Returns:
-        q_D, q_K, and |w_0 - W T|, which is 0 in an equilibrium.
+        q_D, q_K, and the norm |w_0 - W T|, which is 0 in an equilibrium.
     """
     tree, p, table = marionette.tree, marionette.p, marionette.coordinates
     lengths = [
@@ -76,47 +76,49 @@ def balanced(
         for i, s in enumerate(tree.strings)
         if s.driven_length and moves[s.driven_length[1]]
     ]
-    wound = {k for _, k in lengths}
-    ends = [q for q, v in table.scalars_K if moves[v] and q not in wound]
+    driven_lengths = {k for _, k in lengths}
+    end_indices = [q for q, v in table.scalars_K if moves[v] and q not in driven_lengths]
     pinned = goal.whole
     n_D = 0 if pinned is not None else table.n_vD
     origin = start.q_D if pinned is None else pinned
-    first = np.concatenate([np.zeros(n_D), start.q_K[ends]])
+    initial_x = np.concatenate([np.zeros(n_D), start.q_K[end_indices]])
 
     def configurations(x: Array) -> tuple[Array, Array]:
-        """(n, n_qD), (n, n_qK) of points (n, n_D + ends)."""
+        """(n, n_qD), (n, n_qK) configurations of points (n, n_D + ends)."""
         q_D = retract(marionette, origin, x[:, :n_D]) if n_D else np.tile(origin, (len(x), 1))
         q_K = np.tile(start.q_K, (len(x), 1))
-        q_K[:, ends] = x[:, n_D:]
+        q_K[:, end_indices] = x[:, n_D:]
         return q_D, q_K
 
     def residuals(x: Array) -> Array:
-        """(n, m) w_0 - W T, goal residuals, limits exceeded, weighted displacements."""
+        """(n, m) w_0 - W T, goal residuals, violations of limits, weighted displacements."""
         q_D, q_K = configurations(x)
-        left, _, limits = best_support(marionette, q_D, q_K)
-        left = left[:, held]
+        residual_force, _, limits = best_support(marionette, q_D, q_K)
+        residual_force = residual_force[:, in_puppets]
         soft_K, soft_D = _TOLERANCES.driven_weight * soft, _TOLERANCES.dynamic_weight * soft
-        parts = [left, soft_K * (x - first)[:, n_D:]]
+        parts = [residual_force, soft_K * (x - initial_x)[:, n_D:]]
         if pinned is None:
             q_K = reached(q_D, q_K)
-            away = q_K - start.q_K
+            displacement = q_K - start.q_K
             parts.append(np.maximum(limits + soft * _TOLERANCES.limit_margin, 0.0))
-            parts += [soft_K * away[:, list(wound)], soft_D * x[:, :n_D]]
-            none_D, none_K = np.zeros((len(x), table.n_vD)), np.zeros((len(x), table.n_vK))
+            parts += [soft_K * displacement[:, list(driven_lengths)], soft_D * x[:, :n_D]]
+            zero_v_D, zero_v_K = np.zeros((len(x), table.n_vD)), np.zeros((len(x), table.n_vK))
             slip = np.zeros((len(x), len(tree.strings)))
-            off = aims(StateArrays(q_D, none_D, slip, q_K, none_K))
-            parts.append(off if initial is None else off - remaining * initial)
+            goal_residuals = aims(StateArrays(q_D, zero_v_D, slip, q_K, zero_v_K))
+            parts.append(
+                goal_residuals if initial is None else goal_residuals - remaining * initial
+            )
         return np.concatenate(parts, axis=1)
 
     def aims(states: StateArrays) -> Array:
-        """(n, m) residuals of the goal, and of pressing on what it is to touch."""
-        off = goal.residuals(states)
+        """(n, m) residuals of the goal, and of the overlap at required touches."""
+        goal_residuals = goal.residuals(states)
         if not goal.touches:
-            return off
-        return np.concatenate([off, goal.gaps(states) + _TOLERANCES.press], axis=1)
+            return goal_residuals
+        return np.concatenate([goal_residuals, goal.gaps(states) + _TOLERANCES.press], axis=1)
 
     def reached(q_D: Array, q_K: Array) -> Array:
-        """q_K with the lengths at which the strings just reach."""
+        """q_K with the lengths at which the strings are just taut."""
         if lengths:
             q_K[:, [k for _, k in lengths]] = 0.0
             h = marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=p).h
@@ -124,10 +126,10 @@ def balanced(
                 q_K[:, k] = h[:, i]
         return q_K
 
-    held = of_puppets(marionette)
-    soft, x, remaining = 1.0, first, 0.0
+    in_puppets = of_puppets(marionette)
+    soft, x, remaining = 1.0, initial_x, 0.0
     initial: Array | None = None
-    if len(first) and tree.strings:
+    if len(initial_x) and tree.strings:
         if pinned is None:
             initial = aims(StateArrays.of(start))[0]
             for stage in range(1, _TOLERANCES.stages):
@@ -135,92 +137,92 @@ def balanced(
                 x = _least_squares(residuals, x)
             remaining = 0.0
             x = _least_squares(residuals, x)
-        # Without weights on displacements and limits.
+        # The last search has no weights on displacements and limits.
         soft = 0.0
         x = _least_squares(residuals, x)
     q_D, q_K = configurations(x[None])
-    left, tension, _ = best_support(marionette, q_D, q_K)
+    residual_force, tension, _ = best_support(marionette, q_D, q_K)
     q_K = reached(q_D, q_K)[0]
     h = marionette.library.evaluate("rows", q_D=start.q_D, q_K=start.q_K, p=p).h
     for i, k in lengths:
         if not tension[0, i] > _TOLERANCES.min_tension * marionette.weight:
             q_K[k] += max(_TOLERANCES.min_slack, -h[i])
-    return q_D[0], q_K, float(np.linalg.norm(left[:, held]))
+    return q_D[0], q_K, float(np.linalg.norm(residual_force[:, in_puppets]))
 
 
 def of_puppets(marionette: Marionette) -> MaskRows:
-    """(n_vD,) bool, the dynamic velocities of puppets; those of props hang from nothing."""
-    found = np.ones(marionette.coordinates.n_vD, dtype=bool)
+    """(n_vD,) bool, the dynamic velocities of puppets; those of props hang from no string."""
+    in_puppets = np.ones(marionette.coordinates.n_vD, dtype=bool)
     for link in marionette.tree.links:
         if link.name in marionette.puppet.props:
-            found[link.v] = False
-    return found
+            in_puppets[link.v] = False
+    return in_puppets
 
 
 def best_support(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Array, Array]:
-    """The tensions that come nearest to balancing configurations at rest.
+    """The tensions that best balance configurations at rest.
 
-    All strings count as taut, whatever their lengths; limits exert no force.
+    All strings count as taut, regardless of their lengths; limits exert no force.
 
     Args:
         marionette: the puppet.
-        q_D, q_K: (n, n_qD), (n, n_qK).
+        q_D, q_K: (n, n_qD), (n, n_qK) configurations.
 
     Returns:
         w_0 - W T (n, n_vD), T (n, n_strings) [N], and h of limits (n, n_limits).
     """
     tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
     wires = [i for i, s in enumerate(tree.strings) if s.wire]
-    none_D, none_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
-    found = marionette.library.evaluate(
+    zero_v_D, zero_v_K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
+    values = marionette.library.evaluate(
         "dynamics",
         q_D=q_D,
-        v_D=none_D,
+        v_D=zero_v_D,
         q_K=q_K,
-        v_K=none_K,
-        acc_K=none_K,
-        u_D=none_D,
+        v_K=zero_v_K,
+        acc_K=zero_v_K,
+        u_D=zero_v_D,
         p=marionette.p,
     )
-    w0, W, h_limit = found.w0, found.W, found.h_limit
-    # Wires push too.
-    both = np.concatenate([W, -W[:, :, wires]], axis=2)
-    if not both.shape[2]:  # SciPy's nnls writes out of bounds without columns
+    w0, W, h_limit = values.w0, values.W, values.h_limit
+    # Wires also push.
+    directions = np.concatenate([W, -W[:, :, wires]], axis=2)
+    if not directions.shape[2]:  # SciPy's nnls writes out of bounds without columns
         return w0, np.zeros((n, 0)), h_limit
-    forces = np.array([nnls(A, w)[0] for A, w in zip(both, w0, strict=True)])
+    forces = np.array([nnls(A, w)[0] for A, w in zip(directions, w0, strict=True)])
     tension = forces[:, : len(tree.strings)]
     tension[:, wires] -= forces[:, len(tree.strings) :]
     return w0 - np.einsum("nij,nj->ni", W, tension), tension, h_limit
 
 
 def _least_squares(residuals: Callable[[Array], Array], x: Array) -> Array:
-    """x that minimises the squares of residuals, by Gauss-Newton with halved steps.
+    """The minimiser x of a sum of squares, by Gauss-Newton with halved steps.
 
     All differences of an iteration are one call of the library: SciPy's least squares would take
     10 ms, too long for a planner.
 
     Args:
-        residuals: of (n, k) points, (n, m).
+        residuals: function of (n, k) points that returns (n, m) residuals.
         x: (k,) initial guess.
     """
     step = _TOLERANCES.difference
-    steps, least, before = step * np.eye(len(x)), np.inf, x
+    steps, min_squares, best_x = step * np.eye(len(x)), np.inf, x
     for _ in range(_TOLERANCES.max_iterations):
-        found = residuals(np.concatenate([x[None], x + steps]))
-        squares = float(found[0] @ found[0])
-        if not squares < least:
-            if np.max(np.abs(x - before)) < _TOLERANCES.min_step:
+        values = residuals(np.concatenate([x[None], x + steps]))
+        squares = float(values[0] @ values[0])
+        if not squares < min_squares:
+            if np.max(np.abs(x - best_x)) < _TOLERANCES.min_step:
                 break
-            x = 0.5 * (x + before)
+            x = 0.5 * (x + best_x)
             continue
-        jacobian = (found[1:] - found[0]).T / step
-        move = -np.linalg.lstsq(jacobian, found[0], rcond=None)[0]
-        size = float(np.max(np.abs(move)))
-        decreased = squares < (1.0 - _TOLERANCES.min_decrease) * least
-        least, before = squares, x
-        if size < _TOLERANCES.last_step:
-            return x + move
+        jacobian = (values[1:] - values[0]).T / step
+        change = -np.linalg.lstsq(jacobian, values[0], rcond=None)[0]
+        max_change = float(np.max(np.abs(change)))
+        decreased = squares < (1.0 - _TOLERANCES.min_decrease) * min_squares
+        min_squares, best_x = squares, x
+        if max_change < _TOLERANCES.last_step:
+            return x + change
         if not decreased:
             break
-        x = x + move * min(1.0, _TOLERANCES.max_step / size)
-    return before
+        x = x + change * min(1.0, _TOLERANCES.max_step / max_change)
+    return best_x

@@ -1,4 +1,4 @@
-"""Goals that no plan can reach, recognised before the search."""
+"""Recognition of unreachable goals before the search."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _TRANSLATING = ("prismatic", "translation", "free")
 
 
 def out_of_reach(goal: Goal, tolerance: float) -> str:
-    """Why a goal is out of reach; empty where it may be within.
+    """The reason why a goal is out of reach; empty if it may be within reach.
 
     Either a pose is beyond a joint's limits, or a point is farther from the root of its chain of
-    bodies than the chain is long. Goals that only strings or obstacles prevent are not recognised.
+    bodies than the chain is long. Effects of strings and obstacles are not considered.
 
     Args:
-        goal: of the plan.
-        tolerance: of its distance.
+        goal: goal of the plan.
+        tolerance: tolerance of the goal's distance.
     """
     if goal.numbers.kind == POSE:
         return _beyond_limits(goal, tolerance)
@@ -42,40 +42,40 @@ def _beyond_limits(goal: Goal, tolerance: float) -> str:
         if not weight:
             continue
         low, high = numbers.low[link.q.start], numbers.high[link.q.start]
-        over = low - limit.bound if limit.side == "upper" else limit.bound - high
-        if weight * over > tolerance:
-            wanted = f"{low:g}" if low == high else f"{low:g} to {high:g}"
+        excess = low - limit.bound if limit.side == "upper" else limit.bound - high
+        if weight * excess > tolerance:
+            interval = f"{low:g}" if low == high else f"{low:g} to {high:g}"
             return (
-                f"{link.joint} is to be at {wanted}, beyond its {limit.side} limit "
+                f"{link.joint} is to be at {interval}, beyond its {limit.side} limit "
                 f"{limit.bound:g} by more than the tolerance"
             )
     return ""
 
 
 def too_far_to_touch(goal: Goal) -> str:
-    """Why a touch that a goal asks for is out of reach; empty where it may be within.
+    """The reason why a required touch is out of reach; empty if it may be within reach.
 
-    A body is too far from an obstacle, or from the floor, if its chain of bodies is too short.
+    An obstacle or the floor is out of reach if the body's chain of bodies is too short.
     """
     marionette, puppet = goal.marionette, goal.marionette.puppet
-    still = {o.name: o for o in puppet.obstacles}
+    obstacles = {o.name: o for o in puppet.obstacles}
     bodies = {link.name: i for i, link in enumerate(marionette.tree.links)}
     for pair in goal.touches:
         for body, other in (pair, pair[::-1]):
-            if body not in bodies or not (other in still or other == FLOOR):
+            if body not in bodies or not (other in obstacles or other == FLOOR):
                 continue
             chain = _chain(marionette, bodies[body], 0.0)
             if chain is None:
                 continue
             reach = chain.reach + max(map(_size, marionette.tree.links[bodies[body]].shapes))
             if other == FLOOR:
-                away = float(chain.root[2]) - (puppet.floor or 0.0)
+                dist = float(chain.root[2]) - (puppet.floor or 0.0)
             else:
-                centre, size = _ball(still[other])
-                away = float(np.linalg.norm(chain.root - centre)) - size
-            if away > reach:
+                centre, size = _ball(obstacles[other])
+                dist = float(np.linalg.norm(chain.root - centre)) - size
+            if dist > reach:
                 return (
-                    f"{other} is at least {away:.3g} m from {chain.joint}, and {body} reaches no "
+                    f"{other} is at least {dist:.3g} m from {chain.joint}, and {body} reaches no "
                     f"farther than {reach:.3g} m"
                 )
     return ""
@@ -83,7 +83,7 @@ def too_far_to_touch(goal: Goal) -> str:
 
 @dataclass(frozen=True)
 class _Chain:
-    """A chain of bodies that hangs from the world: its first joint, its place and its length."""
+    """A chain of bodies from the world: first joint, its position and the chain's length."""
 
     joint: str
     root: Array
@@ -91,27 +91,27 @@ class _Chain:
 
 
 def _chain(marionette: Marionette, link: int, reach: float) -> _Chain | None:
-    """The chain that ends at a link; None where a joint of it moves along.
+    """The chain that ends at a link; None if one of its joints translates.
 
     Args:
         marionette: the puppet.
-        link: the last.
-        reach: from its origin [m].
+        link: index of the last link.
+        reach: reach beyond the origin of that link [m].
     """
     links = marionette.tree.links
     while True:
-        one = links[link]
-        if one.kind in _TRANSLATING:
+        entry = links[link]
+        if entry.kind in _TRANSLATING:
             return None
-        offset = np.array([marionette.number(x) for x in one.offset])
-        if one.parent == WORLD:
-            return _Chain(one.joint, offset, reach)
+        offset = np.array([marionette.number(x) for x in entry.offset])
+        if entry.parent == WORLD:
+            return _Chain(entry.joint, offset, reach)
         reach += float(np.linalg.norm(offset))
-        link = one.parent
+        link = entry.parent
 
 
 def _ball(shape: Shape) -> tuple[Array, float]:
-    """Centre and radius of a ball around a shape; without end around a mesh [m]."""
+    """Centre and radius of a ball around a shape; infinite radius for a mesh [m]."""
     match shape:
         case Capsule():
             a, b = np.array(shape.from_), np.array(shape.to)
@@ -127,7 +127,7 @@ def _ball(shape: Shape) -> tuple[Array, float]:
 
 
 def _size(shape: Shape) -> float:
-    """How far a shape reaches from its body's origin at most [m]."""
+    """Largest distance of a shape from its body's origin [m]."""
     centre, radius = _ball(shape)
     return float(np.linalg.norm(centre)) + radius
 
@@ -138,10 +138,10 @@ def _too_far(goal: Goal, tolerance: float) -> str:
     if chain is None:
         return ""
     nearest = np.clip(chain.root, numbers.place, numbers.place_high)
-    away = float(np.linalg.norm(chain.root - nearest))
-    if away <= chain.reach + tolerance:
+    dist = float(np.linalg.norm(chain.root - nearest))
+    if dist <= chain.reach + tolerance:
         return ""
     return (
-        f"the place is {away:.3g} m from {chain.joint}, and "
+        f"the place is {dist:.3g} m from {chain.joint}, and "
         f"{marionette.tree.links[numbers.link].name} reaches no farther than {chain.reach:.3g} m"
     )

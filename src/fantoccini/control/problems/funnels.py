@@ -1,4 +1,4 @@
-"""Funnels: feedback laws that lead a puppet to an equilibrium from a region around it."""
+"""Funnels: feedback laws that bring a puppet to an equilibrium from a region around it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class _Weights:
     """Weights and horizon of the regulators of funnels."""
 
     doublings: int = 7
-    """The horizon is 2^7 segments."""
+    """Number of doublings: the horizon is 2^7 segments."""
     accelerations: tuple[float, ...] = (0.01, 1.0)
     """Weights of accelerations relative to positions, one for each law [s^4]."""
 
@@ -39,29 +39,35 @@ def funnels(
     run_options: RunOptions,
     options: RolloutOptions,
 ) -> list[Funnel]:
-    """Linear-quadratic regulators about an equilibrium, with one step a segment.
+    """Linear-quadratic regulators about an equilibrium, with one step per segment.
 
         min sum |dq_D|^2 + w^2 (|v_D|^2 + |dq_K|^2 + |v_K|^2) + r |acc_K|^2
 
-    The first damps swing fast, but may excite a puppet on many strings far from the equilibrium;
-    the second is gentle.
+    The first law damps swing fast, but may excite a puppet on many strings far from the
+    equilibrium; the second is gentle.
 
     Args:
         marionette: the puppet.
         q_D, q_K: the equilibrium.
         moves: (n_vK,) bool, the driven velocities that may be nonzero.
-        run_options: of the time-stepper.
-        options: of the rollouts.
+        run_options: options of the time-stepper.
+        options: options of the rollouts.
     """
     n, k = marionette.coordinates.n_vD, marionette.coordinates.n_vK
     strings = np.zeros((1, len(marionette.tree.strings)))
-    at = StateArrays(q_D[None], np.zeros((1, n)), strings, q_K[None], np.zeros((1, k)))
+    state = StateArrays(q_D[None], np.zeros((1, n)), strings, q_K[None], np.zeros((1, k)))
     _, tension, _ = best_support(marionette, q_D[None], q_K[None])
-    onto = taut_projection(marionette, at, tension != 0.0)
+    projection = taut_projection(marionette, state, tension != 0.0)
     A, B = (
         a[0]
         for a in segment_derivatives(
-            marionette, at, np.zeros((1, k)), run_options, options.looks, options.threads, onto=onto
+            marionette,
+            state,
+            np.zeros((1, k)),
+            run_options,
+            options.looks,
+            options.threads,
+            onto=projection,
         )
     )
     weight = np.full(2 * (n + k), SPEED_WEIGHT**2)
@@ -77,12 +83,12 @@ def funnels(
 def servo(
     marionette: Marionette, q_D: ConfigD, q_K: ConfigK, moves: MaskRows, segment: float
 ) -> Funnel:
-    """The regulator that leads the driven coordinates alone, whatever the puppet does.
+    """The regulator of the driven coordinates alone, independent of the puppet's motion.
 
     Args:
         marionette: the puppet.
-        q_D: (n_qD,) where it leads the puppet.
-        q_K: (n_qK,) where it leads the driven coordinates.
+        q_D: (n_qD,) target configuration of the puppet.
+        q_K: (n_qK,) target of the driven coordinates.
         moves: (n_vK,) bool, the driven velocities that may be nonzero.
         segment: duration of one step [s].
     """

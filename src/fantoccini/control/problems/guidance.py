@@ -1,4 +1,4 @@
-"""Where a problem's rollouts are led: equilibria at the goal, and the laws that lead there."""
+"""Guidance of a problem's rollouts: equilibria at the goal, and feedback laws towards them."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class _Tolerances:
     """Tolerances for the equilibrium at the goal and the choice of a feedback law."""
 
     trial_segments: int = 20
-    """Segments after which feedback laws are compared."""
+    """Number of segments after which feedback laws are compared."""
     trial_lead_time: float = 0.6
-    """Time by which their references run ahead in that comparison [s]."""
+    """Lead time of their references in that comparison [s]."""
     max_unbalanced: float = 1e-6
-    """Force left on a puppet in equilibrium, relative to its weight."""
+    """Largest residual force in equilibrium, relative to the puppet's weight."""
 
 
 _TOLERANCES = _Tolerances()
@@ -34,12 +34,12 @@ _TOLERANCES = _Tolerances()
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """Laws that lead rollouts.
+    """Feedback laws of rollouts.
 
     Attributes:
-        funnels: the laws; empty where the driven coordinates cannot be there.
-        equilibrium: whether the first leads to rest at the goal, clear of what is kept off.
-        note: what was not found at the goal, in words; empty where nothing is missing.
+        funnels: the laws; empty if the driven coordinates cannot reach the target.
+        equilibrium: whether the first law leads to rest at the goal with the required clearance.
+        note: description of anything missing at the goal; empty if nothing is.
     """
 
     funnels: list[Funnel]
@@ -50,11 +50,11 @@ class Guidance:
 def guidance(
     goal: Goal, start: State, rollouts: Rollouts, touches: Touches, push: Push | None
 ) -> Guidance:
-    """The laws that lead a problem's rollouts.
+    """The feedback laws for a problem's rollouts.
 
     Args:
-        goal, start, rollouts, touches: of the problem.
-        push: of a prop, where the goal is its place.
+        goal, start, rollouts, touches: parts of the problem.
+        push: push of a prop, if the goal is a place of one.
     """
     if push is not None:
         return _pushing(push, start, rollouts)
@@ -64,50 +64,52 @@ def guidance(
 
 
 def _standing(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> Guidance:
-    """Leads the driven coordinates to where the puppet stands."""
-    found = stance(goal, start, rollouts, touches)
-    if found.state is None:
-        return Guidance([], False, found.note)
-    law = _servo(rollouts, found.state.q_D, found.state.q_K)
-    return Guidance([law], not found.note, found.note)
+    """A law that drives the inputs to the stance of the puppet."""
+    result = stance(goal, start, rollouts, touches)
+    if result.state is None:
+        return Guidance([], False, result.note)
+    law = _servo(rollouts, result.state.q_D, result.state.q_K)
+    return Guidance([law], not result.note, result.note)
 
 
 def _pushing(push: Push, start: State, rollouts: Rollouts) -> Guidance:
-    """Leads the pusher to where the prop is at the goal, or behind the prop at first."""
-    found = []
+    """Laws that drive the pusher to its position at the prop's goal, or behind the prop."""
+    laws = []
     for goal in push.waypoints:
-        q_D, q_K, left = balanced(rollouts.marionette, goal, start, rollouts.bounds.moves)
-        if _within(rollouts, q_K) and left <= _max_left(rollouts):
-            found.append(_servo(rollouts, q_D, q_K))
-    note = "" if found else f"{push.pusher} cannot hang where it would push {push.prop}"
-    return Guidance(found, False, note)
+        q_D, q_K, residual_force = balanced(rollouts.marionette, goal, start, rollouts.bounds.moves)
+        if _in_range(rollouts, q_K) and residual_force <= _max_residual_force(rollouts):
+            laws.append(_servo(rollouts, q_D, q_K))
+    note = "" if laws else f"{push.pusher} cannot hang where it would push {push.prop}"
+    return Guidance(laws, False, note)
 
 
 def _hanging(goal: Goal, start: State, rollouts: Rollouts, touches: Touches) -> Guidance:
-    """Leads to the equilibrium on its strings that is nearest to the goal."""
+    """A law that drives the puppet to the hanging equilibrium nearest to the goal."""
     marionette, bounds = rollouts.marionette, rollouts.bounds
-    q_D, q_K, left = balanced(marionette, goal, start, bounds.moves)
+    q_D, q_K, residual_force = balanced(marionette, goal, start, bounds.moves)
     if goal.q_K is not None:
         q_K = np.where(bounds.moves, goal.q_K, start.q_K)
-    # Lengths wound by a drive are not solved for in `balanced`.
+    # `balanced` does not solve for lengths wound by a drive.
     wound = any(string.wound_length for string in marionette.tree.strings)
-    if wound or left > _max_left(rollouts) or goal.q_K is not None:
+    if wound or residual_force > _max_residual_force(rollouts) or goal.q_K is not None:
         try:
-            at = marionette.rest(start.replace(q_D=q_D, q_K=q_K))
+            equilibrium = marionette.rest(start.replace(q_D=q_D, q_K=q_K))
         except StateError:
             return Guidance([], False)
-        q_D, q_K = at.q_D, at.q_K
-    if not _within(rollouts, q_K):
+        q_D, q_K = equilibrium.q_D, equilibrium.q_K
+    if not _in_range(rollouts, q_K):
         return Guidance([], False)
-    alone = replace(rollouts.run_options, contacts=None)
-    rollouts.funnels = funnels(marionette, q_D, q_K, bounds.moves, alone, rollouts.options)
+    without_contact = replace(rollouts.run_options, contacts=None)
+    rollouts.funnels = funnels(
+        marionette, q_D, q_K, bounds.moves, without_contact, rollouts.options
+    )
     if touches.expected:
         rollouts.funnels.append(_servo(rollouts, q_D, q_K))
     chosen = _best_of(rollouts, start)
     at_rest = start.replace(q_D=q_D, q_K=q_K, v_D=0.0 * start.v_D, v_K=0.0 * start.v_K)
-    there = goal.distance(StateArrays.of(at_rest))[0] <= rollouts.stop_distance
+    at_goal = goal.distance(StateArrays.of(at_rest))[0] <= rollouts.stop_distance
     clear = rollouts.clearance.at(q_D, q_K) >= rollouts.margin
-    return Guidance([chosen], bool(there and clear))
+    return Guidance([chosen], bool(at_goal and clear))
 
 
 def _servo(rollouts: Rollouts, q_D: ConfigD, q_K: ConfigK) -> Funnel:
@@ -115,26 +117,28 @@ def _servo(rollouts: Rollouts, q_D: ConfigD, q_K: ConfigK) -> Funnel:
     return servo(rollouts.marionette, q_D, q_K, moves, segment)
 
 
-def _within(rollouts: Rollouts, q_K: ConfigK) -> bool:
-    """Whether the driven coordinates can be there."""
+def _in_range(rollouts: Rollouts, q_K: ConfigK) -> bool:
+    """Whether the driven coordinates are within their ranges."""
     return bool(np.all((q_K >= rollouts.bounds.low) & (q_K <= rollouts.bounds.high)))
 
 
-def _max_left(rollouts: Rollouts) -> float:
+def _max_residual_force(rollouts: Rollouts) -> float:
     return _TOLERANCES.max_unbalanced * rollouts.marionette.weight
 
 
 def _best_of(rollouts: Rollouts, start: State) -> Funnel:
-    """The feedback law that comes nearest to the goal from the start, without obstacles."""
+    """The feedback law that comes nearest to the goal from the start, ignoring obstacles."""
     n, segments = len(rollouts.funnels), _TOLERANCES.trial_segments
-    which, none = np.arange(n), np.zeros(n, dtype=int)
-    made = rollouts.where(tolerance=-1.0, free=True).simulate(
+    funnel_index, zeros = np.arange(n), np.zeros(n, dtype=int)
+    segments_run = rollouts.where(tolerance=-1.0, free=True).simulate(
         StateArrays.of(start),
-        none,
+        zeros,
         np.zeros((n, segments, rollouts.marionette.coordinates.n_vK)),
-        n_given=none,
-        funnel=which,
+        n_given=zeros,
+        funnel=funnel_index,
         lead_time=np.full(n, _TOLERANCES.trial_lead_time),
     )
-    late = np.where(made.looks > 0, made.distance, np.inf)[:, segments // 2 :]
-    return rollouts.funnels[int(np.argmin(np.mean(late, axis=1)))]
+    late_distances = np.where(segments_run.looks > 0, segments_run.distance, np.inf)[
+        :, segments // 2 :
+    ]
+    return rollouts.funnels[int(np.argmin(np.mean(late_distances, axis=1)))]

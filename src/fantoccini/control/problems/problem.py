@@ -1,4 +1,4 @@
-"""Planning problems: what a task is for a search, the same for every seed, prepared once."""
+"""Planning problems: tasks prepared once for searches with any seed."""
 
 from __future__ import annotations
 
@@ -32,54 +32,54 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import Obstacle
 from fantoccini.motion import State
 
-_HOLD = 1.0
-"""Time for which puppets that touch or stand, and props that are pushed, must stay [s]."""
+_DEFAULT_HOLD = 1.0
+"""Default time for which puppets that touch or stand, and pushed props, must stay [s]."""
 
 
 class Problem:
     """A task for a search: a puppet, its start, its goal and its obstacles.
 
     Attributes:
-        task: that is planned.
-        marionette: see below; where it may touch something, among all obstacles but half-spaces.
+        task: the planned task.
+        marionette: see below; if it can touch something, with all obstacles but half-spaces.
         name, start, goal, tolerance, hold: see below.
-        longest: duration that plans may have [s].
-        touches: what may touch what.
+        longest: longest duration of plans [s].
+        touches: allowed and required contact pairs.
         objective: cost that better plans reduce.
-        bounds: of the driven coordinates, all that feedback may use.
-        rollouts: that simulate from many states at once, within the part of the bounds that is not
-            reserved.
-        distance: of the start from the goal.
-        reason: why no plan can begin at the start; empty where one can.
+        bounds: bounds of the driven coordinates, all of which feedback may use.
+        rollouts: batch simulations from many states, within the part of the bounds that is not
+            reserved for feedback.
+        distance: distance of the start from the goal.
+        reason: reason why no plan can begin at the start; empty if one can.
         equilibrium: whether the puppet can rest at the goal, clear of obstacles; otherwise a plan
             only passes it.
-        out_of_reach: why no plan can end at the goal; empty where one may.
-        push: the push of a prop, where the goal is its place; otherwise None.
-        note: what was not found at the goal, in words: no stance, or none with the share of the
-            weight that is asked for. Empty where nothing is missing.
+        out_of_reach: reason why no plan can end at the goal; empty if one may.
+        push: the push of a prop, if the goal is a place of one; otherwise None.
+        note: description of anything missing at the goal: a stance, or the required share of the
+            weight on it. Empty if nothing is missing.
 
     Args:
         marionette: the puppet.
-        start: where it begins; its driven coordinates may move.
+        start: initial state; its driven coordinates may move.
         goal: a state, names and values (``{"elbow": 1.2}``), a :class:`Goal`, or a function of
             :class:`StateArrays` that returns distances.
-        obstacles: in addition to the world's.
-        name: of the problem.
+        obstacles: obstacles in addition to the world's.
+        name: name of the problem.
         contact, tolerance, hold, slack: see :class:`fantoccini.control.PlanConditions`.
-        bounds: of the driven coordinates, by default speeds of 0.5 m/s and accelerations of 2
-            m/s^2; where either names some, the others hold still. ``clearance`` is 0 by default; it
-            is not kept by pairs that may touch. Bodies of different puppets and props of a scene
-            are always kept clear of one another, those of one puppet with ``own_body``. Plans have
-            no other bounds.
-        rollouts: how rollouts are simulated and checked.
+        bounds: bounds of the driven coordinates, by default speeds of 0.5 m/s and accelerations of
+            2 m/s^2; if either names some coordinates, the others hold still. ``clearance`` is 0 by
+            default and does not apply to pairs that may touch. It always applies to bodies of
+            different puppets and props of a scene; to bodies of one puppet with ``own_body``. Plans
+            have no other bounds.
+        rollouts: options for the simulation and checks of rollouts.
         objective: ``"time"``; ``"gentle"``, catches of strings and limits, and time;
             ``"acceleration"``, accelerations of the driven coordinates, and time; or an
             :class:`Objective`.
 
     Raises:
-        StateError, UnknownNameError, FileError: the problem is not well defined, or a string is too
-            short for the start.
-        ValueError: a number out of range.
+        StateError, UnknownNameError, FileError: ill-defined problem, or a string that is too short
+            for the start.
+        ValueError: number out of range.
     """
 
     def __init__(
@@ -117,18 +117,18 @@ class Problem:
         objective: str | Objective = "gentle",
         rollouts: RolloutOptions | None = None,
     ) -> Problem:
-        """The problem of a task; of a state at its end, the dynamic part and all velocities.
+        """The problem of a task. A state at its end counts with its dynamic part and velocities.
 
         Args:
-            task: what is planned. Its cost is not: tracks and smoothness do not count.
+            task: the task; its tracks and smoothness are ignored.
             objective, rollouts: see :class:`Problem`.
 
         Raises:
-            StateError: the task has no end, or asks for more than plans find.
+            StateError: task without an end, or with parts that plans do not support.
         """
-        made = cls.__new__(cls)
-        made._prepare(task, objective, rollouts)
-        return made
+        problem = cls.__new__(cls)
+        problem._prepare(task, objective, rollouts)
+        return problem
 
     def _prepare(
         self, task: Task, objective: str | Objective, rollouts: RolloutOptions | None
@@ -150,9 +150,9 @@ class Problem:
             start = start.replace(slip=np.zeros(len(marionette.tree.strings)))
         self.task, self.marionette, self.start, self.tolerance = task, marionette, start, tolerance
         self.name, self.longest = task.name, task.longest
-        wanted = Goal.of(marionette, task.end)
-        self.touches = Touches(marionette, conditions.contact, wanted.touches, bounds.own_body)
-        self.goal = wanted.for_problem(self.touches, tolerance)
+        goal = Goal.of(marionette, task.end)
+        self.touches = Touches(marionette, conditions.contact, goal.touches, bounds.own_body)
+        self.goal = goal.for_problem(self.touches, tolerance)
         clearance = Clearance(
             marionette,
             obstacles,
@@ -176,49 +176,49 @@ class Problem:
         self.distance = self.goal.of_start(self.root)
         self.push = push_of(self.goal, start, self.touches)
         stays = self.push is not None or bool(self.goal.touches)
-        usual = _HOLD if stays else 0.0
-        self.hold = usual if conditions.hold is None else float(conditions.hold)
+        default_hold = _DEFAULT_HOLD if stays else 0.0
+        self.hold = default_hold if conditions.hold is None else float(conditions.hold)
         self.out_of_reach = out_of_reach(self.goal, tolerance) or self._out_of_touch
         self.equilibrium, self.note = False, ""
         if not self.infeasible:
-            found = guidance(self.goal, start, self.rollouts, self.touches, self.push)
-            self.rollouts.funnels, self.note = found.funnels, found.note
-            self.equilibrium = found.equilibrium
+            laws = guidance(self.goal, start, self.rollouts, self.touches, self.push)
+            self.rollouts.funnels, self.note = laws.funnels, laws.note
+            self.equilibrium = laws.equilibrium
 
     @property
     def _out_of_touch(self) -> str:
-        """Why the goal's prop or touch is out of reach."""
+        """The reason why the goal's prop or touch is out of reach."""
         if self.push is not None and self.distance > self.tolerance and self.push.reason:
             return self.push.reason
         return too_far_to_touch(self.goal)
 
     @property
     def rest_K(self) -> ConfigK | None:
-        """(n_qK,) driven coordinates with which the puppet rests on what it is to touch."""
+        """(n_qK,) driven coordinates with which the puppet rests on its required touches."""
         if not (self.equilibrium and self.goal.touches):
             return None
         return self.rollouts.funnels[0].q_K
 
     @property
     def infeasible(self) -> str:
-        """Why no plan can exist; empty where one may."""
+        """The reason why no plan can exist; empty if one may."""
         return self.reason or self.out_of_reach
 
     @cached_property
     def drawn_marionette(self) -> Marionette:
-        """The puppet among all obstacles except half-spaces, for pictures."""
-        solid = tuple(o for o in self.rollouts.clearance.obstacles if not isinstance(o, HalfSpace))
-        return self.marionette.with_obstacles(solid)
+        """The puppet with all obstacles except half-spaces, for pictures."""
+        solids = tuple(o for o in self.rollouts.clearance.obstacles if not isinstance(o, HalfSpace))
+        return self.marionette.with_obstacles(solids)
 
     @property
     def fingerprint(self) -> str:
         """Hash of everything that defines the problem."""
         rollouts, numbers, bounds = self.rollouts, self.goal.numbers, self.bounds
         options = rollouts.options
-        # Plans without a reserve keep the hash that they have in files.
-        planned = [] if rollouts.bounds is bounds else [rollouts.bounds.speed]
+        # Plans without a reserve keep the hash that existing files have.
+        planning_speed = [] if rollouts.bounds is bounds else [rollouts.bounds.speed]
         solids, digest = rollouts.clearance.solids, hashlib.sha256()
-        for a in (
+        for array in (
             *self.root.parts.values(),
             self.marionette.p,
             self.marionette.winches,
@@ -234,14 +234,14 @@ class Problem:
             bounds.acceleration,
             bounds.low,
             bounds.high,
-            *planned,
+            *planning_speed,
             solids.moving,
             solids.standing,
             solids.pairs,
             solids.string_radius,
         ):
-            digest.update(np.ascontiguousarray(a).tobytes())
-        plain = (
+            digest.update(np.ascontiguousarray(array).tobytes())
+        values = (
             self.tolerance,
             numbers.kind,
             numbers.link,
@@ -256,7 +256,7 @@ class Problem:
             self.marionette.coordinates.v_K,
             rollouts.clearance.meshes.digest,
         )
-        digest.update(repr(plain).encode())
+        digest.update(repr(values).encode())
         if np.isfinite(self.longest):
             digest.update(repr(self.longest).encode())
         contacts = self.touches.contacts
@@ -264,20 +264,20 @@ class Problem:
             digest.update(repr((self.hold, self.goal.share, self.goal.touches)).encode())
         if contacts is not None:
             parts = contacts.pairs, contacts.friction, contacts.restitution, self.touches.may
-            for a in parts:
-                digest.update(np.ascontiguousarray(a).tobytes())
+            for array in parts:
+                digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
     @property
     def root(self) -> StateArrays:
-        """The start (1,), as the root of a tree."""
+        """The start (1,), as the root of a search tree."""
         return StateArrays.of(self.start)
 
 
 def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
-    """Why no plan can begin at a state; empty where one can."""
-    if met := touches.broken(start.q_D, start.q_K):
-        a, b = met
+    """The reason why no plan can begin at a state; empty if one can."""
+    if pair := touches.broken(start.q_D, start.q_K):
+        a, b = pair
         return f"at the start {a} touches {b}; they may with contact: {{touch: [[{a}, {b}]]}}"
     nearest = rollouts.clearance.nearest(start)
     if nearest is not None and nearest.distance < rollouts.margin:

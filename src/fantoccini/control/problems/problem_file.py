@@ -52,9 +52,9 @@ class PointGoal(Model):
     at: Place = (0.0, 0.0, 0.0)
     """The point in the body's frame [m]."""
     place: Place | None = None
-    """Its place [m]; with `to`, the lowest corner of a box."""
+    """The place in the world [m]; with `to`, the lowest corner of a box."""
     by: Place | None = None
-    """How far from its place at the start it is to be, instead of `place` [m]."""
+    """Displacement from the point's place at the start, instead of `place` [m]."""
     to: Place | None = None
     """The highest corner [m]."""
 
@@ -67,44 +67,44 @@ class PointGoal(Model):
 
 
 Names = Annotated[tuple[str, str], entries(2, 2)]
-"""Two bodies, props, obstacles, puppets, or `floor`."""
+"""Two names: bodies, props, obstacles, puppets, or `floor`."""
 
 
 class StandGoal(Model):
     """The puppet stands at rest."""
 
     on: Annotated[tuple[Names, ...], Field(min_length=1)]
-    """Pairs that are to touch: feet and what they stand on."""
+    """Pairs that must touch: feet and their supports."""
     share: RealShare = 0.1
-    """Least part of the puppets' weight that rests on them, 0 to 1."""
+    """Least share of the puppets' weight on them, 0 to 1."""
 
 
 class ContactFile(Model):
-    """What may touch."""
+    """Pairs that may touch."""
 
     touch: tuple[Names, ...]
     """Pairs that may touch."""
 
 
 class GoalFile(Model):
-    """The goal: a `pose` or a `point`, touches, a stance, or touches or a stance at a pose."""
+    """The goal: a `pose`, a `point`, touches or a stance; touches and stances also with a pose."""
 
     pose: dict[str, Value] | None = None
     """Dynamic coordinate -> value, or [low, high]; a rotation as a vector or a quaternion."""
     weights: dict[str, Size] = Field(default_factory=dict)
     """Coordinate of the pose -> weight; 1 by default."""
     point: PointGoal | None = None
-    """A point of a body."""
+    """Point of a body at a place."""
     touch: tuple[Names, ...] = ()
-    """Pairs that are to touch."""
+    """Pairs that must touch."""
     stand: StandGoal | None = None
-    """A stance."""
+    """Stance of the puppet."""
     speed_weight: Sized | None = None
-    """Weight of the norm of the dynamic velocities [s]; 0.1 for a pose, a stance, or a point that
-    is moved by some way, 0 for other points and touches."""
+    """Weight of the norm of the dynamic velocities [s]; 0.1 for a pose, a stance, or a displaced
+    point, 0 for other points and touches."""
     driven_weight: Sized | None = None
-    """Weight of the norm of the driven velocities [s]: greater than 0 where they end at rest; 1 for
-    a stance, otherwise 0."""
+    """Weight of the norm of the driven velocities [s]: greater than 0 if they must end at rest; 1
+    for a stance, otherwise 0."""
 
 
 class ProblemFile(ControlFile):
@@ -120,25 +120,25 @@ class ProblemFile(ControlFile):
     problem: Name
     """The problem's name."""
     goal: GoalFile
-    """Where the plan ends."""
+    """End of the plan."""
     contact: Literal["keep off"] | ContactFile = "keep off"
-    """`keep off`, or the pairs that may touch. What the goal is to touch may, and so may props and
-    what they lie on."""
+    """`keep off`, or the pairs that may touch. Required touches of the goal are allowed, and so are
+    touches between props and their supports."""
     tolerance: Size = 0.1
     """Tolerance of the goal's distance."""
     hold: Annotated[NotNegative, SIZED] | None = None
-    """Time for which the puppet must stay at the goal after the plan's end [s]; 1 where it is to
-    touch something, to stand or to push a prop, otherwise 0."""
+    """Time for which the puppet must stay at the goal after the plan's end [s]; 1 if it must touch
+    something, stand or push a prop, otherwise 0."""
     speed: Real | dict[str, Real] = 0.5
-    """Bound for all driven coordinates or by name; others hold still [m/s or rad/s]."""
+    """Bound for all driven coordinates, or by name; others hold still [m/s or rad/s]."""
     acceleration: Real | dict[str, Real] = 2.0
-    """Bound for all driven coordinates or by name [m/s^2 or rad/s^2]."""
+    """Bound for all driven coordinates, or by name [m/s^2 or rad/s^2]."""
     reserve: Real = 0.0
-    """Share of these bounds that plans leave to feedback, 0 to less than 1."""
+    """Share of these bounds that plans reserve for feedback, 0 to less than 1."""
     segment: Positive | None = None
     """Duration of constant accelerations: a multiple of 0.02 s up to 10 s, 0.1 s by default [s]."""
     objective: Literal["gentle", "time", "acceleration"] = "gentle"
-    """What better plans reduce: catches and time, time, or accelerations and time."""
+    """Cost that better plans reduce: catches and time, time, or accelerations and time."""
     ranges: dict[str, tuple[Sized, Sized]] = Field(default_factory=dict)
     """Driven coordinate -> [low, high]."""
     margin: Sized = 0.0
@@ -150,7 +150,7 @@ class ProblemFile(ControlFile):
     self_collision: bool = False
     """Whether bodies are kept clear of one another."""
     obstacles: tuple[Standing, ...] = ()
-    """In addition to the world's."""
+    """Obstacles in addition to the world's."""
 
 
 def problem_schema() -> dict[str, Any]:
@@ -170,16 +170,16 @@ def load_problem(
     progress: OnProgress | None = None,
     **options: Any,
 ) -> Problem:
-    """Reads a problem file.
+    """The problem of a problem file.
 
     Args:
-        path: of the file, or the name of a bundled problem (``arm3d_boxes``).
-        threads: that share the work; all processors by default.
+        path: path of the file, or the name of a bundled problem (``arm3d_boxes``).
+        threads: number of threads; all processors by default.
         progress: called as each slow step begins; ``what`` describes it.
-        options: of :class:`Problem`, in place of the file's: ``tolerance=0.1``.
+        options: arguments of :class:`Problem` that replace the file's: ``tolerance=0.1``.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: all mistakes with their locations.
     """
     reading = read_control_file(path, ProblemFile, progress)
     file, marionette, check = reading.file, reading.marionette, reading.check
@@ -195,104 +195,110 @@ def load_problem(
     parts: list[tuple[tuple[str, ...], Bounds]] = [(("speed",), Bounds(speed=file.speed))]
     parts += [(("acceleration",), Bounds(acceleration=file.acceleration))]
     parts += [(("ranges", key), Bounds({key: span})) for key, span in file.ranges.items()]
-    for place, part in parts:
-        check(place, lambda part=part: DrivenBounds.of(marionette, part))
+    for key_path, part in parts:
+        check(key_path, lambda part=part: DrivenBounds.of(marionette, part))
     check(("reserve",), lambda: RolloutOptions(reserve=file.reserve))
-    looks = check(("segment",), lambda: _looks(file.segment))
+    n_looks = check(("segment",), lambda: _looks(file.segment))
     check.refuse()
     start = reading.start
     if file.goal.point is not None and file.goal.point.by is not None:
         goal = _goal(reading, start)
     names = ("hold", "tolerance", "objective", "slack")
-    assert goal is not None and looks is not None  # or they were refused
-    rollouts = RolloutOptions(looks=looks, reserve=file.reserve, strings=file.strings)
+    assert goal is not None and n_looks is not None  # or they were refused
+    rollouts = RolloutOptions(looks=n_looks, reserve=file.reserve, strings=file.strings)
     if threads is not None:
         rollouts = check.need((), lambda: replace(rollouts, threads=threads))
     contact = file.contact if file.contact == "keep off" else {"touch": file.contact.touch}
-    given = (
+    arguments = (
         {"name": file.problem, "contact": contact, "bounds": bounds, "rollouts": rollouts}
         | {key: getattr(file, key) for key in names}
         | options
     )
-    return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **given))
+    return check.need((), lambda: Problem(marionette, start, goal, file.obstacles, **arguments))
 
 
 def _looks(segment: float | None) -> int:
-    """Checks of a segment of so many seconds; of the usual one where none are given."""
-    usual = RolloutOptions()
-    return usual.looks if segment is None else whole_looks(segment, usual.interval)
+    """Number of checks in a segment of this duration [s], or in a default one."""
+    defaults = RolloutOptions()
+    return defaults.looks if segment is None else whole_looks(segment, defaults.interval)
 
 
 def _check_touches(reading: Reading[ProblemFile]) -> None:
     """Notes the pairs of a file that cannot touch."""
     file, marionette = reading.file, reading.marionette
-    places: list[tuple[tuple[str | int, ...], tuple[str, str]]] = []
+    entries_to_check: list[tuple[tuple[str | int, ...], tuple[str, str]]] = []
     if file.contact != "keep off":
-        places += [(("contact", "touch", k), pair) for k, pair in enumerate(file.contact.touch)]
-    places += [(("goal", "touch", k), pair) for k, pair in enumerate(file.goal.touch)]
+        entries_to_check += [
+            (("contact", "touch", k), pair) for k, pair in enumerate(file.contact.touch)
+        ]
+    entries_to_check += [(("goal", "touch", k), pair) for k, pair in enumerate(file.goal.touch)]
     if file.goal.stand is not None:
         on = file.goal.stand.on
-        places += [(("goal", "stand", "on", k), pair) for k, pair in enumerate(on)]
-    solid = (o for o in file.obstacles if not isinstance(o, HalfSpace))
-    among = (
-        marionette.with_obstacles((*marionette.puppet.obstacles, *solid)) if places else marionette
+        entries_to_check += [(("goal", "stand", "on", k), pair) for k, pair in enumerate(on)]
+    solids = (o for o in file.obstacles if not isinstance(o, HalfSpace))
+    marionette_with_obstacles = (
+        marionette.with_obstacles((*marionette.puppet.obstacles, *solids))
+        if entries_to_check
+        else marionette
     )
-    for place, pair in places:
-        reading.check(place, lambda pair=pair: touching(among, pair))
+    for key_path, pair in entries_to_check:
+        reading.check(key_path, lambda pair=pair: touching(marionette_with_obstacles, pair))
 
 
 def _goal(reading: Reading[ProblemFile], start: State) -> Goal | None:
-    """The goal of a file; None where it has mistakes.
+    """The goal of a file; None if it has mistakes.
 
     Args:
         reading: the file.
-        start: from which bodies are moved by some way.
+        start: start, from which displacements of bodies are measured.
     """
-    file, made = reading.file.goal, _placed(reading, start)
-    if made is None:
+    file, goal = reading.file.goal, _goal_without_touches(reading, start)
+    if goal is None:
         return None
     stand = file.stand
     if stand is not None:
-        made = made.standing(stand.on, stand.share)
-    return made.touching(file.touch) if file.touch else made
+        goal = goal.standing(stand.on, stand.share)
+    return goal.touching(file.touch) if file.touch else goal
 
 
-def _placed(reading: Reading[ProblemFile], start: State) -> Goal | None:
-    """The pose or the point of a goal."""
+def _goal_without_touches(reading: Reading[ProblemFile], start: State) -> Goal | None:
+    """The pose or the point of a goal, without touches; None if it has mistakes."""
     file, marionette, check = reading.file.goal, reading.marionette, reading.check
-    standard = {} if file.stand is None else {"speed_weight": 0.1, "driven_weight": 1.0}
-    given = {"speed_weight": file.speed_weight, "driven_weight": file.driven_weight}
-    weight = standard | {key: value for key, value in given.items() if value is not None}
+    defaults = {} if file.stand is None else {"speed_weight": 0.1, "driven_weight": 1.0}
+    weights_in_file = {"speed_weight": file.speed_weight, "driven_weight": file.driven_weight}
+    speed_weights = defaults | {
+        key: value for key, value in weights_in_file.items() if value is not None
+    }
     pose, point, weights = file.pose, file.point, file.weights
     if point is not None and pose is not None:
         reading.note(("goal",), "found both a pose and a point; needed: one")
         return None
     if point is not None:
-        return check(("goal", "point"), lambda: _point(point, marionette, start, weight))
+        return check(("goal", "point"), lambda: _point(point, marionette, start, speed_weights))
     if pose is None:
         if not file.touch and file.stand is None:
             text = "found neither a pose nor a point, touch or stand; needed: one of them"
             reading.note(("goal",), text)
             return None
-        return check(("goal",), lambda: Goal.touch(marionette, (), pose=None, **weight))
-    good = [
+        return check(("goal",), lambda: Goal.touch(marionette, (), pose=None, **speed_weights))
+    goals = [
         check(
             ("goal", "pose", key), lambda key=key, value=value: Goal.pose(marionette, {key: value})
         )
         for key, value in pose.items()
     ]
-    if not all(good):
+    if not all(goals):
         return None
-    good = [
+    goals = [
         check(
             ("goal", "weights", key),
-            lambda one={key: value}: Goal.pose(marionette, pose, weights=one),
+            lambda single={key: value}: Goal.pose(marionette, pose, weights=single),
         )
         for key, value in weights.items()
     ]
-    if not all(good):
+    if not all(goals):
         return None
-    return check(("goal",), lambda: Goal.pose(marionette, pose, weights=weights, **weight))
+    return check(("goal",), lambda: Goal.pose(marionette, pose, weights=weights, **speed_weights))
 
 
 def _point(

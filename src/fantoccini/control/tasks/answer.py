@@ -6,7 +6,7 @@ from fantoccini.base import Outcome
 
 
 class AnswerStatus(Outcome):
-    """The end of a search, and with it whether the answer holds and is at a minimum."""
+    """End of a search: whether its answer holds, and whether it is at a minimum."""
 
     SOLVED = "the residual of the conditions of optimality is below the tolerance"
     NARROW = "all spreads are narrow"
@@ -33,12 +33,12 @@ class AnswerStatus(Outcome):
 
     @property
     def holds(self) -> bool:
-        """Whether the answer keeps its bounds and arrives, judged by a simulation of its own."""
+        """Whether the answer keeps its bounds and reaches its goal, by a separate simulation."""
         return self in _HOLDS
 
     @property
     def is_minimum(self) -> bool:
-        """Whether the answer is at a minimum of what was minimised; true where nothing was."""
+        """Whether the cost is at a minimum; true if the search minimises no cost."""
         return self not in _NO_MINIMUM
 
 
@@ -58,28 +58,28 @@ _NO_MINIMUM = _FEASIBLE | {AnswerStatus.VIOLATED, AnswerStatus.NO_RUN}
 class Answer:
     """The answer to a problem of control.
 
-    It is true if it is solved: it holds, and it is at a minimum if the search minimised a cost. An
-    answer that only holds is feasible; one that does not violates a bound or misses the goal.
+    It is true if it is solved: it holds, and the cost, if there is one, is at a minimum. An answer
+    that only holds is feasible; one that does not hold violates a bound or misses the goal.
 
     Attributes:
-        status: how the search ended.
+        status: status at the end of the search.
     """
 
     status: AnswerStatus
 
     @property
     def holds(self) -> bool:
-        """Whether it keeps its bounds and arrives, judged by a simulation of its own."""
+        """Whether it keeps its bounds and reaches its goal, by a separate simulation."""
         return self.status.holds
 
     @property
     def is_minimum(self) -> bool:
-        """Whether it is at a minimum of what was minimised; true where nothing was."""
+        """Whether the cost is at a minimum; true if the search minimises no cost."""
         return self.status.is_minimum
 
     @property
     def message(self) -> str:
-        """The end of the search, in words."""
+        """Description of the end of the search."""
         return self.status.message
 
     def __bool__(self) -> bool:

@@ -1,4 +1,4 @@
-"""Clips: what a run did, as the path of a track."""
+"""Clips: motions of a run as paths of tracks."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from fantoccini.motion import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """path(t) = what the run did at its time start + speed (t - begin); its ends hold beyond it.
+    """path(t) = the run's motion at its time start + speed (t - begin), constant beyond its ends.
 
     The run may be of another puppet, whose bodies, coordinates and strings are found by name.
 
     Attributes:
         run: a simulated run, or one that was saved: ``fan.Trajectory.load("take.npz")``.
-        of: name in the run of what is followed, where it has another one there.
-        begin: time at which the run begins [s]; its own first time when not given.
-        speed: of its time; 2 is twice as fast.
-        by: (3,) added to the places of points [m].
+        of: name of the followed part in the run; by default the track's name.
+        begin: time at which the run begins [s]; its own first time by default.
+        speed: speed of the run's time; 2 is twice as fast.
+        by: (3,) displacement added to points [m].
     """
 
     run: Trajectory
@@ -45,11 +45,11 @@ class Clip:
 
         Args:
             marionette: the puppet that follows.
-            kind, name, at: of the track; see :class:`fantoccini.control.tasks.costs.Track`.
-            t: times that do not fall [s].
+            kind, name, at: fields of the track, a :class:`fantoccini.control.tasks.costs.Track`.
+            t: times in ascending order [s].
 
         Raises:
-            UnknownNameError: the run has no such body, coordinate, velocity or string.
+            UnknownNameError: name of a body, coordinate, velocity or string that is not in the run.
         """
         first, last = self.run.t[0], self.run.t[-1]
         begin = first if self.begin is None else self.begin
@@ -61,8 +61,8 @@ class Clip:
             return self._column(run, "q", "scalar coordinate", [name])
         if kind == "velocity":
             names = list(marionette.coordinates.v_D) if name == "*" else [name]
-            moves = self.speed * ((times >= first) & (times <= last))
-            return moves[:, None] * self._column(run, "v", "velocity", names)
+            speed = self.speed * ((times >= first) & (times <= last))
+            return speed[:, None] * self._column(run, "v", "velocity", names)
         puppet = self._performer or marionette
         pose = puppet.poses(run.q_D, run.q_K)[:, puppet.link_index(name)]
         if kind == "orientation":
@@ -71,20 +71,20 @@ class Clip:
 
     @cached_property
     def _performer(self) -> Marionette | None:
-        """The puppet of the run; None where the run does not know it."""
+        """The puppet of the run; None if it is not saved with the run."""
         return None if self.run.puppet is None else Marionette(self.run.puppet)
 
     @staticmethod
     def _column(run: Trajectory, part: str, what: str, names: Sequence[str]) -> Array:
-        """(n, len(names)) numbers of the run's states."""
+        """(n, len(names)) coordinates or velocities of the run's states."""
         t = run.coordinates
         if part == "q":
-            places = {t.q_D[q]: run.q_D[:, q] for q, _ in t.scalars_D}
-            places |= {t.q_K[q]: run.q_K[:, q] for q, _ in t.scalars_K}
+            columns = {t.q_D[q]: run.q_D[:, q] for q, _ in t.scalars_D}
+            columns |= {t.q_K[q]: run.q_K[:, q] for q, _ in t.scalars_K}
         else:
-            places = dict(zip(t.v_D, run.v_D.T, strict=True))
-            places |= dict(zip(t.v_K, run.v_K.T, strict=True))
+            columns = dict(zip(t.v_D, run.v_D.T, strict=True))
+            columns |= dict(zip(t.v_K, run.v_K.T, strict=True))
         for name in names:
-            if name not in places:
-                raise UnknownNameError(what, name, list(places))
-        return np.stack([places[name] for name in names], axis=1)
+            if name not in columns:
+                raise UnknownNameError(what, name, list(columns))
+        return np.stack([columns[name] for name in names], axis=1)

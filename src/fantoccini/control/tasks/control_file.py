@@ -1,4 +1,4 @@
-"""Reading of the files of control: task files and planning problems."""
+"""Files of control: task files and planning problems."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from fantoccini.motion import State
 
 
 class ControlFile(Document):
-    """A file that asks for a motion of a puppet from a start at rest."""
+    """A file that defines a motion of a puppet from a start at rest."""
 
     puppet: str
     """A bundled puppet or scene, or a puppet or scene file in this file's folder."""
     start: dict[str, Value] = Field(default_factory=dict)
-    """Coordinate -> value: the puppet hangs at rest with the driven ones there."""
+    """Coordinate -> value: the puppet hangs at rest with the driven coordinates there."""
 
 
 FileT = TypeVar("FileT", bound=ControlFile)
@@ -32,9 +32,9 @@ class Reading(Generic[FileT]):
     """A file and its puppet, while it is checked.
 
     Attributes:
-        file: its validated content.
+        file: validated content of the file.
         marionette: its puppet.
-        check: notes mistakes.
+        check: collects mistakes.
     """
 
     file: FileT
@@ -42,7 +42,7 @@ class Reading(Generic[FileT]):
     check: Mistakes
 
     def states(self, key: str, values: dict[str, Any]) -> None:
-        """Notes coordinates and values at a key that no state of the puppet has."""
+        """Notes the coordinates and values under a key that no state of the puppet has."""
         for name, value in values.items():
             state = {name: value}
             self.check((key, name), lambda state=state: self.marionette.state(state))
@@ -60,7 +60,7 @@ class Reading(Generic[FileT]):
         """The start, at rest.
 
         Raises:
-            FileError: there is none, or there were mistakes before.
+            FileError: no such state, or earlier mistakes.
         """
         return self.check.need(("start",), lambda: self.marionette.rest(self.file.start))
 
@@ -71,12 +71,12 @@ def read_control_file(
     """Reads a file and loads its puppet; notes start values that the puppet cannot have.
 
     Args:
-        path: of the file, or the name of a bundled one.
-        schema: its model.
+        path: path of the file, or the name of a bundled one.
+        schema: schema of the file.
         progress: called as each slow step begins; ``what`` describes it.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: all mistakes with their locations.
     """
     file = read_document(path, schema)
     marionette = load(named_file(file.puppet, file.located), progress)
@@ -87,7 +87,7 @@ def read_control_file(
 
 def check_one_of(part: Model, first: str, second: str) -> None:
     """Raises a mistake unless a part of a file has exactly one of two keys."""
-    given = [getattr(part, key) is not None for key in (first, second)]
-    if sum(given) != 1:
-        found = f"both `{first}` and" if all(given) else f"neither `{first}` nor"
-        raise mistake(f"found {found} `{second}`; needed: one of them")
+    are_set = [getattr(part, key) is not None for key in (first, second)]
+    if sum(are_set) != 1:
+        text = f"both `{first}` and" if all(are_set) else f"neither `{first}` nor"
+        raise mistake(f"found {text} `{second}`; needed: one of them")

@@ -1,8 +1,8 @@
-"""Costs of a motion: what it is to follow, and how smoothly.
+"""Costs of a motion: tracking errors and roughness of the inputs.
 
     J = sum over terms of  w/2 integral |r(x(t), t)|^2 dt  +  w_end/2 |r(x(T), T)|^2
 
-with residuals r: the place of a point less its path, the angle between an orientation and its
+with residuals r: the position of a point minus its path, the angle between an orientation and its
 path, a coordinate, a tension, accelerations and their rates.
 """
 
@@ -21,15 +21,15 @@ KINDS = ("point", "orientation", "coordinate", "tension", "velocity")
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Follow a path. Made by :meth:`point`, :meth:`orientation`, :meth:`coordinate` and the like.
+    """A cost for leaving a path. See :meth:`point`, :meth:`orientation` and the other constructors.
 
     Attributes:
-        kind: of what follows.
-        name: of the body, the coordinate or the string.
-        path: where it should be.
+        kind: quantity that follows the path, one of :data:`KINDS`.
+        name: name of the body, the coordinate or the string.
+        path: desired values over time.
         at: (3,) the point in the body's frame [m].
-        weight: w of the integral.
-        end_weight: w_end at the end.
+        weight: weight w of the integral.
+        end_weight: weight w_end at the end.
         start, end: times between which the path counts [s]; the whole motion by default.
     """
 
@@ -68,32 +68,32 @@ class Track:
 
     @classmethod
     def orientation(cls, body: str, path: Target, **more: Any) -> Track:
-        """A body turns as quaternions (T, 4) say; the residual is the rotation between [rad]."""
+        """A body follows quaternions (T, 4); the residual is a rotation vector [rad]."""
         return cls("orientation", body, path, **more)
 
     @classmethod
     def coordinate(cls, name: str, path: Target, **more: Any) -> Track:
-        """A scalar coordinate, dynamic or driven, has a value [rad or m]."""
+        """A scalar coordinate, dynamic or driven, follows values [rad or m]."""
         return cls("coordinate", name, path, **more)
 
     @classmethod
     def velocity(cls, name: str, path: Target = 0.0, **more: Any) -> Track:
-        """A velocity, dynamic or driven, has a value [rad/s or m/s]; ``*`` are all dynamic ones."""
+        """A velocity, dynamic or driven, follows values [rad/s or m/s]; ``*``: all dynamic ones."""
         return cls("velocity", name, path, **more)
 
     @classmethod
     def tension(cls, string: str, path: Target, **more: Any) -> Track:
-        """A string's tension has a value [N]."""
+        """A string's tension follows values [N]."""
         return cls("tension", string, path, **more)
 
 
 @dataclass(frozen=True)
 class Smooth:
-    """w/2 integral |acc_K|^2 dt, and the same of its rate.
+    """The cost w/2 integral |acc_K|^2 dt, and the same for the rate of acc_K.
 
     Attributes:
-        acceleration: w of the driven accelerations [s^4/m^2].
-        jerk: w of their rates, by differences from interval to interval [s^6/m^2].
+        acceleration: weight of the driven accelerations [s^4/m^2].
+        jerk: weight of their rates, by differences between intervals [s^6/m^2].
     """
 
     acceleration: float = 1e-4

@@ -1,4 +1,4 @@
-"""Goals of plans, and the distances of many states from them."""
+"""Goals of plans, and the distances of states from them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from fantoccini.kernel.runtime import POINT, POSE, UNKNOWN, GoalNumbers
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State
 
-_CLOSED = 1e-5
-"""Gap up to which parts touch [m]: what time-stepping leaves open is a thousandth of it."""
+_MAX_CLOSED_GAP = 1e-5
+"""Largest gap of parts that touch [m]; time-stepping leaves a thousandth of it open."""
 _DRIVEN_WEIGHT = 1.0
-"""Weight of the driven velocities where the goal is a state [s]."""
+"""Weight of the driven velocities if the goal is a state [s]."""
 
 Distance = Callable[[StateArrays], Array]
 """States (...) -> distances (...); 0 at the goal."""
@@ -28,31 +28,31 @@ Target = float | Sequence[float]
 """A value, the ends of an interval, or a rotation of three or four numbers."""
 
 GoalLike: TypeAlias = "Goal | State | Mapping[str, Target] | Distance"
-"""What :meth:`Goal.of` takes."""
+"""Any short form of a goal; see :meth:`Goal.of`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """A distance that a plan brings below a tolerance.
+    """A distance that a plan reduces below a tolerance.
 
         d(x) = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|,
         or |point - place| + ...
 
-    Distances to an interval or a box are those to its nearest point. Goal velocities are 0 unless
-    the goal is a state. Touches that are asked for add their gaps and, while one does not touch,
-    the tolerance of the plan, so that they all do at its end. Made by :meth:`pose`, :meth:`point`,
-    :meth:`touch`, :meth:`stand`, :meth:`moved` or :meth:`of`.
+    Distances to an interval or a box are distances to its nearest point. Goal velocities are 0
+    unless the goal is a state. Required touches add their gaps and, while any of them is open, the
+    tolerance of the plan, so that all are closed at its end. Goals are made by :meth:`pose`,
+    :meth:`point`, :meth:`touch`, :meth:`stand`, :meth:`moved` or :meth:`of`.
 
     Attributes:
         marionette: the puppet.
         text: description for people.
         numbers: the goal for the compiled library.
-        function: the goal, where it is a Python function.
-        q_K: (n_qK,) driven coordinates at the goal, where they were given.
-        touches: pairs of parts that are to touch.
-        share: least part of the puppets' weight that the touches carry at the end, where the puppet
-            is to stand on them; None where it need not.
-        met: measures the touches of a problem; set by :class:`fantoccini.control.Problem`.
+        function: the goal as a Python function, if it is one.
+        q_K: (n_qK,) driven coordinates at the goal, if they are given.
+        touches: pairs of parts that must touch.
+        share: least share of the puppets' weight that the touches carry at the end, if the puppet
+            must stand on them; otherwise None.
+        met: contact pairs of a problem; set by :class:`fantoccini.control.Problem`.
     """
 
     marionette: Marionette
@@ -66,22 +66,22 @@ class Goal:
 
     def distance(self, states: StateArrays) -> Array:
         """(...) distances of states."""
-        found = self._apart(states)
-        return found + self.apart(states) if self.touches else found
+        distances = self._function_distances(states)
+        return distances + self.apart(states) if self.touches else distances
 
     def apart(self, states: StateArrays) -> Array:
-        """(...) the part of the distances of states that touches add."""
+        """(...) the part of the states' distances that touches contribute."""
         gaps = np.maximum(self.gaps(states), 0.0)
         sums: Array = np.sum(gaps, axis=-1)
-        return sums + self.numbers.open * np.any(gaps > _CLOSED, axis=-1)
+        return sums + self.numbers.open * np.any(gaps > _MAX_CLOSED_GAP, axis=-1)
 
     def gaps(self, states: StateArrays) -> Array:
-        """(..., n) gaps of the touches that are asked for [m]."""
+        """(..., n) gaps of the required touches [m]."""
         met = Touches(self.marionette, asked=self.touches) if self.met is None else self.met
         return met.gaps(states.q_D, states.q_K)
 
     def for_problem(self, met: Touches, tolerance: float) -> Goal:
-        """The same for a problem's touches and tolerance."""
+        """The same goal with a problem's touches and tolerance."""
         if not self.touches:
             return self
         if self.function is not None:
@@ -92,25 +92,25 @@ class Goal:
         return replace(self, numbers=numbers, met=met)
 
     def touching(self, pairs: Iterable[Pair]) -> Goal:
-        """The same goal, where pairs of parts are to touch as well.
+        """The same goal, with pairs of parts that must also touch.
 
         Args:
             pairs: names of bodies, props, obstacles, ``floor``, or of puppets for all their bodies.
 
         Raises:
-            StateError: what is given are not pairs of names.
+            StateError: value that is not a pair of names.
         """
-        touches = self.touches + tuple(pair_of(one) for one in pairs)
+        touches = self.touches + tuple(pair_of(pair) for pair in pairs)
         listed = ", ".join(f"{a} on {b}" for a, b in touches)
         text = f"{self.text}, {listed}" if self.text else listed
         return replace(self, touches=touches, text=text)
 
     def standing(self, pairs: Iterable[Pair], share: float = 0.1) -> Goal:
-        """The same goal, where the puppet is to stand at rest on touches.
+        """The same goal, with the puppet standing at rest on touches.
 
         Args:
-            pairs: that are to touch: feet and what they stand on.
-            share: least part of the puppets' weight that these touches carry, 0 to 1.
+            pairs: pairs that must touch: feet and their supports.
+            share: least share of the puppets' weight that these touches carry, 0 to 1.
 
         Raises:
             StateError: see :meth:`touching`; or a share out of range.
@@ -119,10 +119,10 @@ class Goal:
             raise StateError(f"share is {share}; it must be 0 to 1")
         return replace(self.touching(pairs), share=float(share))
 
-    def _apart(self, states: StateArrays) -> Array:
+    def _function_distances(self, states: StateArrays) -> Array:
         if self.function is not None:
-            found = np.asarray(self.function(states), dtype=float)
-            return np.where(np.isnan(found), np.inf, found)
+            distances = np.asarray(self.function(states), dtype=float)
+            return np.where(np.isnan(distances), np.inf, distances)
         x, library = states.flat, self.marionette.libraries.rollouts
         return library.distances(
             self.numbers, x.q_D, x.v_D, x.q_K, x.v_K, self.marionette.p
@@ -130,61 +130,63 @@ class Goal:
 
     @property
     def whole(self) -> ConfigD | None:
-        """(n_qD,) the one configuration at the goal; None where there are several."""
+        """(n_qD,) the only configuration at the goal; None if there are several."""
         numbers, table = self.numbers, self.marionette.coordinates
-        every = [v for _, v in (*table.scalars_D, *table.quaternions_D)]
-        if numbers.kind != POSE or not np.all(numbers.weight[every] > 0.0):
+        indices = [v for _, v in (*table.scalars_D, *table.quaternions_D)]
+        if numbers.kind != POSE or not np.all(numbers.weight[indices] > 0.0):
             return None
         return numbers.low if np.array_equal(numbers.low, numbers.high) else None
 
     def residuals(self, states: StateArrays) -> Array:
-        """(n, m) residuals of the configurations of n states; velocities and touches left out."""
+        """(n, m) residuals of the configurations of n states, without velocities and touches."""
         numbers, table = self.numbers, self.marionette.coordinates
         if numbers.kind == UNKNOWN:
             return self.distance(states)[:, None]
         if numbers.kind == POINT:
             pose = self.marionette.poses(states.q_D, states.q_K)[:, numbers.link]
-            there = pose[..., 3] + pose[..., :3] @ numbers.at
-            return there - np.clip(there, numbers.place, numbers.place_high)
-        off = states.q_D - np.clip(states.q_D, numbers.low, numbers.high)
-        columns = [off[:, q] * numbers.weight[v] for q, v in table.scalars_D if numbers.weight[v]]
+            position = pose[..., 3] + pose[..., :3] @ numbers.at
+            return position - np.clip(position, numbers.place, numbers.place_high)
+        deviation = states.q_D - np.clip(states.q_D, numbers.low, numbers.high)
+        columns = [
+            deviation[:, q] * numbers.weight[v] for q, v in table.scalars_D if numbers.weight[v]
+        ]
         for q, v in table.quaternions_D:
             if numbers.weight[v]:
-                away = rotation.between(numbers.low[q : q + 4], states.q_D[:, q : q + 4])
-                columns += list(numbers.weight[v] * away.T)
-        return np.stack(columns, axis=1) if columns else np.zeros((len(off), 0))
+                angle_vector = rotation.between(numbers.low[q : q + 4], states.q_D[:, q : q + 4])
+                columns += list(numbers.weight[v] * angle_vector.T)
+        return np.stack(columns, axis=1) if columns else np.zeros((len(deviation), 0))
 
     def of_start(self, start: StateArrays) -> float:
-        """The distance of one state (1,).
+        """The distance of a single state (1,).
 
         Raises:
-            StateError: the goal's function does not return one finite distance.
+            StateError: distance that is not finite, or more than one number.
         """
-        found = self.distance(start)
-        if found.shape != start.shape or not np.all(np.isfinite(found)):
+        distance = self.distance(start)
+        if distance.shape != start.shape or not np.all(np.isfinite(distance)):
             raise StateError(
-                f"the goal gives {found!r} for the start; needed: finite distances of the shape "
+                f"the goal gives {distance!r} for the start; needed: finite distances of the shape "
                 f"{start.shape}"
             )
-        return float(found[0])
+        return float(distance[0])
 
     @classmethod
     def of(cls, marionette: Marionette, goal: GoalLike, speed_weight: float = 0.1) -> Goal:
-        """A goal from any of its short forms.
+        """The goal from any of its short forms.
 
         Args:
             marionette: the puppet.
             goal: a Goal; a state, whose dynamic configuration and velocities and driven velocities
-                (weight 1 s) are to be reached; names and values (see :meth:`pose`); or a function
+                (weight 1 s) must be reached; names and values (see :meth:`pose`); or a function
                 of :class:`StateArrays` that returns distances.
             speed_weight: see :meth:`pose`.
 
         Raises:
-            UnknownNameError: a name that is no dynamic coordinate.
-            StateError: a goal that is none of these, or not finite.
+            UnknownNameError: name that is not a dynamic coordinate.
+            StateError: goal of another type, or not finite.
         """
         table = marionette.coordinates
-        still = np.zeros(table.n_vD), np.zeros(table.n_vK)
+        zero_velocities = np.zeros(table.n_vD), np.zeros(table.n_vK)
         if isinstance(goal, Goal):
             if goal.marionette.tree is not marionette.tree:
                 raise StateError("the goal is of another puppet")
@@ -209,9 +211,9 @@ class Goal:
         if isinstance(goal, Mapping):
             return cls.pose(marionette, goal, speed_weight=speed_weight)
         if callable(goal):
-            none = np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD)
+            zeros = np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD)
             text = getattr(goal, "__name__", "a function")
-            return cls(marionette, text, GoalNumbers(UNKNOWN, *none, *still), goal)
+            return cls(marionette, text, GoalNumbers(UNKNOWN, *zeros, *zero_velocities), goal)
         raise StateError(
             f"the goal is {goal!r}; it must be a state, names and values, a Goal or a function"
         )
@@ -231,28 +233,28 @@ class Goal:
         Args:
             marionette: the puppet.
             values: name -> value or interval [rad or m]; ``joint.rotation`` takes a quaternion or
-                a rotation vector, and its distance is the angle between.
+                a rotation vector, and its distance is the angle between the two rotations.
             weights: name -> weight of a coordinate in ``values``; 1 by default.
             speed_weight: weight of the norm of the dynamic velocities [s].
-            driven_weight: weight of the norm of the driven velocities [s]; greater than 0 where
-                they are to end at rest.
+            driven_weight: weight of the norm of the driven velocities [s]; greater than 0 if they
+                must end at rest.
 
         Raises:
-            UnknownNameError: a name that is no dynamic coordinate, or has a weight but no value.
-            StateError: a value, interval or weight out of range.
+            UnknownNameError: name that is not a dynamic coordinate, or has a weight but no value.
+            StateError: value, interval or weight out of range.
         """
-        places = _names(marionette.coordinates)
+        indices = _names(marionette.coordinates)
         if not values:
             raise StateError("the pose names no coordinate")
         for name in values:
-            if name not in places:
-                raise UnknownNameError("dynamic coordinate", name, list(places))
+            if name not in indices:
+                raise UnknownNameError("dynamic coordinate", name, list(indices))
         for name, weight in (weights or {}).items():
             if name not in values:
                 raise UnknownNameError("coordinate of the goal", name, list(values))
             if not 0.0 < weight < np.inf:
                 raise StateError(f"the weight of {name} is {weight}; it must be greater than 0")
-        ends = {name: _ends(name, value, places[name][1]) for name, value in values.items()}
+        ends = {name: _ends(name, value, indices[name][1]) for name, value in values.items()}
         low, high = (marionette.state({n: e[k] for n, e in ends.items()}).q_D for k in (0, 1))
         by_name = {name: float((weights or {}).get(name, 1.0)) for name in values}
         numbers = GoalNumbers(
@@ -284,15 +286,15 @@ class Goal:
         Args:
             marionette: the puppet.
             body: the body's name.
-            place: (3,) in the world [m]; with ``to``, the lowest corner of a box.
+            place: (3,) the place in the world [m]; with ``to``, the lowest corner of a box.
             at: (3,) the point in the body's frame [m].
             to: (3,) the highest corner [m].
             speed_weight, driven_weight: weights of the norms of the dynamic and the driven
                 velocities [s].
 
         Raises:
-            UnknownNameError: no body has this name.
-            StateError: a point that is not three finite numbers, or an empty box.
+            UnknownNameError: name that is not a body.
+            StateError: point that is not three finite numbers, or an empty box.
         """
         table = marionette.coordinates
         target, offset = _triple("place", place), _triple("at", at)
@@ -327,7 +329,7 @@ class Goal:
         speed_weight: float = 0.0,
         driven_weight: float = 0.0,
     ) -> Goal:
-        """Pairs of parts touch, ``[("hand", "table")]``, at a pose where one is given.
+        """Pairs of parts touch, ``[("hand", "table")]``, optionally at a pose.
 
         Args:
             marionette: the puppet.
@@ -373,19 +375,19 @@ class Goal:
         speed_weight: float = 0.1,
         driven_weight: float = 0.0,
     ) -> Goal:
-        """A body, such as a prop, farther on than at the start.
+        """A body, such as a prop, displaced from its position at the start.
 
         Args:
             marionette: the puppet.
             body: the body's name.
-            by: (3,) how much farther, in the world [m].
-            start: where the plan begins.
+            by: (3,) displacement in the world [m].
+            start: start of the plan.
             speed_weight, driven_weight: weights of the norms of the dynamic and the driven
                 velocities [s].
 
         Raises:
-            UnknownNameError: no body has this name.
-            StateError: ``by`` is not three finite numbers.
+            UnknownNameError: name that is not a body.
+            StateError: displacement that is not three finite numbers.
         """
         link = marionette.link_index(body)
         place = marionette.poses(start.q_D, start.q_K)[link, :, 3] + _triple("way", by)
@@ -401,16 +403,16 @@ class Goal:
         speed_weight: float,
         driven_weight: float,
     ) -> Goal:
-        """A pose; without one, anywhere."""
+        """The goal of a pose; without a pose, any configuration."""
         if pose:
             return cls.pose(
                 marionette, pose, speed_weight=speed_weight, driven_weight=driven_weight
             )
         table = marionette.coordinates
-        none = np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD)
+        zeros = np.zeros(table.n_qD), np.zeros(table.n_qD), np.zeros(table.n_vD)
         numbers = GoalNumbers(
             POSE,
-            *none,
+            *zeros,
             np.zeros(table.n_vD),
             np.zeros(table.n_vK),
             speed_weight=_positive(speed_weight),
@@ -419,9 +421,9 @@ class Goal:
         return cls(marionette, "", numbers)
 
 
-def _ends(name: str, value: Target, turns: bool) -> tuple[Target, Target]:
+def _ends(name: str, value: Target, is_rotation: bool) -> tuple[Target, Target]:
     """The ends of the interval of a target."""
-    if turns or isinstance(value, (float, int)) or np.ndim(value) == 0:
+    if is_rotation or isinstance(value, (float, int)) or np.ndim(value) == 0:
         return value, value
     if np.shape(value) != (2,):
         raise StateError(f"{name}: found {value!r}; needed: a number or two")
@@ -432,12 +434,12 @@ def _ends(name: str, value: Target, turns: bool) -> tuple[Target, Target]:
 
 
 def _weights(marionette: Marionette, by_name: Mapping[str, float]) -> Array:
-    """(n_vD,) the weight of every coordinate, at the first of its velocities."""
-    table, found = marionette.coordinates, np.zeros(marionette.coordinates.n_vD)
+    """(n_vD,) the weight of every coordinate, at its first velocity."""
+    table, weights = marionette.coordinates, np.zeros(marionette.coordinates.n_vD)
     first = dict((*table.scalars_D, *table.quaternions_D))
     for name, (q, _) in _names(table).items():
-        found[first[q]] = by_name.get(name, 0.0)
-    return found
+        weights[first[q]] = by_name.get(name, 0.0)
+    return weights
 
 
 def _positive(speed_weight: float) -> float:
@@ -446,16 +448,16 @@ def _positive(speed_weight: float) -> float:
     return float(speed_weight)
 
 
-def _triple(what: str, given: Sequence[float]) -> Array:
-    found = np.asarray(given, dtype=float)
-    if found.shape != (3,) or not np.all(np.isfinite(found)):
-        raise StateError(f"a point's {what} is {given!r}; needed: three numbers")
-    return found
+def _triple(label: str, vector: Sequence[float]) -> Array:
+    array = np.asarray(vector, dtype=float)
+    if array.shape != (3,) or not np.all(np.isfinite(array)):
+        raise StateError(f"a point's {label} is {vector!r}; needed: three numbers")
+    return array
 
 
 def _names(table: CoordinateTable) -> dict[str, tuple[int, bool]]:
     """Names of dynamic coordinates -> (index in q_D, whether it is a quaternion)."""
-    found = {table.q_D[q]: (q, False) for q, _ in table.scalars_D}
+    indices = {table.q_D[q]: (q, False) for q, _ in table.scalars_D}
     for q, _ in table.quaternions_D:
-        found[table.q_D[q].rsplit(".", 1)[0] + ".rotation"] = (q, True)
-    return found
+        indices[table.q_D[q].rsplit(".", 1)[0] + ".rotation"] = (q, True)
+    return indices

@@ -1,6 +1,6 @@
 """Motions on a grid of times: states at nodes, constant accelerations of the inputs between them.
 
-A change of a state is a tangent vector z = (dq_D, dv_D, dq_K, dv_K); rotations turn.
+A change of a state is a tangent vector z = (dq_D, dv_D, dq_K, dv_K), with rotation vectors.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fantoccini.motion import Input, State, Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """N intervals of one length, and the N + 1 states between them.
+    """N intervals of equal length, and the N + 1 states at their ends.
 
     Attributes:
         table: the puppet's coordinates.
@@ -26,9 +26,9 @@ class Nodes:
         interval: length of an interval [s].
         q_D, v_D, q_K, v_K: (N + 1, ...) states at the nodes.
         acc_K: (N, n_vK) accelerations of the driven coordinates.
-        parameters: (n_p,) values of the parameters that the motion chooses.
-        run: the run that passes the nodes, where they are those of one.
-        moments: near which touches are looked for [s].
+        parameters: (n_p,) values of the chosen parameters.
+        run: the run through the nodes, if they belong to one.
+        moments: times near which touches are searched for [s].
     """
 
     table: CoordinateTable
@@ -45,30 +45,32 @@ class Nodes:
 
     @classmethod
     def still(cls, marionette: Marionette, x0: State, duration: float, n: int) -> Nodes:
-        """The state x0 at every node, with inputs at rest or going on at their velocity."""
+        """The state x0 at every node; the inputs rest or keep their velocity."""
         table, h = marionette.coordinates, duration / n
-        every: dict[str, Any] = {
+        states: dict[str, Any] = {
             name: np.repeat(getattr(x0, name)[None], n + 1, axis=0)
             for name in ("q_D", "v_D", "q_K", "v_K")
         }
-        on = (h * np.arange(n + 1))[:, None] * x0.v_K
-        every["q_K"] = tangent.moved(table.scalars_K, table.quaternions_K, every["q_K"], on)
-        return cls(table, x0.t, h, **every, acc_K=np.zeros((n, table.n_vK)))
+        displacement = (h * np.arange(n + 1))[:, None] * x0.v_K
+        states["q_K"] = tangent.moved(
+            table.scalars_K, table.quaternions_K, states["q_K"], displacement
+        )
+        return cls(table, x0.t, h, **states, acc_K=np.zeros((n, table.n_vK)))
 
     @classmethod
     def of_input(
         cls, marionette: Marionette, x0: State, inputs: Input, duration: float, n: int
     ) -> Nodes:
-        """The driven velocities are those of inputs at the nodes; the rest is still."""
-        made = cls.still(marionette, x0, duration, n)
+        """The state x0 at every node, with accelerations from the velocities of an input."""
+        nodes = cls.still(marionette, x0, duration, n)
         bound = inputs.bound(x0.q_K, x0.t)
-        times = np.clip(made.t, bound.start, bound.end)
+        times = np.clip(nodes.t, bound.start, bound.end)
         v_K = bound.evaluate(times)[1]
         v_K[0] = x0.v_K
-        return replace(made, acc_K=np.diff(v_K, axis=0) / made.interval)
+        return replace(nodes, acc_K=np.diff(v_K, axis=0) / nodes.interval)
 
     def __len__(self) -> int:
-        """Intervals."""
+        """Number of intervals."""
         return len(self.acc_K)
 
     @property
@@ -78,13 +80,13 @@ class Nodes:
 
     @property
     def n_z(self) -> int:
-        """Numbers in a change of a state."""
+        """Length of a tangent vector z."""
         return 2 * (self.table.n_vD + self.table.n_vK)
 
     def moved(self, z: Array, u: Array, c: Array | None = None) -> Nodes:
         """The nodes moved by tangent vectors z (N + 1, n_z), the accelerations by u (N, n_vK).
 
-        And every interval made longer by c[0], the parameters changed by the rest of c.
+        c[0] is added to the length of every interval, the rest of c to the parameters.
         """
         table, c = self.table, np.zeros(1 + len(self.parameters)) if c is None else c
         dq_D, dv_D, dq_K, dv_K = np.split(z, self.splits, axis=1)
@@ -105,19 +107,19 @@ class Nodes:
 
         Args:
             z: (n, n_z) changes, each of all nodes.
-            first: of the nodes: 0 where intervals begin, 1 where they end.
+            first: 0 for the nodes at which intervals begin, 1 for those at which they end.
         """
-        t, at = self.table, slice(first, first + len(self))
+        t, rows = self.table, slice(first, first + len(self))
         dq_D, dv_D, dq_K, dv_K = np.split(z[:, None], self.splits, axis=2)
         return (
-            tangent.moved(t.scalars_D, t.quaternions_D, self.q_D[at], dq_D),
-            self.v_D[at] + dv_D,
-            tangent.moved(t.scalars_K, t.quaternions_K, self.q_K[at], dq_K),
-            self.v_K[at] + dv_K,
+            tangent.moved(t.scalars_D, t.quaternions_D, self.q_D[rows], dq_D),
+            self.v_D[rows] + dv_D,
+            tangent.moved(t.scalars_K, t.quaternions_K, self.q_K[rows], dq_K),
+            self.v_K[rows] + dv_K,
         )
 
     def between(self, q_D: Array, v_D: Array, q_K: Array, v_K: Array, first: int = 1) -> Array:
-        """(N + 1 - first, n_z) the changes that move the nodes from `first` on to these states."""
+        """(N + 1 - first, n_z) changes from the nodes, beginning at `first`, to these states."""
         t, n, k = self.table, self.table.n_vD, self.table.n_vK
         dq_D = tangent.between(t.scalars_D, t.quaternions_D, self.q_D[first:], q_D, n)
         dq_K = tangent.between(t.scalars_K, t.quaternions_K, self.q_K[first:], q_K, k)
@@ -125,27 +127,27 @@ class Nodes:
         return np.concatenate(parts, axis=1)
 
     def gap_at_end(self, x: State) -> Array:
-        """(n_z,) the change that would bring the last node to a state."""
+        """(n_z,) change from the last node to a state."""
         parts = (np.asarray(a)[None] for a in (x.q_D, x.v_D, x.q_K, x.v_K))
         q_D, v_D, q_K, v_K = parts
         return np.asarray(self.between(q_D, v_D, q_K, v_K, first=len(self))[0])
 
     @property
     def numbers(self) -> Array:
-        """(N + 1, n_z) the scalars of the states, where z has them; rotations are 0."""
+        """(N + 1, n_z) scalars of the states at their entries of z; 0 for rotations."""
         t = self.table
         n, k = t.n_vD, t.n_vK
-        out = np.zeros((len(self) + 1, self.n_z))
+        numbers = np.zeros((len(self) + 1, self.n_z))
         for q, v in t.scalars_D:
-            out[:, v] = self.q_D[:, q]
+            numbers[:, v] = self.q_D[:, q]
         for q, v in t.scalars_K:
-            out[:, 2 * n + v] = self.q_K[:, q]
-        out[:, n : 2 * n], out[:, 2 * n + k :] = self.v_D, self.v_K
-        return out
+            numbers[:, 2 * n + v] = self.q_K[:, q]
+        numbers[:, n : 2 * n], numbers[:, 2 * n + k :] = self.v_D, self.v_K
+        return numbers
 
     @property
     def splits(self) -> list[int]:
-        """Where v_D, q_K and v_K begin in z."""
+        """Indices at which v_D, q_K and v_K begin in z."""
         n, k = self.table.n_vD, self.table.n_vK
         return [n, 2 * n, 2 * n + k]
 
@@ -154,9 +156,9 @@ class Nodes:
         return Input.segments(self.table, self.t, self.q_K[0], self.v_K[0], self.acc_K)
 
     def finer(self, parts: int) -> Nodes:
-        """The same accelerations in shorter intervals, with the states of the nodes before them."""
-        at = np.append(np.repeat(np.arange(len(self)), parts), len(self))
-        states = {name: getattr(self, name)[at] for name in ("q_D", "v_D", "q_K", "v_K")}
+        """The same accelerations in shorter intervals; each new node repeats the state before."""
+        index = np.append(np.repeat(np.arange(len(self)), parts), len(self))
+        states = {name: getattr(self, name)[index] for name in ("q_D", "v_D", "q_K", "v_K")}
         acc_K = np.repeat(self.acc_K, parts, axis=0)
         interval = self.interval / parts
         return replace(self, interval=interval, acc_K=acc_K, run=None, **states)

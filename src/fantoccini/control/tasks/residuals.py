@@ -1,4 +1,4 @@
-"""Residuals of costs at nodes, and their derivatives by changes of the states."""
+"""Residuals of costs at nodes, and their derivatives with respect to changes of the states."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from fantoccini.control.tasks.targets import values_at
 from fantoccini.dynamics.compiled import relations
 from fantoccini.dynamics.marionette import Marionette
 
-_ROUNDING = 1e-9
-"""Of times [s]."""
+_TIME_ROUNDING = 1e-9
+"""Rounding error of times [s]."""
 
 
 class Looks:
-    """The states of nodes as costs look at them; poses and screws are found once."""
+    """States at the nodes for the evaluation of costs; poses and screws are computed once."""
 
     def __init__(self, marionette: Marionette, nodes: Nodes):
         self.marionette, self.nodes = marionette, nodes
@@ -29,46 +29,48 @@ class Looks:
     @cached_property
     def _screws(self) -> tuple[Array, Array]:
         marionette, nodes = self.marionette, self.nodes
-        found = marionette.library.evaluate("screws", q_D=nodes.q_D, q_K=nodes.q_K, p=marionette.p)
-        screws = np.concatenate([found.screw_D, found.screw_K], axis=-1).swapaxes(-1, -2)
-        return found.poses.swapaxes(-1, -2), screws
+        kinematics = marionette.library.evaluate(
+            "screws", q_D=nodes.q_D, q_K=nodes.q_K, p=marionette.p
+        )
+        screws = np.concatenate([kinematics.screw_D, kinematics.screw_K], axis=-1).swapaxes(-1, -2)
+        return kinematics.poses.swapaxes(-1, -2), screws
 
     def pose(self, link: int) -> tuple[Array, Array]:
-        """(N + 1, 3, 3) rotations and (N + 1, 3) places of a link."""
+        """(N + 1, 3, 3) rotations and (N + 1, 3) positions of a link."""
         poses = self._screws[0][:, link]
         return poses[:, :9].reshape(-1, 3, 3).swapaxes(1, 2), poses[:, 9:]
 
     def twist_by(self, link: int) -> Array:
-        """(N + 1, 6, n_z) the twist about the world's origin by which a change moves a link."""
+        """(N + 1, 6, n_z) derivative of a link's displacement twist about the world's origin."""
         table = self.marionette.coordinates
         n, k = table.n_vD, table.n_vK
         moved = relations(self.marionette.tree)[0][link]
         screws = (self._screws[1] * moved[:, None]).swapaxes(1, 2)
-        out = np.zeros((len(screws), 6, 2 * (n + k)))
-        out[:, :, :n], out[:, :, 2 * n : 2 * n + k] = screws[..., :n], screws[..., n:]
-        return out
+        twist = np.zeros((len(screws), 6, 2 * (n + k)))
+        twist[:, :, :n], twist[:, :, 2 * n : 2 * n + k] = screws[..., :n], screws[..., n:]
+        return twist
 
 
 class Residual(Protocol):
     """A residual at every node.
 
     Attributes:
-        weights: (N + 1,) of |r|^2 / 2, the length of intervals among them.
+        weights: (N + 1,) weights of |r|^2 / 2, including the length of intervals.
     """
 
     @property
     def weights(self) -> Array: ...
 
     def value(self, looks: Looks) -> Array:
-        """(N + 1, m)."""
+        """(N + 1, m) residuals."""
 
     def by(self, looks: Looks) -> Array:
-        """(N + 1, m, n_z)."""
+        """(N + 1, m, n_z) derivatives of the residuals with respect to changes of the states."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointResidual:
-    """r = the place of a point of a link less its path [m]."""
+    """r = the position of a point of a link minus its path [m]."""
 
     weights: Array
     link: int
@@ -83,8 +85,8 @@ class PointResidual:
         return twist[:, :3] - rotation.skew(place) @ twist[:, 3:]
 
     def _place(self, looks: Looks) -> Array:
-        R, r = looks.pose(self.link)
-        return r + R @ self.at
+        R, origin = looks.pose(self.link)
+        return origin + R @ self.at
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,7 @@ class OrientationResidual:
 
 @dataclass(frozen=True, eq=False)
 class NumberResidual:
-    """r = some numbers of the states less their paths."""
+    """r = numbers of the states minus their paths."""
 
     weights: Array
     part: str
@@ -122,21 +124,21 @@ class NumberResidual:
         return numbers - self.path
 
     def by(self, looks: Looks) -> Array:
-        out = np.zeros((len(looks.nodes) + 1, len(self.columns), looks.nodes.n_z))
-        out[:, np.arange(len(self.columns)), self.columns] = 1.0
-        return out
+        derivatives = np.zeros((len(looks.nodes) + 1, len(self.columns), looks.nodes.n_z))
+        derivatives[:, np.arange(len(self.columns)), self.columns] = 1.0
+        return derivatives
 
 
 def residual_of(marionette: Marionette, track: Track, nodes: Nodes) -> Residual:
     """The residual of a track at the nodes of a motion.
 
     Raises:
-        UnknownNameError, StateError: a name or a path that is none.
+        UnknownNameError, StateError: unknown name, or invalid path.
     """
     t, N = nodes.t, len(nodes)
-    lasts = np.full(N + 1, nodes.interval)
-    lasts[[0, -1]] *= 0.5
-    weights = track.weight * lasts * share(track, t)
+    spans = np.full(N + 1, nodes.interval)
+    spans[[0, -1]] *= 0.5
+    weights = track.weight * spans * share(track, t)
     weights[-1] += track.end_weight
     if track.kind == "point":
         link = marionette.link_index(track.name)
@@ -154,10 +156,10 @@ def residual_of(marionette: Marionette, track: Track, nodes: Nodes) -> Residual:
 
 
 def path_of(marionette: Marionette, track: Track, t: Times) -> Array:
-    """(len(t), width) the path of a track at some times.
+    """(len(t), width) the path of a track at given times.
 
     Raises:
-        UnknownNameError, StateError: it is none.
+        UnknownNameError, StateError: unknown name, or invalid path.
     """
     if isinstance(track.path, Clip):
         return track.path.values(marionette, track.kind, track.name, track.at, t)
@@ -166,24 +168,24 @@ def path_of(marionette: Marionette, track: Track, t: Times) -> Array:
 
 
 def share(track: Track, t: Times) -> Array:
-    """(n,) 1 at times at which a track counts, half at its own start and end within them, else 0.
+    """(n,) 1 at times at which a track counts, 1/2 at its start and end inside the motion, else 0.
 
     Raises:
-        StateError: it counts at none of them.
+        StateError: no time at which the track counts.
     """
-    inside = (t >= track.start - _ROUNDING) & (t <= track.end + _ROUNDING)
+    inside = (t >= track.start - _TIME_ROUNDING) & (t <= track.end + _TIME_ROUNDING)
     if not np.any(inside):
         raise StateError(
             f"the path of {track.name} counts from {track.start:g} s to {track.end:g} s, and no "
             f"node lies there: nodes are {t[1] - t[0]:g} s apart from {t[0]:g} s on"
         )
-    at_edge = (np.abs(t - track.start) <= _ROUNDING) | (np.abs(t - track.end) <= _ROUNDING)
-    at_edge[[0, -1]] = False
-    return np.where(inside, np.where(at_edge, 0.5, 1.0), 0.0)
+    at_end = (np.abs(t - track.start) <= _TIME_ROUNDING) | (np.abs(t - track.end) <= _TIME_ROUNDING)
+    at_end[[0, -1]] = False
+    return np.where(inside, np.where(at_end, 0.5, 1.0), 0.0)
 
 
 def _numbers(marionette: Marionette, track: Track) -> tuple[str, list[int], list[int]]:
-    """Part of a state, places there, and columns of z."""
+    """Part of a state, indices into it, and columns of z."""
     t = marionette.coordinates
     n, k = t.n_vD, t.n_vK
     if track.kind == "velocity":

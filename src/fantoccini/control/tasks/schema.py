@@ -31,22 +31,22 @@ from fantoccini.control.tasks.costs import KINDS
 from fantoccini.model.puppet import WORDS
 
 PATHS = ("value", "values", "csv", "circle", "run")
-"""Keys of which a track has one: its path."""
+"""Keys for the path of a track, exactly one of which is given."""
 
 
 class CircleFile(Model):
-    """A circle from rest to rest; it begins where it is nearest to the point at the start."""
+    """A circle from rest to rest; it begins at its point nearest to the start."""
 
     centre: Place | None = None
-    """Its centre in the world [m]."""
+    """Centre in the world [m]."""
     by: Place | None = None
-    """The centre, from where the point is at the start, instead of `centre` [m]."""
+    """Centre relative to the point's position at the start, instead of `centre` [m]."""
     radius: Size | None = None
-    """Radius; by default so that it begins where the point starts [m]."""
+    """Radius [m]; by default the distance of the point from the axis at the start."""
     normal: Direction
-    """Direction of its axis."""
+    """Direction of the circle's axis."""
     turns: Sized = 1.0
-    """Rounds about the axis; negative ones go the other way."""
+    """Number of turns about the axis; negative: the other way."""
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> CircleFile:
@@ -55,64 +55,64 @@ class CircleFile(Model):
 
 
 class RunFile(Model):
-    """What a saved run did."""
+    """A clip of a saved run."""
 
     file: str
     """The run: an npz file beside this one, as `simulate --out` writes it."""
     of: str | None = None
-    """Name in the run of what is followed, where it has another one there."""
+    """Name of the followed part in the run; by default the track's name."""
     begin: Sized | None = None
     """Time at which the run begins; its own first time by default [s]."""
     speed: Annotated[Positive, SIZED] = 1.0
-    """Of its time."""
+    """Speed of the run's time; 2 is twice as fast."""
     by: Place = (0.0, 0.0, 0.0)
-    """Added to the places of points [m]."""
+    """Displacement added to points [m]."""
 
 
 class TrackFile(Model):
-    """What follows a path: one of `point`, `orientation`, `coordinate`, `velocity`, `tension`."""
+    """A quantity and its path: `point`, `orientation`, `coordinate`, `velocity` or `tension`."""
 
     point: str | None = None
-    """A body, of which a point follows places [m]."""
+    """Body with a point that follows places [m]."""
     orientation: str | None = None
-    """A body that turns: quaternions [w, x, y, z] or rotation vectors [rad]."""
+    """Body that follows quaternions [w, x, y, z] or rotation vectors [rad]."""
     coordinate: str | None = None
-    """A scalar coordinate, dynamic or driven [rad or m]."""
+    """Scalar coordinate, dynamic or driven [rad or m]."""
     velocity: str | None = None
-    """A velocity, dynamic or driven; `*` for all dynamic ones [rad/s or m/s]."""
+    """Velocity, dynamic or driven; `*` for all dynamic ones [rad/s or m/s]."""
     tension: str | None = None
-    """A string's tension [N]."""
+    """String whose tension follows values [N]."""
     at: Place = (0.0, 0.0, 0.0)
     """The point in the body's frame [m]."""
     value: Value | None = None
-    """A value that holds."""
+    """Constant value."""
     times: tuple[Sized, ...] = ()
     """Times of `values`, rising [s]; linear between them."""
     values: tuple[Value, ...] | None = None
     """Values at `times`."""
     csv: str | None = None
-    """A CSV file beside this one: columns `t`, and `x`, `y`, `z` of a point, `qw`, `qx`, `qy`, `qz`
-    of an orientation, otherwise `value`."""
+    """A CSV file beside this one: columns `t`, and `x`, `y`, `z` for a point, `qw`, `qx`, `qy` and
+    `qz` for an orientation, otherwise `value`."""
     circle: CircleFile | None = None
-    """A circle of a point."""
+    """Circle that a point follows."""
     run: RunFile | None = None
-    """What a saved run did."""
+    """Clip of a saved run."""
     weight: Annotated[NotNegative, SIZED] = 1.0
-    """Of the integral of the square of what is left."""
+    """Weight of the integral of the squared residual."""
     end_weight: Annotated[NotNegative, SIZED] = 0.0
-    """Of its square at the end."""
+    """Weight of the squared residual at the end."""
     start: Sized | None = None
-    """From when on it counts [s]."""
+    """Time from which the path counts [s]."""
     end: Sized | None = None
-    """Until when it counts [s]."""
+    """Time until which the path counts [s]."""
 
     @model_validator(mode="after")
     def _is_one(self) -> TrackFile:
-        for what, keys in (("what follows", KINDS), ("its path", PATHS)):
-            found = [key for key in keys if getattr(self, key) is not None]
-            if len(found) != 1:
-                listed = " and ".join(found) or "none"
-                raise mistake(f"{what}: found {listed}; needed: one of {', '.join(keys)}")
+        for label, keys in (("what follows", KINDS), ("its path", PATHS)):
+            names = [key for key in keys if getattr(self, key) is not None]
+            if len(names) != 1:
+                text = " and ".join(names) or "none"
+                raise mistake(f"{label}: found {text}; needed: one of {', '.join(keys)}")
         if self.circle is not None and self.point is None:
             raise mistake("found a circle; it is a path of a `point`")
         if self.point is None and any(self.at):
@@ -127,12 +127,12 @@ class TrackFile(Model):
 
     @property
     def kind(self) -> str:
-        """What follows: the key."""
+        """The key of the quantity that follows the path."""
         return next(key for key in KINDS if getattr(self, key) is not None)
 
 
 class TouchFile(Model):
-    """A place that a point of a body passes at a time that is found."""
+    """A place that a point of a body passes at a time that the search finds."""
 
     point: str
     """The body."""
@@ -141,11 +141,11 @@ class TouchFile(Model):
     place: Place | None = None
     """The place in the world [m]."""
     by: Place | None = None
-    """The place, from where the point is at the start, instead of `place` [m]."""
+    """The place relative to the point's position at the start, instead of `place` [m]."""
     between: tuple[Sized | None, Sized | None] = (None, None)
-    """First and last time [s]; null where it is open."""
+    """First and last time [s]; null for no limit."""
     in_turn: bool = False
-    """Whether it comes no earlier than the touch before it."""
+    """Whether it comes no earlier than the previous touch."""
 
     @model_validator(mode="after")
     def _is_somewhere(self) -> TouchFile:
@@ -157,23 +157,23 @@ class SmoothFile(Model):
     """Weights of the driven accelerations and their rates."""
 
     acceleration: Annotated[NotNegative, SIZED] = 1e-4
-    """Of accelerations [s^4/m^2]."""
+    """Weight of the driven accelerations [s^4/m^2]."""
     jerk: Annotated[NotNegative, SIZED] = 1e-6
-    """Of their rates [s^6/m^2]."""
+    """Weight of their rates [s^6/m^2]."""
 
 
 End = Annotated[Angle | None, SIZED]
-"""An end of an interval; nothing where it is open."""
+"""An end of an interval; null for no limit."""
 Span = Annotated[tuple[End, End], sized(2)]
 Between = Annotated[tuple[Annotated[Angle, SIZED], Annotated[Angle, SIZED]], sized(2)]
 Most = Real | dict[str, Real] | None
 
 
 class BoundsFile(Model):
-    """What the motion may not leave. Names that are not mentioned are free."""
+    """Bounds of the motion. Names that are not mentioned are free."""
 
     position: dict[str, Span] = Field(default_factory=dict)
-    """Driven scalar coordinate -> [low, high]; null where it is open [m or rad]."""
+    """Driven scalar coordinate -> [low, high]; null for no limit [m or rad]."""
     joint: dict[str, Span] = Field(default_factory=dict)
     """Dynamic scalar coordinate -> [low, high] [rad or m]."""
     tension: dict[str, Span] = Field(default_factory=dict)
@@ -181,25 +181,25 @@ class BoundsFile(Model):
     force: dict[str, Span] = Field(default_factory=dict)
     """Driven velocity -> [low, high] of the force that drives it [N or N m]."""
     speed: Most = None
-    """Of all driven coordinates, or by name [m/s or rad/s]."""
+    """Largest speed of all driven coordinates, or by name [m/s or rad/s]."""
     acceleration: Most = None
-    """Likewise [m/s^2 or rad/s^2]."""
+    """Largest acceleration, likewise [m/s^2 or rad/s^2]."""
     jerk: Most = None
-    """Likewise [m/s^3 or rad/s^3]."""
+    """Largest jerk, likewise [m/s^3 or rad/s^3]."""
     voltage: Most = None
-    """Of what controllers ask of dc motors, for all or by the command's name [V]."""
+    """Largest voltage that controllers ask of dc motors, for all or by the command's name [V]."""
     current: Most = None
-    """Likewise [A]."""
+    """Largest current, likewise [A]."""
     held: tuple[str, ...] = ()
-    """Driven velocities that do not move at all."""
+    """Driven velocities that stay 0."""
     clearance: Annotated[NotNegative | None, SIZED] = None
-    """Of bodies and strings from obstacles and other puppets, at least [m]."""
+    """Least distance of bodies and strings from obstacles and other puppets [m]."""
     own_body: bool = False
-    """Whether bodies of one puppet that no joint connects keep it, too."""
+    """Whether bodies of one puppet that no joint connects keep the clearance, too."""
 
 
 def _duration(value: Any) -> Any:
-    """A positive number, or two of them that do not fall."""
+    """A positive number, or two of them in ascending order."""
     ends = [read_real(end) for end in (value if isinstance(value, (list, tuple)) else [value])]
     if len(ends) > 2 or not ends or min(ends) <= 0.0:
         raise mistake(f"found {shown(value)}; needed: a positive number, or [shortest, longest]")
@@ -232,30 +232,30 @@ class TaskFile(ControlFile):
     end: dict[str, Value] | None = None
     """Coordinate -> value: it ends at rest with the driven ones there; others as at the start."""
     periodic: dict[str, Angle] | None = None
-    """Instead: it ends as it began, but for these scalar coordinates, which have moved by so much
-    [m or rad]; `{}` where none have."""
+    """Instead of `end`: it ends in the state in which it began, except for displacements of these
+    scalar coordinates [m or rad]; `{}` for no displacement."""
     duration: Duration
-    """Of the motion, or [shortest, longest] [s]."""
+    """Duration of the motion, or [shortest, longest] [s]."""
     tracks: tuple[TrackFile, ...] = ()
-    """What follows which paths."""
+    """Quantities and their paths."""
     touches: tuple[TouchFile, ...] = ()
-    """Places that points pass at times that are found."""
+    """Places that points pass at times that the search finds."""
     smooth: SmoothFile = SmoothFile()
     """Weights of accelerations and their rates."""
     bounds: BoundsFile = BoundsFile()
-    """What the motion may not leave."""
+    """Bounds of the motion."""
     parameters: dict[str, Between] = Field(default_factory=dict)
-    """Parameter of the puppet -> [low, high] between which it is chosen along with the motion."""
+    """Parameter of the puppet -> [low, high]; it is chosen along with the motion."""
     guess: str | None = None
-    """A performance file beside this one: the motion that the search begins with."""
+    """A performance file beside this one: the initial guess of the motion."""
     slack: bool = False
     """Whether strings that pull at the start may go slack."""
     explore: Annotated[int, Field(ge=0)] = 0
-    """How many random explorations look for motions through slack strings and catches."""
+    """Number of random explorations for motions through slack strings and catches."""
     time_weight: Annotated[NotNegative, SIZED] = 1.0
-    """Cost of a second, where the duration is free [1/s]."""
+    """Cost of a second, if the duration is free [1/s]."""
     interval: Positive = 0.02
-    """For which driven accelerations are constant [s]."""
+    """Length of the intervals over which driven accelerations are constant [s]."""
     step: Positive = 0.005
     """Longest time step of the derivatives [s]."""
 

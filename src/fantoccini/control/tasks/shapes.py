@@ -1,4 +1,4 @@
-"""Paths by their shape.
+"""Paths with simple shapes.
 
     p(t) = c + r (e_1 cos phi + e_2 sin phi),   phi = 2 pi turns (10 s^3 - 15 s^4 + 6 s^5)
 
@@ -13,19 +13,19 @@ import numpy as np
 
 from fantoccini.base import Array, StateError, polynomial
 
-_LEAST = 1e-6
+_MIN_RADIUS = 1e-6
 """Distance from the axis below which a place has no direction from it [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Circle:
-    """A circle from the point of it that is nearest to a place; a function of time.
+    """A circle as a function of time, starting at its point nearest to a given place.
 
     Attributes:
-        centre, first, second: (3,) its centre, and the axes of its plane [m, 1, 1].
-        radius: [m].
-        turns: rounds; negative ones go the other way about the normal.
-        start, end: when it begins and ends [s]; it rests before and after.
+        centre, first, second: (3,) centre, and unit vectors of the plane's axes [m, 1, 1].
+        radius: radius [m].
+        turns: number of turns; negative: the other way about the normal.
+        start, end: times at which it begins and ends [s]; it rests before and after.
     """
 
     centre: Array
@@ -47,30 +47,30 @@ class Circle:
         start: float,
         end: float,
     ) -> Circle:
-        """The circle about an axis that begins nearest to a place.
+        """The circle about an axis, starting at its point nearest to a place.
 
         Args:
             place, centre, normal: (3,) in the world; the normal is a unit vector [m, m, 1].
-            radius: the distance of the place from the axis when not given [m].
+            radius: radius [m]; by default the distance of the place from the axis.
             turns, start, end: see :class:`Circle`.
 
         Raises:
-            StateError: the place lies on the axis, so that there is no nearest point.
+            StateError: place on the axis, so that there is no nearest point.
         """
-        off = place - centre
-        off = off - normal * (normal @ off)
-        away = float(np.linalg.norm(off))
-        if away < _LEAST:
+        offset = place - centre
+        offset = offset - normal * (normal @ offset)
+        distance = float(np.linalg.norm(offset))
+        if distance < _MIN_RADIUS:
             raise StateError(
                 "the point starts on the circle's axis; needed: a centre beside it, in the "
                 "circle's plane"
             )
-        first = off / away
-        radius = away if radius is None else radius
+        first = offset / distance
+        radius = distance if radius is None else radius
         return cls(centre, first, np.cross(normal, first), radius, turns, start, end)
 
     def __call__(self, t: float) -> Array:
-        """(3,) the place at a time [m]."""
+        """(3,) the position at a time [m]."""
         s = np.clip((t - self.start) / (self.end - self.start), 0.0, 1.0)
         phi = 2.0 * np.pi * self.turns * polynomial.minimum_jerk(s)[0]
         direction = np.cos(phi) * self.first + np.sin(phi) * self.second

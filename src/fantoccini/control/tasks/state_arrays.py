@@ -18,7 +18,7 @@ class StateArrays:
     """Many states of a puppet, as arrays with the same leading axes.
 
     Attributes:
-        q_D, v_D, slip, q_K, v_K: (..., n) as of :class:`fantoccini.State`.
+        q_D, v_D, slip, q_K, v_K: (..., n) fields of :class:`fantoccini.State`.
     """
 
     q_D: Array
@@ -29,7 +29,7 @@ class StateArrays:
 
     @classmethod
     def of(cls, *states: State) -> StateArrays:
-        """Stacks single states."""
+        """Single states, stacked."""
         return cls(*(np.array([getattr(x, name) for x in states]) for name in STATE))
 
     def __getitem__(self, index: Any) -> StateArrays:
@@ -37,7 +37,7 @@ class StateArrays:
 
     @property
     def parts(self) -> dict[str, Array]:
-        """Name -> array."""
+        """Name of a field -> array."""
         return {name: getattr(self, name) for name in STATE}
 
     @property

@@ -1,4 +1,4 @@
-"""Targets over time: what costs ask for, at any times."""
+"""Targets over time: the values that costs ask for."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from fantoccini.base import Array, StateError, Times
 from fantoccini.control.tasks.clip import Clip
 
 Values: TypeAlias = float | Sequence[Any] | Array | Callable[[float], Any] | tuple[Any, Any]
-"""A value that holds, a function of time, or a pair of times (T,) and values (T, ...)."""
+"""A constant, a function of time, or a pair of times (T,) and values (T, ...)."""
 Target: TypeAlias = Values | Clip
-"""The same, or what a run did."""
+"""The same, or a clip of a run."""
 
 
 def values_at(what: str, target: Values, t: Times, width: int) -> Array:
-    """(len(t), width) a target at some times; between samples linear, beyond them their ends.
+    """(len(t), width) values of a target: linear between samples, constant beyond them.
 
     Args:
-        what: for errors.
+        what: name of the target, for errors.
         target: see :data:`Values`.
         t: times [s].
-        width: numbers of a value.
+        width: length of one value.
 
     Raises:
-        StateError: it gives no values of this width, or none that are finite.
+        StateError: values of another width, or not finite.
     """
     if callable(target):
-        found = np.array([np.ravel(target(float(time))) for time in t], dtype=float)
+        rows = np.array([np.ravel(target(float(time))) for time in t], dtype=float)
     elif isinstance(target, tuple) and len(target) == 2 and np.ndim(target[0]) == 1:
         times, values = np.asarray(target[0], float), np.asarray(target[1], float)
         values = values.reshape(len(values), -1)
@@ -38,12 +38,12 @@ def values_at(what: str, target: Values, t: Times, width: int) -> Array:
                 f"{what}: {len(times)} times and {len(values)} values; needed: as many rising "
                 "times as values"
             )
-        found = np.stack([np.interp(t, times, column) for column in values.T], axis=1)
+        rows = np.stack([np.interp(t, times, column) for column in values.T], axis=1)
     else:
-        found = np.repeat(np.asarray(target, float).reshape(1, -1), len(t), axis=0)
-    if found.ndim != 2 or found.shape[1] != width or not np.all(np.isfinite(found)):
+        rows = np.repeat(np.asarray(target, float).reshape(1, -1), len(t), axis=0)
+    if rows.ndim != 2 or rows.shape[1] != width or not np.all(np.isfinite(rows)):
         raise StateError(
-            f"{what}: the target has values of {found.shape[-1]} numbers; needed: {width} finite "
+            f"{what}: the target has values of {rows.shape[-1]} numbers; needed: {width} finite "
             f"number{'s' if width > 1 else ''}"
         )
-    return found
+    return rows

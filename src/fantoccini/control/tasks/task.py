@@ -23,21 +23,21 @@ from fantoccini.motion import Input, State
 
 @dataclass(frozen=True)
 class PlanConditions:
-    """Conditions under which a plan holds, beside a task's bounds.
+    """Conditions that a plan must meet in addition to a task's bounds.
 
     Attributes:
         tolerance: largest distance from the end, in its unit [rad and m for poses and states, m for
             points].
         hold: time for which the puppet must stay at the end, with the inputs brought to rest [s];
-            1 s where it is to touch something, to stand or to push a prop, otherwise 0.
+            1 s if it is to touch something, to stand or to push a prop, otherwise 0.
         contact: ``"keep off"``: the puppets touch nothing but themselves; or
-            ``{"touch": [("hand", "table")]}``, the pairs that may touch. What the end asks to touch
-            may, and so may props and what they lie on.
-        slack: whether taut strings may go slack on the way. Plans in which none does depend less
-            on how exactly they are followed.
+            ``{"touch": [("hand", "table")]}``, the pairs that may touch. Pairs that must touch at
+            the end may touch before, and so may props and the parts that they lie on.
+        slack: whether taut strings may go slack on the way. Plans in which no string goes slack
+            depend less on how exactly they are followed.
 
     Raises:
-        ValueError: a number out of range.
+        ValueError: number out of range.
     """
 
     tolerance: float = 0.1
@@ -52,38 +52,38 @@ class PlanConditions:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A motion within bounds, and of least cost where it is optimised::
+    """A motion within bounds, of least cost if it is optimised::
 
         min J(x, acc_K)   x_{i+1} = F(x_i, acc_i),  x_0 given,  bounds
 
-    ``plan`` searches for one that ends as asked, whatever it costs.
+    ``plan`` searches for any motion that reaches the end, regardless of cost.
 
     Attributes:
         marionette: the puppet.
-        x0: where it starts.
-        duration: of the motion [s]; two numbers where it is free between them. Plans last at most
-            so long, and as long as they take where it is not given.
-        tracks: what it follows.
+        x0: start.
+        duration: duration of the motion [s]; two numbers if it is free between them. For plans it
+            is the longest duration, unlimited by default.
+        tracks: paths to follow.
         smooth: weights of the inputs' accelerations and their rates.
-        bounds: what it may not leave.
-        end: the state at the end, where it is given; dynamic and driven coordinates and velocities.
-            Of plans also names and values (``{"elbow": 1.2}``), a
-            :class:`fantoccini.control.Goal`, or a function of
-            :class:`fantoccini.control.StateArrays` that returns distances.
-        periodic: instead: it ends as it began, but for these scalar coordinates, which have moved
-            by so much [m or rad]; ``{}`` where none have.
-        guess: motion of the inputs to begin the search with, where none is given to it.
-        time_weight: cost of a second, where the duration is free [1/s].
-        interval: between nodes; the inputs' accelerations are constant over it [s].
+        bounds: bounds of the motion.
+        end: state at the end, if any; dynamic and driven coordinates and velocities. Plans also
+            accept names and values (``{"elbow": 1.2}``), a :class:`fantoccini.control.Goal`, or a
+            function of :class:`fantoccini.control.StateArrays` that returns distances.
+        periodic: instead of ``end``: the motion ends in the state in which it began, except for
+            displacements of these scalar coordinates [m or rad]; ``{}`` for no displacement.
+        guess: initial guess of the inputs' motion, used if the search is given no other.
+        time_weight: cost of a second, if the duration is free [1/s].
+        interval: length of the intervals between nodes, over which the inputs' accelerations are
+            constant [s].
         dt: longest time step [s].
-        name: of the task, for pictures and reports.
-        parameters: name -> lowest and highest value, of numbers of the puppet that are chosen along
-            with the motion; see :class:`fantoccini.control.tasks.chosen.Chosen`.
-        explore: how many random explorations look for motions through strings that go slack and are
-            caught, and more while none of them holds; with 0 the first motion is improved.
-        touches: places that points of bodies pass, at times that are found.
-        obstacles: in addition to the world's.
-        conditions: of plans.
+        name: name of the task, for pictures and reports.
+        parameters: name -> lowest and highest value of parameters that are chosen along with the
+            motion; see :class:`fantoccini.control.tasks.chosen.Chosen`.
+        explore: number of random explorations for motions through strings that go slack and are
+            caught, with more of them until one holds; with 0 the initial guess is improved.
+        touches: places that points of bodies pass, at times that the search finds.
+        obstacles: obstacles in addition to the world's.
+        conditions: conditions of plans.
     """
 
     marionette: Marionette
@@ -108,9 +108,9 @@ class Task:
     def __post_init__(self) -> None:
         check_positive(interval=self.interval, dt=self.dt)
         self._check_duration()
-        if not all(isinstance(one, Track) for one in self.tracks):
+        if not all(isinstance(entry, Track) for entry in self.tracks):
             raise StateError(f"a task's tracks are {self.tracks!r}; needed: a list of Track")
-        if not all(isinstance(one, Touch) for one in self.touches):
+        if not all(isinstance(entry, Touch) for entry in self.touches):
             raise StateError(f"a task's touches are {self.touches!r}; needed: a list of Touch")
         check_windows(self.touches, self.x0.t, self.x0.t + self.longest)
         if self.explore and (self.bounds.force or self.bounds.has_motors):
@@ -139,7 +139,7 @@ class Task:
             self.marionette.check_state(self.goal)
 
     def _check_duration(self) -> None:
-        """Raises StateError or ValueError for a duration that is not one."""
+        """Raises StateError or ValueError for an invalid duration."""
         if self.duration is None:
             return
         if np.ndim(self.duration) and np.shape(self.duration) != (2,):
@@ -152,31 +152,31 @@ class Task:
 
     @property
     def goal(self) -> State | None:
-        """The state at the end, where it is given: ``end``, or the start moved by ``periodic``."""
+        """The state at the end, if any: ``end``, or the start displaced by ``periodic``."""
         if self.periodic is None:
             return self.end if isinstance(self.end, State) else None
         return moved(self.marionette, self.x0, self.periodic)
 
     @property
     def world(self) -> tuple[Marionette, tuple[Obstacle | HalfSpace | Mapping[str, Any], ...]]:
-        """The puppet, among the obstacles where it may touch them, and those it is kept clear of.
+        """The puppet with the obstacles that it can touch, and the obstacles it must stay clear of.
 
         Raises:
             FileError: a mapping is not an obstacle, or a name is used twice.
         """
         if self.marionette.contacts is None:
             return self.marionette, tuple(self.obstacles)
-        every = standing(self.marionette.puppet, self.obstacles)
-        solid = [o for o in every if not isinstance(o, HalfSpace)]
-        beside = tuple(o for o in every if isinstance(o, HalfSpace) and o.name != FLOOR)
-        return self.marionette.with_obstacles(solid), beside
+        obstacles = standing(self.marionette.puppet, self.obstacles)
+        solids = [o for o in obstacles if not isinstance(o, HalfSpace)]
+        half_spaces = tuple(o for o in obstacles if isinstance(o, HalfSpace) and o.name != FLOOR)
+        return self.marionette.with_obstacles(solids), half_spaces
 
     @property
     def durations(self) -> tuple[float, float]:
         """The shortest and the longest duration [s].
 
         Raises:
-            StateError: none is given.
+            StateError: task without a duration.
         """
         if self.duration is None:
             raise StateError("the task has no duration; needed: a number, or two")
@@ -185,7 +185,7 @@ class Task:
 
     @property
     def longest(self) -> float:
-        """The longest duration; infinite where none is given [s]."""
+        """The longest duration [s]; infinite if there is none."""
         return math.inf if self.duration is None else self.durations[1]
 
     @property
@@ -196,23 +196,23 @@ class Task:
 
     @property
     def n_intervals(self) -> int:
-        """Intervals between nodes; where the duration is free, of the longest."""
+        """Number of intervals between nodes, for the longest duration."""
         return max(1, math.ceil(self.durations[1] / self.interval - 1e-9))
 
 
-def moved(marionette: Marionette, x: State, ways: Mapping[str, float]) -> State:
-    """A state of which scalar coordinates, dynamic or driven, have moved by so much [m or rad].
+def moved(marionette: Marionette, x: State, displacements: Mapping[str, float]) -> State:
+    """The state with scalar coordinates, dynamic or driven, displaced [m or rad].
 
     Raises:
-        UnknownNameError: a name that is no scalar coordinate.
+        UnknownNameError: name that is not a scalar coordinate.
     """
     t = marionette.coordinates
     q_D, q_K = np.array(x.q_D), np.array(x.q_K)
     places = {t.q_D[q]: (q_D, q) for q, _ in t.scalars_D}
     places |= {t.q_K[q]: (q_K, q) for q, _ in t.scalars_K}
-    for name, way in ways.items():
+    for name, displacement in displacements.items():
         if name not in places:
             raise UnknownNameError("scalar coordinate", name, list(places))
-        q, at = places[name]
-        q[at] += way
+        q, index = places[name]
+        q[index] += displacement
     return x.replace(q_D=q_D, q_K=q_K)

@@ -34,12 +34,12 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State, Trajectory, csv_columns
 
 _COLUMNS = {"point": ("x", "y", "z"), "orientation": ("qw", "qx", "qy", "qz")}
-"""Columns of a CSV file by the kind of a track; `value` for the others."""
+"""Columns of a CSV file by the kind of a track; `value` for other kinds."""
 _MAX_INTERVALS = 10_000
-"""Largest number of intervals of a motion, and of time steps in one."""
+"""Largest number of intervals of a motion, and of time steps in an interval."""
 
 Spot = tuple[str | int, ...]
-"""Keys and indices."""
+"""Keys and indices that lead to an entry of a file."""
 
 
 def task_names() -> tuple[str, ...]:
@@ -53,14 +53,14 @@ def task_schema() -> dict[str, Any]:
 
 
 def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = None) -> Task:
-    """Reads a task file.
+    """The task of a task file.
 
     Args:
-        path: of the file, or the name of a bundled task (``crane``).
+        path: path of the file, or the name of a bundled task (``crane``).
         progress: called as each slow step begins; ``what`` describes it.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: all mistakes with their locations.
     """
     reading = read_control_file(path, TaskFile, progress)
     file, marionette, check = reading.file, reading.marionette, reading.check
@@ -74,7 +74,7 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
     x0 = reading.start
     check(("bounds",), lambda: bounds.check_state(marionette, x0, "at the start"))
     for name, span in file.parameters.items():
-        check(("parameters", name), lambda one={name: span}: Chosen(marionette, x0, one))
+        check(("parameters", name), lambda interval={name: span}: Chosen(marionette, x0, interval))
     reader = _Reader(reading, x0)
     tracks = [reader.track(track, ("tracks", i)) for i, track in enumerate(file.tracks)]
     touches = [reader.touch(touch, ("touches", i)) for i, touch in enumerate(file.touches)]
@@ -84,12 +84,15 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
         goal = {**file.start, **file.end}
         end = check.need(("end",), lambda: marionette.rest(goal))
         check(("end",), lambda: bounds.check_end(marionette, x0, end))
-    for key, way in (file.periodic or {}).items():
-        check(("periodic", key), lambda key=key, way=way: moved(marionette, x0, {key: way}))
+    for key, displacement in (file.periodic or {}).items():
+        check(
+            ("periodic", key),
+            lambda key=key, displacement=displacement: moved(marionette, x0, {key: displacement}),
+        )
     check.refuse()
-    if ways := file.periodic:
-        again = moved(marionette, x0, ways)
-        check(("periodic",), lambda: bounds.check_end(marionette, x0, again))
+    if displacements := file.periodic:
+        end_state = moved(marionette, x0, displacements)
+        check(("periodic",), lambda: bounds.check_end(marionette, x0, end_state))
     if not file.parameters:
         check(("bounds", "held"), lambda: bounds.check_moves(marionette))
     guess = None
@@ -123,12 +126,12 @@ def load_task(path: str | os.PathLike[str], *, progress: OnProgress | None = Non
 
 
 def _guess(reading: Reading[TaskFile]) -> Input:
-    """The motion of a performance file beside a task file."""
+    """The motion in the performance file that a task file names."""
     return Input.load(reading.marionette, _beside(reading.file.located, str(reading.file.guess)))
 
 
 def _beside(located: Located, name: str) -> Path:
-    """A file in the folder of another."""
+    """The path of a file in the folder of another."""
     path = located.beside(name)
     if path is None:
         raise StateError(f"found {shown(name)}: no file in this one's folder")
@@ -136,11 +139,11 @@ def _beside(located: Located, name: str) -> Path:
 
 
 class _Reader:
-    """Makes tracks of a file.
+    """Converts the tracks and touches of a file.
 
     Args:
         reading: the file.
-        x0: where it starts.
+        x0: start of the motion.
     """
 
     def __init__(self, reading: Reading[TaskFile], x0: State):
@@ -150,13 +153,13 @@ class _Reader:
         self._touches: list[Touch] = []
 
     def track(self, file: TrackFile, spot: Spot) -> Track | None:
-        """The track; None where it has mistakes."""
+        """The track; None if it has mistakes."""
         path = self._path(file, spot)
         if path is None:
             return None
         start = -math.inf if file.start is None else file.start
         end = math.inf if file.end is None else file.end
-        made = Track(
+        track = Track(
             file.kind,
             getattr(file, file.kind),
             path,
@@ -168,38 +171,38 @@ class _Reader:
         )
         if file.kind != "tension":  # its path is checked by the width of its values
             still = Nodes.still(self._marionette, self._x0, 1.0, 1)
-            if self._check(spot, lambda: residual_of(self._marionette, made, still)) is None:
+            if self._check(spot, lambda: residual_of(self._marionette, track, still)) is None:
                 return None
-        return made
+        return track
 
     def touch(self, file: TouchFile, spot: Spot) -> Touch | None:
-        """The touch; None where it has mistakes."""
+        """The touch; None if it has mistakes."""
         place = self._check((*spot, "point"), lambda: self._place(file.point, file.at))
         if place is None:
             return None
-        goal = place + np.array(file.by) if file.place is None else np.array(file.place)
-        made = self._check((*spot, "between"), lambda: self._touch(file, goal))
-        if made is not None:
-            self._touches.append(made)
-        return made
+        target = place + np.array(file.by) if file.place is None else np.array(file.place)
+        touch = self._check((*spot, "between"), lambda: self._touch(file, target))
+        if touch is not None:
+            self._touches.append(touch)
+        return touch
 
     def _touch(self, file: TouchFile, place: Array) -> Touch:
-        """A touch that has a time after those before it."""
+        """A touch, checked for time after those before it."""
         low, high = file.between
         between = (-math.inf if low is None else low, math.inf if high is None else high)
-        made = Touch(file.point, place, file.at, between, file.in_turn)
+        touch = Touch(file.point, place, file.at, between, file.in_turn)
         end = self._x0.t + float(np.max(self._duration))
-        check_windows([*self._touches, made], self._x0.t, end)
-        return made
+        check_windows([*self._touches, touch], self._x0.t, end)
+        return touch
 
     def _place(self, body: str, at: tuple[float, ...]) -> Array:
-        """(3,) where a point of a body is at the start."""
+        """(3,) the position of a point of a body at the start."""
         link = self._marionette.link_index(body)
         pose = self._marionette.poses(self._x0.q_D[None], self._x0.q_K[None])[0, link]
         return np.asarray(pose[:, :3] @ np.array(at) + pose[:, 3])
 
     def _path(self, file: TrackFile, spot: Spot) -> Target | None:
-        """Its path; None where it has mistakes."""
+        """The path of a track; None if it has mistakes."""
         check, kind = self._check, file.kind
         if file.circle is not None:
             circle = file.circle
@@ -217,10 +220,10 @@ class _Reader:
             for j, value in enumerate(file.values)
         ]
         times = check((*spot, "times"), lambda: _times(file.times, len(values)))
-        good = [value for value in values if value is not None]
-        if times is None or len(good) < len(values):
+        valid = [value for value in values if value is not None]
+        if times is None or len(valid) < len(values):
             return None
-        return times, _continuous(kind, np.array(good))
+        return times, _continuous(kind, np.array(valid))
 
     def _circle(self, file: TrackFile, circle: CircleFile) -> Circle:
         x0 = self._x0
@@ -237,11 +240,11 @@ class _Reader:
         normal = np.array(circle.normal)
         return Circle.near(place, centre, normal, circle.radius, circle.turns, start, end)
 
-    def _run(self, file: TrackFile, given: RunFile) -> Clip:
-        run = Trajectory.load(_beside(self._located, given.file))
-        clip = Clip(run, given.of, given.begin, given.speed, given.by)
-        now = np.array([self._x0.t])
-        clip.values(self._marionette, file.kind, getattr(file, file.kind), file.at, now)
+    def _run(self, file: TrackFile, section: RunFile) -> Clip:
+        run = Trajectory.load(_beside(self._located, section.file))
+        clip = Clip(run, section.of, section.begin, section.speed, section.by)
+        start_time = np.array([self._x0.t])
+        clip.values(self._marionette, file.kind, getattr(file, file.kind), file.at, start_time)
         return clip
 
     def _csv(self, kind: str, name: str) -> tuple[Array, Array]:
@@ -264,30 +267,30 @@ class _Reader:
 def _number(kind: str, value: float | tuple[float, ...] | None) -> Array:
     """(width,) one value of a path."""
     assert value is not None  # or it was refused
-    found = np.atleast_1d(np.asarray(value, dtype=float))
-    if kind == "orientation" and len(found) == 3:
-        return np.array(rotation_vector_quaternion(tuple(found)))
+    numbers = np.atleast_1d(np.asarray(value, dtype=float))
+    if kind == "orientation" and len(numbers) == 3:
+        return np.array(rotation_vector_quaternion(tuple(numbers)))
     width = len(_COLUMNS.get(kind, ("value",)))
-    if len(found) != width:
+    if len(numbers) != width:
         needed = {3: "3 numbers", 4: "a quaternion or a rotation vector"}.get(width, "a number")
         raise StateError(f"found {shown(value)}; needed: {needed}")
-    return found
+    return numbers
 
 
 def _times(times: tuple[float, ...], n: int) -> Array:
-    """(n,) rising times."""
+    """(n,) ascending times, checked."""
     if len(times) != n:
         raise StateError(f"found {len(times)} times for {n} values; needed: as many")
     rising = np.array(times)
-    late = np.flatnonzero(~(np.diff(rising) > 0.0))
-    if len(late):
-        a, b = rising[late[0] : late[0] + 2]
+    index = np.flatnonzero(~(np.diff(rising) > 0.0))
+    if len(index):
+        a, b = rising[index[0] : index[0] + 2]
         raise StateError(f"found {a:g} before {b:g}; needed: rising times")
     return rising
 
 
 def _continuous(kind: str, values: Array) -> Array:
-    """The same values; quaternions with signs that do not jump."""
+    """The same values; quaternions with continuous signs."""
     if kind != "orientation":
         return values
     if np.any(np.linalg.norm(values, axis=1) < 0.5):
@@ -296,17 +299,20 @@ def _continuous(kind: str, values: Array) -> Array:
 
 
 def _check_intervals(reading: Reading[TaskFile]) -> None:
-    """Notes intervals or steps of which there would be too many."""
+    """Notes an interval or step that is too short."""
     file = reading.file
-    high = float(np.max(file.duration))
-    for key, whole, part in (("interval", high, file.interval), ("step", file.interval, file.step)):
+    longest = float(np.max(file.duration))
+    for key, whole, part in (
+        ("interval", longest, file.interval),
+        ("step", file.interval, file.step),
+    ):
         if whole / part > _MAX_INTERVALS:
             text = f"found {part:g}, of which there would be {whole / part:.3g}"
             reading.note((key,), f"{text}; allowed: {_MAX_INTERVALS}")
 
 
 def _check_exploring(reading: Reading[TaskFile]) -> None:
-    """Notes what does not go together with explorations."""
+    """Notes entries that cannot be combined with explorations."""
     file = reading.file
     if file.explore and not file.slack:
         text = "it looks for motions through slack strings; needed beside it: slack: true"
@@ -323,7 +329,7 @@ def _check_exploring(reading: Reading[TaskFile]) -> None:
 
 
 def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Mistakes) -> None:
-    """Notes a name that the puppet does not have."""
+    """Notes a track's name that the puppet does not have."""
     name, kind = getattr(file, file.kind), file.kind
     if kind == "tension":
         check((*spot, kind), lambda: Bounds(tension={name: (0.0, 1.0)}).tensions(marionette))
@@ -334,44 +340,47 @@ def _check_name(file: TrackFile, marionette: Marionette, spot: Spot, check: Mist
 
 
 def _bounds(reading: Reading[TaskFile]) -> Bounds:
-    """The bounds of a file, of which mistakes are noted one by one."""
+    """The bounds of a file; mistakes are noted one by one."""
     file, marionette, check = reading.file.bounds, reading.marionette, reading.check
 
     def intervals(key: str) -> dict[str, Interval]:
-        given: Mapping[str, tuple[float | None, float | None]] = getattr(file, key)
+        section: Mapping[str, tuple[float | None, float | None]] = getattr(file, key)
         spans = {
             name: (-math.inf if a is None else a, math.inf if b is None else b)
-            for name, (a, b) in given.items()
+            for name, (a, b) in section.items()
         }
         for name, span in spans.items():
-            one = _bounds_of(key, {name: span})
+            bounds = _bounds_of(key, {name: span})
             if not span[0] < span[1]:
                 text = f"found {span[0]:g} and {span[1]:g}; the first must be less"
                 reading.note(("bounds", key, name), text)
             elif key == "tension":
-                check(("bounds", key, name), lambda one=one: one.tensions(marionette))
+                check(("bounds", key, name), lambda bounds=bounds: bounds.tensions(marionette))
             elif key == "force":
-                check(("bounds", key, name), lambda one=one: one.forces(marionette))
+                check(("bounds", key, name), lambda bounds=bounds: bounds.forces(marionette))
             else:
-                check(("bounds", key, name), lambda one=one: one.intervals(marionette))
+                check(("bounds", key, name), lambda bounds=bounds: bounds.intervals(marionette))
         return spans
 
     def most(key: str) -> Most:
-        given: Most | None = getattr(file, key)
-        if given is None:
+        section: Most | None = getattr(file, key)
+        if section is None:
             return math.inf
-        spots: list[tuple[Spot, Most]] = [((), given)]
-        if isinstance(given, dict):
-            spots = [((name,), {name: value}) for name, value in given.items()]
+        spots: list[tuple[Spot, Most]] = [((), section)]
+        if isinstance(section, dict):
+            spots = [((name,), {name: value}) for name, value in section.items()]
         for spot, value in spots:
-            one = _bounds_of(key, value)
-            look = one.motors if key in ("voltage", "current") else one.magnitudes
-            check(("bounds", key, *spot), lambda look=look: look(marionette, key))
-        return given
+            bounds = _bounds_of(key, value)
+            check_bounds = bounds.motors if key in ("voltage", "current") else bounds.magnitudes
+            check(
+                ("bounds", key, *spot),
+                lambda check_bounds=check_bounds: check_bounds(marionette, key),
+            )
+        return section
 
     for j, name in enumerate(file.held):
-        one = Bounds(held=(name,))
-        check(("bounds", "held", j), lambda one=one: one.magnitudes(marionette, "acceleration"))
+        held = Bounds(held=(name,))
+        check(("bounds", "held", j), lambda held=held: held.magnitudes(marionette, "acceleration"))
     return Bounds(
         intervals("position"),
         most("speed"),

@@ -1,4 +1,4 @@
-"""Touches: places to be passed at times that the search finds."""
+"""Touches: places to pass at times that the search finds."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Touch:
     """min |place(t) - target| over t in the window is 0: a point of a body passes a place.
 
     Attributes:
-        body: whose point.
-        place: (3,) in the world [m].
+        body: name of the body.
+        place: (3,) the place in the world [m].
         at: (3,) the point in the body's frame [m].
         between: the window, first and last time [s]; the whole motion by default.
-        in_turn: whether it comes no earlier than the touch before it in the list.
+        in_turn: whether it comes no earlier than the previous touch in the list.
     """
 
     body: str
@@ -31,10 +31,10 @@ class Touch:
 
     def __post_init__(self) -> None:
         place = np.asarray(self.place, dtype=float)
-        for what, found in (("place", place), ("point", np.asarray(self.at, dtype=float))):
-            if found.shape != (3,) or not np.all(np.isfinite(found)):
+        for label, vector in (("place", place), ("point", np.asarray(self.at, dtype=float))):
+            if vector.shape != (3,) or not np.all(np.isfinite(vector)):
                 raise StateError(
-                    f"the {what} of a touch of {self.body} is {found.tolist()}; needed: 3 finite "
+                    f"the {label} of a touch of {self.body} is {vector.tolist()}; needed: 3 finite "
                     "numbers"
                 )
         if np.shape(self.between) != (2,) or not self.between[0] < self.between[1]:
@@ -48,12 +48,12 @@ class Touch:
 
 @dataclass(frozen=True, eq=False)
 class Touched:
-    """How near a motion came to a place.
+    """The closest approach of a motion to a place.
 
     Attributes:
-        touch: what was asked for.
-        t: when it was nearest [s].
-        distance: how near [m].
+        touch: the required touch.
+        t: time of the closest approach [s].
+        distance: distance at that time [m].
     """
 
     touch: Touch
@@ -65,7 +65,7 @@ class Touched:
 
 
 def check_windows(touches: Sequence[Touch], start: float, end: float) -> None:
-    """Raises StateError where a touch has no time within a motion, or in its turn."""
+    """Raises StateError if the window of a touch misses the motion, or ends before its turn."""
     earliest = -math.inf
     for touch in touches:
         if touch.between[1] <= start or touch.between[0] >= end:

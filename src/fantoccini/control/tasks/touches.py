@@ -1,4 +1,4 @@
-"""What a plan may touch, what it is to touch at its goal, and what it keeps off."""
+"""Touches of a plan: allowed pairs, required pairs at the goal, and pairs that must stay apart."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ Pair: TypeAlias = "tuple[str, str] | Sequence[str]"
 ContactLike: TypeAlias = "str | Mapping[str, Iterable[Pair]]"
 """``"keep off"``, or ``{"touch": [("hand", "table")]}``: the pairs that may touch."""
 
-_STEPS_BEFORE = 3
-"""Time steps before a touch from which its speed is taken."""
-_TOUCHING = 1e-6
-"""Gap up to which parts touch that are kept off [m]."""
-_FAR = 100.0
-"""Distance up to which gaps of asked touches are measured [m]."""
+_SPEED_STEPS = 3
+"""Time steps before a touch over which its speed is measured."""
+_MAX_TOUCHING_GAP = 1e-6
+"""Largest gap at which parts that must stay apart count as touching [m]."""
+_MAX_GAP = 100.0
+"""Largest gap of a required touch that is measured [m]."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Meeting:
 
     Attributes:
         parts: their names.
-        t: of the first touch [s].
-        speed: at which they met first [m/s].
+        t: time of the first touch [s].
+        speed: closing speed at the first touch [m/s].
         asked: whether the plan may touch there.
-        force: between them at the end of the run [N].
+        force: force between them at the end of the run [N].
     """
 
     parts: tuple[str, str]
@@ -54,26 +54,26 @@ class Meeting:
 
 
 class Touches:
-    """The pairs of contact of a puppet, sorted into those that may touch and those kept off.
+    """The contact pairs of a puppet, sorted into those that may touch and those kept apart.
 
-    Parts that belong to no puppet, as props and floor, may always touch one another. So may bodies
-    of one puppet, unless these are kept clear of one another.
+    Parts that belong to no puppet, such as props and the floor, may always touch one another. So
+    may bodies of one puppet, unless `self_collision` is set.
 
     Attributes:
         marionette: the puppet.
-        asked: the pairs that are to touch at the goal.
+        asked: pairs that must touch at the goal.
         may: (n_pairs,) bool, the pairs of ``marionette.contacts`` that may touch.
-        touch_of: (n_pairs,) the place in ``asked`` of every pair; -1 where it is not asked for.
+        touch_of: (n_pairs,) index in ``asked`` of every pair; -1 for a pair that is not required.
 
     Args:
         marionette: the puppet.
         contact: the pairs that may touch.
-        asked: those that are to touch at the goal; they may touch before.
-        self_collision: whether bodies of one puppet are kept off one another.
+        asked: pairs that must touch at the goal; they may touch before.
+        self_collision: whether bodies of one puppet are kept apart.
 
     Raises:
-        StateError: what is to touch never does, by the puppet's rules of contact.
-        UnknownNameError: nothing of this name may touch anything.
+        StateError: required touch that the puppet's rules of contact exclude.
+        UnknownNameError: name of a part that cannot touch anything.
     """
 
     def __init__(
@@ -84,41 +84,41 @@ class Touches:
         self_collision: bool = False,
     ):
         self.marionette = marionette
-        self.asked = tuple(pair_of(one) for one in asked)
+        self.asked = tuple(pair_of(names) for names in asked)
         self.may = np.zeros(len(self.names), dtype=bool)
         self.touch_of = np.full(len(self.names), -1, dtype=np.int32)
         for pair in pairs_of(contact):
             self.may |= touching(marionette, pair)
         for k, pair in enumerate(self.asked):
-            found = touching(marionette, pair)
-            self.may |= found
-            self.touch_of[found] = k
+            selected = touching(marionette, pair)
+            self.may |= selected
+            self.touch_of[selected] = k
         for k, (a, b) in enumerate(self.names):
-            own = bool(self._bodies & {a, b}) and not self._of_two(a, b)
+            own = bool(self._bodies & {a, b}) and not self._is_foreign(a, b)
             self.may[k] |= not self._bodies & {a, b} or (own and not self_collision)
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:
-        """The names of all pairs of contact."""
+        """The names of all contact pairs."""
         return () if self.contacts is None else self.contacts.names
 
     @property
     def contacts(self) -> Contacts | None:
-        """The pairs of contact; None for a puppet that touches nothing."""
+        """The contact pairs; None for a puppet without contact."""
         return self.marionette.contacts
 
     @cached_property
     def free(self) -> frozenset[frozenset[str]]:
         """The names of pairs that may touch."""
         names = [frozenset(pair) for pair in self.names]
-        kept = {pair for pair, may in zip(names, self.may, strict=True) if not may}
-        return frozenset(names) - kept
+        forbidden = {pair for pair, may in zip(names, self.may, strict=True) if not may}
+        return frozenset(names) - forbidden
 
     @cached_property
     def expected(self) -> bool:
-        """Whether anything may touch anything but bodies of one puppet each other."""
+        """Whether any pair may touch, other than two bodies of one puppet."""
         return any(
-            may and (self._of_two(*pair) or not self._bodies & set(pair))
+            may and (self._is_foreign(*pair) or not self._bodies & set(pair))
             for pair, may in zip(self.names, self.may, strict=True)
         )
 
@@ -128,86 +128,86 @@ class Touches:
         return tuple(sorted(met & self._bodies))
 
     @cached_property
-    def _of_touches(self) -> tuple[Contacts, Indices] | None:
-        """The pairs that are asked for, and the touch that each is part of."""
+    def _asked_contacts(self) -> tuple[Contacts, Indices] | None:
+        """The required contact pairs, and the index of the touch that each belongs to."""
         if self.contacts is None or not self.asked:
             return None
-        which = self.touch_of >= 0
-        return self.contacts.some(which), self.touch_of[which]
+        selected = self.touch_of >= 0
+        return self.contacts.some(selected), self.touch_of[selected]
 
     def broken(self, q_D: Array, q_K: Array) -> tuple[str, str] | None:
-        """Two parts that touch at a configuration, though they are kept off; None without any."""
+        """Two parts that touch at a configuration although they must not; None without any."""
         if self.contacts is None or np.all(self.may):
             return None
-        kept, marionette = self.contacts.some(~self.may), self.marionette
-        gaps = marionette.library.gaps(kept, q_D, q_K, marionette.p)
+        forbidden, marionette = self.contacts.some(~self.may), self.marionette
+        gaps = marionette.library.gaps(forbidden, q_D, q_K, marionette.p)
         nearest = int(np.argmin(gaps))
-        return kept.names[nearest] if gaps[nearest] <= _TOUCHING else None
+        return forbidden.names[nearest] if gaps[nearest] <= _MAX_TOUCHING_GAP else None
 
     def gaps(self, q_D: Array, q_K: Array) -> Array:
-        """(..., n_asked) gaps of the touches that are asked for; negative where parts overlap [m].
+        """(..., n_asked) gaps of the required touches; negative where parts overlap [m].
 
         Args:
-            q_D, q_K: (..., n_qD), (..., n_qK).
+            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
         """
-        lead = q_D.shape[:-1]
-        found = np.full((*lead, len(self.asked)), _FAR)
-        if self._of_touches is None:
-            return found
-        contacts, touch = self._of_touches
-        q_K = np.broadcast_to(q_K, (*lead, q_K.shape[-1]))
+        shape = q_D.shape[:-1]
+        touch_gaps = np.full((*shape, len(self.asked)), _MAX_GAP)
+        if self._asked_contacts is None:
+            return touch_gaps
+        contacts, touch = self._asked_contacts
+        q_K = np.broadcast_to(q_K, (*shape, q_K.shape[-1]))
         marionette = self.marionette
-        gaps = marionette.library.gaps(contacts, q_D, q_K, marionette.p, _FAR)
+        gaps = marionette.library.gaps(contacts, q_D, q_K, marionette.p, _MAX_GAP)
         for k in range(len(self.asked)):
-            found[..., k] = np.minimum(np.min(gaps[..., touch == k], axis=-1), _FAR)
-        return found
+            touch_gaps[..., k] = np.minimum(np.min(gaps[..., touch == k], axis=-1), _MAX_GAP)
+        return touch_gaps
 
     def meetings(self, run: Trajectory) -> tuple[Meeting, ...]:
-        """The pairs of parts that began to touch in a run, in order, or push at its end.
+        """The pairs of parts that began to touch in a run or push at its end, in order of time.
 
-        Those of one puppet, and of parts that belong to none, are left out.
+        Pairs within one puppet, and pairs without a puppet, are left out.
         """
-        found: dict[frozenset[str], EventRecord | None] = {}
-        for one in run.events:
-            if one.kind == "touch":
-                found.setdefault(frozenset(one.name.split("|")), one)
+        events: dict[frozenset[str], EventRecord | None] = {}
+        for event_record in run.events:
+            if event_record.kind == "touch":
+                events.setdefault(frozenset(event_record.name.split("|")), event_record)
         if run.contact is None:
             return ()
         end = run.contact.at(len(run) - 1)
         for k in set(end.pair.tolist()):
-            found.setdefault(frozenset(end.names[k]), None)
-        made = []
-        for names, event in found.items():
+            events.setdefault(frozenset(end.names[k]), None)
+        meetings = []
+        for names, event in events.items():
             a, b = (*names, *names)[:2]
-            if not self._of_two(a, b):
+            if not self._is_foreign(a, b):
                 continue
             force = float(np.sum(end.of(a, b).normal_force))
             t = float(run.t[0]) if event is None else event.t
             speed = 0.0 if event is None else event.speed or self._speed(run, names, event.t)
             parts = (a, b) if a in self._bodies else (b, a)
-            made.append(Meeting(parts, t, speed, names in self.free, force))
-        return tuple(sorted(made, key=lambda one: one.t))
+            meetings.append(Meeting(parts, t, speed, names in self.free, force))
+        return tuple(sorted(meetings, key=lambda event_record: event_record.t))
 
     def _speed(self, run: Trajectory, names: frozenset[str], t: float) -> float:
-        """The speed at which two parts met by time-stepping, from their gaps in the steps before.
+        """The closing speed of two parts by time-stepping, from their gaps in the steps before.
 
-        The step in which they meet and the one before it slow them down already.
+        The step of the touch and the one before it are already slowed down.
         """
         assert self.contacts is not None  # or nothing touches
-        at = int(np.searchsorted(run.t, t))
-        before = np.arange(max(0, at - _STEPS_BEFORE), at + 1)
-        some = self.contacts.some(np.array([frozenset(n) == names for n in self.names]))
-        q_D, q_K, marionette = run.q_D[before], run.q_K[before], self.marionette
-        gaps = np.min(marionette.library.gaps(some, q_D, q_K, marionette.p, _FAR), axis=-1)
-        return float(np.max(-np.diff(gaps) / np.diff(run.t[before]), initial=0.0))
+        last = int(np.searchsorted(run.t, t))
+        steps = np.arange(max(0, last - _SPEED_STEPS), last + 1)
+        contacts = self.contacts.some(np.array([frozenset(n) == names for n in self.names]))
+        q_D, q_K, marionette = run.q_D[steps], run.q_K[steps], self.marionette
+        gaps = np.min(marionette.library.gaps(contacts, q_D, q_K, marionette.p, _MAX_GAP), axis=-1)
+        return float(np.max(-np.diff(gaps) / np.diff(run.t[steps]), initial=0.0))
 
     @cached_property
     def _bodies(self) -> set[str]:
         puppet = self.marionette.puppet
         return {body.name for body in puppet.expanded().bodies} - set(puppet.props)
 
-    def _of_two(self, a: str, b: str) -> bool:
-        """Whether a body of a puppet meets what is not its own."""
+    def _is_foreign(self, a: str, b: str) -> bool:
+        """Whether a body of a puppet meets a part that is not its own."""
         puppet = self.marionette.puppet
         if not self._bodies & {a, b}:
             return False
@@ -215,13 +215,13 @@ class Touches:
 
 
 def carried(marionette: Marionette, run: Trajectory) -> float:
-    """The part of the puppets' weight that rests on what they touch at the end of a run.
+    """Share of the puppets' weight that other parts carry at the end of a run.
 
-    Forces between bodies of one puppet cancel out; those between puppets count as none.
+    Forces between bodies of one puppet cancel out; forces between puppets are not counted.
     """
     puppet = marionette.puppet
     gravity = np.array([marionette.number(g) for g in marionette.tree.gravity])
-    size = float(np.linalg.norm(gravity))
+    gravity_norm = float(np.linalg.norm(gravity))
     bodies = {body.name for body in puppet.expanded().bodies} - set(puppet.props)
     mass = sum(
         sum(marionette.number(lump.amount) * lump.volume for lump in link.lumps)
@@ -230,19 +230,19 @@ def carried(marionette: Marionette, run: Trajectory) -> float:
         for link in marionette.tree.links
         if link.name in bodies
     )
-    if run.contact is None or not mass * size:
+    if run.contact is None or not mass * gravity_norm:
         return 0.0
-    end, up = run.contact.at(len(run) - 1), -gravity / size
+    end, up = run.contact.at(len(run) - 1), -gravity / gravity_norm
     sides = np.array([[name in bodies for name in names] for names in end.names], dtype=int)
     sign = (sides[:, 0] - sides[:, 1])[end.pair] if len(end) else np.zeros(0)
-    return float(np.sum(sign * (end.force @ up)) / (mass * size))
+    return float(np.sum(sign * (end.force @ up)) / (mass * gravity_norm))
 
 
 def pairs_of(contact: ContactLike) -> tuple[tuple[str, str], ...]:
     """The pairs that may touch.
 
     Raises:
-        StateError: ``contact`` is neither ``"keep off"`` nor ``{"touch": pairs}``.
+        StateError: value of ``contact`` other than ``"keep off"`` or ``{"touch": pairs}``.
     """
     if contact == KEEP_OFF:
         return ()
@@ -250,19 +250,19 @@ def pairs_of(contact: ContactLike) -> tuple[tuple[str, str], ...]:
         raise StateError(
             f"contact is {contact!r}; it must be 'keep off', or {{'touch': pairs of names}}"
         )
-    return tuple(pair_of(one) for one in contact["touch"])
+    return tuple(pair_of(pair) for pair in contact["touch"])
 
 
 def touching(marionette: Marionette, pair: tuple[str, str]) -> MaskRows:
-    """(n_pairs,) bool, the pairs of contact of two names.
+    """(n_pairs,) bool, the contact pairs of two names.
 
     Args:
         marionette: the puppet.
         pair: names of bodies, props, obstacles, ``floor``, or puppets.
 
     Raises:
-        StateError: they never touch.
-        UnknownNameError: nothing of a name may touch anything.
+        StateError: names that never touch.
+        UnknownNameError: name of a part that cannot touch anything.
     """
     contacts, puppet = marionette.contacts, marionette.puppet
     if contacts is None:
@@ -270,28 +270,34 @@ def touching(marionette: Marionette, pair: tuple[str, str]) -> MaskRows:
             f"{' and '.join(pair)} are to touch, but {puppet.name} says nothing of contact; give "
             "its file contact: true"
         )
-    owned = [[{name, puppet.member_of(name)} - {""} for name in names] for names in contacts.names]
-    known = {name for names in owned for some in names for name in some}
+    owners = [[{name, puppet.member_of(name)} - {""} for name in names] for names in contacts.names]
+    all_names = {name for names in owners for part in names for name in part}
     for name in pair:
-        if name not in known:
-            raise UnknownNameError("part that may touch", name, sorted(known))
-    one, other = pair
-    found = np.array(
-        [(one in x and other in y) or (one in y and other in x) for x, y in owned], dtype=bool
+        if name not in all_names:
+            raise UnknownNameError("part that may touch", name, sorted(all_names))
+    first, second = pair
+    selected = np.array(
+        [
+            (first in sides_a and second in sides_b) or (first in sides_b and second in sides_a)
+            for sides_a, sides_b in owners
+        ],
+        dtype=bool,
     )
-    if not np.any(found):
-        raise StateError(f"{one} and {other} never touch, by the rules of contact of {puppet.name}")
-    return found
+    if not np.any(selected):
+        raise StateError(
+            f"{first} and {second} never touch, by the rules of contact of {puppet.name}"
+        )
+    return selected
 
 
-def pair_of(given: Any) -> tuple[str, str]:
-    """Two names.
+def pair_of(value: Any) -> tuple[str, str]:
+    """A pair of names, checked.
 
     Raises:
-        StateError: it is no pair of names.
+        StateError: value that is not a pair of names.
     """
-    if isinstance(given, Sequence) and not isinstance(given, str) and len(given) == 2:
-        one, other = given
-        if isinstance(one, str) and isinstance(other, str):
-            return one, other
-    raise StateError(f"found {given!r}; needed: a pair of names")
+    if isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 2:
+        first, second = value
+        if isinstance(first, str) and isinstance(second, str):
+            return first, second
+    raise StateError(f"found {value!r}; needed: a pair of names")
