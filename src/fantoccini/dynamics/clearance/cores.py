@@ -35,7 +35,7 @@ class Cores:
 
     Attributes:
         a, b: (n, T, 3) ends of segments; of a box both are its centre [m].
-        travelled: (n, T) path length of the fastest point, from the first sample on [m].
+        travelled: (n, T) sum of the largest moves of its points since the first sample [m].
         curves: (n_curves, N_CHORDS + 1, 3) points of slack pieces [m].
         curve: (n, T) index into the curves; -1 for straight pieces and bodies.
         stray: (n, T) largest distance of a curve from its chord; 0 without a curve [m].
@@ -171,7 +171,7 @@ class Cores:
         start, end = (np.einsum("nij,ni->nj", R, x[m] - centre) for x in (a, b))
         box = np.flatnonzero(radius == 0.0)
         distance[m[box]], s[m[box]] = from_box(start[box], end[box], half[box])
-        # The capsule around an ellipsoid is a bound as well, the better one far away.
+        # The capsule around an ellipsoid gives another bound, which is better far away.
         bound, t = from_ellipsoid(start, end, half)
         nearer = (radius > 0.0) & (bound + radius > distance[m])
         distance[m[nearer]], s[m[nearer]] = (bound + radius)[nearer], t[nearer]
@@ -214,13 +214,13 @@ def _curves(pieces: Array, lengths: Array) -> tuple[Vec3, Array, Array]:
 
 
 def _travel(points: list[Vec3]) -> Array:
-    """Path length (T,) of the point (T, 3) that moves most in each step, of several [m]."""
+    """Sum (T,) of the largest moves of several points (T, 3) in each step [m]."""
     steps = [np.sqrt(dot(d, d)) for d in (np.diff(x, axis=0) for x in points)]
     return np.concatenate([[0.0], np.cumsum(np.max(steps, axis=0))])
 
 
 def _travel_of_piece(ends: Vec3, curves: Vec3, curve: Indices) -> Array:
-    """Path length (T,) of a piece with ends (2, T, 3); ``curve`` (T,) are indices of its curves."""
+    """Result of :func:`_travel` for a piece with ends (2, T, 3) and indices of curves (T,) [m]."""
     step = np.sqrt(np.max(dot(*[np.diff(ends, axis=1)] * 2), axis=0))
     bent = np.flatnonzero((curve[1:] >= 0) | (curve[:-1] >= 0))
     s = np.linspace(0.0, 1.0, N_CHORDS + 1)[:, None]

@@ -24,7 +24,7 @@ _MAX_MOVE, _MAX_MOVE_RATIO = 1e-4, 0.02
 _AT_SAMPLE = -1.0
 """Placeholder for the time after a sample, meaning the sample itself [s]."""
 _MIN_STEP_RATIO = 1e-4
-"""Smallest part of a step; discontinuities, such as a string's fold, would be halved forever."""
+"""Smallest part of a step: at discontinuities, such as a string's fold, halving would not end."""
 
 
 @dataclass(frozen=True)

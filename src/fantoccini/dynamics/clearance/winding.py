@@ -125,7 +125,7 @@ class _Step:
         return _Step(self.before[:, which], self.after[:, which])
 
     def at(self, s: Array) -> Vec3:
-        """(4, n, 3) ends at s (n,); those of the samples to the last bit."""
+        """Ends (4, n, 3) at s (n,), equal to those of the samples at s = 0 and 1 [m]."""
         return (1.0 - s)[:, None] * self.before + s[:, None] * self.after
 
     def volume(self, s: Array) -> Array:

@@ -41,8 +41,8 @@ class ActiveSet:
     """The active rows of a state: held ones and slipping ones.
 
     Attributes:
-        held: (n_rows,) bool, closed rows, and wires.
-        slipping: (n_rows,) bool, strings whose winch slips: their tension is its largest.
+        held: (n_rows,) mask of closed rows and wires.
+        slipping: (n_rows,) mask of strings whose winch slips at its largest tension.
     """
 
     held: MaskRows
@@ -54,13 +54,13 @@ class ActiveSet:
         scale = marionette.row_scales(x.q_D, x.q_K)
         taut = taut_mask(marionette, x) & ~_is_far_open(marionette, at.h, scale)
         top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-        reaches = at.h >= -ROW_TOLERANCES.closed_gap * scale
-        gives = np.isfinite(marionette.upper) & (taut | reaches)
+        is_closed = at.h >= -ROW_TOLERANCES.closed_gap * scale
+        can_slip = np.isfinite(marionette.upper) & (taut | is_closed)
         at_bound = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
         stepped = taut & ~at_bound
         slip_speed = np.where(stepped, ROW_TOLERANCES.slip_speed, ROW_TOLERANCES.rest_speed)
-        slipping = gives & (at.hdot > slip_speed * top)
-        held = taut | (reaches & (np.abs(at.hdot) <= ROW_TOLERANCES.rest_speed * top))
+        slipping = can_slip & (at.hdot > slip_speed * top)
+        held = taut | (is_closed & (np.abs(at.hdot) <= ROW_TOLERANCES.rest_speed * top))
         return cls((held | marionette.two_sided) & ~slipping, slipping)
 
 

@@ -160,7 +160,7 @@ def check_starts(
         marionette: the puppet.
         states: one state for all parameters, or one for each.
         method: method of the runs.
-        p: (1 or n, n_p) parameters of the runs; the model's own when not given.
+        p: (1 or n, n_p) parameters of the runs; by default the puppet's.
     """
     p = marionette.p[None] if p is None else p
     stepped = method == "timestepping"

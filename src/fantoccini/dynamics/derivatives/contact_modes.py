@@ -26,9 +26,7 @@ class ModeTolerances:
     force: float = 1e-8  # Force that counts as zero, relative to the weight
     cone: float = 1e-6  # Smallest distance of a sticking force from its cone, relative
     acceleration: float = 1e-6  # Acceleration of a point at rest [m/s^2]
-    dependent: float = (
-        1e-7  # Part of a row outside the span of others below which it depends on them
-    )
+    dependent: float = 1e-7  # Part of a dependent row outside the span of the others
     askew: float = 1e-6  # Angle between directions of sliding that count as equal [rad]
 
 

@@ -184,12 +184,12 @@ def _begins_to_slide(screws: Screws, pair: PairGeometry, point: HeldPoint) -> He
 
 
 class FrozenModes:
-    """Points in fixed modes, at any state near the one of their modes.
+    """Points in fixed modes, evaluated at nearby states.
 
     Args:
         marionette: the puppet.
         points: points in their modes; directions of sliding are those of the velocities or, for
-            points almost at rest, those of the points.
+            points almost at rest, their ``along``.
     """
 
     def __init__(self, marionette: CompiledPuppet, points: Sequence[PointMode]):

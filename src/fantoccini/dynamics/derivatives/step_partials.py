@@ -173,10 +173,10 @@ def linearise_steps(
     if options.method == "timestepping":
         return linearised(marionette, given, options, room=room).steps
     refuse_contact(marionette, "the method variational")
-    partials = variational_partials(
+    made = variational_partials(
         marionette, given.x, given.acc_K, given.u_D, given.p, given.dt, _threads(options)
     )
-    return _variational(marionette, partials, given, options)
+    return _variational(marionette, made, given, options)
 
 
 def _threads(options: StepOptions) -> int:
@@ -219,8 +219,8 @@ class StepInputs(NamedTuple):
         check_positive(dt=dt)
         t = marionette.coordinates
         widths = {"q_D": t.n_qD, "v_D": t.n_vD, "q_K": t.n_qK, "v_K": t.n_vK}
-        entries = zip(widths.items(), motion, strict=True)
-        starts = {name: np.atleast_2d(vectors(name, a, width)) for (name, width), a in entries}
+        given = zip(widths.items(), motion, strict=True)
+        starts = {name: np.atleast_2d(vectors(name, a, width)) for (name, width), a in given}
         acc = np.zeros((1, t.n_vK)) if acc_K is None else vectors("acc_K", acc_K, t.n_vK)
         acc = np.atleast_2d(acc)
         force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, t.n_vD))
@@ -275,11 +275,11 @@ def linearised(
     """Time steps of the time-stepper and their derivatives; see :func:`linearise_steps`."""
     x, along, dt, threads = given.x, given.along, given.dt, _threads(options)
     stepping = marionette.run_options(dt=dt, extrapolate=False)
-    record: LaneRecord | StepTouches
+    made: LaneRecord | StepTouches
     if stepping.contacts is None:
-        touches, record = None, _time_steps(marionette, stepping, given, threads)
+        touches, made = None, _time_steps(marionette, stepping, given, threads)
     else:
-        touches = record = step_touches(
+        touches = made = step_touches(
             marionette.library,
             stepping,
             marionette.winches,
@@ -290,7 +290,7 @@ def linearised(
             given.p,
             threads,
         )
-    tension = record.tension
+    tension = made.tension
     held = held_rows(marionette, tension)
     derivatives = marionette.libraries.step_derivatives.find(
         {name: x[name] for name in ("q_D", "v_D", "q_K")}
@@ -314,16 +314,16 @@ def linearised(
         if columns is not None:
             _chain_rotations(marionette, given.driven, columns)
     meant = x["v_D"] + dt * derivatives.acc_D
-    size = 1.0 + np.abs(record.v_D).max(axis=1, initial=0.0)
-    shortened = ~(np.abs(meant - record.v_D).max(axis=1, initial=0.0) <= SHORTENED * size)
+    size = 1.0 + np.abs(made.v_D).max(axis=1, initial=0.0)
+    shortened = ~(np.abs(meant - made.v_D).max(axis=1, initial=0.0) <= SHORTENED * size)
     none = np.zeros(len(held), dtype=np.int32)
     edges, n_points = (none, none) if touches is None else (touches.edges, touches.n_points)
-    ended = (record.status == Status.DONE.value) & ~shortened
+    ended = (made.status == Status.DONE.value) & ~shortened
     steps = StepLinearisations(
-        q_D=record.q_D,
-        v_D=record.v_D,
-        q_K=record.q_K,
-        v_K=record.v_K,
+        q_D=made.q_D,
+        v_D=made.v_D,
+        q_K=made.q_K,
+        v_K=made.v_K,
         tension=tension,
         held=held,
         motion=derivatives.motion,
@@ -335,7 +335,7 @@ def linearised(
         coordinates=marionette.coordinates,
         _driven=given.driven,
     )
-    return Linearised(steps, record, shortened, derivatives.shares, derivatives.moved)
+    return Linearised(steps, made, shortened, derivatives.shares, derivatives.moved)
 
 
 def held_rows(marionette: CompiledPuppet, tension: Array) -> MaskRows:
@@ -357,23 +357,26 @@ def _time_steps(
 
 
 def _variational(
-    marionette: CompiledPuppet, found: VariationalPartials, given: StepInputs, options: StepOptions
+    marionette: CompiledPuppet,
+    derivatives: VariationalPartials,
+    given: StepInputs,
+    options: StepOptions,
 ) -> StepLinearisations:
     """Linearisations of variational steps."""
     t = marionette.coordinates
-    selected = np.ones(found.motion.shape[-1], dtype=bool)
+    selected = np.ones(derivatives.motion.shape[-1], dtype=bool)
     if not options.forces:
         first = 2 * t.n_vD + 3 * t.n_vK
         selected[first : first + t.n_vD] = False
-    slips = np.any(found.tension >= AT_CAP * marionette.upper, axis=1)
-    none = np.zeros(len(found.solved), dtype=np.int32)
+    slips = np.any(derivatives.tension >= AT_CAP * marionette.upper, axis=1)
+    none = np.zeros(len(derivatives.solved), dtype=np.int32)
     return StepLinearisations(
-        **found.end,
-        tension=found.tension,
-        held=found.held,
-        motion=found.motion[..., selected],
-        pull=found.pull[..., selected] if options.pull else None,
-        settled=found.solved & ~slips,
+        **derivatives.end,
+        tension=derivatives.tension,
+        held=derivatives.held,
+        motion=derivatives.motion[..., selected],
+        pull=derivatives.pull[..., selected] if options.pull else None,
+        settled=derivatives.solved & ~slips,
         edges=none,
         n_contacts=none,
         dt=given.dt,

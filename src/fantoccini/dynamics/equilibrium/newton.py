@@ -29,9 +29,7 @@ class Newton:
     max_move: float = 0.3  # Longest move of one round of Newton's method
     near_gap: float = 1e-3  # Relative -h below which a row may pull at the equilibrium
     min_tension: float = 1e-9  # Tension that counts as rounding, relative to the weight
-    balanced_force: float = (
-        1e-13  # Unbalanced force that counts as rounding, relative to the weight
-    )
+    balanced_force: float = 1e-13  # Unbalanced force of rounding, relative to the weight
     balanced_last: float = 1e-11  # Unbalanced force accepted after the last round
     met_gap: float = 1e-14  # Relative |h| that counts as rounding
     min_move: float = 1e-15  # Move of Newton's method that counts as rounding

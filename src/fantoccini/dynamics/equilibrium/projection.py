@@ -59,9 +59,7 @@ class Search:
     rounds: int = 100  # Maximum number of rounds onto the rows; usually below ten
     taut_rounds: int = 20
     halvings: int = 6
-    approaches: int = (
-        15  # Maximum number of rounds towards the nearest state before Newton's method
-    )
+    approaches: int = 15  # Maximum number of rounds towards the nearest state
     newton_rounds: int = 20
 
 
@@ -219,7 +217,7 @@ def _shortest(marionette: CompiledPuppet, at: Evaluation, rows: Indices) -> Arra
     solution = at.complementarity(rows, h, marionette.two_sided)
     if solution.solved:
         return -W @ solution.x
-    # min |y|^2 + k |s|^2 with h + W^T y <= s: it adds 1/k to the diagonal of W^T W.
+    # min |y|^2 + k |s|^2 with h + W^T y <= s: this adds 1/k to the diagonal of W^T W.
     from scipy.optimize import lsq_linear  # slow to import, and only contradictions need it
 
     damping = np.sqrt(np.trace(W.T @ W) / (SEARCH.violation_cost * len(rows)))

@@ -28,7 +28,7 @@ from fantoccini.motion import State, Trajectory, pair_name
 SAME_PLACE = 1e-7
 """Largest distance of a run's point from the narrow phase's at the same state [m]."""
 AGREE = 1e-5
-"""Largest difference of the times at which points stop together, relative to the largest time."""
+"""Relative difference up to which changes of the times of events count as equal."""
 JUMP = 1e-7
 """Largest change of accelerations without a jump, relative to 1 or the largest."""
 

@@ -35,8 +35,8 @@ class Bounds:
     coarse: float = 20.0
     """Number of coarse steps: the energy of a fall of this duration is wrong by its own size; and
     that of springs oscillates by its own size, if this many steps are their longest stable one."""
-    fall: float = 1e-3  # Fall of the puppet with always available energy [m]
-    energy: float = 1e-9  # Energy that is always available [J]
+    fall: float = 1e-3  # Fall of the puppet whose energy always counts as available [m]
+    energy: float = 1e-9  # Energy that always counts as available [J]
     max_named: int = 5  # Maximum number of rows named in a message
 
 
@@ -126,7 +126,7 @@ def ends_fast(v_D: Array, dt: float) -> Mask:
 
 
 def left_by_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[str, float]:
-    """Names of rows and parts that violate at the end of a run -> too large violation [m or rad].
+    """Rows and parts that are violated too far at the end of a run -> violation [m or rad].
 
     Strings on winches that may slip are excluded.
     """
