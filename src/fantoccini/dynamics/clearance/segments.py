@@ -46,8 +46,8 @@ def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array]:
     uu, vv, uv = dot(u, u) + tiny, dot(v, v) + tiny, dot(u, v)
     wu, wv = dot(w, u), dot(w, v)
     determinant = uu * vv - uv * uv
-    apart = determinant > _TOLERANCES.min_determinant * (uu * vv)
-    s = np.where(apart, (uv * wv - vv * wu) / np.where(apart, determinant, 1.0), 0.0)
+    crossing = determinant > _TOLERANCES.min_determinant * (uu * vv)
+    s = np.where(crossing, (uv * wv - vv * wu) / np.where(crossing, determinant, 1.0), 0.0)
     # The nearest point of the other line, moved into its segment; then the point nearest to that.
     t = np.clip((uv * np.clip(s, 0.0, 1.0) + wv) / vv, 0.0, 1.0)
     s = np.clip((uv * t - wu) / uu, 0.0, 1.0)

@@ -47,8 +47,8 @@ class Approach:
 
     def __str__(self) -> str:
         at = ", ".join(f"{x:.3g}" for x in self.place)
-        apart = f"{abs(self.distance):.3g} m {'from' if self.distance > 0.0 else 'inside'}"
-        return f"string {self.what} is {apart} {self.other} at t = {self.t:.4g} s, ({at})"
+        gap = f"{abs(self.distance):.3g} m {'from' if self.distance > 0.0 else 'inside'}"
+        return f"string {self.what} is {gap} {self.other} at t = {self.t:.4g} s, ({at})"
 
 
 @dataclass(frozen=True)
@@ -257,8 +257,8 @@ class StringMotion:
                 there = cores.travelled[core, at]
                 before = there - cores.travelled[core, at - 1]
                 moved = moved + np.maximum(before, cores.travelled[core, at + 1] - there)
-            apart = np.maximum(distance - pairs.swollen[pair], 0.0)
-            long = (moved > np.maximum(_MAX_MOVE, _MAX_MOVE_RATIO * apart)) & (
+            gap = np.maximum(distance - pairs.swollen[pair], 0.0)
+            long = (moved > np.maximum(_MAX_MOVE, _MAX_MOVE_RATIO * gap)) & (
                 end - start > _MIN_STEP_RATIO * self.path.h[k]
             )
             open_ = np.flatnonzero(long & (distance - moved < limit(pair, k, start)))

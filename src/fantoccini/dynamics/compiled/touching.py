@@ -98,12 +98,12 @@ def contacts_of(
     start = tree.coordinates
     p = np.array(list(tree.parameters.values()), dtype=float)
     gaps = library.gaps(table, start.start_D, np.nan_to_num(start.start_K), p)
-    apart = {
+    excluded = {
         k
         for k, gap in zip(which, gaps, strict=True)
         if gap < -OVERLAP and _kin(tree, *(parts[i].link for i in meet[k][:2]))
     }
-    selected = np.array([k not in apart for k in which], dtype=np.bool_)
+    selected = np.array([k not in excluded for k in which], dtype=np.bool_)
     sides = [(parts[meet[k][0]].link, parts[meet[k][1]].link) for k in which]
     dynamic = np.array([_moves(tree, a, b, Role.DYNAMIC) for a, b in sides], dtype=np.bool_)
     return table.some(selected & dynamic), table.some(selected & ~dynamic)

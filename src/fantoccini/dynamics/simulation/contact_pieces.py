@@ -204,8 +204,8 @@ class Change:
                     names.append(point.name)
         if not lates:
             return cls((), np.zeros((1, D.shape[1])), acc - new, False)
-        apart = max(float(np.max(np.abs(late - lates[0]), initial=0.0)) for late in lates)
-        sharp = apart <= AGREE * float(np.max(np.abs(lates[0]), initial=1e-9))
+        spread = max(float(np.max(np.abs(late - lates[0]), initial=0.0)) for late in lates)
+        sharp = spread <= AGREE * float(np.max(np.abs(lates[0]), initial=1e-9))
         return cls(tuple(dict.fromkeys(names)), lates[0], acc - new, sharp)
 
 

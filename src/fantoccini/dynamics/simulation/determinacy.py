@@ -215,18 +215,18 @@ class _Points:
         links = contacts.solids["link"][contacts.pairs[contact.pair[which]]]
         for side, sign in ((0, 1.0), (1, -1.0)):
             for link in set(links[:, side].tolist()) - {WORLD}:
-                those = np.flatnonzero(links[:, side] == link)
+                selected = np.flatnonzero(links[:, side] == link)
                 for i in marionette.tree.ancestors(link):
                     moved = marionette.tree.links[i]
                     driven = moved.role is Role.DRIVEN
                     by = screws.screw_K if driven else screws.screw_D
                     for k in range(moved.v.start, moved.v.stop):
-                        screw = by[sample[those], :, k]
-                        part = sign * np.einsum("nc,nc->n", screw, wrench[those])
+                        screw = by[sample[selected], :, k]
+                        part = sign * np.einsum("nc,nc->n", screw, wrench[selected])
                         if driven:
-                            self.efforts[those, k] -= part
+                            self.efforts[selected, k] -= part
                         elif moved.role is Role.DYNAMIC:
-                            force[those, k] += part
+                            force[selected, k] += part
         self.B = marionette.library.evaluate("forth", L=L[sample], x=force).y
 
 

@@ -37,8 +37,10 @@ def contact_effort(
             driven = [
                 k for w in links_above if w.role is Role.DRIVEN for k in range(w.v.start, w.v.stop)
             ]
-            those = np.flatnonzero(touched == link)
+            selected = np.flatnonzero(touched == link)
             for k in driven:
-                along = np.einsum("nc,nc->n", screws[contact.sample[those], :, k], wrench[those])
-                np.add.at(out[:, k], contact.sample[those], -sign * along)
+                along = np.einsum(
+                    "nc,nc->n", screws[contact.sample[selected], :, k], wrench[selected]
+                )
+                np.add.at(out[:, k], contact.sample[selected], -sign * along)
     return out

@@ -33,7 +33,7 @@ from fantoccini.motion import State, pair_name
 CLOSED = 1e-8
 """Largest gap of a point in an impact [m]: above the gaps of a run at its events."""
 SLIDES = 10.0
-"""Minimum speed of a point that slides after the impact, relative to the speed of rest."""
+"""Minimum speed of a sliding point after the impact, relative to the speed that counts as zero."""
 AT_TARGET = 1e-6
 """Largest difference of velocities after an impact from the law's, relative to 1 or the largest."""
 

@@ -164,8 +164,8 @@ class Saltation:
         results = self._carried(both, by_input.widened(n), acc, acc_K)
         changes = stacked(Z, by_input)
         lates = np.array([guard.late(changes)[0] for guard in self.guards])
-        apart = float(np.max(np.abs(lates - lates[:1]), initial=0.0))
-        together = apart <= AGREE * float(np.max(np.abs(lates), initial=1e-9))
+        spread = float(np.max(np.abs(lates - lates[:1]), initial=0.0))
+        together = spread <= AGREE * float(np.max(np.abs(lates), initial=1e-9))
         sharp = len(lates) > 0 and together and not self.edges
         speed = max((guard.speed for guard in self.guards), default=0.0)
         return results[:, :m], Passage(self.before.t, self.names, speed, results[:, m:], sharp)

@@ -194,11 +194,11 @@ class Variation:
     def check(self, reached: Array, t: float, q_D: Array, v_D: Array) -> None:
         """Raises SimulationError unless the integration ended at the run's state at t [s]."""
         run = np.concatenate([q_D, v_D])
-        apart = np.max(np.abs(reached - run) / (1.0 + np.abs(run)))
-        if not apart < MAX_ERROR:
+        error = np.max(np.abs(reached - run) / (1.0 + np.abs(run)))
+        if not error < MAX_ERROR:
             raise SimulationError(
                 Status.NOT_SETTLED,
-                f"the run and its linearisation are {apart:.2g} apart at t = {t:.6g} s",
+                f"the run and its linearisation are {error:.2g} apart at t = {t:.6g} s",
             )
 
     def _configuration_rate(self, q_D: Array, v_D: Array) -> Array:
