@@ -23,20 +23,20 @@ _BATCH_SIZE = 8192
 """Number of intervals measured together."""
 
 Measure = Callable[[Array, Array, Moves], tuple[Array, Array]]
-"""q_D, q_K (m, ...) and moves -> distances (m,), and their lower bounds on the moves (m,) [m]."""
+"""Callback: q_D, q_K (m, ...) and moves -> distances (m,) and lower bounds on moves (m,) [m]."""
 
 Look = Callable[["Places", Array, Array], Indices]
-"""Callback: places, distances (m,), lower bounds (m,) -> indices of places to refine."""
+"""Callback: places, distances (m,), lower bounds (m,) -> indices of the places to refine."""
 
 
 class Places(NamedTuple):
     """Places on a path.
 
     Attributes:
-        piece: (m,) of the path.
-        s: (m,) times since its beginning [s].
-        t: (m,) [s].
-        q_D, q_K: (m, n_qD), (m, n_qK).
+        piece: (m,) pieces of the path.
+        s: (m,) times since the beginnings of the pieces [s].
+        t: (m,) times [s].
+        q_D, q_K: (m, n_qD), (m, n_qK) configurations.
     """
 
     piece: Indices
@@ -63,15 +63,15 @@ def advance(path: Path, measure: Measure, look: Look) -> None:
         piece = np.concatenate([before, after])
         h = path.h[piece]
         start = np.concatenate([0.5 * h[: len(before)], np.zeros(len(after))])
-        _between(path, measure, look, piece, start, start + 0.5 * h)
+        _refine(path, measure, look, piece, start, start + 0.5 * h)
 
 
-def _between(
+def _refine(
     path: Path, measure: Measure, look: Look, piece: Indices, start: Array, end: Array
 ) -> None:
-    """Looks into intervals (m,) of pieces, given by their ends [s]."""
-    kept = end > start
-    waiting = [(piece[kept], start[kept], end[kept])] if np.any(kept) else []
+    """Refines intervals (m,) of pieces, given by their ends [s]."""
+    open_ = end > start
+    waiting = [(piece[open_], start[open_], end[open_])] if np.any(open_) else []
     while waiting:
         piece, start, end = waiting.pop()
         if len(piece) > _BATCH_SIZE:

@@ -1,4 +1,4 @@
-"""Strings and bodies along a motion: where their cores are, and distances between these."""
+"""Cores of strings and bodies along a motion, and distances between them."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import Records
 
 _MIN_SAG = 1e-5
-"""Distance of a curve from its chord up to which a string counts as straight [m]."""
+"""Largest distance of a curve from its chord for a string to count as straight [m]."""
 
-_AT_ONCE = 10_000
-"""Pairs that are measured at once: their arrays stay in the cache."""
+_CHUNK_SIZE = 10_000
+"""Number of pairs measured at once, so that their arrays stay in the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +35,13 @@ class Cores:
 
     Attributes:
         a, b: (n, T, 3) ends of segments; of a box both are its centre [m].
-        travelled: (n, T) path of the point that moves most, from the first sample on [m].
+        travelled: (n, T) sum of the largest moves of its points since the first sample [m].
         curves: (n_curves, N_CHORDS + 1, 3) points of slack pieces [m].
-        curve: (n, T) number among the curves; -1 where a piece is straight, and of bodies.
-        stray: (n, T) largest distance of a curve from its chord; 0 without one [m].
-        shape: (n,) number among boxes and ellipsoids, -1 for others.
-        R, half: (n_shapes, T, 3, 3) axes in columns, and (n_shapes, 3) half edges or axes [m].
-        radius: (n_shapes,) of the capsule around an ellipsoid; 0 for boxes [m].
+        curve: (n, T) index into the curves; -1 for straight pieces and bodies.
+        stray: (n, T) largest distance of a curve from its chord; 0 without a curve [m].
+        shape: (n,) index into boxes and ellipsoids, -1 for others.
+        R, half: (n_shapes, T, 3, 3) axes in columns; (n_shapes, 3) half edges or axes [m].
+        radius: (n_shapes,) radius of the capsule around an ellipsoid; 0 for boxes [m].
     """
 
     a: Vec3
@@ -63,10 +63,9 @@ class Cores:
 
         Args:
             marionette: a puppet or a scene.
-            bodies: (n_bodies,) ``SOLID``, and the links that carry them; a mesh is the box around
-                it.
-            links: n_bodies links.
-            q_D, q_K: (T, n_qD), (T, n_qK).
+            bodies: (n_bodies,) ``SOLID``; a mesh is the box around it.
+            links: n_bodies links that carry them.
+            q_D, q_K: (T, n_qD), (T, n_qK) configurations.
         """
         pieces, lengths = _pieces(marionette, q_D, q_K)
         curves, curve, stray = _curves(pieces, lengths)
@@ -76,7 +75,7 @@ class Cores:
         travelled = np.empty((n, T))
         a[:n_pieces], b[:n_pieces] = pieces[:, 0], pieces[:, 1]
         for i, ends in enumerate(pieces):
-            travelled[i] = _path_of_piece(ends, curves, curve[i])
+            travelled[i] = _travel_of_piece(ends, curves, curve[i])
         shape = np.full(n, -1)
         shaped = np.flatnonzero(bodies["half"].any(axis=1))
         axes = np.empty((len(shaped), T, 3, 3))
@@ -93,7 +92,7 @@ class Cores:
                 if shape[i] >= 0:
                     axes[shape[i]] = (body["R"].reshape(3, 3) @ R).swapaxes(1, 2)
                     moving = _corners(0.5 * (a[i] + b[i]), axes[shape[i]], body["half"])
-                travelled[i] = _path(moving)
+                travelled[i] = _travel(moving)
         none = np.zeros((len(bodies), T))
         return cls(
             a,
@@ -109,23 +108,23 @@ class Cores:
         )
 
     def chords(self) -> Cores:
-        """The same with straight strings."""
+        """The same cores with straight strings."""
         return replace(self, curve=np.full_like(self.curve, -1), stray=np.zeros_like(self.stray))
 
     def straight(self, i: Indices, j: Indices, k: Indices) -> Array:
-        """(m,) distances of chords i from cores j, all (m,), at samples k, without radii [m]."""
-        found = np.empty(len(i))
-        for first in range(0, len(i), _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
+        """Distances (m,) of chords i from cores j at samples k, all (m,), without radii [m]."""
+        values = np.empty(len(i))
+        for first in range(0, len(i), _CHUNK_SIZE):
+            part = slice(first, first + _CHUNK_SIZE)
             a, b = self.a[i[part], k[part]], self.b[i[part], k[part]]
-            found[part] = self._from(a, b, j[part], k[part])[0]
-        return found
+            values[part] = self._from(a, b, j[part], k[part])[0]
+        return values
 
     def exact(self, i: Indices, j: Indices, k: Indices) -> tuple[Array, Vec3]:
-        """The same where slack strings hang: (m,) [m], and the places (m, 3) on the pieces i."""
+        """Distances (m,) [m] with sagging strings, and nearest places (m, 3) on pieces i."""
         distance, place = np.empty(len(i)), np.empty((len(i), 3))
-        for first in range(0, len(i), _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
+        for first in range(0, len(i), _CHUNK_SIZE):
+            part = slice(first, first + _CHUNK_SIZE)
             distance[part], place[part] = self._exact(i[part], j[part], k[part])
         return distance, place
 
@@ -143,16 +142,16 @@ class Cores:
             if curved[m[0]]:
                 own = self.curves[self.curve[i[m], k[m]]]
             for start, end in pairwise(own.swapaxes(0, 1)):
-                for found, s in self._from_each(start, end, j[m], k[m], bool(other[m[0]])):
-                    nearer = found < distance[m]
-                    distance[m[nearer]] = found[nearer]
+                for values, s in self._from_each(start, end, j[m], k[m], bool(other[m[0]])):
+                    nearer = values < distance[m]
+                    distance[m[nearer]] = values[nearer]
                     place[m[nearer]] = (start + s[:, None] * (end - start))[nearer]
         return distance, place
 
     def _from_each(
         self, a: Vec3, b: Vec3, j: Indices, k: Indices, curved: bool
     ) -> Iterator[tuple[Array, Array]]:
-        """``_from`` cores, or each chord of their curves."""
+        """Results of ``_from`` for cores, or for each chord of their curves."""
         if not curved:
             yield self._from(a, b, j, k)
             return
@@ -160,7 +159,7 @@ class Cores:
             yield between_segments(a, b, start, end)
 
     def _from(self, a: Vec3, b: Vec3, j: Indices, k: Indices) -> tuple[Array, Array]:
-        """Distances of segments a to b (m, 3) from cores, and s (m,) of the nearest points."""
+        """Distances of segments a to b (m, 3) from cores, and s (m,) of their nearest points."""
         distance, s = between_segments(a, b, self.a[j, k], self.b[j, k])
         shape = self.shape[j]
         m = np.flatnonzero(shape >= 0)
@@ -172,7 +171,7 @@ class Cores:
         start, end = (np.einsum("nij,ni->nj", R, x[m] - centre) for x in (a, b))
         box = np.flatnonzero(radius == 0.0)
         distance[m[box]], s[m[box]] = from_box(start[box], end[box], half[box])
-        # The capsule around an ellipsoid is a bound as well, the better one far away.
+        # The capsule around an ellipsoid gives another bound, which is better far away.
         bound, t = from_ellipsoid(start, end, half)
         nearer = (radius > 0.0) & (bound + radius > distance[m])
         distance[m[nearer]], s[m[nearer]] = (bound + radius)[nearer], t[nearer]
@@ -198,7 +197,7 @@ def _pieces(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Arra
 
 
 def _curves(pieces: Array, lengths: Array) -> tuple[Vec3, Array, Array]:
-    """Curves (n_curves, N_CHORDS + 1, 3), whose (n, T), and their distances from chords (n, T)."""
+    """Curves (n_curves, N_CHORDS + 1, 3), their indices and distances from chords (n, T)."""
     curve, stray = np.full(lengths.shape, -1), np.zeros(lengths.shape)
     i, k = np.nonzero(lengths)
     start, end = pieces[i, 0, k], pieces[i, 1, k]
@@ -207,30 +206,30 @@ def _curves(pieces: Array, lengths: Array) -> tuple[Vec3, Array, Array]:
     square = np.maximum(dot(along, along), np.finfo(float).tiny)
     s = np.clip(np.einsum("npi,ni->np", offset, along) / square[:, None], 0.0, 1.0)
     offset -= s[..., None] * along[:, None]
-    far = np.sqrt(np.max(dot(offset, offset), axis=1, initial=0.0))
-    sags = far > _MIN_SAG
+    max_offset = np.sqrt(np.max(dot(offset, offset), axis=1, initial=0.0))
+    sags = max_offset > _MIN_SAG
     i, k = i[sags], k[sags]
-    curve[i, k], stray[i, k] = np.arange(len(i)), far[sags]
+    curve[i, k], stray[i, k] = np.arange(len(i)), max_offset[sags]
     return curves[sags], curve, stray
 
 
-def _path(points: list[Vec3]) -> Array:
-    """(T,) path of the one of several points (T, 3) that moves most in each step [m]."""
+def _travel(points: list[Vec3]) -> Array:
+    """Sum (T,) of the largest moves of several points (T, 3) in each step [m]."""
     steps = [np.sqrt(dot(d, d)) for d in (np.diff(x, axis=0) for x in points)]
     return np.concatenate([[0.0], np.cumsum(np.max(steps, axis=0))])
 
 
-def _path_of_piece(ends: Vec3, curves: Vec3, curve: Indices) -> Array:
-    """The same of a piece with ends (2, T, 3), as it hangs: the curves whose numbers are (T,)."""
+def _travel_of_piece(ends: Vec3, curves: Vec3, curve: Indices) -> Array:
+    """Result of :func:`_travel` for a piece with ends (2, T, 3) and indices of curves (T,) [m]."""
     step = np.sqrt(np.max(dot(*[np.diff(ends, axis=1)] * 2), axis=0))
     bent = np.flatnonzero((curve[1:] >= 0) | (curve[:-1] >= 0))
     s = np.linspace(0.0, 1.0, N_CHORDS + 1)[:, None]
 
     def points(k: Indices) -> Vec3:
-        found = ends[0, k, None] + s * (ends[1, k] - ends[0, k])[:, None]
+        values = ends[0, k, None] + s * (ends[1, k] - ends[0, k])[:, None]
         hangs = curve[k] >= 0
-        found[hangs] = curves[curve[k[hangs]]]
-        return found
+        values[hangs] = curves[curve[k[hangs]]]
+        return values
 
     moved = points(bent + 1) - points(bent)
     step[bent] = np.maximum(step[bent], np.sqrt(np.max(dot(moved, moved), axis=1, initial=0.0)))
@@ -238,6 +237,6 @@ def _path_of_piece(ends: Vec3, curves: Vec3, curve: Indices) -> Array:
 
 
 def _corners(centre: Vec3, R: Array, half: Array) -> list[Vec3]:
-    """The corners (T, 3) of a box, or of that around an ellipsoid."""
+    """Corners (T, 3) of a box, or of the box around an ellipsoid."""
     signs = itertools.product((-1.0, 1.0), repeat=3)
     return [centre + R @ (np.array(sign) * half) for sign in signs]

@@ -22,11 +22,11 @@ from fantoccini.model.tree import Role, Tree
 from fantoccini.motion import State, Trajectory
 
 _MAX_TOUCH = 1e-6
-"""Overlap below which solids touch [m]; along paths, also the distance below which they touch."""
-_ACCURACY = 0.01
-"""Relative error of a least distance along a path, at most."""
-_EDGE = 1e-4
-"""Depth by which a limit may be undercut between samples without being detected [m]."""
+"""Overlap or, along paths, distance up to which solids touch [m]."""
+_REL_ACCURACY = 0.01
+"""Largest relative error of a least distance along a path."""
+_MAX_UNDERCUT = 1e-4
+"""Undercut of a limit between samples that may remain undetected [m]."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Nearest:
 
     Attributes:
         what, other: names of a body, an obstacle or a string.
-        distance: between them [m]; negative where they overlap.
+        distance: distance between them [m]; negative where they overlap.
     """
 
     what: str
@@ -55,9 +55,9 @@ class Least:
     """The least distance on a path, with its time and configuration.
 
     Attributes:
-        distance: [m]; negative where solids overlap or pass one another.
-        t: when [s].
-        q_D, q_K: (n_qD,), (n_qK,) configuration.
+        distance: least distance [m]; negative where solids overlap or pass one another.
+        t: its time [s].
+        q_D, q_K: (n_qD,), (n_qK,) its configuration.
     """
 
     distance: float
@@ -78,23 +78,23 @@ class Clearance:
 
     Attributes:
         marionette: the puppet.
-        obstacles: all of them, with the world's own and its floor.
-        solids: what is measured, for the compiled library.
+        obstacles: all obstacles, including those of the world and its floor.
+        solids: measured solids and pairs, for the compiled library.
         meshes: the meshes among the solids.
 
     Args:
         marionette: the puppet.
-        obstacles: in addition to the world's; a mapping has the keys of a puppet file.
-        strings: whether strings are kept clear of obstacles: straight from point to point, or along
-            a hanging curve when slack. They may lie on half-spaces.
-        string_radius: half their thickness [m].
-        self_collision: whether bodies of one puppet that no joint connects are kept clear of one
-            another. Those of different puppets and props of a scene always are.
-        free: names of pairs of bodies or obstacles that are not measured, as they may touch.
+        obstacles: additional obstacles; a mapping has the keys of a puppet file.
+        strings: whether to measure strings against obstacles: straight from point to point, or
+            along a hanging curve when slack. They may lie on half-spaces.
+        string_radius: half the thickness of strings [m].
+        self_collision: whether to measure bodies of one puppet that no joint connects against
+            one another. Those of different puppets and props of a scene always are.
+        free: pairs of names of bodies or obstacles that may touch and are not measured.
 
     Raises:
-        FileError: an invalid obstacle.
-        ValueError: a radius that is not a finite number of at least 0.
+        FileError: an obstacle is invalid.
+        ValueError: ``string_radius`` is not a finite number of at least 0.
     """
 
     def __init__(
@@ -117,8 +117,10 @@ class Clearance:
         still = solids.standing(self.obstacles, self.meshes)
         pairs = solids.apart(tree, self._links)
         if not self_collision:
-            of = np.array([marionette.puppet.member_of(tree.links[i].name) for i in self._links])
-            pairs = pairs[of[pairs[:, 0]] != of[pairs[:, 1]]]
+            members = np.array(
+                [marionette.puppet.member_of(tree.links[i].name) for i in self._links]
+            )
+            pairs = pairs[members[pairs[:, 0]] != members[pairs[:, 1]]]
         names = [tree.links[i].name for i in self._links]
         measured = [frozenset((names[a], names[b])) not in free for a, b in pairs]
         pairs = pairs[np.array(measured, dtype=bool)]
@@ -139,16 +141,16 @@ class Clearance:
         return not of_obstacles and not len(self.solids.pairs)
 
     def parts(self) -> dict[str, Clearance]:
-        """The same for every body and string alone, by its name: the clearance is their least.
+        """Clearances of every body and string alone, by name; the whole clearance is their minimum.
 
-        A pair of bodies belongs to the later one. Those without pairs are left out.
+        A pair of bodies belongs to the later one. Parts without pairs are left out.
         """
-        whole, found = self.solids, {}
+        whole, solids_by_name = self.solids, {}
         names = [self.marionette.tree.links[i].name for i in self._links]
         never = np.full_like(whole.string_radius, -1.0)
         for name in dict.fromkeys(names):
             own = np.array([other == name for other in names])
-            found[name] = replace(
+            solids_by_name[name] = replace(
                 whole,
                 pairs=whole.pairs[own[whole.pairs[:, 0]]],
                 left_out=whole.left_out | ~own[:, None],
@@ -156,45 +158,45 @@ class Clearance:
             )
         for i, string in enumerate(self.marionette.tree.strings):
             radius = np.where(np.arange(len(never)) == i, whole.string_radius, -1.0)
-            found[f"string {string.name}"] = replace(
+            solids_by_name[f"string {string.name}"] = replace(
                 whole,
                 pairs=whole.pairs[:0],
                 left_out=np.ones_like(whole.left_out),
                 string_radius=radius,
             )
         parts = {}
-        for name, solids_of_one in found.items():
+        for name, solids_of_one in solids_by_name.items():
             parts[name] = copy(self)
             parts[name].solids = solids_of_one
-        return {name: one for name, one in parts.items() if not one.measures_nothing}
+        return {name: part for name, part in parts.items() if not part.measures_nothing}
 
     def at(self, q_D: Array, q_K: Array, threads: int = 1) -> Array:
         """Clearances of configurations.
 
         Args:
-            q_D, q_K: (..., n_qD), (..., n_qK).
-            threads: that share large batches.
+            q_D, q_K: (..., n_qD), (..., n_qK) configurations.
+            threads: number of threads that share large batches.
 
         Returns:
-            (...) [m]; infinite without pairs, nan where a configuration is.
+            Clearances (...) [m]; infinite without pairs, nan for configurations with nan.
 
         Raises:
-            ValueError: arrays whose last axis does not fit the puppet.
+            ValueError: the last axis of an array does not fit the puppet.
         """
         return self._measured(q_D, q_K, threads)[0]
 
     def of(self, motion: State | Trajectory | Sequence[State]) -> Array:
-        """Clearances of a state, of the samples of a trajectory, or of states.
+        """Clearance of a state, or of every sample of a trajectory or state of a sequence.
 
         Returns:
-            () or (T,) [m].
+            () or (T,) clearances [m].
         """
         return self.at(*_configurations(motion), threads=default_threads())
 
     def least(self, motion: Trajectory | Path) -> Least:
         """The least distance along a motion, also between its samples.
 
-        It is right to 1 %. Solids that come within a micrometre of one another count as touching.
+        The error is at most 1 %. Solids nearer than a micrometre count as touching.
         """
         path = motion if isinstance(motion, Path) else Path.of(self.marionette, motion)
         best = Least(np.inf, float(path.t[0]), path.q_D[0], path.q_K[0])
@@ -205,8 +207,8 @@ class Clearance:
             if distance[k] < best.distance:
                 best = Least(float(distance[k]), float(at.t[k]), at.q_D[k], at.q_K[k])
             # Depths of overlaps are not refined: any overlap is a collision.
-            room = max(_ACCURACY * best.distance, _MAX_TOUCH)
-            return np.flatnonzero((best.distance >= 0.0) & (lower < best.distance - room))
+            tolerance = max(_REL_ACCURACY * best.distance, _MAX_TOUCH)
+            return np.flatnonzero((best.distance >= 0.0) & (lower < best.distance - tolerance))
 
         advance(path, self.bounded, look)
         if 0.0 <= best.distance < _MAX_TOUCH:
@@ -217,8 +219,8 @@ class Clearance:
         """Distances at the samples of a path, and between them where they are less than a limit.
 
         Args:
-            path: of the puppet.
-            within: the limit [m]; it may be undercut by up to 0.1 mm without being detected.
+            path: path of the puppet.
+            within: limit [m]; undercuts of up to 0.1 mm may remain undetected.
 
         Returns:
             The places (m,) in order of time, and the distances there (m,) [m].
@@ -226,10 +228,10 @@ class Clearance:
         measured = list[tuple[Places, Array]]()
 
         def look(at: Places, distance: Array, lower: Array) -> Indices:
-            kept = (distance < within) | (at.s == 0.0)
-            measured.append((at.some(kept), distance[kept]))
-            far = distance >= within
-            return np.flatnonzero(far & (lower < np.minimum(within, distance - _EDGE)))
+            selected = (distance < within) | (at.s == 0.0)
+            measured.append((at.some(selected), distance[selected]))
+            beyond = distance >= within
+            return np.flatnonzero(beyond & (lower < np.minimum(within, distance - _MAX_UNDERCUT)))
 
         advance(path, self.bounded, look)
         at = Places(*map(np.concatenate, zip(*(places for places, _ in measured), strict=True)))
@@ -245,8 +247,8 @@ class Clearance:
         if self.measures_nothing:
             return None
         if isinstance(motion, Trajectory):
-            least = self.least(motion)
-            return replace(self.pair_at(least.q_D, least.q_K), distance=least.distance)
+            closest = self.least(motion)
+            return replace(self.pair_at(closest.q_D, closest.q_K), distance=closest.distance)
         q_D, q_K = (np.atleast_2d(q) for q in _configurations(motion))
         distance, _, pair = self._measured(q_D, q_K, 1)
         if not np.any(pair >= 0):
@@ -266,7 +268,7 @@ class Clearance:
         return Nearest(*self._named(int(pair)), float(distance))
 
     def bounded(self, q_D: Array, q_K: Array, moves: Moves) -> tuple[Array, Array]:
-        """Distances at configurations, and their lower bounds on moves about them."""
+        """Distances at configurations, and lower bounds of the distances on moves about them."""
         return self._measured(q_D, q_K, default_threads(), moves)[:2]
 
     def _measured(
@@ -294,7 +296,7 @@ class Clearance:
         return distance, lower, pair.reshape(lead)
 
     def _named(self, pair: int) -> tuple[str, str]:
-        """Names of a pair."""
+        """Names of the two solids of a pair."""
         tree, still = self.marionette.tree, [o.name for o in self.obstacles]
         moving = [tree.links[i].name for i in self._links]
         if pair < len(moving) * len(still):
@@ -317,5 +319,5 @@ def _configurations(motion: State | Trajectory | Sequence[State]) -> tuple[Array
 
 
 def _can_move(tree: Tree, link: int) -> bool:
-    """Whether a coordinate moves a link."""
+    """Whether any coordinate moves a link."""
     return any(tree.links[i].role is not Role.FIXED for i in tree.ancestors(link))

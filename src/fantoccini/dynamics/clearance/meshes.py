@@ -1,6 +1,6 @@
-"""Distances from triangle meshes, by coal.
+"""Distances from triangle meshes, measured by the library coal.
 
-The compiled library measures from bounding boxes, and calls back here where they are too near.
+The compiled library measures from bounding boxes, and calls this module if they are too near.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ class _Tolerances:
     """Tolerances for meshes."""
 
     touch: float = 1e-8
-    """Distance up to which solids overlap [m]: the tolerance of coal's iteration."""
+    """Distance up to which solids count as overlapping [m]: the tolerance of coal's iteration."""
     convex: float = 1e-7
-    """Depth of dents relative to the size, and missing volume relative to the volume, of meshes
-    that count as convex: corners in STL files have seven digits."""
+    """Depth of dents over the size, and missing volume over the volume, up to which a mesh counts
+    as convex: corners in STL files have seven digits."""
 
 
 _TOLERANCES = _Tolerances()
 
 
 class Meshes:
-    """The meshes among solids, and their distances from other solids.
+    """Meshes among the solids, and their distances from other solids.
 
         d = min |x - y|, x in the mesh, y in the other's core
 
@@ -42,12 +42,12 @@ class Meshes:
     """
 
     def __init__(self) -> None:
-        self._made: list[_Body] = []
+        self._bodies: list[_Body] = []
         self._request: Any = None
         self._digest = hashlib.sha256()
 
     def __len__(self) -> int:
-        return len(self._made)
+        return len(self._bodies)
 
     @property
     def digest(self) -> str:
@@ -55,7 +55,7 @@ class Meshes:
         return self._digest.hexdigest()
 
     def add(self, shape: Mesh) -> tuple[int, Array, Array]:
-        """Adds a mesh: its number, and centre and half edges (3,) of its bounding box [m]."""
+        """Adds a mesh; its index, and centre and half edges (3,) of its bounding box [m]."""
         import coal
 
         if self._request is None:
@@ -67,10 +67,10 @@ class Meshes:
         low, high = mesh.bounds
         centre, half = (low + high) / 2, (high - low) / 2
         mesh.apply_translation(-centre)
-        self._made.append(_Body.of(mesh))
+        self._bodies.append(_Body.of(mesh))
         for a in (centre, mesh.vertices, mesh.faces):
             self._digest.update(np.ascontiguousarray(a).tobytes())
-        return len(self._made) - 1, centre, half
+        return len(self._bodies) - 1, centre, half
 
     def distance(self, x: np.void, y: np.void) -> float:
         """Distance of two solids in the world, one of them a mesh, before radii are subtracted.
@@ -80,26 +80,26 @@ class Meshes:
                 capsule around it.
 
         Returns:
-            [m]; negative where they overlap, whatever the depth.
+            Distance [m]; negative where they overlap, independent of the depth.
         """
         import coal
 
         if y["kind"] == HALF_SPACE:
-            corners = self._made[x["mesh"]].hull @ _turn(x).T + x["a"]
+            corners = self._bodies[x["mesh"]].hull @ _turn(x).T + x["a"]
             return float(np.min((corners - y["a"]) @ y["b"]))
-        found = coal.distance(
+        result = coal.distance(
             *self._placed(x), *self._placed(y), self._request, coal.DistanceResult()
         )
-        if found <= _TOLERANCES.touch or self._holds(x, y) or self._holds(y, x):
+        if result <= _TOLERANCES.touch or self._holds(x, y) or self._holds(y, x):
             return -_TOLERANCES.touch
-        return found
+        return result
 
     def _placed(self, x: np.void) -> tuple[Any, Any]:
         """A solid's core as coal's geometry, and its pose."""
         import coal
 
         if x["mesh"] >= 0:
-            return self._made[x["mesh"]].geometry, coal.Transform3s(_turn(x), x["a"])
+            return self._bodies[x["mesh"]].geometry, coal.Transform3s(_turn(x), x["a"])
         if x["kind"] == BOX:
             return coal.Box(*(2.0 * x["half"]).tolist()), coal.Transform3s(_turn(x), x["a"])
         a, b = x["a"].tolist(), x["b"].tolist()
@@ -111,13 +111,13 @@ class Meshes:
 
     def _holds(self, x: np.void, y: np.void) -> bool:
         """Whether y lies inside x, where their surfaces do not meet."""
-        inside = self._made[x["mesh"]].inside if x["mesh"] >= 0 else None
+        inside = self._bodies[x["mesh"]].inside if x["mesh"] >= 0 else None
         if inside is None:
             return False
         turn, middle = _turn(x), y["a"] - x["a"]
         if y["mesh"] < 0:
             return inside.holds(middle @ turn)
-        points = self._made[y["mesh"]].points @ _turn(y).T
+        points = self._bodies[y["mesh"]].points @ _turn(y).T
         return any(inside.holds(point) for point in (middle + points) @ turn)
 
 
@@ -126,9 +126,9 @@ class _Body:
     """A mesh relative to the centre of its bounding box.
 
     Attributes:
-        geometry: of coal: convex and solid, or a tree of triangles.
-        hull: (n, 3) corners, including those of its convex hull [m].
-        points: (k, 3) one corner of every connected piece [m].
+        geometry: geometry of coal: convex and solid, or a tree of triangles.
+        hull: (n, 3) corners of the mesh or of its convex hull [m].
+        points: (k, 3) a corner of every connected piece [m].
         inside: test for points inside; None for convex meshes, which coal tests, and open ones.
     """
 
@@ -163,7 +163,7 @@ class _Inside:
         w = sum over the triangles above the point of the sign of n_z
 
     Args:
-        corners: (n, 3, 3) of triangles whose normals point outwards [m].
+        corners: (n, 3, 3) corners of triangles whose normals point outwards [m].
     """
 
     def __init__(self, corners: Array):
@@ -189,9 +189,9 @@ class _Inside:
 
 
 def _left_of(point: Array, a: Array, b: Array) -> MaskRows:
-    """(n,) bool, whether edges a to b (n, 3), seen from above, pass a point on its right.
+    """Whether edges a to b (n, 3), seen from above, pass a point on its right: (n,) bool.
 
-    The same for b to a, so that a point belongs to one of two triangles that share an edge.
+    The result is the same for b to a, so that a point belongs to one of two adjacent triangles.
     """
     turned = (a[:, 1] > b[:, 1])[:, None]
     low, high = np.where(turned, b, a), np.where(turned, a, b)
@@ -208,7 +208,7 @@ def _closed(edges: np.ndarray) -> bool:
 
 
 def _convex(mesh: Any, hull: Any) -> bool:
-    """Whether a closed mesh is its convex hull: without dents, and of the same volume."""
+    """Whether a closed mesh is its convex hull up to a tolerance."""
     tolerance = _TOLERANCES.convex
     if mesh.body_count != 1 or np.max(mesh.face_adjacency_projections) > tolerance * mesh.scale:
         return False
@@ -218,28 +218,28 @@ def _convex(mesh: Any, hull: Any) -> bool:
 def _corners(mesh: Any) -> Any:
     import coal
 
-    found = coal.StdVec_Vec3s()
-    found.extend(list(np.asarray(mesh.vertices)))
-    return found
+    result = coal.StdVec_Vec3s()
+    result.extend(list(np.asarray(mesh.vertices)))
+    return result
 
 
 def _triangles(mesh: Any) -> Any:
     import coal
 
-    found = coal.StdVec_Triangle()
-    found.extend([coal.Triangle(*corners) for corners in mesh.faces.tolist()])
-    return found
+    result = coal.StdVec_Triangle()
+    result.extend([coal.Triangle(*corners) for corners in mesh.faces.tolist()])
+    return result
 
 
 def _turn(x: np.void) -> Array:
-    """(3, 3) the rotation of a solid, which is stored column by column."""
+    """Rotation (3, 3) of a solid, which is stored column by column."""
     return x["R"].reshape(3, 3).T
 
 
 def _along(a: list[float], b: list[float], length: float) -> Array:
-    """(3, 3) a rotation whose z axis points from a to b.
+    """Rotation (3, 3) whose z axis points from a to b.
 
-    As in Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
+    After Duff et al., "Building an orthonormal basis, revisited", JCGT 6(1), 2017.
     """
     x, y, z = ((q - p) / length for p, q in zip(a, b, strict=True))
     s = math.copysign(1.0, z)

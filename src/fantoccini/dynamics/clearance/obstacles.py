@@ -14,13 +14,13 @@ from fantoccini.model.puppet import WORDS, AnyObstacle, Obstacle, Puppet
 
 
 class HalfSpace(Model):
-    """Everything below a plane: a floor, a wall, a ceiling."""
+    """Solid half-space below a plane: a floor, a wall, a ceiling."""
 
     type: Literal["half_space"] = "half_space"
     name: Name
-    """The obstacle's name."""
+    """Name of the obstacle."""
     at: Vector = (0.0, 0.0, 0.0)
-    """A point of the plane [m]."""
+    """Point of the plane [m]."""
     normal: Vector = (0.0, 0.0, 1.0)
     """Outward direction."""
 
@@ -47,7 +47,7 @@ def standing(
     """The obstacles of a puppet, its floor, and additional ones.
 
     Args:
-        puppet: whose obstacles and floor count.
+        puppet: puppet with obstacles and perhaps a floor.
         obstacles: additional ones; a mapping has the keys of an obstacle in a puppet file, or of a
             half-space: ``{"name": "wall", "type": "half_space", "at": [1, 0, 0],
             "normal": [-1, 0, 0]}``.
@@ -55,16 +55,16 @@ def standing(
     Raises:
         FileError: a mapping is not an obstacle, or a name is used twice.
     """
-    given = [dict(o) if isinstance(o, Mapping) else o for o in obstacles]
-    for k, o in enumerate(given):
+    entries = [dict(o) if isinstance(o, Mapping) else o for o in obstacles]
+    for k, o in enumerate(entries):
         if not isinstance(o, (Obstacle, HalfSpace, dict)):
             text = f"found {o!r}; needed: a mapping of keys and values, or an obstacle"
             raise FileError([Mistake("<python>", None, f"obstacles[{k}]", text)])
-    described = [o for o in given if isinstance(o, dict)]
-    made = iter(validate(_Listed, Located({"obstacles": described}), words=WORDS).obstacles)
-    found = [next(made) if isinstance(o, dict) else o for o in given]
+    described = [o for o in entries if isinstance(o, dict)]
+    validated = iter(validate(_Listed, Located({"obstacles": described}), words=WORDS).obstacles)
+    additional = [next(validated) if isinstance(o, dict) else o for o in entries]
     floor = [] if puppet.floor is None else [HalfSpace(name="floor", at=(0.0, 0.0, puppet.floor))]
-    every = (*puppet.obstacles, *floor, *found)
+    every = (*puppet.obstacles, *floor, *additional)
     names = [o.name for o in every]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:

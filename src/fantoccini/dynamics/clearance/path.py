@@ -19,11 +19,11 @@ from fantoccini.model.tree import Role
 from fantoccini.motion import Trajectory
 
 MIN_SLACK = 1.0 + 1e-6
-"""Length over span above which a string sags, as in compiled code."""
+"""Ratio of length to span above which a string sags, as in compiled code."""
 
 
 class _Samples(NamedTuple):
-    """Dynamic or driven coordinates at T samples: (T, n_q), (T, n_v), (T, n_v), and their places.
+    """Dynamic or driven coordinates at T samples: (T, n_q), (T, n_v), (T, n_v), and indices.
 
     Without velocities and accelerations, coordinates are interpolated linearly.
     """
@@ -41,14 +41,14 @@ class Path:
 
     Attributes:
         marionette: the puppet or scene.
-        t: (T,) [s].
-        q_D, q_K: (T, n_qD), (T, n_qK).
+        t: (T,) times [s].
+        q_D, q_K: (T, n_qD), (T, n_qK) configurations.
         h: (T - 1,) durations of the pieces [s]; 0 at an impact.
 
     Args:
         marionette: a puppet or a scene.
         t: (T,) times of the samples, not decreasing [s].
-        q_D, q_K: (T, n_qD), (T, n_qK).
+        q_D, q_K: (T, n_qD), (T, n_qK) configurations.
         rates: (T, n) v_D, acc_D, v_K and acc_K; without them, interpolation is linear.
     """
 
@@ -72,11 +72,11 @@ class Path:
                 q_K, v_K, acc_K, table.scalars_K, table.quaternions_K, table.n_vK
             ),
         }
-        self._coef = {role: _polynomials(self.h, one) for role, one in self._of.items()}
+        self._coef = {role: _polynomials(self.h, samples) for role, samples in self._of.items()}
 
     @classmethod
     def of(cls, marionette: Marionette, run: Trajectory, every: int = 1) -> Path:
-        """The path of a run; if ``every`` > 1, linear between every so many samples."""
+        """The path of a run; if ``every`` > 1, linear between every ``every``-th sample."""
         t, q_D, q_K = run.t[::every], run.q_D[::every], run.q_K[::every]
         if run.method != "event" or every > 1:
             return cls(marionette, t, q_D, q_K)
@@ -95,8 +95,8 @@ class Path:
         return Path(self.marionette, self.t[own], self.q_D[own], self.q_K[own], rates)
 
     def at(self, piece: Indices, s: Array) -> tuple[Array, Array]:
-        """q_D and q_K (m, ...) in pieces (m,), at times s (m,) since their beginnings [s]."""
-        found = []
+        """Configurations q_D, q_K (m, ...) in pieces (m,), s (m,) after their starts [s]."""
+        configuration = []
         for role, own in self._of.items():
             value = polynomial.evaluate(self._coef[role][piece], s[:, None])[0]
             q = own.q[piece].copy()
@@ -105,11 +105,11 @@ class Path:
             for place, v in own.quaternions:
                 spot = slice(place, place + 4)
                 q[:, spot] = rotation.multiply(q[:, spot], rotation.exp(value[:, v : v + 3]))
-            found.append(q)
-        return found[0], found[1]
+            configuration.append(q)
+        return configuration[0], configuration[1]
 
     def moves(self, piece: Indices, start: Array, end: Array) -> Moves:
-        """Bounds of the joints' paths in pieces (m,), between times (m,) within these [s].
+        """Upper bounds of the joints' paths in pieces (m,), between times (m,) within them [s].
 
         A polynomial's path is no longer than the polygon of its Bezier control points.
         """
@@ -142,7 +142,7 @@ class Path:
 
     @cached_property
     def _loose(self) -> Array:
-        """(T - 1, n_strings) 1.0 for strings that are slack at an end of a piece, else 0.0."""
+        """1.0 for strings that are slack at an end of a piece, else 0.0: (T - 1, n_strings)."""
         marionette = self.marionette
         lengths = marionette.string_lengths(self.q_D, self.q_K)
         slack = np.zeros(lengths.shape, dtype=bool)
@@ -154,41 +154,41 @@ class Path:
 
     @cached_property
     def around(self) -> Moves:
-        """Moves (T, ...) from each sample to the middles of the pieces before and after it."""
+        """Bounds (T, ...) of moves from each sample to the middles of the adjacent pieces."""
         pieces, half = np.arange(len(self.h)), 0.5 * self.h
         before = self.moves(pieces, half, self.h)
         after = self.moves(pieces, np.zeros_like(half), half)
-        made = []
+        bounds = []
         for early, late in zip(before, after, strict=True):
             none = np.zeros((1, early.shape[1]))
-            made.append(np.maximum(np.concatenate([late, none]), np.concatenate([none, early])))
-        return Moves(*made)
+            bounds.append(np.maximum(np.concatenate([late, none]), np.concatenate([none, early])))
+        return Moves(*bounds)
 
 
 def _polynomials(h: Array, own: _Samples) -> Array:
-    """(T - 1, n_v, 6) coefficients: of scalars, and of rotation vectors from the left samples."""
+    """Coefficients (T - 1, n_v, 6) of scalars, and of rotation vectors from the left samples."""
     T, moving = len(h) + 1, h > 0.0
     coef = np.zeros((T - 1, own.n_v, polynomial.N_COEF))
-    by = np.where(moving, h, 1.0)[:, None]
+    step = np.where(moving, h, 1.0)[:, None]
     for place, v in own.scalars:
         q = own.q[:, place]
         if own.v is None or own.acc is None:
-            coef[:, v, 0], coef[:, v, 1] = q[:-1], np.diff(q) / by[:, 0]
+            coef[:, v, 0], coef[:, v, 1] = q[:-1], np.diff(q) / step[:, 0]
         else:
             rate, second = own.v[:, v], own.acc[:, v]
             start, end = (q[:-1], rate[:-1], second[:-1]), (q[1:], rate[1:], second[1:])
-            coef[:, v] = polynomial.hermite(by[:, 0], start, end)
+            coef[:, v] = polynomial.hermite(step[:, 0], start, end)
         coef[~moving, v, 1:] = 0.0
     for place, v in own.quaternions:
         spot, slot = slice(place, place + 4), slice(v, v + 3)
         turn = rotation.between(own.q[:-1, spot], own.q[1:, spot])
         if own.v is None or own.acc is None:
-            coef[:, slot, 1] = turn / by
+            coef[:, slot, 1] = turn / step
         else:
             rate, curve = rotation.tangent_motion(turn, own.v[1:, slot], own.acc[1:, slot])
             none = np.zeros_like(turn)
             coef[:, slot] = polynomial.hermite(
-                by, (none, own.v[:-1, slot], own.acc[:-1, slot]), (turn, rate, curve)
+                step, (none, own.v[:-1, slot], own.acc[:-1, slot]), (turn, rate, curve)
             )
         coef[~moving, slot] = 0.0
     return coef

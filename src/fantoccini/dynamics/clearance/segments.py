@@ -1,4 +1,4 @@
-"""Distances of many segments from others, boxes and ellipsoids, and curves of slack strings."""
+"""Distances of many segments from segments, boxes and ellipsoids; curves of slack strings."""
 
 from __future__ import annotations
 
@@ -10,45 +10,45 @@ import numpy as np
 from fantoccini.base import Array, Vec3, catenary
 
 N_CHORDS = 12
-"""Segments that replace the curve of a slack string."""
+"""Number of segments that replace the curve of a slack string."""
 
 
 @dataclass(frozen=True)
 class _Tolerances:
-    """Where a case is degenerate."""
+    """Thresholds of degenerate cases."""
 
     min_length: float = 1e-12
-    """Shorter segments count as points [m]."""
+    """Length below which a segment counts as a point [m]."""
     min_determinant: float = 1e-12
-    """sin^2 of an angle: parallel below it."""
+    """Squared sine of an angle below which segments count as parallel."""
 
 
 _TOLERANCES = _Tolerances()
 
 
 def dot(x: Vec3, y: Vec3) -> Array:
-    """(...) products of vectors (..., 3)."""
+    """Scalar products (...) of vectors (..., 3)."""
     return np.einsum("...i,...i->...", x, y)
 
 
 def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array]:
-    """min |a + s (b - a) - c - t (d - c)|, 0 <= s, t <= 1.
+    """Distances of segments: min |a + s (b - a) - c - t (d - c)|, 0 <= s, t <= 1.
 
     Args:
-        a, b: (n, 3) ends of one segment [m].
-        c, d: (n, 3) of the other.
+        a, b: (n, 3) ends of the first segment [m].
+        c, d: (n, 3) ends of the second segment [m].
 
     Returns:
-        (n,) distances [m], and s (n,).
+        Distances (n,) [m], and s (n,).
     """
     u, v, w = b - a, d - c, a - c
     tiny = _TOLERANCES.min_length**2
     uu, vv, uv = dot(u, u) + tiny, dot(v, v) + tiny, dot(u, v)
     wu, wv = dot(w, u), dot(w, v)
     determinant = uu * vv - uv * uv
-    apart = determinant > _TOLERANCES.min_determinant * (uu * vv)
-    s = np.where(apart, (uv * wv - vv * wu) / np.where(apart, determinant, 1.0), 0.0)
-    # The nearest point of the other line, moved into its segment, and what is nearest to that.
+    crossing = determinant > _TOLERANCES.min_determinant * (uu * vv)
+    s = np.where(crossing, (uv * wv - vv * wu) / np.where(crossing, determinant, 1.0), 0.0)
+    # The nearest point of the other line, moved into its segment; then the point nearest to that.
     t = np.clip((uv * np.clip(s, 0.0, 1.0) + wv) / vv, 0.0, 1.0)
     s = np.clip((uv * t - wu) / uu, 0.0, 1.0)
     gap = w + s[:, None] * u - t[:, None] * v
@@ -56,7 +56,7 @@ def between_segments(a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> tuple[Array, Array]:
 
 
 def from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
-    """min |x - y| with x = a + t (b - a) on a segment and y in a box about the origin.
+    """Distances min |x - y|, x = a + t (b - a) on a segment, y in a box about the origin.
 
     Half the derivative of the squared distance along the segment increases and is piecewise linear,
     with breaks where the segment meets a face's plane: its zero lies between two of these.
@@ -66,7 +66,7 @@ def from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
         half: (n, 3) half edges [m].
 
     Returns:
-        (n,) distances [m], 0 where they meet, and t (n,).
+        Distances (n,) [m], 0 where they meet, and t (n,).
     """
     d = b - a
 
@@ -93,19 +93,19 @@ def from_box(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
 
 
 def from_ellipsoid(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
-    """A lower bound of the distance of a segment from an ellipsoid, exact where they touch.
+    """Lower bounds of the distances of segments from ellipsoids, exact where they touch.
 
         rho (rho - 1) / |A^-2 x|,   rho = |A^-1 x|,   A = diag(half)
 
     with x the point of the segment of least rho: the gap between the planes through x and on the
-    ellipsoid that are square to the gradient of rho there. They part the two.
+    ellipsoid that are square to the gradient of rho there. These planes separate the two.
 
     Args:
         a, b: (n, 3) ends of the segment in the ellipsoid's frame [m].
         half: (n, 3) half axes [m].
 
     Returns:
-        (n,) bounds [m], negative where they overlap, and t (n,) of x = a + t (b - a).
+        Bounds (n,) [m], negative where they overlap, and t (n,) of x = a + t (b - a).
     """
     x, d = a / half, (b - a) / half
     t = np.clip(-dot(x, d) / np.maximum(dot(d, d), _TOLERANCES.min_length**2), 0.0, 1.0)
@@ -116,16 +116,16 @@ def from_ellipsoid(a: Vec3, b: Vec3, half: Vec3) -> tuple[Array, Array]:
 
 
 def hanging(start: Vec3, end: Vec3, length: Array) -> Vec3:
-    """Points along slack strings, which hang as threads of their length do.
+    """Points along slack strings, which hang as catenaries.
 
     Args:
         start, end: (n, 3) ends [m].
-        length: (n,) of the strings, larger than the distance of the ends [m].
+        length: (n,) lengths of the strings, larger than the distance of the ends [m].
 
     Returns:
-        (n, N_CHORDS + 1, 3) points in equal horizontal steps, close together where the curve bends
-        [m]: so the chords are nowhere farther from it than w / N_CHORDS, with w the ends'
-        horizontal distance.
+        Points (n, N_CHORDS + 1, 3) in equal horizontal steps [m]. They are close together where
+        the curve bends, so that no chord is farther from it than w / N_CHORDS, with w the
+        horizontal distance of the ends.
     """
     along = end - start
     a, low, high = catenary(along, length)

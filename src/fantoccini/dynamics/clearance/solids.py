@@ -1,8 +1,8 @@
-"""Shapes as the solids between which clearances are measured.
+"""Conversion of shapes to the solids between which clearances are measured.
 
 All are exact except ellipsoids: against anything but half-spaces they count as the capsule around
 them, so that a clearance is never overestimated. A mesh is its bounding box in the axes of its body
-and its number in :class:`fantoccini.dynamics.clearance.meshes.Meshes`.
+and its index in :class:`fantoccini.dynamics.clearance.meshes.Meshes`.
 """
 
 from __future__ import annotations
@@ -17,30 +17,34 @@ from fantoccini.model.tree import WORLD, Tree
 
 
 def moving(tree: Tree, meshes: Meshes) -> tuple[np.ndarray, list[int]]:
-    """The solids of a puppet's bodies, and the link of each.
+    """Solids of a puppet's bodies, and the link of each.
 
     Args:
-        tree: of the puppet.
-        meshes: to which its meshes are added.
+        tree: tree of the puppet.
+        meshes: collection to which its meshes are added.
 
     Returns:
-        (n,) ``SOLID``, and n links.
+        Records (n,) ``SOLID``, and n links.
     """
-    found = [(solid(s, i, meshes), i) for i, link in enumerate(tree.links) for s in link.shapes]
-    return solids.stacked([made for made, _ in found]), [i for _, i in found]
+    solids_and_links = [
+        (solid(s, i, meshes), i) for i, link in enumerate(tree.links) for s in link.shapes
+    ]
+    return solids.stacked([record for record, _ in solids_and_links]), [
+        i for _, i in solids_and_links
+    ]
 
 
 def standing(obstacles: tuple[Obstacle | HalfSpace, ...], meshes: Meshes) -> np.ndarray:
-    """(n,) ``SOLID`` of obstacles; their meshes are added to ``meshes``."""
+    """Records (n,) ``SOLID`` of obstacles; their meshes are added to ``meshes``."""
     return solids.stacked([solid(o, WORLD, meshes) for o in obstacles])
 
 
 def apart(tree: Tree, links: list[int]) -> np.ndarray:
-    """(n, 2) pairs of solids on bodies that no joint connects.
+    """Pairs (n, 2) of solids on bodies that no joint connects.
 
     Args:
-        tree: of the puppet.
-        links: that carry the solids.
+        tree: tree of the puppet.
+        links: links that carry the solids.
     """
     neighbours = {(i, tree.links[i].parent) for i in range(len(tree.links))}
     pairs = [
@@ -58,15 +62,15 @@ def solid(shape: Shape | HalfSpace, link: int, meshes: Meshes) -> np.ndarray:
     """A shape as a ``SOLID``.
 
     Args:
-        shape: of a body, or an obstacle.
-        link: that carries it, ``WORLD`` for an obstacle.
-        meshes: to which it is added if it is a mesh.
+        shape: shape of a body, or an obstacle.
+        link: link that carries it, ``WORLD`` for an obstacle.
+        meshes: collection to which it is added if it is a mesh.
     """
     if isinstance(shape, HalfSpace):
         return solids.half_space(shape.at, shape.normal)
     if not isinstance(shape, Mesh):
         return solids.solid(shape, link)
-    made = solids.empty(link)
-    made["mesh"], centre, half = meshes.add(shape)
-    solids.set_box(made, centre, np.eye(3), half)
-    return made
+    record = solids.empty(link)
+    record["mesh"], centre, half = meshes.add(shape)
+    solids.set_box(record, centre, np.eye(3), half)
+    return record

@@ -1,4 +1,4 @@
-"""Pairs that keep apart: of strings, and of strings and bodies."""
+"""Pairs to keep apart: two strings, or a string and a body."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fantoccini.dynamics.marionette import Marionette
 
 
 class Kind(IntEnum):
-    """What a string is measured against."""
+    """Kind of a pair, by the partner of its string."""
 
     STRING = 0
     OTHERS_BODY = 1
@@ -25,10 +25,10 @@ class StringPairs:
     """The pairs of a puppet or a scene.
 
     Attributes:
-        names: of what is measured, by group: a string's, and another's or a body's.
-        kinds: by group.
+        names: names of a string, and of another string or a body, for each group.
+        kinds: kind of each group.
         every: all pairs of cores, groups of strings first.
-        of_strings: those of two strings, as chords without thickness.
+        of_strings: pairs of two strings, as chords without thickness.
     """
 
     names: tuple[tuple[str, str], ...]
@@ -40,13 +40,13 @@ class StringPairs:
 def string_pairs(
     marionette: Marionette, links: list[int], radii: Array, radius: float, *, own: bool = True
 ) -> StringPairs:
-    """The pairs, numbered as cores are: pieces of strings, then solids.
+    """All pairs of cores; these are pieces of strings first, then solids.
 
     Args:
         marionette: a puppet or a scene.
-        links: that carry the solids.
-        radii: (n_solids,) [m].
-        radius: of strings [m].
+        links: links that carry the solids.
+        radii: (n_solids,) radii of the solids [m].
+        radius: half the thickness of strings [m].
         own: whether ``every`` includes pairs within one puppet; ``of_strings`` always does.
     """
     tree, member = marionette.tree, marionette.puppet.member_of
@@ -58,10 +58,10 @@ def string_pairs(
     }
     names: list[tuple[str, str]] = []
     kinds: list[Kind] = []
-    found: list[tuple[int, int, int]] = []
+    triples: list[tuple[int, int, int]] = []
 
     def add(kind: Kind, i: int, other: str, cores: list[int]) -> None:
-        found.extend((a, b, len(names)) for a in pieces[i] for b in cores)
+        triples.extend((a, b, len(names)) for a in pieces[i] for b in cores)
         names.append((tree.strings[i].name, other))
         kinds.append(kind)
 
@@ -69,17 +69,17 @@ def string_pairs(
         for j, other in enumerate(tree.strings[:i]):
             if not {(p.link, p.at) for p in string.points} & {(p.link, p.at) for p in other.points}:
                 add(Kind.STRING, j, string.name, pieces[i])
-    n = len(found)
+    n = len(triples)
     for i, string in enumerate(tree.strings):
         for link, cores in solids.items():
             if link not in {p.link for p in string.points}:
                 body = tree.links[link].name
                 same = member(body) == member(string.name)
                 add(Kind.OWN_BODY if same else Kind.OTHERS_BODY, i, body, cores)
-    first, second, group = np.array(found, dtype=int).reshape(-1, 3).T
+    first, second, group = np.array(triples, dtype=int).reshape(-1, 3).T
     thick = np.concatenate([np.full(len(of_piece), radius), radii])
-    kept = np.array([own or member(a) != member(b) for a, b in names], dtype=bool)[group]
-    i, j = first[kept], second[kept]
-    every = Pairs(i, j, group[kept], thick[i] + thick[j])
+    selected = np.array([own or member(a) != member(b) for a, b in names], dtype=bool)[group]
+    i, j = first[selected], second[selected]
+    every = Pairs(i, j, group[selected], thick[i] + thick[j])
     of_strings = Pairs(first[:n], second[:n], group[:n], np.zeros(n))
     return StringPairs(tuple(names), tuple(kinds), every, of_strings)

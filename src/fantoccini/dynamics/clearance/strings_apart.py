@@ -1,4 +1,4 @@
-"""StringsApart: whether strings keep clear of one another and of bodies, along a motion."""
+"""StringsApart: distances of strings from one another and from bodies, along a motion."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from fantoccini.dynamics.clearance.string_pairs import Kind, StringPairs, string
 from fantoccini.dynamics.clearance.winding import Crossing, Winding, crossings, windings
 from fantoccini.dynamics.marionette import Marionette
 
-_ACCURACY = 1e-5
-"""By how much a least distance may be too large [m]: so near to it, no nearer sample is sought."""
-_SHORT, _SHARE = 1e-4, 0.02
-"""Largest moves that are not refined further [m], and relative to the distance."""
-_SAMPLE = -1.0
+_DISTANCE_TOLERANCE = 1e-5
+"""Improvement of a least distance below which no nearer sample is sought [m]."""
+_MAX_MOVE, _MAX_MOVE_RATIO = 1e-4, 0.02
+"""Largest move that is not refined further [m], and its ratio to the distance."""
+_AT_SAMPLE = -1.0
 """Placeholder for the time after a sample, meaning the sample itself [s]."""
-_LEAST_PART = 1e-4
-"""Smallest part of a step: discontinuities, as of a string's fold, never move little enough."""
+_MIN_STEP_RATIO = 1e-4
+"""Smallest part of a step: at discontinuities, such as a string's fold, halving would not end."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Approach:
     Attributes:
         what: name of the string.
         other: name of the other string, or of the body.
-        distance: between their surfaces [m]; negative where they overlap, whatever the depth.
-        t: when [s].
-        place: (3,) the point of the string's axis that is nearest [m].
+        distance: distance of their surfaces [m]; negative for overlaps of any depth.
+        t: time [s].
+        place: (3,) nearest point of the string's axis [m].
     """
 
     what: str
@@ -47,18 +47,18 @@ class Approach:
 
     def __str__(self) -> str:
         at = ", ".join(f"{x:.3g}" for x in self.place)
-        apart = f"{abs(self.distance):.3g} m {'from' if self.distance > 0.0 else 'inside'}"
-        return f"string {self.what} is {apart} {self.other} at t = {self.t:.4g} s, ({at})"
+        gap = f"{abs(self.distance):.3g} m {'from' if self.distance > 0.0 else 'inside'}"
+        return f"string {self.what} is {gap} {self.other} at t = {self.t:.4g} s, ({at})"
 
 
 @dataclass(frozen=True)
 class Approaches:
-    """Approaches of pairs, one for every pair of names.
+    """Approaches, at most one for every pair of names.
 
     Attributes:
-        strings: of two strings.
-        bodies: of a string and a body of another puppet, or a prop.
-        own: of a string and a body of the same puppet.
+        strings: approaches of two strings.
+        bodies: approaches of a string and a body of another puppet, or a prop.
+        own: approaches of a string and a body of the same puppet.
     """
 
     strings: tuple[Approach, ...]
@@ -71,9 +71,9 @@ class StringsApart:
 
         d = min |x - y| - radii,   x on a string, y on another string or on the core of a body
 
-    A taut string is straight from point to point, a slack one hangs as a thread of its length does.
-    Twelve chords stand for its curve, nowhere farther from it than a twelfth of the horizontal
-    distance of its ends; up to a sag of 0.01 mm it is straight. The slip of winches is left out.
+    A taut string is straight from point to point, a slack one hangs as a catenary. Twelve chords
+    replace its curve; none is farther from it than a twelfth of the horizontal distance of its
+    ends. Up to a sag of 0.01 mm it is straight. The slip of winches is ignored.
 
     Strings through the same point are not measured against each other, nor strings against the
     bodies to which they are tied. From capsules, spheres and boxes distances are exact. Those from
@@ -84,11 +84,11 @@ class StringsApart:
     Args:
         marionette: a puppet or a scene.
         radius: half the thickness of strings [m].
-        own: whether to measure distances within one puppet, too. These take longest, because its
+        own: whether to measure distances within one puppet as well. They take longest, because its
             parts are usually near each other. Crossings within it are found in any case.
 
     Raises:
-        ValueError: a radius that is not a finite number of at least 0.
+        ValueError: ``radius`` is not a finite number of at least 0.
     """
 
     def __init__(self, marionette: Marionette, *, radius: float = 0.0, own: bool = True):
@@ -98,15 +98,15 @@ class StringsApart:
         self._pairs = string_pairs(marionette, self._links, self._bodies["radius"], radius, own=own)
 
     def over(self, q_D: Array, q_K: Array, t: Times) -> StringMotion:
-        """The strings and bodies along a motion, to be measured.
+        """The strings and bodies along a motion, ready for measurements.
 
         Args:
-            q_D, q_K: (T, n_qD), (T, n_qK).
+            q_D, q_K: (T, n_qD), (T, n_qK) configurations.
             t: (T,) times, not decreasing [s].
 
         Raises:
-            ValueError: arrays of other shapes, without samples, or with numbers that are not
-                finite; times that decrease.
+            ValueError: the arrays have other shapes, no samples, or numbers that are not finite;
+                or times decrease.
         """
         q_D, q_K, t = (np.asarray(x, dtype=float) for x in (q_D, q_K, t))
         table = self.marionette.coordinates
@@ -134,10 +134,10 @@ class StringMotion:
 
     Attributes:
         t: (T,) times [s].
-        cores: where strings and bodies are at the samples.
-        pairs: what is measured.
-        path: configurations between the samples, too.
-        placed: the cores at configurations.
+        cores: cores of strings and bodies at the samples.
+        pairs: pairs to measure.
+        path: configurations at the samples and between them.
+        placed: function from configurations q_D, q_K to their cores.
     """
 
     t: Times
@@ -147,7 +147,7 @@ class StringMotion:
     placed: Callable[[Array, Array], Cores]
 
     def nearest(self, within: float = 0.05) -> Approaches:
-        """The least distance of every pair that comes nearer than ``within``, the least first.
+        """Least distances of all pairs that come nearer than ``within``, in increasing order.
 
         Distances are accurate to 0.1 mm and 2 %. Depths of overlaps are not measured.
 
@@ -160,9 +160,16 @@ class StringMotion:
         which, when, later = *np.full((2, len(best)), -1), np.zeros(len(best))
 
         def limit(pair: Indices, _k: Indices, s: Array) -> Array:
-            least = best[pairs.group[pair]]
-            between = np.where(least > 0.0, least - np.maximum(_SHORT, _SHARE * least), -np.inf)
-            return np.where(s >= 0.0, between, least - _ACCURACY) + pairs.swollen[pair]
+            best_distance = best[pairs.group[pair]]
+            between = np.where(
+                best_distance > 0.0,
+                best_distance - np.maximum(_MAX_MOVE, _MAX_MOVE_RATIO * best_distance),
+                -np.inf,
+            )
+            return (
+                np.where(s >= 0.0, between, best_distance - _DISTANCE_TOLERANCE)
+                + pairs.swollen[pair]
+            )
 
         def take(pair: Indices, k: Indices, s: Array, distance: Array) -> None:
             distance, group = distance - pairs.swollen[pair], pairs.group[pair]
@@ -177,7 +184,7 @@ class StringMotion:
         return self._approaches(which[near], when[near], later[near], best[near])
 
     def nearer_than(self, margin: float) -> Approaches:
-        """When every pair that comes nearer than a margin does so first, the earliest first.
+        """First approaches of all pairs that come nearer than a margin, the earliest first.
 
         Raises:
             ValueError: the margin is not a finite number greater than 0.
@@ -210,15 +217,15 @@ class StringMotion:
     def crossings(self) -> tuple[Crossing, ...]:
         """Every passage of a string through another, the earliest first.
 
-        The motion is free of crossings if there is none. Slack strings count as their chords: what
-        a loop of a slack string winds around is not seen.
+        The motion is free of crossings if the result is empty. Slack strings count as their chords:
+        windings around a loop of a slack string are not detected.
         """
         return crossings(self.cores, self.t, self.pairs)
 
     def windings(self) -> tuple[Winding, ...]:
-        """How far strings have wound round each other, the most wound at the end first.
+        """Windings of strings round each other, in decreasing order of turns at the end.
 
-        Of pairs that have heights in common at all times, and that are straight from end to end.
+        Only pairs with common heights at all times and straight from end to end are included.
         """
         return windings(self.cores, self.pairs)
 
@@ -228,7 +235,7 @@ class StringMotion:
         pair, k = search(
             self.cores,
             pairs,
-            lambda pair, k: limit(pair, k, np.full(len(k), _SAMPLE)),
+            lambda pair, k: limit(pair, k, np.full(len(k), _AT_SAMPLE)),
             lambda pair, k, distance: take(pair, k, np.zeros(len(k)), distance),
         )
         within = k + 1 < len(self.t)
@@ -250,9 +257,9 @@ class StringMotion:
                 there = cores.travelled[core, at]
                 before = there - cores.travelled[core, at - 1]
                 moved = moved + np.maximum(before, cores.travelled[core, at + 1] - there)
-            apart = np.maximum(distance - pairs.swollen[pair], 0.0)
-            long = (moved > np.maximum(_SHORT, _SHARE * apart)) & (
-                end - start > _LEAST_PART * self.path.h[k]
+            gap = np.maximum(distance - pairs.swollen[pair], 0.0)
+            long = (moved > np.maximum(_MAX_MOVE, _MAX_MOVE_RATIO * gap)) & (
+                end - start > _MIN_STEP_RATIO * self.path.h[k]
             )
             open_ = np.flatnonzero(long & (distance - moved < limit(pair, k, start)))
             pair, k = np.tile(pair[open_], 2), np.tile(k[open_], 2)
@@ -260,7 +267,7 @@ class StringMotion:
             start, end = np.concatenate([start, middle]), np.concatenate([middle, end])
 
     def _approaches(self, pair: Indices, k: Indices, s: Array, rank: Array) -> Approaches:
-        """Approaches of pairs (m,), s (m,) after samples k (m,), by kinds, in order of ranks."""
+        """Approaches of pairs (m,) at s (m,) after samples k (m,), by kind and in order of rank."""
         pairs, t = self.pairs.every, self.t[k] + s
         if len(self.path.h) and len(k):
             piece = np.minimum(k, len(self.path.h) - 1)
@@ -270,24 +277,24 @@ class StringMotion:
             cores = self.cores
         distance, place = cores.exact(pairs.i[pair], pairs.j[pair], k)
         distance = distance - pairs.swollen[pair]
-        found: dict[Kind, list[Approach]] = {kind: [] for kind in Kind}
+        approaches: dict[Kind, list[Approach]] = {kind: [] for kind in Kind}
         for n in np.argsort(rank, kind="stable"):
             group = pairs.group[pair[n]]
             x, y, z = place[n].tolist()
             what, other = self.pairs.names[group]
-            made = Approach(what, other, float(distance[n]), float(t[n]), (x, y, z))
-            found[self.pairs.kinds[group]].append(made)
-        return Approaches(*(tuple(made) for made in found.values()))
+            entry = Approach(what, other, float(distance[n]), float(t[n]), (x, y, z))
+            approaches[self.pairs.kinds[group]].append(entry)
+        return Approaches(*(tuple(entry) for entry in approaches.values()))
 
 
 Limit = Callable[[Indices, Indices, Array], Array]
-"""Limit of the distance without radii, of pairs (m,) at samples (m,) and times after them."""
+"""Callback: pairs (m,), samples, times after them -> limits of the distance without radii [m]."""
 
 Take = Callable[[Indices, Indices, Array, Array], None]
-"""Callback: pairs (m,), samples, times after them and distances without radii."""
+"""Callback: pairs (m,), samples, times after them, and distances without radii [m]."""
 
 
 def _firsts(group: Indices, rank: Array | Indices) -> Indices:
-    """Where the one of least rank (m,) of every group (m,) is."""
+    """Indices of the least rank (m,) in every group (m,)."""
     order = np.lexsort((rank, group))
     return order[np.flatnonzero(np.diff(group[order], prepend=-1))]

@@ -1,10 +1,10 @@
-"""Whether strings pass through one another, and how far they wind round each other.
+"""Crossings of strings through one another, and their windings round each other.
 
 The pieces a0 to a1 and b0 to b1 of two strings meet where the volume that their ends span is zero,
 
     f(s) = (a1 - a0) x (b1 - b0) . (b0 - a0) = 0
 
-and their nearest points coincide. Ends move evenly from one sample to the next, 0 <= s <= 1, so
+and their nearest points coincide. Ends move uniformly from one sample to the next, 0 <= s <= 1, so
 that f is a cubic. Where it changes sign and the pieces meet, one string has passed through the
 other: this test is exact, however long the step.
 """
@@ -25,16 +25,16 @@ from fantoccini.dynamics.clearance.string_pairs import StringPairs
 
 @dataclass(frozen=True)
 class _Tolerances:
-    """Where strings meet."""
+    """Tolerances of crossings."""
 
     meet: float = 1e-8
-    """Distance of pieces that meet [m]: well above rounding, far below a thread."""
+    """Largest distance of pieces that meet [m]: above rounding errors, far below a thread."""
     plane: float = 1e-13
-    """Volume relative to the lengths that span it, up to which pieces stay in one plane."""
+    """Largest volume of pieces in one plane, relative to the product of its spanning lengths."""
     bisections: int = 52
-    """Halvings of a step: those of a number between 0 and 1."""
+    """Number of halvings of a step: enough for every bit of a number between 0 and 1."""
     advances: int = 200
-    """Steps towards a meeting in a plane."""
+    """Maximum number of steps towards a meeting in a plane."""
 
 
 _TOLERANCES = _Tolerances()
@@ -46,11 +46,11 @@ class Crossing:
 
     Attributes:
         what, other: names of the strings.
-        t: when [s], for ends that move evenly between the samples.
-        place: (3,) where [m].
+        t: time [s], for ends that move uniformly between the samples.
+        place: (3,) place of the crossing [m].
         turn: 1 where the upper part of ``other`` goes on round ``what`` to the left, seen from
-            above, -1 to the right, 0 where both move in one plane: what the crossing adds to their
-            :class:`Winding` and takes from what is seen of it.
+            above, -1 to the right, 0 where both move in one plane. The crossing adds it to the
+            difference between ``turns`` and ``seen`` of their :class:`Winding`.
     """
 
     what: str
@@ -66,18 +66,18 @@ class Crossing:
 
 @dataclass(frozen=True, eq=False)
 class Winding:
-    """How far two strings have wound round each other.
+    """Turns of two strings round each other.
 
         w(t) = angle at the highest common height - angle at the lowest, over 2 pi
 
-    with the angle of the horizontal vector from one string to the other followed in time; w begins
-    as what the strings sweep from bottom to top, less than half a turn. Without crossings it is
-    that at all times. Each crossing adds a turn, in its sense, to the difference.
+    with the angle of the horizontal vector from one string to the other followed in time. w begins
+    as the angle that the strings sweep from bottom to top, less than half a turn, and equals it at
+    all times without crossings. Each crossing adds a turn, in its sense, to the difference.
 
     Attributes:
         what, other: names of the strings.
-        turns: (T,) w; to the left is positive, seen from above.
-        seen: (T,) what the strings sweep from bottom to top [turns].
+        turns: (T,) w; positive to the left, seen from above.
+        seen: (T,) angle that the strings sweep from bottom to top [turns].
     """
 
     what: str
@@ -90,9 +90,9 @@ def crossings(cores: Cores, t: Times, pairs: StringPairs) -> tuple[Crossing, ...
     """Passages of strings through one another, the earliest first.
 
     Args:
-        cores: of which strings count as chords.
+        cores: cores along a motion; strings count as their chords.
         t: (T,) times [s].
-        pairs: of strings.
+        pairs: pairs of strings.
     """
     pair, k = search(
         cores.chords(), pairs.of_strings, lambda pair, _k: np.full(len(pair), _TOLERANCES.meet)
@@ -103,15 +103,15 @@ def crossings(cores: Cores, t: Times, pairs: StringPairs) -> tuple[Crossing, ...
     ends = np.array([end[core, k] for core in (i, j) for end in (cores.a, cores.b)])
     after = np.array([end[core, k + 1] for core in (i, j) for end in (cores.a, cores.b)])
     step = _Step(ends, after)
-    found = []
+    results = []
     for which, s, turn in (step.passages(), step.meetings_in_plane()):
         place = step.part(which).places(s)
         when = t[k[which]] + s * (t[k[which] + 1] - t[k[which]])
         for n, m in enumerate(which):
             what, other = pairs.names[pairs.of_strings.group[pair[m]]]
             x, y, z = place[n].tolist()
-            found.append(Crossing(what, other, float(when[n]), (x, y, z), int(turn[n])))
-    return tuple(sorted(found, key=lambda crossing: crossing.t))
+            results.append(Crossing(what, other, float(when[n]), (x, y, z), int(turn[n])))
+    return tuple(sorted(results, key=lambda crossing: crossing.t))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,24 +125,24 @@ class _Step:
         return _Step(self.before[:, which], self.after[:, which])
 
     def at(self, s: Array) -> Vec3:
-        """(4, n, 3) ends at s (n,); those of the samples to the last bit."""
+        """Ends (4, n, 3) at s (n,), equal to those of the samples at s = 0 and 1 [m]."""
         return (1.0 - s)[:, None] * self.before + s[:, None] * self.after
 
     def volume(self, s: Array) -> Array:
-        """f (n,) [m^3]."""
+        """Spanned volume f (n,) [m^3]."""
         return _volume(*self.at(s))
 
     def distance(self, s: Array) -> Array:
-        """(n,) [m]."""
+        """Distances (n,) of the pieces [m]."""
         return between_segments(*self.at(s))[0]
 
     def places(self, s: Array) -> Vec3:
-        """(n, 3) the point of the first piece nearest to the other."""
+        """Points (n, 3) of the first piece nearest to the other [m]."""
         a, b, c, d = self.at(s)
         return a + between_segments(a, b, c, d)[1][:, None] * (b - a)
 
     def coefficients(self) -> Array:
-        """(4, n) of f, the constant first [m^3]."""
+        """Coefficients (4, n) of f, the constant first [m^3]."""
         a, b, c, d = self.before
         u, v, w = x = np.array([b - a, d - c, c - a])
         a, b, c, d = self.after
@@ -157,7 +157,7 @@ class _Step:
         )
 
     def in_plane(self) -> np.ndarray:
-        """(n,) whether the pieces stay in one plane, so that f says nothing."""
+        """Whether the pieces stay in one plane, so that f does not detect crossings: (n,) bool."""
         size = np.ones(self.before.shape[1])
         for i, j in ((0, 1), (2, 3), (0, 2)):
             spans = (np.linalg.norm(x[j] - x[i], axis=1) for x in (self.before, self.after))
@@ -165,13 +165,13 @@ class _Step:
         return np.abs(self.coefficients()).max(axis=0, initial=0.0) <= _TOLERANCES.plane * size
 
     def passages(self) -> tuple[Indices, Array, Indices]:
-        """Pieces (m,) that pass through one another, when s (m,), and the sense (m,)."""
+        """Pieces (m,) that pass through one another, their times s (m,), and senses (m,)."""
         _, c1, c2, c3 = self.coefficients()
         # Between its extremes f is monotone: a change of sign there is one root.
         with np.errstate(divide="ignore", invalid="ignore"):
             root = np.sqrt(c2 * c2 - 3.0 * c1 * c3)
-            far = -c2 - np.where(c2 < 0.0, -1.0, 1.0) * root
-            extremes = np.array([far / (3.0 * c3), c1 / far])
+            q = -c2 - np.where(c2 < 0.0, -1.0, 1.0) * root
+            extremes = np.array([q / (3.0 * c3), c1 / q])
         inner = np.sort(np.where((extremes > 0.0) & (extremes < 1.0), extremes, 1.0), axis=0)
         marks = np.concatenate([np.zeros((1, len(c1))), inner, np.ones((1, len(c1)))])
         above = np.array([self.volume(s) >= 0.0 for s in marks])
@@ -190,14 +190,14 @@ class _Step:
         return which[meet], high[meet], turn[meet]
 
     def meetings_in_plane(self) -> tuple[Indices, Array, Indices]:
-        """The same of pieces that stay in one plane and come to meet there: no sense, 0."""
+        """Pieces (m,) that stay in one plane and meet there, times s (m,), and senses 0."""
         which = np.flatnonzero(self.in_plane())
         part, s = self.part(which), np.zeros(len(which))
         moved = np.linalg.norm(part.after - part.before, axis=2)
         nearing = np.maximum(moved[0], moved[1]) + np.maximum(moved[2], moved[3])
         distance = part.distance(s)
         away = distance > _TOLERANCES.meet
-        # They cannot meet before they have moved by the distance that is left.
+        # They cannot meet before they have moved by the remaining distance.
         for _ in range(_TOLERANCES.advances):
             s = np.minimum(s + distance / np.maximum(nearing, np.finfo(float).tiny), 1.0)
             distance = np.where(distance > _TOLERANCES.meet, part.distance(s), distance)
@@ -209,10 +209,10 @@ def windings(cores: Cores, pairs: StringPairs) -> tuple[Winding, ...]:
     """Windings of pairs of strings, the most wound at the end first.
 
     Args:
-        cores: of which strings count as chords.
-        pairs: of strings.
+        cores: cores along a motion; strings count as their chords.
+        pairs: pairs of strings.
     """
-    found = []
+    results = []
     single = np.bincount(pairs.of_strings.group) == 1
     lines = [_Line.of(a, b) for a, b in zip(cores.a, cores.b, strict=True)]
     for n in np.flatnonzero(single[pairs.of_strings.group]):
@@ -221,17 +221,17 @@ def windings(cores: Cores, pairs: StringPairs) -> tuple[Winding, ...]:
         if np.any(top <= bottom):
             continue
         upper, lower = (other.at(z) - line.at(z) for z in (top, bottom))
-        seen = _turned(lower, upper)
-        steps = _turned(upper[:-1], upper[1:]) - _turned(lower[:-1], lower[1:])
+        seen = _angle(lower, upper)
+        steps = _angle(upper[:-1], upper[1:]) - _angle(lower[:-1], lower[1:])
         turns = seen[0] + np.concatenate([[0.0], np.cumsum(steps)])
         what, another = pairs.names[pairs.of_strings.group[n]]
-        found.append(Winding(what, another, turns, seen))
-    return tuple(sorted(found, key=lambda winding: -abs(winding.turns[-1])))
+        results.append(Winding(what, another, turns, seen))
+    return tuple(sorted(results, key=lambda winding: -abs(winding.turns[-1])))
 
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """A straight string as a horizontal place x + y i over the height z.
+    """A straight string: its horizontal place x + y i as a function of the height z.
 
     Attributes:
         top, bottom: (T,) heights of its ends [m].
@@ -262,10 +262,10 @@ def _volume(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3) -> Array:
 
 
 def _product(u: Vec3, v: Vec3, w: Vec3) -> Array:
-    """u x v . w (n,)."""
+    """Triple products u x v . w (n,)."""
     return dot(np.cross(u, v), w)
 
 
-def _turned(x: NDArray[np.complex128], y: NDArray[np.complex128]) -> Array:
+def _angle(x: NDArray[np.complex128], y: NDArray[np.complex128]) -> Array:
     """Angles from x (n,) to y, at most half a turn [turns]."""
     return np.angle(y * x.conj()) / (2.0 * np.pi)

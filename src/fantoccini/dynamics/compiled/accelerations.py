@@ -13,7 +13,7 @@ from fantoccini.dynamics.compiled.evaluation import Evaluation
 from fantoccini.motion import State
 
 ROUNDING = 1e-14
-"""hddot that counts as rounding, relative to its largest term or gravity."""
+"""Rounding error of hddot, relative to its largest term or gravity."""
 
 
 class ForwardDynamics(NamedTuple):
@@ -21,7 +21,7 @@ class ForwardDynamics(NamedTuple):
 
     Attributes:
         acc_D: (n_vD,) dynamic accelerations [rad/s^2 or m/s^2].
-        tension: (n_rows,) forces of strings and then limits, >= 0 [N or N m]; the least-norm one
+        tension: (n_rows,) forces of strings, then of limits, >= 0 [N or N m]; of least norm
             where several give the same motion.
     """
 
@@ -32,7 +32,7 @@ class ForwardDynamics(NamedTuple):
 def forward_dynamics(
     marionette: CompiledPuppet, x: State, acc_K: Array | None = None, u_D: Array | None = None
 ) -> ForwardDynamics:
-    """acc_D and tension of Eqs. 10 and 11; see :meth:`Marionette.forward_dynamics`."""
+    """Accelerations and tensions of Eqs. 10 and 11; see :meth:`Marionette.forward_dynamics`."""
     at = Evaluation.of(marionette, x, acc_K, u_D)
     check_active_set(marionette, x, at)
     active = ActiveSet.of(marionette, x, at)
@@ -40,15 +40,15 @@ def forward_dynamics(
     w0 = at.w0 - at.W[:, active.slipping] @ tension[active.slipping]
     rows = np.flatnonzero(active.held)
     hddot = at.gamma[rows] + at.W[:, rows].T @ w0
-    # Rounding alone must not set opposing rows at odds.
+    # Rounding alone must not make opposing rows contradict each other.
     terms = np.abs(at.gamma[rows]) + np.abs(at.W[:, rows]).T @ np.abs(w0)
     top = max(float(np.max(terms, initial=0.0)), marionette.weight / (marionette.mass or 1.0))
     hddot[np.abs(hddot) <= ROUNDING * top] = 0.0
-    found = at.complementarity(rows, hddot, marionette.two_sided, marionette.upper)
-    if not found.solved:
+    solution = at.complementarity(rows, hddot, marionette.two_sided, marionette.upper)
+    if not solution.solved:
         raise StateError(
             "no acceleration satisfies these strings and limits: "
-            + ", ".join(marionette.names_of(rows, found.ray))
+            + ", ".join(marionette.names_of(rows, solution.ray))
         )
-    tension[rows] = found.x
-    return ForwardDynamics(at.back(w0 - at.W[:, rows] @ found.x), tension)
+    tension[rows] = solution.x
+    return ForwardDynamics(at.back(w0 - at.W[:, rows] @ solution.x), tension)

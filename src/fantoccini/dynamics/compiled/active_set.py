@@ -1,7 +1,7 @@
 """The active set of a state: its taut strings and closed limits.
 
-A row that the state's ``taut`` marks is active. The others are where h = 0 and hdot = 0, up to
-rounding. What an active row pulls follows from tau >= 0, hddot <= 0, tau . hddot = 0.
+A row that the state's ``taut`` marks is active, and so is every row with h = 0 and hdot = 0, up to
+rounding. The tension tau of an active row follows from tau >= 0, hddot <= 0, tau . hddot = 0.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from fantoccini.motion import State
 
 @dataclass(frozen=True)
 class ActiveSetTolerances:
-    """Gaps h relative to 1 or the string's length; speeds hdot relative to 1 or the largest one."""
+    """Gaps h relative to 1 or the string's length; speeds hdot relative to 1 or the largest."""
 
-    closed_gap: float = CLOSED_GAP  # Rounding: rows with -h below it are closed
+    closed_gap: float = CLOSED_GAP  # Rows with -h below this rounding error are closed
     start_gap: float = START_GAP
-    """Rows with |h| below it are closed where a run begins, which brings them to h = 0."""
-    stepped_gap: float = 1e-3  # What a fixed step may leave of h
-    touching: float = 1e-6  # Overlap of solids that an event-driven run mends at its start [m]
+    """Rows with |h| below it are closed at the start of a run, which brings them to h = 0."""
+    stepped_gap: float = 1e-3  # Largest |h| after a fixed step
+    touching: float = 1e-6  # Overlap of solids that an event-driven run corrects at its start [m]
     taut_gap: float = 1e-2
-    """Rows marked taut are active up to this -h: far above what a coarse fixed step leaves."""
+    """Rows marked taut are active up to this -h: far above the gaps after coarse fixed steps."""
     rest_speed: float = REST_SPEED  # |hdot| that counts as rest
     slip_speed: float = 1e-2
-    """hdot from which the winch of a taut string slips: fixed steps leave less."""
+    """hdot from which the winch of a taut string slips; it is lower after fixed steps."""
 
 
 ROW_TOLERANCES = ActiveSetTolerances()
@@ -38,11 +38,11 @@ ROW_TOLERANCES = ActiveSetTolerances()
 
 @dataclass(frozen=True, eq=False)
 class ActiveSet:
-    """The active rows of a state, by what they do.
+    """The active rows of a state: held ones and slipping ones.
 
     Attributes:
-        held: (n_rows,) bool, closed rows, and wires.
-        slipping: (n_rows,) bool, strings whose winch slips: they pull with its largest tension.
+        held: (n_rows,) mask of closed rows and wires.
+        slipping: (n_rows,) mask of strings whose winch slips at its largest tension.
     """
 
     held: MaskRows
@@ -52,27 +52,27 @@ class ActiveSet:
     def of(cls, marionette: CompiledPuppet, x: State, at: Evaluation) -> ActiveSet:
         """The active set of a state, with the model evaluated there."""
         scale = marionette.row_scales(x.q_D, x.q_K)
-        taut = taut_mask(marionette, x) & ~_far(marionette, at.h, scale)
+        taut = taut_mask(marionette, x) & ~_is_far_open(marionette, at.h, scale)
         top = max(1.0, float(np.max(np.abs(x.v_D), initial=0.0)))
-        reaches = at.h >= -ROW_TOLERANCES.closed_gap * scale
-        gives = np.isfinite(marionette.upper) & (taut | reaches)
+        is_closed = at.h >= -ROW_TOLERANCES.closed_gap * scale
+        can_slip = np.isfinite(marionette.upper) & (taut | is_closed)
         at_bound = np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale
         stepped = taut & ~at_bound
         slip_speed = np.where(stepped, ROW_TOLERANCES.slip_speed, ROW_TOLERANCES.rest_speed)
-        slipping = gives & (at.hdot > slip_speed * top)
-        held = taut | (reaches & (np.abs(at.hdot) <= ROW_TOLERANCES.rest_speed * top))
+        slipping = can_slip & (at.hdot > slip_speed * top)
+        held = taut | (is_closed & (np.abs(at.hdot) <= ROW_TOLERANCES.rest_speed * top))
         return cls((held | marionette.two_sided) & ~slipping, slipping)
 
 
 def taut_mask(marionette: CompiledPuppet, x: State) -> MaskRows:
-    """(n_rows,) bool, ``x.taut``; all False where the state does not know it."""
+    """Mask (n_rows,) of taut rows, ``x.taut``; all False for a state without this mask."""
     return x.taut if len(x.taut) else np.zeros(marionette.tree.n_rows, dtype=bool)
 
 
 def check_active_set(marionette: CompiledPuppet, x: State, at: Evaluation) -> None:
-    """Raises StateError where rows marked taut are slack, naming them and their gaps."""
+    """Raises StateError with names and gaps if rows marked taut are slack."""
     scale = marionette.row_scales(x.q_D, x.q_K)
-    wrong = np.flatnonzero(taut_mask(marionette, x) & _far(marionette, at.h, scale))
+    wrong = np.flatnonzero(taut_mask(marionette, x) & _is_far_open(marionette, at.h, scale))
     if not len(wrong):
         return
     names = marionette.tree.row_names
@@ -84,5 +84,5 @@ def check_active_set(marionette: CompiledPuppet, x: State, at: Evaluation) -> No
     )
 
 
-def _far(marionette: CompiledPuppet, h: Array, scale: Array) -> MaskRows:
+def _is_far_open(marionette: CompiledPuppet, h: Array, scale: Array) -> MaskRows:
     return ~(h >= -ROW_TOLERANCES.taut_gap * scale) & ~marionette.two_sided

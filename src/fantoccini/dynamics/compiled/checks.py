@@ -14,17 +14,17 @@ from fantoccini.dynamics.compiled.critical_step import critical_step
 from fantoccini.kernel.runtime import RunOptions, memory
 from fantoccini.motion import Input, Inputs, State, States, joints
 
-_STATES_AT_ONCE = 4096
-"""States evaluated together, which bounds the memory."""
+_CHUNK_SIZE = 4096
+"""Number of states evaluated together, which bounds the memory."""
 _MAX_LISTED = 20
-"""Mistakes of one kind that a message lists."""
+"""Maximum number of mistakes of one kind in a message."""
 
 
 def checked_end(t_end: object, t: float) -> float:
     """The end of a run that starts at t [s].
 
     Raises:
-        ValueError: it is no finite time later than the start.
+        ValueError: ``t_end`` is not a finite time later than the start.
     """
     if not is_number(t_end) or not t < floats(t_end) < np.inf:
         raise ValueError(
@@ -34,26 +34,26 @@ def checked_end(t_end: object, t: float) -> float:
 
 
 def check_step(marionette: CompiledPuppet, method: str, q_D: Array, q_K: Array, dt: float) -> None:
-    """Raises StateError where time-stepping would be unstable on a spring or a chain.
+    """Raises StateError if time-stepping would be unstable on a spring or a chain.
 
     dt <= 2 (sqrt(1 + zeta^2) - zeta) / omega,   omega = 2 sqrt(k / m) cos(pi / 2n)
 
     omega is the fastest vibration of a chain with fixed ends, n the number of its pieces, k their
     stiffness and m each of its masses; zeta = omega c / 2k is its damping ratio, c a piece's
-    damping. Both forces are taken at the step's start, v+ = v - dt (omega^2 q + 2 zeta omega v) and
+    damping. Both forces are those at the step's start, v+ = v - dt (omega^2 q + 2 zeta omega v) and
     q+ = q + dt v+, with an eigenvalue -1 at (omega dt)^2 + 4 zeta omega dt = 4. For springs see
     :mod:`fantoccini.dynamics.compiled.critical_step`.
 
     Args:
         marionette: the puppet.
-        method: of the run; only ``timestepping`` takes these forces from the step's start.
+        method: method of the run; only ``timestepping`` evaluates forces at the step's start.
         q_D, q_K: (..., n_qD), (..., n_qK) configurations at the start.
-        dt: the step [s].
+        dt: length of the steps [s].
     """
     if method != "timestepping":
         return
-    if found := critical_step(marionette, q_D, q_K, dt):
-        longest, name = found
+    if result := critical_step(marionette, q_D, q_K, dt):
+        longest, name = result
         raise StateError(
             f"dt = {dt:g} s is too long for the spring {name}: with method='timestepping' its "
             f"vibrations grow without bound in steps above {longest:.2g} s (2 / omega without "
@@ -78,14 +78,14 @@ def check_step(marionette: CompiledPuppet, method: str, q_D: Array, q_K: Array, 
 def check_steps(
     marionette: CompiledPuppet, method: str, states: States, p: Array, dt: float
 ) -> None:
-    """:func:`check_step` of many states, or of one, at parameters (1 or n, n_p)."""
+    """Calls :func:`check_step` for one state or many, at parameters (1 or n, n_p)."""
     rows, first = np.unique(p, axis=0, return_index=True)
     if len(rows) == 1 or not (marionette.tree.chains or marionette.tree.springs):
         check_step(marionette.with_p(p[0]), method, states.q_D, states.q_K, dt)
         return
     for i in map(int, np.sort(first)):
-        some = states.some(slice(i, i + 1) if len(states) > 1 else slice(None))
-        check_step(marionette.with_p(p[i]), method, some.q_D, some.q_K, dt)
+        chunk = states.some(slice(i, i + 1) if len(states) > 1 else slice(None))
+        check_step(marionette.with_p(p[i]), method, chunk.q_D, chunk.q_K, dt)
 
 
 def check_samples(
@@ -96,10 +96,10 @@ def check_samples(
     t_end: float,
     save_at: Array | None = None,
 ) -> None:
-    """Raises StateError where the samples of a run from t to t_end [s] will not fit in memory.
+    """Raises StateError if the samples of a run from t to t_end [s] will not fit in memory.
 
-    An event-driven run that writes its own steps (no ``save_at``) is stopped when its samples reach
-    the bound.
+    An event-driven run that saves its own steps (no ``save_at``) stops when its samples reach the
+    bound.
     """
     if method != "event":
         n = count_samples(options, t, t_end)
@@ -112,7 +112,7 @@ def check_samples(
 
 
 def count_samples(options: RunOptions, t: float, t_end: float) -> float:
-    """Number of samples that fixed steps write; StateError where the clock cannot resolve dt."""
+    """Number of samples of a run in fixed steps; StateError if the clock cannot resolve dt."""
     finest = 4.0 * np.spacing(max(1.0, abs(t), abs(t_end)))
     if options.dt < min(finest, 0.5 * (t_end - t)):
         raise StateError(
@@ -126,27 +126,27 @@ def check_memory(
     method: str, options: RunOptions, t: float, t_end: float, n: float, need: float
 ) -> None:
     """Raises StateError unless ``need`` bytes for n samples from t to t_end [s] may be used."""
-    most = memory.bound(need, options.max_memory)
-    if need <= most:
+    maximum = memory.bound(need, options.max_memory)
+    if need <= maximum:
         return
     samples = f"{n:.3g} samples from {t:g} s to {t_end:g} s"
     fewer = "give fewer times in save_at"
     if method != "event":
-        every = np.ceil(1.1 * options.save_every * need / most)
+        every = np.ceil(1.1 * options.save_every * need / maximum)
         samples += f", one every {options.save_every * options.dt:g} s,"
         fewer = f"write fewer with save_every={every:.0f}"
     raise StateError(
-        f"{samples} need {need / 1e9:.3g} GB of memory; {most / 1e9:.3g} GB may be used. End "
+        f"{samples} need {need / 1e9:.3g} GB of memory; {maximum / 1e9:.3g} GB may be used. End "
         f"sooner, {fewer}, or allow more with max_memory"
     )
 
 
 def check_start(marionette: CompiledPuppet, x: State, method: str = "event") -> None:
-    """Raises StateError when a run of a method cannot begin at a state, naming rows and violations.
+    """Raises StateError with rows and violations if a run cannot begin at a state.
 
     ``event`` and ``variational`` require that no string is longer than its length, or at its length
-    and about to be longer, and that strings marked taut are not shorter. ``timestepping`` may
-    start from any state its steps produce: it corrects violations and catches imminent ones.
+    and lengthening, and that strings marked taut are not shorter. ``timestepping`` may start from
+    any state that its steps produce: it corrects violations and catches imminent ones.
     """
     check_starts(marionette, marionette.states([x]), method)
 
@@ -154,37 +154,37 @@ def check_start(marionette: CompiledPuppet, x: State, method: str = "event") -> 
 def check_starts(
     marionette: CompiledPuppet, states: States, method: str = "event", p: Array | None = None
 ) -> None:
-    """:func:`check_start` of many states; the first wrong one is reported.
+    """Calls :func:`check_start` for many states; the message names the first invalid one.
 
     Args:
         marionette: the puppet.
-        states: one for all parameters, or one for each.
-        method: of the runs.
-        p: (1 or n, n_p) parameters of the runs; the model's own when not given.
+        states: one state for all parameters, or one for each.
+        method: method of the runs.
+        p: (1 or n, n_p) parameters of the runs; by default the puppet's.
     """
     p = marionette.p[None] if p is None else p
     stepped = method == "timestepping"
     _check_contact(marionette, states, method)
     if len(states) == 1 and len(p) > 1:
         states = states.repeated(len(p))
-    for first in range(0, len(states), _STATES_AT_ONCE):
-        some = states.some(slice(first, first + _STATES_AT_ONCE))
-        own = p if len(p) == 1 else p[first : first + _STATES_AT_ONCE]
-        h, hdot = _rows_of(marionette, some, own)
-        scale = marionette.row_scales(some.q_D, some.q_K)
+    for first in range(0, len(states), _CHUNK_SIZE):
+        chunk = states.some(slice(first, first + _CHUNK_SIZE))
+        own = p if len(p) == 1 else p[first : first + _CHUNK_SIZE]
+        h, hdot = _rows_of(marionette, chunk, own)
+        scale = marionette.row_scales(chunk.q_D, chunk.q_K)
         wires, firm = marionette.two_sided, ~np.isfinite(marionette.upper)
         near = (ROW_TOLERANCES.stepped_gap if stepped else ROW_TOLERANCES.start_gap) * scale
-        # Time-stepping may continue where it went on under inputs that nothing can follow.
-        known = some.taut if stepped else np.zeros_like(some.taut)
+        # Time-stepping may continue from a state that violates rows because of its inputs.
+        known = chunk.taut if stepped else np.zeros_like(chunk.taut)
         off = ~(np.where(wires, np.abs(h), h) <= near) & ~known
-        top = np.max(np.abs(some.v_D), axis=1, initial=1.0)[:, None]
+        top = np.max(np.abs(chunk.v_D), axis=1, initial=1.0)[:, None]
         speed = ROW_TOLERANCES.rest_speed * top
         # A winch that slips absorbs the speed.
         passing = ~(np.where(wires, np.abs(hdot), hdot) <= speed) & (wires | firm)
         # A string slack by more than rounding is caught right after the start of the run.
-        open_ = (h < -ROW_TOLERANCES.closed_gap * scale) & ~some.taut & ~wires
+        open_ = (h < -ROW_TOLERANCES.closed_gap * scale) & ~chunk.taut & ~wires
         passing &= ~off & ~open_ & (np.abs(h) <= near) & (not stepped)
-        slack = some.taut & ~(h >= -near) & ~off & (not stepped)
+        slack = chunk.taut & ~(h >= -near) & ~off & (not stepped)
         wrong = off | passing | slack
         if not np.any(wrong):
             continue
@@ -207,7 +207,7 @@ def check_starts(
 
 
 def refuse_contact(marionette: CompiledPuppet, what: str) -> None:
-    """Raises StateError where a puppet has contact, which ``what`` does not know."""
+    """Raises StateError if a puppet has contact, which ``what`` does not support."""
     if marionette.puppet.touching is not None:
         text = (
             f"{marionette.name} has contact, which {what} does not know; {_leave_out(marionette)}"
@@ -224,7 +224,7 @@ def _leave_out(marionette: CompiledPuppet) -> str:
 
 
 def _check_contact(marionette: CompiledPuppet, states: States, method: str) -> None:
-    """Raises StateError where a method knows no contact, or solids overlap at the start."""
+    """Raises StateError if a method supports no contact, or solids overlap at the start."""
     if marionette.puppet.touching is None:
         return
     if method == "variational":
@@ -237,28 +237,28 @@ def _check_contact(marionette: CompiledPuppet, states: States, method: str) -> N
 
 
 def check_apart(
-    marionette: CompiledPuppet, states: States, most: float = ROW_TOLERANCES.stepped_gap
+    marionette: CompiledPuppet, states: States, maximum: float = ROW_TOLERANCES.stepped_gap
 ) -> None:
-    """Raises StateError where solids overlap by more than ``most`` [m]."""
+    """Raises StateError if solids overlap by more than ``maximum`` [m]."""
     if marionette.contacts is None:
         return
-    for first in range(0, len(states), _STATES_AT_ONCE):
-        some = slice(first, first + _STATES_AT_ONCE)
+    for first in range(0, len(states), _CHUNK_SIZE):
+        chunk = slice(first, first + _CHUNK_SIZE)
         gaps = marionette.library.gaps(
-            marionette.contacts, states.q_D[some], states.q_K[some], marionette.p
+            marionette.contacts, states.q_D[chunk], states.q_K[chunk], marionette.p
         )
-        deep = np.flatnonzero(np.any(gaps < -most, axis=1))
+        deep = np.flatnonzero(np.any(gaps < -maximum, axis=1))
         if not len(deep):
             continue
         i = first + int(deep[0])
-        found = marionette.overlaps(states.q_D[i], states.q_K[i], most)
+        result = marionette.overlaps(states.q_D[i], states.q_K[i], maximum)
         which = f"states[{i}]" if len(states) > 1 else "the start state"
-        listed = "; ".join(f"{name} by {depth:.3g} m" for name, depth in found.items())
+        listed = "; ".join(f"{name} by {depth:.3g} m" for name, depth in result.items())
         raise StateError(f"in {which} solids overlap: {listed}. Move them apart")
 
 
 def _rows_of(marionette: CompiledPuppet, x: States, p: Array) -> tuple[Array, Array]:
-    """h and hdot (n, n_rows) of states at parameters (1 or n, n_p)."""
+    """Gaps h and rates hdot (n, n_rows) of states at parameters (1 or n, n_p)."""
     tree, table = marionette.tree, marionette.coordinates
     still = {"acc_K": np.zeros(table.n_vK), "u_D": np.zeros(table.n_vD)}
     on = marionette.library.evaluate("dynamics", **marionette.at(x, p), **still)
@@ -278,12 +278,12 @@ def bind_input(
 
     Args:
         marionette: the puppet.
-        inputs: not bound yet.
-        q_K, v_K: (n_qK,), (n_vK,) of the start state.
-        t, t_end: the run [s].
+        inputs: inputs that are not bound yet.
+        q_K, v_K: (n_qK,), (n_vK,) driven motion of the start state.
+        t, t_end: start and end of the run [s].
 
     Raises:
-        InputError: they are another puppet's, begin elsewhere, or begin or end abruptly.
+        InputError: they belong to another puppet, begin elsewhere, or begin or end abruptly.
         StateError: a driven velocity would jump.
     """
     check_inputs(marionette, inputs, t, t_end)
@@ -297,7 +297,7 @@ def bind_input(
 def bind_inputs(
     marionette: CompiledPuppet, inputs: Inputs, q_K: Array, v_K: Array, t: float, t_end: float
 ) -> Inputs:
-    """:func:`bind_input` of many inputs, or for many states: (n or 1, ...)."""
+    """Inputs bound by :func:`bind_input`, for many inputs or many states: (n or 1, ...)."""
     check_inputs(marionette, inputs, t, t_end)
     within = np.any(t < inputs.breaks[:, 0]) or np.any(inputs.breaks[:, -1] < t_end)
     if within and not inputs.relative:
@@ -310,7 +310,7 @@ def bind_inputs(
 def check_inputs(
     marionette: CompiledPuppet, inputs: Input | Inputs, t: float, t_end: float
 ) -> None:
-    """Raises InputError unless inputs are this puppet's and begin and end at rest in a run."""
+    """Raises InputError unless inputs fit the puppet and begin and end at rest within a run."""
     inputs = as_inputs(inputs)
     own, theirs = marionette.coordinates, inputs.coordinates
     if (own.q_K, own.v_D) != (theirs.q_K, theirs.v_D):
@@ -344,15 +344,15 @@ def check_inputs(
 
 
 def check_speeds(marionette: CompiledPuppet, t: float, v_K: Array, bound: Inputs) -> None:
-    """Raises StateError where driven velocities v_K (n or 1, n_vK) at t jump to bound inputs."""
-    found = bound.evaluate(t)[1]
-    wrong = ~(np.abs(found - v_K) <= joints.TOLERANCES.speed)
+    """Raises StateError if driven velocities v_K (n or 1, n_vK) at t jump to bound inputs."""
+    result = bound.evaluate(t)[1]
+    wrong = ~(np.abs(result - v_K) <= joints.TOLERANCES.speed)
     if not np.any(wrong):
         return
     i = int(np.argmax(np.any(wrong, axis=1)))
     rows = np.flatnonzero(wrong[i])
     names = [marionette.coordinates.v_K[r] for r in rows]
-    has, begins = np.broadcast_to(v_K, wrong.shape)[i], np.broadcast_to(found, wrong.shape)[i]
+    has, begins = np.broadcast_to(v_K, wrong.shape)[i], np.broadcast_to(result, wrong.shape)[i]
     which = f" of run {i}" if len(wrong) > 1 else ""
     raise StateError(
         f"the velocity of {', '.join(names)}{which} would jump at t = {t:g} s: the state has "
@@ -361,7 +361,7 @@ def check_speeds(marionette: CompiledPuppet, t: float, v_K: Array, bound: Inputs
 
 
 def as_inputs(inputs: Input | Inputs | Sequence[Input]) -> Inputs:
-    """One or many inputs, stacked."""
+    """One or several inputs, stacked."""
     if isinstance(inputs, Inputs):
         return inputs
     return Inputs.of([inputs] if isinstance(inputs, Input) else list(inputs))

@@ -1,7 +1,7 @@
 """CompiledPuppet: a puppet or scene with its parameters and winches, and its compiled functions.
 
-The algorithms of ``fantoccini.dynamics`` are functions of it; :class:`Marionette` is it with these
-algorithms as methods.
+The algorithms of ``fantoccini.dynamics`` are functions of this class; :class:`Marionette` adds
+them as methods.
 """
 
 from __future__ import annotations
@@ -47,18 +47,18 @@ if TYPE_CHECKING:
 class CompiledPuppet:
     """A puppet with its parameters; it is derived and compiled when first needed.
 
-    It does not change: the ``with_`` methods return another one, and nothing is compiled again.
+    It is immutable: the ``with_`` methods return another one, without compiling again.
 
     Attributes:
-        puppet: as its file describes it; a scene assembled.
+        puppet: puppet as described by its file; a scene is assembled.
         tree: links, strings, limits and coordinates in the order of the equations.
         p: (n_p,) values of the parameters.
         winches: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution.
-        libraries: equations and compiled libraries, shared by all that ``with_`` methods return.
+        libraries: equations and compiled libraries, shared with the results of ``with_`` methods.
 
     Args:
         what: a puppet or a scene.
-        progress: called with the stage that begins (``what``: "deriving", "compiling").
+        progress: callback for each stage that begins (``what``: "deriving", "compiling").
     """
 
     puppet: Puppet
@@ -99,10 +99,10 @@ class CompiledPuppet:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # What was derived or compiled stays behind: the cache has it there, or it is made there.
+        # Equations and libraries are not copied: they come from the cache or are built again.
         return _unpacked, (type(self), PortablePuppet.of(self.puppet), self.p, self.winches)
 
-    # -- others of the same puppet -------------------------------------------------------------
+    # -- variants of the same puppet -------------------------------------------------------------
 
     def with_parameters(self, values: Mapping[str, float]) -> Self:
         """The same puppet with other values of its parameters, and the winches of its file.
@@ -110,7 +110,7 @@ class CompiledPuppet:
         Raises:
             UnknownNameError: there is no such parameter.
             StateError: a value is not finite.
-            PuppetError: a value that the puppet's file could not have.
+            PuppetError: a value is not allowed in the puppet's file.
         """
         names, p = list(self.tree.parameters), self.p.copy()
         for name, value in values.items():
@@ -123,31 +123,31 @@ class CompiledPuppet:
         return self._changed(p=p, winches=winches_of(self.tree, p))
 
     def with_p(self, p: Array) -> Self:
-        """The same puppet with parameters (n_p,) that are known to be right."""
+        """The same puppet with parameters (n_p,), which are not checked."""
         return self if np.array_equal(p, self.p) else self._changed(p=p.copy())
 
     def with_winches(self, winches: Array) -> Self:
-        """The same puppet on other winches (n_strings, 3); see :attr:`winches`.
+        """The same puppet with other winches (n_strings, 3); see :attr:`winches`.
 
         Raises:
-            StateError: numbers that no winch can have.
+            StateError: a number is not allowed for a winch.
         """
         return self._changed(winches=checked_winches(self.tree, winches))
 
     def with_obstacles(self, obstacles: Iterable[Obstacle]) -> Self:
-        """The same puppet among other obstacles."""
+        """The same puppet with other obstacles."""
         return self._changed(puppet=self.puppet.model_copy(update={"obstacles": tuple(obstacles)}))
 
-    # -- its parts ---------------------------------------------------------------------------
+    # -- parts ---------------------------------------------------------------------------
 
     @property
     def name(self) -> str:
-        """The puppet's name, or the scene's."""
+        """Name of the puppet or scene."""
         return self.puppet.name
 
     @property
     def coordinates(self) -> CoordinateTable:
-        """Names and places of all coordinates."""
+        """Names and indices of all coordinates."""
         return self.tree.coordinates
 
     @property
@@ -161,10 +161,10 @@ class CompiledPuppet:
         return self.libraries.library
 
     def compile(self) -> None:
-        """Loads the compiled functions, or makes them, before anything needs them.
+        """Loads or builds the compiled functions, before anything needs them.
 
         Raises:
-            BuildError: no compiler, or it failed.
+            BuildError: there is no compiler, or it failed.
             PuppetError: the mass matrix is singular.
         """
         _ = self.library
@@ -173,22 +173,22 @@ class CompiledPuppet:
     def _touching(self) -> tuple[Contacts, Contacts] | None:
         if self.puppet.touching is None:
             return None
-        found = self.puppet.expanded(), self.tree, self.library, self.libraries.solids
-        return contacts_of(*found)
+        data = self.puppet.expanded(), self.tree, self.library, self.libraries.solids
+        return contacts_of(*data)
 
     @property
     def contacts(self) -> Contacts | None:
-        """The solids that may touch; None where the puppet's file says nothing of contact."""
+        """The solids that may touch; None if the puppet's file does not mention contact."""
         return None if self._touching is None else self._touching[0]
 
     @property
     def prescribed(self) -> Contacts | None:
-        """Pairs of solids that may touch and are moved by the inputs only; None without any."""
-        found = None if self._touching is None else self._touching[1]
-        return found if found is not None and len(found.pairs) else None
+        """Pairs of solids that may touch and are moved by the inputs alone; None without any."""
+        data = None if self._touching is None else self._touching[1]
+        return data if data is not None and len(data.pairs) else None
 
     def overlaps(self, q_D: Array, q_K: Array, depth: float = 0.0) -> dict[str, float]:
-        """The parts that overlap by more than a depth [m], and by how much [m]."""
+        """Pairs of parts that overlap by more than a depth [m] -> their overlap [m]."""
         if self.contacts is None:
             return {}
         return overlaps(self.library, self.contacts, q_D, q_K, self.p, depth)
@@ -203,23 +203,23 @@ class CompiledPuppet:
 
     @cached_property
     def sample_layout(self) -> SampleLayout:
-        """How the runtime lays out the samples of a trajectory."""
+        """Layout of the samples of a trajectory in the runtime."""
         return SampleLayout(self.tree)
 
     def number(self, value: Number) -> float:
-        """A number of the puppet, with the present value where it is a parameter."""
+        """A number of the puppet; the present value if it is a parameter."""
         if not isinstance(value, Parameter):
             return float(value)
         return float(self.p[self.parameter_index[value.parameter]])
 
     @cached_property
     def parameter_index(self) -> dict[str, int]:
-        """Name of a parameter -> its place in ``p``."""
+        """Name of a parameter -> its index in ``p``."""
         return {name: i for i, name in enumerate(self.tree.parameters)}
 
     @cached_property
     def cap_parameters(self) -> Indices:
-        """(n_rows,) place in ``p`` of the parameter that is a row's largest tension; -1: none."""
+        """Index in ``p`` of the parameter that is a row's largest tension: (n_rows,); -1: none."""
         out = np.full(self.tree.n_rows, -1)
         for i, string in enumerate(self.tree.strings):
             if isinstance(string.max_tension, Parameter):
@@ -230,7 +230,7 @@ class CompiledPuppet:
 
     @cached_property
     def mass(self) -> float:
-        """Mass of all links that move dynamically or hang from one that does [kg]."""
+        """Mass of all links that are dynamic or hang from a dynamic one [kg]."""
         total = 0.0
         for i, link in enumerate(self.tree.links):
             if any(self.tree.links[j].role == "dynamic" for j in self.tree.ancestors(i)):
@@ -246,16 +246,16 @@ class CompiledPuppet:
 
     @property
     def reference_force(self) -> float:
-        """Mass times gravity or 1 m/s^2, whichever is more [N]."""
+        """Mass times gravity or 1 m/s^2, whichever is larger [N]."""
         return max(self.weight, self.mass * LIMITS.least_gravity)
 
     @property
     def tension_cap(self) -> float:
-        """Largest tension a string may pull [N]: 1e5 times :attr:`reference_force`."""
+        """Largest tension of any string [N]: 1e5 times :attr:`reference_force`."""
         return TENSION_CAP * (self.reference_force or 1.0)
 
     def run_options(self, **changes: Any) -> RunOptions:
-        """Run options scaled to this puppet, with some changed."""
+        """Run options scaled to this puppet, with changes."""
         return RunOptions(**(self._scaled_options | changes))
 
     @cached_property
@@ -280,24 +280,24 @@ class CompiledPuppet:
 
     @cached_property
     def upper(self) -> Array:
-        """(n_rows,) largest force of every row [N]; inf where it has no winch that slips."""
+        """Largest force (n_rows,) of every row [N]; inf without a winch that slips."""
         return np.concatenate(
             [self.winches[:, WINCH_AT["max_tension"]], np.full(len(self.tree.limits), np.inf)]
         )
 
     @cached_property
     def two_sided(self) -> MaskRows:
-        """(n_rows,) bool, wires."""
+        """Mask (n_rows,) of the wires."""
         wires = [s.wire for s in self.tree.strings] + [False] * len(self.tree.limits)
         return np.array(wires, dtype=bool)
 
     def rewinding(self, slip: Array) -> Array:
-        """-min(rewind_speed, sqrt(2 a slip)): the rate of slips (..., n_strings) [m/s]."""
+        """Rates of slips (..., n_strings): -min(rewind_speed, sqrt(2 a slip)) [m/s]."""
         braked = np.sqrt(2.0 * WINCH_DECELERATION * slip)
         return -np.minimum(self.winches[:, WINCH_AT["rewind_speed"]], braked)
 
     def row_scales(self, q_D: Array, q_K: Array) -> Array:
-        """(..., n_rows) scale of each row's h: string lengths [m], 1 for limits."""
+        """Scales (..., n_rows) of the rows' gaps h: string lengths [m], 1 for limits."""
         lengths = np.maximum(self.string_lengths(q_D, q_K), LEAST_LENGTH)
         limits = np.ones((*lengths.shape[:-1], len(self.tree.limits)))
         return np.concatenate([lengths, limits], axis=-1)
@@ -307,12 +307,12 @@ class CompiledPuppet:
         return self.tree.string_lengths(q_D, q_K, self.number)
 
     def names_of(self, rows: Indices, share: Array | None) -> tuple[str, ...]:
-        """Names of the rows whose share is not negligible; of all when no share is given."""
+        """Names of the rows whose share is not negligible; of all rows without shares."""
         names = [self.tree.row_names[i] for i in rows]
         if share is None:
             return tuple(names)
-        least = LIMITS.least_share * np.max(np.abs(share), initial=0.0)
-        return tuple(n for n, part in zip(names, share, strict=True) if part > least)
+        threshold = LIMITS.least_share * np.max(np.abs(share), initial=0.0)
+        return tuple(n for n, part in zip(names, share, strict=True) if part > threshold)
 
     # -- states ------------------------------------------------------------------------------
 
@@ -321,7 +321,7 @@ class CompiledPuppet:
         check_size(x, self.coordinates, self.tree.n_rows)
 
     def at(self, x: State | States, p: Array | None = None) -> dict[str, Array]:
-        """Arguments of compiled functions: q_D, v_D, q_K, v_K and p, by default the model's own."""
+        """Arguments of compiled functions: q_D, v_D, q_K, v_K and p, by default the puppet's."""
         p = self.p if p is None else p
         return {"q_D": x.q_D, "v_D": x.v_D, "q_K": x.q_K, "v_K": x.v_K, "p": p}
 
@@ -329,7 +329,7 @@ class CompiledPuppet:
         """States of this puppet, stacked.
 
         Raises:
-            StateError: one is of another puppet, or its slip is not a length >= 0 for each string.
+            StateError: a state is of another puppet, or a slip is not a length >= 0.
         """
         tree = self.tree
         return States.of(states, self.coordinates, len(tree.strings), tree.n_rows)
@@ -339,7 +339,7 @@ class CompiledPuppet:
     def interpreted(self, name: str, x: State) -> SimpleNamespace:
         """The results of a function of ``docs/functions.md`` by name, as matrices.
 
-        By CasADi's interpreter: no compiler is needed.
+        CasADi's interpreter evaluates it: no compiler is needed.
         """
         self.check_state(x)
         values = {**vars(x), "p": self.p}
@@ -370,9 +370,9 @@ class CompiledPuppet:
     ) -> Array:
         """Force on every driven coordinate: M_KD acc_D + M_KK acc_K + c_K - A_K^T lambda.
 
-        How heavy the control is in the hand, (..., n_vK) [N or N m]. The arguments are (..., n)
-        each, ``tension`` (..., n_strings), or (..., n_rows) as of :meth:`forward_dynamics`: limits
-        do not pull on driven coordinates.
+        This is the load on the controls, (..., n_vK) [N or N m]. The arguments are (..., n) each,
+        ``tension`` (..., n_strings), or (..., n_rows) from :meth:`forward_dynamics`: limits do not
+        pull on driven coordinates.
         """
         return self.library.evaluate(
             "effort",
@@ -387,7 +387,7 @@ class CompiledPuppet:
         ).f_K
 
     def energies(self, x: State) -> tuple[float, float]:
-        """(T, V): kinetic and potential energy, compiled [J]."""
+        """Kinetic and potential energy (T, V) [J]."""
         self.check_state(x)
         results = self.library.evaluate("energy", **self.at(x))
         return float(results.T), float(results.V)

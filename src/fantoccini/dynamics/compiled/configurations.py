@@ -8,20 +8,20 @@ from fantoccini.dynamics.compiled.vector_checks import vectors
 
 
 def difference(marionette: CompiledPuppet, q0: Array, q1: Array, driven: bool = False) -> Array:
-    """dq with ``integrate(model, q0, dq)`` = q1; see :meth:`Marionette.difference`."""
+    """Vector dq with ``integrate(model, q0, dq)`` = q1; see :meth:`Marionette.difference`."""
     scalars, quaternions, n_q, n_v = _layout(marionette, driven)
     q0, q1 = (vectors("q", q, n_q) for q in (q0, q1))
     return tangent.between(scalars, quaternions, q0, q1, n_v)
 
 
 def integrate(marionette: CompiledPuppet, q: Array, dq: Array, driven: bool = False) -> Array:
-    """q moved by dq; see :meth:`Marionette.integrate`."""
+    """Configuration q moved by dq; see :meth:`Marionette.integrate`."""
     scalars, quaternions, n_q, n_v = _layout(marionette, driven)
     return tangent.moved(scalars, quaternions, vectors("q", q, n_q), vectors("dq", dq, n_v))
 
 
 def retract(marionette: CompiledPuppet, q_D: Array, move: Array) -> Array:
-    """q_D (..., n_qD) moved by tangent vectors (..., n_vD), without checks of what is given."""
+    """Configurations q_D (..., n_qD) moved by tangent vectors (..., n_vD), without checks."""
     table = marionette.coordinates
     return tangent.moved(table.scalars_D, table.quaternions_D, q_D, move)
 

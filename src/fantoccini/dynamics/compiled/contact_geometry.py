@@ -1,13 +1,13 @@
-"""Where two solids touch, by small motions of theirs: derivatives of the narrow phase.
+"""Geometry of a contact under small motions of its solids: derivatives of the narrow phase.
 
 Point P, normal n and gap of a pair are functions of the poses of its two links that move along with
-both. So the derivatives by a twist of the first link, (v, w) about the world's origin, say those
-by a twist of the second, too:
+both. So the derivatives by a twist of the first link, (v, w) about the world's origin, determine
+those by a twist of the second, too:
 
     dP = P_1 (xi_1 - xi_2) + v_2 + w_2 x P,   dn = n_1 (xi_1 - xi_2) + w_2 x n
 
 They are central differences of sixth order of the compiled narrow phase at a fixed feature. The
-step is the largest that agrees with a smaller one: solids that lie flat have points that are smooth
+step is the largest that agrees with a smaller one: points of solids in flat contact are smooth
 over a small tilt only.
 """
 
@@ -26,17 +26,17 @@ from fantoccini.model.tree import WORLD
 
 @dataclass(frozen=True)
 class GeometryTolerances:
-    """Steps of differences and how well they must agree; lengths in units of the pair's size."""
+    """Steps and required agreement of differences; lengths in units of the pair's size."""
 
     steps: tuple[float, ...] = (1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6)
     first: float = 1e-7
-    """Agreement of first derivatives at two steps: above rounding at the smallest."""
+    """Agreement of first derivatives at two steps: above rounding at the smallest step."""
     second: float = 1e-5
-    """The same of second derivatives."""
-    margin: float = 1e-3  # Gap within which points are looked at [m], as compiled code does
-    least_size: float = 1e-4  # Of a pair [m]
-    reach: float = 20.0  # Steps by which a pair may part while it is differenced
-    flat_size: float = 0.1  # Of planes and meshes, which have none [m]
+    """Agreement of second derivatives at two steps."""
+    margin: float = 1e-3  # Largest gap of the points considered [m], as in compiled code
+    least_size: float = 1e-4  # Smallest size of a pair [m]
+    reach: float = 20.0  # Largest separation during the differences, in steps
+    flat_size: float = 0.1  # Size of planes and meshes, which have none of their own [m]
 
 
 GEOMETRY_TOLERANCES = GeometryTolerances()
@@ -44,17 +44,17 @@ GEOMETRY_TOLERANCES = GeometryTolerances()
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """One point of contact and its derivatives by a twist of the first link.
+    """A contact point and its derivatives by a twist of the first link.
 
     Attributes:
-        pair, feature: index of the pair, and which of its points it is.
-        links: of the two solids; ``WORLD`` for one that stands.
-        gap: negative where they overlap [m].
-        point: (3,) P [m].
-        normal: (3,) n, from the second solid to the first.
-        by: (7, 6) gap, P and n by a twist about the world's origin.
-        rate: (7,) gap, P and n by time at a relative twist; 0 when none was given.
-        rate_by: (7, 6) changes of ``rate`` by a further twist, at the same relative twist.
+        pair, feature: indices of the pair and of its point.
+        links: links of the two solids; ``WORLD`` for an obstacle.
+        gap: distance of the solids [m]; negative where they overlap.
+        point: (3,) point P [m].
+        normal: (3,) normal n, from the second solid to the first.
+        by: (7, 6) derivatives of gap, P and n by a twist about the world's origin.
+        rate: (7,) rates of gap, P and n at a relative twist; 0 without one.
+        rate_by: (7, 6) derivatives of ``rate`` by a further twist, at the same relative twist.
         smooth: whether the derivatives exist.
     """
 
@@ -71,11 +71,11 @@ class Touch:
 
 
 class PairGeometry:
-    """The points of one pair at a configuration.
+    """The contact points of one pair at a configuration.
 
     Args:
         marionette: the puppet.
-        poses: (n_links, 12) of all links.
+        poses: (n_links, 12) poses of all links.
         pair: index of the pair.
     """
 
@@ -88,43 +88,43 @@ class PairGeometry:
         a, b = self.links
         self._first = poses[a]
         self._second = poses[b] if b != WORLD else np.zeros(12)
-        # Points bend with the distance of the solids' cores, or not at all.
+        # The curvature of the points' paths scales with the distance of the cores, or is zero.
         self._size = max(GEOMETRY_TOLERANCES.least_size, sum(_size(solid) for solid in solids))
         rows = self._touches(self._first[None], GEOMETRY_TOLERANCES.margin)[0]
         self.points = {int(row[0]): row[1:] for row in rows if row[0] >= 0.0}
         places = [at[1:4] for at in self.points.values()]
         self._about = np.mean(places, axis=0) if places else np.zeros(3)
-        self._found: dict[tuple[float, bytes | None], dict[int, Array]] = {}
+        self._cache: dict[tuple[float, bytes | None], dict[int, Array]] = {}
 
     def nearest(self, point: Array, most: float) -> int | None:
-        """The feature of the point at a place (3,) [m], if any is within ``most`` [m]."""
+        """Feature of the point nearest to a place (3,) [m], if any is within ``most`` [m]."""
         apart = {f: float(np.max(np.abs(at[1:4] - point))) for f, at in self.points.items()}
         near = [f for f, distance in apart.items() if distance <= most]
         return min(near, key=apart.__getitem__) if near else None
 
     def twist(self, screws: Screws) -> Array:
-        """(6,) of the first solid against the second."""
+        """Twist (6,) of the first solid relative to the second."""
         return screws.twist(self.links[0]) - screws.twist(self.links[1])
 
     def velocity(self, screws: Screws, point: Array) -> Array:
-        """(3,) of the first solid against the second at a point [m/s]."""
+        """Velocity (3,) of the first solid relative to the second at a point [m/s]."""
         twist = self.twist(screws)
         return np.asarray(twist[:3] + np.cross(twist[3:], point))
 
     def touch(self, feature: int, twist: Array | None = None) -> Touch:
-        """A point with its derivatives.
+        """A contact point with its derivatives.
 
         Args:
-            feature: which one.
-            twist: (6,) of the first link against the second, about the world's origin, for the
-                rates [m/s, rad/s].
+            feature: feature of the point.
+            twist: (6,) twist of the first link relative to the second about the world's origin, for
+                the rates [m/s, rad/s].
         """
         here = self.points[feature]
         scale = np.array([self._size] * 3 + [1.0] * 3)
         values = np.array([self._size] * 4 + [1.0] * 3)
         to_origin = np.eye(6)
         to_origin[:3, 3:] = -rotation.skew(self._about)
-        by, smooth = self._settled(feature, None, GEOMETRY_TOLERANCES.first)
+        by, smooth = self._converged(feature, None, GEOMETRY_TOLERANCES.first)
         by = values[:, None] * by / scale @ to_origin
         rate, rate_by = np.zeros(7), np.zeros((7, 6))
         if twist is not None:
@@ -132,8 +132,10 @@ class PairGeometry:
             speed = float(np.linalg.norm(local))
             rate = by @ twist
             if speed > 0.0:
-                found, second = self._settled(feature, local / speed, GEOMETRY_TOLERANCES.second)
-                rate_by = values[:, None] * found * speed / scale @ to_origin
+                differences, second = self._converged(
+                    feature, local / speed, GEOMETRY_TOLERANCES.second
+                )
+                rate_by = values[:, None] * differences * speed / scale @ to_origin
                 smooth = smooth and second
         return Touch(
             self.pair,
@@ -148,39 +150,39 @@ class PairGeometry:
             smooth,
         )
 
-    def _settled(self, feature: int, along: Array | None, tolerance: float) -> tuple[Array, bool]:
-        """(7, 6) differences at the largest step that agrees with the next, and whether any does.
+    def _converged(self, feature: int, along: Array | None, tolerance: float) -> tuple[Array, bool]:
+        """Differences (7, 6) at the largest step that agrees with the next, and whether any does.
 
         Args:
-            feature: of the point.
-            along: (6,) unit twist along which rates are differenced; None for first derivatives.
-            tolerance: of the agreement.
+            feature: feature of the point.
+            along: (6,) unit twist along which rates are taken; None for first derivatives.
+            tolerance: tolerance of the agreement.
         """
         last: Array | None = None
         for h in GEOMETRY_TOLERANCES.steps:
-            found = self._differences(h, along).get(feature)
-            if found is None:
+            differences = self._differences(h, along).get(feature)
+            if differences is None:
                 continue
             if last is not None:
-                apart = float(np.max(np.abs(found - last)))
+                apart = float(np.max(np.abs(differences - last)))
                 if apart <= tolerance * max(1.0, float(np.max(np.abs(last)))):
                     return last, True
-            last = found
+            last = differences
         return (np.zeros((7, 6)) if last is None else last), False
 
     def _differences(self, h: float, along: Array | None) -> dict[int, Array]:
-        """(7, 6) differences at a step of all points that are not lost, in units of the size."""
+        """Differences (7, 6) at a step, in units of the size, of all points that are not lost."""
         key = h, None if along is None else along.tobytes()
-        if key in self._found:
-            return self._found[key]
+        if key in self._cache:
+            return self._cache[key]
         single = (h * OFFSETS[:, None, None] * np.eye(6)).reshape(-1, 6)
         if along is None:
             moves = single[:, None]
-        else:  # of the rates along it, after a twist of each direction
+        else:  # rates along it, after a twist in each direction
             then = np.tile(h * OFFSETS[:, None] * along, (36, 1))
             moves = np.stack([np.repeat(single, 6, axis=0), then], axis=1)
         margin = GEOMETRY_TOLERANCES.margin + GEOMETRY_TOLERANCES.reach * h * self._size
-        rows = self._touches(self._moved(self._about, moves), margin)
+        rows = self._touches(self._moved_poses(self._about, moves), margin)
         out = {}
         for feature, here in self.points.items():
             own = rows[:, :, 0] == feature
@@ -195,11 +197,11 @@ class PairGeometry:
                 shaped = values.reshape(len(OFFSETS), 6, len(OFFSETS), 7)
                 inner = np.einsum("ojsc,s->ojc", shaped, WEIGHTS)
                 out[feature] = np.einsum("o,ojc->cj", WEIGHTS, inner) / h**2
-        self._found[key] = out
+        self._cache[key] = out
         return out
 
-    def _moved(self, about: Array, twists: Array) -> Array:
-        """(n, 12) poses of the first link after screw motions (n, k, 6) about a point, by size."""
+    def _moved_poses(self, about: Array, twists: Array) -> Array:
+        """Poses (n, 12) of the first link after screw motions (n, k, 6) about a point, by size."""
         n = len(twists)
         R = np.broadcast_to(self._first[:9].reshape(3, 3).T, (n, 3, 3))
         r = np.broadcast_to(self._first[9:] - about, (n, 3))

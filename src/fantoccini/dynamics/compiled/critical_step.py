@@ -1,16 +1,16 @@
 """The critical step of a puppet's springs: the longest fixed step at which they stay bounded.
 
-``timestepping`` takes springs and their dampers from the step's start, and ``variational`` solves
-for them by repeated steps of that kind:
+``timestepping`` evaluates springs and their dampers at the start of the step, and ``variational``
+solves for them by repeated steps of that kind:
 
     M (v+ - v) = -dt (K q + C v),   q+ = q + dt v+
 
 which has an eigenvalue -1 where dt^2 K + 2 dt C reaches 4 M, and grows without bound beyond: at
 dt = 2 / omega without damping. With b the motions of the springs' points relative to each other,
 K = b^T k b and C = b^T c b, so that the largest eigenvalue of B^T M^-1 B must stay below 4, with
-B = b^T sqrt(dt^2 k + 2 dt c). A spring counts in all three directions, since it turns in a run.
+B = b^T sqrt(dt^2 k + 2 dt c). A spring counts in all three directions, because it turns in a run.
 
-A taut string is such a spring across its segments, with k = tension / length: light things on it
+A taut string acts as a spring across its segments, with k = tension / length: light bodies on it
 vibrate fast.
 """
 
@@ -24,12 +24,12 @@ from fantoccini.base import Array
 from fantoccini.dynamics.compiled.compiled_puppet import CompiledPuppet
 from fantoccini.model.tree import WORLD, Link, Point, Role, link_inertia
 
-_HALVINGS = 60
-"""Bisections of the step: to rounding."""
+_N_HALVINGS = 60
+"""Number of bisections of the step: down to rounding."""
 _MIN_SEGMENT = 1e-6
-"""Length below which a segment has collapsed and has no direction [m]."""
-_STATES_AT_ONCE = 1024
-"""States evaluated together, which bounds the memory."""
+"""Length below which a segment has no direction [m]."""
+_CHUNK_SIZE = 1024
+"""Number of states evaluated together, which bounds the memory."""
 
 
 def critical_step(
@@ -44,30 +44,30 @@ def critical_step(
     q_D, q_K = (
         np.broadcast_to(q, (*lead, q.shape[-1])).reshape(n, q.shape[-1]) for q in (q_D, q_K)
     )
-    found: tuple[float, str] | None = None
-    for first in range(0, len(q_D), _STATES_AT_ONCE):
-        some = slice(first, first + _STATES_AT_ONCE)
-        W = _columns(marionette, q_D[some], q_K[some])
+    critical: tuple[float, str] | None = None
+    for first in range(0, len(q_D), _CHUNK_SIZE):
+        chunk = slice(first, first + _CHUNK_SIZE)
+        W = _columns(marionette, q_D[chunk], q_K[chunk])
         inside = np.einsum("nik,njk->nij", W, W)
 
         def largest(step: float, inside: Array = inside) -> tuple[float, int]:
             root = np.sqrt(step * step * k + 2.0 * step * c)
-            sizes, ways = np.linalg.eigh(root[:, None] * inside * root)
+            sizes, vectors = np.linalg.eigh(root[:, None] * inside * root)
             worst = int(np.argmax(sizes[:, -1]))
-            return float(sizes[worst, -1]), int(np.argmax(np.abs(ways[worst, :, -1])))
+            return float(sizes[worst, -1]), int(np.argmax(np.abs(vectors[worst, :, -1])))
 
         if not largest(dt)[0] > 4.0:
             continue
         low, high = 0.0, dt
-        for _ in range(_HALVINGS):
+        for _ in range(_N_HALVINGS):
             middle = 0.5 * (low + high)
             low, high = (low, middle) if largest(middle)[0] > 4.0 else (middle, high)
-        dt, found = low, (low, names[largest(high)[1]])
-    return found
+        dt, critical = low, (low, names[largest(high)[1]])
+    return critical
 
 
 def _springs(marionette: CompiledPuppet) -> tuple[list[str], Array, Array]:
-    """Name, stiffness and damping of every column: of joints' springs, then of springs."""
+    """Name, stiffness and damping of every column: springs of joints, then other springs."""
     names: list[str] = []
     k: list[float] = []
     c: list[float] = []
@@ -86,7 +86,7 @@ def _springs(marionette: CompiledPuppet) -> tuple[list[str], Array, Array]:
 
 
 def _columns(marionette: CompiledPuppet, q_D: Array, q_K: Array) -> Array:
-    """(n, columns, n_vD) F^-T b^T of every column at n states, M = F^T F."""
+    """Vectors F^-T b^T of every column at n states: (n, columns, n_vD), with M = F^T F."""
     tree, table, n = marionette.tree, marionette.coordinates, len(q_D)
     forces: list[Array] = []
     for link in tree.links:
@@ -94,13 +94,13 @@ def _columns(marionette: CompiledPuppet, q_D: Array, q_K: Array) -> Array:
             forces += [np.tile(row, (n, 1)) for row in np.eye(table.n_vD)[link.v]]
     for spring in tree.springs:
         forces += [_pull(marionette, q_D, q_K, spring.points, axis) for axis in np.eye(3)]
-    return _forth(marionette, q_D, q_K, forces)
+    return _solve_factor_transposed(marionette, q_D, q_K, forces)
 
 
 def critical_step_of_tensions(
     marionette: CompiledPuppet, q_D: Array, q_K: Array, tension: Array
 ) -> float:
-    """2 / omega of the fastest vibration from tensions (n_strings,) [s]; infinity without one."""
+    """Critical step 2 / omega of the fastest vibration of taut strings [s]; inf without one."""
     poses, (q_D, q_K) = marionette.poses(q_D, q_K), (q_D[None], q_K[None])
     forces, k = [], []
     for string, pull in zip(marionette.tree.strings, tension, strict=True):
@@ -114,13 +114,15 @@ def critical_step_of_tensions(
                 k.append(pull / length)
     if not forces:
         return np.inf
-    root = np.sqrt(k)[:, None] * _forth(marionette, q_D, q_K, forces)[0]
+    root = np.sqrt(k)[:, None] * _solve_factor_transposed(marionette, q_D, q_K, forces)[0]
     fastest = float(np.linalg.norm(root, 2))
     return 2.0 / fastest if fastest > 0.0 else np.inf
 
 
-def _forth(marionette: CompiledPuppet, q_D: Array, q_K: Array, forces: list[Array]) -> Array:
-    """(n, len(forces), n_vD) F^-T of forces (n, n_vD)."""
+def _solve_factor_transposed(
+    marionette: CompiledPuppet, q_D: Array, q_K: Array, forces: list[Array]
+) -> Array:
+    """Forces (n, n_vD) multiplied by F^-T: (n, len(forces), n_vD)."""
     table, n = marionette.coordinates, len(q_D)
     D, K = np.zeros((n, table.n_vD)), np.zeros((n, table.n_vK))
     still = {"v_D": D, "u_D": D, "v_K": K, "acc_K": K, "p": marionette.p}
@@ -131,7 +133,7 @@ def _forth(marionette: CompiledPuppet, q_D: Array, q_K: Array, forces: list[Arra
 def _pull(
     marionette: CompiledPuppet, q_D: Array, q_K: Array, ends: tuple[Point, Point], axis: Array
 ) -> Array:
-    """(n, n_vD) forces in the joints of a unit force on one point, its opposite on the other."""
+    """Generalised forces (n, n_vD) of opposite unit forces on two points."""
     n, n_links = len(q_D), len(marionette.tree.links)
     poses = marionette.poses(q_D, q_K)
     wrench = np.zeros((n, n_links, 6))
@@ -149,12 +151,12 @@ def _pull(
 
 
 def _place(marionette: CompiledPuppet, poses: Array, point: Point) -> Array:
-    """(3,) of a point in the world [m]."""
+    """Position (3,) of a point in the world [m]."""
     at = np.array([marionette.number(x) for x in point.at])
     return at if point.link == WORLD else poses[point.link, :, :3] @ at + poses[point.link, :, 3]
 
 
 def _centre(marionette: CompiledPuppet, link: Link) -> Array:
-    """(3,) centre of mass in the link's frame, its origin when massless [m]."""
+    """Centre of mass (3,) in the link's frame; the origin of a massless link [m]."""
     mass, centre, _ = link_inertia(link, marionette.number)
     return centre if mass > 0.0 else np.zeros(3)

@@ -24,9 +24,9 @@ class Evaluation:
     Attributes:
         library: the compiled puppet.
         L: packed factor of M_DD.
-        w0: (n_vD,) F^-T of the forces without strings.
-        W: (n_vD, n_rows) F^-T A_D^T, strings then limits.
-        h, hdot, gamma: (n_rows,) [m or rad, and per s, per s^2]; for strings including slip.
+        w0: (n_vD,) vector F^-T f, with f the forces without strings.
+        W: (n_vD, n_rows) matrix F^-T A_D^T, strings then limits.
+        h, hdot, gamma: (n_rows,) gaps and their rates [m or rad, per s, per s^2], including slip.
     """
 
     library: Library
@@ -50,8 +50,8 @@ class Evaluation:
         Args:
             marionette: the puppet.
             x: the state.
-            acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
-            u_D: (n_vD,) user forces; 0 when not given.
+            acc_K: (n_vK,) accelerations of the inputs; 0 by default.
+            u_D: (n_vD,) user forces; 0 by default.
 
         Raises:
             StateError: the state or a vector does not fit the puppet.
@@ -80,23 +80,23 @@ class Evaluation:
         )
 
     def back(self, w: Array) -> Array:
-        """F^-1 w for vectors (..., n_vD)."""
+        """Vectors F^-1 w (..., n_vD)."""
         return self.library.evaluate("back", L=self.L, x=w).y
 
     def forth(self, f: Array) -> Array:
-        """F^-T f for vectors (..., n_vD)."""
+        """Vectors F^-T f (..., n_vD)."""
         return self.library.evaluate("forth", L=self.L, x=f).y
 
     def complementarity(
         self, rows: Indices, b: Array, two_sided: MaskRows, upper: Array | None = None
     ) -> Complementarity:
-        """x and s of G x - b = s over some rows; see :meth:`Library.complementarity`.
+        """Solution x, s of G x - b = s over selected rows; see :meth:`Library.complementarity`.
 
         Args:
-            rows: indices.
+            rows: indices of the rows.
             b: (len(rows),) right-hand side.
-            two_sided: (n_rows,) bool.
-            upper: (n_rows,) bounds of x; none when not given.
+            two_sided: (n_rows,) mask of wires.
+            upper: (n_rows,) bounds of x; no bounds by default.
         """
         bounds = None if upper is None else upper[rows]
         return self.library.complementarity(self.W[:, rows], b, two_sided[rows], bounds)

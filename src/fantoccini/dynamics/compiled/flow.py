@@ -11,42 +11,42 @@ from fantoccini.kernel.runtime import FrozenFlow
 from fantoccini.motion import Input, State
 
 _HOLD_TIME = 1e9
-"""How long the driven coordinates hold still without inputs [s]."""
+"""Time for which the driven coordinates hold still without inputs [s]."""
 
 
 class Flow:
-    """ydot = f(t, y), Eqs. 10-12 with the strings and limits that are taut at the start held taut.
+    """Motion ydot = f(t, y), Eqs. 10-12, with strings and limits taut at the start held taut.
 
     A smooth ordinary differential equation in y = (q_D, v_D, work, loss, slip loss), for any
     integrator::
 
         flow = arm.flow(x0, inputs)
-        found = scipy.integrate.solve_ivp(flow.rate, (flow.t0, 0.3), flow.y0, method="Radau")
-        x = flow.state(found.t[-1], found.y[:, -1])
+        solution = scipy.integrate.solve_ivp(flow.rate, (flow.t0, 0.3), flow.y0, method="Radau")
+        x = flow.state(solution.t[-1], solution.y[:, -1])
 
-    It is the puppet's motion until one of :meth:`guards` turns positive, at most until
-    :attr:`t_end`; ``fan.simulate`` continues across events. Not for several threads at once.
+    It equals the puppet's motion until one of :meth:`guards` turns positive, at most until
+    :attr:`t_end`; ``fan.simulate`` continues across events. It must not be shared by threads.
 
     Attributes:
         t0: time of the start [s].
-        t_end: when the inputs' next piece begins, or a winch that rewinds begins to brake or
-            stops; inf when there is none [s].
+        t_end: time at which the inputs' next piece begins, or a winch that rewinds begins to brake
+            or stops; inf without one [s].
         y0: (n_y,) q_D [rad, m or 1] and v_D [rad/s or m/s] at the start, work of the inputs, loss
             to damping and drag, loss of slipping winches, 0 at the start [J].
         rows: names of the strings and limits, in the order of the guards.
-        taut: (n_rows,) bool, those that are held.
+        taut: (n_rows,) mask of the held rows.
 
     Args:
         marionette: the puppet.
-        x0: where it starts; no string may be longer than its length.
-        inputs: motion of the driven coordinates; they hold still when not given.
+        x0: start state; no string may be longer than its length.
+        inputs: motion of the driven coordinates; by default they hold still.
     """
 
     def __init__(self, marionette: CompiledPuppet, x0: State, inputs: Input | None = None):
         refuse_contact(marionette, "the flow for external integrators")
         check_start(marionette, x0)
-        given = Input.hold(marionette, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
-        self._inputs = bind_input(marionette, given, x0.q_K, x0.v_K, x0.t, x0.t)
+        motion = Input.hold(marionette, _HOLD_TIME).shifted(x0.t) if inputs is None else inputs
+        self._inputs = bind_input(marionette, motion, x0.q_K, x0.v_K, x0.t, x0.t)
         self._run = FrozenFlow(
             marionette.library,
             marionette.run_options(),
@@ -60,21 +60,21 @@ class Flow:
         table = marionette.coordinates
         self._table, self._n_qD, self._n_vD = table, table.n_qD, table.n_vD
         end = self._run.smooth_until(np.inf)
-        self.t_end = np.inf if inputs is None and end >= given.end else end
+        self.t_end = np.inf if inputs is None and end >= motion.end else end
         self.t0, self.y0 = self._run.t, self._run.y
         self.rows = marionette.tree.row_names
         self.taut = self._run.active_set != 0
 
     def rate(self, t: float, y: Array) -> Array:
-        """ydot (n_y,) at a time [s] and y (n_y,)."""
+        """Derivative ydot (n_y,) at a time [s] and y (n_y,)."""
         return self._run.rate(t, y)
 
     def guards(self, t: float, y: Array) -> Array:
-        """(n_rows + n_watched,) positive where a string or limit would snap taut or release.
+        """Functions (n_rows + n_watched,) > 0 where a string or limit would snap taut or release.
 
-        For a slack one h over the string's length (over 1 for a limit); for a taut one minus its
+        For a slack row h over the string's length (over 1 for a limit); for a taut one minus its
         tension, or the tension beyond its winch's largest, over the puppet's weight. The last ones
-        are of the drives that may lose a step or run away.
+        belong to the drives that may lose a step or run away.
         """
         return self._run.guards(t, y)
 

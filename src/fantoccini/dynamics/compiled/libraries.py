@@ -1,4 +1,4 @@
-"""A puppet's compiled libraries, each loaded from the cache or made when first needed."""
+"""A puppet's compiled libraries, each loaded from the cache or built when first needed."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ SOURCE_MODULES = ("fantoccini.model.tree.construction", "fantoccini.kernel.codeg
 
 @dataclass(frozen=True, eq=False)
 class Libraries:
-    """Equations and libraries of a puppet, shared by its models whatever their parameters.
+    """Equations and libraries of a puppet, shared by its models for all parameters.
 
     Attributes:
-        puppet: as its file describes it.
+        puppet: puppet as described by its file.
         tree: its links, strings, limits and coordinates.
-        progress: called with the stage that begins (``what``: "deriving", "compiling").
+        progress: callback for each stage that begins (``what``: "deriving", "compiling").
 
     Raises:
-        BuildError: on access to a library: no compiler, or it failed.
-        PuppetError: on access to a library: the mass matrix is singular.
+        BuildError: no compiler, or it failed, on access to a library.
+        PuppetError: the mass matrix is singular, on access to a library.
     """
 
     puppet: Puppet
@@ -57,18 +57,18 @@ class Libraries:
 
     @cached_property
     def solids(self) -> tuple[int, ...]:
-        """Solids of each shape of the links, in turn: compiled code has room for no others."""
+        """Number of solids of each shape of the links, in order: the size of compiled arrays."""
         return solids_of_shapes(self.puppet.expanded(), self.tree)
 
     @cached_property
     def sized(self) -> Tree:
-        """The tree, with room for these solids."""
+        """The tree, with the number of these solids."""
         more = sum(self.solids) - len(self.solids)
         return dataclasses.replace(self.tree, n_pieces=more) if more else self.tree
 
     @cached_property
     def equations(self) -> Equations:
-        """The symbolic equations and the functions made from them."""
+        """The symbolic equations and the CasADi functions made from them."""
         from fantoccini.kernel.equations import derive  # cached puppets derive nothing
 
         return derive(self.sized)
@@ -85,12 +85,12 @@ class Libraries:
 
     @cached_property
     def clearances(self) -> ClearanceLibrary:
-        """Distances from obstacles."""
+        """Library of distances from obstacles."""
         return self._library("clearance", lambda file: ClearanceLibrary(file, self.sized.sizes))
 
     @cached_property
     def rollouts(self) -> RolloutLibrary:
-        """The motions of planners."""
+        """Library of rollouts for planners."""
         return self._library("rollouts", lambda file: RolloutLibrary(file, self.sized.sizes))
 
     @cached_property
@@ -117,7 +117,7 @@ class Libraries:
 
     @cached_property
     def gradients(self) -> GradientLibrary:
-        """Rollouts of the time-stepper with gradients of their costs."""
+        """Library of time-stepped rollouts with gradients of their costs."""
         return self._library("gradients", lambda file: GradientLibrary(file, self.sized.sizes))
 
     @cached_property
@@ -129,7 +129,7 @@ class Libraries:
 
     @cached_property
     def reach(self) -> ReachLibrary:
-        """Hanging poses nearest to places."""
+        """Library of the hanging poses nearest to given places."""
         return self._library("reach", lambda file: ReachLibrary(file, self.sized.sizes))
 
     def batch_library_of(self, method: str) -> BatchLibrary:
@@ -147,17 +147,17 @@ class Libraries:
         from fantoccini.kernel import codegen  # cached puppets generate nothing
 
         check_mass_matrix(self.puppet, self.tree)
-        made = codegen.generate(self.equations, library)
-        facts = {"operations": made.operations}
-        more = {"units": made.units, "pieces": made.pieces, "shared_units": made.shared_units}
-        return build.Source(made.files, made.main, facts, **more)
+        code = codegen.generate(self.equations, library)
+        facts = {"operations": code.operations}
+        more = {"units": code.units, "pieces": code.pieces, "shared_units": code.shared_units}
+        return build.Source(code.files, code.main, facts, **more)
 
     def _lanes(self, file: Path) -> BatchLibrary:
         return BatchLibrary(Loaded(file, self.sized.sizes))
 
     def _library(self, name: str, load: Callable[[Path], L]) -> L:
-        """One of ``contract.LIBRARIES``, from the cache or made now."""
-        # Values of parameters are arguments of every function: nothing that is compiled has them.
+        """A library of ``contract.LIBRARIES``, from the cache or built now."""
+        # Values of parameters are arguments of every function, and not compiled in.
         canonical = self.puppet.canonical(values=False)
         more = self.sized.n_pieces
         flags = (name, f"{more} more solids") if more else (name,)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of a run, and sizes that a puppet's forces and lengths are measured with."""
+    """Bounds of a run, and scales of a puppet's forces and lengths."""
 
     least_gravity: float = 1.0
     """Smallest gravity used in force scales [m/s^2], so that they are never zero."""
-    least_share: float = 1e-6  # Part of the largest share from which a row is named as contributing
+    least_share: float = 1e-6  # Part of the largest share above which a row is named
     first_step: float = 1e-4
     """First step of the event-driven integrator [s]; it adapts within a few steps."""
     recovery_speed: float = 1.0

@@ -12,17 +12,17 @@ from fantoccini.base.documents import Number, Parameter
 from fantoccini.model.puppet import Puppet
 from fantoccini.model.tree import Tree, joint_inertias
 
-_POSES = 3
-"""The file's pose and random ones: the first one without a singular joint is enough."""
+_N_POSES = 3
+"""Number of poses tried: the file's and random ones, up to the first without a singular joint."""
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What makes a joint's inertia singular, scaled to a unit diagonal."""
+    """Singularity thresholds of a joint's inertia, scaled to a unit diagonal."""
 
-    eigenvalue: float = 1e-12  # Smallest eigenvalue: above rounding, far below any puppet's
-    diagonal: float = 1e-300  # Diagonal entry that is 0 [kg or kg m^2]
-    part: float = 1e-3  # Part of the eigenvector's largest from which a coordinate is named
+    eigenvalue: float = 1e-12  # Smallest eigenvalue: above rounding, far below that of any puppet
+    diagonal: float = 1e-300  # Diagonal entry that counts as 0 [kg or kg m^2]
+    part: float = 1e-3  # Part of a mode's largest entry above which a coordinate is named
 
 
 TOLERANCES = Tolerances()
@@ -31,15 +31,15 @@ TOLERANCES = Tolerances()
 def check_mass_matrix(
     puppet: Puppet, tree: Tree, values: Mapping[str, float] | None = None
 ) -> None:
-    """Raises where a joint moves no mass, in the file's pose and in random ones.
+    """Raises PuppetError if a joint moves no mass, in the file's pose and in random ones.
 
     Args:
-        puppet: as its file describes it.
-        tree: of the puppet.
-        values: of parameters; those of the file when not given.
+        puppet: puppet as described by its file.
+        tree: tree of the puppet.
+        values: values of parameters; by default those of the file.
 
     Raises:
-        PuppetError: naming the coordinates.
+        PuppetError: a joint moves no mass; the message names the coordinates.
     """
     present = tree.parameters if values is None else values
 
@@ -49,7 +49,7 @@ def check_mass_matrix(
     table = tree.coordinates
     names: list[str] = []
     rng = np.random.default_rng(0)
-    for trial in range(_POSES):
+    for trial in range(_N_POSES):
         q_D, q_K = (np.nan_to_num(q, nan=1.0) for q in (table.start_D, table.start_K))
         if trial:
             q_D = q_D + rng.normal(size=table.n_qD)
@@ -71,7 +71,7 @@ def check_mass_matrix(
 def _singular(
     tree: Tree, q_D: Array, q_K: Array, number: Callable[[Number], float]
 ) -> tuple[list[str], str]:
-    """Velocities of the singular joint nearest the leaves, and what its inertia is."""
+    """Velocities of the singular joint nearest the leaves, and the property of its inertia."""
     for i, held, D in joint_inertias(tree, q_D, q_K, number):
         names = np.array(tree.coordinates.v_D)[tree.links[i].v]
         if not np.all(np.isfinite(D)):

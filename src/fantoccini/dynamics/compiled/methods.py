@@ -1,4 +1,4 @@
-"""The three ways to make a run, each with its own options."""
+"""The three methods of a run, each with its own options."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MethodName = Literal["event", "timestepping", "variational"]
 
 
 class _Options:
-    """Options of a method; numbers are checked when it is made."""
+    """Options of a method; numbers are checked on construction."""
 
     name: ClassVar[MethodName]
 
@@ -20,17 +20,17 @@ class _Options:
 
     @property
     def options(self) -> dict[str, Any]:
-        """The run options that it sets."""
+        """Run options that the method sets."""
         return dict(vars(self))
 
 
 @dataclass(frozen=True)
 class Event(_Options):
-    """Event-driven: adaptive order 8 between located events, with exact impulses.
+    """Event-driven method: adaptive order 8 between located events, with exact impulses.
 
     Attributes:
         rtol, atol: tolerances of the integrator.
-        max_step: its largest step [s].
+        max_step: largest step of the integrator [s].
 
     Raises:
         ValueError: a number is not positive and finite.
@@ -45,10 +45,10 @@ class Event(_Options):
 
 @dataclass(frozen=True)
 class TimeStepping(_Options):
-    """Fixed steps that catch and release within themselves: interaction, planning, batches.
+    """Fixed steps that include catches and releases: for interaction, planning and batches.
 
     Attributes:
-        dt: step [s].
+        dt: length of the steps [s].
         extrapolate: take velocity products half a step ahead, from the accelerations of the steps
             before, which keeps the energy of spinning bodies. False makes each step depend on its
             state alone, so that a run continues from any sample to the same bits.
@@ -90,10 +90,10 @@ METHODS: dict[str, type[Method]] = {kind.name: kind for kind in (Event, TimeStep
 
 
 def as_method(method: Method | MethodName, **options: Any) -> Method:
-    """A method by its name, with the options given; or a method as it is.
+    """A method with its name and options; a method object is returned unchanged.
 
     Raises:
-        ValueError: no method has that name, or it does not take an option.
+        ValueError: there is no such method, or it does not take an option.
     """
     if isinstance(method, Method) and not options:
         return method

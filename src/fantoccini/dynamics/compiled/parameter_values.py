@@ -13,22 +13,22 @@ from fantoccini.kernel.contract import WINCH_AT
 
 
 def parameter_rows(marionette: CompiledPuppet, values: Mapping[str, Array | float] | None) -> Array:
-    """(1 or n, n_p) parameters of every run: the model's own, with those given in their place.
+    """Parameters (1 or n, n_p) of every run: the model's own, with some replaced.
 
     Args:
         marionette: the puppet.
-        values: by name, a number or (n,) numbers.
+        values: name -> a number or (n,) numbers.
 
     Raises:
-        UnknownNameError: a name that the puppet does not have.
-        StateError: a number that is not finite, or the parameter of a winch, which all share.
-        PuppetError: a value out of range.
-        ValueError: arrays that are not of one length, or not of numbers.
+        UnknownNameError: the puppet does not have a name.
+        StateError: a number is not finite, or the parameter belongs to a winch, shared by all runs.
+        PuppetError: a value is out of range.
+        ValueError: arrays are not of equal length, or not of numbers.
     """
-    given = {name: floats(x) for name, x in (values or {}).items()}
+    arrays = {name: floats(x) for name, x in (values or {}).items()}
     index, sizes = marionette.parameter_index, {}
     wound = _parameters_of_winches(marionette)
-    for name, x in given.items():
+    for name, x in arrays.items():
         if name not in index:
             raise UnknownNameError("parameter", name, tuple(index))
         if x.ndim > 1 or x.size == 0:
@@ -46,22 +46,22 @@ def parameter_rows(marionette: CompiledPuppet, values: Mapping[str, Array | floa
     if len(set(sizes.values())) > 1:
         listed = ", ".join(f"{n} of {name}" for name, n in sizes.items())
         raise ValueError(f"parameters must have one number of values; found {listed}")
-    # What a parameter may be is an interval, so its ends speak for all between.
+    # The allowed values are an interval: checking both ends is enough.
     for end in (np.min, np.max):
-        if given:
-            marionette.puppet.with_values({name: float(end(x)) for name, x in given.items()})
+        if arrays:
+            marionette.puppet.with_values({name: float(end(x)) for name, x in arrays.items()})
     rows = np.tile(marionette.p, (next(iter(sizes.values()), 1), 1))
-    for name, x in given.items():
+    for name, x in arrays.items():
         rows[:, index[name]] = x
     return rows
 
 
 def _parameters_of_winches(marionette: CompiledPuppet) -> dict[str, str]:
-    """Name of a parameter that a winch has -> the string."""
-    found = {}
+    """Name of a parameter of a winch -> name of its string."""
+    owners = {}
     for string in marionette.tree.strings:
         for key in WINCH_AT:
             value = getattr(string, key)
             if isinstance(value, Parameter):
-                found[value.parameter] = string.name
-    return found
+                owners[value.parameter] = string.name
+    return owners

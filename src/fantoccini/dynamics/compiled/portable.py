@@ -1,6 +1,6 @@
-"""How a model travels to another process or machine: as the text of its puppet.
+"""A model in the form sent to another process or machine: the text of its puppet.
 
-The compiled libraries stay behind; the other machine has them in its cache, or makes them.
+The compiled libraries are not sent; the other machine has them in its cache, or builds them.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ class PortablePuppet:
     """A puppet as plain data.
 
     Attributes:
-        name: of the puppet.
-        text: YAML.
+        name: name of the puppet.
+        text: puppet file as YAML.
         meshes: mesh file -> content.
     """
 
@@ -31,5 +31,5 @@ class PortablePuppet:
         return cls(puppet.name, puppet.to_yaml(), mesh_files(puppet))
 
     def puppet(self) -> Puppet:
-        """The puppet again."""
+        """The puppet, restored."""
         return restored(self.text, f"<{self.name}>", self.meshes)

@@ -23,7 +23,7 @@ class SampleLayout:
         return {part.name: part.numel(self.tree.sizes) for part in SAMPLE}
 
     def split(self, samples: Array) -> dict[str, Array]:
-        """Parts (T, n) of samples (T, width); single columns come as (T,)."""
+        """Parts (T, n) of samples (T, width); a single column is (T,)."""
         return {name: samples[:, place] for name, place in self.places.items()}
 
     def state(self, sample: Array) -> State:
@@ -32,7 +32,7 @@ class SampleLayout:
 
     @cached_property
     def places(self) -> dict[str, slice | int]:
-        """Part name -> its columns; the column of a number."""
+        """Part name -> its columns, or the column of a single number."""
         places: dict[str, slice | int] = {}
         at = 0
         for part, width in zip(SAMPLE, self.widths.values(), strict=True):

@@ -4,7 +4,7 @@ With s_k the screw of velocity k, twists about the world's origin in world axes,
 
     V = sum of s_k v_k,   A = sum of s_k a_k + sdot_k v_k,   sdot_k = [Omega_k, s_k]
 
-over the velocities that move a link; Omega_k is the twist of what carries the axis of k, and
+over the velocities that move a link. Omega_k is the twist of the carrier of the axis of k, and
 [a, b] = (w_a x v_b + v_a x w_b, w_a x w_b). A small change dq moves a link by the twist
 xi = sum of s_k dq_k and turns the screws as a motion does: ds_k = [xi_k, s_k].
 """
@@ -22,30 +22,30 @@ from fantoccini.model.tree import TURNS_WITH_LINK, WORLD, Role, Tree
 from fantoccini.motion import State
 
 PARAMETER_STEP = 1e-3
-"""Of the differences by parameters, relative to 1 or the parameter: their error is some 1e-12."""
+"""Step of differences by parameters, relative to 1 or the parameter, with an error near 1e-12."""
 
 OFFSETS = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
-"""Places of a central difference of sixth order, in steps."""
+"""Offsets of a central difference of sixth order, in steps."""
 WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
-"""Its weights."""
+"""Weights of this central difference."""
 
 
 def bracket(a: Array, b: Array) -> Array:
-    """[a, b] of twists (..., 6): the rate of b when it is carried along by a."""
+    """Lie bracket [a, b] of twists (..., 6): the rate of b when carried along by a."""
     v = np.cross(a[..., 3:], b[..., :3]) + np.cross(a[..., :3], b[..., 3:])
     return np.concatenate([v, np.cross(a[..., 3:], b[..., 3:])], axis=-1)
 
 
 class Screws:
-    """Links at a state, and how q_D, v_D, q_K, v_K, acc_K, u_D and p change their motions.
+    """Motions of links at a state, and their changes by q_D, v_D, q_K, v_K, acc_K, u_D and p.
 
-    Changes are columns, m in all, in this order, or those that are given; acc_D stays.
+    Changes are m columns, in this order or as given by ``changes``; acc_D is constant.
 
     Args:
         marionette: the puppet.
         x: the state.
-        acc_D, acc_K: (n_vD,), (n_vK,) accelerations; 0 when not given.
-        changes: (n_columns, m) of these quantities.
+        acc_D, acc_K: (n_vD,), (n_vK,) accelerations; 0 by default.
+        changes: (n_columns, m) changes of these quantities; the unit matrix by default.
     """
 
     def __init__(
@@ -60,9 +60,9 @@ class Screws:
         self.n_D, n_K = t.n_vD, t.n_vK
         n = self.n_D + n_K
         self._moves, self._carries = relations(marionette.tree)
-        found = marionette.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=p)
-        self.poses = found.poses.T
-        self.s = np.concatenate([found.screw_D.T, found.screw_K.T])
+        results = marionette.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=p)
+        self.poses = results.poses.T
+        self.s = np.concatenate([results.screw_D.T, results.screw_K.T])
         self._v = np.concatenate([x.v_D, x.v_K])
         none_D, none_K = np.zeros(self.n_D), np.zeros(n_K)
         acc_D, acc_K = none_D if acc_D is None else acc_D, none_K if acc_K is None else acc_K
@@ -80,22 +80,22 @@ class Screws:
         if changes is not None:
             self.n_columns = changes.shape[1]
             ours = (self._dq, self._dv, self._da, self._dp)
-            self._dq, self._dv, self._da, self._dp = (one @ changes for one in ours)
+            self._dq, self._dv, self._da, self._dp = (columns @ changes for columns in ours)
         self._by_parameters(marionette, x)
 
     def _by_parameters(self, marionette: CompiledPuppet, x: State) -> None:
-        """Twists of the links (n_links, 6, n_p) and changes of the screws (n, 6, n_p) by p."""
+        """Sets twists of the links (n_links, 6, n_p) and changes of the screws (n, 6, n_p) by p."""
         p, n_links = marionette.p, len(self.poses)
         self._xi_p, self._s_p = np.zeros((n_links, 6, len(p))), np.zeros((len(self.s), 6, len(p)))
         if not len(p):
             return
         step = PARAMETER_STEP * np.maximum(1.0, np.abs(p))
         at = p + (OFFSETS[:, None, None] * np.diag(step)).reshape(-1, len(p))
-        found = marionette.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=at)
-        screws = np.concatenate([found.screw_D, found.screw_K], axis=-1).swapaxes(-1, -2)
+        results = marionette.library.evaluate("screws", q_D=x.q_D, q_K=x.q_K, p=at)
+        screws = np.concatenate([results.screw_D, results.screw_K], axis=-1).swapaxes(-1, -2)
         self._s_p, poses = (
             np.einsum("o,opij->ijp", WEIGHTS, x.reshape(len(OFFSETS), len(p), *x.shape[1:])) / step
-            for x in (screws, found.poses.swapaxes(-1, -2))
+            for x in (screws, results.poses.swapaxes(-1, -2))
         )
         for i, pose in enumerate(self.poses):
             R, dR = pose[:9].reshape(3, 3).T, poses[i, :9].reshape(3, 3, -1).swapaxes(0, 1)
@@ -104,20 +104,20 @@ class Screws:
             self._xi_p[i] = np.concatenate([poses[i, 9:] - np.cross(w.T, pose[9:]).T, w])
 
     def twist(self, link: int) -> Array:
-        """(6,) V of a link [m/s, rad/s]."""
+        """Twist V (6,) of a link [m/s, rad/s]."""
         if link == WORLD:
             return np.zeros(6)
         return np.asarray((self._moves[link] * self._v) @ self.s)
 
     def acceleration(self, link: int) -> Array:
-        """(6,) A of a link, dV/dt [m/s^2, rad/s^2]."""
+        """Acceleration A = dV/dt (6,) of a link [m/s^2, rad/s^2]."""
         if link == WORLD:
             return np.zeros(6)
         moves = self._moves[link]
         return np.asarray((moves * self._a) @ self.s + (moves * self._v) @ self._s_dot)
 
     def pose_by(self, link: int) -> Array:
-        """(6, m) twists by which a link moves."""
+        """Changes (6, m) of a link's pose, as twists."""
         out = np.zeros((6, self.n_columns))
         if link != WORLD:
             out += (self.s.T * self._moves[link]) @ self._dq
@@ -125,7 +125,7 @@ class Screws:
         return out
 
     def twist_by(self, link: int) -> Array:
-        """(6, m) changes of V."""
+        """Changes (6, m) of V."""
         if link == WORLD:
             return np.zeros((6, self.n_columns))
         moves = self._moves[link]
@@ -133,7 +133,7 @@ class Screws:
         return np.asarray((self.s.T * moves) @ self._dv + by_screws)
 
     def acceleration_by(self, link: int) -> Array:
-        """(6, m) changes of A."""
+        """Changes (6, m) of A."""
         if link == WORLD:
             return np.zeros((6, self.n_columns))
         moves = self._moves[link]
@@ -145,18 +145,18 @@ class Screws:
         )
 
     def subspace(self, link: int) -> Array:
-        """(6, n_vD) V by v_D."""
+        """Derivatives (6, n_vD) of V by v_D."""
         if link == WORLD:
             return np.zeros((6, self.n_D))
         return np.asarray((self.s.T * self._moves[link])[:, : self.n_D])
 
     def force_by(self, link: int, wrench: Array, by: Array) -> Array:
-        """(n_vD, m) changes of the generalised forces of a wrench on a link.
+        """Changes (n_vD, m) of the generalised forces of a wrench on a link.
 
         Args:
-            link: its index.
+            link: index of the link.
             wrench: (6,) force and torque about the world's origin [N, N m].
-            by: (6, m) its changes.
+            by: (6, m) changes of the wrench.
         """
         if link == WORLD:
             return np.zeros((self.n_D, self.n_columns))
@@ -166,24 +166,24 @@ class Screws:
 
     @cached_property
     def _carrier(self) -> Array:
-        """(n, 6) Omega_k."""
+        """Twists Omega_k (n, 6) of the carriers of the axes."""
         return np.asarray((self._carries * self._v) @ self.s)
 
     @cached_property
     def _s_dot(self) -> Array:
-        """(n, 6)."""
+        """Rates of the screws (n, 6)."""
         return bracket(self._carrier, self.s)
 
     @cached_property
     def _ds(self) -> Array:
-        """(n, 6, m) changes of the screws."""
+        """Changes of the screws (n, 6, m)."""
         moved = np.einsum("kj,jm,ji->kmi", self._carries, self._dq, self.s)
         out = bracket(moved, self.s[:, None]).swapaxes(1, 2)
         return np.asarray(out + self._s_p @ self._dp)
 
     @cached_property
     def _ds_dot(self) -> Array:
-        """(n, 6, m)."""
+        """Changes of the screws' rates (n, 6, m)."""
         d = self._ds.swapaxes(1, 2)
         carrier = np.einsum("kj,j,jmi->kmi", self._carries, self._v, d)
         carrier += np.einsum("kj,jm,ji->kmi", self._carries, self._dv, self.s)
@@ -192,7 +192,7 @@ class Screws:
 
 
 def relations(tree: Tree) -> tuple[Array, Array]:
-    """Which velocities move each link (n_links, n), and which carry each screw (n, n); 0 or 1."""
+    """Velocities that move each link (n_links, n) and carry each screw (n, n): 1, others 0."""
     t = tree.coordinates
     n = t.n_vD + t.n_vK
     moves, carries = np.zeros((len(tree.links), n)), np.zeros((n, n))

@@ -1,4 +1,4 @@
-"""Which solids of a puppet may touch what, and how far they are apart."""
+"""Pairs of solids of a puppet that may touch, and their overlaps."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from fantoccini.model.tree import WORLD, Role, Tree
 from fantoccini.motion import pair_name
 
 OVERLAP = 1e-9
-"""Depth from which solids overlap at the start pose and so never touch each other [m]."""
+"""Overlap at the start pose above which two solids of one tree never touch [m]."""
 TOUCHING = 1e-6
 """Gap up to which solids count as touching [m]."""
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Something with a surface: the name of its body or obstacle, its link; None is the floor."""
+    """A shape with the name of its body or obstacle and its link; shape None is the floor."""
 
     name: str
     link: int
@@ -40,7 +40,7 @@ class _Part:
 
 
 def solids_of_shapes(puppet: Puppet, tree: Tree) -> tuple[int, ...]:
-    """Solids of each shape of the links, in turn: several of a dented mesh that touches something.
+    """Number of solids of each shape of the links; a dented mesh that may touch has several.
 
     A mesh that :func:`contacts_of` will refuse counts as one.
     """
@@ -61,15 +61,15 @@ def contacts_of(
 ) -> tuple[Contacts, Contacts] | None:
     """The pairs of solids that may touch, and the pairs with prescribed relative motion.
 
-    None where the puppet's file says nothing of contact. Bodies of one joint do not touch; nor do
+    None if the puppet's file does not mention contact. Bodies of one joint do not touch; nor do
     those of one tree that overlap at the file's pose. No force acts in a pair of the second kind:
     both solids follow the inputs, and their overlap can only be measured.
 
     Args:
-        puppet: with rules of contact.
-        tree: of the puppet.
-        library: its compiled model.
-        counts: of the solids that it has room for, as :func:`solids_of_shapes` gives them.
+        puppet: puppet with rules of contact.
+        tree: tree of the puppet.
+        library: compiled model of the puppet.
+        counts: numbers of solids in compiled arrays, from :func:`solids_of_shapes`.
 
     Raises:
         PuppetError: a mesh is open or flat, or cannot be cut into convex pieces.
@@ -82,7 +82,7 @@ def contacts_of(
     meet = list(_pairs(puppet, tree, rules, own, standing))
     touching = {i for a, b, _, _ in meet for i in (a, b)}
     solids, hulls, place = _solids(puppet, parts, touching, counts)
-    # A dented mesh is several solids: each of them meets what the mesh meets.
+    # A dented mesh is several solids: each of them meets the partners of the mesh.
     pairs = [(x, y, k) for k, (a, b, _, _) in enumerate(meet) for x in place[a] for y in place[b]]
     links = solids["link"].tolist()
     pairs.sort(key=lambda pair: (links[pair[0]], links[pair[1]], pair[1], pair[0]))
@@ -98,19 +98,19 @@ def contacts_of(
     start = tree.coordinates
     p = np.array(list(tree.parameters.values()), dtype=float)
     gaps = library.gaps(table, start.start_D, np.nan_to_num(start.start_K), p)
-    apart = {
+    excluded = {
         k
         for k, gap in zip(which, gaps, strict=True)
         if gap < -OVERLAP and _kin(tree, *(parts[i].link for i in meet[k][:2]))
     }
-    kept = np.array([k not in apart for k in which], dtype=np.bool_)
+    selected = np.array([k not in excluded for k in which], dtype=np.bool_)
     sides = [(parts[meet[k][0]].link, parts[meet[k][1]].link) for k in which]
     dynamic = np.array([_moves(tree, a, b, Role.DYNAMIC) for a, b in sides], dtype=np.bool_)
-    return table.some(kept & dynamic), table.some(kept & ~dynamic)
+    return table.some(selected & dynamic), table.some(selected & ~dynamic)
 
 
 def _parts(puppet: Puppet, tree: Tree) -> tuple[list[_Part], list[_Part]]:
-    """What has a surface: the shapes of the links, and what stands."""
+    """Parts with a surface: the shapes of the links; and obstacles with the floor."""
     own = [_Part(link.name, i, shape) for i, link in enumerate(tree.links) for shape in link.shapes]
     standing = [_Part(o.name, WORLD, o) for o in puppet.obstacles]
     if puppet.floor is not None:
@@ -121,16 +121,16 @@ def _parts(puppet: Puppet, tree: Tree) -> tuple[list[_Part], list[_Part]]:
 def _solids(
     puppet: Puppet, parts: list[_Part], touching: set[int], counts: Sequence[int]
 ) -> tuple[np.ndarray, tuple[Hull, ...], list[Sequence[int]]]:
-    """(n,) ``SOLID`` of parts, the hulls of the meshes that touch something, each part's solids."""
-    made: list[np.ndarray] = []
+    """Records (n,) ``SOLID`` of parts, hulls of meshes that may touch, and each part's solids."""
+    records: list[np.ndarray] = []
     hulls: list[Hull] = []
     place: list[Sequence[int]] = []
     for i, part in enumerate(parts):
-        first = len(made)
+        first = len(records)
         if part.shape is None:
-            made.append(half_space((0.0, 0.0, puppet.floor or 0.0), (0.0, 0.0, 1.0)))
+            records.append(half_space((0.0, 0.0, puppet.floor or 0.0), (0.0, 0.0, 1.0)))
         elif not isinstance(part.shape, Mesh):
-            made.append(solid(part.shape, part.link))
+            records.append(solid(part.shape, part.link))
         elif i in touching:
             own = _hulls(puppet, part.shape, part.name)
             if i < len(counts) and len(own) != counts[i]:
@@ -140,12 +140,12 @@ def _solids(
                     f"{part.shape.file} is not convex, and touched nothing when "
                     "the puppet was compiled; load it together with what it now touches",
                 )
-            made += [hull_solid(h, len(hulls) + k, part.link) for k, h in enumerate(own)]
+            records += [hull_solid(h, len(hulls) + k, part.link) for k, h in enumerate(own)]
             hulls += own
         else:
-            made += [empty(part.link)] * counts[i]
-        place.append(range(first, len(made)))
-    return stacked(made), tuple(hulls), place
+            records += [empty(part.link)] * counts[i]
+        place.append(range(first, len(records)))
+    return stacked(records), tuple(hulls), place
 
 
 def _hulls(puppet: Puppet, shape: Mesh, name: str) -> tuple[Hull, ...]:
@@ -171,40 +171,40 @@ def _pairs(
             moves = _moves(tree, *links, Role.DYNAMIC) or _moves(tree, *links, Role.DRIVEN)
             if moves and not _joined(tree, first, second):
                 group = _group(puppet, first, second)
-                found = _rule(puppet, rules, first.name, second.name, group)
-                if found is not None:
-                    yield a, place, *found
+                result = _rule(puppet, rules, first.name, second.name, group)
+                if result is not None:
+                    yield a, place, *result
 
 
 def _moves(tree: Tree, a: int, b: int, role: Role) -> bool:
-    """Whether a coordinate of a role moves one link against the other."""
-    ways = [{i for i in tree.ancestors(link) if tree.links[i].role is role} for link in (a, b)]
-    return ways[0] != ways[1]
+    """Whether a coordinate of a role moves one link relative to the other."""
+    paths = [{i for i in tree.ancestors(link) if tree.links[i].role is role} for link in (a, b)]
+    return paths[0] != paths[1]
 
 
 def _kin(tree: Tree, a: int, b: int) -> bool:
-    """Whether two links stand on one that is not fixed in the world."""
-    ways = [{i for i in tree.ancestors(x) if _rigid(tree, i) != WORLD} for x in (a, b)]
-    return bool(ways[0] & ways[1])
+    """Whether two links have a common ancestor that is not fixed in the world."""
+    paths = [{i for i in tree.ancestors(x) if _rigid(tree, i) != WORLD} for x in (a, b)]
+    return bool(paths[0] & paths[1])
 
 
 def _joined(tree: Tree, a: _Part, b: _Part) -> bool:
-    """Whether one joint connects two bodies, or both are one."""
+    """Whether one joint connects two bodies, or both are the same body."""
     if WORLD in (a.link, b.link):
         return False
-    one, other = _rigid(tree, a.link), _rigid(tree, b.link)
-    return one == other or other == _carrier(tree, one) or one == _carrier(tree, other)
+    this, other = _rigid(tree, a.link), _rigid(tree, b.link)
+    return this == other or other == _carrier(tree, this) or this == _carrier(tree, other)
 
 
 def _rigid(tree: Tree, link: int) -> int:
-    """The first of the links that fixed joints join to a link; the world where they end there."""
+    """First of the links that fixed joints connect to a link; perhaps the world."""
     while link != WORLD and tree.links[link].kind == "fixed":
         link = tree.links[link].parent
     return link
 
 
 def _carrier(tree: Tree, link: int) -> int:
-    """What a link stands on: the nearest below with a shape, as :func:`_rigid` gives it."""
+    """Nearest link below a link that has a shape, as :func:`_rigid` gives it."""
     shaped = {_rigid(tree, i) for i, other in enumerate(tree.links) if other.shapes}
     while link != WORLD:
         link = _rigid(tree, tree.links[link].parent)
@@ -214,7 +214,7 @@ def _carrier(tree: Tree, link: int) -> int:
 
 
 def _group(puppet: Puppet, a: _Part, b: _Part) -> Group:
-    """What the second part is to the first."""
+    """Group of the second part, seen from the first."""
     if b.link == WORLD:
         return "floor" if b.name == FLOOR else "obstacles"
     owners = puppet.member_of(a.name), puppet.member_of(b.name)
@@ -230,8 +230,8 @@ def _rule(
     friction, restitution, meet = rules.friction, rules.restitution, group in rules.meets
     owned = [{name, puppet.member_of(name)} for name in (a, b)]
     for pair in rules.pairs:
-        one, other = pair.between
-        if not any(one in x and other in y for x, y in (owned, owned[::-1])):
+        this, other = pair.between
+        if not any(this in x and other in y for x, y in (owned, owned[::-1])):
             continue
         meet = pair.meet
         friction = friction if pair.friction is None else pair.friction
@@ -242,11 +242,11 @@ def _rule(
 def overlaps(
     library: Library, contacts: Contacts, q_D: Array, q_K: Array, p: Array, depth: float
 ) -> dict[str, float]:
-    """The pairs that overlap by more than a depth [m] at a configuration, and by how much [m]."""
+    """Names of pairs that overlap by more than a depth [m] at a configuration -> overlap [m]."""
     gaps = library.gaps(contacts, q_D, q_K, p)
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for names, gap in zip(contacts.names, gaps, strict=True):
         if gap < -depth:
             name = pair_name(names)
-            found[name] = max(found.get(name, 0.0), -float(gap))
-    return found
+            result[name] = max(result.get(name, 0.0), -float(gap))
+    return result

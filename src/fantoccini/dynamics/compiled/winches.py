@@ -1,4 +1,4 @@
-"""Winches of strings: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution."""
+"""Winches of strings (n_strings, 3): largest tension [N], rewinding speed [m/s], restitution."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fantoccini.model.tree import Tree
 
 
 def winches_of(tree: Tree, p: Array) -> Array:
-    """(n_strings, 3) largest tension [N], rewinding speed [m/s], restitution, as the file says."""
+    """Winches (n_strings, 3) of a puppet file, with these parameters (n_p,)."""
     values = dict(zip(tree.parameters, p.tolist(), strict=True))
     defaults = {"max_tension": np.inf, "rewind_speed": 0.0}
 
@@ -20,8 +20,8 @@ def winches_of(tree: Tree, p: Array) -> Array:
 
     table = np.zeros((len(tree.strings), len(WINCH_AT)))
     for row, string in zip(table, tree.strings, strict=True):
-        given = [(name, getattr(string, name)) for name in WINCH_AT]
-        row[:] = [defaults[name] if x is None else number(x) for name, x in given]
+        entries = [(name, getattr(string, name)) for name in WINCH_AT]
+        row[:] = [defaults[name] if x is None else number(x) for name, x in entries]
     return table
 
 
@@ -29,7 +29,7 @@ def checked_winches(tree: Tree, winches: Array) -> Array:
     """The winches as an array.
 
     Raises:
-        StateError: numbers that no winch can have.
+        StateError: a number is not allowed for a winch.
     """
     table, shape = np.array(floats(winches)), (len(tree.strings), len(WINCH_AT))
     if table.shape != shape:
@@ -37,10 +37,10 @@ def checked_winches(tree: Tree, winches: Array) -> Array:
             f"winches have the shape {table.shape}; it must be {shape}: largest tension, rewinding "
             "speed and restitution of every string"
         )
-    for string, (most, rewind, bounces) in zip(tree.strings, table, strict=True):
-        if not (most > 0.0 and 0.0 <= rewind < np.inf and 0.0 <= bounces <= 1.0):
+    for string, (highest, rewind, bounces) in zip(tree.strings, table, strict=True):
+        if not (highest > 0.0 and 0.0 <= rewind < np.inf and 0.0 <= bounces <= 1.0):
             raise StateError(
-                f"winch of {string.name}: found a largest tension of {most:g} N, rewinding at "
+                f"winch of {string.name}: found a largest tension of {highest:g} N, rewinding at "
                 f"{rewind:g} m/s and a restitution of {bounces:g}; they must be above 0, at "
                 "least 0 and finite, and 0 to 1"
             )

@@ -1,6 +1,6 @@
-"""The modes of the contacts at a state, and what lies on the edge between two.
+"""Modes of the contacts at a state, and points on the edge between two modes.
 
-A mode's derivative is that of the motion where the law holds strictly: points that push do so with
+The derivative of a mode is that of the motion where its law holds strictly: points that push have a
 force, those that stick stay inside their cone, open ones open.
 """
 
@@ -23,11 +23,11 @@ class ModeTolerances:
 
     speed: float = 1e-8
     """Speed that counts as zero, relative to the largest or 1 m/s; above the law's residual."""
-    force: float = 1e-8  # Force that is none, relative to the weight
-    cone: float = 1e-6  # Part of its cone by which a force that sticks must stay inside
-    acceleration: float = 1e-6  # Of a point that stays where it is [m/s^2]
-    dependent: float = 1e-7  # Part of a row that others do not give: below, it follows from them
-    askew: float = 1e-6  # Angle between directions of sliding that are one [rad]
+    force: float = 1e-8  # Force that counts as zero, relative to the weight
+    cone: float = 1e-6  # Smallest distance of a sticking force from its cone, relative
+    acceleration: float = 1e-6  # Acceleration of a point at rest [m/s^2]
+    dependent: float = 1e-7  # Part of a dependent row outside the span of the others
+    askew: float = 1e-6  # Angle between directions of sliding that count as equal [rad]
 
 
 TOLERANCES = ModeTolerances()
@@ -47,7 +47,7 @@ class Contacts:
 
 
 def still_speed(screws: Screws) -> float:
-    """Speed that is none where links move as they do [m/s]."""
+    """Speed that counts as zero beside the links' motion [m/s]."""
     speeds = [float(np.max(np.abs(screws.twist(i)))) for i in range(len(screws.poses))]
     return TOLERANCES.speed * max(1.0, *speeds)
 
@@ -55,13 +55,13 @@ def still_speed(screws: Screws) -> float:
 def geometries(
     marionette: CompiledPuppet, screws: Screws, x: State, more: Sequence[int] = ()
 ) -> list[PairGeometry]:
-    """Of all pairs near enough to touch at a state, and of some more.
+    """Geometries of all pairs near enough to touch at a state, and of additional pairs.
 
     Args:
         marionette: the puppet.
-        screws: of the links at the state.
+        screws: screws of the links at the state.
         x: the state.
-        more: indices of pairs.
+        more: indices of additional pairs.
     """
     contacts = marionette.contacts
     if contacts is None:
@@ -74,13 +74,13 @@ def geometries(
 def mode_of(
     mu: float, n: Array, force: Array, u: Array, still: float
 ) -> tuple[ContactMode, Array, bool, str]:
-    """Mode, direction of sliding, whether that turns with u, and what edge the point is on.
+    """Mode, direction of sliding, whether it turns with u, and text on the edge of two modes.
 
     Args:
         mu: coefficient of friction.
         n: (3,) normal.
-        force, u: (3,) on the first solid, and its velocity against the second.
-        still: speed that is none [m/s].
+        force, u: (3,) force on the first solid, and its velocity relative to the second.
+        still: speed that counts as zero [m/s].
     """
     none = np.zeros(3)
     if mu == 0.0:
@@ -102,10 +102,10 @@ def closed_without_force(
     """Edges of points that close without force, unless the pushing points already close them.
 
     Args:
-        screws: of the links.
+        screws: screws of the links.
         held: the points that push.
-        open_points: name, pair and feature of others, and the speed at which they open [m/s].
-        still: speed that is none [m/s].
+        open_points: name, pair, feature and opening speed of other points [m/s].
+        still: speed that counts as zero [m/s].
     """
     rows = [p.directions @ _subspace(screws, p.touch.links, p.touch.point) for p in held]
     basis = np.concatenate([*rows, np.zeros((0, screws.n_D))])
@@ -128,7 +128,7 @@ def closed_without_force(
 def _slides_askew(
     u: Array, normal: Array, pair: int, held: Sequence[HeldPoint], still: float
 ) -> bool:
-    """Whether friction at velocity u would have another direction than at the held points.
+    """Whether friction at velocity u has another direction than at the held points.
 
     A nearby motion may then load this point instead of those, and turn differently.
     """
@@ -147,6 +147,6 @@ def _slides_askew(
 
 
 def _subspace(screws: Screws, links: tuple[int, int], point: Array) -> Array:
-    """(3, n_vD) u by v_D."""
+    """Derivatives (3, n_vD) of u by v_D."""
     twist = screws.subspace(links[0]) - screws.subspace(links[1])
     return np.asarray(twist[:3] + np.cross(twist[3:].T, point).T)

@@ -1,6 +1,6 @@
-"""Derivatives of what solids that touch do in a mode: of their forces and of the rows they hold.
+"""Derivatives of contacts in a mode: of their forces and of the rows that they hold.
 
-With u the velocity of the first solid against the second at the point P, n the normal, t1 and t2
+With u the velocity of the first solid relative to the second at point P, n the normal, t1 and t2
 tangents, and U = du/dv_D, a point that
 
     sticks  holds n.u, t1.u and t2.u          by f = x_n n + x_1 t1 + x_2 t2,
@@ -24,7 +24,7 @@ from fantoccini.dynamics.compiled import Screws, Touch, bracket
 
 
 class ContactMode(StrEnum):
-    """What a point of contact does."""
+    """Contact mode of a point that pushes: sticking or sliding."""
 
     STICK = "stick"
     SLIDE = "slide"
@@ -32,15 +32,15 @@ class ContactMode(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class PointMode:
-    """Which point pushes, and in which mode.
+    """A point that pushes, and its mode.
 
     Attributes:
-        name: of the two parts, ``foot|floor``.
-        pair, feature: index of the pair, and which of its points it is.
-        mode: what it does.
-        friction: coefficient mu.
-        along: (3,) d where it slides, in the world; 0 otherwise.
-        turns: whether d turns with u. Where u_T is zero it has no derivative, and d is kept.
+        name: names of the two parts, ``foot|floor``.
+        pair, feature: indices of the pair and of its point.
+        mode: contact mode.
+        friction: coefficient of friction mu.
+        along: (3,) direction d of sliding, in the world; 0 for sticking points.
+        turns: whether d turns with u. Without u_T it has no derivative, and d is constant.
     """
 
     name: str
@@ -57,11 +57,11 @@ class HeldPoint(PointMode):
     """A point that pushes in its mode.
 
     Attributes:
-        touch: where it is, and its derivatives.
-        force: (3,) on the first solid, in the world [N].
-        velocity: (3,) u, of the first solid against the second [m/s].
-        closes: d(gap speed)/d(gap) that the normal row asks for [1/s]: 1/dt of fixed steps.
-        bounces: restitution that the normal row asks for.
+        touch: place of the point, and its derivatives.
+        force: (3,) force on the first solid, in the world [N].
+        velocity: (3,) velocity u of the first solid relative to the second [m/s].
+        closes: d(gap speed)/d(gap) in the normal row [1/s]: 1/dt for fixed steps.
+        bounces: restitution in the normal row.
     """
 
     touch: Touch
@@ -72,44 +72,44 @@ class HeldPoint(PointMode):
 
     @property
     def directions(self) -> Array:
-        """(k, 3) unit vectors along which its velocity is held."""
+        """Unit vectors (k, 3) along which the velocity is held."""
         n = self.touch.normal
         return np.concatenate([n[None], tangents(n)]) if self.mode is ContactMode.STICK else n[None]
 
     @property
     def pushes(self) -> Array:
-        """(k, 3) its force by each of its multipliers."""
+        """Force (k, 3) for a unit value of each multiplier."""
         if self.mode is ContactMode.STICK:
             return self.directions
         return self.directions - self.friction * self.along
 
     @property
     def multipliers(self) -> Array:
-        """(k,) of its force."""
+        """Multipliers (k,) of the force."""
         return np.asarray(self.directions @ self.force)
 
     @classmethod
     def of(cls, point: PointMode, touch: Touch, force: Array, velocity: Array) -> HeldPoint:
-        """A point at a place, with its force and velocity."""
+        """A point with its touch, force and velocity."""
         own = (point.name, point.pair, point.feature, point.mode, point.friction, point.along)
         return cls(*own, point.turns, touch, force, velocity)
 
 
 def tangents(normal: Array) -> Array:
-    """(2, 3) unit vectors across a normal and each other."""
+    """Unit vectors (2, 3) across a normal and each other."""
     first = -perpendicular(normal)
     return np.stack([first, cross(normal, first)])
 
 
 @dataclass(eq=False)
 class HeldRows:
-    """What some points hold, and by what.
+    """Rows that points hold, and the forces that hold them.
 
     Attributes:
-        names: of the points.
-        rows: (k, n_vD) of -u along the directions that are held.
+        names: names of the points.
+        rows: (k, n_vD) derivatives of -u along the held directions.
         forces: (k, n_vD) generalised forces of the multipliers, negated.
-        drags: (j, n_vD) of friction that turns with the velocity.
+        drags: (j, n_vD) factors of friction that turns with the velocity.
     """
 
     names: str
@@ -119,12 +119,12 @@ class HeldRows:
 
 
 class ContactRows(HeldRows):
-    """The rows and forces of some points at a state, with signs like those of strings: -u closes.
+    """Rows and forces of points at a state, with signs as for strings: -u closes.
 
     Args:
-        screws: of the links at the state; accelerations count for :attr:`accelerations`.
-        points: in their modes.
-        step: d(u)/d(acc_D) = step U: of fixed steps their length [s]; 0 where u is of the state.
+        screws: screws of the links; their accelerations count for :attr:`accelerations`.
+        points: points in their modes.
+        step: s in du/dacc_D = s U: length of a fixed step [s]; 0 if u is that of the state.
     """
 
     def __init__(self, screws: Screws, points: Sequence[HeldPoint], step: float):
@@ -140,34 +140,34 @@ class ContactRows(HeldRows):
         self.multipliers = np.concatenate([np.zeros(0), *(p.multipliers for p in points)])
 
     def force_by(self) -> Array:
-        """(n_vD, m) changes of -Q, at fixed multipliers and acc_D."""
+        """Changes (n_vD, m) of -Q, at fixed multipliers and acc_D."""
         out = np.zeros((self._screws.n_D, self._screws.n_columns))
         for at in self._at:
             out -= at.force_by()
         return out
 
     def gap_by(self) -> Array:
-        """(points, m) changes of -gap."""
+        """Changes (points, m) of -gap."""
         return _stacked([-at.gap_by[None] for at in self._at], self._screws.n_columns)
 
     def velocity_by(self) -> Array:
-        """(k, m) changes of -(u_n + closes gap) and of -u_T, at fixed acc_D."""
+        """Changes (k, m) of -(u_n + closes gap) and of -u_T, at fixed acc_D."""
         return _stacked([at.velocity_by() for at in self._at], self._screws.n_columns)
 
     def bounce_by(self) -> Array:
-        """(k, m) changes of -e u_n in the normal rows: of the velocities before an impact."""
+        """Changes (k, m) of -e u_n in the normal rows, with the velocities before an impact."""
         return _stacked([at.bounce_by() for at in self._at], self._screws.n_columns)
 
     def accelerations(self) -> Array:
-        """(k,) -du/dt along the directions that are held."""
+        """Accelerations -du/dt (k,) along the held directions."""
         return np.concatenate([np.zeros(0), *(at.accelerations() for at in self._at)])
 
     def acceleration_by(self) -> Array:
-        """(k, m) their changes at fixed acc_D."""
+        """Changes (k, m) of :meth:`accelerations` at fixed acc_D."""
         return _stacked([at.acceleration_by() for at in self._at], self._screws.n_columns)
 
     def push_by(self, by: Array, acc_by: Array) -> Array:
-        """(3 points, m) changes of the forces, in the world.
+        """Changes (3 points, m) of the forces, in the world.
 
         Args:
             by: (k, m) changes of the multipliers.
@@ -182,7 +182,7 @@ class ContactRows(HeldRows):
 
 
 class _Moving:
-    """One point with the changes of P, n, gap and u."""
+    """A point with the changes of P, n, gap and u."""
 
     def __init__(self, screws: Screws, point: HeldPoint):
         self.screws, self.point = screws, point
@@ -206,7 +206,7 @@ class _Moving:
         return float(np.linalg.norm(self.u - self.n * (self.n @ self.u)))
 
     def drag(self, step: float) -> Array:
-        """(0 or 1, n_vD) z with z^T z acc_D the force that friction's turning adds."""
+        """Row z (0 or 1, n_vD) with z^T z acc_D the force from the turning of friction."""
         point, d = self.point, self.point.along
         if point.mode is ContactMode.STICK or not point.turns or step == 0.0:
             return np.zeros((0, self.screws.n_D))
@@ -214,7 +214,7 @@ class _Moving:
         return np.sqrt(size) * (_cross(self.n, d) @ self.U)[None]
 
     def _turned(self, u_by: Array) -> Array:
-        """(3, m) changes of f at fixed multipliers where u changes so."""
+        """Changes (3, m) of f at fixed multipliers for changes of u."""
         n, point = self.n, self.point
         if not point.turns:
             return _cross(_cross(n, self.n_by), point.force)
@@ -225,7 +225,7 @@ class _Moving:
         return (n @ point.force) * (self.n_by - point.friction * d_by)
 
     def force_by(self) -> Array:
-        """(n_vD, m) changes of Q at fixed multipliers and acc_D."""
+        """Changes (n_vD, m) of Q at fixed multipliers and acc_D."""
         f, screws, (a, b) = self.point.force, self.screws, self.point.touch.links
         f_by = self._turned(self.u_by)
         wrench = np.concatenate([f, _cross(self.P, f)])
@@ -233,7 +233,7 @@ class _Moving:
         return screws.force_by(a, wrench, by) - screws.force_by(b, wrench, by)
 
     def push_by(self, by: Array, more: Array) -> Array:
-        """(3, m) changes of f; ``more`` are those of u by acc_D."""
+        """Changes (3, m) of f; ``more`` are changes of u through acc_D."""
         return self.point.pushes.T @ by + self._turned(self.u_by + more)
 
     def velocity_by(self) -> Array:
@@ -248,7 +248,7 @@ class _Moving:
         return out
 
     def _along(self, u: Array, u_by: Array) -> Array:
-        """(k, m) changes of a vector along the directions held, which turn with the normal."""
+        """Changes (k, m) of a vector along the held directions, which turn with the normal."""
         n, own = self.n, self.point.directions
         out = own @ u_by
         out[0] += u @ self.n_by
@@ -275,7 +275,7 @@ class _Moving:
         return P_dot, n_dot, u_dot
 
     def acceleration_by(self) -> Array:
-        """(k, m) changes of ``accelerations``."""
+        """Changes (k, m) of ``accelerations``."""
         screws, touch, (a, b) = self.screws, self.point.touch, self.point.touch.links
         P_dot, n_dot, u_dot = self._rates
         twist_b_by = screws.twist_by(b)
@@ -308,12 +308,12 @@ class _Moving:
 
 
 def _at_point(twist: Array, point: Array) -> Array:
-    """(3, m) velocities at a point by twists (6, m)."""
+    """Velocities (3, m) at a point from twists (6, m)."""
     return np.asarray(twist[:3] + _cross(twist[3:], point))
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """a x b of columns (3, m), one of which must be a vector (3,)."""
+    """Cross products a x b of columns (3, m); a or b must be a vector (3,)."""
     return rotation.skew(a) @ b if a.ndim == 1 else -rotation.skew(b) @ a
 
 

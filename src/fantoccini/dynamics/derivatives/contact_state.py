@@ -1,4 +1,4 @@
-"""What touches at a state: points, their modes and forces, as event-driven runs choose them."""
+"""Contacts at a state: points, their modes and forces, as event-driven runs choose them."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ from fantoccini.kernel.runtime import Piece, Run, contact_points
 from fantoccini.motion import ContactPoints, State, pair_name
 
 JUMP = 1e-6
-"""Change of velocities at the start of a run, relative to 1 or the largest: an impact."""
+"""Change of velocities at the start of a run that is an impact, relative to 1 or the largest."""
 CLOSED = 1e-6
-"""Gap up to which a point touches [m], as where an event-driven run begins."""
+"""Largest gap of a point that touches [m], as at the start of an event-driven run."""
 
 
 @dataclass(frozen=True, eq=False)
 class Resting:
-    """What holds at a state.
+    """Accelerations, tensions and contacts at a state.
 
     Attributes:
         acc_D: (n_vD,) accelerations.
-        tension: (n_rows,) of strings and limits.
-        contacts: what touches.
+        tension: (n_rows,) forces of strings and limits.
+        contacts: contacts with their modes.
     """
 
     acc_D: Array
@@ -63,13 +63,15 @@ def resting(marionette: CompiledPuppet, x: State, acc_K: Array, u_D: Array) -> R
     """Forces and modes at a state in which solids touch.
 
     Raises:
-        StateError: solids strike one another there, or no event-driven run begins there.
+        StateError: solids strike one another there, or no event-driven run can begin.
     """
-    sample, piece = _begun(marionette, x, acc_K, u_D)
+    sample, piece = _first_sample(marionette, x, acc_K, u_D)
     assert marionette.contacts is not None
-    found = contact_points(piece.contacts, marionette.contacts.names).at(len(piece.samples) - 1)
+    touching_points = contact_points(piece.contacts, marionette.contacts.names).at(
+        len(piece.samples) - 1
+    )
     screws = Screws(marionette, x, sample["acc_D"], acc_K)
-    contacts = _contacts(marionette, screws, x, found)
+    contacts = _contacts(marionette, screws, x, touching_points)
     return Resting(sample["acc_D"], sample["tension"], contacts)
 
 
@@ -93,14 +95,14 @@ def touches(marionette: CompiledPuppet, x: State) -> bool:
 def with_active_set(marionette: CompiledPuppet, x: State) -> State:
     """The state with its taut rows determined, with contact forces taken into account.
 
-    Where a motion begins with an impact, or cannot begin, the rows marked taut are kept.
+    If the motion begins with an impact, or cannot begin, the rows marked taut are unchanged.
     """
     if not touches(marionette, x):
         tension = forward_dynamics(marionette, x).tension
     else:
         table = marionette.coordinates
         try:
-            tension = _begun(marionette, x, np.zeros(table.n_vK), np.zeros(table.n_vD))[0][
+            tension = _first_sample(marionette, x, np.zeros(table.n_vK), np.zeros(table.n_vD))[0][
                 "tension"
             ]
         except StateError:
@@ -108,10 +110,10 @@ def with_active_set(marionette: CompiledPuppet, x: State) -> State:
     return x.replace(taut=(tension > 0.0) | marionette.two_sided)
 
 
-def _begun(
+def _first_sample(
     marionette: CompiledPuppet, x: State, acc_K: Array, u_D: Array
 ) -> tuple[dict[str, Array], Piece]:
-    """The first sample of an event-driven run, and what else it writes there."""
+    """The first sample of an event-driven run, and the piece with its contacts."""
     check_start(marionette, x)
     options = marionette.run_options()
     inputs = held_input(marionette, x, options.dt, acc_K, u_D)
@@ -132,18 +134,18 @@ def _begun(
 
 
 def _contacts(
-    marionette: CompiledPuppet, screws: Screws, x: State, found: ContactPoints
+    marionette: CompiledPuppet, screws: Screws, x: State, touching_points: ContactPoints
 ) -> Contacts:
-    """The points found, in their modes; ``screws`` must have the accelerations."""
+    """Contacts from points with forces; ``screws`` must have the accelerations."""
     assert marionette.contacts is not None
     still = still_speed(screws)
     held: list[HeldPoint] = []
     edges: list[str] = []
     idle: list[tuple[str, PairGeometry, int, float]] = []
-    for pair in geometries(marionette, screws, x, sorted(set(found.pair.tolist()))):
+    for pair in geometries(marionette, screws, x, sorted(set(touching_points.pair.tolist()))):
         name, own = (
             pair_name(marionette.contacts.names[pair.pair]),
-            found.some(found.pair == pair.pair),
+            touching_points.some(touching_points.pair == pair.pair),
         )
         mu, taken = float(marionette.contacts.friction[pair.pair]), set()
         for k in range(len(own)):
@@ -154,8 +156,8 @@ def _contacts(
             touch = pair.touch(feature)
             force, u = own.force[k], pair.velocity(screws, own.point[k])
             mode, along, turns, edge = mode_of(mu, touch.normal, force, u, still)
-            kept = PointMode(name, pair.pair, feature, mode, mu, along, turns)
-            point = HeldPoint.of(kept, touch, force, u)
+            mode_point = PointMode(name, pair.pair, feature, mode, mu, along, turns)
+            point = HeldPoint.of(mode_point, touch, force, u)
             if edge and (slides := _begins_to_slide(screws, pair, point)):
                 point, edge = slides, "begins to slide, in a direction that has no derivative"
             held.append(point)
@@ -171,7 +173,7 @@ def _contacts(
 
 
 def _begins_to_slide(screws: Screws, pair: PairGeometry, point: HeldPoint) -> HeldPoint | None:
-    """A point at the edge of its cone, sliding, if it does not stay where it is."""
+    """A point at the edge of its cone as a sliding one; None if it does not accelerate."""
     touch = pair.touch(point.feature, pair.twist(screws))
     rows = ContactRows(screws, [replace(point, touch=touch)], 0.0)
     if np.linalg.norm(rows.accelerations()[1:]) <= TOLERANCES.acceleration:
@@ -182,12 +184,12 @@ def _begins_to_slide(screws: Screws, pair: PairGeometry, point: HeldPoint) -> He
 
 
 class FrozenModes:
-    """Points that keep their modes, at any state near the one where these were found.
+    """Points in fixed modes, evaluated at nearby states.
 
     Args:
         marionette: the puppet.
-        points: in their modes; the directions of sliding are those of their velocities, or, of
-            points almost at rest, those that they have.
+        points: points in their modes; directions of sliding are those of the velocities or, for
+            points almost at rest, their ``along``.
     """
 
     def __init__(self, marionette: CompiledPuppet, points: Sequence[PointMode]):
@@ -216,14 +218,14 @@ class FrozenModes:
                 speed = float(np.linalg.norm(across))
                 turns = speed > TOLERANCES.speed
                 along = across / speed if turns else along
-            made = HeldPoint.of(point, touch, np.zeros(3), u)
-            out.append(replace(made, along=along, turns=turns))
+            contact = HeldPoint.of(point, touch, np.zeros(3), u)
+            out.append(replace(contact, along=along, turns=turns))
         return out
 
     def moving(
         self, at: Evaluation, x: State, acc_K: Array, held: Indices
     ) -> tuple[Array, Array, list[HeldPoint]]:
-        """acc_D, tensions of the held rows, and the points with their forces.
+        """Accelerations acc_D, tensions of the held rows, and the points with their forces.
 
         Args:
             at: the model at the state.
@@ -265,18 +267,18 @@ class FrozenModes:
         Args:
             at: the model at the state.
             x: the state.
-            acc: acc_D and acc_K.
+            acc: accelerations acc_D and acc_K.
             held: indices of the strings and limits that are held.
-            points: of :meth:`moving`.
+            points: points from :meth:`moving`.
             force: (n_vD, m) changes of the other forces at fixed acc_D and tensions.
-            rate: (len(held), m) those of the held rows.
+            rate: (len(held), m) changes of the held rows' hddot.
         """
         if not points:
             return *KKTSystem(at, held).solve(force, rate), np.zeros((0, force.shape[1]))
         screws = Screws(self._marionette, x, *acc)
 
         def rows(those: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
-            made = ContactRows(screws, those, 0.0)
-            return made, made.acceleration_by()
+            contact = ContactRows(screws, those, 0.0)
+            return contact, contact.acceleration_by()
 
         return solve_in_modes(at, held, force, rate, rows, points)

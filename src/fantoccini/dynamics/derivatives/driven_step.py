@@ -1,4 +1,4 @@
-"""The driven coordinates over a time step, and the change of a configuration that moves."""
+"""Driven coordinates over a time step, and the change of a configuration that moves."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ def carried(quaternions: Iterable[tuple[int, int]], move: Array, dmove: Array, n
     """Change of the tangent vector at q moved by ``move``: Exp(-move) dq + J_r(move) dmove.
 
     Args:
-        quaternions: (q, v) places of rotations; scalars add.
+        quaternions: (q, v) indices of rotations; the other coordinates are scalars.
         move: (n,) tangent vector.
-        dmove: (n, m) its change.
+        dmove: (n, m) change of ``move``.
         n_dq: number of columns of dq, which are the first ones.
     """
     out = dmove.copy()
@@ -32,9 +32,9 @@ class DrivenStep:
     """The driven coordinates over a step at constant acceleration.
 
     Args:
-        quaternions: (q, v) places of their rotations.
-        v_K, acc_K: (n_vK,) at the start; the rotation vector's for rotations.
-        dt: the step [s].
+        quaternions: (q, v) indices of rotations.
+        v_K, acc_K: (n_vK,) rates at the start; for rotations those of the rotation vector.
+        dt: length of the step [s].
     """
 
     def __init__(self, quaternions: Iterable[tuple[int, int]], v_K: Array, acc_K: Array, dt: float):
@@ -56,12 +56,12 @@ class DrivenStep:
         self._end_by_v, self._end_by_a = by_v, by_a
 
     def mean_by(self, here: slice) -> tuple[Array, Array]:
-        """Derivatives of some of ``mean`` by the same v_K and acc_K."""
+        """Derivatives of a part of ``mean`` by the same part of v_K and acc_K."""
         by_v, by_a = self._end_by_v[here, here], self._end_by_a[here, here]
         return (by_v - np.eye(len(by_v))) / self.dt, by_a / self.dt
 
     def chain(self, n: int, n_p: int) -> Array:
-        """d(q_D, v_D, q_K, rate, mean, u_D, p) by (q_D, v_D, q_K, v_K, acc_K, u_D, p)."""
+        """Derivatives of (q_D, v_D, q_K, rate, mean, u_D, p) by the columns of :meth:`state`."""
         k, dt = len(self.rate), self.dt
         out = np.eye(3 * n + 3 * k + n_p)
         v, a = slice(2 * n + k, 2 * n + 2 * k), slice(2 * n + 2 * k, 2 * n + 3 * k)
@@ -70,7 +70,7 @@ class DrivenStep:
         return out
 
     def state(self, n: int, n_p: int) -> Array:
-        """d(q_K, v_K) after the step by (q_D, v_D, q_K, v_K, acc_K, u_D, p)."""
+        """Derivatives of (q_K, v_K) after the step by (q_D, v_D, q_K, v_K, acc_K, u_D, p)."""
         k, dt = len(self.rate), self.dt
         move, speed = np.zeros((k, 3 * n + 3 * k + n_p)), np.zeros((k, 3 * n + 3 * k + n_p))
         v, a = slice(2 * n + k, 2 * n + 2 * k), slice(2 * n + 2 * k, 2 * n + 3 * k)

@@ -1,4 +1,4 @@
-"""The equations of motion with rows that are held, factorised."""
+"""Equations of motion with held rows, factorised."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DEPENDENT_ROWS = 1e-9
 
 
 class KKTSystem:
-    """[M, A_D^T; A_D, 0] over held rows at one state, factorised.
+    """KKT matrix [M, A_D^T; A_D, 0] over held rows at one state, factorised.
 
     Args:
         at: the model at the state.
@@ -24,22 +24,22 @@ class KKTSystem:
     def __init__(self, at: Evaluation, rows: Indices):
         self._at, self._W = at, at.W[:, rows]
         u, s, vt = np.linalg.svd(self._W, full_matrices=False)
-        kept = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
-        self._u, self._s, self._v = u[:, kept], s[kept], vt[kept].T
+        significant = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
+        self._u, self._s, self._v = u[:, significant], s[significant], vt[significant].T
 
     @cached_property
     def _moved(self) -> Array:
-        """(n_vD, len(rows)) M^-1 A_D^T."""
+        """Matrix M^-1 A_D^T (n_vD, len(rows))."""
         return self._at.back(self._W.T).T
 
     def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
-        """x (n_vD, m) and y (len(rows), m) with M x + A_D^T y = -force and A_D x = -rate.
+        """Solution x (n_vD, m), y (len(rows), m) of M x + A_D^T y = -force and A_D x = -rate.
 
-        y is the shortest where rows depend on one another.
+        y has least norm if rows depend on one another.
 
         Args:
-            force: (n_vD, m).
-            rate: (len(rows), m).
+            force: (n_vD, m) right-hand sides of the first equation, negated.
+            rate: (len(rows), m) right-hand sides of the second equation, negated.
         """
         w = -self._at.forth(force.T).T
         inner = self._u.T @ w + (self._v.T @ rate) / self._s[:, None]
@@ -47,10 +47,10 @@ class KKTSystem:
         return self._at.back((w - self._W @ y).T).T, y
 
     def nearest(self, rate: Array) -> Array:
-        """x (n_vD, m) with A_D x = -rate, the smallest in the metric of M.
+        """Solution x (n_vD, m) of A_D x = -rate, the smallest in the metric of M.
 
         Args:
-            rate: (len(rows), m).
+            rate: (len(rows), m) right-hand sides, negated.
         """
         y = self._v @ ((self._v.T @ rate) / (self._s * self._s)[:, None])
         return -(self._moved @ y)

@@ -7,7 +7,7 @@ or parameter:
 
     M dacc_D + A_D^T dtension = -r_d,   A_D dacc_D = -hddot_d      over the held rows
 
-Solids that touch add their rows and forces, each point in its mode (``contact_rows``).
+Contacts add their rows and forces, each point in its mode (``contact_rows``).
 
 Changes of a configuration are tangent vectors, of the size of the velocities: a scalar adds, an
 orientation turns by a rotation vector in the body's frame.
@@ -30,16 +30,16 @@ from fantoccini.motion import State
 
 @dataclass(frozen=True, eq=False)
 class Partials:
-    """Derivatives of one quantity, a row for each of its entries.
+    """Derivatives of one quantity, with a row for each of its entries.
 
     Attributes:
-        q_D: (n, n_vD) by tangent vectors of the dynamic configuration [per rad or m].
-        v_D: (n, n_vD) by the dynamic velocity.
-        q_K: (n, n_vK) by tangent vectors of the driven configuration.
-        v_K: (n, n_vK) by the driven velocity.
-        acc_K: (n, n_vK) by the driven acceleration.
-        u_D: (n, n_vD) by the user's forces.
-        p: (n, n_p) by the parameters.
+        q_D: (n, n_vD) derivatives by tangent vectors of the dynamic configuration [per rad or m].
+        v_D: (n, n_vD) derivatives by the dynamic velocity.
+        q_K: (n, n_vK) derivatives by tangent vectors of the driven configuration.
+        v_K: (n, n_vK) derivatives by the driven velocity.
+        acc_K: (n, n_vK) derivatives by the driven acceleration.
+        u_D: (n, n_vD) derivatives by the user's forces.
+        p: (n, n_p) derivatives by the parameters.
     """
 
     q_D: Array
@@ -52,7 +52,7 @@ class Partials:
 
     @classmethod
     def of(cls, columns: Array, widths: Iterable[int]) -> Partials:
-        """From all columns in one array."""
+        """Derivatives from all columns in one array."""
         return cls(*np.split(columns, np.cumsum(list(widths))[:-1], axis=1))
 
 
@@ -65,7 +65,7 @@ class Linearisation:
         zdot = A z + B dacc_K + B_u du_D + B_p dp
 
     Only z with A_D dq_D + A_K dq_K = 0 over the held rows, and the same for the rates, are small
-    changes of the puppet, and those that keep points of contact closed, where they stick at rest.
+    changes of the puppet, and those that keep contact points closed and, if sticking, at rest.
     Every held row adds two eigenvalues 0 to A.
 
     Attributes:
@@ -76,10 +76,10 @@ class Linearisation:
         acc: derivatives of acc_D (n_vD, ...).
         pull: derivatives of the tensions (n_rows, ...); 0 for rows that are not held.
         contacts: the points that push, in their modes.
-        push: derivatives of their forces (3 n, ...), in the world: of least norm where the law
-            leaves them open, as the forces are.
-        edges: what is between two modes, as a point that touches without force: the derivatives
-            then are those of the modes taken, towards one side.
+        push: derivatives of their forces (3 n, ...), in the world; of least norm where the law
+            does not determine them, as the forces are.
+        edges: contacts between two modes, such as a point that touches without force: the
+            derivatives are then those of the modes taken, towards one side.
         coordinates: names and places of the coordinates.
     """
 
@@ -109,7 +109,7 @@ class Linearisation:
 
     @property
     def A(self) -> Array:
-        """(2 n_vD + 2 n_vK,) squared: zdot by z."""
+        """Derivatives of zdot by z: (2 n_vD + 2 n_vK,) squared."""
         t = self.coordinates
         n, k = t.n_vD, t.n_vK
         A = np.zeros((2 * (n + k), 2 * (n + k)))
@@ -123,23 +123,23 @@ class Linearisation:
 
     @property
     def B(self) -> Array:
-        """(2 n_vD + 2 n_vK, n_vK): zdot by the driven acceleration, the input of Eq. 12."""
+        """Derivatives of zdot by acc_K, the input of Eq. 12: (2 n_vD + 2 n_vK, n_vK)."""
         B = self._padded(self.acc.acc_K)
         B[len(B) - B.shape[1] :] = np.eye(B.shape[1])
         return B
 
     @property
     def B_u(self) -> Array:
-        """(2 n_vD + 2 n_vK, n_vD): zdot by the user's forces."""
+        """Derivatives of zdot by the user's forces: (2 n_vD + 2 n_vK, n_vD)."""
         return self._padded(self.acc.u_D)
 
     @property
     def B_p(self) -> Array:
-        """(2 n_vD + 2 n_vK, n_p): zdot by the parameters."""
+        """Derivatives of zdot by the parameters: (2 n_vD + 2 n_vK, n_p)."""
         return self._padded(self.acc.p)
 
     def _padded(self, acc: Array) -> Array:
-        """zdot by a quantity that acc_D depends on and the rest of zdot does not."""
+        """Derivatives of zdot by a quantity that enters it through acc_D only."""
         n, k = self.coordinates.n_vD, self.coordinates.n_vK
         B = np.zeros((2 * (n + k), acc.shape[1]))
         B[n : 2 * n] = acc
@@ -162,10 +162,10 @@ def linearise(
     tension = np.zeros(marionette.tree.n_rows)
     near = contacts is None and touches(marionette, x)
     if near or (points and rows is None):
-        found = resting(marionette, x, acc_K, u_D)
-        acc_D, tension = found.acc_D, found.tension
+        results = resting(marionette, x, acc_K, u_D)
+        acc_D, tension = results.acc_D, results.tension
         if contacts is None:
-            points, edges = found.contacts.points, found.contacts.edges
+            points, edges = results.contacts.points, results.contacts.edges
     elif rows is None:
         acc_D, tension = forward_dynamics(marionette, x, acc_K, u_D)
     if rows is None:
@@ -210,7 +210,7 @@ def named_rows(marionette: CompiledPuppet, names: Iterable[str]) -> Indices:
 def derivatives_at(
     marionette: CompiledPuppet, x: State, acc_D: Array, acc_K: Array, tension: Array
 ) -> dict[str, Array]:
-    """All compiled derivatives at one state, by their names (``equations.derivatives``)."""
+    """All compiled derivatives at one state: name (``equations.derivatives``) -> values."""
     values: dict[str, Array | float] = {
         **marionette.at(x),
         "acc_D": acc_D,
@@ -218,21 +218,21 @@ def derivatives_at(
         "tension": tension,
         "dt": 0.0,
     }
-    found: dict[str, Array] = {}
+    results: dict[str, Array] = {}
     for name in ("force_by_q", "force_by_v", "force_by_K", "rows_by"):
-        found |= marionette.libraries.derivatives.at(name, values)
-    return found
+        results |= marionette.libraries.derivatives.at(name, values)
+    return results
 
 
 def row_derivatives_at(
     marionette: CompiledPuppet, x: State, v_D: Array | None = None
 ) -> dict[str, Array]:
-    """Compiled derivatives of h and hdot at a state, by their names.
+    """Compiled derivatives of h and hdot at a state: name -> values.
 
     Args:
         marionette: the puppet.
         x: the state.
-        v_D: (..., n_vD) other velocities there; results are (..., *shape) then.
+        v_D: (..., n_vD) other velocities there; the results are then (..., *shape).
     """
     values = marionette.at(x) | {"acc_D": np.zeros_like(x.v_D), "acc_K": np.zeros_like(x.v_K)}
     if v_D is not None:
@@ -240,25 +240,27 @@ def row_derivatives_at(
     return marionette.libraries.derivatives.at("rows_by", values)
 
 
-def force_derivatives(marionette: CompiledPuppet, found: dict[str, Array], tension: Array) -> Array:
+def force_derivatives(
+    marionette: CompiledPuppet, results: dict[str, Array], tension: Array
+) -> Array:
     """Derivatives of r by q_D, v_D, q_K, v_K, acc_K, u_D and p, in one array."""
-    n = len(found["r_q"])
-    by_p = found["r_p"] + found["A_D"].T @ _slipping_by_p(marionette, tension)
-    columns = (found["r_q"], found["r_v"], found["r_qK"], found["r_vK"], found["M_DK"])
+    n = len(results["r_q"])
+    by_p = results["r_p"] + results["A_D"].T @ _slipping_by_p(marionette, tension)
+    columns = (results["r_q"], results["r_v"], results["r_qK"], results["r_vK"], results["M_DK"])
     return np.concatenate([*columns, -np.eye(n), by_p], axis=1)
 
 
-def row_derivatives(found: dict[str, Array]) -> Array:
+def row_derivatives(results: dict[str, Array]) -> Array:
     """Derivatives of hddot by q_D, v_D, q_K, v_K, acc_K, u_D and p, in one array."""
     names = ("hddot_q", "hddot_v", "hddot_qK", "hddot_vK", "A_K")
-    none = np.zeros_like(found["hddot_v"])
-    return np.concatenate([*(found[name] for name in names), none, found["hddot_p"]], axis=1)
+    none = np.zeros_like(results["hddot_v"])
+    return np.concatenate([*(results[name] for name in names), none, results["hddot_p"]], axis=1)
 
 
 def tension_derivatives(
     marionette: CompiledPuppet, tension: Array, held: Indices, dtension: Array
 ) -> Array:
-    """(n_rows, m) derivatives of all tensions, from those of the held rows."""
+    """Derivatives (n_rows, m) of all tensions, from those of the held rows."""
     out = np.zeros((marionette.tree.n_rows, dtension.shape[1]))
     out[:, out.shape[1] - len(marionette.p) :] = _slipping_by_p(marionette, tension)
     out[held] = dtension
@@ -266,7 +268,7 @@ def tension_derivatives(
 
 
 def _slipping_by_p(marionette: CompiledPuppet, tension: Array) -> Array:
-    """(n_rows, n_p) derivatives of the tensions of strings that slip, by the parameters."""
+    """Derivatives (n_rows, n_p) of the tensions of strings that slip, by the parameters."""
     out = np.zeros((len(tension), len(marionette.p)))
     by = marionette.cap_parameters
     slips = np.flatnonzero((by >= 0) & (tension >= marionette.upper))
@@ -275,10 +277,10 @@ def _slipping_by_p(marionette: CompiledPuppet, tension: Array) -> Array:
 
 
 def turning(quaternions: Iterable[tuple[int, int]], v: Array) -> Array:
-    """(n_v, n_v) -[w]x of every rotation: the rate of a small rotation seen in a turning frame.
+    """Blocks -[w]x of every rotation (n_v, n_v): the rate of a small rotation in a turning frame.
 
     Args:
-        quaternions: (q, v) places where rotations begin.
+        quaternions: (q, v) indices of rotations.
         v: (n_v,) velocity.
     """
     out = np.zeros((len(v), len(v)))

@@ -1,9 +1,9 @@
-"""The equations of motion with rows and contacts that are held in their modes, factorised.
+"""Equations of motion with held rows and with contacts in their modes, factorised.
 
     (M + Z^T Z) x + B^T y = -force,   C x = -rate
 
-C are the rows that are held and B the forces that hold them; they differ where solids slide. Z is
-what friction does because it turns with the velocity.
+C are the held rows and B the forces that hold them; they differ where solids slide. Z is the effect
+of friction that turns with the velocity.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from fantoccini.dynamics.derivatives.contact_rows import (
 from fantoccini.dynamics.derivatives.kkt import DEPENDENT_ROWS
 
 SHIFT = 0.1
-"""Force that is shared otherwise, relative to the largest, to see whether motions depend on it."""
+"""Shift of redundant forces, relative to the largest, that tests whether motions depend on them."""
 DEPENDS = 1e-6
-"""Change of a derivative by which it depends on that, relative to the largest by its quantity."""
+"""Change of a derivative that counts as dependence, relative to the largest by its quantity."""
 ROUNDING = 1e-8
-"""Derivatives by one quantity that are rounding, relative to the largest of all."""
+"""Rounding error of the derivatives by one quantity, relative to the largest of all."""
 
 Rows = Callable[[Sequence[HeldPoint]], tuple[ContactRows, Array]]
 
@@ -44,12 +44,12 @@ def solve_in_modes(
     """Changes of acc_D (n_vD, m), of tensions (len(held), m) and of forces (3 points, m).
 
     Args:
-        at: the model.
+        at: the model at the state.
         held: indices of the strings and limits that are held.
         force: (n_vD, m) changes of the forces without contact, at fixed acc_D and tensions.
-        rate: (len(held), m) those of the rows.
-        rows: points -> their rows, and (k, m) how these change at fixed acc_D.
-        points: those that are held.
+        rate: (len(held), m) changes of the held rows.
+        rows: callback: points -> their rows, and changes (k, m) of these at fixed acc_D.
+        points: the held points.
 
     Raises:
         StateError: friction jams, or the motion depends on how redundant points share their force.
@@ -58,13 +58,13 @@ def solve_in_modes(
     system = ModeSystem(at, held, own)
     acc, y = system.solve(force + own.force_by(), np.concatenate([rate, change]))
     if len(system.idle) and any(point.mode is ContactMode.SLIDE for point in points):
-        shifted = _shared_otherwise(points, system.idle[:, len(held) :])
+        shifted = _with_shifted_forces(points, system.idle[:, len(held) :])
         other, change = rows(shifted)
         again = ModeSystem(at, held, other)
-        found, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]))
+        shifted_acc, _ = again.solve(force + other.force_by(), np.concatenate([rate, change]))
         size = np.max(np.abs(acc), axis=0)
-        most = DEPENDS * np.maximum(size, ROUNDING * np.max(size, initial=0.0))
-        if np.any(np.max(np.abs(found - acc), axis=0) > most):
+        tolerance = DEPENDS * np.maximum(size, ROUNDING * np.max(size, initial=0.0))
+        if np.any(np.max(np.abs(shifted_acc - acc), axis=0) > tolerance):
             raise StateError(
                 f"{own.names} slide on more points than the law can share force among, and how a "
                 "motion near by turns depends on the shares: it has no derivative"
@@ -73,8 +73,8 @@ def solve_in_modes(
     return acc, y[:n], own.push_by(y[n:], acc)
 
 
-def _shared_otherwise(points: Sequence[HeldPoint], idle: Array) -> list[HeldPoint]:
-    """The points with other forces that do the same."""
+def _with_shifted_forces(points: Sequence[HeldPoint], idle: Array) -> list[HeldPoint]:
+    """The points with other forces of the same effect."""
     size = max(float(np.linalg.norm(point.force)) for point in points)
     shift = SHIFT * size * np.sum(idle * np.cos(np.arange(len(idle)))[:, None], axis=0)
     out, first = [], 0
@@ -87,15 +87,15 @@ def _shared_otherwise(points: Sequence[HeldPoint], idle: Array) -> list[HeldPoin
 
 
 class ModeSystem:
-    """At one state.
+    """Factorised equations of motion at one state.
 
     Args:
-        at: the model there.
+        at: the model at the state.
         held: indices of the strings and limits that are held.
-        contacts: the points that are held.
+        contacts: rows of the held points.
 
     Raises:
-        StateError: friction jams: no forces keep the modes.
+        StateError: friction jams, so that no forces keep the modes.
     """
 
     def __init__(self, at: Evaluation, held: Indices, contacts: HeldRows):
@@ -107,31 +107,35 @@ class ModeSystem:
         Z = _into(at, drags)
         self._inverse = np.linalg.inv(np.eye(len(W)) + Z @ Z.T)
         u, s, vt = np.linalg.svd(self._C.T @ self._inverse @ self._B)
-        kept = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
+        significant = s > DEPENDENT_ROWS * np.max(s, initial=0.0)
         own = np.linalg.svd(self._C, compute_uv=False)
-        if np.sum(kept) < np.sum(own > np.sqrt(DEPENDENT_ROWS) * np.max(own, initial=0.0)):
+        if np.sum(significant) < np.sum(own > np.sqrt(DEPENDENT_ROWS) * np.max(own, initial=0.0)):
             raise StateError(
                 f"friction jams at {contacts.names}: no forces keep these modes, so that "
                 "derivatives do not exist"
             )
-        self._u, self._s, self._v = u[:, : len(s)][:, kept], s[kept], vt[: len(s)][kept].T
-        self.idle = vt[np.sum(kept) :]
-        """(redundant, k) forces that do nothing."""
+        self._u, self._s, self._v = (
+            u[:, : len(s)][:, significant],
+            s[significant],
+            vt[: len(s)][significant].T,
+        )
+        self.idle = vt[np.sum(significant) :]
+        """Forces (redundant, k) without effect."""
 
     @property
     def held(self) -> Array:
-        """(n_vD, k) F^-T C^T."""
+        """Matrix F^-T C^T (n_vD, k)."""
         return self._C
 
     def solve(self, force: Array, rate: Array) -> tuple[Array, Array]:
-        """x (n_vD, m) and y (k, m), the shortest where several are solutions.
+        """Solution x (n_vD, m) and y (k, m), of least norm if it is not unique.
 
         Redundant rows may contradict one another in states where redundant points do not stay
         closed; x is then the least-squares solution.
 
         Args:
-            force: (n_vD, m).
-            rate: (k, m): of rows, then of contacts.
+            force: (n_vD, m) right-hand sides of the first equation, negated.
+            rate: (k, m) right-hand sides of rows, then of contacts, negated.
         """
         free = -self._inverse @ self._at.forth(force.T).T
         right = self._C.T @ free + rate
@@ -141,5 +145,5 @@ class ModeSystem:
 
 
 def _into(at: Evaluation, rows: Array) -> Array:
-    """(n_vD, k) F^-T of rows (k, n_vD), of which there may be none."""
+    """Rows (k, n_vD) multiplied by F^-T: (n_vD, k); k may be 0."""
     return at.forth(rows).T if len(rows) else rows.T

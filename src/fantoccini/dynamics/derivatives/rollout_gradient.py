@@ -1,12 +1,12 @@
 """Rollouts of the time-stepper, and gradients of their costs: the discrete adjoint.
 
-With the cost C of the states and tensions, steps x_k+1 = f(x_k, a_k, u_k, p) and l_k = dC/dx_k in
-all that follows it:
+With the cost C of the states and tensions, steps x_k+1 = f(x_k, a_k, u_k, p) and l_k the derivative
+of C by x_k through all later steps:
 
     l_k = dC/dx_k at fixed steps + (df/dx)^T l_k+1,   dC/da_k = (df/da)^T l_k+1
 
 No derivative df is formed: every step takes one product with the transposed matrix of its own
-equations (``derivatives/rollout_gradient.hpp``). Points of contact that push are held in their
+equations (``derivatives/rollout_gradient.hpp``). Contact points that push are held in their
 modes beside the strings and limits, as in
 :mod:`fantoccini.dynamics.derivatives.step_partials`.
 """
@@ -41,10 +41,10 @@ class RolloutGradient:
     """The gradient of a scalar cost of a rollout.
 
     Attributes:
-        q_D, v_D, q_K, v_K: by the state at the start; by tangent vectors of the configurations.
-        acc_K: (n, n_vK) by the driven accelerations.
-        u_D: (n, n_vD) by the user's forces.
-        p: (n_p,) by the parameters.
+        q_D, v_D, q_K, v_K: derivatives by the start state, with tangent vectors for q.
+        acc_K: (n, n_vK) derivatives by the driven accelerations.
+        u_D: (n, n_vD) derivatives by the user's forces.
+        p: (n_p,) derivatives by the parameters.
     """
 
     q_D: Array
@@ -58,21 +58,21 @@ class RolloutGradient:
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """n time steps from a state, by nodes 0 to n.
+    """n time steps from a state, with nodes 0 to n.
 
-    n is the number of steps requested or, with ``throw=False``, the number made, ``steps``.
+    n is the number of steps requested or, with ``throw=False``, the number taken, ``steps``.
 
     Attributes:
-        q_D, v_D, q_K, v_K: (n + 1, ...) the states.
-        tension: (n, n_rows) of every step: impulses over dt [N or N m].
+        q_D, v_D, q_K, v_K: (n + 1, ...) states at the nodes.
+        tension: (n, n_rows) impulse of every step over dt [N or N m].
         held: (n, n_rows) bool, strings and limits held in the steps.
         dt: length of the steps [s].
-        status: ``DONE``, or what stopped it.
-        steps: number of steps made.
-        n_contacts: (n,) points of contact that push in the steps.
-        n_sliding: (n,) those of them that slide.
-        edges: (n,) what the steps are on the edge of, as bits; see :meth:`edges_of`. Here and in
-            ``sharp``, what only a gradient finds is told of after it.
+        status: ``DONE``, or the reason of the stop.
+        steps: number of steps taken.
+        n_contacts: (n,) number of contact points that push in the steps.
+        n_sliding: (n,) number of them that slide.
+        edges: (n,) edges of the steps between two modes, as bits; see :meth:`edges_of`. Edges that
+            only a gradient finds appear here and in ``sharp`` after its call.
         start: time of the first node [s].
         coordinates: names and places of the coordinates.
     """
@@ -97,11 +97,11 @@ class Rollout:
 
     @property
     def sharp(self) -> MaskRows:
-        """(n,) bool, the steps that are not between two modes of contact."""
+        """Mask (n,) of the steps that are not between two modes of contact."""
         return np.asarray(self.edges == 0)
 
     def edges_of(self, i: int) -> tuple[str, ...]:
-        """What step i is on the edge of; its derivatives are those of the modes taken."""
+        """Edges of step i between two modes; its derivatives are those of the modes taken."""
         return StepEdge.meanings(int(self.edges[i]))
 
     def gradient(
@@ -112,18 +112,18 @@ class Rollout:
         v_K: Array | None = None,
         tension: Array | None = None,
     ) -> RolloutGradient:
-        """The gradient of a cost, from its own derivatives by every node's state and tensions.
+        """Gradient of a cost, from its derivatives by the states and tensions of all nodes.
 
-        Exact where the steps are smooth: while the active set of each stays as it is, and every
-        contact is open, sticks or slides as it does. In steps that are not :attr:`sharp` it is that
-        of the modes taken, towards one side. The direct derivatives of a cost by acc_K, u_D and p
-        are to be added.
+        It is exact where the steps are smooth: while the active set of each is constant, and every
+        contact stays open, sticks or slides. In steps that are not :attr:`sharp` it is the one of
+        the modes taken, towards one side. The direct derivatives of a cost by acc_K, u_D and p are
+        to be added.
 
         Args:
-            q_D, v_D, q_K, v_K: (n + 1, n_vD) or (n + 1, n_vK) the cost's derivatives by the states,
-                by tangent vectors of the configurations; 0 when not given.
-            tension: (n, n_rows) those by the tensions; 0 when not given. Of rows that depend on
-                others, the first are taken to carry; beside contacts, all, with least norm.
+            q_D, v_D, q_K, v_K: (n + 1, n_vD) or (n + 1, n_vK) derivatives of the cost by the
+                states, with tangent vectors for q; 0 by default.
+            tension: (n, n_rows) derivatives by the tensions; 0 by default. Of dependent rows, the
+                first ones carry the load; with contacts, all of them, with least norm.
 
         Raises:
             StateError: the rollout was stopped, a step was cut short, a winch slipped, a step with
@@ -131,19 +131,19 @@ class Rollout:
         """
         self._check()
         n, t = len(self.tension), self.coordinates
-        l_q, l_v = _given(n + 1, t.n_vD, q_D=q_D), _given(n + 1, t.n_vD, v_D=v_D)
-        l_qK, l_vK = _given(n + 1, t.n_vK, q_K=q_K), _given(n + 1, t.n_vK, v_K=v_K)
+        l_q, l_v = _checked_copy(n + 1, t.n_vD, q_D=q_D), _checked_copy(n + 1, t.n_vD, v_D=v_D)
+        l_qK, l_vK = _checked_copy(n + 1, t.n_vK, q_K=q_K), _checked_copy(n + 1, t.n_vK, v_K=v_K)
         pull = None
         if tension is not None:
-            pull = _given(n, self.tension.shape[1], tension=tension)
+            pull = _checked_copy(n, self.tension.shape[1], tension=tension)
         self._refuse_edges()
-        found = self._run.gradient(self.held, l_q, l_v, pull)
+        result = self._run.gradient(self.held, l_q, l_v, pull)
         self._refuse_edges()
-        l_qK[:n] += found["g_qK"]
+        l_qK[:n] += result["g_qK"]
         by_inputs = self._turning if t.quaternions_K else self._summed
-        by_qK, by_vK, by_acc = by_inputs(l_qK, l_vK, found["g_rate"], found["g_mean"])
+        by_qK, by_vK, by_acc = by_inputs(l_qK, l_vK, result["g_rate"], result["g_mean"])
         return RolloutGradient(
-            found["g_q"], found["g_v"], by_qK, by_vK, by_acc, found["g_u"], found["g_p"]
+            result["g_q"], result["g_v"], by_qK, by_vK, by_acc, result["g_u"], result["g_p"]
         )
 
     def _check(self) -> None:
@@ -159,7 +159,7 @@ class Rollout:
             raise StateError("a winch slipped: slips are no part of what is differentiated")
 
     def _refuse_edges(self) -> None:
-        """Raises StateError where contact leaves a step without derivative."""
+        """Raises StateError if contact leaves a step without derivative."""
         if self.edges.max(initial=0) < StepEdge.LEAVES_LAW:
             return
         i = int(np.flatnonzero(self.edges >= StepEdge.LEAVES_LAW.value)[-1])
@@ -172,7 +172,7 @@ class Rollout:
     def _summed(
         self, l_q: Array, l_v: Array, rate: Array, mean: Array
     ) -> tuple[Array, Array, Array]:
-        """From derivatives by nodes, rates and means to those by q_K, v_K and acc_K: scalars.
+        """Derivatives by scalar q_K, v_K and acc_K from those by nodes, rates and means.
 
         q+ = q + dt rate,   rate = v + dt/2 acc,   v+ = v + dt acc,   mean = acc
         """
@@ -186,7 +186,7 @@ class Rollout:
     def _turning(
         self, l_q: Array, l_v: Array, rate: Array, mean: Array
     ) -> tuple[Array, Array, Array]:
-        """The same where driven coordinates turn, step by step."""
+        """The result of :meth:`_summed` for driven rotations, step by step."""
         k = l_q.shape[1]
         q, v, acc = l_q[-1], l_v[-1], np.zeros_like(rate)
         for i in range(len(rate))[::-1]:
@@ -241,24 +241,24 @@ def rollout(
         x0.v_D,
         values,
     )
-    status, made = Status(run.numbers.status), run.numbers.made
+    status, n_made = Status(run.numbers.status), run.numbers.made
     if throw and status is not Status.DONE:
         raise SimulationError(
             status,
-            f"at step {made} of {n}, t = {x0.t + made * dt:.6g} s; throw=False keeps the "
+            f"at step {n_made} of {n}, t = {x0.t + n_made * dt:.6g} s; throw=False keeps the "
             "steps before it",
         )
-    tension = run.arrays["tension"][:made]
+    tension = run.arrays["tension"][:n_made]
     return Rollout(
-        **{name: run.arrays[name][: made + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
+        **{name: run.arrays[name][: n_made + 1] for name in ("q_D", "v_D", "q_K", "v_K")},
         tension=tension,
         held=held_rows(marionette, tension),
         dt=dt,
         status=status,
-        steps=made,
-        n_contacts=run.touches["n_points"][:made],
-        n_sliding=run.touches["n_sliding"][:made],
-        edges=run.touches["edges"][:made],
+        steps=n_made,
+        n_contacts=run.touches["n_points"][:n_made],
+        n_sliding=run.touches["n_sliding"][:n_made],
+        edges=run.touches["edges"][:n_made],
         start=x0.t,
         coordinates=t,
         _run=run,
@@ -270,7 +270,7 @@ def rollout(
 def _inputs(
     t: CoordinateTable, x0: State, acc: Array, dt: float
 ) -> tuple[dict[str, Array], tuple[DrivenStep, ...]]:
-    """The driven coordinates by node and step; and each step where some turn."""
+    """Driven coordinates by node and step; and each step, if driven rotations exist."""
     n = len(acc)
     q_K, v_K = (np.repeat(a[None], n + 1, axis=0) for a in (x0.q_K, x0.v_K))
     v_K[1:] += dt * np.cumsum(acc, axis=0)
@@ -290,12 +290,12 @@ def _inputs(
     return {"q_K": q_K, "v_K": v_K, "rate": rate, "mean": mean}, tuple(driven)
 
 
-def _given(n: int, width: int, **named: Array | None) -> Array:
-    """(n, width) a copy of an array, or zeros."""
+def _checked_copy(n: int, width: int, **named: Array | None) -> Array:
+    """Copy (n, width) of an array, or zeros."""
     ((name, values),) = named.items()
     if values is None:
         return np.zeros((n, width))
-    found = vectors(name, values, width)
-    if found.shape != (n, width):
-        raise StateError(f"{name} has the shape {found.shape}; it must be ({n}, {width})")
-    return found.copy()
+    result = vectors(name, values, width)
+    if result.shape != (n, width):
+        raise StateError(f"{name} has the shape {result.shape}; it must be ({n}, {width})")
+    return result.copy()

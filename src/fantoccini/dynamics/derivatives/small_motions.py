@@ -5,7 +5,7 @@
                                  - N^T M_DK dacc_K
     D = N^T r_v N,   K = N^T r_q N,   Y = -M^-1 C^T (C M^-1 C^T)^-1 C_K
 
-C are A_D of the rows that pull and the rows of the points that push, C_K the same by the inputs.
+C are A_D of the rows that pull and the rows of points that push, C_K their rows for the inputs.
 r_q is the derivative of gravity, springs, C^T tension and the forces of contact, so it includes
 the stiffness from tension.
 """
@@ -32,26 +32,26 @@ class BalanceSettings:
 
     rounds: int = 8
     still: float = 1e-7
-    """Acceleration of a state that rests [rad/s^2 or m/s^2]: a tenth of what modes allow."""
+    """Acceleration of a state at rest [rad/s^2 or m/s^2]: a tenth of the bound for modes."""
     move: float = 1e-3
-    """Longest move of a round [rad or m]: beyond it, the set of pulling rows may change."""
-    neutral: float = 1e-12  # Eigenvalues of K below this are 0, relative to the largest
+    """Largest move of a round [rad or m]; with larger ones, the set of pulling rows may change."""
+    neutral: float = 1e-12  # Eigenvalue of K that counts as 0, relative to the largest
 
 
 BALANCE = BalanceSettings()
 MIN_TENSION = 1e-9
-"""Tension of a taut row, relative to the puppet's weight."""
+"""Minimum tension of a pulling row, relative to the puppet's weight."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmallMotions:
-    """The matrices of the equations above, with m free directions.
+    """Matrices of the module's equations, with m free directions.
 
     Attributes:
         held: indices of the strings and limits that pull.
-        N: (n_vD, m).
-        M: (n_vD, n_vD) M_DD.
-        K, D: (m, m).
+        N: (n_vD, m) free directions.
+        M: (n_vD, n_vD) inertia matrix M_DD.
+        K, D: (m, m) stiffness and damping.
         forcing: factors of dq_K, dv_K and dacc_K on the right, (m, n_vK) each.
     """
 
@@ -101,18 +101,18 @@ class SmallMotions:
 def balanced_state(marionette: CompiledPuppet, x: State) -> State:
     """A state near rest, moved until its forces balance, by Newton's method.
 
-    Rows and contact points stay held, K deta = N^T M acc_D; ``x`` if this does not converge.
+    Rows and contact points stay held: K eta = N^T M acc_D. If it does not converge, it is ``x``.
     """
-    best, least = x, np.inf
+    best, smallest = x, np.inf
     for _ in range(BALANCE.rounds):
         try:
             motion = motion_at(marionette, x)
         except StateError:
             break
         left = float(np.max(np.abs(motion.acc_D), initial=0.0))
-        if not left < least:
+        if not left < smallest:
             break
-        best, least = x, left
+        best, smallest = x, left
         if left <= BALANCE.still:
             break
         small = SmallMotions.of(marionette, x, motion)

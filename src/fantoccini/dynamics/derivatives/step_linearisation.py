@@ -1,7 +1,7 @@
 """One time step and its derivatives: the call of :func:`linearise_steps` with one state.
 
-Beside it stand the contacts by name: the points that push, in their modes, how their forces change,
-and what lies between two modes.
+Its result adds the contacts by name: the points that push, their modes, the changes of their
+forces, and contacts between two modes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from fantoccini.motion import State, pair_name
 
 @dataclass(frozen=True, eq=False)
 class StepLinearisation:
-    """One step of the time-stepper and its derivatives, with the active set it found.
+    """One step of the time-stepper and its derivatives, with the active set of the step.
 
     As a discrete system in z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq::
 
@@ -34,23 +34,23 @@ class StepLinearisation:
 
     where acc_K and u_D are constant over the step, as a stepper's are. Derivatives are exact for
     small changes consistent with all held rows and points; for others, such as tilting one of two
-    flat soles, they are those of least squares.
+    flat soles, they are least-squares ones.
 
     Attributes:
-        x, x_next: the states before and after it.
-        dt: its length [s].
-        rows: names of the strings and limits held in it.
+        x, x_next: states before and after the step.
+        dt: length of the step [s].
+        rows: names of the strings and limits held in the step.
         tension: (n_rows,) impulses over dt [N or N m].
-        A: (2 n_vD + 2 n_vK,) squared.
-        B: (2 n_vD + 2 n_vK, n_vK) by the driven acceleration.
-        B_u: (2 n_vD + 2 n_vK, n_vD) by the user's forces.
-        B_p: (2 n_vD + 2 n_vK, n_p) by the parameters.
+        A: (2 n_vD + 2 n_vK,) squared, derivatives by z.
+        B: (2 n_vD + 2 n_vK, n_vK) derivatives by the driven acceleration.
+        B_u: (2 n_vD + 2 n_vK, n_vD) derivatives by the user's forces.
+        B_p: (2 n_vD + 2 n_vK, n_p) derivatives by the parameters.
         pull: derivatives of ``tension`` (n_rows, ...); 0 for rows that are not held.
         contacts: the points that push, in their modes.
-        push: derivatives of their forces (3 n, ...), in the world: of least norm where the law
-            leaves them open, as the forces are.
-        edges: what is between two modes, as a point that touches without force: A, B, B_u and B_p
-            then are derivatives of the modes taken, towards one side.
+        push: derivatives of their forces (3 n, ...), in the world; of least norm where the law
+            does not determine them, as the forces are.
+        edges: contacts between two modes, such as a point that touches without force: A, B, B_u
+            and B_p are then derivatives of the modes taken, towards one side.
         coordinates: names and places of the coordinates.
     """
 
@@ -71,7 +71,7 @@ class StepLinearisation:
 
     @property
     def sharp(self) -> bool:
-        """Whether the derivative exists towards all sides: nothing is between two modes."""
+        """Whether the derivative exists towards all sides: no contact is between two modes."""
         return not self.edges
 
 
@@ -88,31 +88,35 @@ def linearise_step(
     acc_K, u_D = vector("acc_K", acc_K, k), vector("u_D", u_D, n)
     slip = marionette.states([x]).slip[0]
     motion = x.q_D, x.v_D, x.q_K, x.v_K
-    given = StepInputs.of(marionette, motion, acc_K, u_D, None, dt, slip)
+    step_inputs = StepInputs.of(marionette, motion, acc_K, u_D, None, dt, slip)
     options = StepOptions(forces=True, pull=True, threads=1)
-    found = linearised(marionette, given, options, shares=True)
-    steps, made = found.steps, found.made
-    _check_arrived(marionette, x, made, acc_K, dt)
-    touches = made if isinstance(made, StepTouches) else None
+    linearised_step = linearised(marionette, step_inputs, options, shares=True)
+    steps, results = linearised_step.steps, linearised_step.made
+    _check_arrived(marionette, x, results, acc_K, dt)
+    touches = results if isinstance(results, StepTouches) else None
     points = () if touches is None else _held_points(marionette, touches)
-    _refuse(marionette, touches, points, int(steps.edges[0]), bool(found.shortened[0]))
+    _refuse(marionette, touches, points, int(steps.edges[0]), bool(linearised_step.shortened[0]))
     path = DrivenStep(t.quaternions_K, x.v_K, acc_K, dt)
     widths = [n, n, k, k, k, n, n_p]
     columns = Partials.of(np.concatenate([steps.motion[0], path.state(n, n_p)]), widths)
-    x_next = _after(marionette, x, made, dt)
+    x_next = _state_after(marionette, x, results, dt)
     assert steps.pull is not None
     push = np.zeros((0, sum(widths)))
     if points:
-        assert touches is not None and found.shares is not None and found.moved is not None
+        assert (
+            touches is not None
+            and linearised_step.shares is not None
+            and linearised_step.moved is not None
+        )
         start, chain = x.replace(v_K=path.rate, v_D=x_next.v_D), path.chain(n, n_p)
         if delay := float(touches.delay[0]):
             start = start.replace(
                 q_D=integrate(marionette, x.q_D, delay * x.v_D),
                 q_K=integrate(marionette, x.q_K, delay * path.rate, driven=True),
             )
-            chain[:n], chain[2 * n : 2 * n + k] = np.split(found.moved[0], [n])
+            chain[:n], chain[2 * n : 2 * n + k] = np.split(linearised_step.moved[0], [n])
         rows = ContactRows(Screws(marionette, start), points, dt)
-        shares = found.shares[0, : len(rows.multipliers)]
+        shares = linearised_step.shares[0, : len(rows.multipliers)]
         acc_by = steps.motion[0, n:].copy()
         acc_by[:, n : 2 * n] -= np.eye(n)
         push = _push_by(rows, shares, acc_by / dt, chain)
@@ -135,43 +139,43 @@ def linearise_step(
 
 
 def _check_arrived(
-    marionette: CompiledPuppet, x: State, made: LaneRecord | StepTouches, acc_K: Array, dt: float
+    marionette: CompiledPuppet, x: State, results: LaneRecord | StepTouches, acc_K: Array, dt: float
 ) -> None:
     """Raises SimulationError unless the step reached its end."""
-    status, cause = Status(int(made.status[0])), None
+    status, cause = Status(int(results.status[0])), None
     if status in CONTRADICTION_STATUSES:
-        cause = contradiction(marionette, _after(marionette, x, made, dt), acc_K)
+        cause = contradiction(marionette, _state_after(marionette, x, results, dt), acc_K)
     status = decide(status, cause).status
     if status is Status.RUNAWAY or status not in ARRIVED:
         raise SimulationError(status, f"at t = {x.t:.6g} s{f': {cause}' if cause else ''}")
 
 
-def _after(
-    marionette: CompiledPuppet, x: State, made: LaneRecord | StepTouches, dt: float
+def _state_after(
+    marionette: CompiledPuppet, x: State, results: LaneRecord | StepTouches, dt: float
 ) -> State:
     names = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
-    parts = {name: getattr(made, name)[0] for name in names}
+    parts = {name: getattr(results, name)[0] for name in names}
     return State(x.t + dt, **parts, coordinates=marionette.coordinates)
 
 
 def _push_by(rows: ContactRows, shares: Array, acc_by: Array, chain: Array) -> Array:
-    """(3 points, m) changes of the forces.
+    """Changes (3 points, m) of the forces.
 
     Args:
-        rows: of the points, at the velocities after the step.
+        rows: rows of the points, at the velocities after the step.
         shares: (k, m) changes of their multipliers.
         acc_by: (n_vD, m) changes of acc_D.
-        chain: (m, m) from rates and means of the driven coordinates to v_K and acc_K, which
-            ``shares`` and ``acc_by`` are by already.
+        chain: (m, m) derivatives of rates and means of the driven coordinates by v_K and acc_K,
+            which ``shares`` and ``acc_by`` include already.
     """
     fixed = rows.push_by(np.zeros_like(shares), np.zeros_like(acc_by))
     return rows.push_by(shares, acc_by) - fixed + fixed @ chain
 
 
 def _held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[HeldPoint, ...]:
-    """The points that push in the first of some steps, in their modes."""
+    """Points that push in the first of several steps, in their modes."""
     assert marionette.contacts is not None
-    made = []
+    results = []
     for point in touches.points[0, : touches.n_points[0]]:
         pair, feature = int(point["pair"]), int(point["feature"])
         at, normal = point["at"].copy(), point["normal"].copy()
@@ -180,7 +184,7 @@ def _held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[Held
         smooth = not touches.pair_edges[0, pair] & StepEdge.NOT_SMOOTH
         gap = float(point["gap"])
         touch = Touch(pair, feature, links, gap, at, normal, by, none[:, 0], none, smooth)
-        made.append(
+        results.append(
             HeldPoint(
                 name=pair_name(marionette.contacts.names[pair]),
                 pair=pair,
@@ -196,11 +200,11 @@ def _held_points(marionette: CompiledPuppet, touches: StepTouches) -> tuple[Held
                 bounces=float(point["bounces"]),
             )
         )
-    return tuple(made)
+    return tuple(results)
 
 
 def _named_edges(marionette: CompiledPuppet, touches: StepTouches) -> tuple[str, ...]:
-    """What the first of some steps is on the edge of, with the pairs that are."""
+    """Edges between two modes in the first of several steps, with their pairs."""
     assert marionette.contacts is not None
     of_pair = touches.pair_edges[0]
     return tuple(

@@ -6,10 +6,10 @@ Lambda > 0 (``cpp/fantoccini/timestepping/step.hpp``):
     (M + dt F) (v+ - v) + dt (c(q, v, q_K, rate) + M_DK mean - u_D) + A_D^T Lambda = 0
     A_D v+ + A_K rate + min(h/dt, recovery speed) = 0,      q+ = q moved by dt v+
 
-with contacts in their modes beside the rows (``contact_rows``), are differentiated with M, A and c
-at the step's start. It is the first step of a stepper: later in
-a run c takes its velocity products half a step ahead, extrapolated from earlier steps, which are no
-part of a state. That changes dv+ by dt^2/2 times the products' derivatives.
+with contacts in their modes (``contact_rows``), are differentiated with M, A and c at the step's
+start. It is the first step of a stepper: later in a run c takes its velocity products half a step
+ahead, extrapolated from earlier steps, which are not part of a state. That changes dv+ by dt^2/2
+times the products' derivatives.
 """
 
 from __future__ import annotations
@@ -39,27 +39,27 @@ from fantoccini.kernel.runtime import (
 from fantoccini.model.tree import CoordinateTable
 
 SHORTENED = 1e-9
-"""Relative difference between the step's velocity and its equations' at which it was cut short."""
+"""Relative difference of a step's velocity and its equations' from which it was cut short."""
 AT_CAP = 1.0 - 1e-9
-"""Share of its largest tension from which a string counts as at its largest tension."""
+"""Share of a string's largest tension from which it counts as slipping."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepLinearisations:
-    """n time steps and their derivatives, as those of :class:`StepLinearisation`.
+    """n time steps and their derivatives, as in :class:`StepLinearisation`.
 
     Attributes:
-        q_D, v_D, q_K, v_K: (n, ...) the states after the steps.
+        q_D, v_D, q_K, v_K: (n, ...) states after the steps.
         tension: (n, n_rows) impulses over dt [N or N m].
         held: (n, n_rows) bool, strings and limits held in the steps.
         motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the step by q_D, v_D, q_K, v_K,
-            acc_K, u_D where asked for, and p: the rows of A, B, B_u and B_p that are not those of
-            the driven coordinates.
-        pull: (n, n_rows, m) derivatives of ``tension``, where asked for; 0 for rows not held.
-        settled: (n,) bool, steps that were made and not cut short, and whose contacts have
-            derivatives; the others' are those of the equations, not of the step.
-        edges: (n,) what is between two modes of contact, as bits; see :meth:`edges_of`.
-        n_contacts: (n,) points that push.
+            acc_K, u_D if requested, and p: the rows of A, B, B_u and B_p of the dynamic
+            coordinates.
+        pull: (n, n_rows, m) derivatives of ``tension``, if requested; 0 for rows not held.
+        settled: (n,) bool, steps that were not stopped or cut short, and whose contacts have
+            derivatives; the derivatives of others are those of the equations, not of the step.
+        edges: (n,) edges between two modes of contact, as bits; see :meth:`edges_of`.
+        n_contacts: (n,) number of points that push.
         dt: length of the steps [s].
         coordinates: names and places of the coordinates.
     """
@@ -84,16 +84,16 @@ class StepLinearisations:
 
     @property
     def sharp(self) -> MaskRows:
-        """(n,) bool, whether the derivatives exist towards all sides: nothing is between modes."""
+        """Mask (n,) of steps with derivatives towards all sides: no contact is between modes."""
         return self.settled & (self.edges == 0)
 
     def edges_of(self, i: int) -> tuple[str, ...]:
-        """What step i is on the edge of; its derivatives are those of the modes taken."""
+        """Edges of step i between two modes; its derivatives are those of the modes taken."""
         return StepEdge.meanings(int(self.edges[i]))
 
     @cached_property
     def A(self) -> Array:
-        """(n, n_z, n_z): z = (dq_D, dv_D, dq_K, dv_K) after the step by that before it."""
+        """Derivatives (n, n_z, n_z) of z = (dq_D, dv_D, dq_K, dv_K) after the steps by z before."""
         t = self.coordinates
         n, k = t.n_vD, t.n_vK
         A = np.zeros((len(self), 2 * (n + k), 2 * (n + k)))
@@ -103,7 +103,7 @@ class StepLinearisations:
 
     @cached_property
     def B(self) -> Array:
-        """(n, n_z, n_vK): by the driven accelerations."""
+        """Derivatives (n, n_z, n_vK) of z after the step by the driven accelerations."""
         t = self.coordinates
         n, k = t.n_vD, t.n_vK
         B = np.zeros((len(self), 2 * (n + k), k))
@@ -113,11 +113,11 @@ class StepLinearisations:
 
     @cached_property
     def driven(self) -> Array:
-        """(n or 1, 2 n_vK, 3 n_vK): (dq_K, dv_K) after the steps by q_K, v_K and acc_K."""
+        """Derivatives (n or 1, 2 n_vK, 3 n_vK) of (dq_K, dv_K) after the steps by q_K, v_K, acc."""
         t = self.coordinates
         n, k = t.n_vD, t.n_vK
         steps = self._driven or (DrivenStep((), np.zeros(k), np.zeros(k), self.dt),)
-        return np.array([one.state(n, 0)[:, 2 * n : 2 * n + 3 * k] for one in steps])
+        return np.array([step.state(n, 0)[:, 2 * n : 2 * n + 3 * k] for step in steps])
 
 
 @dataclass(frozen=True)
@@ -125,14 +125,14 @@ class StepOptions:
     """Options of linearised time steps.
 
     Attributes:
-        forces: differentiate by the user's forces, too.
-        pull: also the tensions' derivatives.
-        threads: all processors when not given.
+        forces: whether to differentiate by the user's forces, too.
+        pull: whether to differentiate the tensions, too.
+        threads: number of threads; by default all processors.
         method: ``"timestepping"``, or ``"variational"`` for steps of that method, in which no
             driven joint turns.
 
     Raises:
-        StateError: an unknown method.
+        StateError: there is no such method.
     """
 
     forces: bool = False
@@ -165,9 +165,9 @@ def linearise_steps(
 
     Args:
         marionette: the puppet.
-        given: the steps.
-        options: see :class:`StepOptions`.
-        room: the ``motion`` of an earlier call, written over where it has the right size.
+        given: inputs of the steps.
+        options: options; see :class:`StepOptions`.
+        room: ``motion`` of an earlier call, overwritten if it has the right size.
     """
     options = options or StepOptions()
     if options.method == "timestepping":
@@ -184,16 +184,16 @@ def _threads(options: StepOptions) -> int:
 
 
 class StepInputs(NamedTuple):
-    """n time steps to be made.
+    """Inputs of n time steps.
 
     Attributes:
-        x: q_D, v_D, q_K and v_K, (n, ...) each, before the steps.
-        slip: (n, n_strings) what the winches have let out by then [m].
+        x: q_D, v_D, q_K and v_K before the steps, (n, ...) each.
+        slip: (n, n_strings) slip of the winches before the steps [m].
         acc_K: (1 or n, n_vK) driven accelerations.
         u_D: (1 or n, n_vD) user forces; None for none.
         p: (1 or n, n_p) parameters.
         dt: length of the steps [s].
-        driven: the driven coordinates over every step; none where nothing turns.
+        driven: driven coordinates over every step; empty without driven rotations.
     """
 
     x: dict[str, Array]
@@ -215,7 +215,7 @@ class StepInputs(NamedTuple):
         dt: float = 0.002,
         slip: Array | None = None,
     ) -> StepInputs:
-        """From the states (n, ...) or (...,), of which q_D, v_D, q_K and v_K are ``motion``."""
+        """Inputs from states with ``motion`` q_D, v_D, q_K and v_K, (n, ...) or (...,) each."""
         check_positive(dt=dt)
         t = marionette.coordinates
         widths = {"q_D": t.n_qD, "v_D": t.n_vD, "q_K": t.n_qK, "v_K": t.n_vK}
@@ -236,23 +236,25 @@ class StepInputs(NamedTuple):
 
     @property
     def along(self) -> dict[str, Array]:
-        """(n, n_vK) ``rate``, dq_K/dt over the steps, and ``mean``, dv_K/dt."""
+        """Means over the steps (n, n_vK): ``rate`` of dq_K/dt, and ``mean`` of dv_K/dt."""
         if self.driven:
-            return {k: np.array([getattr(one, k) for one in self.driven]) for k in ("rate", "mean")}
+            return {
+                k: np.array([getattr(step, k) for step in self.driven]) for k in ("rate", "mean")
+            }
         v_K, acc = self.x["v_K"], self.acc_K
         return {"rate": v_K + 0.5 * self.dt * acc, "mean": _rows(acc, len(v_K))}
 
 
 class Linearised(NamedTuple):
-    """Time steps with all that was found beside their linearisations.
+    """Time steps with their linearisations and additional results.
 
     Attributes:
         steps: the linearisations.
-        made: the steps: of puppets without contact, and with it.
+        made: record of the steps, of a puppet without or with contact.
         shortened: (n,) bool, steps that were cut short.
-        shares: (n, 3 room, m) derivatives of the multipliers of what touches, if asked for.
-        moved: (n, n_vD + n_vK, m) those of the configuration where what springs back touches,
-            likewise, of steps in which something does.
+        shares: (n, 3 room, m) derivatives of the contacts' multipliers, if requested.
+        moved: (n, n_vD + n_vK, m) derivatives of the configuration at which rebounding contacts
+            touch, if requested, for steps with such contacts.
     """
 
     steps: StepLinearisations
@@ -275,7 +277,7 @@ def linearised(
     stepping = marionette.run_options(dt=dt, extrapolate=False)
     made: LaneRecord | StepTouches
     if stepping.contacts is None:
-        touches, made = None, _made(marionette, stepping, given, threads)
+        touches, made = None, _time_steps(marionette, stepping, given, threads)
     else:
         touches = made = step_touches(
             marionette.library,
@@ -290,7 +292,7 @@ def linearised(
         )
     tension = made.tension
     held = held_rows(marionette, tension)
-    found = marionette.libraries.step_derivatives.find(
+    derivatives = marionette.libraries.step_derivatives.find(
         {name: x[name] for name in ("q_D", "v_D", "q_K")}
         | {"slip": given.slip, "tension": tension}
         | along,
@@ -308,10 +310,10 @@ def linearised(
         touches=touches,
         room=room,
     )
-    for columns in (found.motion, found.pull, found.shares, found.moved):
+    for columns in (derivatives.motion, derivatives.pull, derivatives.shares, derivatives.moved):
         if columns is not None:
             _chain_rotations(marionette, given.driven, columns)
-    meant = x["v_D"] + dt * found.acc_D
+    meant = x["v_D"] + dt * derivatives.acc_D
     size = 1.0 + np.abs(made.v_D).max(axis=1, initial=0.0)
     shortened = ~(np.abs(meant - made.v_D).max(axis=1, initial=0.0) <= SHORTENED * size)
     none = np.zeros(len(held), dtype=np.int32)
@@ -324,8 +326,8 @@ def linearised(
         v_K=made.v_K,
         tension=tension,
         held=held,
-        motion=found.motion,
-        pull=found.pull,
+        motion=derivatives.motion,
+        pull=derivatives.pull,
         settled=ended & (edges < StepEdge.LEAVES_LAW.value),
         edges=edges,
         n_contacts=n_points,
@@ -333,19 +335,19 @@ def linearised(
         coordinates=marionette.coordinates,
         _driven=given.driven,
     )
-    return Linearised(steps, made, shortened, found.shares, found.moved)
+    return Linearised(steps, made, shortened, derivatives.shares, derivatives.moved)
 
 
 def held_rows(marionette: CompiledPuppet, tension: Array) -> MaskRows:
-    """(..., n_rows) bool, the rows that steps with these tensions (..., n_rows) hold."""
+    """Mask (..., n_rows) of the rows held by steps with these tensions (..., n_rows)."""
     upper = np.minimum(marionette.upper, marionette.tension_cap)
     return marionette.two_sided | ((tension > 0.0) & (tension < AT_CAP * upper))
 
 
-def _made(
+def _time_steps(
     marionette: CompiledPuppet, options: RunOptions, given: StepInputs, threads: int
 ) -> LaneRecord:
-    """The steps of a puppet without contact."""
+    """Record of the steps of a puppet without contact."""
     library = marionette.libraries.lanes
     record = LaneRecord(len(given.x["q_D"]), library.sizes)
     record.begin(**given.x, slip=given.slip, p=given.p)
@@ -355,23 +357,26 @@ def _made(
 
 
 def _variational(
-    marionette: CompiledPuppet, found: VariationalPartials, given: StepInputs, options: StepOptions
+    marionette: CompiledPuppet,
+    derivatives: VariationalPartials,
+    given: StepInputs,
+    options: StepOptions,
 ) -> StepLinearisations:
-    """The results of variational steps."""
+    """Linearisations of variational steps."""
     t = marionette.coordinates
-    kept = np.ones(found.motion.shape[-1], dtype=bool)
+    selected = np.ones(derivatives.motion.shape[-1], dtype=bool)
     if not options.forces:
         first = 2 * t.n_vD + 3 * t.n_vK
-        kept[first : first + t.n_vD] = False
-    slips = np.any(found.tension >= AT_CAP * marionette.upper, axis=1)
-    none = np.zeros(len(found.solved), dtype=np.int32)
+        selected[first : first + t.n_vD] = False
+    slips = np.any(derivatives.tension >= AT_CAP * marionette.upper, axis=1)
+    none = np.zeros(len(derivatives.solved), dtype=np.int32)
     return StepLinearisations(
-        **found.end,
-        tension=found.tension,
-        held=found.held,
-        motion=found.motion[..., kept],
-        pull=found.pull[..., kept] if options.pull else None,
-        settled=found.solved & ~slips,
+        **derivatives.end,
+        tension=derivatives.tension,
+        held=derivatives.held,
+        motion=derivatives.motion[..., selected],
+        pull=derivatives.pull[..., selected] if options.pull else None,
+        settled=derivatives.solved & ~slips,
         edges=none,
         n_contacts=none,
         dt=given.dt,
@@ -381,14 +386,14 @@ def _variational(
 
 
 def _rows(rows: Array, n: int) -> Array:
-    """(n, ...) of n rows, or of one."""
+    """Array (n, ...) of n rows, or of one repeated row."""
     return rows if len(rows) == n else np.broadcast_to(rows, (n, rows.shape[1]))
 
 
 def _driven_steps(
     marionette: CompiledPuppet, v_K: Array, acc_K: Array, dt: float
 ) -> tuple[DrivenStep, ...]:
-    """The driven coordinates over every step; none where nothing turns."""
+    """Driven coordinates over every step; empty without driven rotations."""
     quaternions = marionette.coordinates.quaternions_K
     if not quaternions:
         return ()
@@ -399,14 +404,14 @@ def _driven_steps(
 def _chain_rotations(
     marionette: CompiledPuppet, driven: tuple[DrivenStep, ...], columns: Array
 ) -> None:
-    """From derivatives by rate and mean of driven rotations to those by v_K and acc_K, in place."""
+    """Changes derivatives by rate and mean of driven rotations to those by v_K, acc_K, in place."""
     t = marionette.coordinates
     n, k = t.n_vD, t.n_vK
     for _, v in t.quaternions_K:
         by_v = slice(2 * n + k + v, 2 * n + k + v + 3)
         by_acc = slice(by_v.start + k, by_v.stop + k)
-        for one, part in zip(driven, columns, strict=True):
+        for step, part in zip(driven, columns, strict=True):
             rate, mean = part[:, by_v].copy(), part[:, by_acc].copy()
-            mean_by_v, mean_by_acc = one.mean_by(slice(v, v + 3))
+            mean_by_v, mean_by_acc = step.mean_by(slice(v, v + 3))
             part[:, by_v] = rate + mean @ mean_by_v
-            part[:, by_acc] = 0.5 * one.dt * rate + mean @ mean_by_acc
+            part[:, by_acc] = 0.5 * step.dt * rate + mean @ mean_by_acc

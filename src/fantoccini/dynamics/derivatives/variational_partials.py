@@ -1,13 +1,13 @@
 """Derivatives of many steps of the variational integrator, by the implicit function theorem.
 
-With Lambda over the rows that end the step at their bound, and mu over those that are held at its
+With Lambda over the rows at their bound after the step, and mu over those that are held at its
 end (``cpp/fantoccini/variational/step.hpp``, ``variational/node.hpp``):
 
     M v + M_DK v_K - A_D(q)^T Lambda = p_k(xi),          h(q_k+1, q_K) = 0
     M v + M_DK v_K + A_D^T mu = p_k+1(xi)  at the end,   hdot = 0
 
-The first line gives xi and Lambda, the second the velocity at the end and mu. A step that was made
-in parts solves neither, and is not settled.
+The first line gives xi and Lambda, the second the velocity at the end and mu. A step that was
+divided into parts solves neither, and is not settled.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.kernel.runtime import Batch
 
 CLOSED = 1e-9
-"""-h up to which a row is at its bound at the end of a step [m or rad]."""
+"""Largest -h of a row that is at its bound after a step [m or rad]."""
 NO_IMPULSE = 1e-9
-"""Impulse that is none, relative to the weight over the step."""
+"""Impulse that counts as zero, relative to the weight times the step."""
 RESIDUAL = 1e-8
-"""Residual of momenta, relative to the largest, above which a step was made in parts."""
+"""Residual of momenta, relative to the largest, above which a step was divided into parts."""
 DEPENDENT = 1e-9
 """Singular value, relative to the largest, below which rows depend on one another."""
 
 
 @dataclass(frozen=True, eq=False)
 class VariationalPartials:
-    """n steps; columns are by q_D, v_D, q_K, v_K, acc_K, u_D and p.
+    """Derivatives of n steps, with columns for q_D, v_D, q_K, v_K, acc_K, u_D and p.
 
     Attributes:
-        end: q_D, v_D, q_K and v_K, (n, ...) each, after the steps.
+        end: q_D, v_D, q_K and v_K after the steps, (n, ...) each.
         tension: (n, n_rows) impulses over dt [N or N m].
-        motion: (n, 2 n_vD, m) of (dq_D, v_D) after the steps.
-        pull: (n, n_rows, m) of the tensions.
+        motion: (n, 2 n_vD, m) derivatives of (dq_D, v_D) after the steps.
+        pull: (n, n_rows, m) derivatives of the tensions.
         held: (n, n_rows) rows with an impulse in the step or at its end.
-        solved: (n,) whether the steps were made in one part.
+        solved: (n,) whether the steps were not divided.
     """
 
     end: dict[str, Array]
@@ -67,15 +67,15 @@ def variational_partials(
 
     Args:
         marionette: the puppet.
-        x: q_D, v_D, q_K and v_K, (n, ...) each, before the steps.
-        acc_K: (1 or n, n_vK) over the steps.
+        x: q_D, v_D, q_K and v_K before the steps, (n, ...) each.
+        acc_K: (1 or n, n_vK) driven accelerations.
         u_D: (1 or n, n_vD) user forces; None for none.
-        p: (1 or n, n_p).
-        dt: their length [s].
-        threads: that share the work of the steps.
+        p: (1 or n, n_p) parameters.
+        dt: length of the steps [s].
+        threads: number of threads that share the steps.
 
     Raises:
-        StateError: a driven joint turns, which is not differentiated.
+        StateError: a driven joint turns, which is not supported.
     """
     t = marionette.coordinates
     if t.quaternions_K:
@@ -84,7 +84,7 @@ def variational_partials(
     acc = np.broadcast_to(acc_K, (n, n_k))
     force = np.zeros((n, n_v)) if u_D is None else np.broadcast_to(u_D, (n, n_v))
     values = np.broadcast_to(p, (n, p.shape[1]))
-    batch = _made(marionette, x, acc, force, values, dt, threads)
+    batch = _time_steps(marionette, x, acc, force, values, dt, threads)
     end = {
         "q_D": batch.end_q_D,
         "v_D": batch.end_v_D,
@@ -112,8 +112,8 @@ def variational_partials(
     last = library.evaluate("row_rates_by", p=values, **end)
     h = marionette.library.evaluate("rows", q_D=end["q_D"], q_K=end["q_K"], p=values).h
     closed = marionette.two_sided | (h > -CLOSED)
-    near = np.flatnonzero(np.any(closed, axis=0))  # few of the rows, in any of the steps
-    start, last = (_rows_of(found, near) for found in (start, last))
+    near = np.flatnonzero(np.any(closed, axis=0))  # rows closed after any of the steps
+    start, last = (_rows_of(row_rates, near) for row_rates in (start, last))
     closed, wires = closed[:, near], marionette.two_sided[near]
     none = NO_IMPULSE * dt * marionette.reference_force
     begun, ended = (library.evaluate("momenta", p=values, **at).p_D for at in (x, end))
@@ -139,7 +139,7 @@ def variational_partials(
     of_start -= columns.of_middle(mid, "before")
     of_heights = columns.of_end(last.A_K, None, last.h_p)
     of_heights[..., :n_v] = last.A_D @ mid.next_q
-    xi_by, Lambda_by = _held(
+    xi_by, Lambda_by = _solve_held(
         mid.before_xi, start.A_D, last.A_D @ mid.next_xi, pulls, of_start, -of_heights
     )
     dq = mid.next_xi @ xi_by
@@ -148,7 +148,7 @@ def variational_partials(
     of_momenta[..., :n_v] += mid.after_q
     of_momenta -= after.e_q @ dq + columns.of_end(after.e_qK, after.M_DK, after.e_p)
     of_rates = last.hdot_q @ dq + columns.of_end(last.hdot_qK, last.A_K, last.hdot_p)
-    dv, mu_by = _held(after.M, last.A_D, last.A_D, holds, of_momenta, -of_rates)
+    dv, mu_by = _solve_held(after.M, last.A_D, last.A_D, holds, of_momenta, -of_rates)
     return VariationalPartials(
         end=end,
         tension=spread(Lambda * pulls + mu * holds) / dt,
@@ -159,7 +159,7 @@ def variational_partials(
     )
 
 
-def _made(
+def _time_steps(
     marionette: CompiledPuppet,
     x: Mapping[str, Array],
     acc_K: Array,
@@ -168,13 +168,13 @@ def _made(
     dt: float,
     threads: int,
 ) -> Batch:
-    """The steps."""
+    """Batch of the steps, after its run."""
     n, t, table = len(acc_K), marionette.coordinates, marionette.tree
     coef, force = np.zeros((n, 1, t.n_vK, N_COEF)), np.zeros((n, 1, t.n_vD, N_COEF))
     for q, v in t.scalars_K:
         coef[:, 0, v, 0] = x["q_K"][:, q]
     coef[:, 0, :, 1], coef[:, 0, :, 2], force[:, 0, :, 0] = x["v_K"], 0.5 * acc_K, u_D
-    made = Batch(
+    lane_batch = Batch(
         library=marionette.libraries.variational_lanes,
         n=n,
         t=0.0,
@@ -192,13 +192,13 @@ def _made(
         times=np.zeros(2),
         parts={},
     )
-    made.run(threads)
-    return made
+    lane_batch.run(threads)
+    return lane_batch
 
 
 @dataclass(frozen=True)
 class _Columns:
-    """Columns by q_D, v_D, q_K, v_K, acc_K, u_D and p."""
+    """Columns for q_D, v_D, q_K, v_K, acc_K, u_D and p."""
 
     n_v: int
     n_k: int
@@ -214,7 +214,7 @@ class _Columns:
     def of_inputs(
         self, by_q: Array, by_v: Array | None, by_acc: Array | None, by_p: Array
     ) -> Array:
-        """Of what depends on q_K, v_K and acc_K at the start, and on p."""
+        """Derivatives of a quantity that depends on q_K, v_K, acc_K at the start, and on p."""
         out, (_, _, q, v, acc, _, p) = self._blank(by_q)
         out[..., q], out[..., p] = by_q, by_p
         if by_v is not None:
@@ -224,12 +224,12 @@ class _Columns:
         return out
 
     def of_end(self, by_q: Array, by_v: Array | None, by_p: Array) -> Array:
-        """Of what depends on q_K and v_K after the step, and on p."""
+        """Derivatives of a quantity that depends on q_K and v_K after the step, and on p."""
         dt, of_v = self.dt, 0.0 if by_v is None else by_v
         return self.of_inputs(by_q, dt * by_q + of_v, 0.5 * dt * dt * by_q + dt * of_v, by_p)
 
     def of_middle(self, mid: object, end: str) -> Array:
-        """Of the midpoint's momenta, by its inputs, forces and parameters."""
+        """Derivatives of the midpoint's momenta by inputs, forces and parameters."""
         dt = self.dt
         of_q, of_v, of_acc, of_u, of_p = (
             getattr(mid, f"{end}_{name}") for name in ("qm", "vm", "am", "u", "p")
@@ -242,13 +242,13 @@ class _Columns:
         return out
 
 
-def _rows_of(found: SimpleNamespace, rows: Indices) -> SimpleNamespace:
-    """Some rows of the results of ``row_rates_by``."""
-    return SimpleNamespace(**{name: a[:, rows] for name, a in vars(found).items()})
+def _rows_of(row_rates: SimpleNamespace, rows: Indices) -> SimpleNamespace:
+    """Selected rows of the results of ``row_rates_by``."""
+    return SimpleNamespace(**{name: a[:, rows] for name, a in vars(row_rates).items()})
 
 
 def _steps(marionette: CompiledPuppet, q: Array, end: Array) -> Array:
-    """(n, n_vD) xi between configurations (n, n_qD): quaternions turn by 4 atan |xi/4|."""
+    """Vectors xi (n, n_vD) between configurations (n, n_qD): rotations by 4 atan |xi/4|."""
     t = marionette.coordinates
     out = np.zeros((len(q), t.n_vD))
     for i, v in t.scalars_D:
@@ -263,17 +263,17 @@ def _steps(marionette: CompiledPuppet, q: Array, end: Array) -> Array:
 
 
 def _impulses(A_D: Array, some: MaskRows, momenta: Array) -> tuple[Array, Array]:
-    """y (n, n_rows) with A_D^T y = momenta over some rows, and the largest residual (n,)."""
+    """Impulses y (n, n_rows) with A_D^T y = momenta over some rows, and largest residuals (n,)."""
     A = np.swapaxes(A_D * some[..., None], 1, 2)
     y = (np.linalg.pinv(A, rcond=DEPENDENT) @ momenta[..., None])[..., 0] * some
     left = momenta - (A @ y[..., None])[..., 0]
     return y, np.max(np.abs(left), axis=1, initial=0.0)
 
 
-def _held(
+def _solve_held(
     M: Array, forces: Array, rows: Array, some: MaskRows, right: Array, rates: Array
 ) -> tuple[Array, Array]:
-    """x and y with M x + forces^T y = right, and rows x = rates over some rows; y = 0 of others."""
+    """Solution x, y of M x + forces^T y = right, rows x = rates over some rows; other y are 0."""
     k, n_v = some.shape[1], M.shape[1]
     mask = some[..., None].astype(float)
     K = np.zeros((len(M), n_v + k, n_v + k))

@@ -1,7 +1,8 @@
 """Equilibria by descent of V with its curvature.
 
-Dynamic relaxation (:mod:`.relaxation`) takes the steps of a puppet's stiffest spring over the time
-of its slowest sway or creep. Here each step solves, in coordinates y in which M_DD is the identity,
+Dynamic relaxation (:mod:`.relaxation`) takes steps that suit a puppet's stiffest spring over the
+time of its slowest sway or creep. Here each step solves, in coordinates y in which M_DD is the
+identity,
 
     min  -w0 . y + 1/2 y . (|H| + mu) y    subject to  h + W^T y <= 0
 
@@ -35,28 +36,28 @@ class Descent:
     """Bounds of the descent. Moves are in rad or m."""
 
     rounds: int = 3000
-    mu: float = 1e2  # mu at first [1/s^2]
-    min_mu: float = 1e-3  # mu below which it is dropped, and which it grows from [1/s^2]
+    mu: float = 1e2  # Initial mu [1/s^2]
+    min_mu: float = 1e-3  # mu below which it becomes 0, and from which it grows [1/s^2]
     max_mu: float = 1e14  # mu at which the search has stalled [1/s^2]
     growth: float = 3.0  # Factor of mu after a step on which V did not fall
-    shrinkage: float = 0.2  # Factor of mu after one on which it did
+    shrinkage: float = 0.2  # Factor of mu after a step on which V fell
     least_curvature: float = 1e-3
-    """Curvature that steps use at least [1/s^2]: gravity alone may have none."""
+    """Minimum curvature used by steps [1/s^2]: gravity alone may have none."""
     max_move: float = 0.1  # Longest move of one round
     pole_share: float = 0.25
     """Longest move of a stepper motor in one round, relative to the distance of its poles."""
     near_gap: float = 0.05  # Relative -h of rows that a step may reach
-    min_move: float = 1e-12  # Moves below which a puppet rests
+    min_move: float = 1e-12  # Move below which a puppet rests
     farthest: float = 100.0  # Move from which the puppet has no equilibrium
     flat_fall: float = 1e-15  # Fall of V on flat ground, over the puppet's weight [m]
-    rounding: float = 1e-14  # Rounding of V, a sum over all links and springs, relative to it
-    max_stalls: int = 3  # Moves with flat V on which the forces may stay as large as they were
+    rounding: float = 1e-14  # Rounding error of V, a sum over all links and springs, relative to V
+    max_stalls: int = 3  # Maximum number of moves with flat V and no smaller forces
     unstable: float = 1e-9
-    """Growth rate squared of an instability, relative to the fastest oscillation's."""
+    """Squared growth rate of an instability, relative to that of the fastest oscillation."""
     difference: float = 1e-6  # Step of the finite differences that give the Hessian
     balanced_force: float = 1e-6  # Largest unbalanced force at rest, relative to the weight
     newton_move: float = 1e-3
-    """Largest move of Newton's method that refines an equilibrium instead of finding another."""
+    """Largest move of Newton's method that still refines the same equilibrium."""
 
 
 DESCENT = Descent()
@@ -66,15 +67,15 @@ def descended(marionette: CompiledPuppet, x: State) -> Equilibrium:
     """A local minimum of V subject to the rows, from a state that satisfies them.
 
     Raises:
-        StateError: V keeps falling, or the search stalled where forces do not balance.
+        StateError: V keeps falling, or the search stalled with unbalanced forces.
     """
-    found = _minimum(marionette, x)
-    moved = in_step(marionette, found.x)
-    if moved is not found.x:
-        found = _minimum(marionette, positioned(marionette, moved)[0])
-    finer = newton(marionette, found.x)
-    if finer is None or np.max(np.abs(finer.x.q_D - found.x.q_D)) > DESCENT.newton_move:
-        return found
+    solution = _minimum(marionette, x)
+    moved = in_step(marionette, solution.x)
+    if moved is not solution.x:
+        solution = _minimum(marionette, positioned(marionette, moved)[0])
+    finer = newton(marionette, solution.x)
+    if finer is None or np.max(np.abs(finer.x.q_D - solution.x.q_D)) > DESCENT.newton_move:
+        return solution
     return finer
 
 
@@ -97,8 +98,8 @@ def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
             softened = modes / np.sqrt(damped)
             W = softened.T @ at.W[:, near]
             force = softened.T @ at.w0
-            found = marionette.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
-            move = at.back(softened @ (force - W @ found.x))
+            solution = marionette.library.complementarity(W, at.h[near] + W.T @ force, wires[near])
+            move = at.back(softened @ (force - W @ solution.x))
             size = float(np.max(np.abs(move), initial=0.0))
             move = move / max(1.0, float(np.max(np.abs(move) / longest, initial=0.0)))
             other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
@@ -109,12 +110,12 @@ def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
             if lower or mu > DESCENT.max_mu:
                 break
             mu = max(DESCENT.growth * mu, DESCENT.min_mu)
-        pulls = found.x != 0.0
-        rows, tension = near[pulls], found.x[pulls]
+        pulls = solution.x != 0.0
+        rows, tension = near[pulls], solution.x[pulls]
         before = unbalanced
         unbalanced = float(np.linalg.norm(at.w0 - at.W[:, rows] @ tension))
-        # Where V is flat to rounding, forces still measure the distance. A move along a valley may
-        # once leave those across it as large as they were.
+        # Where V is flat to rounding, forces still measure the distance. A single move along a
+        # valley may leave the forces across it unchanged.
         stalls = stalls + 1 if flat and unbalanced > 0.5 * before else 0
         if size < DESCENT.min_move or stalls > DESCENT.max_stalls or mu > DESCENT.max_mu:
             push = instability(at, rows, bends, DESCENT.unstable)
@@ -140,7 +141,7 @@ def _minimum(marionette: CompiledPuppet, x: State) -> Equilibrium:
 
 
 def _motors_work(marionette: CompiledPuppet, x: State, other: State) -> float:
-    """Work of the drives' motors between two states [J], by Simpson's rule: V does not have it."""
+    """Work of the drives' motors between two states [J], by Simpson's rule: V excludes it."""
     commanded = [(row, row.command[1]) for row in marionette.tree.drives if row.command is not None]
     if not commanded:
         return 0.0
@@ -159,11 +160,11 @@ def _motors_work(marionette: CompiledPuppet, x: State, other: State) -> float:
     return work
 
 
-def _force_derivative(marionette: CompiledPuppet, found: Equilibrium) -> Array:
+def _force_derivative(marionette: CompiledPuppet, solution: Equilibrium) -> Array:
     """Derivative (n_vD, n_vD) of w0 - W tau by a small move."""
-    if len(found.rows):
-        return derivatives(marionette, found)[0]
-    x, n = found.x, len(found.x.v_D)
+    if len(solution.rows):
+        return derivatives(marionette, solution)[0]
+    x, n = solution.x, len(solution.x.v_D)
     moves = np.concatenate([np.eye(n), -np.eye(n)]) * DESCENT.difference
     moved = retract(marionette, x.q_D, moves)
     at = marionette.at(x) | {"q_D": moved, "acc_K": np.zeros_like(x.v_K), "u_D": np.zeros(n)}

@@ -1,4 +1,4 @@
-"""Rest: a hanging equilibrium, by relaxation or by descent."""
+"""Rest: a hanging equilibrium, by relaxation, settling or descent."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from fantoccini.motion import State
 
 @dataclass(frozen=True)
 class Acceptance:
-    """What counts as an equilibrium, and how long to look for a start."""
+    """Acceptance bounds of an equilibrium, and effort for a start."""
 
     max_force: float = 1e-9  # Unbalanced force at rest, relative to the weight
     max_force_of_chains: float = 1e-6
-    """The same for puppets on chains, whose stiff springs round more."""
+    """Unbalanced force of puppets on chains, whose stiff springs cause more rounding."""
     max_rise: float = 1e-9
-    """Rise of V above the start's that is rounding, over the puppet's weight [m]."""
-    hauls: int = 20  # Runs of time-stepping that may haul in strings
+    """Rise of V above the start that counts as rounding, over the puppet's weight [m]."""
+    hauls: int = 20  # Maximum number of time-stepping runs that haul in strings
 
 
 ACCEPTANCE = Acceptance()
@@ -43,15 +43,16 @@ ACCEPTANCE = Acceptance()
 def rest(marionette: CompiledPuppet, x: State) -> State:
     """A local minimum of V subject to h <= 0, near a state; see :meth:`Marionette.rest`.
 
-    The puppet is brought onto its strings and relaxed (:mod:`.relaxation`). Where that fails, or it
-    would overlap what it touches, one with contact is let go until it is still (:mod:`.settling`).
-    Otherwise, and first for puppets on chains, V is descended (:mod:`.descent`). Relaxation and
-    descent are accepted where forces balance, no row is violated and V is not above the start's.
-    Neutral coordinates, such as a load's angle about its string, keep their values in ``x``.
+    The puppet is brought onto its strings and relaxed (:mod:`.relaxation`). If that fails, or it
+    would overlap another solid, a puppet with contact is let go until it rests (:mod:`.settling`).
+    Otherwise, and first for puppets on chains, V is descended (:mod:`.descent`). Results of
+    relaxation and descent are accepted if forces balance, no row is violated and V is not above
+    the start. Neutral coordinates, such as a load's angle about its string, keep their values in
+    ``x``.
 
     Raises:
-        StateError: there is no equilibrium below, or it was not found, or a winch would slip in it,
-            with the reason for each search.
+        StateError: there is no equilibrium below, none was found, or a winch would slip in it; the
+            message has the reason for each search.
     """
     if groups := falling(marionette):
         raise StateError(
@@ -64,7 +65,7 @@ def rest(marionette: CompiledPuppet, x: State) -> State:
         slip=np.where(rewinds, 0.0, x.slip),
         taut=np.zeros_like(x.taut),  # rows taut in a motion may be slack at rest
     )
-    start = _begun(marionette, still)
+    start = _brought_onto_rows(marionette, still)
     if not len(start.q_D):
         return with_active_set(marionette, start)
     touches = [] if marionette.contacts is None else [_settled]
@@ -81,13 +82,13 @@ def rest(marionette: CompiledPuppet, x: State) -> State:
 
 
 def _relaxed(marionette: CompiledPuppet, start: State, asked: State) -> State:
-    found = relaxation.relaxed(marionette, start)
-    return _hung(marionette, start, as_asked(marionette, asked, found))
+    resting_point = relaxation.relaxed(marionette, start)
+    return _accepted(marionette, start, as_asked(marionette, asked, resting_point))
 
 
 def _descended(marionette: CompiledPuppet, start: State, asked: State) -> State:
-    found = descent.descended(marionette, start)
-    return _hung(marionette, start, as_asked(marionette, asked, found))
+    resting_point = descent.descended(marionette, start)
+    return _accepted(marionette, start, as_asked(marionette, asked, resting_point))
 
 
 def _settled(marionette: CompiledPuppet, start: State, asked: State) -> State:
@@ -98,20 +99,20 @@ def _settled(marionette: CompiledPuppet, start: State, asked: State) -> State:
         raise
 
 
-def _hung(marionette: CompiledPuppet, start: State, found: Equilibrium) -> State:
-    """The state of an equilibrium; StateError where it is not accepted."""
-    pulls = np.isin(np.arange(marionette.tree.n_rows), found.rows)
-    found = replace(found, x=found.x.replace(taut=pulls))
-    relaxation.check_winches(marionette, found)
-    if wrong := _wrong(marionette, start, found):
+def _accepted(marionette: CompiledPuppet, start: State, resting_point: Equilibrium) -> State:
+    """The state of an equilibrium; StateError if it is not accepted."""
+    pulls = np.isin(np.arange(marionette.tree.n_rows), resting_point.rows)
+    resting_point = replace(resting_point, x=resting_point.x.replace(taut=pulls))
+    relaxation.check_winches(marionette, resting_point)
+    if wrong := _rejection(marionette, start, resting_point):
         raise StateError(wrong)
-    if marionette.overlaps(found.x.q_D, found.x.q_K):
+    if marionette.overlaps(resting_point.x.q_D, resting_point.x.q_K):
         raise StateError("hung from its strings alone it overlaps what it touches")
-    return found.x
+    return resting_point.x
 
 
-def _begun(marionette: CompiledPuppet, x: State) -> State:
-    """The state brought onto its rows, by time-stepping where their slopes do not lead there."""
+def _brought_onto_rows(marionette: CompiledPuppet, x: State) -> State:
+    """The state brought onto its rows, with time-stepping if their slopes do not lead there."""
     start, left = positioned(marionette, x)
     for _ in range(ACCEPTANCE.hauls if left else 0):
         x = relaxation.hauled_in(marionette, x)
@@ -127,18 +128,18 @@ def _begun(marionette: CompiledPuppet, x: State) -> State:
     return start
 
 
-def _wrong(marionette: CompiledPuppet, start: State, found: Equilibrium) -> str:
-    """Why an equilibrium is not accepted, in words; "" where it is."""
+def _rejection(marionette: CompiledPuppet, start: State, resting_point: Equilibrium) -> str:
+    """Reason for not accepting an equilibrium, in words; "" if it is accepted."""
     mass, weight = sizes(marionette)
-    left = overstepped(marionette, found.x)
+    left = overstepped(marionette, resting_point.x)
     if left:
         return f"where forces balance, {left}"
-    at = Evaluation.of(marionette, found.x)
-    _, tension = forward_dynamics(marionette, found.x)
+    at = Evaluation.of(marionette, resting_point.x)
+    _, tension = forward_dynamics(marionette, resting_point.x)
     force = np.linalg.norm(at.w0 - at.W @ tension) * np.sqrt(mass) / weight
     if force > (ACCEPTANCE.max_force_of_chains if marionette.tree.chains else ACCEPTANCE.max_force):
         return f"forces of {force:.2g} of the puppet's weight are unbalanced"
-    above = marionette.energies(found.x)[1] - marionette.energies(start)[1]
+    above = marionette.energies(resting_point.x)[1] - marionette.energies(start)[1]
     # V does not include the work of drives.
     if above > ACCEPTANCE.max_rise * weight and not marionette.tree.drives:
         return f"the equilibrium found lies {above:.2g} J above the start"

@@ -1,4 +1,4 @@
-"""States at rest, written by name."""
+"""States at rest from values by name."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def state(marionette: CompiledPuppet, values: Values | None = None) -> State:
     v_D, v_K = np.zeros(table.n_vD), np.zeros(table.n_vK)
     for name, value in (values or {}).items():
         _put(table, name, value, q_D, v_D, q_K, v_K)
-    # The masses of chains lie between the ends of this state, not of the file's pose.
+    # Masses of chains are placed between the ends in this state, not in the file's pose.
     q_D, q_K = tree.placed(marionette.tree, q_D, q_K, marionette.number, frozenset(values or ()))
     if np.any(np.isnan(q_K)) or np.any(np.isnan(q_D)):
         at = {"q_D": np.nan_to_num(q_D), "q_K": np.nan_to_num(q_K)}
@@ -46,7 +46,7 @@ def state(marionette: CompiledPuppet, values: Values | None = None) -> State:
 def _put(
     table: CoordinateTable, name: str, value: Value, q_D: Array, v_D: Array, q_K: Array, v_K: Array
 ) -> None:
-    """Sets one named value in the arrays it belongs to."""
+    """Sets one named value in its array."""
     number = _numbers(table, name, value)
     if not np.all(np.isfinite(number)):
         raise StateError(f"{name}: found {value}; it must be finite")
@@ -75,9 +75,9 @@ def _put(
 
 
 def put_commands(drives: Iterable[DriveRow], named: Container[str], q_D: Array, q_K: Array) -> None:
-    """Sets drives' commands in q_K to where their coordinates are in q_D, except those named.
+    """Sets commands of drives in q_K to their coordinates in q_D, except those in ``named``.
 
-    Their velocities stay as they are: inputs begin at rest however fast the coordinates move.
+    Their velocities are unchanged: inputs begin at rest even if the coordinates move.
     """
     for row in drives:
         if row.command is None or row.command_name in named:

@@ -1,4 +1,4 @@
-"""A puppet let go for a while, its inputs held."""
+"""Time-stepping runs of a puppet that is let go, with its inputs held."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from fantoccini.kernel.runtime import Run
 from fantoccini.motion import Input, State
 
 _RIGID_WINCH = np.array([[np.inf, 0.0, 0.0]])
-"""A winch that does not slip, and catches without restitution."""
+"""Winch that does not slip, and catches without restitution."""
 
 
 def let_go(
     marionette: CompiledPuppet, x: State, duration: float, *, dt: float, alone: bool
 ) -> tuple[Status, dict[str, Array]]:
-    """A run of time steps from a state with its inputs held: its status and samples.
+    """Status and samples of a time-stepping run from a state, with its inputs held.
 
     Args:
         marionette: the puppet.
-        x: where it is let go.
-        duration: of the run [s].
-        dt: its step [s].
-        alone: whether nothing touches it and no winch slips.
+        x: start state.
+        duration: duration of the run [s].
+        dt: length of the steps [s].
+        alone: whether to ignore contact and the slip of winches.
     """
     if alone:
         options = marionette.run_options(dt=dt, contacts=None)

@@ -1,8 +1,7 @@
 """Equilibria of puppets that hang, by Newton's method, and whether they are stable.
 
-Forces balance over the pulling rows, whose gaps are zero; rows that push are let go, and those that
-are violated are held. Relaxation (:mod:`.relaxation`) and descent (:mod:`.descent`) bring a puppet
-to where this begins.
+Forces balance over the pulling rows, whose gaps are zero. Rows that push are released, and violated
+rows are held. Relaxation (:mod:`.relaxation`) and descent (:mod:`.descent`) give the start.
 """
 
 from __future__ import annotations
@@ -23,22 +22,22 @@ class Newton:
 
     rounds: int = 30
     difference: float = 1e-6
-    """Step of the finite differences for Newton's matrix; it limits the speed alone."""
+    """Step of the finite differences for Newton's matrix; it only affects the convergence."""
     start_force: float = 0.01
-    """Unbalanced force, relative to the weight, below which Newton's method begins; from farther
-    away it may converge to another equilibrium than the one the puppet falls into."""
+    """Unbalanced force, relative to the weight, below which Newton's method begins; with
+    larger ones it may converge to another equilibrium than the one the puppet falls into."""
     max_move: float = 0.3  # Longest move of one round of Newton's method
     near_gap: float = 1e-3  # Relative -h below which a row may pull at the equilibrium
-    min_tension: float = 1e-9  # Tension that is rounding, relative to the weight
-    balanced_force: float = 1e-13  # Unbalanced force that is rounding, relative to the weight
-    balanced_last: float = 1e-11  # The same after the last round
-    met_gap: float = 1e-14  # Relative |h| that is rounding
-    min_move: float = 1e-15  # Moves of Newton's method that are rounding
+    min_tension: float = 1e-9  # Tension that counts as rounding, relative to the weight
+    balanced_force: float = 1e-13  # Unbalanced force of rounding, relative to the weight
+    balanced_last: float = 1e-11  # Unbalanced force accepted after the last round
+    met_gap: float = 1e-14  # Relative |h| that counts as rounding
+    min_move: float = 1e-15  # Move of Newton's method that counts as rounding
     pushes: tuple[float, ...] = (0.05, 0.01, 0.002)
-    """Largest parts of the pushes that are tried off an unstable equilibrium."""
-    potential_fall: float = 1e-12  # Fall of V that is not rounding, over the puppet's weight [m]
+    """Sizes of the pushes off an unstable equilibrium, as their largest parts."""
+    potential_fall: float = 1e-12  # Fall of V above rounding, over the puppet's weight [m]
     turns: int = 12  # Rounds of :func:`as_asked`
-    min_turn: float = 1e-13  # Turns below this are rounding
+    min_turn: float = 1e-13  # Turn that counts as rounding
     neutral: float = 1e-6
     """Largest stiffness of a neutral move, relative to the stiffest: the precision of finite
     differences. Newton's method and the energy then decide whether it is neutral."""
@@ -55,7 +54,7 @@ class Equilibrium:
     Attributes:
         x: the state.
         rows: the pulling rows.
-        tension: (len(rows),) their tensions.
+        tension: (len(rows),) tensions of the pulling rows.
     """
 
     x: State
@@ -64,7 +63,7 @@ class Equilibrium:
 
 
 def newton(marionette: CompiledPuppet, x: State) -> Equilibrium | None:
-    """The equilibrium near a configuration, or None where Newton's method does not converge."""
+    """The equilibrium near a configuration; None if Newton's method does not converge."""
     scale = marionette.row_scales(x.q_D, x.q_K)
     mass, weight = sizes(marionette)
     size = weight / np.sqrt(mass)
@@ -121,22 +120,24 @@ def _changed(
     return np.union1d(rows[~pushing], np.flatnonzero(violated))
 
 
-def derivatives(marionette: CompiledPuppet, found: Equilibrium) -> tuple[Array, Array]:
+def derivatives(marionette: CompiledPuppet, equilibrium: Equilibrium) -> tuple[Array, Array]:
     """Derivatives of w0 - W tau (n_vD, n_vD) and of h (len(rows), n_vD) by a small move."""
 
     def residual(q_D: Array) -> Array:
-        at = Evaluation.of(marionette, found.x.replace(q_D=q_D))
-        return np.append(at.w0 - at.W[:, found.rows] @ found.tension, at.h[found.rows])
+        at = Evaluation.of(marionette, equilibrium.x.replace(q_D=q_D))
+        return np.append(
+            at.w0 - at.W[:, equilibrium.rows] @ equilibrium.tension, at.h[equilibrium.rows]
+        )
 
-    by_move = difference_quotient(marionette, found.x.q_D, residual, NEWTON.difference)
-    return by_move[: len(found.x.v_D)], by_move[len(found.x.v_D) :]
+    by_move = difference_quotient(marionette, equilibrium.x.q_D, residual, NEWTON.difference)
+    return by_move[: len(equilibrium.x.v_D)], by_move[len(equilibrium.x.v_D) :]
 
 
 def curvature(at: Evaluation, by_move: Array) -> tuple[Array, Array]:
-    """Eigenvalues [1/s^2] and vectors of V's Hessian where M_DD is the identity.
+    """Eigenvalues [1/s^2] and modes of V's Hessian, in coordinates with M_DD the identity.
 
     Args:
-        at: the state.
+        at: the model at the state.
         by_move: (n_vD, n_vD) derivative of w0 - W tau by a small move.
     """
     H = -by_move @ at.back(np.eye(len(by_move))).T
@@ -144,20 +145,20 @@ def curvature(at: Evaluation, by_move: Array) -> tuple[Array, Array]:
 
 
 def instability(
-    at: Evaluation, rows: Indices, curvature: tuple[Array, Array], least: float
+    at: Evaluation, rows: Indices, curvature: tuple[Array, Array], threshold: float
 ) -> Array | None:
     """A push (n_vD,) along which V falls while the rows hold; None at a minimum.
 
     Args:
-        at: the state.
-        rows: that pull.
-        curvature: of V + tau . h there; see :func:`curvature`.
-        least: growth rate squared of an instability, relative to the fastest oscillation's.
+        at: the model at the state.
+        rows: the pulling rows.
+        curvature: curvature of V + tau . h; see :func:`curvature`.
+        threshold: squared growth rate of an instability, relative to the fastest oscillation.
     """
     (values, modes), W = curvature, at.W[:, rows]
     free = np.eye(len(modes)) - W @ np.linalg.pinv(W) if len(rows) else np.eye(len(modes))
     values, vectors = np.linalg.eigh(free @ (modes * values) @ modes.T @ free)
-    if values[0] > -least * max(1.0, float(np.max(np.abs(values)))):
+    if values[0] > -threshold * max(1.0, float(np.max(np.abs(values)))):
         return None
     push = at.back(free @ vectors[:, 0])
     return push / np.max(np.abs(push))
@@ -166,52 +167,54 @@ def instability(
 def pushed(marionette: CompiledPuppet, x: State, push: Array) -> State | None:
     """A state with lower V than an equilibrium, to either side along a push; None without one.
 
-    Rows that are closed and do not pull are in no equilibrium's equations: they may stabilise what
-    would be a saddle without them.
+    Rows that are closed and do not pull are not in the equations of an equilibrium: they may
+    stabilise a saddle.
     """
-    V, least = marionette.energies(x)[1], NEWTON.potential_fall * sizes(marionette)[1]
+    V, threshold = marionette.energies(x)[1], NEWTON.potential_fall * sizes(marionette)[1]
     for size in NEWTON.pushes:
         for sign in (1.0, -1.0):
             moved = x.replace(q_D=retract(marionette, x.q_D, sign * size * push))
             other, worst = onto_rows(marionette, moved)
-            # V does not include motors' work: a push off their equilibrium is judged later.
-            lower = marionette.tree.drives or marionette.energies(other)[1] < V - least
+            # V does not include motors' work: the result of the push is judged later.
+            lower = marionette.tree.drives or marionette.energies(other)[1] < V - threshold
             if worst <= ROW_TOLERANCES.start_gap and lower:
                 return other
     return None
 
 
-def as_asked(marionette: CompiledPuppet, asked: State, found: Equilibrium) -> Equilibrium:
-    """The equilibrium of the same energy that is rotated least from the state asked for.
+def as_asked(marionette: CompiledPuppet, asked: State, equilibrium: Equilibrium) -> Equilibrium:
+    """The equilibrium of equal energy that is rotated least from the requested state.
 
     A load's angle about its only string is neutral. Without this choice it would depend on how the
     puppet swung to rest, and no input could undo it. In neutral directions without rotation, the
     translation is the smallest.
     """
-    table, n = marionette.coordinates, len(found.x.v_D)
+    table, n = marionette.coordinates, len(equilibrium.x.v_D)
     places = table.scalars_D, table.quaternions_D
     weight = _turn_weights(marionette)
     for _ in range(NEWTON.turns):
-        neutral = _neutral(marionette, found)
-        to_asked = tangent.between(*places, found.x.q_D[None], asked.q_D[None], n)[0]
+        neutral = _neutral(marionette, equilibrium)
+        to_asked = tangent.between(*places, equilibrium.x.q_D[None], asked.q_D[None], n)[0]
         shares = np.linalg.lstsq(weight[:, None] * neutral, weight * to_asked)[0]
         move = neutral @ shares
         largest = float(np.max(np.abs(move), initial=0.0))
         if largest < NEWTON.min_turn:
             break
         move *= min(1.0, NEWTON.max_move / largest)
-        other = newton(marionette, found.x.replace(q_D=retract(marionette, found.x.q_D, move)))
-        if other is None or not np.array_equal(other.rows, found.rows):
+        other = newton(
+            marionette, equilibrium.x.replace(q_D=retract(marionette, equilibrium.x.q_D, move))
+        )
+        if other is None or not np.array_equal(other.rows, equilibrium.rows):
             break
-        risen = marionette.energies(other.x)[1] - marionette.energies(found.x)[1]
+        risen = marionette.energies(other.x)[1] - marionette.energies(equilibrium.x)[1]
         if abs(risen) > NEWTON.potential_fall * sizes(marionette)[1]:
             break
-        found = other
-    return found
+        equilibrium = other
+    return equilibrium
 
 
 def _turn_weights(marionette: CompiledPuppet) -> Array:
-    """(n_vD,) weights: 1 for rotations, small ones for translations."""
+    """Weights (n_vD,): 1 for rotations, small ones for translations."""
     table = marionette.coordinates
     weight = np.ones(table.n_vD)
     units = {row.name: row.unit for row in table.rows}
@@ -221,11 +224,11 @@ def _turn_weights(marionette: CompiledPuppet) -> Array:
     return weight
 
 
-def _neutral(marionette: CompiledPuppet, found: Equilibrium) -> Array:
-    """(n_vD, r) an orthonormal basis of the moves along which forces and gaps stay as they are."""
-    W = Evaluation.of(marionette, found.x).W[:, found.rows]
-    K, A = derivatives(marionette, found)
-    K = K - W @ (np.linalg.pinv(W) @ K) if len(found.rows) else K
+def _neutral(marionette: CompiledPuppet, equilibrium: Equilibrium) -> Array:
+    """Orthonormal basis (n_vD, r) of the moves that change neither forces nor gaps."""
+    W = Evaluation.of(marionette, equilibrium.x).W[:, equilibrium.rows]
+    K, A = derivatives(marionette, equilibrium)
+    K = K - W @ (np.linalg.pinv(W) @ K) if len(equilibrium.rows) else K
     parts = [part / max(float(np.max(np.abs(part), initial=0.0)), 1e-300) for part in (K, A)]
     _, size, modes = np.linalg.svd(np.concatenate(parts))
     return np.asarray(modes[size < NEWTON.neutral * size[0]].T)
@@ -234,7 +237,7 @@ def _neutral(marionette: CompiledPuppet, found: Equilibrium) -> Array:
 def sizes(marionette: CompiledPuppet) -> tuple[float, float]:
     """Mass [kg] and weight [N] as scales, always positive.
 
-    Where nothing but rotors moves they are the rotors' inertia, and 1 N or N m.
+    If only rotors move, they are the rotors' inertia, and 1 N or N m.
     """
     rotors = sum(row.inertia(marionette.number) for row in marionette.tree.drives)
     return marionette.mass or rotors or 1.0, marionette.weight or 1.0

@@ -1,7 +1,7 @@
 """Warnings about puppet files and inputs: values that are legal but far out of the usual range.
 
 The ranges are wide, from a finger puppet to a crane. They catch mixed-up units (millimetres,
-g/cm^3, degrees without their name), which are wrong by factors from 57 to a billion.
+g/cm^3, degrees without their unit), which are wrong by factors from 57 to a billion.
 """
 
 from __future__ import annotations
@@ -28,34 +28,34 @@ Path = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Usual:
-    """Usual ranges."""
+    """Usual ranges of values."""
 
-    density: Range = (5.0, 25_000.0)  # Of solids [kg/m^3]: between foam and osmium (22,600)
+    density: Range = (5.0, 25_000.0)  # Density of solids [kg/m^3]: foam to osmium (22,600)
     body_density: Range = (0.5, 25_000.0)
-    """Mass over volume where a mass is given [kg/m^3]: hollow bodies may be lighter than air."""
-    body_length: Range = (1e-4, 20.0)  # Of one body [m]: between a bead and a crane's jib
-    puppet_length: Range = (2e-3, 100.0)  # Of a puppet [m]
+    """Given mass over volume [kg/m^3]: hollow bodies may be lighter than air."""
+    body_length: Range = (1e-4, 20.0)  # Length of a body [m]: a bead to a crane's jib
+    puppet_length: Range = (2e-3, 100.0)  # Length of a puppet [m]
     mass: Range = (1e-6, 20_000.0)
-    """Of a puppet [kg]: between a paper snippet and a container under a crane."""
-    max_gravity: float = 30.0  # Acceleration of gravity [m/s^2]: Jupiter's is 25
-    max_angle: float = 2.0 * math.pi + 1e-9  # Of a limit, rest or start of a joint [rad]: one turn
+    """Mass of a puppet [kg]: between a paper snippet and a container under a crane."""
+    max_gravity: float = 30.0  # Acceleration of gravity [m/s^2]; on Jupiter 25
+    max_angle: float = 2.0 * math.pi + 1e-9  # Limit, rest or start of a joint [rad]: one turn
     string_length: Range = (0.05, 10.0)
-    """A string's length over its path in the start pose, and over the puppet's size."""
-    grams: Range = (0.05, 5.0)  # Densities that are usual in g/cm^3
+    """Length of a string over its path in the start pose, and over the puppet's size."""
+    grams: Range = (0.05, 5.0)  # Usual densities as numbers in g/cm^3
 
     max_reach: float = 5.0  # Distance from the start, over the size of the puppet on its strings
-    max_speed: float = 10.0  # Speed of a hand or a winch [m/s]: a hand that throws reaches 10 to 20
-    max_angular_speed: float = 100.0  # [rad/s]: 1,000 turns a minute
+    max_speed: float = 10.0  # Speed of a hand or winch [m/s]; a throwing hand reaches 10 to 20
+    max_angular_speed: float = 100.0  # Angular speed [rad/s]: 1,000 turns a minute
     max_turns: float = 4.0  # Turns from one waypoint to the next
 
 
 USUAL = Usual()
-_TIMES = 9
-"""At which every piece of inputs is evaluated."""
+_N_TIMES = 9
+"""Number of times at which each piece of inputs is evaluated."""
 
 
 def warnings(marionette: CompiledPuppet, data: Any = None) -> list[Finding]:
-    """Places in the puppet's file with messages: what was found, what is usual, what to do.
+    """Warnings: places in the puppet's file, with the value, the usual range and advice.
 
     Args:
         marionette: the puppet.
@@ -73,7 +73,7 @@ def warnings(marionette: CompiledPuppet, data: Any = None) -> list[Finding]:
 
 
 class _Checks:
-    """Checks of one puppet; mirrored originals stand for their twins."""
+    """Checks of one puppet; of twins, only the original is checked."""
 
     def __init__(self, marionette: CompiledPuppet, size: Size, data: Any):
         self.marionette, self.size, self.data = marionette, size, data
@@ -207,7 +207,7 @@ class _Checks:
                 yield place, f"{text}: is it in other units, or is a point misplaced?"
 
     def _length(self, i: int, string: String) -> tuple[Path, float | None]:
-        """The length in the start pose and its place; None for one that just reaches."""
+        """Place and length in the start pose; None for a string that just reaches."""
         if isinstance(string.length, float | Parameter):
             return ("strings", i, "length"), self.number(string.length)
         key = f"{string.name}.length"
@@ -233,7 +233,7 @@ def _mass(mass: float) -> str:
 
 
 def _at(data: Any, path: Path) -> Any:
-    """The value at a path of plain data; None where there is none."""
+    """The value at a path of plain data; None if there is none."""
     for part in path:
         try:
             data = data[part]
@@ -247,9 +247,9 @@ class InputWarning:
     """An input that is probably not intended.
 
     Attributes:
-        name: of the driven coordinate, or of a rotation as a whole.
-        t: end of the piece of the motion in question [s].
-        message: what was found, what is usual, what to do.
+        name: name of the driven coordinate, or of a rotation as a whole.
+        t: end of the piece of the motion with the warning [s].
+        message: the value, the usual range and advice.
     """
 
     name: str
@@ -258,13 +258,13 @@ class InputWarning:
 
 
 def input_warnings(marionette: CompiledPuppet, inputs: Input) -> list[InputWarning]:
-    """Where inputs are out of proportion to the puppet: one warning a coordinate and kind."""
+    """Warnings about inputs out of proportion to the puppet: one for each coordinate and kind."""
     table = marionette.coordinates
-    found: list[InputWarning] = []
+    messages: list[InputWarning] = []
     ends = inputs.breaks[1:]
-    share = np.linspace(0.0, 1.0, _TIMES)
+    share = np.linspace(0.0, 1.0, _N_TIMES)
     t = inputs.breaks[:-1, None] + share * np.diff(inputs.breaks)[:, None]
-    # Within each piece: at a break the next one's acceleration would be given.
+    # Times inside the pieces: at a break, the acceleration would be the next piece's.
     q_K, v_K, _ = inputs.evaluate(np.nextafter(t, t.mean(axis=1, keepdims=True)))
     scale, starts = _scale(marionette), _starts(marionette)
     units = {row.name: row.unit for row in table.rows}
@@ -277,22 +277,22 @@ def input_warnings(marionette: CompiledPuppet, inputs: Input) -> list[InputWarni
             if away[k := int(away.argmax())] > USUAL.max_reach * scale:
                 text = f"goes {away[k]:.4g} m away from where it starts; the puppet on its strings "
                 text += f"measures {scale:.3g} m: is it in other units?"
-                found.append(InputWarning(name, float(ends[k]), text))
+                messages.append(InputWarning(name, float(ends[k]), text))
         else:
             turn = np.ptp(q_K[:, :, q], axis=1)
             if turn[k := int(turn.argmax())] > USUAL.max_turns * 2 * np.pi:
                 text = f"turns by {turn[k]:.4g} rad, {turn[k] / (2 * np.pi):.3g} turns, since the "
                 text += "waypoint before; are these degrees? then write deg"
-                found.append(InputWarning(name, float(ends[k]), text))
+                messages.append(InputWarning(name, float(ends[k]), text))
         metres = units[name] == "m"
         bound = USUAL.max_speed if metres else USUAL.max_angular_speed
         unit = "m/s" if metres else "rad/s"
-        found += _speed(name, ends, np.abs(v_K[:, :, v]), bound, unit)
+        messages += _speed(name, ends, np.abs(v_K[:, :, v]), bound, unit)
     for name, (_, v) in table.rotations.items():
         if inputs.named[v]:
             speed = np.linalg.norm(v_K[:, :, v : v + 3], axis=2)
-            found += _speed(name, ends, speed, USUAL.max_angular_speed, "rad/s")
-    return found
+            messages += _speed(name, ends, speed, USUAL.max_angular_speed, "rad/s")
+    return messages
 
 
 def _speed(name: str, ends: Array, speed: Array, bound: float, unit: str) -> list[InputWarning]:
@@ -304,7 +304,7 @@ def _speed(name: str, ends: Array, speed: Array, bound: float, unit: str) -> lis
 
 
 def _scale(marionette: CompiledPuppet) -> float:
-    """Size of the puppet and length of its longest string, together [m]."""
+    """Sum of the puppet's size and the length of its longest string [m]."""
     tree, number = marionette.tree, marionette.number
     size = measure(tree, number)
     lengths = [*path_lengths(tree, size.poses, number).values()]
@@ -313,7 +313,7 @@ def _scale(marionette: CompiledPuppet) -> float:
 
 
 def _starts(marionette: CompiledPuppet) -> Array:
-    """(n_qK,) the start pose; driven lengths that it does not give are those that just reach."""
+    """Start pose (n_qK,); driven lengths that it does not set are those that just reach."""
     tree, table = marionette.tree, marionette.coordinates
     q_D, q_K = table.start_D.copy(), table.start_K.copy()
     paths = path_lengths(tree, measure(tree, marionette.number).poses, marionette.number)

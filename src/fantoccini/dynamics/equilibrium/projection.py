@@ -1,12 +1,12 @@
-"""States brought onto what strings and limits allow, by the smallest move.
+"""States moved to satisfy strings and limits, by the smallest move.
 
-Each search uses the rows' linearisation h + A dq at the configuration reached so far, with every
-row one-sided anew in every round: a row that had to be brought back is free to open later.
+Each search uses the rows' linearisation h + A dq at the present configuration. Every row is
+one-sided again in every round: a row that was corrected can open later.
 
 1. Onto the rows: min |dq|_M with h + A dq <= 0. Where no dq satisfies the rows together, the sum of
    squares of their violations is minimised.
-2. If that stalls: restarts from seeded pushes of growing size off the given configuration. A
-   straight limb that is pulled along itself has zero slope and cannot yield otherwise.
+2. If that stalls: restarts after seeded pushes of growing size off the given configuration. A
+   straight limb that is pulled along itself has zero slope and cannot move otherwise.
 3. Along the rows towards the given configuration q_0: min |q + dq - q_0|_M with h + A dq <= 0,
    completed by Newton's method on M (q - q_0) + A^T y = 0 and h = 0 of the rows with y > 0.
 """
@@ -37,29 +37,29 @@ class Search:
     """Bounds of the searches. Moves are in rad or m; gaps are relative to the row's scale."""
 
     max_move: float = 0.3
-    """Longest move of one round: rows bend, so that their slopes mislead farther away."""
-    near_gap: float = 0.5  # Rows with -h below it may be reached by a move
+    """Longest move of one round: rows are curved, so that their slopes are wrong farther away."""
+    near_gap: float = 0.5  # -h below which a move may reach a row
     near_taut_gap: float = 0.05
-    """The same where taut rows are closed, by moves that are far shorter."""
-    met_gap: float = 1e-14  # |h| that is rounding
-    min_move: float = 1e-15  # Moves that are rounding: the search has ended
+    """-h below which a move may reach a row while taut rows are closed, by shorter moves."""
+    met_gap: float = 1e-14  # |h| that counts as rounding
+    min_move: float = 1e-15  # Move that counts as rounding and ends the search
     violation_cost: float = 1e8
-    """Weight of violations against moves where rows contradict one another [1/m^2]."""
+    """Weight of violations against moves if rows contradict one another [1/m^2]."""
     least_decrease: float = 0.999
-    """Factor by which a move must reduce the violation; searches that converge do far better."""
-    nearest_move: float = 1e-12  # Moves below which a state is the nearest
-    release_move: float = 1e-4  # Moves below which Newton's method lets go of rows that push
+    """Factor by which a move must reduce the violation; converging searches reduce it far more."""
+    nearest_move: float = 1e-12  # Move below which a state counts as the nearest
+    release_move: float = 1e-4  # Move below which Newton's method releases rows that push
     distance_growth: float = 0.01
-    """Growth of the distance to q_0 that its changing metric M_DD may cause."""
+    """Allowed growth of the distance to q_0, because its metric M_DD changes."""
     difference: float = 1e-6
-    """Step of the finite differences for Newton's matrix; it limits the speed alone."""
+    """Step of the finite differences for Newton's matrix; it only affects the convergence."""
     pushes: tuple[float, ...] = (0.03, 0.1, 0.1, 0.3, 0.3, 1.0, 1.0)
-    """Largest parts of the pushes off a configuration from which the search stalled."""
+    """Sizes of pushes off a configuration at which the search stalled, as their largest parts."""
     seed: int = 17
-    rounds: int = 100  # Rounds onto the rows; most searches take fewer than ten
+    rounds: int = 100  # Maximum number of rounds onto the rows; usually below ten
     taut_rounds: int = 20
     halvings: int = 6
-    approaches: int = 15  # Rounds towards the nearest state before Newton's method takes over
+    approaches: int = 15  # Maximum number of rounds towards the nearest state
     newton_rounds: int = 20
 
 
@@ -69,7 +69,7 @@ SEARCH = Search()
 def difference_quotient(
     marionette: CompiledPuppet, q_D: Array, function: Callable[[Array], Array], step: float
 ) -> Array:
-    """Derivative (m, n_vD) of a function (m,) of a configuration by a small move, centred."""
+    """Central difference quotient (m, n_vD) of a function (m,) of a configuration."""
     n = marionette.coordinates.n_vD
     moves = np.concatenate([np.eye(n), -np.eye(n)]) * step
     around = np.array([function(q) for q in retract(marionette, q_D, moves)])
@@ -79,55 +79,55 @@ def difference_quotient(
 def project(marionette: CompiledPuppet, x: State) -> State:
     """The nearest admissible state; see :meth:`Marionette.project`.
 
-    Positions first: M (q - q_0) + A_D^T y = 0 with h <= 0, y >= 0 and y . h = 0, or, where that
-    does not converge, a state near by with h <= 0. Then velocities: hdot <= 0 on closed rows.
+    Positions first: M (q - q_0) + A_D^T y = 0 with h <= 0, y >= 0 and y . h = 0 or, if that does
+    not converge, a state near by with h <= 0. Then velocities: hdot <= 0 on closed rows.
     """
     taut = ActiveSet.of(marionette, x, Evaluation.of(marionette, x)).held & taut_mask(marionette, x)
-    found, left = positioned(marionette, x)
+    solution, left = positioned(marionette, x)
     if left:
         raise StateError(
             f"no state of the puppet was found that fits these string ends and lengths: {left}. "
             f"Tried: moves onto the strings and limits, from there and {len(SEARCH.pushes)} places "
             "nearby"
         )
-    found = _onto_taut_rows(marionette, found, taut)
-    at = Evaluation.of(marionette, found)
-    scale = marionette.row_scales(found.q_D, found.q_K)
+    solution = _onto_taut_rows(marionette, solution, taut)
+    at = Evaluation.of(marionette, solution)
+    scale = marionette.row_scales(solution.q_D, solution.q_K)
     # Winches that slip absorb the speed instead.
     firm = (np.abs(at.h) <= ROW_TOLERANCES.start_gap * scale) & ~np.isfinite(marionette.upper)
     wires = marionette.two_sided
     rows = np.flatnonzero(firm | wires)
-    impulse = at.complementarity(rows, at.hdot[rows], wires | found.taut)
+    impulse = at.complementarity(rows, at.hdot[rows], wires | solution.taut)
     if not impulse.solved:
         impulse = at.complementarity(rows, at.hdot[rows], wires)
     if not impulse.solved:
         names = ", ".join(marionette.names_of(rows, impulse.ray))
         raise StateError(f"no velocity of the puppet fits these driven velocities: {names}")
-    v_D = found.v_D - at.back(at.W[:, rows] @ impulse.x)
-    return with_active_set(marionette, found.replace(v_D=v_D, taut=found.taut))
+    v_D = solution.v_D - at.back(at.W[:, rows] @ impulse.x)
+    return with_active_set(marionette, solution.replace(v_D=v_D, taut=solution.taut))
 
 
 def positioned(marionette: CompiledPuppet, x: State) -> tuple[State, str]:
-    """The state moved onto the rows, velocities unchanged, and the violations left, in words."""
-    found, worst = onto_rows(marionette, x)
-    best, least = found, worst
+    """The state moved onto the rows with unchanged velocities; remaining violations, in words."""
+    solution, worst = onto_rows(marionette, x)
+    best, smallest = solution, worst
     rng = np.random.default_rng(SEARCH.seed)
     for size in SEARCH.pushes:
         if worst <= ROW_TOLERANCES.start_gap:
             break
         push = rng.uniform(-size, size, len(x.v_D))
-        found, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, push)))
-        if worst < least:
-            best, least = found, worst
+        solution, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, push)))
+        if worst < smallest:
+            best, smallest = solution, worst
     if worst > ROW_TOLERANCES.start_gap:
         return best, overstepped(marionette, best)
-    if found is not x:
-        found = _nearest(marionette, found, x)
-    return found, ""
+    if solution is not x:
+        solution = _nearest(marionette, solution, x)
+    return solution, ""
 
 
 def overstepped(marionette: CompiledPuppet, x: State) -> str:
-    """The rows that a state violates and by how much, in words; "" where there are none."""
+    """The rows that a state violates, with their violations, in words; "" without any."""
     h, scale = Evaluation.of(marionette, x).h, marionette.row_scales(x.q_D, x.q_K)
     strings, texts = len(marionette.tree.strings), []
     for i in np.flatnonzero(_violation(marionette, h) > ROW_TOLERANCES.start_gap * scale):
@@ -142,14 +142,14 @@ def overstepped(marionette: CompiledPuppet, x: State) -> str:
 
 
 def _violation(marionette: CompiledPuppet, h: Array) -> Array:
-    """(n_rows,) >= 0, 0 where the row is satisfied."""
+    """Violations (n_rows,) >= 0; 0 for a satisfied row."""
     return np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
 
 
 def onto_rows(marionette: CompiledPuppet, x: State) -> tuple[State, float]:
-    """The nearest configuration that the rows' slopes lead to, and its largest relative violation.
+    """The state moved along the rows' slopes onto them, and its largest relative violation.
 
-    Steps are halved until the violation falls. The state itself where it violates no row.
+    Steps are halved until the violation falls. A state that violates no row is unchanged.
     """
     scale, wires = marionette.row_scales(x.q_D, x.q_K), marionette.two_sided
     at = Evaluation.of(marionette, x)
@@ -177,7 +177,7 @@ def onto_rows(marionette: CompiledPuppet, x: State) -> tuple[State, float]:
 
 
 def _onto_taut_rows(marionette: CompiledPuppet, x: State, taut: MaskRows) -> State:
-    """The nearest state, in the metric of M_DD, with h = 0 on taut rows and h <= 0 on the others.
+    """The nearest state in the metric of M_DD with h = 0 on taut rows and h <= 0 on others.
 
     ``x`` must satisfy the rows, with the taut ones nearly closed. Taut rows that contradict one
     another stay slack in the state returned.
@@ -192,10 +192,10 @@ def _onto_taut_rows(marionette: CompiledPuppet, x: State, taut: MaskRows) -> Sta
         if not np.any(off):
             break
         rows = np.flatnonzero((at.h > -SEARCH.near_taut_gap * scale) | taut | wires)
-        found = at.complementarity(rows, at.h[rows], taut | wires)
-        if not found.solved:
+        solution = at.complementarity(rows, at.h[rows], taut | wires)
+        if not solution.solved:
             break
-        move = -at.back(at.W[:, rows] @ found.x)
+        move = -at.back(at.W[:, rows] @ solution.x)
         move *= min(1.0, SEARCH.max_move / max(_size(move), SEARCH.max_move))
         moved = moved.replace(q_D=integrate(marionette, moved.q_D, move))
     h = Evaluation.of(marionette, moved).h
@@ -207,17 +207,17 @@ def _onto_taut_rows(marionette: CompiledPuppet, x: State, taut: MaskRows) -> Sta
 
 
 def _size(move: Array) -> float:
-    """The largest part of a move [rad or m]."""
+    """Largest part of a move [rad or m]."""
     return float(np.max(np.abs(move), initial=0.0))
 
 
 def _shortest(marionette: CompiledPuppet, at: Evaluation, rows: Indices) -> Array:
-    """The shortest y with h + W^T y <= 0, or the one with the least violation."""
+    """The shortest y with h + W^T y <= 0, or with the least violation."""
     W, h, wires = at.W[:, rows], at.h[rows], marionette.two_sided[rows]
-    found = at.complementarity(rows, h, marionette.two_sided)
-    if found.solved:
-        return -W @ found.x
-    # min |y|^2 + k |s|^2 with h + W^T y <= s: the same with 1/k on the diagonal of W^T W.
+    solution = at.complementarity(rows, h, marionette.two_sided)
+    if solution.solved:
+        return -W @ solution.x
+    # min |y|^2 + k |s|^2 with h + W^T y <= s: this adds 1/k to the diagonal of W^T W.
     from scipy.optimize import lsq_linear  # slow to import, and only contradictions need it
 
     damping = np.sqrt(np.trace(W.T @ W) / (SEARCH.violation_cost * len(rows)))
@@ -229,10 +229,10 @@ def _shortest(marionette: CompiledPuppet, at: Evaluation, rows: Indices) -> Arra
 
 
 def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
-    """The state moved along the rows until it is nearest to another one.
+    """The state moved along the rows until it is nearest to ``origin``.
 
-    mu > 0 damps moves, min |q + dq - q_0|_M^2 + mu |dq|_M^2: with mu = 0 bent rows make long moves
-    overshoot. Newton's method completes searches that converge slowly.
+    mu > 0 damps moves, min |q + dq - q_0|_M^2 + mu |dq|_M^2: with mu = 0, curved rows make long
+    moves overshoot. Newton's method completes searches that converge slowly.
     """
     wires, scale, mu = marionette.two_sided, marionette.row_scales(x.q_D, x.q_K), 0.0
     held: tuple[Indices, Array] = np.zeros(0, dtype=np.intp), np.zeros(0)
@@ -241,10 +241,10 @@ def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
         away = _away(marionette, at, x, origin)
         rows = np.flatnonzero((at.h > -SEARCH.near_gap * scale) | wires)
         W, wanted = at.W[:, rows], away / (1.0 + mu)
-        found = at.complementarity(rows, at.h[rows] + W.T @ wanted, wires)
-        move = at.back(wanted - W @ found.x)
+        solution = at.complementarity(rows, at.h[rows] + W.T @ wanted, wires)
+        move = at.back(wanted - W @ solution.x)
         size = _size(move)
-        if not found.solved or not SEARCH.nearest_move < size < np.inf:
+        if not solution.solved or not SEARCH.nearest_move < size < np.inf:
             return x
         move *= min(1.0, SEARCH.max_move / size)
         other, worst = onto_rows(marionette, x.replace(q_D=retract(marionette, x.q_D, move)))
@@ -253,8 +253,8 @@ def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
         if worst > ROW_TOLERANCES.start_gap or np.linalg.norm(there) > farther:
             mu = max(4.0 * mu, 1.0)
             continue
-        pulls = (found.x != 0.0) | wires[rows]
-        held = rows[pulls], (1.0 + mu) * found.x[pulls]
+        pulls = (solution.x != 0.0) | wires[rows]
+        held = rows[pulls], (1.0 + mu) * solution.x[pulls]
         x, mu = other, (0.5 * mu if mu > 0.1 else 0.0)
     return _stationary(marionette, x, origin, *held) or x
 
@@ -262,16 +262,16 @@ def _nearest(marionette: CompiledPuppet, x: State, origin: State) -> State:
 def _stationary(
     marionette: CompiledPuppet, x: State, origin: State, rows: Indices, pull: Array
 ) -> State | None:
-    """The state near another with F away = W pull and h = 0 on some rows, by Newton's method.
+    """The state nearest to ``origin``, F away = W pull and h = 0 on rows, by Newton's method.
 
-    Rows that push are let go. None where it does not converge to a state that satisfies all rows
+    Rows that push are released. None if it does not converge to a state that satisfies all rows
     and is as near.
     """
     n, at = marionette.coordinates.n_vD, Evaluation.of(marionette, x)
     farthest = (1.0 + SEARCH.distance_growth) * np.linalg.norm(_away(marionette, at, x, origin))
 
     def residual(q_D: Array) -> Array:
-        """(n + len(rows),) of the two equations."""
+        """Residual (n + len(rows),) of the two equations."""
         y = x.replace(q_D=q_D)
         at = Evaluation.of(marionette, y)
         return np.append(_away(marionette, at, y, origin) - at.W[:, rows] @ pull, at.h[rows])
@@ -298,7 +298,7 @@ def _stationary(
 
 
 def _away(marionette: CompiledPuppet, at: Evaluation, x: State, origin: State) -> Array:
-    """The move from a configuration to another, in coordinates in which M_DD is the identity."""
+    """The move to the configuration ``origin``, in coordinates with M_DD the identity."""
     table = marionette.coordinates
     places = table.scalars_D, table.quaternions_D
     F_inverse = at.back(np.eye(table.n_vD)).T

@@ -1,8 +1,8 @@
 """Equilibria by dynamic relaxation with kinetic damping, refined by Newton's method.
 
-The puppet is let go and stopped whenever its kinetic energy peaks, until it hardly moves; Newton's
-method then takes the equilibrium to rounding. From an unstable one it is pushed off, and the search
-continues from there.
+The puppet is let go and stopped whenever its kinetic energy peaks, until it hardly moves. Newton's
+method then refines the equilibrium to rounding. An unstable one is left with a push, and the search
+continues.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ class Search:
 
     dt: float = 0.002  # Step of the runs [s]
     piece: float = 0.1
-    """Length of a run [s]: shorter than a swing, to stop near the peak of kinetic energy."""
+    """Duration of a run [s]: shorter than a swing, to stop near the peak of kinetic energy."""
     pieces: int = 1500
     at_equilibrium: float = 1e-6
-    """Distance at which the puppet is at an equilibrium instead of passing it; and the largest
+    """Distance up to which the puppet is at an equilibrium instead of passing it, and the largest
     acceleration there."""
-    gives_way: float = 0.1  # Move from which a drive counts as giving way
+    gives_way: float = 0.1  # Move from which a drive gives way
     farthest: float = 100.0  # Move from which the puppet has no equilibrium
     restarts: int = 8  # Restarts from unstable equilibria
     unstable: float = 1e-6
-    """Growth rate squared of an instability, relative to the fastest oscillation's."""
+    """Squared growth rate of an instability, relative to that of the fastest oscillation."""
 
 
 SEARCH = Search()
 
 
-def check_winches(marionette: CompiledPuppet, found: Equilibrium) -> None:
-    """Raises StateError where winches slip at an equilibrium."""
+def check_winches(marionette: CompiledPuppet, result: Equilibrium) -> None:
+    """Raises StateError if winches slip at an equilibrium."""
     upper = marionette.upper
     if not np.any(np.isfinite(upper)):
         return
-    acc, tension = forward_dynamics(marionette, found.x)
+    acc, tension = forward_dynamics(marionette, result.x)
     if np.max(np.abs(acc), initial=0.0) > SEARCH.at_equilibrium:
         names = marionette.tree.row_names
         slips = [f"{names[i]} ({upper[i]:g} N)" for i in np.flatnonzero(tension >= upper)]
@@ -66,27 +66,27 @@ def check_winches(marionette: CompiledPuppet, found: Equilibrium) -> None:
 
 
 def relaxed(marionette: CompiledPuppet, x: State) -> Equilibrium:
-    """The equilibrium into which a puppet falls that is let go and stopped again and again.
+    """The equilibrium that a puppet reaches when it is let go and stopped repeatedly.
 
     Raises:
-        StateError: it went on moving, or no run can begin or continue there.
+        StateError: it keeps moving, or a run cannot begin or continue.
     """
     q_D = x.q_D
     for _ in range(SEARCH.restarts):
         lower = None
         for q_D in _slowing(marionette, x):
-            found = newton(marionette, x.replace(q_D=q_D))
-            if found is None:
+            result = newton(marionette, x.replace(q_D=q_D))
+            if result is None:
                 continue
-            at = Evaluation.of(marionette, found.x)
-            bends = curvature(at, derivatives(marionette, found)[0])
-            push = instability(at, found.rows, bends, SEARCH.unstable)
-            there = np.max(np.abs(found.x.q_D - q_D)) < SEARCH.at_equilibrium
+            at = Evaluation.of(marionette, result.x)
+            bends = curvature(at, derivatives(marionette, result)[0])
+            push = instability(at, result.rows, bends, SEARCH.unstable)
+            there = np.max(np.abs(result.x.q_D - q_D)) < SEARCH.at_equilibrium
             if push is not None and there:
-                lower = pushed(marionette, found.x, push)
+                lower = pushed(marionette, result.x, push)
             if push is None or (there and lower is None):
-                x = in_step(marionette, found.x)
-                return found if x is found.x else newton(marionette, x) or found
+                x = in_step(marionette, result.x)
+                return result if x is result.x else newton(marionette, x) or result
             if lower is not None:
                 break
         if lower is None:
@@ -103,13 +103,13 @@ def hauled_in(marionette: CompiledPuppet, x: State) -> State:
 
 
 def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
-    """Configurations ever closer to an equilibrium, in ever longer intervals."""
+    """Configurations closer and closer to an equilibrium, after longer and longer intervals."""
     q_D, v_D = x.q_D, np.zeros(marionette.coordinates.n_vD)
     start, yield_at = np.array(q_D), 4
     for piece in range(SEARCH.pieces):
         at_once = x.replace(q_D=q_D, v_D=v_D)
         status, samples = let_go(marionette, at_once, SEARCH.piece, dt=SEARCH.dt, alone=True)
-        # Stepper motors may lose steps on the way: they are set back in step afterwards.
+        # Stepper motors may lose steps during the run: they are set back in step afterwards.
         if status not in (Status.DONE, Status.LOST_STEPS):
             raise StateError(f"let go, {status.message}{_giving_way(marionette, x, q_D)}")
         kinetic = samples["kinetic"]
@@ -126,7 +126,7 @@ def _slowing(marionette: CompiledPuppet, x: State) -> Iterator[Array]:
 
 
 def _giving_way(marionette: CompiledPuppet, start: State, q_D: Array) -> str:
-    """The drives that a puppet without an equilibrium pushes away, in words."""
+    """Drives that a puppet without an equilibrium pushes away, in words."""
     texts = []
     for row in marionette.tree.drives:
         if row.turns:
@@ -144,17 +144,17 @@ def _giving_way(marionette: CompiledPuppet, start: State, q_D: Array) -> str:
 
 def poles(marionette: CompiledPuppet) -> list[tuple[DriveRow, float]]:
     """The drives with stepper motors, and the distance of their equivalent poles [rad or m]."""
-    found = []
+    result = []
     for row in marionette.tree.drives:
         motor, drive = row.drive.motor, row.drive
         if isinstance(motor, StepperMotor):
             turn = 1.0 if drive.drum is None and drive.mass is not None else 2.0 * np.pi
-            found.append((row, 4.0 / motor.steps * turn / row.ratio(marionette.number)))
-    return found
+            result.append((row, 4.0 / motor.steps * turn / row.ratio(marionette.number)))
+    return result
 
 
 def in_step(marionette: CompiledPuppet, x: State) -> State:
-    """The state with stepper motors moved by whole poles to where they are in step."""
+    """The state with stepper motors moved by whole poles until they are in step."""
     q_D = x.q_D.copy()
     for row, pole in poles(marionette):
         if row.command is not None:

@@ -1,4 +1,4 @@
-"""Rest on what carries a puppet: it is let go among floor and props until it is still."""
+"""Rest with contact: the puppet is let go on floor and props until it is still."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from fantoccini.motion import State
 
 @dataclass(frozen=True)
 class Settling:
-    """How long a puppet may take to come to rest, and what counts as rest."""
+    """Bounds of settling, and thresholds of rest."""
 
     dt: float = 1e-3  # Step of the runs [s]
     piece: float = 0.25
-    """Mean length of a run [s]. Lengths differ by up to ``uneven`` of it: a swing of which each is
-    a half would never lose its energy."""
+    """Mean duration of a run [s]. Durations vary by up to ``uneven`` of it: a swing of twice a
+    constant duration would never lose its energy."""
     uneven: float = 0.4
     stops: int = 60
-    """Runs after which all velocities are set to zero; afterwards friction must do it alone."""
+    """Number of runs after which all velocities are set to zero; then friction alone acts."""
     pieces: int = 240
     still: float = 1e-7  # Largest velocity at rest [rad/s or m/s]
     moved: float = 1e-8  # Largest move over a run at rest [rad or m]
 
 
 SETTLING = Settling()
-_GOLDEN = 0.5 * (5.0**0.5 - 1.0)
-"""Whose multiples spread most evenly between whole numbers."""
+_GOLDEN_RATIO = 0.5 * (5.0**0.5 - 1.0)
+"""Golden ratio: the fractional parts of its multiples spread most evenly."""
 
 
 def settled(marionette: CompiledPuppet, x: State) -> State:
     """The state in which a puppet comes to rest when it is let go, its inputs held.
 
-    Friction holds any of many states; this is the one that it falls into.
+    Friction can hold many states; this is the one that the puppet falls into.
 
     Args:
         marionette: a puppet with contact.
-        x: where it is let go; its velocities do not count.
+        x: start state; its velocities are ignored.
 
     Raises:
-        StateError: it keeps moving, or the run stops.
+        StateError: the puppet keeps moving, or the run stops.
     """
     q_D, v_D = np.array(x.q_D), np.zeros_like(x.v_D)
     for piece in range(SETTLING.pieces):
-        spread = 2.0 * (piece * _GOLDEN % 1.0) - 1.0
+        spread = 2.0 * (piece * _GOLDEN_RATIO % 1.0) - 1.0
         duration = SETTLING.piece * (1.0 + SETTLING.uneven * spread)
         status, samples = let_go(
             marionette, x.replace(q_D=q_D, v_D=v_D), duration, dt=SETTLING.dt, alone=False

@@ -1,4 +1,4 @@
-"""Support: bodies that nothing holds against gravity, found from the puppet's structure alone.
+"""Support: bodies that nothing holds against gravity, from the puppet's structure alone.
 
 Strings, springs and joints connect bodies, except joints that are free along gravity. Bodies not
 connected to the world fall for ever.
@@ -16,14 +16,14 @@ from fantoccini.model.tree import WORLD, Link, Role, Tree, link_inertia, measure
 
 MIN_COSINE = 1e-9
 """Cosine between an axis and gravity above which a body slides down the axis."""
-_LISTED = 6
+_MAX_LISTED = 6
 """Maximum number of bodies named in a message."""
 
 
 def falling(marionette: CompiledPuppet) -> tuple[tuple[int, ...], ...]:
-    """Groups of links that nothing holds: the roots of each, the highest first, then the others.
+    """Groups of links that nothing holds: in each, the roots, the highest first, then the others.
 
-    A group that may touch the floor or obstacles is not listed, as these may carry it.
+    A group that may touch the floor or obstacles is not listed, because these may carry it.
     """
     tree, number = marionette.tree, marionette.number
     gravity = np.array([number(x) for x in tree.gravity])
@@ -44,24 +44,26 @@ def falling(marionette: CompiledPuppet) -> tuple[tuple[int, ...], ...]:
         members.setdefault(of(i), []).append(i)
     members.pop(of(WORLD), None)
     up = -size.poses[:, :, 3] @ gravity
-    found = []
+    groups = []
     for own in members.values():
         touches = marionette.puppet.touching is not None and any(tree.links[i].shapes for i in own)
         if touches or not any(link_inertia(tree.links[i], number)[0] > 0.0 for i in own):
             continue
         root = {i: tree.links[i].parent not in own for i in own}
-        found.append(tuple(sorted(own, key=lambda i: (not root[i], -up[i] if root[i] else 0.0, i))))
-    return tuple(found)
+        groups.append(
+            tuple(sorted(own, key=lambda i: (not root[i], -up[i] if root[i] else 0.0, i)))
+        )
+    return tuple(groups)
 
 
 def falls(marionette: CompiledPuppet, group: tuple[int, ...]) -> str:
-    """Message: a group of :func:`falling` has no support."""
+    """Message that a group of :func:`falling` has no support."""
     chains = {p.link: chain.name for chain in marionette.tree.chains for p in chain.points[1:-1]}
     bodies = [marionette.tree.links[i].name for i in group if i not in chains]
     names = bodies or list(dict.fromkeys(chains[i] for i in group))
-    shown = ", ".join(names[:_LISTED])
-    if len(names) > _LISTED:
-        shown += f" and {len(names) - _LISTED} more"
+    shown = ", ".join(names[:_MAX_LISTED])
+    if len(names) > _MAX_LISTED:
+        shown += f" and {len(names) - _MAX_LISTED} more"
     return (
         f"nothing holds {shown}: no string, spring, drive or joint ties {_them(names)} to the "
         f"world, so that {_they(names)} for ever; make {names[0]} driven or fixed, or tie it to "
@@ -93,7 +95,7 @@ def _ties(
 
 
 def _slides(marionette: CompiledPuppet, i: int, poses: np.ndarray, down: np.ndarray) -> bool:
-    """Whether a link falls along its joint. Unknown, and False, where the axis may turn."""
+    """Whether a link falls along its joint; False if the axis may turn, where it is unknown."""
     tree = marionette.tree
     link = tree.links[i]
     if link.role is not Role.DYNAMIC or any(row.link == i for row in tree.drives):

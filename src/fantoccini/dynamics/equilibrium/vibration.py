@@ -21,20 +21,20 @@ from fantoccini.motion import State
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Decisions about modes. s are eigenvalues [1/s]."""
+    """Tolerances of modes. s are eigenvalues [1/s]."""
 
     max_rest_motion: float = 1e-6
     """Largest speed and acceleration of a puppet at rest [rad or m per s or s^2]."""
     zero: float = 1e-6
-    """|s| that counts as 0, relative to the largest: a double root has the root of rounding."""
-    undamped: float = 1e-12  # Real part of s that is rounding, relative to |s|
+    """|s| that counts as 0, relative to the largest: a double root errs by the root of rounding."""
+    undamped: float = 1e-12  # Real part of s that counts as rounding, relative to |s|
     asymmetry: float = 1e-7
     """Asymmetry of K and D from rounding and unbalanced forces, relative to them."""
-    equal: float = 1e-6  # Relative difference of s of a multiple eigenvalue, as for ``zero``
-    real_basis: float = 1e-6  # Singular value of a basis that counts, relative to the largest
+    equal: float = 1e-6  # Relative difference of s of a multiple eigenvalue, as with ``zero``
+    real_basis: float = 1e-6  # Smallest singular value of a real basis, relative to the largest
     excitable: float = 1e-8
     """Gain of a mode that inputs excite, relative to the largest of all modes."""
-    listed: float = 0.02  # Least entry in the printed table, relative to the mode's largest
+    listed: float = 0.02  # Smallest entry in the printed table, relative to the mode's largest
 
 
 TOLERANCES = Tolerances()
@@ -48,11 +48,11 @@ class Mode:
         s: eigenvalue; the motion is proportional to exp(s t) [1/s].
         shape: name of a dynamic velocity -> complex amplitude of the coordinate; the largest is 1
             [rad or m].
-        share: name of a dynamic velocity -> its share of the kinetic energy.
+        share: name of a dynamic velocity -> share of the kinetic energy.
         gain: name of a driven velocity -> growth of the largest coordinate in one period while the
             driven one oscillates at the mode's frequency with amplitude 1 [per rad or m]; for an
             aperiodic mode, in one second of a steady displacement by 1.
-        excitable: whether any input moves it.
+        excitable: whether any input excites the mode.
     """
 
     s: complex
@@ -63,7 +63,7 @@ class Mode:
 
     @property
     def swings(self) -> bool:
-        """Whether it oscillates."""
+        """Whether the mode oscillates."""
         return self.s.imag > 0.0
 
     @property
@@ -86,8 +86,8 @@ class Modes:
     Attributes:
         x: the state of rest.
         rows: names of the taut strings and limits.
-        contacts: the points that carry; they stick, or slide where there is no friction.
-        modes: all of them. An oscillation stands for two eigenvalues, s and its conjugate; so does
+        contacts: the points that carry; they stick, or slide without friction.
+        modes: all modes. An oscillation stands for two eigenvalues, s and its conjugate; so does
             a coordinate with neither stiffness nor damping.
     """
 
@@ -128,8 +128,8 @@ class Modes:
 def _listed(values: dict[str, float], shown: str) -> str:
     """The three largest entries, without those that are negligible."""
     first = sorted(values.items(), key=lambda item: -item[1])[:3]
-    least = TOLERANCES.listed * first[0][1] if first else 0.0
-    return ", ".join(f"{n} {shown.format(x)}" for n, x in first if x > least)
+    smallest = TOLERANCES.listed * first[0][1] if first else 0.0
+    return ", ".join(f"{n} {shown.format(x)}" for n, x in first if x > smallest)
 
 
 def modes(marionette: CompiledPuppet, x: State) -> Modes:
@@ -157,13 +157,13 @@ def modes(marionette: CompiledPuppet, x: State) -> Modes:
     all_gains = [reduced.gains(s, phi, N) for s, phi in groups]
     of_swings = (gains for (s, _), gains in zip(groups, all_gains, strict=True) if s)
     largest_gain = max((np.max(gains, initial=0.0) for gains in of_swings), default=0.0)
-    made = [
+    modes_at_rest = [
         _mode(marionette, s, shape, small.M, gain, largest_gain)
         for (s, phi), gains in zip(groups, all_gains, strict=True)
         for shape, gain in zip((N @ phi).T, gains, strict=True)
     ]
     names = tuple(marionette.tree.row_names[i] for i in small.held)
-    return Modes(x, names, motion.contacts.points, tuple(made))
+    return Modes(x, names, motion.contacts.points, tuple(modes_at_rest))
 
 
 def _balanced(marionette: CompiledPuppet, x: State, acc_D: Array) -> bool:
@@ -198,9 +198,9 @@ class _Reduced:
     """etaddot + D etadot + K eta = F_q dq_K + F_v dv_K + F_a dacc_K.
 
     Attributes:
-        K, D: (m, m).
+        K, D: (m, m) stiffness and damping.
         forcing: F_q, F_v and F_a, (m, n_vK) each.
-        symmetric: whether K and D are.
+        symmetric: whether K and D are symmetric.
     """
 
     K: Array
@@ -209,10 +209,10 @@ class _Reduced:
     symmetric: bool
 
     def groups(self) -> list[tuple[complex, Array]]:
-        """(s, phi (m, k)) of modes with one s: oscillations first, from slow to fast.
+        """Pairs (s, phi (m, k)) of the modes with equal s: oscillations first, from slow to fast.
 
-        Within a group the modes are ordered by how strongly the inputs excite them, which
-        separates those that they cannot reach.
+        Within a group the modes are ordered by their excitation by the inputs, which separates
+        those that the inputs cannot excite.
         """
         m = len(self.K)
         flow = np.block([[np.zeros((m, m)), np.eye(m)], [-self.K, -self.D]])
@@ -226,17 +226,17 @@ class _Reduced:
         order = sorted(
             one_of_two, key=lambda i: (values[i].imag == 0.0, abs(values[i]), values[i].real)
         )
-        found: list[tuple[complex, Array]] = []
+        grouped: list[tuple[complex, Array]] = []
         for i in order:
             s, phi = complex(values[i]), vectors[:m, i, None]
-            if found and abs(s - found[-1][0]) <= TOLERANCES.equal * abs(s):
-                s, before = found.pop()
+            if grouped and abs(s - grouped[-1][0]) <= TOLERANCES.equal * abs(s):
+                s, before = grouped.pop()
                 phi = np.concatenate([before, phi], axis=1)
-            found.append((s, phi))
-        return [(s, self._turned(s, phi)) for s, phi in found]
+            grouped.append((s, phi))
+        return [(s, self._ordered(s, phi)) for s, phi in grouped]
 
-    def _turned(self, s: complex, phi: Array) -> Array:
-        """A basis of the modes of one s, real where there is one, the most excited first."""
+    def _ordered(self, s: complex, phi: Array) -> Array:
+        """Basis of the modes of one s, real if possible, the most excited first."""
         if phi.shape[1] == 1:
             return phi
         u, size, _ = np.linalg.svd(np.concatenate([phi.real, phi.imag], axis=1))
@@ -248,7 +248,7 @@ class _Reduced:
         return phi @ turn[:, ::-1]
 
     def _input(self, s: complex, phi: Array) -> Array:
-        """(k, n_vK) b of zdot = s z + b dq_K for eta = phi z; for s = 0 the force on z.
+        """Matrix b (k, n_vK) in zdot = s z + b dq_K for eta = phi z; for s = 0 the force on z.
 
         psi^T (2 s + D) phi b = psi^T (F_q + s F_v + s^2 F_a)
         """
@@ -261,14 +261,14 @@ class _Reduced:
         return np.linalg.pinv(inertia) @ force
 
     def _left(self, s: complex, phi: Array) -> Array:
-        """psi (m, k) of one s; phi where K and D are symmetric."""
+        """Matrix psi (m, k) of one s; phi if K and D are symmetric."""
         if self.symmetric:
             return phi
         _, _, rows = np.linalg.svd((s * s * np.eye(len(phi)) + s * self.D + self.K).T)
         return rows[len(rows) - phi.shape[1] :].conj().T
 
     def gains(self, s: complex, phi: Array, N: Array) -> Array:
-        """(k, n_vK) growth of each mode's largest coordinate; see :class:`Mode`."""
+        """Growth (k, n_vK) of each mode's largest coordinate; see :class:`Mode`."""
         size = np.max(np.abs(N @ phi), axis=0, initial=0.0)
         swing = 2.0 * np.pi / s.imag if s.imag > 0.0 else 1.0
         return np.abs(self._input(s, phi)) * size[:, None] * swing

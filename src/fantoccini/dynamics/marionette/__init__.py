@@ -1,4 +1,4 @@
-"""Marionette: the public face of a puppet, loaded from files, texts and the bundled ones."""
+"""Marionette: the public class of a puppet, loaded from files, texts and the bundled ones."""
 
 from fantoccini.dynamics.marionette import puppets
 from fantoccini.dynamics.marionette.loading import StringModel, load, loads

@@ -22,13 +22,13 @@ def load(
     """The marionette of a puppet or scene file.
 
     Args:
-        path: a YAML file.
-        progress: called with the stage that begins (``what``: "deriving", "compiling").
+        path: path of a YAML file.
+        progress: callback for each stage that begins (``what``: "deriving", "compiling").
         string_model: ``constraint`` for the massless strings of the file; ``chain`` for chains of
-            point masses joined by springs, as :meth:`Puppet.with_chains` makes them.
+            point masses joined by springs, from :meth:`Puppet.with_chains`.
 
     Raises:
-        PuppetError: with every mistake in the file.
+        PuppetError: the file has mistakes; the message lists all of them.
     """
     return Marionette(_with_strings(scene.load(path), string_model), progress)
 
@@ -36,12 +36,12 @@ def load(
 def loads(
     text: str, progress: OnProgress | None = None, *, string_model: StringModel = "constraint"
 ) -> Marionette:
-    """The marionette of YAML text; arguments and errors as of :func:`load`."""
+    """The marionette of YAML text; arguments and errors as in :func:`load`."""
     return Marionette(_with_strings(scene.loads(text), string_model), progress)
 
 
-def _with_strings(found: Puppet, string_model: StringModel) -> Puppet:
+def _with_strings(puppet: Puppet, string_model: StringModel) -> Puppet:
     if string_model not in (allowed := get_args(StringModel)):
         names = ", ".join(allowed)
         raise ValueError(f"string_model is {string_model!r}; it must be one of {names}")
-    return found.with_chains() if string_model == "chain" else found
+    return puppet.with_chains() if string_model == "chain" else puppet

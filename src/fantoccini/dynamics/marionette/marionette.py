@@ -1,4 +1,4 @@
-"""Marionette: the public face of a model and of the algorithms that are functions of it."""
+"""Marionette: the public class of a model and of the algorithms that are functions of it."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ from fantoccini.motion import Input, State
 
 @dataclass(frozen=True, eq=False, init=False, repr=False)
 class Marionette(CompiledPuppet):
-    """A puppet on strings: its coordinates, equations, compiled model, states.
+    """A puppet on strings: its coordinates, equations, compiled model and states.
 
-    It is derived and compiled when first needed, or loaded from the cache. A marionette does not
-    change: the ``with_`` methods return another one, and nothing is compiled again.
+    It is derived and compiled when first needed, or loaded from the cache. A marionette is
+    immutable: the ``with_`` methods return another one, without compiling again.
 
     Args:
         what: a puppet or a scene.
-        progress: called with the stage that begins (``what``: "deriving", "compiling").
+        progress: callback for each stage that begins (``what``: "deriving", "compiling").
     """
 
     def __repr__(self) -> str:
@@ -65,7 +65,7 @@ class Marionette(CompiledPuppet):
         )
 
     def _repr_html_(self) -> str | None:
-        """A picture of the start pose and tables, for notebooks; nothing is compiled for it."""
+        """Picture of the start pose, and tables, for notebooks; nothing is compiled."""
         return output().puppet_html(self)
 
     # -- states ------------------------------------------------------------------------------
@@ -73,15 +73,15 @@ class Marionette(CompiledPuppet):
     def state(self, values: Values | None = None) -> State:
         """A state at rest: the file's pose with some values changed.
 
-        Driven lengths that neither the pose nor ``values`` give just reach; commands of drives are
-        where their coordinates are.
+        Driven lengths that neither the pose nor ``values`` set just reach; commands of drives equal
+        their coordinates.
 
         Args:
             values: coordinate name -> value; ``joint.rotation`` takes a quaternion (w, x, y, z)
                 or a rotation vector; ``v:NAME`` sets a velocity. Angles may be ``30 deg``.
 
         Raises:
-            StateError: a value is not what the name takes.
+            StateError: a value does not fit its name.
             UnknownNameError: the puppet has no such coordinate.
         """
         return initial_state.state(self, values)
@@ -90,11 +90,11 @@ class Marionette(CompiledPuppet):
         """A hanging equilibrium: a local minimum of V subject to the strings and limits.
 
         Args:
-            values: as in :meth:`state`, or a state. Driven coordinates are held there; the search
-                begins at the dynamic ones; velocities do not matter.
+            values: values of :meth:`state`, or a state. It fixes the driven coordinates; the search
+                begins at the dynamic ones; velocities are ignored.
 
         Raises:
-            StateError: there is none, or it was not found.
+            StateError: there is no equilibrium, or none was found.
         """
         x = values if isinstance(values, State) else self.state(values)
         return equilibrium.rest(self, x)
@@ -102,114 +102,114 @@ class Marionette(CompiledPuppet):
     def project(self, x: State) -> State:
         """The nearest state, in the metric of M_DD, that satisfies the strings and limits.
 
-        Driven coordinates stay. Rows that ``x`` marks as taut are brought to h = 0 and hdot = 0, as
-        far as they do not contradict one another.
+        Driven coordinates are unchanged. Rows that ``x`` marks as taut are brought to h = 0 and
+        hdot = 0, unless they contradict one another.
 
         Raises:
-            StateError: no such state was found; the violation left in each row is reported.
+            StateError: no such state was found; the message has the remaining violations.
         """
         return projection.project(self, x)
 
     def difference(self, q0: Array, q1: Array, driven: bool = False) -> Array:
-        """The tangent vectors dq from q0 to q1: ``integrate(q0, dq)`` is q1.
+        """Tangent vectors dq from q0 to q1: ``integrate(q0, dq)`` is q1.
 
-        For a scalar q1 - q0, for an orientation the shortest rotation vector in the body's frame.
+        A scalar gives q1 - q0, an orientation the shortest rotation vector in the body's frame.
 
         Args:
             q0, q1: (..., n_qD) dynamic configurations [rad, m or 1]; leading axes broadcast.
-            driven: they are driven ones, (..., n_qK).
+            driven: whether they are driven configurations (..., n_qK).
 
         Returns:
-            (..., n_vD), or (..., n_vK) [rad or m].
+            Vectors (..., n_vD), or (..., n_vK) [rad or m].
         """
         return configurations.difference(self, q0, q1, driven)
 
     def integrate(self, q: Array, dq: Array, driven: bool = False) -> Array:
-        """q (..., n_qD) moved by tangent vectors dq (..., n_vD); see :meth:`difference`."""
+        """Configurations q (..., n_qD) moved by vectors dq (..., n_vD); see :meth:`difference`."""
         return configurations.integrate(self, q, dq, driven)
 
     # -- quantities at a state, in the paper's order ----------------------------------------
 
     def mass_matrix(self, x: State) -> Array:
-        """M(q_D) of Eq. 8, (n_vD, n_vD) [kg, kg m, kg m^2]."""
+        """Inertia matrix M(q_D) of Eq. 8, (n_vD, n_vD) [kg, kg m, kg m^2]."""
         return self.interpreted("mass_matrix", x).M
 
     def mass_matrix_DK(self, x: State) -> Array:
-        """M_DK, (n_vD, n_vK): non-zero where a driven joint moves mass."""
+        """Block M_DK (n_vD, n_vK) of the inertia matrix: not 0 where a driven joint moves mass."""
         return self.interpreted("mass_matrix", x).M_DK
 
     def mass_matrix_KK(self, x: State) -> Array:
-        """M_KK, (n_vK, n_vK)."""
+        """Block M_KK (n_vK, n_vK) of the inertia matrix."""
         return self.interpreted("mass_matrix", x).M_KK
 
     def coriolis_matrix(self, x: State) -> Array:
-        """C(q, v) of Eq. 8 over the dynamic velocities, (n_vD, n_vD)."""
+        """Coriolis matrix C(q, v) of Eq. 8 for the dynamic velocities, (n_vD, n_vD)."""
         n = self.coordinates.n_vD
         return self.interpreted("coriolis", x).C[:n, :n]
 
     def gravity(self, x: State) -> Array:
-        """g(q) of Eq. 8, (n_vD,): gradient of the potential energy [N or N m]."""
+        """Gradient g(q) of the potential energy in Eq. 8, (n_vD,) [N or N m]."""
         return self.interpreted("gravity", x).g_D.ravel()
 
     def bias(self, x: State) -> Array:
-        """c(q, v) = C v + g, (n_vD,) [N or N m]: Eq. 8 is M acc + c = u."""
+        """Bias c(q, v) = C v + g, (n_vD,) [N or N m]: Eq. 8 is M acc + c = u."""
         return self.interpreted("bias", x).c.ravel()
 
     def damping(self, x: State) -> Array:
-        """(n_vD,) force of damping and drag, on the side of c: u = -damping [N or N m]."""
+        """Force of damping and drag (n_vD,), on the side of c: u = -damping [N or N m]."""
         return self.interpreted("damping", x).f.ravel()
 
     def constraint(self, x: State) -> Array:
-        """h(q), (n_rows,): path length less string length and slip [m]; limits [m, rad or 1]."""
+        """Gaps h(q), (n_rows,): path length less string length and slip [m]; limits [m, rad, 1]."""
         h = self.interpreted("constraint", x).h.ravel()
         h[: len(x.slip)] -= x.slip
         return h
 
     def A_D(self, x: State) -> Array:
-        """A_D = dh/dq_D of Eq. 9, acting on velocities, (n_rows, n_vD)."""
+        """String Jacobian A_D = dh/dq_D of Eq. 9, acting on velocities, (n_rows, n_vD)."""
         return self.interpreted("A_D", x).A_D
 
     def A_K(self, x: State) -> Array:
-        """A_K = dh/dq_K of Eq. 9, acting on velocities, (n_rows, n_vK)."""
+        """String Jacobian A_K = dh/dq_K of Eq. 9, acting on velocities, (n_rows, n_vK)."""
         return self.interpreted("A_K", x).A_K
 
     def Adot_v(self, x: State) -> Array:
-        """dA/dt v = dA_D/dt v_D + dA_K/dt v_K of Eq. 11, (n_rows,)."""
+        """Velocity terms dA/dt v = dA_D/dt v_D + dA_K/dt v_K of Eq. 11, (n_rows,)."""
         return self.interpreted("Adot_v", x).Adot_v.ravel()
 
     def kinetic_energy(self, x: State) -> float:
-        """T = sum_i 1/2 V_i^T I_i V_i (Eq. 5) [J]."""
+        """Kinetic energy T = sum_i 1/2 V_i^T I_i V_i (Eq. 5) [J]."""
         return float(self.interpreted("kinetic", x).T.item())
 
     def potential_energy(self, x: State) -> float:
-        """V (Eq. 6, with gravity's acceleration), plus the energy of springs [J]."""
+        """Potential energy V (Eq. 6, with gravity's acceleration), with springs [J]."""
         return float(self.interpreted("potential", x).V.item())
 
     def lagrangian(self, x: State) -> float:
-        """L = T - V (Eq. 7) [J]."""
+        """Lagrangian L = T - V (Eq. 7) [J]."""
         return float(self.interpreted("lagrangian", x).lagrangian.item())
 
     def momentum(self, x: State) -> Array:
-        """(6,) momentum about the centre of mass, in world axes: linear [N s], angular [N m s]."""
+        """Momentum (6,) about the centre of mass, in world axes: linear [N s], angular [N m s]."""
         return self.library.evaluate("momentum", **self.at(x)).momentum
 
     def body_velocity(self, x: State, body: str | None = None) -> Array:
-        """V^b (Eq. 4) of a body (6,), or of all (n_links, 6), in their own frames.
+        """Twist V^b (Eq. 4) of a body (6,), or of all links (n_links, 6), in their own frames.
 
-        Linear, then angular [m/s, rad/s].
+        The linear part comes first, then the angular one [m/s, rad/s].
         """
         V = self.interpreted("body_velocity", x).V.T
         return V if body is None else V[self.link_index(body)]
 
     def pose(self, x: State, body: str) -> Array:
-        """g (Eqs. 2, 3): (4, 4) homogeneous pose of a body in the world."""
+        """Homogeneous pose g (Eqs. 2, 3) of a body in the world, (4, 4)."""
         self.check_state(x)
         pose = np.eye(4)
         pose[:3] = self.poses(x.q_D, x.q_K)[self.link_index(body)]
         return pose
 
     def wrench_forces(self, x: State, wrenches: Mapping[str, Array]) -> Array:
-        """u_D (n_vD,) of wrenches on bodies, to pass as user forces [N or N m].
+        """Forces u_D (n_vD,) of wrenches on bodies, to pass as user forces [N or N m].
 
         Args:
             x: the state.
@@ -227,15 +227,15 @@ class Marionette(CompiledPuppet):
     def forward_dynamics(
         self, x: State, acc_K: Array | None = None, u_D: Array | None = None
     ) -> ForwardDynamics:
-        """M_DD acc_D = u_D - c - M_DK acc_K + A_D^T lambda, with strings that only pull.
+        """Solves M_DD acc_D = u_D - c - M_DK acc_K + A_D^T lambda with strings that only pull.
 
-        Over the rows that ``x`` marks as taut, and those with h = 0 and hdot = 0: tau >= 0,
-        hddot <= 0, tau . hddot = 0. Without the forces of contact.
+        Over the rows that ``x`` marks as taut, and those with h = 0 and hdot = 0, it satisfies
+        tau >= 0, hddot <= 0 and tau . hddot = 0. Contact forces are not included.
 
         Args:
-            x: the state. Gaps and speeds that a fixed step left in its taut rows stay.
-            acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
-            u_D: (n_vD,) user forces; 0 when not given.
+            x: the state. Gaps and speeds of its taut rows, left by fixed steps, are not corrected.
+            acc_K: (n_vK,) accelerations of the inputs; 0 by default.
+            u_D: (n_vD,) user forces; 0 by default.
 
         Raises:
             StateError: no acceleration satisfies the rows, as when two inputs pull a string apart;
@@ -253,22 +253,22 @@ class Marionette(CompiledPuppet):
     ) -> Linearisation:
         """Derivatives of acc_D and the tensions (Eqs. 10, 11), and A and B of the linear system.
 
-        The slip of winches is held; a string at its winch's largest tension keeps it. Points of
-        contact stick, slide or are open, and stay so.
+        The slip of winches is constant; a string at its winch's largest tension keeps it. Contact
+        points stay sticking, sliding or open.
 
         Args:
             x: the state.
-            acc_K: (n_vK,) accelerations of the inputs; 0 when not given.
-            u_D: (n_vD,) user forces; 0 when not given.
-            rows: names of the strings and limits to hold, as equalities whatever they would pull;
-                wires and those that pull at ``x`` when not given.
-            contacts: points to hold in their modes, as another linearisation near by has them;
-                those that push at ``x`` when not given.
+            acc_K: (n_vK,) accelerations of the inputs; 0 by default.
+            u_D: (n_vD,) user forces; 0 by default.
+            rows: names of the strings and limits to hold, as equalities for any sign of their
+                tension; by default wires and those that pull at ``x``.
+            contacts: points to hold in their modes, such as those of another linearisation near by;
+                by default those that push at ``x``.
 
         Raises:
             StateError: no acceleration satisfies the rows at ``x``, solids strike there, or the
                 motion near by depends on how redundant points that slide share their force.
-            UnknownNameError: a row that the puppet does not have.
+                    UnknownNameError: the puppet does not have a row.
         """
         return linearise(self, x, acc_K, u_D, rows, contacts)
 
@@ -278,14 +278,14 @@ class Marionette(CompiledPuppet):
         """The first step of a time-stepping run from a state, with its derivatives.
 
         Args:
-            x: where the step starts; rows may be violated, as time-stepping allows.
-            acc_K: (n_vK,) accelerations of the inputs over the step; 0 when not given.
-            u_D: (n_vD,) user forces over the step; 0 when not given.
-            dt: its length [s].
+            x: start state; rows may be violated, as time-stepping allows.
+            acc_K: (n_vK,) accelerations of the inputs over the step; 0 by default.
+            u_D: (n_vD,) user forces over the step; 0 by default.
+            dt: length of the step [s].
 
         Raises:
             StateError: violation is so large that the step was cut short, or the step's contacts
-                have no derivative: what lies between two modes is in ``edges`` instead.
+                have no derivative; contacts between two modes are in ``edges`` instead.
         """
         return linearise_step(self, x, acc_K, u_D, dt)
 
@@ -305,23 +305,23 @@ class Marionette(CompiledPuppet):
         """One time step from each of n states with its derivatives, compiled.
 
         The steps are those of ``fan.TimeStepping(dt, extrapolate=False)``, and the derivatives
-        those of :meth:`linearise_step`. Where that would raise, a step is not ``settled``, and
-        where it names edges between modes of contact, not ``sharp``.
+        those of :meth:`linearise_step`. A step is not ``settled`` if that method would raise, and
+        not ``sharp`` if its result would have ``edges``.
 
         Args:
             q_D, v_D, q_K, v_K: (n, ...) or (...,) states.
-            acc_K: (n, n_vK) or (n_vK,) driven accelerations; 0 when not given.
-            u_D: (n, n_vD) or (n_vD,) user forces; 0 when not given.
-            p: (n, n_p) or (n_p,) parameters; the marionette's own when not given.
+            acc_K: (n, n_vK) or (n_vK,) driven accelerations; 0 by default.
+            u_D: (n, n_vD) or (n_vD,) user forces; 0 by default.
+            p: (n, n_p) or (n_p,) parameters; by default the marionette's own.
             dt: length of the steps [s].
-            options: the fields of :class:`fantoccini.dynamics.derivatives.StepOptions`, such as
+            options: fields of :class:`fantoccini.dynamics.derivatives.StepOptions`, such as
                 ``pull=True``.
 
         Raises:
             StateError: an array has another shape.
         """
-        given = StepInputs.of(self, (q_D, v_D, q_K, v_K), acc_K, u_D, p, dt)
-        return linearise_steps(self, given, StepOptions(**options))
+        steps = StepInputs.of(self, (q_D, v_D, q_K, v_K), acc_K, u_D, p, dt)
+        return linearise_steps(self, steps, StepOptions(**options))
 
     def rollout(
         self,
@@ -334,20 +334,20 @@ class Marionette(CompiledPuppet):
         extrapolate: bool = True,
         throw: bool = True,
     ) -> Rollout:
-        """n time steps from a state, with gradients of their cost by :meth:`Rollout.gradient`.
+        """Rollout of n time steps from a state; :meth:`Rollout.gradient` differentiates its cost.
 
         The steps are those of ``fan.TimeStepping(dt, extrapolate)`` with accelerations and forces
         that are constant over each.
 
         Args:
-            x0: the start, without slip.
+            x0: start state, without slip.
             acc_K: (n, n_vK) driven accelerations, a row for each step.
-            u_D: (n, n_vD) or (n_vD,) user forces; 0 when not given.
-            p: (n_p,) parameters; the marionette's own when not given.
+            u_D: (n, n_vD) or (n_vD,) user forces; 0 by default.
+            p: (n_p,) parameters; by default the marionette's own.
             dt: length of the steps [s].
-            extrapolate: as in :class:`TimeStepping`.
-            throw: raise when the steps cannot go on; otherwise the rollout ends there, with its
-                status.
+            extrapolate: option of :class:`TimeStepping`.
+            throw: whether to raise if the steps cannot go on; otherwise the rollout ends, with
+                its status.
 
         Raises:
             StateError: an array has another shape, or winches have slipped at the start.
@@ -356,10 +356,10 @@ class Marionette(CompiledPuppet):
         return rollout(self, x0, acc_K, u_D, p=p, dt=dt, extrapolate=extrapolate, throw=throw)
 
     def modes(self, x: State) -> Modes:
-        """Vibration modes about a state of rest, and which inputs excite each.
+        """Vibration modes about a state of rest, with the inputs that excite each.
 
         Args:
-            x: a state of rest, as from :meth:`rest`.
+            x: state of rest, as from :meth:`rest`.
 
         Raises:
             StateError: the puppet does not rest there.
@@ -370,7 +370,7 @@ class Marionette(CompiledPuppet):
         """A run that is advanced piece by piece; see :class:`Stepper`.
 
         Args:
-            x0: where it starts.
+            x0: start state.
             method: ``timestepping``, ``variational`` or ``event``, or one with its options.
         """
         return Stepper.of(self, x0, method)
@@ -387,11 +387,11 @@ class Marionette(CompiledPuppet):
         """Many runs that are advanced together, piece by piece; see :class:`StepperBatch`.
 
         Args:
-            x0: where they start: one state, or n of one time.
-            n: number of runs; as many as states or values of parameters when not given.
-            method: of all; ``timestepping`` runs in lanes.
+            x0: start state of all runs, or n start states of equal time.
+            n: number of runs; by default the number of states or values of parameters.
+            method: method of all runs; ``timestepping`` runs in lanes.
             parameters: name -> value, or (n,) values, one for each run.
-            threads: all processors when not given.
+            threads: number of threads; by default all processors.
         """
         return StepperBatch(self, x0, n, method, parameters, threads)
 
@@ -399,7 +399,7 @@ class Marionette(CompiledPuppet):
         """The motion from a state while no string catches or releases; see :class:`Flow`.
 
         Args:
-            x0: where it starts.
-            inputs: motion of the driven coordinates; they hold still when not given.
+            x0: start state.
+            inputs: motion of the driven coordinates; by default they hold still.
         """
         return Flow(self, x0, inputs)

@@ -1,6 +1,6 @@
 """The puppets and scenes that come with fantoccini: ``fan.puppets.arm2d()`` is a marionette.
 
-Every function takes what :func:`fantoccini.load` takes beside the file.
+Every function has the arguments of :func:`fantoccini.load` except the path.
 """
 
 from __future__ import annotations

@@ -21,10 +21,10 @@ class Joint:
     joint's origin in the world's.
 
     Attributes:
-        name: the coordinate's for a hinge or slide, the puppet joint's for a ball or free joint.
-        kind: MuJoCo's type.
+        name: name of the coordinate for a hinge or slide, of the puppet's joint otherwise.
+        kind: type of the joint in MuJoCo.
         role: dynamic or driven.
-        q, v: places in (q_D, v_D) or (q_K, v_K), by role.
+        q, v: indices in (q_D, v_D) or (q_K, v_K), by role.
         axis: (3,) axis of a hinge or slide, in the joint frame.
     """
 
@@ -49,22 +49,22 @@ def joints_of(link: Link) -> list[Joint]:
         return [Joint(name, "free", link.role, link.q, link.v)]
     if link.kind == "revolute":
         return [Joint(name, "hinge", link.role, link.q, link.v, link.axes[:, 0])]
-    made = []
+    joints = []
     axes = np.eye(3) if link.kind == "free" else link.axes
     for k, axis in enumerate(axes.T):
         own = name if link.kind == "prismatic" else f"{name}.{'xyz'[int(np.argmax(axis))]}"
-        made.append(
+        joints.append(
             Joint(own, "slide", link.role, slice(q + k, q + k + 1), slice(v + k, v + k + 1), axis)
         )
     if link.kind in ("ball", "free"):
-        n = len(made)
+        n = len(joints)
         places = slice(q + n, q + n + 4), slice(v + n, v + n + 3)
-        made.append(Joint(name, "ball", link.role, *places))
-    return made
+        joints.append(Joint(name, "ball", link.role, *places))
+    return joints
 
 
 def winch_of(string: StringRow) -> Joint:
-    """The slide of a driven length: its coordinate is the length."""
+    """Slide joint of a driven length: its coordinate is the length."""
     assert string.driven_length is not None
     q, v = string.driven_length
     places = slice(q, q + 1), slice(v, v + 1)
@@ -72,18 +72,18 @@ def winch_of(string: StringRow) -> Joint:
 
 
 def all_joints(tree: Tree) -> list[Joint]:
-    """All joints of a puppet, with those of its winches."""
-    found = [joint for link in tree.links for joint in joints_of(link)]
-    return found + [winch_of(s) for s in tree.strings if s.driven_length is not None]
+    """All joints of a puppet, including those of its winches."""
+    joints_of_links = [joint for link in tree.links for joint in joints_of(link)]
+    return joints_of_links + [winch_of(s) for s in tree.strings if s.driven_length is not None]
 
 
 def pose_in_parent(link: Link, q: Array, number: Callable[[Number], float]) -> tuple[Array, Array]:
-    """(3, 3) orientation and (3,) origin of a link in its parent.
+    """Orientation (3, 3) and origin (3,) of a link in its parent.
 
     Args:
         link: the link.
-        q: its joint's configuration; empty for the joint frame itself.
-        number: value of a number of the puppet.
+        q: configuration of its joint; empty for the joint frame itself.
+        number: callback for the value of a number of the puppet.
     """
     R, r = link.rotation, np.array([number(x) for x in link.offset])
     if not len(q):

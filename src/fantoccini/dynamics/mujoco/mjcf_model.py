@@ -50,15 +50,15 @@ _Value = str | Number | Sequence[Number] | Array
 
 @dataclass(frozen=True)
 class Substitutes:
-    """Finite values given to MuJoCo where a puppet has 0 or infinity."""
+    """Finite values for MuJoCo in place of a puppet's 0 or infinity."""
 
     spool: float = 1000.0
     """Length of a driven string plus the length wound in [m]: longer than any string."""
     driven_inertia: float = 1e6
     """Inertia of a driven coordinate, in masses of the puppet [1 or m^2]: the puppet's forces
     accelerate it by a millionth of its own acceleration."""
-    puppet_mass: float = 1.0  # Mass of a puppet without one, for driven_inertia [kg]
-    min_mass: float = 1e-12  # Mass of a moving body without one [kg]: MuJoCo refuses 0
+    puppet_mass: float = 1.0  # Mass used for a massless puppet in driven_inertia [kg]
+    min_mass: float = 1e-12  # Mass of a massless moving body [kg]: MuJoCo refuses 0
     min_moment: float = 1e-14  # Moments of inertia of such a body [kg m^2], likewise
     twist_length: float = 3.0
     """Largest length of a twist's tendon before its first update [m]: more than the distance of any
@@ -74,7 +74,7 @@ def mjcf(marionette: Marionette, still: ConfigK | None = None) -> str:
 
     Args:
         marionette: the puppet, with the present values of its parameters.
-        still: (n_qK,) fixes the driven coordinates at these values; without it they are joints.
+        still: (n_qK,) fixed values of the driven coordinates; without it they are joints.
 
     Raises:
         ExchangeError: MuJoCo cannot model a part of the puppet.
@@ -135,7 +135,7 @@ class _Document:
         return tostring(root, encoding="unicode")
 
     def _new(self, tag: str, **attributes: _Value) -> Element:
-        """An element. Its numbers keep all 17 digits."""
+        """New element, with all 17 digits of its numbers."""
         return Element(tag, {name: self._written(x) for name, x in attributes.items()})
 
     def _add(self, parent: Element, tag: str, **attributes: _Value) -> Element:
@@ -156,7 +156,7 @@ class _Document:
         return link.role is Role.DYNAMIC or (link.role is Role.DRIVEN and self.still is None)
 
     def _pose(self, link: Link) -> tuple[Array, Array]:
-        """A link's pose in its parent, or in the world if that is fixed; its joints are at zero."""
+        """Pose of a link in its parent, or in the world if that is fixed, with joints at zero."""
         q = np.zeros(0)
         if self.still is not None and link.role is Role.DRIVEN:
             q = self.still[link.q]
@@ -187,8 +187,8 @@ class _Document:
             attributes |= {"stiffness": link.stiffness, "springref": link.rest}
         bounds = {limit.side: limit.bound for limit in self.tree.limits if limit.link == i}
         if "lower" in bounds or "upper" in bounds:
-            far = SUBSTITUTES.joint_range
-            ends = bounds.get("lower", -far), bounds.get("upper", far)
+            offset = SUBSTITUTES.joint_range
+            ends = bounds.get("lower", -offset), bounds.get("upper", offset)
             attributes |= {"limited": "true", "range": ends}
         self._joint(body, joint, **attributes)
 
@@ -282,10 +282,10 @@ class _Document:
 
     def _winch(self, string: StringRow) -> None:
         """A slide joint whose distance from its spool is the length wound in."""
-        far, world = (SUBSTITUTES.spool, 0.0, 0.0), self.bodies[WORLD]
+        offset, world = (SUBSTITUTES.spool, 0.0, 0.0), self.bodies[WORLD]
         mass, moments = SUBSTITUTES.min_mass, np.full(3, SUBSTITUTES.min_moment)
         self._add(world, "site", name=f"{string.name}.spool")
-        body = self._add(world, "body", name=f"{string.name}.winch", pos=far)
+        body = self._add(world, "body", name=f"{string.name}.winch", pos=offset)
         self._joint(body, winch_of(string))
         self._add(body, "inertial", mass=mass, pos=np.zeros(3), diaginertia=moments)
         self._add(body, "site", name=f"{string.name}.wound")
@@ -303,7 +303,7 @@ class _Document:
         return path_lengths(self.tree, poses, self.number)
 
     def _length(self, row: StringRow | ChainRow) -> float:
-        """L [m]; for a driven length that is a joint, L plus the length wound in."""
+        """Length L [m]; for a driven length that is a joint, L plus the length wound in."""
         if row.driven_length is not None:
             return SUBSTITUTES.spool if self.still is None else self.still[row.driven_length[0]]
         assert row.length is not None

@@ -18,14 +18,14 @@ from fantoccini.model.tree import Role, Tree
 
 @dataclass(frozen=True)
 class Settings:
-    """MuJoCo's solver and constraints, as exact and as stiff as it permits."""
+    """Settings of MuJoCo's solver and constraints, as exact and as stiff as it permits."""
 
     tolerance: float = 1e-20
     """Improvement of the scaled cost at which the solver stops [1]. The scale contains the inertias
     of the driven joints, so that ordinary values are coarse for the puppet."""
-    iterations: int = 200  # Most iterations of the solver in one evaluation
+    iterations: int = 200  # Maximum number of solver iterations in one evaluation
     time_constant: float = 2.0
-    """Time in which strings, wires and limits recover, in steps: MuJoCo permits no less."""
+    """Time in which strings, wires and limits recover, in steps: the least that MuJoCo permits."""
     damping_ratio: float = 1.0  # Damping of that recovery [1]: critical
     impedance: tuple[float, ...] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
     """``solimp`` of strings, wires and limits. The first two numbers are MuJoCo's largest impedance
@@ -53,15 +53,15 @@ class MuJoCoPuppet:
 
     Attributes:
         mujoco: the module.
-        model, data: MuJoCo's.
-        q_D, v_D, q_K, v_K: places of the puppet's coordinates in qpos and qvel.
-        strings: places of the strings among the tendons.
+        model, data: MuJoCo's model and data.
+        q_D, v_D, q_K, v_K: indices of the puppet's coordinates in qpos and qvel.
+        strings: indices of the strings among the tendons.
         twists: tendons that :meth:`evaluate` updates.
 
     Args:
         marionette: the puppet.
-        dt: longest step [s].
-        text: its MJCF, such as one with solids that touch; that of :func:`mjcf` when not given.
+        dt: length of the longest step [s].
+        text: MJCF text, such as one with solids that touch; by default that of :func:`mjcf`.
 
     Raises:
         ExchangeError: MuJoCo cannot model a part of the puppet.
@@ -114,12 +114,12 @@ class MuJoCoPuppet:
     def step(self) -> None:
         """Advances by one step of the Runge-Kutta method of order 4, after :meth:`evaluate`.
 
-        A state that is not finite stays so; ``mj_step`` would reset it.
+        A state that is not finite remains so; ``mj_step`` would reset it.
         """
         self.mujoco.mj_RungeKutta(self.model, self.data, 4)
 
     def forces(self) -> tuple[Array, Array]:
-        """(n_strings,) tensions [N] and (n_limits,) forces of limits, at the last evaluation."""
+        """Tensions (n_strings,) [N] and forces of limits (n_limits,) at the last evaluation."""
         d, (tendon_kind, joint_kind, wire_kind) = self.data, self._kinds
         kind, owner, force = (a[: d.nefc] for a in (d.efc_type, d.efc_id, d.efc_force))
         tension, torque = np.zeros(self.model.ntendon), np.zeros(self.model.njnt)
@@ -133,7 +133,7 @@ class MuJoCoPuppet:
         return tension[self.strings], limit_force
 
     def _places(self, marionette: Marionette, role: Role) -> tuple[Array, Array]:
-        """Places in qpos and qvel of the coordinates of a role."""
+        """Indices in qpos and qvel of the coordinates of a role."""
         q, v = [], []
         for joint in all_joints(marionette.tree):
             if joint.role is role:
@@ -148,13 +148,13 @@ class MuJoCoPuppet:
 
 @dataclass(frozen=True)
 class _Limits:
-    """Places in MuJoCo of a puppet's limits, without twists.
+    """Indices in MuJoCo of a puppet's limits, without twists.
 
     Attributes:
-        n: number of limits, with twists.
-        ends: of the lower and upper limits: places among all limits, joints, places of these in
+        n: number of limits, including twists.
+        ends: lower and upper limits: indices among all limits, joints, indices of these in
             qpos, middles of their ranges, and whether the limit is the upper one.
-        cones: of the cones: places among all limits, and tendons.
+        cones: cones: indices among all limits, and tendons.
     """
 
     n: int
@@ -177,24 +177,24 @@ class _Limits:
         return cls(len(sides), places, (np.array(cones, dtype=int), np.array(tendons, dtype=int)))
 
     def forces(self, data: Any, tension: Array, torque: Array) -> Array:
-        """(n,) forces of limits, from those of tendons (n_tendons,) and joints (n_joints,)."""
-        found = np.zeros(self.n)
+        """Forces (n,) of limits, from those of tendons (n_tendons,) and joints (n_joints,)."""
+        forces = np.zeros(self.n)
         places, joints, at, middle, upper = self.ends
-        found[places] = np.where((data.qpos[at] > middle) == upper, torque[joints], 0.0)
+        forces[places] = np.where((data.qpos[at] > middle) == upper, torque[joints], 0.0)
         places, tendons = self.cones
-        # h = cos(max) - a.R b and length^2 = 2 - 2 a.R b, so that dh = length dlength.
-        found[places] = tension[tendons] / data.ten_length[tendons]
-        return found
+        # h = cos(max) - a.R b and length^2 = 2 - 2 a.R b, so that dh = length d(length).
+        forces[places] = tension[tendons] / data.ten_length[tendons]
+        return forces
 
 
-def _gathered(found: list[tuple[slice, int]], n: int) -> Array:
-    """(n,) places in MuJoCo of the puppet's coordinates.
+def _gathered(forces: list[tuple[slice, int]], n: int) -> Array:
+    """Indices (n,) in MuJoCo of the puppet's coordinates.
 
     Args:
-        found: coordinates of each joint, and the place in MuJoCo of the first of them.
+        forces: coordinates of each joint, and the index in MuJoCo of the first of them.
         n: number of coordinates.
     """
     out = np.zeros(n, dtype=int)
-    for part, first in found:
+    for part, first in forces:
         out[part] = first + np.arange(part.stop - part.start)
     return out

@@ -14,11 +14,11 @@ from fantoccini.dynamics.mujoco.mujoco_puppet import MuJoCoPuppet
 from fantoccini.motion import LEDGER, SAME_TIME, Columns, Input, State, Trajectory
 
 _STEP_ROUNDING = 1e-6
-"""Excess over a whole number of steps, in steps, that is rounding and adds no further step."""
+"""Excess over a whole number of steps, in steps, that counts as rounding and adds no step."""
 
 
 class _Motion(NamedTuple):
-    """The leading fields of a trajectory, in its order; each with a sample per step."""
+    """Leading fields of a trajectory, in its order, with a sample per step."""
 
     t: Times
     q_D: ConfigD
@@ -48,8 +48,8 @@ def mujoco_run(
         x0: start state.
         inputs: motion of the driven coordinates, and user forces; steps end at their breaks.
         t_end: end of the run [s].
-        dt: longest step [s].
-        text: see :class:`MuJoCoPuppet`.
+        dt: length of the longest step [s].
+        text: MJCF text; see :class:`MuJoCoPuppet`.
 
     Returns:
         The trajectory with a sample per step; it ends before the first that is not finite.
@@ -57,7 +57,7 @@ def mujoco_run(
     Raises:
         ExchangeError: MuJoCo cannot model a part of the puppet.
         MissingLibraryError: MuJoCo is not installed.
-        StateError: ``x0`` breaks a string or limit.
+        StateError: ``x0`` violates a string or limit.
     """
     check_start(marionette, x0, "timestepping")
     t_end = checked_end(t_end, x0.t)

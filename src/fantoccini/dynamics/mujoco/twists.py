@@ -24,11 +24,11 @@ _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 
 
 class Twists:
-    """The tendons that limit a puppet's twists. False if it has none.
+    """Tendons that limit a puppet's twists; false without twists.
 
     Attributes:
-        places: (n,) places among the puppet's limits.
-        tendons: (n,) their tendons in MuJoCo.
+        places: (n,) indices among the puppet's limits.
+        tendons: (n,) tendons of the twists in MuJoCo.
         scale: (n,) change of a tendon's length per change of h, since the last update.
 
     Args:
@@ -37,9 +37,9 @@ class Twists:
     """
 
     def __init__(self, model: Any, tree: Tree):
-        found = [i for i, limit in enumerate(tree.limits) if limit.side.startswith("twist")]
-        limits = [tree.limits[i] for i in found]
-        self.places, self._model = np.array(found, dtype=int), model
+        indices = [i for i, limit in enumerate(tree.limits) if limit.side.startswith("twist")]
+        limits = [tree.limits[i] for i in indices]
+        self.places, self._model = np.array(indices, dtype=int), model
         self.tendons = np.array([model.tendon(limit.name).id for limit in limits], dtype=int)
         joints = np.array(
             [model.joint(tree.links[limit.link].joint).id for limit in limits], dtype=int
@@ -54,7 +54,7 @@ class Twists:
         self._b = np.array([limit.b for limit in limits]).reshape(-1, 3)
         self._bound = np.array([limit.bound for limit in limits])
         self._sign = np.array([-1.0 if limit.side == "twist.lower" else 1.0 for limit in limits])
-        self.scale = np.ones(len(found))
+        self.scale = np.ones(len(indices))
 
     def __bool__(self) -> bool:
         return len(self.places) > 0

@@ -35,20 +35,20 @@ from fantoccini.kernel.runtime import Batch, RunOptions, default_threads, whole
 from fantoccini.motion import LEDGER, RESIDUAL, SAVED, Columns, Input, Inputs, State, Trajectories
 
 SAVE = ("q_D", "v_D", "tension")
-"""What a batch saves unless told otherwise."""
+"""Arrays that a batch saves by default."""
 
-_PART = {"tension": "force", "limit_force": "force", "ledger": "books"}
-"""Saved array -> the runtime's part that it is read from, where the names differ."""
+_RUNTIME_PART = {"tension": "force", "limit_force": "force", "ledger": "books"}
+"""Saved array -> the runtime's part with its values, if the names differ."""
 
 T = TypeVar("T", State, Input)
 
 
-_BYTES = 8
-"""Of a number."""
+_NUMBER_SIZE = 8
+"""Size of a number [bytes]."""
 _DELAY = 2.0
-"""Time without a progress bar [s]."""
+"""Delay of the progress bar [s]."""
 _LEDGER_NUMBERS, _TIME_NUMBERS = 16, 4
-"""Numbers of a sample while its ledger, and its time, are made."""
+"""Numbers per sample in memory while its ledger, and its time, are computed."""
 
 
 def simulate_batch(
@@ -67,35 +67,35 @@ def simulate_batch(
     progress: OnProgress | None = None,
     max_memory: float | None = None,
 ) -> Trajectories:
-    """Many runs of :func:`simulate` at once, on threads, and fixed steps in lanes.
+    """Many runs of :func:`simulate` at once, on threads; fixed steps run in lanes.
 
-    A run that stops early does not raise; see its status. Ctrl-C keeps what was reached, with the
-    others STOPPED.
+    A run that stops early does not raise; see its status. After Ctrl-C the samples so far are
+    returned, with the other runs STOPPED.
 
     Args:
         marionette: the puppet.
-        x0: states of one time where the runs start, or one for all.
-        inputs: as many as states, or one for all; they hold still when not given.
-        t_end: end of the runs [s]; the end of the inputs when not given.
-        method: as in :func:`simulate`.
-        save_at: (n,) times to write (event-driven only) [s]; start and end when not given.
-        save_every: write every so many steps (not event-driven); every one when not given.
-        save: ``all``, or names of the arrays to save; q_D, v_D and tension when not given.
-        out: arrays to write into, by name, with the shapes of the batch's: C-contiguous
-            (n, T, width); new ones where not given. ``force`` holds tension and limit_force,
-            ``books`` the entries of the ledger.
-        threads: all processors when not given.
-        parameters: name -> value, or (n,) values, one for each run; the marionette's own when not
-            given. All runs share the numbers of winches.
-        progress: called with the mean time simulated, for a progress bar [s].
-        max_memory: for the arrays [bytes]; half of the free memory when not given.
+        x0: start states of equal time, or one for all.
+        inputs: inputs of each run, or one for all; by default they hold still.
+        t_end: end of the runs [s]; by default the end of the inputs.
+        method: method of :func:`simulate`.
+        save_at: (n,) times of samples (event-driven only) [s]; by default start and end.
+        save_every: number of steps per sample (not event-driven); by default 1.
+        save: ``all``, or names of the arrays to save; by default q_D, v_D and tension.
+        out: name -> array for the results, with the shape of the batch's: C-contiguous
+            (n, T, width); others are new. ``force`` holds tension and limit_force, ``books`` the
+            entries of the ledger.
+        threads: number of threads; by default all processors.
+        parameters: name -> value, or (n,) values, one for each run; by default the marionette's
+            own. All runs share the numbers of winches.
+        progress: callback for a progress bar, with the mean simulated time [s].
+        max_memory: largest memory of the arrays [bytes]; by default half of the free memory.
 
     Raises:
         StateError: a state violates a row, the step is too long for a chain or a spring, or
             the arrays do not fit in memory.
         InputError: inputs do not start where their states are.
-        TypeError: ``x0`` or ``inputs`` are no states or inputs.
-        ValueError: an invalid argument.
+        TypeError: ``x0`` is not a state or states, or ``inputs`` not inputs.
+        ValueError: an argument is invalid.
     """
     chosen = as_method(method)
     name = chosen.name
@@ -113,17 +113,17 @@ def simulate_batch(
         inputs = Input.hold(marionette).shifted(t)
     elif not isinstance(inputs, Inputs):
         inputs = _listed(inputs, Input, "inputs", "Input.waypoints()")
-    given = as_inputs(inputs)
+    items = as_inputs(inputs)
     p = parameter_rows(marionette, parameters)
-    n = max(len(states), len(given), len(p))
-    if not {len(states), len(given), len(p)} <= {1, n}:
+    n = max(len(states), len(items), len(p))
+    if not {len(states), len(items), len(p)} <= {1, n}:
         several = f" and {len(p)} values of parameters" if len(p) > 1 else ""
         raise ValueError(
-            f"{len(states)} states and {len(given)} inputs{several} do not go together; give equal "
+            f"{len(states)} states and {len(items)} inputs{several} do not go together; give equal "
             "numbers of both, or a single one"
         )
-    t_end = checked_end(given.end if t_end is None else t_end, t)
-    bound = bind_inputs(marionette, given, states.q_K, states.v_K, t, t_end)
+    t_end = checked_end(items.end if t_end is None else t_end, t)
+    bound = bind_inputs(marionette, items, states.q_K, states.v_K, t, t_end)
     states = parted_starts(marionette, states, p)
     check_starts(marionette, states, name, p)
     check_steps(marionette, name, states, p, options.dt)
@@ -152,7 +152,7 @@ def simulate_batch(
         parts=_parts(marionette, saved, n, len(times), out or {}),
     )
     threads = min(default_threads() if threads is None else threads, -(-n // library.width))
-    # Ctrl-C keeps what was reached; the other runs have the status they began with.
+    # After Ctrl-C the samples so far are returned; other runs keep their first status.
     seconds = None if progress is None else partial(_in_seconds, progress, t_end - t)
     bar = reporting(f"{n} runs", seconds, delay=_DELAY)
     with bar as show, contextlib.suppress(KeyboardInterrupt):
@@ -162,17 +162,17 @@ def simulate_batch(
 
 
 def _in_seconds(progress: OnProgress, duration: float, at: Progress) -> None:
-    """Reports the mean time simulated instead of the runs that are done."""
+    """Reports the mean simulated time instead of the number of finished runs."""
     progress(Progress(done=at.share * duration, total=duration))
 
 
-def _listed(given: object, kind: type[T], name: str, maker: str) -> list[T]:
-    """One or many of a kind, as a list."""
-    many = [given] if isinstance(given, kind) else given
-    if isinstance(many, Sequence) and many and all(isinstance(one, kind) for one in many):
+def _listed(items: object, kind: type[T], name: str, maker: str) -> list[T]:
+    """List of one or several objects of a kind."""
+    many = [items] if isinstance(items, kind) else items
+    if isinstance(many, Sequence) and many and all(isinstance(entry, kind) for entry in many):
         return list(many)
     raise TypeError(
-        f"{name} is {given!r}; it must be {kind.__name__}, as {maker} gives it, or a list of one "
+        f"{name} is {items!r}; it must be {kind.__name__}, as {maker} gives it, or a list of one "
         "or more of them"
     )
 
@@ -180,7 +180,7 @@ def _listed(given: object, kind: type[T], name: str, maker: str) -> list[T]:
 def _times(
     method: str, options: RunOptions, t: float, t_end: float, save_at: Array | None
 ) -> Array:
-    """The times of the samples."""
+    """Times of the samples [s]."""
     if method == "event":
         return np.union1d([] if save_at is None else save_at, [t, t_end])
     dt, every = options.dt, options.save_every
@@ -190,7 +190,7 @@ def _times(
 
 
 def _saved(marionette: CompiledPuppet, save: Sequence[str] | str | None) -> tuple[str, ...]:
-    """The names asked for; all but the residual of contacts where nothing may touch anything."""
+    """Names of the arrays to save; "all" omits the residual of contacts without contact."""
     if save is None:
         return SAVE
     if save == "all":
@@ -213,20 +213,23 @@ def _check_memory(
     save_at: Array | None,
     out: Mapping[str, Array],
 ) -> None:
-    """Raises StateError where the arrays that a batch would make do not fit in memory."""
+    """Raises StateError if the arrays of a batch do not fit in memory."""
     if method == "event":
         n_samples = 2.0 + (0 if save_at is None else len(save_at))
     else:
         n_samples = count_samples(options, t, t_end)
-    widths, made = _widths(marionette), {_PART.get(name, name) for name in saved} - set(out)
-    sample = sum(widths[name] * (1 if name == "taut" else _BYTES) for name in made)
-    sample += _LEDGER_NUMBERS * _BYTES if "ledger" in saved else 0
-    need = n_samples * (n * sample + _TIME_NUMBERS * _BYTES)
+    widths, arrays = (
+        _widths(marionette),
+        {_RUNTIME_PART.get(name, name) for name in saved} - set(out),
+    )
+    sample = sum(widths[name] * (1 if name == "taut" else _NUMBER_SIZE) for name in arrays)
+    sample += _LEDGER_NUMBERS * _NUMBER_SIZE if "ledger" in saved else 0
+    need = n_samples * (n * sample + _TIME_NUMBERS * _NUMBER_SIZE)
     check_memory(method, options, t, t_end, n_samples, need)
 
 
 def _widths(marionette: CompiledPuppet) -> dict[str, int]:
-    """Numbers in a sample, by the runtime's part."""
+    """Part of the runtime -> number of values per sample."""
     return {part.name: part.numel(marionette.tree.sizes) for part in PARTS}
 
 
@@ -237,9 +240,9 @@ def _parts(
     n_times: int,
     out: Mapping[str, Array],
 ) -> dict[str, Array]:
-    """The runtime's arrays: those of ``out`` where given, and new ones. All begin as NaN."""
+    """Arrays for the runtime: those of ``out``, and new ones. All are filled with NaN."""
     widths = _widths(marionette)
-    wanted = {_PART.get(name, name) for name in saved}
+    wanted = {_RUNTIME_PART.get(name, name) for name in saved}
     for name in out:
         if name not in wanted:
             raise ValueError(
@@ -275,23 +278,23 @@ def _trajectories(
     tree, n_s = marionette.tree, len(marionette.tree.strings)
     strings = tuple(s.name for s in tree.strings)
     limits = tuple(limit.name for limit in tree.limits)
-    made: dict[str, Any] = {}
+    arrays: dict[str, Any] = {}
     for name in saved:
-        view = _read_only(batch.parts[_PART.get(name, name)])
+        view = _read_only(batch.parts[_RUNTIME_PART.get(name, name)])
         if name in ("tension", "taut", "slip"):
-            made[name] = Columns(strings, view[..., :n_s], "string")
+            arrays[name] = Columns(strings, view[..., :n_s], "string")
         elif name == "limit_force":
-            made[name] = Columns(limits, view[..., n_s:], "limit")
+            arrays[name] = Columns(limits, view[..., n_s:], "limit")
         elif name == "ledger":
-            made[name] = Columns(LEDGER, _read_only(ledger_of_books(view)), "entry")
+            arrays[name] = Columns(LEDGER, _read_only(ledger_of_books(view)), "entry")
         elif name == RESIDUAL:
-            made[name] = view[..., 0]
+            arrays[name] = view[..., 0]
         else:
-            made[name] = view
+            arrays[name] = view
     names = tuple(tree.parameters)
     values = np.ascontiguousarray(np.broadcast_to(batch.p, (batch.n, len(names))))
     ends = ("status", "reached", "violation", "catches", "releases")
-    made |= {name: _read_only(getattr(batch, name)) for name in ends}
+    arrays |= {name: _read_only(getattr(batch, name)) for name in ends}
     return Trajectories(
         t=_read_only(batch.times),
         blame=Columns(tree.blamable, batch.blame, "string, limit or drive"),
@@ -299,7 +302,7 @@ def _trajectories(
         coordinates=marionette.coordinates,
         puppet=marionette.described,
         parameters=Columns(names, _read_only(values), "parameter"),
-        **made,
+        **arrays,
     )
 
 

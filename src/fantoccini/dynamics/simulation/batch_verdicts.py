@@ -34,16 +34,16 @@ from fantoccini.motion import LEDGER, Inputs, State
 
 
 class BatchVerdicts:
-    """Decides how the runs of a batch ended.
+    """Decides the statuses of the runs of a batch.
 
-    Runs that fixed steps completed are examined for contradicting strings where tensions are saved
-    with the motion, and for their energy where the ledger is saved.
+    Runs completed in fixed steps are examined for contradicting strings if tensions are saved with
+    the motion, and for their energy if the ledger is saved.
 
     Args:
         marionette: the puppet.
-        batch: its runs, which have ended.
-        inputs: theirs, one for all or one for each.
-        method: theirs.
+        batch: the runs, which have ended.
+        inputs: inputs of the runs, one for all or one for each.
+        method: method of the runs.
     """
 
     def __init__(self, marionette: Marionette, batch: Batch, inputs: Inputs, method: str):
@@ -57,11 +57,11 @@ class BatchVerdicts:
         if self._fixed:
             self._gain, self._share = self._energies()
             self._fast = ends_fast(batch.end_v_D, batch.options.dt)
-            found = verdicts(batch.violation, self._gain, self._share)
-            self._doubtful = self._at_end & (self._fast | (found != Status.DONE))
+            outcome = verdicts(batch.violation, self._gain, self._share)
+            self._doubtful = self._at_end & (self._fast | (outcome != Status.DONE))
 
     def decide(self) -> None:
-        """Replaces statuses and blames of the batch by the verdicts."""
+        """Replaces statuses and attributions of the batch by the verdicts."""
         batch, names = self._batch, [s.name for s in self._marionette.tree.strings]
         every = self._redundant or self._marionette.prescribed is not None
         for i in map(int, np.flatnonzero(np.isfinite(batch.reached) & (self._doubtful | every))):
@@ -69,12 +69,12 @@ class BatchVerdicts:
             checks = [partial(self._prescribed, i)] if self._at_end[i] else []
             if self._fixed and self._at_end[i]:
                 checks.insert(0, partial(self._sound, i))
-            found = decide(reported, self._contradiction(i), checks)
-            if found.status is reported:
+            outcome = decide(reported, self._contradiction(i), checks)
+            if outcome.status is reported:
                 continue
-            batch.status[i], batch.blame[i] = found.status, 0.0
-            if found.contradiction:
-                batch.blame[i, [names.index(name) for name in found.contradiction.names]] = 1.0
+            batch.status[i], batch.blame[i] = outcome.status, 0.0
+            if outcome.contradiction:
+                batch.blame[i, [names.index(name) for name in outcome.contradiction.names]] = 1.0
 
     def _contradiction(self, i: int) -> Contradiction | None:
         """Contradiction of the redundant strings that stopped a run or carry excess tension."""
@@ -98,9 +98,9 @@ class BatchVerdicts:
         return None if first is None else contradiction(marionette, *saved(first))
 
     def _motion(self, i: int, t: float, q_D: Array, v_D: Array) -> tuple[State, Array]:
-        """The state of a run and the accelerations of its inputs at a time [s]."""
+        """State of a run and accelerations of its inputs at a time [s]."""
         q_K, v_K, acc_K = self._inputs[self._own(i)].evaluate(t)
-        # Only rigid strings are examined, so the slip of winches does not matter here.
+        # Only rigid strings are examined, so the slip of winches is irrelevant.
         none = np.zeros(self._marionette.tree.n_rows, dtype=bool)
         table = self._marionette.coordinates
         return State(float(t), q_D, v_D, q_K, v_K, none, coordinates=table), acc_K
@@ -109,7 +109,7 @@ class BatchVerdicts:
         return i if len(self._inputs) > 1 else 0
 
     def _energies(self) -> tuple[Array, Array]:
-        """(n,) relative energy gains and unbooked energies; see :mod:`soundness`."""
+        """Relative energy gains and unbooked energies (n,); see :mod:`soundness`."""
         batch, done = self._batch, self._at_end
         gain, share = np.zeros(batch.n), np.zeros(batch.n)
         if "books" in batch.parts and np.any(done):
@@ -122,33 +122,33 @@ class BatchVerdicts:
         return gain, share
 
     def _sound(self, i: int) -> tuple[Status, str]:
-        """Whether the rows of a run of fixed steps held, and its energy has a source."""
+        """Verdict on violations and energy of a run in fixed steps, without text."""
         batch, marionette = self._batch, self._marionette
-        most = float(batch.violation[i])
+        largest = float(batch.violation[i])
         if self._fast[i]:
             q_K = self._inputs[self._own(i)].evaluate(batch.t_end)[0]
-            most = max([most, *left_by_last_step(marionette, batch.end_q_D[i], q_K).values()])
-        found = verdict(most, float(self._gain[i]), float(self._share[i]))
-        if found is Status.UNBALANCED:
+            largest = max([largest, *left_by_last_step(marionette, batch.end_q_D[i], q_K).values()])
+        outcome = verdict(largest, float(self._gain[i]), float(self._share[i]))
+        if outcome is Status.UNBALANCED:
             q_K = self._inputs[self._own(i)].evaluate(batch.t)[0]
             q_D = batch.q_D[i if len(batch.q_D) > 1 else 0]
             if swings(marionette, q_D, q_K, batch.options.dt):
-                found = Status.DONE
-        return found, ""
+                outcome = Status.DONE
+        return outcome, ""
 
     def _prescribed(self, i: int) -> tuple[Status, str]:
-        """Whether the inputs of a run moved solids through one another."""
+        """Verdict on inputs that move solids through one another, without text."""
         batch, marionette = self._batch, self._marionette
         if marionette.prescribed is None:
             return Status.DONE, ""
         own = self._own(i), i if len(batch.p) > 1 else 0
         if own not in self._depths:
-            given = self._inputs[own[0]]
+            run_input = self._inputs[own[0]]
 
             def motion(t: Times) -> Array:
-                return given.evaluate(t)[0]
+                return run_input.evaluate(t)[0]
 
-            times = looks(given.breaks, batch.t, batch.t_end)
+            times = looks(run_input.breaks, batch.t, batch.t_end)
             overlaps = prescribed_overlaps(marionette.with_p(batch.p[own[1]]), motion, times)
             self._depths[own] = deepest(overlaps)
         return Status.OVERSTEPPED if self._depths[own] else Status.DONE, ""

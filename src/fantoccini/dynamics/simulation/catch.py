@@ -20,15 +20,15 @@ from fantoccini.motion import State
 def catch_at(
     marionette: Marionette, before: State, after: State, held: tuple[Indices, Indices]
 ) -> Saltation:
-    """One catch of a run.
+    """Saltation of a catch of a run.
 
     Args:
         marionette: the puppet.
-        before, after: the states on its two sides.
+        before, after: states on its two sides.
         held: rows taut before, and after.
 
     Raises:
-        SimulationError: the run's velocities are not those of the impulse's equations.
+        SimulationError: the run's velocities do not satisfy the equations of the impulse.
     """
     at = Evaluation.of(marionette, before)
     wires, n_rows = marionette.two_sided, marionette.tree.n_rows
@@ -39,11 +39,11 @@ def catch_at(
     rows = np.flatnonzero(was | closed | wires)
     restitution = string_restitution(marionette, at)
     stopped = (1.0 + restitution) * at.hdot
-    found = at.complementarity(rows, stopped[rows], wires)
+    solution = at.complementarity(rows, stopped[rows], wires)
     strikes = np.zeros(n_rows, dtype=bool)
-    strikes[rows] = np.abs(found.x) > NEGLIGIBLE * np.max(np.abs(found.x), initial=0.0)
+    strikes[rows] = np.abs(solution.x) > NEGLIGIBLE * np.max(np.abs(solution.x), initial=0.0)
     fast = np.max(np.abs(at.hdot[rows]), initial=0.0)
-    # The run has stopped the rows that it holds afterwards, if only from speeds close to rest.
+    # Rows held after the catch were stopped by it, even from speeds close to rest.
     rows = np.flatnonzero(strikes | wires | stays)
     still = np.zeros((len(before.v_D), 1))
     kick, own = KKTSystem(at, rows).solve(still, stopped[rows, None])
@@ -54,7 +54,7 @@ def catch_at(
     near[caught] = False
     near |= stays & ~was & ~strikes
     names, by = marionette.tree.row_names, row_derivatives_at(marionette, before)
-    made = Saltation(
+    saltation = Saltation(
         marionette,
         before,
         at,
@@ -71,7 +71,7 @@ def catch_at(
         f"catch at t = {before.t:.6g} s cannot be differentiated: its velocities are not those of "
         "the impulse on the strings that it strikes and holds"
     )
-    if not found.solved:
+    if not solution.solved:
         raise SimulationError(Status.NOT_SETTLED, f"the {what}")
-    made.check(after.v_D, what)
-    return made
+    saltation.check(after.v_D, what)
+    return saltation

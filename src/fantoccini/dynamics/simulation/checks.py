@@ -9,33 +9,33 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, Inputs, State
 
 
-def check_marionette(given: object) -> None:
-    """Raises TypeError unless it is one marionette."""
-    if not isinstance(given, Marionette):
+def check_marionette(value: object) -> None:
+    """Raises TypeError unless the argument is one marionette."""
+    if not isinstance(value, Marionette):
         raise TypeError(
-            f"marionette is a {type(given).__name__}; it must be one Marionette, as fan.load "
+            f"marionette is a {type(value).__name__}; it must be one Marionette, as fan.load "
             "gives it. Simulate several one by one, or with fan.sweep"
         )
 
 
 def check_one_run(x0: object, inputs: object) -> None:
-    """Raises TypeError unless these are one state, and one input or None."""
+    """Raises TypeError unless the arguments are one state, and one input or None."""
     state = "a State, as marionette.state({...}) or .rest({...}) gives it"
     motion = "an Input, such as fan.Input.waypoints(marionette, {...})"
-    for name, given, kind, how in (
+    for name, value, kind, how in (
         ("x0", x0, State, state),
         ("inputs", inputs, Input | None, motion),
     ):
-        if isinstance(given, Inputs | list | tuple):
+        if isinstance(value, Inputs | list | tuple):
             raise TypeError(f"{name} are several; simulate takes one, fan.simulate_batch several")
-        if not isinstance(given, kind):
-            raise TypeError(f"{name} is a {type(given).__name__}; it must be {how}")
+        if not isinstance(value, kind):
+            raise TypeError(f"{name} is a {type(value).__name__}; it must be {how}")
 
 
 def save_times(
     save_at: Array | None, save_every: int | None, method: str, t: float, t_end: float
 ) -> Array | None:
-    """The times to write, including the end."""
+    """Times of the samples to save, including the end [s]."""
     if save_every is not None and method == "event":
         raise ValueError("save_every goes with fixed steps; method='event' takes save_at")
     if save_at is None:

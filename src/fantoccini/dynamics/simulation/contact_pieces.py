@@ -1,7 +1,7 @@
-"""The modes of contact of an event-driven run, step by step, and changes of mode without an impact.
+"""Contact modes of an event-driven run, step by step, and changes of mode without an impact.
 
-A run's samples end its steps. Where only some points of two parts change their modes, it writes no
-second sample; so the modes of each step are read from the points at its end.
+A run's samples end its steps. If only some points of two parts change their modes, there is no
+second sample at that time; so the modes of each step are derived from the points at its end.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from fantoccini.dynamics.simulation.input_piece import InputVariation
 from fantoccini.motion import State, Trajectory, pair_name
 
 SAME_PLACE = 1e-7
-"""Distance of a run's point from the narrow phase's at the same state [m]."""
+"""Largest distance of a run's point from the narrow phase's at the same state [m]."""
 AGREE = 1e-5
-"""Difference of the times at which points stop, relative to the largest, that is none."""
+"""Relative difference up to which changes of the times of events count as equal."""
 JUMP = 1e-7
-"""Change of accelerations, relative to 1 or the largest, that is none."""
+"""Largest change of accelerations without a jump, relative to 1 or the largest."""
 
 Key = frozenset[tuple[int, int, ContactMode]]
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _SampledPoint:
     """A point at a sample: its velocity across the normal and the direction of its friction."""
 
     name: str
@@ -47,22 +47,22 @@ class _Seen:
 
 
 class ContactPieces:
-    """The modes of contact along a run.
+    """Contact modes along a run.
 
     Args:
         marionette: the puppet.
-        run: its event-driven run, with all samples.
+        run: event-driven run of the puppet, with all samples.
     """
 
     def __init__(self, marionette: Marionette, run: Trajectory):
         self._marionette, self._run = marionette, run
-        self._seen: dict[int, dict[tuple[int, int], _Seen]] = {}
+        self._by_sample: dict[int, dict[tuple[int, int], _SampledPoint]] = {}
 
     def groups(self, first: int, last: int) -> list[tuple[int, int, tuple[PointMode, ...]]]:
-        """(sample, sample, modes) of the stretches of samples first to last with the same modes.
+        """Stretches of samples first to last with equal modes: (sample, sample, modes).
 
-        Steps in which a point begins or ceases to slide are stretches of their own: its direction
-        is that of its friction where it is at rest.
+        A step in which a point begins or stops sliding is a stretch of its own: its direction is
+        that of its friction while at rest.
         """
         if self._marionette.contacts is None:
             return [(first, last, ())]
@@ -78,26 +78,26 @@ class ContactPieces:
         return out
 
     def touches(self, i: int) -> bool:
-        """Whether anything pushes at a sample."""
+        """Whether any contact point pushes at a sample."""
         return self._marionette.contacts is not None and bool(self._points(i))
 
     def stops(self, i: int, modes: Sequence[PointMode]) -> bool:
-        """Whether a point that slides in some modes is at rest at a sample."""
+        """Whether a point that slides in ``modes`` is at rest at a sample."""
         sliding = [p for p in modes if p.mode is ContactMode.SLIDE and p.friction > 0.0]
         if not sliding:
             return False
-        seen, still = self._points(i), self._still(i)
+        seen, still = self._points(i), self._rest_speed(i)
         at = [seen.get((p.pair, p.feature)) for p in sliding]
         return any(own is not None and own.speed <= still for own in at)
 
-    def _still(self, i: int) -> float:
-        """Speed that is none at a sample [m/s]."""
+    def _rest_speed(self, i: int) -> float:
+        """Speed that counts as zero at a sample [m/s]."""
         return TOLERANCES.speed * max(1.0, float(np.max(np.abs(self._run.v_D[i]), initial=0.0)))
 
     def _modes(self, i: int) -> tuple[tuple[PointMode, ...], bool]:
-        """The modes of the step from sample i to the next; whether one begins or ends with rest."""
+        """Modes of the step from sample i to the next; whether sliding begins or ends in it."""
         before, after = self._points(i), self._points(i + 1)
-        still = self._still(i)
+        still = self._rest_speed(i)
         modes, turning = [], False
         for (pair, feature), own in after.items():
             old = before.get((pair, feature))
@@ -113,38 +113,38 @@ class ContactPieces:
             modes.append(PointMode(own.name, pair, feature, mode, own.mu, along, turns))
         return tuple(modes), turning
 
-    def _points(self, i: int) -> dict[tuple[int, int], _Seen]:
-        """What pushes at a sample, by pair and feature."""
-        if i in self._seen:
-            return self._seen[i]
+    def _points(self, i: int) -> dict[tuple[int, int], _SampledPoint]:
+        """Points that push at a sample: (pair, feature) -> point."""
+        if i in self._by_sample:
+            return self._by_sample[i]
         run, contacts = self._run, self._marionette.contacts
         assert run.contact is not None and contacts is not None
-        found = run.contact.at(i)
-        screws = Screws(self._marionette, run.state(i)) if len(found) else None
-        out: dict[tuple[int, int], _Seen] = {}
-        for k in range(len(found)):
+        pushing = run.contact.at(i)
+        screws = Screws(self._marionette, run.state(i)) if len(pushing) else None
+        out: dict[tuple[int, int], _SampledPoint] = {}
+        for k in range(len(pushing)):
             assert screws is not None
-            number, name = int(found.pair[k]), pair_name(contacts.names[found.pair[k]])
+            number, name = int(pushing.pair[k]), pair_name(contacts.names[pushing.pair[k]])
             pair = PairGeometry(self._marionette, screws.poses, number)
-            feature = pair.nearest(found.point[k], SAME_PLACE)
+            feature = pair.nearest(pushing.point[k], SAME_PLACE)
             if feature is None:
                 raise StateError(f"{name} touch at t = {run.t[i]:.6g} s where no solid is")
-            n, u, f = found.normal[k], found.velocity[k], found.force[k]
+            n, u, f = pushing.normal[k], pushing.velocity[k], pushing.force[k]
             across, friction = u - n * (n @ u), f - n * (n @ f)
             size = float(np.linalg.norm(friction))
-            out[number, feature] = _Seen(
+            out[number, feature] = _SampledPoint(
                 name,
                 float(np.linalg.norm(across)),
                 across,
                 friction / (size or 1.0),
                 float(contacts.friction[number]),
             )
-        self._seen[i] = out
+        self._by_sample[i] = out
         return out
 
 
 def key_of(modes: Sequence[PointMode]) -> Key:
-    """What tells modes apart."""
+    """Key that is equal for equal modes."""
     return frozenset((point.pair, point.feature, point.mode) for point in modes)
 
 
@@ -152,15 +152,15 @@ def key_of(modes: Sequence[PointMode]) -> Key:
 class Change:
     """A change of modes at which velocities do not jump.
 
-    Where a point stops, accelerations may jump: with its speed s falling to 0 at sdot < 0,
+    If a point stops, accelerations may jump: with its speed s falling to 0 at sdot < 0,
 
         dv+ = dv- + (acc- - acc+) (-ds / sdot)
 
     Attributes:
-        names: of the points that stop.
-        late: (1, m) change of the time at which they do [s].
-        jump: (n_vD,) acc- - acc+.
-        sharp: whether all of them stop at once near by, too.
+        names: names of the points that stop.
+        late: (1, m) change of the time of the stop [s].
+        jump: (n_vD,) difference acc- - acc+.
+        sharp: whether they stop together for nearby motions, too.
     """
 
     names: tuple[str, ...]
@@ -179,13 +179,13 @@ class Change:
         after: tuple[Indices, Sequence[PointMode]],
         D: Array,
     ) -> Change | None:
-        """The change at a state, or None where accelerations do not jump.
+        """The change at a state; None if accelerations do not jump.
 
         Args:
             marionette: the puppet.
             x: the state.
-            acc_K, u_D: inputs.
-            before, after: rows and points that are held.
+            acc_K, u_D: driven accelerations and user forces.
+            before, after: held rows and points.
             D: (n_columns, m) changes of q_D, v_D, q_K, v_K, acc_K, u_D and p.
         """
         at = Evaluation.of(marionette, x, acc_K, u_D)
@@ -204,13 +204,13 @@ class Change:
                     names.append(point.name)
         if not lates:
             return cls((), np.zeros((1, D.shape[1])), acc - new, False)
-        apart = max(float(np.max(np.abs(late - lates[0]), initial=0.0)) for late in lates)
-        sharp = apart <= AGREE * float(np.max(np.abs(lates[0]), initial=1e-9))
+        spread = max(float(np.max(np.abs(late - lates[0]), initial=0.0)) for late in lates)
+        sharp = spread <= AGREE * float(np.max(np.abs(lates[0]), initial=1e-9))
         return cls(tuple(dict.fromkeys(names)), lates[0], acc - new, sharp)
 
 
 def _slowing(screws: Screws, point: HeldPoint) -> tuple[float, Array]:
-    """d/dt of the speed of a sliding point, and its changes (n_columns,)."""
+    """Rate of the speed of a sliding point, and changes of this rate (n_columns,)."""
     rows = ContactRows(screws, [replace(point, mode=ContactMode.STICK, closes=0.0)], 0.0)
     parts = replace(point, mode=ContactMode.STICK).directions @ point.along
     parts[0] = 0.0
@@ -218,6 +218,6 @@ def _slowing(screws: Screws, point: HeldPoint) -> tuple[float, Array]:
 
 
 def stacked(Z: Array, by_input: InputVariation) -> Array:
-    """(n_columns, m) changes of q_D, v_D, q_K, v_K, acc_K, u_D and p."""
+    """Changes (n_columns, m) of q_D, v_D, q_K, v_K, acc_K, u_D and p."""
     b = by_input
     return np.concatenate([Z, b.q_K, b.v_K, b.acc_K, b.u_D, b.p])

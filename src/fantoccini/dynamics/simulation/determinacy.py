@@ -34,13 +34,13 @@ class Tolerances:
     """Uncertainty of rows' accelerations [m/s^2]: sampled lengths from an exact inverse kinematics
     contradict one another by as much between samples."""
     change: float = 0.01
-    """Change of a tension or effort that matters, relative to the puppet's weight."""
+    """Significant change of a tension or effort, relative to the puppet's weight."""
     singular: float = 0.03
-    """Regularisation of G's diagonal, relative to the eigenvalue below which changes matter; also
+    """Regularisation of G's diagonal, relative to the eigenvalue of significant changes; also
     the smallest component of a null vector with which a row takes part."""
     rounding: float = 1e-13  # Minimum regularisation, relative to the trace of G
     bound: float = 1e-6  # Distance from a bound, relative to the weight, that counts as being at it
-    moving: float = 1e-5  # Speed from which a winch slips or a point of contact slides [m/s]
+    moving: float = 1e-5  # Speed above which a winch slips or a contact point slides [m/s]
     closed: float = 1e-6  # -h below which a row is closed, relative to its length
     blocked: float = 1e-6
     """Distance from a cone, relative to the vector, that counts as inside; and part of a unit
@@ -48,24 +48,26 @@ class Tolerances:
 
 
 TOLERANCES = Tolerances()
-_AT_ONCE = 512
-"""Samples whose matrices are in memory together."""
+_CHUNK_SIZE = 512
+"""Number of samples whose matrices are in memory together."""
 
 
 def undetermined(marionette: CompiledPuppet, run: Trajectory) -> Columns:
-    """By string and driven velocity (T,): whether its tension or effort is not determined.
+    """Masks (T,) of undetermined tensions and efforts, by string and driven velocity.
 
     Args:
-        marionette: the run's puppet.
-        run: a run of it.
+        marionette: the puppet.
+        run: run of the puppet.
     """
     names = tuple(s.name for s in marionette.tree.strings) + marionette.coordinates.v_K
-    parts = [_flags(marionette, _part(run, k, k + _AT_ONCE)) for k in range(0, len(run), _AT_ONCE)]
+    parts = [
+        _flags(marionette, _part(run, k, k + _CHUNK_SIZE)) for k in range(0, len(run), _CHUNK_SIZE)
+    ]
     return Columns(names, np.concatenate(parts), "string or driven velocity")
 
 
 def _part(run: Trajectory, begin: int, end: int) -> Trajectory:
-    """The samples of a run from one to before another."""
+    """Samples ``begin`` to ``end`` of a run, without ``end``."""
     if begin == 0 and end >= len(run):
         return run
     more: dict[str, Any] = {}
@@ -88,7 +90,7 @@ def _part(run: Trajectory, begin: int, end: int) -> Trajectory:
 
 
 def _flags(marionette: CompiledPuppet, run: Trajectory) -> Mask:
-    """(T, n) the same of a run with few samples."""
+    """Masks (T, n) of :func:`undetermined` for a run with few samples."""
     table, n_s = marionette.coordinates, len(marionette.tree.strings)
     out = np.zeros((len(run), n_s + table.n_vK), dtype=bool)
     if table.n_vD and (n_s or run.contact is not None):
@@ -116,11 +118,11 @@ def _flags(marionette: CompiledPuppet, run: Trajectory) -> Mask:
 
 
 class _Rows:
-    """The strings and limits of a run, T samples of n rows.
+    """Strings and limits of a run, n rows at T samples.
 
     Attributes:
-        L: of the samples' M_DD.
-        held: (T, n) whether they are active and not slipping, as a slipping winch's force is known.
+        L: factors of M_DD at the samples.
+        held: (T, n) whether rows are active and do not slip: a slipping winch's force is known.
         B: (T, n, n_vD) motion by their forces.
         low, high: (T, n) whether a force is at its lower or upper bound.
     """
@@ -153,14 +155,14 @@ class _Rows:
         slip = 0.0 if run.slip is None else run.slip.values
         h = np.hstack([on.h - slip, on.h_limit])
         held = h >= -TOLERANCES.closed * marionette.row_scales(run.q_D, run.q_K)
-        if run.method == "event":  # fixed steps leave speeds that take back their violations
+        if run.method == "event":  # after fixed steps, speeds correct their violations
             held[:, :n_s] &= np.abs(on.hdot) <= TOLERANCES.moving
         held |= np.hstack([run.taut.values, run.limit_force.values > 0.0])
         held[:, :n_s] &= ~(self.high[:, :n_s] & (on.hdot > TOLERANCES.moving))
         self.held = held
 
     def efforts(self, samples: Indices, held: Indices) -> Array:
-        """(m, k, n_vK) effort by the forces of rows: limits have none."""
+        """Efforts (m, k, n_vK) by the forces of rows; those of limits are 0."""
         marionette, run, n_s = self._marionette, self._run, len(self._marionette.tree.strings)
         at = {
             name: getattr(run, name)[samples][:, None]
@@ -174,13 +176,13 @@ class _Rows:
 
 
 class _Points:
-    """The contact points of a run, as n forces in turn.
+    """Contact points of a run, as n forces in order.
 
     Attributes:
         first: (T + 1,) index of the first force of every sample.
-        B: (n, n_vD) motion by each.
-        low: (n,) whether it is at its lower bound.
-        efforts: (n, n_vK) on driven coordinates.
+        B: (n, n_vD) motion by each force.
+        low: (n,) whether a force is at its lower bound.
+        efforts: (n, n_vK) efforts of driven coordinates by each force.
     """
 
     def __init__(self, marionette: CompiledPuppet, run: Trajectory, L: Array):
@@ -199,37 +201,37 @@ class _Points:
         count = np.where(sticks, 3, 1)
         which = np.repeat(np.arange(len(contact)), count)
         start = np.cumsum(count) - count
-        way = along[which]
+        direction = along[which]
         for axis in range(3):
-            way[start[sticks] + axis] = np.eye(3)[axis]
+            direction[start[sticks] + axis] = np.eye(3)[axis]
         sample = contact.sample[which]
         self.first = np.searchsorted(sample, np.arange(len(run) + 1)).astype(np.intp)
         self.low = idle[which]
         place = {"q_D": run.q_D, "q_K": run.q_K, "p": marionette.p}
         screws = marionette.library.evaluate("screws", **place)
-        wrench = np.hstack([way, np.cross(contact.point[which], way)])
+        wrench = np.hstack([direction, np.cross(contact.point[which], direction)])
         force = np.zeros((len(which), table.n_vD))
         self.efforts = np.zeros((len(which), table.n_vK))
         links = contacts.solids["link"][contacts.pairs[contact.pair[which]]]
         for side, sign in ((0, 1.0), (1, -1.0)):
             for link in set(links[:, side].tolist()) - {WORLD}:
-                those = np.flatnonzero(links[:, side] == link)
+                selected = np.flatnonzero(links[:, side] == link)
                 for i in marionette.tree.ancestors(link):
                     moved = marionette.tree.links[i]
                     driven = moved.role is Role.DRIVEN
                     by = screws.screw_K if driven else screws.screw_D
                     for k in range(moved.v.start, moved.v.stop):
-                        screw = by[sample[those], :, k]
-                        part = sign * np.einsum("nc,nc->n", screw, wrench[those])
+                        screw = by[sample[selected], :, k]
+                        part = sign * np.einsum("nc,nc->n", screw, wrench[selected])
                         if driven:
-                            self.efforts[those, k] -= part
+                            self.efforts[selected, k] -= part
                         elif moved.role is Role.DYNAMIC:
-                            force[those, k] += part
+                            force[selected, k] += part
         self.B = marionette.library.evaluate("forth", L=L[sample], x=force).y
 
 
 def _groups(held: Mask, first: Indices) -> Iterator[tuple[Indices, Indices, Indices]]:
-    """Samples (m,) with the same held rows (k,) and as many contact forces, at places (m, c)."""
+    """Samples (m,) with equal held rows (k,) and numbers of contact forces; indices (m, c)."""
     keys = np.hstack([held.astype(np.intp), np.diff(first)[:, None]])
     kinds, which = np.unique(keys, axis=0, return_inverse=True)
     for kind, key in enumerate(kinds):
@@ -240,9 +242,9 @@ def _groups(held: Mask, first: Indices) -> Iterator[tuple[Indices, Indices, Indi
 
 
 def _is_weak(marionette: CompiledPuppet, B: Array) -> Mask:
-    """(m,) whether some change of forces causes almost no motion."""
-    least = np.linalg.eigvalsh(B @ np.swapaxes(B, 1, 2))[:, 0]
-    return np.asarray(least < _weak(marionette))
+    """Whether some change of forces causes almost no motion: (m,) bool."""
+    min_eigenvalue = np.linalg.eigvalsh(B @ np.swapaxes(B, 1, 2))[:, 0]
+    return np.asarray(min_eigenvalue < _weak(marionette))
 
 
 def _weak(marionette: CompiledPuppet) -> float:
@@ -251,12 +253,12 @@ def _weak(marionette: CompiledPuppet) -> float:
 
 
 def _force(marionette: CompiledPuppet) -> float:
-    """The puppet's weight, with which forces are compared [N]."""
+    """Scale of forces: the puppet's weight [N]."""
     return marionette.reference_force or 1.0
 
 
 def _uncertain(marionette: CompiledPuppet, B: Array, S: Array, low: Mask, high: Mask) -> Mask:
-    """(m, n) whether S x (n,) is significantly uncertain, for forces x (m, k) with bounds."""
+    """Whether S x (n,) is significantly uncertain, for forces x (m, k) with bounds: (m, n)."""
     out = _changes(marionette, B, S)
     for i in np.flatnonzero(np.any(low | high, axis=1) & np.any(out, axis=1)):
         size, V = np.linalg.eigh(B[i] @ B[i].T)
@@ -267,22 +269,24 @@ def _uncertain(marionette: CompiledPuppet, B: Array, S: Array, low: Mask, high: 
 
 
 def _changes(marionette: CompiledPuppet, B: Array, S: Array) -> Mask:
-    """Whether a |S G^-1| (..., n) is significant."""
+    """Whether a |S G^-1| is significant: (..., n) bool."""
     if not B.shape[-2]:
         return np.zeros(S.shape[:-1], dtype=bool)
-    # Solving is several times faster than eigenvectors of many small matrices.
+    # Solving is several times faster than decompositions of many small matrices.
     G = B @ np.swapaxes(B, -1, -2)
-    least = TOLERANCES.rounding * np.trace(G, axis1=-2, axis2=-1)
-    least = np.maximum(least, TOLERANCES.singular * _weak(marionette))[..., None, None]
-    G = G + least * np.eye(G.shape[-1])
+    min_eigenvalue = TOLERANCES.rounding * np.trace(G, axis1=-2, axis2=-1)
+    min_eigenvalue = np.maximum(min_eigenvalue, TOLERANCES.singular * _weak(marionette))[
+        ..., None, None
+    ]
+    G = G + min_eigenvalue * np.eye(G.shape[-1])
     by = np.linalg.norm(np.linalg.solve(G, np.swapaxes(S, -1, -2)), axis=-2)
     return np.asarray(TOLERANCES.acceleration * by > TOLERANCES.change * _force(marionette))
 
 
 def _blocked(null: Array, low: Mask, high: Mask) -> Mask:
-    """(k,) forces at a bound that no combination of vectors (k, r) takes off it.
+    """Forces (k,) at a bound that no combination of vectors (k, r) moves off it.
 
-    By Farkas' lemma, those whose negative vector lies in the cone of all vectors at bounds.
+    By Farkas' lemma, their negative vector lies in the cone of all vectors at bounds.
     """
     from scipy.optimize import nnls
 

@@ -1,4 +1,4 @@
-"""The part of contacts in the force on every driven coordinate."""
+"""Contribution of contacts to the force on every driven coordinate."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from fantoccini.motion import ContactPoints
 def contact_effort(
     marionette: CompiledPuppet, contact: ContactPoints, q_D: Array, q_K: Array
 ) -> Array:
-    """-sum of s_k . (f, r x f): (T, n_vK) force on driven coordinates that contacts ask for.
+    """Force (T, n_vK) on driven coordinates from contacts: -sum of s_k . (f, r x f).
 
-    s_k is the screw that a unit of driven velocity k gives a link that touches something at r, f
-    the force on that link.
+    s_k is the screw that a unit of driven velocity k gives a link that is touched at r, f the force
+    on that link.
 
     Args:
         marionette: the puppet.
-        contact: its contact points at the T samples.
+        contact: contact points at the T samples.
         q_D, q_K: (T, n_qD), (T, n_qK) configurations.
     """
     out = np.zeros((len(q_D), marionette.coordinates.n_vK))
@@ -33,10 +33,14 @@ def contact_effort(
     for side, sign in ((0, 1.0), (1, -1.0)):
         touched = links[contact.pair, side]
         for link in set(touched.tolist()) - {WORLD}:
-            ways = (marionette.tree.links[i] for i in marionette.tree.ancestors(link))
-            driven = [k for w in ways if w.role is Role.DRIVEN for k in range(w.v.start, w.v.stop)]
-            those = np.flatnonzero(touched == link)
+            links_above = (marionette.tree.links[i] for i in marionette.tree.ancestors(link))
+            driven = [
+                k for w in links_above if w.role is Role.DRIVEN for k in range(w.v.start, w.v.stop)
+            ]
+            selected = np.flatnonzero(touched == link)
             for k in driven:
-                along = np.einsum("nc,nc->n", screws[contact.sample[those], :, k], wrench[those])
-                np.add.at(out[:, k], contact.sample[those], -sign * along)
+                along = np.einsum(
+                    "nc,nc->n", screws[contact.sample[selected], :, k], wrench[selected]
+                )
+                np.add.at(out[:, k], contact.sample[selected], -sign * along)
     return out

@@ -1,4 +1,4 @@
-"""Impacts in which solids touch: the points and rows that an impulse strikes and holds."""
+"""Impacts of solids: the points and rows that an impulse strikes and holds."""
 
 from __future__ import annotations
 
@@ -31,31 +31,31 @@ from fantoccini.dynamics.simulation.saltation import (
 from fantoccini.motion import State, pair_name
 
 CLOSED = 1e-8
-"""Gap at which a point takes part in an impact [m]: above what a run leaves at its event."""
+"""Largest gap of a point in an impact [m]: above the gaps of a run at its events."""
 SLIDES = 10.0
-"""Speed of a point that slides after the impact, in speeds that are none."""
+"""Minimum speed of a sliding point after the impact, relative to the speed that counts as zero."""
 AT_TARGET = 1e-6
-"""Difference of a velocity after the impact from the law's, relative to 1 or the largest."""
+"""Largest difference of velocities after an impact from the law's, relative to 1 or the largest."""
 
 
 def impact_at(
     marionette: Marionette, before: State, after: State, held: tuple[Indices, Indices]
 ) -> Saltation:
-    """One impact of a run.
+    """Saltation of an impact of a run.
 
     Args:
         marionette: the puppet.
-        before, after: the states on its two sides.
+        before, after: states on its two sides.
         held: rows taut before, and after.
 
     Raises:
-        SimulationError: the run's velocities are not those of the impact's equations.
+        SimulationError: the run's velocities do not satisfy the equations of the impact.
     """
     return _Impact(marionette, before, after, held).saltation
 
 
 class _Impact:
-    """The points and rows that take part in an impact; arguments as of :func:`impact_at`."""
+    """Points and rows that take part in an impact; arguments as in :func:`impact_at`."""
 
     def __init__(
         self, marionette: Marionette, before: State, after: State, held: tuple[Indices, Indices]
@@ -69,8 +69,8 @@ class _Impact:
         later = Screws(marionette, before.replace(v_D=after.v_D))
         scale = max(1.0, float(np.max(np.abs(before.v_D))), float(np.max(np.abs(after.v_D))))
         self._still = TOLERANCES.speed * scale
-        found = row_derivatives_at(marionette, before)
-        ends = at.hdot + found["A_D"] @ (after.v_D - before.v_D)
+        row_derivatives = row_derivatives_at(marionette, before)
+        ends = at.hdot + row_derivatives["A_D"] @ (after.v_D - before.v_D)
         as_asked = np.abs(ends + restitution * at.hdot) <= AT_TARGET * scale
         closed = np.abs(at.h) <= ROW_TOLERANCES.start_gap * marionette.row_scales(
             before.q_D, before.q_K
@@ -81,12 +81,12 @@ class _Impact:
         impulse = np.zeros(n_rows)
         impulse[self.rows] = own
         self.later = Screws(marionette, before.replace(v_D=before.v_D + kick))
-        points = self._slid(points)
+        points = self._after_impact(points)
         struck = [p for p in points if normal_speed(self.screws, p) < -self._still]
         fast = np.max(np.abs(at.hdot[self.rows]), initial=0.0)
         caught = [r for r in self.rows if not was[r] and at.hdot[r] > NEGLIGIBLE * fast]
         guards = [Guard.of_point(self.screws, p) for p in struck]
-        guards += [Guard.of_row(found, int(r), at.hdot[r]) for r in caught]
+        guards += [Guard.of_row(row_derivatives, int(r), at.hdot[r]) for r in caught]
         row_names = marionette.tree.row_names
         names = (*dict.fromkeys(p.name for p in struck), *(row_names[r] for r in caught))
         edges = closed_without_force(self.later, points, idle, self._still) + _weak(points)
@@ -115,7 +115,7 @@ class _Impact:
     def _points(
         self, later: Screws, tolerance: float
     ) -> tuple[list[HeldPoint], list[tuple[str, PairGeometry, int, float]]]:
-        """Points that end at the law's normal velocity, and those that do not take part."""
+        """Points that reach the law's normal velocity, and those that do not take part."""
         marionette = self._marionette
         assert marionette.contacts is not None
         taking_part: list[HeldPoint] = []
@@ -139,19 +139,21 @@ class _Impact:
                 slides = mu == 0.0 or speed > SLIDES * self._still
                 along = across / speed if slides and mu > 0.0 else np.zeros(3)
                 mode = ContactMode.SLIDE if slides else ContactMode.STICK
-                kept = PointMode(name, pair.pair, feature, mode, mu, along, slides and mu > 0.0)
-                made = HeldPoint.of(kept, pair.touch(feature), np.zeros(3), v)
-                taking_part.append(replace(made, bounces=e if strikes else 0.0))
+                mode_point = PointMode(
+                    name, pair.pair, feature, mode, mu, along, slides and mu > 0.0
+                )
+                held_point = HeldPoint.of(mode_point, pair.touch(feature), np.zeros(3), v)
+                taking_part.append(replace(held_point, bounces=e if strikes else 0.0))
         return taking_part, idle
 
     def _kick(
         self, points: list[HeldPoint], stopped: Array
     ) -> tuple[Array, Array, list[HeldPoint]]:
-        """v+ - v-, the rows' impulses, and the points with theirs; none of them pulls."""
+        """Kick v+ - v-, impulses of rows, and points with impulses as forces; no point pulls."""
         none, marionette = np.zeros((len(self._before.v_D), 1)), self._marionette
         while True:
             rows = ContactRows(self.screws, points, 0.0)
-            # -u along what is held; a normal that is struck also gives back e of it.
+            # -u along held directions; a struck normal also gives back e of it.
             closing = rows.rows @ self._before.v_D + self._driven(points)
             first = np.cumsum([0, *(len(p.directions) for p in points)])[:-1].astype(int)
             for k, point in zip(first, points, strict=True):
@@ -162,12 +164,12 @@ class _Impact:
             y = y[:, 0]
             own = y[len(self.rows) :]
             size = float(np.max(np.abs(y), initial=0.0))
-            least = -TOLERANCES.force * size
-            loose = (y[: len(self.rows)] < least) & ~marionette.two_sided[self.rows]
+            threshold = -TOLERANCES.force * size
+            loose = (y[: len(self.rows)] < threshold) & ~marionette.two_sided[self.rows]
             if np.any(loose):
                 self.rows = self.rows[~loose]
                 continue
-            pulls = [i for i, k in enumerate(first) if own[k] < least]
+            pulls = [i for i, k in enumerate(first) if own[k] < threshold]
             if not pulls:
                 break
             worst = min(pulls, key=lambda i: own[first[i]])
@@ -180,7 +182,7 @@ class _Impact:
         return kick[:, 0], y[: len(self.rows)], forces
 
     def _driven(self, points: Sequence[HeldPoint]) -> Array:
-        """(k,) -u that driven solids make, along what is held."""
+        """Part of -u (k,) from driven solids, along the held directions."""
         parts = []
         for point in points:
             a, b = point.touch.links
@@ -191,7 +193,7 @@ class _Impact:
             parts.append(-point.directions @ u)
         return np.concatenate([np.zeros(0), *parts])
 
-    def _slid(self, points: Sequence[HeldPoint]) -> list[HeldPoint]:
+    def _after_impact(self, points: Sequence[HeldPoint]) -> list[HeldPoint]:
         """The points with the velocities after the impact."""
         out = []
         for point in points:

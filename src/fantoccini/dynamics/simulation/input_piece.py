@@ -1,4 +1,4 @@
-"""The inputs over smooth pieces of a run, and their variations."""
+"""Inputs over smooth pieces of a run, and their variations."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class InputVariation:
 
     Attributes:
         q_K: (n_vK, m) tangent vectors of the driven configuration.
-        v_K, acc_K: (n_vK, m).
-        u_D: (n_vD, m).
-        p: (n_p, m).
+        v_K, acc_K: (n_vK, m) changes of driven velocity and acceleration.
+        u_D: (n_vD, m) changes of the user forces.
+        p: (n_p, m) changes of the parameters.
     """
 
     q_K: Array
@@ -35,13 +35,13 @@ class InputVariation:
 
     @classmethod
     def none(cls, marionette: Marionette, m: int) -> InputVariation:
-        """No change, for m columns."""
+        """Zero changes of m columns."""
         t = marionette.coordinates
         sizes = (t.n_vK, t.n_vK, t.n_vK, t.n_vD, len(marionette.p))
         return cls(*(np.zeros((size, m)) for size in sizes))
 
     def widened(self, more: int) -> InputVariation:
-        """The changes, and none in some more columns."""
+        """The changes, with ``more`` additional columns of zeros."""
         parts = (self.q_K, self.v_K, self.acc_K, self.u_D, self.p)
         out = [np.zeros((len(part), part.shape[1] + more)) for part in parts]
         for wide, part in zip(out, parts, strict=True):
@@ -50,13 +50,13 @@ class InputVariation:
 
 
 class InputPiece:
-    """The inputs over one smooth piece, and their changes.
+    """Inputs over one smooth piece, and their changes.
 
     Attributes:
-        start, end: of the piece, within which no input has a break [s].
-        inputs: of this piece alone.
-        powers: (6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K and u_D along the inputs, in
-            powers of the time since the start over the whole.
+        start, end: start and end of the piece, in which no input has a break [s].
+        inputs: inputs of this piece alone.
+        powers: (6, 3 n_vK + n_vD, changes) changes of q_K, v_K, acc_K and u_D, as coefficients of
+            powers of the time since the start over the duration.
     """
 
     def __init__(
@@ -66,39 +66,39 @@ class InputPiece:
         self.inputs, self.powers, self._variation = inputs, powers, variation
 
     def at(self, t: float) -> tuple[Array, Array, Array, Array]:
-        """q_K, v_K, acc_K and u_D at a time of the piece [s]."""
+        """Values of q_K, v_K, acc_K and u_D at a time of the piece [s]."""
         t = min(max(t, self.start), self.end)
         return *self.inputs.evaluate(t), self.inputs.evaluate_force(t)
 
     def variation(self, t: float) -> InputVariation:
         """The changes at a time of the piece [s], valid until the next call.
 
-        Columns: by the state at the start (all 0), by the parameters, towards the other inputs,
-        along the derivatives.
+        The columns are derivatives by the state at the start (all 0), by the parameters, towards
+        the other inputs, and along the derivatives.
         """
         out, n, m = self._variation, len(self._variation.q_K), self.powers.shape[2]
         if m:
             s = (min(max(t, self.start), self.end) - self.start) / (self.end - self.start)
-            found = np.tensordot(s**_POWERS, self.powers, axes=1)
+            array = np.tensordot(s**_POWERS, self.powers, axes=1)
             parts = (out.q_K, out.v_K, out.acc_K, out.u_D)
-            for change, values in zip(parts, np.split(found, [n, 2 * n, 3 * n]), strict=True):
+            for change, values in zip(parts, np.split(array, [n, 2 * n, 3 * n]), strict=True):
                 change[:, -m:] = values
         return out
 
 
 class InputChanges:
-    """The inputs of a run, and their changes.
+    """Inputs of a run, and their changes.
 
     Args:
         marionette: the puppet.
         inputs: bound inputs.
-        toward: bound inputs; a change goes from ``inputs`` towards each. None for none.
-        along: derivatives of the inputs, each a change by itself.
+        toward: other bound inputs; a change goes from ``inputs`` towards each.
+        along: derivatives of the inputs, each a change of its own.
 
     Attributes:
-        inputs: those of the run.
-        breaks: of all of them [s].
-        columns: of variations.
+        inputs: inputs of the run.
+        breaks: breaks of all inputs and derivatives [s].
+        columns: number of columns of variations.
     """
 
     def __init__(
@@ -112,12 +112,12 @@ class InputChanges:
         self.inputs, self._own = inputs, Inputs.of([inputs])
         self._toward = toward
         # Derivatives with the same breaks are moved together.
-        alike = groupby(along, key=lambda one: one.breaks.tobytes())
+        alike = groupby(along, key=lambda item: item.breaks.tobytes())
         groups = [list(group) for _, group in alike]
-        self._along = [(g[0].breaks[None], np.array([one.coef for one in g])) for g in groups]
-        breaks = [self._own.breaks, *(found for found, _ in self._along)]
+        self._along = [(g[0].breaks[None], np.array([item.coef for item in g])) for g in groups]
+        breaks = [self._own.breaks, *(array for array, _ in self._along)]
         breaks += [] if toward is None else [toward.breaks]
-        self.breaks = np.unique(np.concatenate([found.ravel() for found in breaks]))
+        self.breaks = np.unique(np.concatenate([array.ravel() for array in breaks]))
         self._turns = np.setdiff1d(np.arange(table.n_vK), [v for _, v in table.scalars_K])
         first = 2 * table.n_vD + n_p
         self.columns = first + (0 if toward is None else len(toward)) + len(along)
@@ -125,11 +125,11 @@ class InputChanges:
         self._variation.p[:, first - n_p : first] = np.eye(n_p)
 
     def piece(self, start: float, end: float) -> InputPiece:
-        """Between two times without a break between them [s]."""
+        """Piece between two times without a break between them [s]."""
         n_v, n = len(self._variation.v_K), len(self._variation.u_D)
         moved, pushed = [np.zeros((0, n_v, N_COEF))], [np.zeros((0, n, N_COEF))]
         if self._toward is not None:
-            own, other = (_about(one, start, end) for one in (self._own, self._toward))
+            own, other = (_about(item, start, end) for item in (self._own, self._toward))
             moved.append(other[0] - own[0])
             moved[-1][:, self._turns] = 0.0
             pushed.append(np.broadcast_to(other[1] - own[1], (len(other[0]), n, N_COEF)))
@@ -141,12 +141,12 @@ class InputChanges:
 
 
 def in_powers(moved: Array, pushed: Array, whole: float) -> Array:
-    """Changes of q_K, v_K, acc_K and u_D, (6, 3 n_vK + n_vD, m), as :class:`InputPiece` has them.
+    """Changes of q_K, v_K, acc_K and u_D, (6, 3 n_vK + n_vD, m), as in :class:`InputPiece`.
 
     Args:
-        moved: (m, n_vK, 6) those of q_K in powers of the time [s].
-        pushed: (m, n_vD, 6) those of u_D.
-        whole: duration [s].
+        moved: (m, n_vK, 6) changes of q_K as coefficients of powers of the time [s].
+        pushed: (m, n_vD, 6) changes of u_D.
+        whole: duration of the piece [s].
     """
     q_K, u_D = moved * whole**_POWERS, pushed * whole**_POWERS
     v_K, acc_K = np.zeros_like(q_K), np.zeros_like(q_K)
@@ -156,7 +156,7 @@ def in_powers(moved: Array, pushed: Array, whole: float) -> Array:
 
 
 def _about(inputs: Inputs, start: float, end: float) -> tuple[Array, Array]:
-    """The polynomials of n inputs between two times, about the first: (n, n_vK or n_vD, 6)."""
+    """Polynomials of n inputs between two times, about the first: (n, n_vK or n_vD, 6)."""
     moved = _moved(inputs.breaks, inputs.coef, start, end)
     if inputs.force is None:
         return moved, np.zeros((1, inputs.coordinates.n_vD, N_COEF))
@@ -176,17 +176,17 @@ def _moved(breaks: Array, coef: Array, start: float, end: float) -> Array:
     first, last, every = breaks[:, 0], breaks[:, -1], np.arange(n)
     middle = 0.5 * (start + end)
     here = np.clip(middle, first, last)
-    lasting = (np.diff(breaks) > 0.0).sum(axis=1) - 1  # pieces at the end may last no time
+    lasting = (np.diff(breaks) > 0.0).sum(axis=1) - 1  # pieces at the end may have no duration
     i = np.minimum((breaks[:, :-1] <= here[:, None]).sum(axis=1) - 1, lasting)
     held = (middle < first) | (middle > last)
     at = np.where(held, here, start) - breaks[every, i]
-    found = shifted(coef[every, i], at)
-    found[held, :, 1:] = 0.0
-    return found
+    array = shifted(coef[every, i], at)
+    array[held, :, 1:] = 0.0
+    return array
 
 
 def one_piece(inputs: Input, start: float, end: float) -> Input:
-    """The one piece of inputs between two times; where they have ended, one that holds."""
+    """Piece of inputs between two times; after their end, one that holds still."""
     middle = 0.5 * (start + end)
     if not inputs.start <= middle <= inputs.end:
         q_K = inputs.evaluate(min(max(middle, inputs.start), inputs.end))[0]

@@ -1,4 +1,4 @@
-"""Derivatives of an event-driven run from interval to interval of its inputs.
+"""Derivatives of an event-driven run over the intervals of its inputs.
 
 Over interval i, in which driven coordinates have constant accelerations,
 
@@ -27,19 +27,19 @@ from fantoccini.dynamics.simulation.variation import Variation
 from fantoccini.motion import Input, Trajectory
 
 _SAME_TIME = 1e-9
-"""Distance of times that are one [s]."""
+"""Distance of times that count as equal [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class IntervalDerivatives:
-    """Derivatives over N intervals. Changes at their starts that would stretch or slacken rows that
-    are taut there stand for the nearest ones that do not, in the metric of M_DD.
+    """Derivatives over N intervals. A change at a start that would stretch or slacken taut rows is
+    replaced by the nearest one that does not, in the metric of M_DD.
 
     Attributes:
-        A: (N, n_z, n_z) by (dq_D, dv_D, dq_K, dv_K) at the start.
-        B: (N, n_z, n_vK) by the accelerations.
-        C: (N, n_z, n_p) by the parameters.
-        passages: the catches and impacts of every interval, and where points of contact stop.
+        A: (N, n_z, n_z) derivatives by (dq_D, dv_D, dq_K, dv_K) at the start.
+        B: (N, n_z, n_vK) derivatives by the accelerations.
+        C: (N, n_z, n_p) derivatives by the parameters.
+        passages: catches, impacts and stops of contact points in every interval.
     """
 
     A: Array
@@ -61,17 +61,17 @@ def interval_derivatives(
     rtol: float = 1e-10,
     atol: float = 1e-10,
 ) -> IntervalDerivatives:
-    """A_i, B_i and C_i of the intervals between the breaks of inputs, through the events of a run.
+    """Derivatives A_i, B_i, C_i over the intervals between breaks of inputs, through events.
 
     Args:
-        marionette: the puppet; none of its driven coordinates is a rotation.
-        run: event-driven, with samples at all breaks, as one has by default.
+        marionette: the puppet, without driven rotations.
+        run: event-driven run with samples at all breaks, as by default.
         inputs: bound inputs of the run, of constant accelerations (``Input.segments``).
-        rtol, atol: of the integration of state and derivatives.
+        rtol, atol: tolerances of the integration of state and derivatives.
 
     Raises:
-        InputError: accelerations are not constant, rotations are driven, or the run has no sample
-            at a break.
+        InputError: accelerations are not constant, rotations are driven, or the run has no
+            sample at a break.
         StateError: there is no derivative; see :func:`fantoccini.dynamics.sensitivity`.
     """
     check_positive(rtol=rtol, atol=atol)
@@ -99,7 +99,7 @@ def interval_derivatives(
 
 
 def _check(marionette: Marionette, run: Trajectory, inputs: Input, found: Array) -> None:
-    """Raises InputError unless the run's samples are at the breaks, of constant accelerations."""
+    """Raises InputError unless accelerations are constant and samples are at their breaks."""
     table, mistakes = marionette.coordinates, list[Mistake]()
     for name in table.rotations:
         text = "turns; only scalar coordinates may be driven"
@@ -117,12 +117,12 @@ def _check(marionette: Marionette, run: Trajectory, inputs: Input, found: Array)
 
 
 class _IntervalChanges:
-    """Changes of the inputs that begin anew at every break: by q_K and v_K there, and by acc_K.
+    """Changes of the inputs that restart at every break: by q_K and v_K there, and by acc_K.
 
     Attributes:
-        inputs: those of the run.
-        breaks: theirs [s].
-        columns: of variations.
+        inputs: inputs of the run.
+        breaks: breaks of the inputs [s].
+        columns: number of columns of variations.
     """
 
     def __init__(self, marionette: Marionette, inputs: Input):
@@ -137,7 +137,7 @@ class _IntervalChanges:
             self._moved[power, :, :, power] = size * np.eye(k)
 
     def piece(self, start: float, end: float) -> InputPiece:
-        """Between two times without a break between them [s]."""
+        """Piece between two times without a break between them [s]."""
         i = np.searchsorted(self.breaks, 0.5 * (start + end), side="right") - 1
         k, n = self._moved.shape[1], len(self._variation.u_D)
         late = np.full(3 * k, start - self.breaks[i])

@@ -1,4 +1,4 @@
-"""Ledgers: energies, work and losses, from what runs write of them."""
+"""Ledgers: energies, work and losses, from the books of runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fantoccini.motion import LEDGER
 
 
 def ledger_of(part: Mapping[str, Array]) -> Array:
-    """(..., T, 8) ledger of energies, work and losses (..., T).
+    """Ledger (..., T, 8) from energies, work and losses (..., T).
 
     residual = (T + V) - (T + V)_0 - work + damping + impact + slip + friction
     """
@@ -25,5 +25,5 @@ def ledger_of(part: Mapping[str, Array]) -> Array:
 
 
 def ledger_of_books(books: Array) -> Array:
-    """(n, T, 8) ledgers from the books of batches (n, T, 7)."""
+    """Ledgers (n, T, 8) from the books of batches (n, T, 7)."""
     return ledger_of(dict(zip(BOOKS, np.moveaxis(books, -1, 0), strict=True)))

@@ -25,7 +25,7 @@ class _Limits:
     left: float = 60.0
     """Remaining computing time, at this pace, above which a run warns [s]."""
     samples: int = 500
-    """Number of last samples searched for chattering strings and bodies."""
+    """Number of the last samples, searched for chattering strings and bodies."""
     names: int = 3
     """Maximum number of names in the message."""
 
@@ -38,22 +38,22 @@ class SlowRunWarning(UserWarning):
 
 
 class Pace:
-    """Watches a run's computing time.
+    """Monitor of a run's computing time.
 
     Attributes:
-        seconds: of computing so far [s].
+        seconds: computing time so far [s].
 
     Args:
-        t, t_end: of the run [s].
-        limit: computing time after which it is late; none by default [s].
-        cause: text on why its present steps are short.
+        t, t_end: start and end of the run [s].
+        limit: computing time after which the run is late [s]; None for no limit.
+        cause: callback for the text on the cause of short steps.
     """
 
     def __init__(self, t: float, t_end: float, limit: float | None, cause: Callable[[], str]):
         self._began = time.perf_counter()
         self._t_end, self._limit, self._cause = t_end, limit, cause
         self._marks = deque([(0.0, t)])
-        self._told = False
+        self._has_warned = False
 
     @property
     def seconds(self) -> float:
@@ -70,13 +70,13 @@ class Pace:
         marks.append((now, t))
         while len(marks) > 2 and now - marks[1][0] > LIMITS.recent:
             marks.popleft()
-        if self._told or now < LIMITS.first_look:
+        if self._has_warned or now < LIMITS.first_look:
             return
         spent, done = now - marks[0][0], t - marks[0][1]
         left = (self._t_end - t) * spent / done if done > 0.0 else np.inf
         if left <= LIMITS.left:
             return
-        self._told = True
+        self._has_warned = True
         takes = "does not come nearer to" if left == np.inf else f"needs {left:.2g} s more to"
         warnings.warn(
             f"after {now:.1f} s of computing the run is at t = {t:.6g} s and {takes} its end at "
@@ -88,21 +88,21 @@ class Pace:
 
 
 def chatter(t: Times, contact: ContactPoints | None, events: Iterable[EventRecord]) -> str:
-    """Text on why the last steps of a run are short, with the events and contacts in them.
+    """Text on the cause of a run's short last steps: their events and contacts.
 
     Args:
         t: (T,) times of the samples [s].
-        contact: points that pushed, if anything may touch.
-        events: of the run.
+        contact: points that pushed; None without contact.
+        events: events of the run.
     """
     first = max(0, len(t) - LIMITS.samples)
-    if len(t) - first < 2:  # so few are saved
+    if len(t) - first < 2:  # few samples are saved
         return "its steps are short"
     text = f"its last {len(t) - first} samples take {t[-1] - t[first]:.2g} s of motion"
     counts = Counter(e.name for e in events if e.name and e.t >= t[first])
     if counts:
-        most = counts.most_common(LIMITS.names)
-        text += ", with events of " + ", ".join(f"{name} ({n})" for name, n in most)
+        frequent = counts.most_common(LIMITS.names)
+        text += ", with events of " + ", ".join(f"{name} ({n})" for name, n in frequent)
     if contact is not None:
         pushing = contact.some(contact.sample >= first)
         pairs = Counter(pair_name(contact.names[k]) for k in pushing.pair.tolist())

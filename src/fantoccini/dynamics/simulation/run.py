@@ -73,9 +73,9 @@ class Reporting:
     """Thresholds of messages about runs that stopped."""
 
     blame: float = 0.1
-    """Share of the blame for a status, 0 to 1, from which a row or drive is named."""
-    large_tension: float = 10.0  # Tension that is mentioned, in weights of the puppet
-    short_length: float = 1e-3  # Length of a string that is mentioned as nearly 0 [m]
+    """Share in causing a status, 0 to 1, above which a row or drive is named."""
+    large_tension: float = 10.0  # Tension above which it is mentioned, in weights of the puppet
+    short_length: float = 1e-3  # Length below which a string is mentioned as nearly 0 [m]
 
 
 REPORTING = Reporting()
@@ -96,40 +96,40 @@ def simulate(
     max_memory: float | None = None,
     time_limit: float | None = None,
 ) -> Trajectory:
-    """M_DD acc_D + M_DK acc_K + c = u_D + A_D^T lambda, with strings that only pull.
+    """Solves M_DD acc_D + M_DK acc_K + c = u_D + A_D^T lambda, with strings that only pull.
 
-    Between events the taut strings hold (Eqs. 10-12); where one releases or snaps taut the run
-    stops, the impulse acts (Eqs. 13-15) and the active set is found anew (Sec. IV). For many runs
-    at once see :func:`simulate_batch`.
+    Between events the taut strings hold (Eqs. 10-12). When one releases or snaps taut, the run
+    stops, the impulse acts (Eqs. 13-15) and the active set is determined again (Sec. IV). For
+    many runs at once see :func:`simulate_batch`.
 
     Args:
         marionette: the puppet.
-        x0: where it starts; no string may be longer than its length.
-        inputs: motion of the driven coordinates; they hold still when not given. Times are
+        x0: start state; no string may be longer than its length.
+        inputs: motion of the driven coordinates; by default they hold still. Times are
             absolute: the run starts at ``x0.t``.
-        t_end: end of the run [s]; the end of the inputs when not given.
+        t_end: end of the run [s]; by default the end of the inputs.
         method: ``event``: adaptive order 8 with located events. ``timestepping``: fixed step, for
             interaction, planning and batches. ``variational``: fixed step of second order whose
             energy does not drift, with lengths exact at every step; for large steps and long runs.
             With options: :class:`Event`, :class:`TimeStepping`, :class:`Variational`.
-        save_at: (n,) times to write besides the start, the end and those of events
-            (event-driven only) [s]; every step when not given.
-        save_every: write every so many steps (not event-driven); every one when not given.
-        effort: compute the force on every driven coordinate.
-        progress: called with the time simulated, for a progress bar [s].
-        throw: raise when the run stops before its end; otherwise see its status.
-        max_memory: for samples and events [bytes]; half of the free memory when not given. Runs
-            known not to fit are refused; an event-driven run ends with ``TOO_MANY_SAMPLES`` where
-            its samples no longer fit.
-        time_limit: computing time after which the run ends with ``OUT_OF_TIME`` [s]; none when not
-            given. Runs with minutes to go warn after some seconds of computing.
+        save_at: (n,) times of samples besides the start, the end and those of events
+            (event-driven only) [s]; by default every step.
+        save_every: number of steps per sample (not event-driven); by default 1.
+        effort: whether to compute the force on every driven coordinate.
+        progress: callback for a progress bar, with the simulated time [s].
+        throw: whether to raise if the run stops before its end; otherwise see its status.
+        max_memory: largest memory of samples and events [bytes]; by default half of the free
+            memory. Runs that cannot fit are refused; an event-driven run ends with
+            ``TOO_MANY_SAMPLES`` when its samples no longer fit.
+        time_limit: computing time after which the run ends with ``OUT_OF_TIME`` [s]; by default
+            none. Runs that will take minutes warn after some seconds of computing.
 
     Raises:
         StateError: ``x0`` violates a string or limit; ``marionette.project(x0)`` repairs it. Or
             the step is too long for a chain or a spring, or the samples do not fit in memory.
         InputError: the inputs do not start where ``x0`` is.
-        TypeError: several states or inputs, which :func:`simulate_batch` takes.
-        ValueError: an invalid argument.
+        TypeError: there are several states or inputs, as for :func:`simulate_batch`.
+        ValueError: an argument is invalid.
         SimulationError: the run stopped, or with a fixed step violated rows or gained energy;
             the error carries the trajectory so far.
     """
@@ -157,7 +157,7 @@ def simulate(
     about = options, x0, marionette.p, marionette.winches, bound, save_at
     run = Run(marionette.libraries.library_of(name), name, *about)
     pieces = list[Piece]()
-    pace = Pace(x0.t, t_end, time_limit, lambda: _chatter(marionette, pieces))
+    pace = Pace(x0.t, t_end, time_limit, lambda: _chatter_text(marionette, pieces))
     written, status = _collect(run, x0.t, t_end, progress, pieces, pace)
     samples, events = written.samples, written.events
     seconds = pace.seconds
@@ -173,87 +173,89 @@ def simulate(
             seconds,
         )
 
-    made = trajectory(samples, events)
-    motion, last = _motion_of(made), None
+    result = trajectory(samples, events)
+    motion, last = _motion_of(result), None
     if name != "event" and status in ARRIVED:
         # Fixed steps bound the tensions of contradicting strings, or average them.
-        last = first_excess_tension(marionette, made.tension.values, motion)
+        last = first_excess_tension(marionette, result.tension.values, motion)
     contradicted = None
     if last is not None or status in CONTRADICTION_STATUSES:
-        contradicted = contradiction(marionette, *motion(len(made) - 1 if last is None else last))
+        contradicted = contradiction(marionette, *motion(len(result) - 1 if last is None else last))
     if last is not None and contradicted:
-        before = events[:, contract.EVENT_AT["t"]] <= made.t[last]
-        made = trajectory(samples[: last + 1], events[before])
+        before = events[:, contract.EVENT_AT["t"]] <= result.t[last]
+        result = trajectory(samples[: last + 1], events[before])
     overlaps = prescribed_overlaps(
-        marionette, lambda t: bound.evaluate(t)[0], looks(bound.breaks, x0.t, float(made.t[-1]))
+        marionette, lambda t: bound.evaluate(t)[0], looks(bound.breaks, x0.t, float(result.t[-1]))
     )
     if overlaps:
-        told = written.events, overlap_events(marionette, overlaps, x0.t)
-        kept = np.concatenate(told)
-        kept = kept[kept[:, contract.EVENT_AT["t"]] <= made.t[-1]]
-        events_of = tuple(_event(marionette, event) for event in _in_order(kept))
-        made = dataclasses.replace(made, events=events_of)
+        event_arrays = written.events, overlap_events(marionette, overlaps, x0.t)
+        all_events = np.concatenate(event_arrays)
+        all_events = all_events[all_events[:, contract.EVENT_AT["t"]] <= result.t[-1]]
+        events_of = tuple(_event(marionette, event) for event in _in_order(all_events))
+        result = dataclasses.replace(result, events=events_of)
     checks: list[Check] = [lambda: prescribed_verdict(overlaps)]
-    if name != "event" and made.t[-1] >= t_end:
+    if name != "event" and result.t[-1] >= t_end:
         worst = float(run.progress.violation)
-        checks.insert(0, lambda: judged(marionette, made, options.dt, worst))
+        checks.insert(0, lambda: judged(marionette, result, options.dt, worst))
     verdict = decide(status, contradicted, checks)
     if verdict.status is not status:
         blamed = contradicted.names if contradicted else ()
-        made = dataclasses.replace(made, status=verdict.status, blamed=blamed)
-    if made.status is not Status.DONE and throw:
-        where = verdict.text or _where(marionette, made, contradicted)
-        raise SimulationError(made.status, where, made)
-    return made
+        result = dataclasses.replace(result, status=verdict.status, blamed=blamed)
+    if result.status is not Status.DONE and throw:
+        where = verdict.text or _where(marionette, result, contradicted)
+        raise SimulationError(result.status, where, result)
+    return result
 
 
 def _motion_of(run: Trajectory) -> Callable[[int], tuple[State, Array]]:
-    """Sample -> the state there and the driven accelerations."""
+    """Function: sample -> its state and driven accelerations."""
     return lambda i: (run.state(i), run.acc_K[i])
 
 
 def _where(
-    marionette: Marionette, made: Trajectory, contradicted: Contradiction | None = None
+    marionette: Marionette, result: Trajectory, contradicted: Contradiction | None = None
 ) -> str:
-    """When and why a run stopped."""
-    text = f"at t = {made.t[-1]:.6g} s"
+    """Time and cause of a run's stop, in words."""
+    text = f"at t = {result.t[-1]:.6g} s"
     if contradicted:
-        most = np.max(made.tension.values)
-        return f"{text}: {contradicted}. The largest tension was {most:.3g} N"
-    if made.status is Status.OUT_OF_TIME:
-        return f"{text}: {chatter(made.t, made.contact, made.events)}"
-    if made.status is Status.TOO_MANY_SAMPLES:
-        return f"{text} after {len(made)} samples; write fewer with save_at, or allow max_memory"
-    if made.blamed:
-        text += f", because of {', '.join(made.blamed)}"
-    if made.status is Status.TOO_MANY_EVENTS:
-        text += f": {chatter(made.t, made.contact, made.events)}; method='timestepping' goes on"
-    if made.status is Status.NO_UNIQUE_MOTION:
-        text += f", where {_sliding(made)} slide; method='timestepping' goes on with an impulse"
-    text += weak_motors(marionette, made)
-    last = made.tension.values[-1]
+        largest = np.max(result.tension.values)
+        return f"{text}: {contradicted}. The largest tension was {largest:.3g} N"
+    if result.status is Status.OUT_OF_TIME:
+        return f"{text}: {chatter(result.t, result.contact, result.events)}"
+    if result.status is Status.TOO_MANY_SAMPLES:
+        return f"{text} after {len(result)} samples; write fewer with save_at, or allow max_memory"
+    if result.blamed:
+        text += f", because of {', '.join(result.blamed)}"
+    if result.status is Status.TOO_MANY_EVENTS:
+        text += (
+            f": {chatter(result.t, result.contact, result.events)}; method='timestepping' goes on"
+        )
+    if result.status is Status.NO_UNIQUE_MOTION:
+        text += f", where {_sliding(result)} slide; method='timestepping' goes on with an impulse"
+    text += weak_motors(marionette, result)
+    last = result.tension.values[-1]
     if np.max(last, initial=0.0) > REPORTING.large_tension * marionette.weight:
         text += f"; the largest tension was {np.max(last):.3g} N"
-    lengths = marionette.string_lengths(made.q_D[-1], made.q_K[-1])
+    lengths = marionette.string_lengths(result.q_D[-1], result.q_K[-1])
     short = lengths < REPORTING.short_length
-    gone = [n for n, is_short in zip(made.tension.names, short, strict=True) if is_short]
+    gone = [n for n, is_short in zip(result.tension.names, short, strict=True) if is_short]
     return text + "".join(f"; {n}.length is nearly 0" for n in gone)
 
 
-def _chatter(marionette: CompiledPuppet, pieces: list[Piece]) -> str:
-    """Text on why the present steps of a run are short, from the pieces written so far."""
+def _chatter_text(marionette: CompiledPuppet, pieces: list[Piece]) -> str:
+    """Text on the cause of a run's short steps, from the pieces so far."""
     written = Piece.joined(pieces)
     t = marionette.sample_layout.split(written.samples)["t"]
     events = [_event(marionette, event) for event in written.events]
     return chatter(t, _contact_points(marionette, written.contacts, len(t)), events)
 
 
-def _sliding(made: Trajectory) -> str:
-    """The pairs that touched at the last samples."""
-    contact = made.contact
-    if contact is None or not np.any(contact.sample >= len(made) - 3):
+def _sliding(result: Trajectory) -> str:
+    """Names of the pairs that touched at the last samples."""
+    contact = result.contact
+    if contact is None or not np.any(contact.sample >= len(result) - 3):
         return "solids"
-    near = contact.sample >= len(made) - 3
+    near = contact.sample >= len(result) - 3
     return ", ".join(pair_name(contact.names[k]) for k in np.unique(contact.pair[near]))
 
 
@@ -265,7 +267,7 @@ def _collect(
     pieces: list[Piece],
     pace: Pace,
 ) -> tuple[Piece, Status]:
-    """The output of a run and its status; Ctrl-C and a time limit keep the samples so far."""
+    """Samples of a run and its status; the samples so far after Ctrl-C or a time limit."""
     try:
         for piece in run.advance(t_end):
             pieces.append(piece)
@@ -292,17 +294,16 @@ def trajectory_of_samples(
     blame: Array,
     seconds: float | None = None,
 ) -> Trajectory:
-    """The trajectory of the samples that a run wrote.
+    """The trajectory of a run's samples.
 
     Args:
         marionette: the puppet.
-        written: its samples (T, width), events and contact points.
-        status: how the run ended.
-        method: of the run.
-        with_effort: compute the force on every driven coordinate.
-        blame: (n_rows + n_watched,) the share of each row and drive in the blame for the status, 0
-            to 1.
-        seconds: how long the run took [s].
+        written: samples (T, width), events and contact points of the run.
+        status: status of the run.
+        method: method of the run.
+        with_effort: whether to compute the force on every driven coordinate.
+        blame: (n_rows + n_watched,) shares of rows and drives in causing the status, 0 to 1.
+        seconds: computing time of the run [s].
     """
     tree = marionette.tree
     part = marionette.sample_layout.split(written.samples)
@@ -321,7 +322,7 @@ def trajectory_of_samples(
     h = marionette.library.evaluate("rows", q_D=part["q_D"], q_K=part["q_K"], p=marionette.p).h
     h[:, :n_strings] -= part["slip"]
     violation = np.where(marionette.two_sided, np.abs(h), np.maximum(h, 0.0))
-    made = Trajectory(
+    result = Trajectory(
         t=part["t"],
         q_D=part["q_D"],
         v_D=part["v_D"],
@@ -347,19 +348,19 @@ def trajectory_of_samples(
         contact_residual=None if contact is None else part["contact_residual"],
     )
     if not with_effort:
-        return made
-    return dataclasses.replace(made, undetermined=undetermined(marionette, made))
+        return result
+    return dataclasses.replace(result, undetermined=undetermined(marionette, result))
 
 
 def _contact_points(marionette: CompiledPuppet, rows: Array, n: int) -> ContactPoints | None:
-    """The contact points of a run of n samples; None where nothing may touch anything."""
+    """Contact points of a run of n samples; None without contact."""
     if marionette.contacts is None:
         return None
     return contact_points(rows[rows[:, 0] < n], marionette.contacts.names)
 
 
 def _in_order(events: Array) -> Array:
-    """Events in order of their times: that a point slides is told once it does."""
+    """Events in order of time: the runtime reports sliding late."""
     return events[np.argsort(events[:, contract.EVENT_AT["t"]], kind="stable")]
 
 

@@ -22,20 +22,20 @@ from fantoccini.motion import EventKind, Input, Trajectory
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Decisions about the pieces of a run."""
+    """Tolerances of the pieces of a run."""
 
     jump: float = 1e-9
     """Change of velocity at a catch, relative to 1 or the largest velocity: above rounding."""
     stop: float = 1e-8
-    """Likewise, up to which a point of contact that slides is brought to rest where it stops."""
-    time: float = 1e-12  # Distance of times that are one [s]
+    """Largest change of velocity at the stop of a sliding point, relative to 1 or the largest."""
+    time: float = 1e-12  # Distance of times that count as equal [s]
 
 
 TOLERANCES = Tolerances()
 
 
 def check_differentiable(run: Trajectory) -> None:
-    """Raises StateError where a winch slips, or bounces of solids accumulate."""
+    """Raises StateError if a winch slips, or bounces of solids accumulate."""
     if run.slip is not None and np.any(run.slip.values > 0.0):
         names = [name for name, slip in run.slip.items() if np.any(slip > 0.0)]
         raise StateError(
@@ -52,12 +52,12 @@ def check_differentiable(run: Trajectory) -> None:
 
 
 class Changing(Protocol):
-    """Inputs and how they change.
+    """Inputs of a run and their changes.
 
     Attributes:
-        inputs: those of the run.
-        breaks: times at which they or their changes are not smooth [s].
-        columns: changes: by the state, by the parameters, along the inputs.
+        inputs: inputs of the run.
+        breaks: times at which inputs or their changes are not smooth [s].
+        columns: number of changes: by the state, by the parameters, along the inputs.
     """
 
     inputs: Input
@@ -65,7 +65,7 @@ class Changing(Protocol):
     columns: int
 
     def piece(self, start: float, end: float) -> InputPiece:
-        """Between two times without a break between them [s]."""
+        """Piece between two times without a break between them [s]."""
         ...
 
 
@@ -73,12 +73,12 @@ class RunChanges:
     """Small changes along a run.
 
     Args:
-        run: event-driven; with contact it must have all samples.
-        changes: of its inputs.
-        variation: of its puppet.
+        run: event-driven run; with contact it must have all samples.
+        changes: changes of its inputs.
+        variation: variational equations of its puppet.
 
     Attributes:
-        passages: the events that were passed.
+        passages: events so far.
     """
 
     def __init__(self, run: Trajectory, changes: Changing, variation: Variation):
@@ -95,11 +95,11 @@ class RunChanges:
     def records(
         self, saved: Times, start: int = 0, end: int | None = None
     ) -> Iterator[tuple[float, Array]]:
-        """(time, changes) at the start, at the times to save, around every event, at the end.
+        """Pairs (time, changes) at the start, the times to save, around every event, at the end.
 
         Args:
-            saved: the times to save [s].
-            start, end: samples of the run; its first and its last when not given.
+            saved: times to save [s].
+            start, end: samples of the run; by default its first and last.
         """
         run, n = self.run, self.marionette.coordinates.n_vD
         columns = self._changes.columns
@@ -123,7 +123,7 @@ class RunChanges:
                     if run.t[a] in saved:
                         yield run.t[a], Z
                 before = points
-                x, held = run.state(a), self._held(first)
+                x, held = run.state(a), self._taut_rows(first)
                 pieces = self._between(run.t[a], run.t[b])
                 Z = self._variation.projected(x, held, Z, pieces[0].variation(x.t), points)
                 if a == first:
@@ -152,15 +152,15 @@ class RunChanges:
         by_input: InputVariation,
         points: tuple[Sequence[PointMode], Sequence[PointMode]],
     ) -> Array:
-        """The changes after the event between sample i and the next."""
+        """Changes after the event between sample i and the next."""
         run = self.run
         size = max(1.0, np.max(np.abs(run.v_D[i]), initial=0.0))
         stops = self._contacts.touches(i) and not self._struck(i)
-        most = TOLERANCES.stop if stops else TOLERANCES.jump
-        if np.max(np.abs(run.v_D[i + 1] - run.v_D[i]), initial=0.0) <= most * size:
+        tolerance = TOLERANCES.stop if stops else TOLERANCES.jump
+        if np.max(np.abs(run.v_D[i + 1] - run.v_D[i]), initial=0.0) <= tolerance * size:
             return self._changed(i, Z, by_input, (i, i + 1), points)
         before, after = run.state(i), run.state(i + 1)
-        held = self._held(i), self._held(i + 1)
+        held = self._taut_rows(i), self._taut_rows(i + 1)
         acc, acc_K = (run.acc_D[i], run.acc_D[i + 1]), run.acc_K[i]
         if self._contacts.touches(i) or self._contacts.touches(i + 1) or self._struck(i, False):
             impulse = impact_at(self.marionette, before, after, held)
@@ -171,7 +171,7 @@ class RunChanges:
         return Z
 
     def _struck(self, i: int, catches: bool = True) -> bool:
-        """Whether solids strike, or with ``catches`` rows, at the time of sample i."""
+        """Whether solids strike at the time of sample i, or rows if ``catches``."""
         t = float(self.run.t[i])
         return t in self._times[EventKind.TOUCH] or (catches and t in self._times[EventKind.CATCH])
 
@@ -183,14 +183,16 @@ class RunChanges:
         samples: tuple[int, int],
         points: tuple[Sequence[PointMode], Sequence[PointMode]],
     ) -> Array:
-        """The changes after a change of contacts' modes at sample i, at which velocities stay."""
+        """Changes after contacts change modes at sample i with continuous velocities."""
         if key_of(points[0]) == key_of(points[1]) and not self._contacts.stops(i, points[0]):
             return Z
         run, marionette = self.run, self.marionette
         if np.min(np.abs(self._inputs.breaks - run.t[i])) <= TOLERANCES.time:
-            return Z  # at a time that stays
+            return Z  # at a fixed time
         x, u_D = run.state(i), self._force(run.t[i])
-        before, after = ((self._held(k), these) for k, these in zip(samples, points, strict=True))
+        before, after = (
+            (self._taut_rows(k), these) for k, these in zip(samples, points, strict=True)
+        )
         D = stacked(np.concatenate([Z, np.eye(len(Z))], axis=1), by_input.widened(len(Z)))
         change = Change.of(self.marionette, x, run.acc_K[i], u_D, before, after, D)
         if change is None:
@@ -202,18 +204,18 @@ class RunChanges:
         return np.concatenate([Z[:n], Z[n:] + np.outer(change.jump, change.late[0, :m])])
 
     def _force(self, t: float) -> Array:
-        """(n_vD,) user forces up to a time."""
+        """User forces (n_vD,) up to a time [s]."""
         inside = min(max(t, self._inputs.start), self._inputs.end)
         return np.array(self._inputs.evaluate_force(inside))
 
-    def _held(self, i: int) -> Indices:
-        """The rows that are taut from sample i on."""
+    def _taut_rows(self, i: int) -> Indices:
+        """Indices of the rows that are taut from sample i on."""
         run = self.run
         holds = np.concatenate([run.taut.values[i], run.limit_force.values[i] > 0.0])
         return np.flatnonzero(holds | self.marionette.two_sided)
 
     def _between(self, start: float, end: float) -> list[InputPiece]:
-        """The smooth pieces of the inputs from one time to another."""
+        """Smooth pieces of the inputs from one time to another [s]."""
         inner = self._changes.breaks
         inner = inner[(inner > start + TOLERANCES.time) & (inner < end - TOLERANCES.time)]
         times = np.concatenate([[start], inner, [end]])

@@ -5,14 +5,14 @@ v+ = R(q, v-) of Eqs. 13-15 and f = (v_D, acc_D),
 
     dz+ = dR (dz- + f- dt) - f+ dt,
 
-for changes of the state alone the saltation matrix dR + (f+ - dR f-) (-dh/dz) / hdot-. dR comes
-from the impulse's own equations, over the rows that are struck or held afterwards and, of solids
+for changes of the state alone, the saltation matrix is dR + (f+ - dR f-) (-dh/dz) / hdot-. dR comes
+from the impulse's own equations, over the rows that are struck or held afterwards and, for solids
 that touch, over points in their modes:
 
     M (v+ - v-) + A_D^T Lambda - U^T X = 0,   hdot+ = -e max(hdot-, 0),
     u_n+ = e max(-u_n-, 0),   X = x_n n where u_T+ = 0, else x_n (n - mu u_T+/|u_T+|)
 
-Which rows and points these are is found by :mod:`fantoccini.dynamics.simulation.catch` and
+These rows and points are determined by :mod:`fantoccini.dynamics.simulation.catch` and
 :mod:`fantoccini.dynamics.simulation.impact`.
 """
 
@@ -40,10 +40,10 @@ from fantoccini.kernel.contract import WINCH_AT
 from fantoccini.motion import State
 
 VELOCITY_ERROR = 1e-4
-"""Largest accepted difference of velocities after an impulse, the equations' from the run's,
+"""Largest accepted difference between the equations' and the run's velocities after an impulse,
 relative to 1 + |v|."""
 NEGLIGIBLE = 1e-9
-"""Impulses and speeds that are rounding, relative to the largest."""
+"""Impulses and speeds that count as rounding, relative to the largest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +54,12 @@ class Passage:
         t: time [s].
         rows: names of the strings and limits caught, of the parts that touch, as ``foot|floor``, or
             of those that stop sliding on one another.
-        speed: at which the gap closes that decides the time [m/s or rad/s]; 0 where a point stops.
+        speed: closing speed of the gap that decides the time [m/s or rad/s]; 0 for a point that
+            stops.
         jump: (2 n_vD, 2 n_vD) saltation matrix: changes of (q_D, v_D) from before to after.
-        sharp: whether the derivative exists there: one row is caught, or one point touches, or
-            several that always do so at once, and no other is at its bound by chance. Otherwise
-            ``jump`` holds for changes that keep the sequence of events.
+        sharp: whether the derivative exists: one row is caught, or one point touches, or several
+            that always do so together, and no other is at its bound by chance. Otherwise ``jump``
+            holds for changes that keep the sequence of events.
     """
 
     t: float
@@ -76,11 +77,11 @@ def normal_speed(screws: Screws, point: HeldPoint) -> float:
 
 
 class Guard:
-    """The guard of an impact: the gap whose closing decides its time.
+    """Guard of an impact: the gap whose closing decides its time.
 
     Args:
         by: (n_columns,) changes of -gap.
-        speed: at which it closes [m/s or rad/s].
+        speed: closing speed [m/s or rad/s].
     """
 
     def __init__(self, by: Array, speed: float):
@@ -93,14 +94,14 @@ class Guard:
         return cls(-gap, -normal_speed(screws, point))
 
     @classmethod
-    def of_row(cls, found: dict[str, Array], row: int, speed: float) -> Guard:
-        """Of a string or limit; ``found`` from :func:`row_derivatives_at`."""
-        A_D, A_K = found["A_D"][row], found["A_K"][row]
-        by = [A_D, 0.0 * A_D, A_K, np.zeros(2 * len(A_K)), 0.0 * A_D, found["h_p"][row]]
+    def of_row(cls, results: dict[str, Array], row: int, speed: float) -> Guard:
+        """Guard of a string or limit; ``results`` from :func:`row_derivatives_at`."""
+        A_D, A_K = results["A_D"][row], results["A_K"][row]
+        by = [A_D, 0.0 * A_D, A_K, np.zeros(2 * len(A_K)), 0.0 * A_D, results["h_p"][row]]
         return cls(np.concatenate(by), float(speed))
 
     def late(self, D: Array) -> Array:
-        """(1, m) change of the time [s]."""
+        """Change (1, m) of the time [s]."""
         return np.asarray(-(self._by @ D)[None] / self.speed)
 
 
@@ -110,16 +111,16 @@ class Saltation:
 
     Attributes:
         marionette: the puppet.
-        before: the state before it.
-        at: its quantities.
-        rows: struck, or held afterwards.
-        points: of contact that take part.
-        restitution: (n_rows,) of the rows that close.
-        kick: (n_vD,) v+ - v-.
-        impulse: (n_rows,) Lambda.
+        before: state before the impulse.
+        at: the model at this state.
+        rows: rows struck, or held afterwards.
+        points: contact points that take part.
+        restitution: (n_rows,) restitution of the rows that close.
+        kick: (n_vD,) change of velocity v+ - v-.
+        impulse: (n_rows,) impulses Lambda.
         guards: gaps that close; the fastest decides the time.
-        names: of what closes.
-        edges: what is at its bound by chance, in words.
+        names: names of the rows and parts that close.
+        edges: rows and points at their bound by chance, in words.
     """
 
     marionette: Marionette
@@ -136,11 +137,11 @@ class Saltation:
 
     @property
     def after(self) -> State:
-        """The state after it, by its equations."""
+        """State after the impulse, from its equations."""
         return self.before.replace(v_D=self.before.v_D + self.kick)
 
     def check(self, v_D: Array, what: str) -> None:
-        """Raises SimulationError unless a run has these velocities after it."""
+        """Raises SimulationError unless the velocities after the impulse are ``v_D``."""
         off = np.abs(self.after.v_D - v_D) / (1.0 + np.abs(v_D))
         if np.max(off, initial=0.0) > VELOCITY_ERROR:
             raise SimulationError(
@@ -153,21 +154,21 @@ class Saltation:
         """Changes after the impulse, at a fixed time, and the impulse with its saltation matrix.
 
         Args:
-            Z: (2 n_vD, m) the changes before it.
+            Z: (2 n_vD, m) changes before the impulse.
             by_input: changes of inputs and parameters.
-            acc: acc_D before and after.
-            acc_K: (n_vK,) driven acceleration before it.
+            acc: acc_D before and after the impulse.
+            acc_K: (n_vK,) driven acceleration before the impulse.
         """
         m, n = Z.shape[1], len(Z)
         both = np.concatenate([Z, np.eye(n)], axis=1)
-        found = self._carried(both, by_input.widened(n), acc, acc_K)
+        results = self._carried(both, by_input.widened(n), acc, acc_K)
         changes = stacked(Z, by_input)
         lates = np.array([guard.late(changes)[0] for guard in self.guards])
-        apart = float(np.max(np.abs(lates - lates[:1]), initial=0.0))
-        together = apart <= AGREE * float(np.max(np.abs(lates), initial=1e-9))
+        spread = float(np.max(np.abs(lates - lates[:1]), initial=0.0))
+        together = spread <= AGREE * float(np.max(np.abs(lates), initial=1e-9))
         sharp = len(lates) > 0 and together and not self.edges
         speed = max((guard.speed for guard in self.guards), default=0.0)
-        return found[:, :m], Passage(self.before.t, self.names, speed, found[:, m:], sharp)
+        return results[:, :m], Passage(self.before.t, self.names, speed, results[:, m:], sharp)
 
     def _carried(
         self, Z: Array, by_input: InputVariation, acc: tuple[Array, Array], acc_K: Array
@@ -195,7 +196,7 @@ class Saltation:
         return np.concatenate([q_D, v_D + kick - acc[1][:, None] * late])
 
     def _solve(self, force: Array, rate: Array, D: Array) -> Array:
-        """(n_vD, m) changes of the kick."""
+        """Changes (n_vD, m) of the kick."""
         if not self.points:
             return KKTSystem(self.at, self.rows).solve(force, rate)[0]
 
@@ -203,14 +204,14 @@ class Saltation:
         later = Screws(self.marionette, self.after, changes=D)
 
         def rows(points: Sequence[HeldPoint]) -> tuple[ContactRows, Array]:
-            made, struck = ContactRows(later, points, 1.0), ContactRows(before, points, 0.0)
-            return made, made.velocity_by() + struck.bounce_by()
+            held, struck = ContactRows(later, points, 1.0), ContactRows(before, points, 0.0)
+            return held, held.velocity_by() + struck.bounce_by()
 
         return solve_in_modes(self.at, self.rows, force, rate, rows, self.points)[0]
 
 
 def string_restitution(marionette: Marionette, at: Evaluation) -> Array:
-    """(n_rows,) restitutions of the rows that close."""
+    """Restitution (n_rows,) of the rows that close."""
     out = np.zeros(len(at.hdot))
     out[: len(marionette.tree.strings)] = marionette.winches[:, WINCH_AT["restitution"]]
     out[at.hdot <= 0.0] = 0.0
@@ -239,13 +240,13 @@ def force_change(
         "dt": np.array(0.0),
     }
     compiled = marionette.libraries.derivatives
-    found = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)
-    by = {name: part[0] - part[1] for name, part in found.items()}
+    results = compiled.at("force_by_q", values) | compiled.at("force_by_K", values)
+    by = {name: part[0] - part[1] for name, part in results.items()}
     return by["r_q"] @ q_D + by["r_qK"] @ q_K + by["r_p"] @ p
 
 
 def restitution_change(marionette: Marionette, at: Evaluation) -> Array:
-    """(n_rows, n_p) derivative of e max(hdot-, 0) by the parameters."""
+    """Derivative (n_rows, n_p) of e max(hdot-, 0) by the parameters."""
     out = np.zeros((marionette.tree.n_rows, len(marionette.p)))
     for i, string in enumerate(marionette.tree.strings):
         if isinstance(string.restitution, Parameter):
@@ -254,6 +255,11 @@ def restitution_change(marionette: Marionette, at: Evaluation) -> Array:
     return out
 
 
-def rate_change(found: dict[str, Array], q_D: Array, q_K: Array, v_K: Array, p: Array) -> Array:
-    """(n_rows, m) changes of hdot at fixed v_D; ``found`` from :func:`row_derivatives_at`."""
-    return found["hdot_q"] @ q_D + found["hdot_qK"] @ q_K + found["A_K"] @ v_K + found["hdot_p"] @ p
+def rate_change(results: dict[str, Array], q_D: Array, q_K: Array, v_K: Array, p: Array) -> Array:
+    """Changes (n_rows, m) of hdot at fixed v_D; ``results`` from :func:`row_derivatives_at`."""
+    return (
+        results["hdot_q"] @ q_D
+        + results["hdot_qK"] @ q_K
+        + results["A_K"] @ v_K
+        + results["hdot_p"] @ p
+    )

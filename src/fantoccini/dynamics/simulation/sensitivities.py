@@ -18,25 +18,27 @@ from fantoccini.dynamics.simulation.variation import Variation
 from fantoccini.motion import Input, InputDerivative, Inputs, State, Trajectory, check_same_puppet
 
 SAME_ROTATION = 1e-12
-"""1 - |cos(angle / 2)| of orientations that are one: rounding."""
+"""Largest 1 - |cos(angle / 2)| of orientations that count as equal: rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class RunSensitivity:
     """Derivatives of the state of an event-driven run, at some of its times.
 
-    A record is d(dq_D, dv_D) at ``t``, with tangent vectors dq_D: a scalar adds, an orientation
-    turns in the body's frame. Between two records at one time lies an event.
+    A record has the derivatives of (dq_D, dv_D) at ``t``, with tangent vectors dq_D: a scalar adds,
+    an orientation turns in the body's frame. Two records with equal times are before and after an
+    event.
 
     Attributes:
-        run: the run itself.
+        run: the run.
         t: (T,) times [s].
-        x0: (T, 2 n_vD, 2 n_vD) by (dq_D, dv_D) at the start. A change that would stretch or slacken
-            taut rows there stands for the nearest one that does not, in the metric of M_DD.
-        p: (T, 2 n_vD, n_p) by the parameters; the start moves to keep its taut strings.
-        toward: (T, 2 n_vD, m) by s, with inputs + s (other - inputs), for each of the other inputs.
-        along: (T, 2 n_vD, m) by s, with inputs + s dq_K/ds, for each of the derivatives of inputs.
-        passages: the catches and impacts of the run, and where points of contact stop.
+        x0: (T, 2 n_vD, 2 n_vD) derivatives by (dq_D, dv_D) at the start. A change that would
+            stretch or slacken taut rows is replaced by the nearest one that does not, in the metric
+            of M_DD.
+        p: (T, 2 n_vD, n_p) derivatives by the parameters; the start moves to keep its taut strings.
+        toward: (T, 2 n_vD, m) derivatives by s for inputs + s (other - inputs), for each other.
+        along: (T, 2 n_vD, m) derivatives by s for inputs + s dq_K/ds, for each input derivative.
+        passages: catches, impacts and stops of contact points of the run.
     """
 
     run: Trajectory
@@ -49,9 +51,9 @@ class RunSensitivity:
 
     @property
     def sharp(self) -> bool:
-        """Whether the derivative exists: nothing was caught, struck or stopped at once by chance.
+        """Whether the derivative exists: no simultaneous events, or grazing contacts, by chance.
 
-        Nor did anything just touch.
+        See :class:`Passage` for each event.
         """
         return all(passage.sharp for passage in self.passages)
 
@@ -68,26 +70,26 @@ def sensitivity(
     rtol: float = 1e-10,
     atol: float = 1e-10,
 ) -> RunSensitivity:
-    """dx(t)/dx0, dx(t)/dp and along changes of the inputs, through releases, catches and contact.
+    """Derivatives of a run by x0, p and changes of the inputs, through all of its events.
 
     The run is that of ``fan.simulate`` with its default tolerances. The derivative holds for
-    neighbours with the same sequence of events.
+    nearby runs with the same sequence of events.
 
     Args:
         marionette: the puppet.
-        x0: where the run starts.
-        inputs: motion of the driven coordinates; they hold still when not given.
-        t_end: end of the run [s]; the end of the inputs when not given.
+        x0: start state.
+        inputs: motion of the driven coordinates; by default they hold still.
+        t_end: end of the run [s]; by default the end of the inputs.
         toward: other inputs; they may begin elsewhere. Rotations must be the same in all. For
             derivatives by waypoints use ``along``: moves through them are not linear in them.
-        along: derivatives of the inputs, as ``InputDerivative.of_waypoints`` gives them by the
+        along: derivatives of the inputs, such as those of ``InputDerivative.of_waypoints`` by the
             values of waypoints.
-        save_at: (n,) times to write besides the start, the end and both sides of every event [s].
-        rtol, atol: of the integration of state and derivatives.
+        save_at: (n,) times to save besides the start, the end and both sides of every event [s].
+        rtol, atol: tolerances of the integration of state and derivatives.
 
     Raises:
         StateError: a winch slips, bounces of solids accumulate, or the motion depends on how
-            redundant points that slide share their force: there is no derivative here.
+            redundant points that slide share their force: there is no derivative.
         SimulationError: the run stopped.
     """
     check_positive(rtol=rtol, atol=atol)
@@ -123,7 +125,7 @@ def sensitivity(
 
 
 def _bound(marionette: Marionette, toward: Sequence[Input], inputs: Input, x0: State) -> Inputs:
-    """Other inputs, each bound at its own start; coordinates that it does not name are held."""
+    """Other inputs, each bound at its own start; coordinates that they do not name are held."""
     table, others = marionette.coordinates, Inputs.of(toward)
     check_same_puppet([table, others.coordinates])
     q_K, start = np.tile(x0.q_K, (len(others), 1)), others.evaluate(x0.t)[0]
@@ -145,13 +147,13 @@ def _bound(marionette: Marionette, toward: Sequence[Input], inputs: Input, x0: S
 
 
 def _check_along(marionette: Marionette, along: Sequence[InputDerivative]) -> None:
-    """Raises InputError unless derivatives of inputs are this puppet's."""
+    """Raises InputError unless derivatives of inputs are for this puppet."""
     own = marionette.coordinates
-    for i, one in enumerate(along):
-        if one.coordinates.v_K != own.v_K:
+    for i, derivative in enumerate(along):
+        if derivative.coordinates.v_K != own.v_K:
             text = (
                 "was made for a puppet with the driven velocities "
-                f"{', '.join(one.coordinates.v_K) or 'none'}; {marionette.name} has "
+                f"{', '.join(derivative.coordinates.v_K) or 'none'}; {marionette.name} has "
                 f"{', '.join(own.v_K) or 'none'}"
             )
             raise InputError([Mistake("along", None, f"[{i}]", text)])

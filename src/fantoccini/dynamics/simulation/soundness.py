@@ -1,7 +1,7 @@
 """Verdict on a run of fixed steps that reached its end: violations and energy.
 
-Time-stepping continues whatever happens. A run that reached its end is DONE only where its rows
-held and its energy has a source.
+Time-stepping never stops by itself. A run that reached its end is DONE only if its rows held and
+its energy has a source.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ from fantoccini.motion import Columns, Trajectory, pair_name
 class Bounds:
     """Bounds beyond which a run is not sound."""
 
-    violation: float = 0.02  # Of a string, limit or contact [m or rad]
+    violation: float = 0.02  # Largest violation of a string, limit or contact [m or rad]
     fast: float = 0.02
-    """Largest velocity in a step beyond which the state that the last one leaves is looked at: what
-    a slower step bends off its straight course by is far below ``violation`` [rad or m]."""
+    """Largest move in a step above which violations after the last step are computed; the curvature
+    of slower steps causes violations far below ``violation`` [rad or m]."""
     gain: float = 5.0
     """Energy without a source, relative to all available energy. Near the critical step of a spring
-    the energy swings to several times its own, and does not grow."""
+    the energy oscillates with several times its value, and does not grow."""
     unbooked: float = 0.2
-    """The ledger's residual, relative to the energy exchanged. Over many small impacts the error of
-    sound steps adds up: the bundled walk has 0.105 in steps of 2 ms, and half of it in half."""
+    """Largest residual of the ledger, relative to the energy exchanged. Over many small impacts,
+    errors of sound steps add up: the bundled walk has 0.105 with 2 ms, half of it with 1 ms."""
     coarse: float = 20.0
-    """Steps that are coarse: for a fall that lasts no longer, whose energy is wrong by as much; and
-    for springs, whose energy swings by as much, in their longest stable step."""
-    fall: float = 1e-3  # Fall of the puppet whose energy is always available [m]
-    energy: float = 1e-9  # Energy that is always available [J]
-    max_named: int = 5  # Rows that a message names
+    """Number of coarse steps: the energy of a fall of this duration is wrong by its own size; and
+    that of springs oscillates by its own size, if this many steps are their longest stable one."""
+    fall: float = 1e-3  # Fall of the puppet whose energy always counts as available [m]
+    energy: float = 1e-9  # Energy that always counts as available [J]
+    max_named: int = 5  # Maximum number of rows named in a message
 
 
 BOUNDS = Bounds()
 
 
 def verdicts(violation: Array, gain: Array, unbooked: Array) -> Array:
-    """(...,) ``Status`` numbers: DONE, or what is wrong; NaN counts as too large.
+    """``Status`` numbers (...,): DONE or the fault; NaN counts as too large.
 
     Args:
-        violation: (...,) largest of strings, limits and contacts [m or rad].
-        gain: (...,) as :func:`gains`.
-        unbooked: (...,) as :func:`unbooked`.
+        violation: (...,) largest violations of strings, limits and contacts [m or rad].
+        gain: (...,) results of :func:`gains`.
+        unbooked: (...,) results of :func:`unbooked`.
     """
     within = (violation <= BOUNDS.violation, gain <= BOUNDS.gain, unbooked <= BOUNDS.unbooked)
     wrong = (Status.OVERSTEPPED, Status.GAINED_ENERGY, Status.UNBALANCED)
@@ -57,16 +57,16 @@ def verdicts(violation: Array, gain: Array, unbooked: Array) -> Array:
 
 
 def verdict(violation: float, gain: float, unbooked: float) -> Status:
-    """That of one run; see :func:`verdicts`."""
+    """Status of one run; see :func:`verdicts`."""
     numbers = map(np.asarray, (violation, gain, unbooked))
     return Status(int(verdicts(*numbers)))
 
 
 def gains(marionette: Marionette, ledger: Mapping[str, Array] | Columns) -> Array:
-    """(...,) largest residual of ledgers, relative to the available energy.
+    """Largest residuals (...,) of ledgers, relative to the available energy.
 
-    That is T at the start, the largest fall of V, and all work, taken as positive. The columns of
-    the ledger are (..., T) [J].
+    The available energy is T at the start, the largest fall of V, and all work, taken as positive.
+    The columns of the ledger are (..., T) [J].
     """
     potential, work = ledger["potential"], ledger["work"]
     fallen = np.max(potential[..., :1] - potential, axis=-1)
@@ -79,23 +79,23 @@ def gains(marionette: Marionette, ledger: Mapping[str, Array] | Columns) -> Arra
 def unbooked(
     marionette: Marionette, ledger: Mapping[str, Array] | Columns, t: Array, dt: float
 ) -> Array:
-    """(...,) largest residual of ledgers, of either sign, relative to the energy exchanged.
+    """Largest residuals (...,) of ledgers, of either sign, relative to the energy exchanged.
 
-    The energy exchanged is the largest T, the range of V and the largest work, and that of a fall
-    for as few steps as are coarse for it. Left out is the damping of the steps beside a sample,
-    which is booked a step late.
+    The energy exchanged is the largest T, the range of V and the largest work, and the energy of a
+    fall over the number of coarse steps. The damping of the steps beside a sample is not counted,
+    because it is booked a step late.
 
     Args:
         marionette: the puppet.
-        ledger: its columns are (..., T) [J].
+        ledger: ledgers with columns (..., T) [J].
         t: (T,) times of the samples [s].
-        dt: the step [s].
+        dt: length of the steps [s].
     """
     g = marionette.weight / max(marionette.mass, BOUNDS.energy)
     step = min(dt, float(t[-1] - t[0]))
-    least = 0.5 * marionette.weight * g * (BOUNDS.coarse * step) ** 2
+    min_energy = 0.5 * marionette.weight * g * (BOUNDS.coarse * step) ** 2
     exchanged = np.max(ledger["kinetic"], axis=-1) + np.ptp(ledger["potential"], axis=-1)
-    exchanged = exchanged + np.max(np.abs(ledger["work"]), axis=-1) + least + BOUNDS.energy
+    exchanged = exchanged + np.max(np.abs(ledger["work"]), axis=-1) + min_energy + BOUNDS.energy
     damped = np.abs(np.diff(ledger["damping"])) / np.maximum(np.diff(t) / dt, 1.0)
     late = np.zeros((*damped.shape[:-1], damped.shape[-1] + 2))
     late[..., 1:-1] = damped
@@ -104,9 +104,10 @@ def unbooked(
 
 
 def swings(marionette: Marionette, q_D: Array, q_K: Array, dt: float) -> bool:
-    """Whether springs or chains vibrate so fast that the energy of sound steps swings by a tenth.
+    """Whether fast springs or chains make the energy of sound steps oscillate by a tenth.
 
-    In steps of a part s of the longest stable one it swings by 2 s / (1 - s), and does not grow.
+    If the step is the fraction s of the longest stable one, it oscillates by 2 s / (1 - s), without
+    growth.
     """
     try:
         check_step(marionette, "timestepping", q_D, q_K, BOUNDS.coarse * dt)
@@ -116,18 +117,18 @@ def swings(marionette: Marionette, q_D: Array, q_K: Array, dt: float) -> bool:
 
 
 def ends_fast(v_D: Array, dt: float) -> Mask:
-    """(...,) whether the last step of a run may have left what no step has measured.
+    """Whether the last step of a run may have caused violations that no step has measured: (...,).
 
-    Steps measure what they find where they begin, and leave more only where they bend off their
-    straight course. ``v_D`` (..., n_vD) is the velocity at the end, ``dt`` the step [s].
+    Steps measure violations at their start, and add to them by their curvature only. ``v_D``
+    (..., n_vD) is the velocity at the end, ``dt`` the length of the step [s].
     """
     return ~(dt * np.max(np.abs(v_D), axis=-1, initial=0.0) <= BOUNDS.fast)
 
 
 def left_by_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[str, float]:
-    """What the state at the end of a run oversteps by more than is allowed, by how much [m or rad].
+    """Rows and parts that are violated too far at the end of a run -> violation [m or rad].
 
-    Strings on winches that may slip are left out.
+    Strings on winches that may slip are excluded.
     """
     tree = marionette.tree
     h = np.array(marionette.library.evaluate("rows", q_D=q_D, q_K=q_K, p=marionette.p).h)
@@ -138,32 +139,32 @@ def left_by_last_step(marionette: Marionette, q_D: Array, q_K: Array) -> dict[st
     return rows | marionette.overlaps(q_D, q_K, BOUNDS.violation)
 
 
-def judged(marionette: Marionette, made: Trajectory, dt: float, worst: float) -> tuple[Status, str]:
-    """Status of a run with a fixed step that reached its end, and the reason in words.
+def judged(marionette: Marionette, run: Trajectory, dt: float, worst: float) -> tuple[Status, str]:
+    """Status of a run with fixed steps that reached its end, and the reason in words.
 
     Args:
         marionette: the puppet.
-        made: the run.
-        dt: its step [s].
-        worst: the largest violation of all its steps [m or rad]; samples may have smaller ones.
+        run: the run.
+        dt: length of the steps [s].
+        worst: largest violation of all steps [m or rad]; samples may have smaller ones.
     """
-    ledger, table = made.ledger, made.violation
+    ledger, table = run.ledger, run.violation
     if table is None:
         return Status.DONE, ""
-    fast = ends_fast(made.v_D[-1], dt)
-    left = left_by_last_step(marionette, made.q_D[-1], made.q_K[-1]) if fast else {}
-    most = max([float(np.max(table.values, initial=worst)), *left.values()])
-    gain, share = float(gains(marionette, ledger)), float(unbooked(marionette, ledger, made.t, dt))
+    fast = ends_fast(run.v_D[-1], dt)
+    left = left_by_last_step(marionette, run.q_D[-1], run.q_K[-1]) if fast else {}
+    largest = max([float(np.max(table.values, initial=worst)), *left.values()])
+    gain, share = float(gains(marionette, ledger)), float(unbooked(marionette, ledger, run.t, dt))
     if share > BOUNDS.unbooked and (
-        made.method != "timestepping" or swings(marionette, made.q_D[0], made.q_K[0], dt)
+        run.method != "timestepping" or swings(marionette, run.q_D[0], run.q_K[0], dt)
     ):
         share = 0.0
-    status = verdict(most, gain, share)
-    advice = _advice(marionette, made, dt)
+    status = verdict(largest, gain, share)
+    advice = _advice(marionette, run, dt)
     if status is Status.OVERSTEPPED:
-        what = _overstepped(made, worst, left)
+        what = _overstepped(run, worst, left)
         text = f"{what}. {advice}; or the puppet cannot follow the inputs"
-        if made.contact is None:
+        if run.contact is None:
             text += ", which method='event' finds out"
         return status, text
     if status is Status.GAINED_ENERGY:
@@ -173,13 +174,13 @@ def judged(marionette: Marionette, made: Trajectory, dt: float, worst: float) ->
         )
         return status, text
     if status is Status.UNBALANCED:
-        arose = np.diff(ledger["residual"])
-        k = int(np.argmax(np.abs(arose)))
-        turn = dt * float(np.max(np.abs(made.v_D[k : k + 2])))
+        increments = np.diff(ledger["residual"])
+        k = int(np.argmax(np.abs(increments)))
+        turn = dt * float(np.max(np.abs(run.v_D[k : k + 2])))
         text = (
             f"the ledger's residual reached {100 * share:.2g} % of the energy exchanged, more than "
-            f"{100 * BOUNDS.unbooked:g} %; most of it, {arose[k]:.3g} J, arose from t = "
-            f"{made.t[k]:.6g} to {made.t[k + 1]:.6g} s, where a coordinate moves by {turn:.2g} rad "
+            f"{100 * BOUNDS.unbooked:g} %; most of it, {increments[k]:.3g} J, arose from t = "
+            f"{run.t[k]:.6g} to {run.t[k + 1]:.6g} s, where a coordinate moves by {turn:.2g} rad "
             f"or m in a step. {advice}"
         )
         return status, text
@@ -203,29 +204,31 @@ def prescribed_verdict(overlaps: tuple[Overlap, ...]) -> tuple[Status, str]:
     )
 
 
-def _overstepped(made: Trajectory, worst: float, left: dict[str, float]) -> str:
-    """What was overstepped, by how much, and from when on."""
-    table = made.violation
+def _overstepped(run: Trajectory, worst: float, left: dict[str, float]) -> str:
+    """Violated rows or parts, their violations, and the time of the first, in words."""
+    table = run.violation
     assert table is not None
-    most = np.max(table.values, axis=0)
-    rows = [r for r in np.argsort(-most)[: BOUNDS.max_named] if not most[r] <= BOUNDS.violation]
+    largest = np.max(table.values, axis=0)
+    rows = [
+        r for r in np.argsort(-largest)[: BOUNDS.max_named] if not largest[r] <= BOUNDS.violation
+    ]
     if rows:
-        names = ", ".join(f"{table.names[r]} by {most[r]:.3g}" for r in rows)
+        names = ", ".join(f"{table.names[r]} by {largest[r]:.3g}" for r in rows)
         first = int(np.argmax(~(np.max(table.values, axis=1, initial=0.0) <= BOUNDS.violation)))
-        when = f"from t = {made.t[first]:.6g} s on"
+        when = f"from t = {run.t[first]:.6g} s on"
         return f"{names} m or rad, more than {BOUNDS.violation:g} {when}"
     if not worst <= BOUNDS.violation:
-        if made.contact is not None and -made.contact.gap.min(initial=0.0) > 0.0:
-            deepest = int(np.argmin(made.contact.gap))
-            name = pair_name(made.contact.names[made.contact.pair[deepest]])
-            return f"{name} overlap by {-made.contact.gap[deepest]:.3g} m"
+        if run.contact is not None and -run.contact.gap.min(initial=0.0) > 0.0:
+            deepest = int(np.argmin(run.contact.gap))
+            name = pair_name(run.contact.names[run.contact.pair[deepest]])
+            return f"{name} overlap by {-run.contact.gap[deepest]:.3g} m"
         return f"by {worst:.3g} m or rad in a step between the samples that were written"
     names = ", ".join(f"{name} by {x:.3g}" for name, x in left.items())
-    return f"{names} m or rad after the last step, at t = {made.t[-1]:.6g} s"
+    return f"{names} m or rad after the last step, at t = {run.t[-1]:.6g} s"
 
 
-def _advice(marionette: Marionette, made: Trajectory, dt: float) -> str:
-    start = made.q_D[0], made.q_K[0], made.tension.values[0]
+def _advice(marionette: Marionette, run: Trajectory, dt: float) -> str:
+    start = run.q_D[0], run.q_K[0], run.tension.values[0]
     longest = critical_step_of_tensions(marionette, *start)
     if dt <= longest:
         return f"Take a dt shorter than {dt:g} s"

@@ -6,7 +6,7 @@ active set fixed:
     Zdot = [-[w]x, 1; dacc_D/dq_D, dacc_D/dv_D] Z + (acc_D's derivatives by inputs and parameters)
 
 At a release Z is continuous; at a catch it jumps: :mod:`fantoccini.dynamics.simulation.saltation`.
-Points of contact keep their modes between events, too.
+Contact points keep their modes between events, too.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from fantoccini.dynamics.simulation.saltation import rate_change
 from fantoccini.motion import State
 
 FIRST_STEP = 0.01
-"""That is tried at the start of a run; each piece begins with the step of the one before [s]."""
+"""First step of a run [s]; each piece begins with the last step of the one before."""
 MAX_ERROR = 1e-6
 """Largest distance of the integration from the run, relative to 1 or to the state."""
-_LONG = 5.0
-"""Steps of a piece from which on it pays to look for columns that depend on one another."""
+_MIN_STEPS_OF_LONG_PIECE = 5.0
+"""Number of steps above which dependent columns of a piece are combined to save time."""
 _ROUNDING = 1e-14
-"""Largest part of a column that is rounding, relative to the largest column."""
+"""Largest part of a column that counts as rounding, relative to the largest column."""
 
 
 class Variation:
@@ -50,7 +50,7 @@ class Variation:
 
     Args:
         marionette: the puppet.
-        rtol, atol: of the integration.
+        rtol, atol: tolerances of the integration.
     """
 
     def __init__(self, marionette: Marionette, rtol: float, atol: float):
@@ -66,19 +66,19 @@ class Variation:
         by_input: InputVariation,
         points: Sequence[PointMode] = (),
     ) -> Array:
-        """The changes nearest to Z, in the metric of M_DD, that keep h = 0 and hdot = 0 of rows.
+        """Changes nearest to Z in the metric of M_DD that keep h = 0 and hdot = 0 of rows.
 
-        And the gaps and velocities of points that are held.
+        They also keep the gaps and velocities of held points.
         """
         if points:
             return self._projected_with(x, rows, Z, by_input, points)
-        n, found = len(x.v_D), row_derivatives_at(self.marionette, x)
+        n, results = len(x.v_D), row_derivatives_at(self.marionette, x)
         system = KKTSystem(Evaluation.of(self.marionette, x), rows)
         Z_q, Z_v = Z[:n], Z[n:]
-        gap = found["A_D"] @ Z_q + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
+        gap = results["A_D"] @ Z_q + results["A_K"] @ by_input.q_K + results["h_p"] @ by_input.p
         Z_q = Z_q + system.nearest(gap[rows])
-        rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
-        rate = rate + found["A_D"] @ Z_v
+        rate = rate_change(results, Z_q, by_input.q_K, by_input.v_K, by_input.p)
+        rate = rate + results["A_D"] @ Z_v
         Z_v = Z_v + system.nearest(rate[rows])
         return np.concatenate([Z_q, Z_v])
 
@@ -91,17 +91,17 @@ class Variation:
         points: Sequence[PointMode],
     ) -> Array:
         marionette, n = self.marionette, len(x.v_D)
-        at, found = Evaluation.of(marionette, x), row_derivatives_at(marionette, x)
+        at, results = Evaluation.of(marionette, x), row_derivatives_at(marionette, x)
         still = np.zeros((n, Z.shape[1]))
         held = FrozenModes(marionette, points).at(Screws(marionette, x))
         touching = ContactRows(Screws(marionette, x, changes=stacked(Z, by_input)), held, 0.0)
         first = np.cumsum([0, *(len(p.directions) for p in held)])[:-1]
-        gap = found["A_D"] @ Z[:n] + found["A_K"] @ by_input.q_K + found["h_p"] @ by_input.p
+        gap = results["A_D"] @ Z[:n] + results["A_K"] @ by_input.q_K + results["h_p"] @ by_input.p
         gaps = np.concatenate([gap[rows], touching.gap_by()])
         system = ModeSystem(at, rows, _frictionless(touching, touching.rows[first]))
         Z_q = Z[:n] + system.solve(still, gaps)[0]
-        rate = rate_change(found, Z_q, by_input.q_K, by_input.v_K, by_input.p)
-        rate = (rate + found["A_D"] @ Z[n:])[rows]
+        rate = rate_change(results, Z_q, by_input.q_K, by_input.v_K, by_input.p)
+        rate = (rate + results["A_D"] @ Z[n:])[rows]
         Z = np.concatenate([Z_q, Z[n:]])
         touching = ContactRows(Screws(marionette, x, changes=stacked(Z, by_input)), held, 0.0)
         rates = np.concatenate([rate, touching.velocity_by()])
@@ -117,10 +117,10 @@ class Variation:
         times: Times,
         points: Sequence[PointMode] = (),
     ) -> tuple[Array, Array]:
-        """The state and the changes at some times of a piece with these rows and points held.
+        """State and changes at several times of a piece, with these rows and points held.
 
         Returns:
-            (len(times), n_qD + n_vD) and (len(times), 2 n_vD, m).
+            States (len(times), n_qD + n_vD) and changes (len(times), 2 n_vD, m).
 
         Raises:
             SimulationError: steps became too small.
@@ -130,9 +130,9 @@ class Variation:
         marionette = self.marionette
         held = np.zeros(marionette.tree.n_rows, dtype=bool)
         held[rows] = True
-        is_long = times[-1] - x.t > _LONG * self._step
+        is_long = times[-1] - x.t > _MIN_STEPS_OF_LONG_PIECE * self._step
         basis, shares = _spanned(Z, 2 * len(x.v_D)) if is_long else (Z, None)
-        found = marionette.libraries.derivatives.flow(
+        results = marionette.libraries.derivatives.flow(
             (x.t, x.q_D, x.v_D, basis),
             times,
             piece.inputs,
@@ -143,11 +143,11 @@ class Variation:
             atol=self._atol,
             step=self._step,
         )
-        self._step = found.step
-        if found.status is not Status.DONE:
-            raise SimulationError(found.status, f"after t = {x.t:.6g} s")
-        changes = found.changes if shares is None else _combined(found.changes, shares)
-        return np.concatenate([found.q_D, found.v_D], axis=1), changes
+        self._step = results.step
+        if results.status is not Status.DONE:
+            raise SimulationError(results.status, f"after t = {x.t:.6g} s")
+        changes = results.changes if shares is None else _combined(results.changes, shares)
+        return np.concatenate([results.q_D, results.v_D], axis=1), changes
 
     def _along_with(
         self,
@@ -183,22 +183,22 @@ class Variation:
         start = np.concatenate([x.q_D, x.v_D, Z.ravel()])
         from scipy.integrate import solve_ivp  # slow to import
 
-        found = solve_ivp(
+        results = solve_ivp(
             rate, (x.t, times[-1]), start, "DOP853", times, rtol=self._rtol, atol=self._atol
         )
-        if not found.success:
-            raise SimulationError(Status.STEP_TOO_SMALL, f"at t = {found.t[-1]:.6g} s")
-        y = found.y.T
+        if not results.success:
+            raise SimulationError(Status.STEP_TOO_SMALL, f"at t = {results.t[-1]:.6g} s")
+        y = results.y.T
         return y[:, : n_q + n], y[:, n_q + n :].reshape(-1, 2 * n, m)
 
     def check(self, reached: Array, t: float, q_D: Array, v_D: Array) -> None:
         """Raises SimulationError unless the integration ended at the run's state at t [s]."""
         run = np.concatenate([q_D, v_D])
-        apart = np.max(np.abs(reached - run) / (1.0 + np.abs(run)))
-        if not apart < MAX_ERROR:
+        error = np.max(np.abs(reached - run) / (1.0 + np.abs(run)))
+        if not error < MAX_ERROR:
             raise SimulationError(
                 Status.NOT_SETTLED,
-                f"the run and its linearisation are {apart:.2g} apart at t = {t:.6g} s",
+                f"the run and its linearisation are {error:.2g} apart at t = {t:.6g} s",
             )
 
     def _configuration_rate(self, q_D: Array, v_D: Array) -> Array:
@@ -212,14 +212,14 @@ class Variation:
 
 
 def _spanned(Z: Array, own: int) -> tuple[Array, Array | None]:
-    """Fewer columns that span the first ``own`` of Z, then the others; and shares of them.
+    """Basis of the first ``own`` columns of Z, followed by the other columns; and shares of it.
 
-    Taut strings leave changes of the state fewer dimensions than it has numbers. Columns that only
-    depend on the state are integrated as combinations of a basis, the first of what is returned::
+    Taut strings leave changes of the state fewer dimensions than coordinates. Columns that depend
+    on the state alone are integrated as combinations of the basis, the first r columns returned::
 
         Z[:, :own] = basis[:, :r] @ shares
 
-    The shares are None where all columns are independent.
+    The shares are None if all columns are independent.
     """
     Q, R, order = linalg.qr(Z[:, :own], mode="economic", pivoting=True, check_finite=False)
     sizes = np.abs(np.diag(R))
@@ -232,11 +232,11 @@ def _spanned(Z: Array, own: int) -> tuple[Array, Array | None]:
 
 
 def _combined(changes: Array, shares: Array) -> Array:
-    """What a basis became, as the columns that it spans."""
+    """Columns from the integrated basis and their shares."""
     r = len(shares)
     return np.concatenate([changes[:, :, :r] @ shares, changes[:, :, r:]], axis=2)
 
 
 def _frictionless(touching: ContactRows, rows: Array) -> HeldRows:
-    """Rows that forces along themselves hold."""
+    """Rows that are held by forces along themselves, without friction."""
     return HeldRows(touching.names, rows, rows, rows[:0])

@@ -1,4 +1,4 @@
-"""Why drives lost steps or ran away in a run, in words: their loads and their motors' torques."""
+"""Text on drives that lost steps or ran away in a run: loads and torques of motors."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from fantoccini.model.tree import DriveRow
 from fantoccini.motion import Trajectory
 
 SAMPLES = 8
-"""Samples before a motor gave way at which its load is computed."""
+"""Number of samples before a motor gave way at which its load is computed."""
 MAX_NAMED = 4
-"""Drives that a message names."""
+"""Maximum number of drives named in a message."""
 
 
 def weak_motors(marionette: Marionette, run: Trajectory) -> str:
-    """Which drives lost steps or ran away, when, by how much, and the torque needed; "" if none."""
-    found = run.overloads
-    rows = {row.name: row for row in marionette.tree.watched if row.name in found}
+    """Text on drives that lost steps or ran away: time, error and required torque; "" if none."""
+    by_name = run.overloads
+    rows = {row.name: row for row in marionette.tree.watched if row.name in by_name}
     if not rows:
         return ""
-    loads = _loads(marionette, run, min(found[name].since for name in rows))
+    loads = _loads(marionette, run, min(by_name[name].since for name in rows))
     texts = []
     for name in list(rows)[:MAX_NAMED]:
-        row, overload, load = rows[name], found[name], loads[name]
+        row, overload, load = rows[name], by_name[name], loads[name]
         unit = "m" if _moves(row) else "rad"
         did = "ran away" if overload.ran_away else "lost steps"
         off = overload.error
@@ -56,37 +56,37 @@ def _moves(row: DriveRow) -> bool:
 
 
 def _max_torque(marionette: Marionette, row: DriveRow) -> float:
-    """The largest torque or force of a motor at rest [N m or N]."""
+    """Largest torque or force of a motor at rest [N m or N]."""
     motor, number = row.drive.motor, marionette.number
     if motor is None:
         return math.inf
     if not isinstance(motor, DirectCurrent):
         return number(motor.torque)
-    most = min(number(motor.current), number(motor.voltage) / number(motor.resistance))
-    return number(motor.constant) * most
+    largest = min(number(motor.current), number(motor.voltage) / number(motor.resistance))
+    return number(motor.constant) * largest
 
 
 def _loads(marionette: Marionette, run: Trajectory, before: float) -> dict[str, float]:
-    """By drive, the largest load at samples before a time, if it followed its command [N m or N].
+    """Drive -> largest load at samples before a time, if it followed its command [N m or N].
 
-    That is f of  M acc + M_DK acc_K + c + A_D^T tension = S f,  with the commands' accelerations
-    S^T acc and the taut rows of the run.
+    The load is f in  M acc + M_DK acc_K + c + A_D^T tension = S f,  with S^T acc the commands'
+    accelerations, and with the taut rows of the run.
     """
     last = max(1, int(np.searchsorted(run.t, before)))
     samples = np.unique(np.linspace(0, last - 1, min(last, SAMPLES)).astype(int))
     led = [row for row in marionette.tree.drives if row.command is not None]
-    most = np.max([np.abs(_forces(marionette, run, i, led)) for i in samples], axis=0)
-    found, at = {}, 0
+    largest = np.max([np.abs(_forces(marionette, run, i, led)) for i in samples], axis=0)
+    by_name, at = {}, 0
     for row in led:
         width = row.v.stop - row.v.start
-        size = float(np.linalg.norm(most[at : at + width]))
-        found[row.name] = size / row.ratio(marionette.number)
+        size = float(np.linalg.norm(largest[at : at + width]))
+        by_name[row.name] = size / row.ratio(marionette.number)
         at += width
-    return found
+    return by_name
 
 
 def _forces(marionette: Marionette, run: Trajectory, i: int, led: list[DriveRow]) -> Array:
-    """The forces with which drives follow their commands at sample ``i`` of a run."""
+    """Forces with which drives follow their commands at sample ``i`` of a run."""
     x, acc_K, n = run.state(i), run.acc_K[i], marionette.coordinates.n_vD
     places = np.array([k for row in led for k in range(row.v.start, row.v.stop)])
     commanded = np.array(
@@ -110,5 +110,5 @@ def _forces(marionette: Marionette, run: Trajectory, i: int, led: list[DriveRow]
         ]
     )
     wanted = np.concatenate([-load, -bias, commanded])
-    # Redundant strings: least squares give the shortest of all solutions.
+    # With redundant strings, least squares give the solution of least norm.
     return np.linalg.lstsq(system, wanted, rcond=1e-12)[0][n + m :]

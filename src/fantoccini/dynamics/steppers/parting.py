@@ -25,7 +25,7 @@ from fantoccini.dynamics.compiled import (
 from fantoccini.motion import State, States
 
 MAX_OVERLAP = 1e-12
-"""Overlap up to which solids count as apart [m]."""
+"""Largest overlap of solids that count as separate [m]."""
 INFEASIBLE = 1e-10
 """Residual of the least squares below which the program has no solution."""
 ROUNDS = 20
@@ -33,15 +33,15 @@ ROUNDS = 20
 
 
 def parted(marionette: CompiledPuppet, x: State) -> State:
-    """The state with small overlaps removed: those that a fixed step may leave.
+    """The state without small overlaps, such as those after a fixed step.
 
-    Velocities are unchanged. Where overlaps are deeper, or driven bodies leave no room, the state
+    Velocities are unchanged. If overlaps are deeper, or driven bodies prevent the move, the state
     is returned unchanged.
     """
     if marionette.contacts is None or not marionette.coordinates.n_vD:
         return x
-    most = _deepest(marionette, x)
-    if not ROW_TOLERANCES.touching < most <= ROW_TOLERANCES.stepped_gap:
+    depth_of_deepest = _deepest(marionette, x)
+    if not ROW_TOLERANCES.touching < depth_of_deepest <= ROW_TOLERANCES.stepped_gap:
         return x
     moved = x
     for _ in range(ROUNDS):
@@ -61,13 +61,13 @@ def parted(marionette: CompiledPuppet, x: State) -> State:
 
 
 def parted_starts(marionette: CompiledPuppet, states: States, p: Array) -> States:
-    """:func:`parted` of many states, or of one, at parameters (1 or n, n_p)."""
+    """States from :func:`parted`, for one state or many, at parameters (1 or n, n_p)."""
     if marionette.contacts is None or not marionette.coordinates.n_vD:
         return states
     gaps = np.concatenate(
         [
-            marionette.library.gaps(marionette.contacts, states.q_D[some], states.q_K[some], p[k])
-            for k, some in enumerate(_lanes(len(states), len(p)))
+            marionette.library.gaps(marionette.contacts, states.q_D[part], states.q_K[part], p[k])
+            for k, part in enumerate(_lanes(len(states), len(p)))
         ]
     )
     touching = np.flatnonzero(np.min(gaps, axis=1) < -ROW_TOLERANCES.touching)
@@ -98,16 +98,16 @@ def _lanes(n_states: int, n_p: int) -> Iterator[slice]:
 
 
 def _shortest(W: Array, b: Array) -> Array | None:
-    """z (n,) of least norm with W^T z + b <= 0, or None where there is none.
+    """Vector z (n,) of least norm with W^T z + b <= 0; None without one.
 
     Least distance programming as non-negative least squares (Lawson and Hanson, *Solving Least
     Squares Problems*, 1974, chapter 23).
     """
     size = float(np.max(np.abs(b)))
-    one = np.zeros(len(W) + 1)
-    one[-1] = 1.0
+    target = np.zeros(len(W) + 1)
+    target[-1] = 1.0
     E = np.concatenate([-W, b[None] / size])
-    left = E @ nnls(E, one)[0] - one
+    left = E @ nnls(E, target)[0] - target
     if not abs(left[-1]) > INFEASIBLE:
         return None
     return np.asarray(-left[:-1] / left[-1] * size)
@@ -120,7 +120,7 @@ def _deepest(marionette: CompiledPuppet, x: State) -> float:
 
 
 def _rows(marionette: CompiledPuppet, x: State) -> Iterator[tuple[Array, float]]:
-    """Per nearby point: (n_vD,) derivative of its closing speed by v_D, and its depth [m]."""
+    """Derivative (n_vD,) of the closing speed by v_D and depth [m] of every nearby point."""
     assert marionette.contacts is not None
     screws = Screws(marionette, x)
     gaps = marionette.library.gaps(marionette.contacts, x.q_D, x.q_K, marionette.p)

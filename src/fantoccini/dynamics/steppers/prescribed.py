@@ -18,22 +18,22 @@ from fantoccini.kernel.runtime import Contacts
 from fantoccini.motion import pair_name
 
 Motion = Callable[[Times], Array]
-"""Times (n,) [s] -> q_K (n, n_qK)."""
+"""Callback: times (n,) [s] -> q_K (n, n_qK)."""
 
 
 @dataclass(frozen=True)
 class PrescribedTolerances:
     """Tolerances of overlaps that the inputs prescribe."""
 
-    touching: float = 1e-6  # Overlap from which solids count as touching [m]
+    touching: float = 1e-6  # Overlap above which solids count as touching [m]
     overlap: float = 1e-3
-    """Largest overlap of a sound run [m], the same as at the start of a run."""
+    """Largest overlap of a sound run [m], as at the start of a run."""
     travel: float = 1e-3
-    """Largest relative travel of two solids between looks at a gap that they may close [m]."""
-    turn: float = 1.0  # Change of a driven coordinate between looks, at most [rad or m]
-    looks_per_piece: int = 8  # Minimum number of looks at each piece of the inputs
-    max_looks: int = 200_000  # Maximum number of looks at a motion
-    rounds: int = 50  # Bisections of the time of a touch
+    """Largest relative travel of two solids between measurements of a gap that may close [m]."""
+    turn: float = 1.0  # Largest change of a driven coordinate between measurements [rad or m]
+    looks_per_piece: int = 8  # Minimum number of measurements in each piece of the inputs
+    max_looks: int = 200_000  # Maximum number of measurements of a motion
+    rounds: int = 50  # Number of bisections of the time of a touch
 
 
 TOLERANCES = PrescribedTolerances()
@@ -44,9 +44,9 @@ class Overlap:
     """Overlap of two parts over an interval of time, prescribed by the inputs.
 
     Attributes:
-        names: of the two parts.
+        names: names of the two parts.
         begin: time of the touch, or of the start [s].
-        end: time at which they part; inf where they still overlap at the end [s].
+        end: time at which they separate; inf if they overlap until the end [s].
         depth: largest overlap [m].
         speed: closing speed at ``begin`` [m/s].
     """
@@ -63,7 +63,7 @@ class Overlap:
 
 
 def looks(breaks: Times, t: float, t_end: float) -> Times:
-    """Times at which a motion with these breaks is looked at first, from t to t_end [s]."""
+    """Times of the first measurements of a motion with these breaks, from t to t_end [s]."""
     inner = breaks[(breaks > t) & (breaks < t_end)]
     ends = np.concatenate([[t], inner, [t_end]])
     share = np.linspace(0.0, 1.0, TOLERANCES.looks_per_piece, endpoint=False)
@@ -75,20 +75,20 @@ def prescribed_overlaps(
 ) -> tuple[Overlap, ...]:
     """Overlaps of the pairs with prescribed relative motion, in order of their beginning.
 
-    A gap is measured again wherever the travel of the two solids since the last look may have
-    closed it.
+    A gap is measured again wherever the travel of the two solids since the last measurement may
+    have closed it.
 
     Args:
         marionette: the puppet.
-        motion: of the driven coordinates.
-        t: (n,) increasing times to look at first, the ends among them [s].
+        motion: motion of the driven coordinates.
+        t: (n,) increasing times of the first measurements, including both ends [s].
     """
     contacts = marionette.prescribed
     if contacts is None:
         return ()
     measured = _Gaps(marionette, contacts, motion)
     t, gap = measured.over(np.unique(t))
-    found: list[Overlap] = []
+    results: list[Overlap] = []
     for k, names in enumerate(measured.names):
         inside = gap[:, k] < -TOLERANCES.touching
         edges = np.flatnonzero(np.diff(inside))
@@ -99,8 +99,8 @@ def prescribed_overlaps(
             last = ends[n] if n < len(ends) else len(t) - 1
             end = measured.crossing(k, t[last], t[last + 1])[0] if n < len(ends) else np.inf
             depth = -float(np.min(gap[i + 1 : last + 1, k]))
-            found.append(Overlap(names, float(begin), float(end), depth, speed))
-    return tuple(sorted(found, key=lambda overlap: overlap.begin))
+            results.append(Overlap(names, float(begin), float(end), depth, speed))
+    return tuple(sorted(results, key=lambda overlap: overlap.begin))
 
 
 def deepest(overlaps: tuple[Overlap, ...]) -> float:
@@ -109,7 +109,7 @@ def deepest(overlaps: tuple[Overlap, ...]) -> float:
 
 
 def overlap_events(marionette: CompiledPuppet, overlaps: tuple[Overlap, ...], t: float) -> Array:
-    """(n, 5) touches after a time [s] and lifts, laid out as the events of a run."""
+    """Events (n, 5) of touches after a time [s], and of lifts, laid out as the events of a run."""
     if marionette.prescribed is None or marionette.contacts is None:
         return np.zeros((0, len(EVENT)))
     first = len(marionette.tree.blamable) + len(marionette.contacts.names)
@@ -124,7 +124,7 @@ def overlap_events(marionette: CompiledPuppet, overlaps: tuple[Overlap, ...], t:
 
 
 class _Gaps:
-    """Gaps of the pairs over a motion, the parts of one body taken together."""
+    """Gaps of the pairs over a motion; parts of one body count as one."""
 
     def __init__(self, marionette: CompiledPuppet, contacts: Contacts, motion: Motion):
         self._marionette, self._contacts, self._motion = marionette, contacts, motion
@@ -139,15 +139,15 @@ class _Gaps:
                 self._reach[solid["link"]] = max(self._reach[solid["link"]], own)
 
     def over(self, t: Times) -> tuple[Times, Array]:
-        """Times (n,) and gaps (n, pairs by name); infinite where a gap cannot be closed."""
+        """Times (n,) and gaps (n, pairs by name); infinite if a gap cannot close."""
         t, q_K = self._turning_little(t)
         while True:
-            way = self._travel(q_K)
-            margin = float(np.max(way, initial=0.0)) + TOLERANCES.overlap
+            travelled = self._travel(q_K)
+            margin = float(np.max(travelled, initial=0.0)) + TOLERANCES.overlap
             gap = self._gap(q_K, margin)
             here, there = gap[:-1], gap[1:]
             deep = np.maximum(here, there) < -TOLERANCES.overlap
-            doubtful = (way > TOLERANCES.travel) & (here + there < way) & ~deep
+            doubtful = (travelled > TOLERANCES.travel) & (here + there < travelled) & ~deep
             which = np.flatnonzero(np.any(doubtful, axis=1))
             middle = 0.5 * (t[which] + t[which + 1])
             between = (middle > t[which]) & (middle < t[which + 1])
@@ -163,15 +163,15 @@ class _Gaps:
             t = np.insert(t, which + 1, middle)
 
     def _turning_little(self, t: Times) -> tuple[Times, Array]:
-        """Times (n,) and q_K there: joints turn by at most 1 rad from one to the next.
+        """Times (n,), at most 1 rad of joint rotation apart, and q_K at these.
 
-        Poses before and after a whole turn are the same.
+        Without this limit a whole turn would be missed: the poses before and after it are equal.
         """
         q_K = self._motion(t)
         while len(t) <= TOLERANCES.max_looks:
-            far = np.max(np.abs(np.diff(q_K, axis=0)), axis=1, initial=0.0) > TOLERANCES.turn
+            turns = np.max(np.abs(np.diff(q_K, axis=0)), axis=1, initial=0.0) > TOLERANCES.turn
             middle = 0.5 * (t[:-1] + t[1:])
-            which = np.flatnonzero(far & (middle > t[:-1]) & (middle < t[1:]))
+            which = np.flatnonzero(turns & (middle > t[:-1]) & (middle < t[1:]))
             if not len(which):
                 break
             q_K = np.insert(q_K, which + 1, self._motion(middle[which]), axis=0)
@@ -184,7 +184,7 @@ class _Gaps:
         margin = float(np.max(self._travel(self._motion(ends)))) + 1.0
 
         def inside(times: Times) -> MaskRows:
-            """(n,) bool, whether the pair overlaps."""
+            """Whether the pair overlaps: (n,) bool."""
             return self._gap(self._motion(times), margin)[:, k] < -TOLERANCES.touching
 
         first = inside(ends[:1])[0]
@@ -200,28 +200,28 @@ class _Gaps:
         return float(at), speed if np.isfinite(speed) else 0.0
 
     def _gap(self, q_K: Array, margin: float) -> Array:
-        """(n, pairs by name)."""
+        """Gaps (n, pairs by name) [m]."""
         marionette, n = self._marionette, len(q_K)
         q_D = np.tile(marionette.coordinates.start_D, (n, 1))
-        found = marionette.library.gaps(self._contacts, q_D, q_K, marionette.p, margin)
+        results = marionette.library.gaps(self._contacts, q_D, q_K, marionette.p, margin)
         out = np.full((n, len(self.names)), np.inf)
         for k, meeting in enumerate(self._meeting):
-            out[:, meeting] = np.minimum(out[:, meeting], found[:, k])
+            out[:, meeting] = np.minimum(out[:, meeting], results[:, k])
         return out
 
     def _travel(self, q_K: Array) -> Array:
-        """(n - 1, pairs by name) bound of the relative travel of two solids [m]."""
+        """Upper bounds (n - 1, pairs by name) of the relative travel of two solids [m]."""
         marionette = self._marionette
         table = marionette.coordinates
         q_D = np.broadcast_to(table.start_D, (len(q_K), table.n_qD))
         poses = marionette.library.evaluate("poses", q_D=q_D, q_K=q_K, p=marionette.p).poses
         moved = np.diff(poses, axis=0)
         turned = np.linalg.norm(moved[:, :9], axis=1) * self._reach[:-1]
-        way = np.zeros((len(q_K) - 1, len(self._reach)))
-        way[:, :-1] = np.linalg.norm(moved[:, 9:], axis=1) + turned
-        out = np.zeros((len(way), len(self.names)))
+        travelled = np.zeros((len(q_K) - 1, len(self._reach)))
+        travelled[:, :-1] = np.linalg.norm(moved[:, 9:], axis=1) + turned
+        out = np.zeros((len(travelled), len(self.names)))
         for meeting, links in zip(self._meeting, self._links, strict=True):
-            out[:, meeting] = np.maximum(out[:, meeting], way[:, links].sum(axis=1))
+            out[:, meeting] = np.maximum(out[:, meeting], travelled[:, links].sum(axis=1))
         return out
 
 

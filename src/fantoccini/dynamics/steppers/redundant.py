@@ -22,7 +22,7 @@ from fantoccini.model.tree import Role, StringRow
 from fantoccini.motion import State
 
 Motion = tuple[State, Array]
-"""A state and (n_vK,) the accelerations of the driven coordinates there."""
+"""A state and the accelerations (n_vK,) of the driven coordinates there."""
 
 CONTRADICTION_STATUSES = (
     Status.IMPOSSIBLE_INPUT,
@@ -32,23 +32,23 @@ CONTRADICTION_STATUSES = (
     Status.PROJECTION_FAILED,
     Status.STEP_TOO_SMALL,
 )
-"""Statuses with which runs of contradicting strings end."""
+"""Statuses of runs that may end because of contradicting strings."""
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Decisions about which strings contradict one another."""
+    """Tolerances of contradictions between strings."""
 
     taut_gap: float = 1e-6  # -h below which a string counts as taut, relative to its length
-    least_share: float = 1e-6  # Part of the largest entry of y from which a string takes part
+    least_share: float = 1e-6  # Part of the largest entry of y above which a string takes part
     dependent: float = 1e-9
     """Singular value of W, relative to the largest, below which strings are redundant."""
     excess: float = 10.0
-    """Tensions, relative to those of least norm plus the weight, that need a contradiction."""
+    """Tensions that only a contradiction explains, relative to the least ones plus the weight."""
     min_samples: int = 2
-    """Samples with such tensions: a single one, as at a catch, is no contradiction."""
-    max_samples: int = 32  # Samples of a run whose tensions are examined, which bounds the time
-    speed_rounding: float = 1e-10  # y . hdot that is rounding [m/s]
+    """Minimum number of samples with such tensions: one, as at a catch, is no contradiction."""
+    max_samples: int = 32  # Maximum number of samples examined in a run, which bounds the time
+    speed_rounding: float = 1e-10  # y . hdot that counts as rounding [m/s]
     equality_weight: float = 1e6  # Weight of W z = W x against |z| in least tensions, relative to W
 
 
@@ -60,8 +60,8 @@ class Contradiction:
     """Rates at which the lengths of redundant strings contradict one another.
 
     Attributes:
-        names: of the strings.
-        freedoms: degrees of freedom that they move.
+        names: names of the strings.
+        freedoms: number of degrees of freedom that they move.
         speed: y . hdot [m/s].
         acceleration: y . hddot [m/s^2].
     """
@@ -83,16 +83,16 @@ class Contradiction:
 def may_be_redundant(marionette: CompiledPuppet) -> bool:
     """Whether the puppet has more rigid strings than the degrees of freedom that they move.
 
-    By Hall's theorem it does not where every string can be assigned a degree of freedom of its own.
+    By Hall's theorem it does not if every string can be assigned its own degree of freedom.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
     strings = marionette.tree.strings
     moved = [
-        _moved(marionette, s)
-        for s, most in zip(strings, marionette.upper[: len(strings)], strict=True)
-        if not np.isfinite(most)
+        _velocity_indices(marionette, s)
+        for s, max_tension in zip(strings, marionette.upper[: len(strings)], strict=True)
+        if not np.isfinite(max_tension)
     ]
     moved = [places for places in moved if places]
     if not moved:
@@ -105,25 +105,25 @@ def may_be_redundant(marionette: CompiledPuppet) -> bool:
 
 
 def contradiction(marionette: CompiledPuppet, x: State, acc_K: Array) -> Contradiction | None:
-    """How redundant strings contradict one another at a state; None where they do not."""
-    x = x.replace(slip=np.maximum(x.slip, 0.0))  # of winches that slip: may be rounding
+    """Contradiction of redundant strings at a state; None without one."""
+    x = x.replace(slip=np.maximum(x.slip, 0.0))  # rounding may make the slip negative
     at = Evaluation.of(marionette, x, acc_K)
     n = len(marionette.tree.strings)
     scale = marionette.row_scales(x.q_D, x.q_K)[:n]
     rigid = ~np.isfinite(marionette.upper[:n])
     holds = np.flatnonzero((at.h[:n] >= -TOLERANCES.taut_gap * scale) & rigid)
     W = at.W[:, holds]
-    least = TOLERANCES.dependent * np.linalg.norm(W, 2) if len(holds) else 0.0
-    if not len(holds) or np.linalg.matrix_rank(W, least) == len(holds):
+    threshold = TOLERANCES.dependent * np.linalg.norm(W, 2) if len(holds) else 0.0
+    if not len(holds) or np.linalg.matrix_rank(W, threshold) == len(holds):
         return None
     hddot = at.gamma[holds] + W.T @ at.w0
-    found = []
+    solutions = []
     for rate in (at.hdot[holds], hddot):
         y = _self_stress(W, rate)
         if y is None:
             return None
-        found.append((y, float(rate @ y)))
-    (y, speed), (y_rate, acceleration) = found
+        solutions.append((y, float(rate @ y)))
+    (y, speed), (y_rate, acceleration) = solutions
     y = y if speed > TOLERANCES.speed_rounding else y_rate
     stressed = holds[y > TOLERANCES.least_share * np.max(y)]
     group, freedoms = _group(marionette, holds, stressed)
@@ -136,34 +136,35 @@ def contradiction(marionette: CompiledPuppet, x: State, acc_K: Array) -> Contrad
 def first_excess_tension(
     marionette: CompiledPuppet, tension: Array, motion: Callable[[int], Motion]
 ) -> int | None:
-    """The first sample whose tensions are far beyond what its motion needs; None without one.
+    """First sample with tensions far above those that its motion needs; None without one.
 
-    Compared with the least tensions x >= 0 of the same A_D^T x; the excess are tensions that pull
+    They are compared with the least tensions x >= 0 of equal A_D^T x; the excess are tensions that
+    pull against one another.
     against one another.
 
     Args:
         marionette: the puppet.
-        tension: (T, n_strings) [N].
-        motion: sample -> the state there and the driven accelerations.
+        tension: (T, n_strings) tensions [N].
+        motion: callback: sample -> state and driven accelerations.
     """
     pulls = np.max(tension, axis=1, initial=0.0)
     large = np.flatnonzero(pulls > TOLERANCES.excess * marionette.reference_force)
-    some = large[:: max(1, len(large) // TOLERANCES.max_samples)]
-    excess = [int(i) for i in some if _exceeds(marionette, tension[i], *motion(int(i)))]
+    selected = large[:: max(1, len(large) // TOLERANCES.max_samples)]
+    excess = [int(i) for i in selected if _exceeds(marionette, tension[i], *motion(int(i)))]
     return excess[0] if len(excess) >= TOLERANCES.min_samples else None
 
 
 def _exceeds(marionette: CompiledPuppet, tension: Array, x: State, acc_K: Array) -> bool:
-    some = np.flatnonzero(tension > 0.0)
-    W = Evaluation.of(marionette, x.replace(slip=()), acc_K).W[:, some]
+    selected = np.flatnonzero(tension > 0.0)
+    W = Evaluation.of(marionette, x.replace(slip=()), acc_K).W[:, selected]
     if np.max(np.abs(W), initial=0.0) == 0.0:
         return False  # strings that move nothing pull against no other
-    least = np.max(_least(W, tension[some]))
-    return bool(np.max(tension) > TOLERANCES.excess * (least + marionette.reference_force))
+    threshold = np.max(_least_tensions(W, tension[selected]))
+    return bool(np.max(tension) > TOLERANCES.excess * (threshold + marionette.reference_force))
 
 
 def _self_stress(W: Array, rate: Array) -> Array | None:
-    """y >= 0 with W y = 0 and sum y = 1 of largest rate . y; None where there is no such y."""
+    """Vector y >= 0 with W y = 0, sum y = 1 and largest rate . y; None without one."""
     from scipy.optimize import linprog
 
     size = np.max(np.abs(W), initial=0.0)
@@ -172,12 +173,12 @@ def _self_stress(W: Array, rate: Array) -> Array | None:
     equal = np.vstack([W / size, np.ones(len(rate))])
     right = np.append(np.zeros(len(W)), 1.0)
     largest = np.max(np.abs(rate), initial=0.0) or 1.0
-    found = linprog(-rate / largest, A_eq=equal, b_eq=right, bounds=(0.0, None))
-    return found.x if found.success else None
+    solutions = linprog(-rate / largest, A_eq=equal, b_eq=right, bounds=(0.0, None))
+    return solutions.x if solutions.success else None
 
 
-def _least(W: Array, x: Array) -> Array:
-    """The shortest z >= 0 with W z = W x."""
+def _least_tensions(W: Array, x: Array) -> Array:
+    """Vector z >= 0 of least norm with W z = W x."""
     from scipy.optimize import nnls
 
     heavy = TOLERANCES.equality_weight / np.max(np.abs(W))
@@ -185,17 +186,17 @@ def _least(W: Array, x: Array) -> Array:
 
 
 def _group(marionette: CompiledPuppet, holds: Indices, stressed: Indices) -> tuple[list[int], int]:
-    """The taut strings that move nothing but what stressed ones do, and how many freedoms."""
+    """Taut strings that move only freedoms of stressed strings, and the number of freedoms."""
     strings = marionette.tree.strings
-    moved = set().union(*(_moved(marionette, strings[i]) for i in stressed))
-    group = [int(i) for i in holds if _moved(marionette, strings[i]) <= moved]
+    moved = set().union(*(_velocity_indices(marionette, strings[i]) for i in stressed))
+    group = [int(i) for i in holds if _velocity_indices(marionette, strings[i]) <= moved]
     return group, len(moved)
 
 
-def _moved(marionette: CompiledPuppet, string: StringRow) -> set[int]:
-    """Places in v_D that a string can pull at."""
+def _velocity_indices(marionette: CompiledPuppet, string: StringRow) -> set[int]:
+    """Indices in v_D of the velocities that a string can change."""
     tree = marionette.tree
-    ways = {i for point in string.points for i in tree.ancestors(point.link)}
-    links = [tree.links[i] for i in ways if tree.links[i].role is Role.DYNAMIC]
+    links_above = {i for point in string.points for i in tree.ancestors(point.link)}
+    links = [tree.links[i] for i in links_above if tree.links[i].role is Role.DYNAMIC]
     places = {k for link in links for k in range(link.v.start, link.v.stop)}
     return places | ({string.wound_length[1]} if string.wound_length else set())

@@ -44,29 +44,29 @@ Law = Callable[[State], Accelerations]
 
 
 class Stepper:
-    """Advances a puppet under inputs that are decided on the way.
+    """Advances a puppet piece by piece under inputs that are chosen during the run.
 
-    The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L: held
-    constant over a piece, it keeps their velocity continuous.
+    The input of the paper's Eq. 12 is the acceleration of the driven coordinates, u_L. It is
+    constant over a piece, so that their velocity is continuous.
 
-    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give an independent stepper that continues to
-    the same bits. A pickle loaded with another compiled library of the puppet continues from the
-    state alone: ledger, lost steps and velocity products begin anew.
+    ``copy.copy``, ``copy.deepcopy`` and ``pickle`` give an independent stepper that continues with
+    identical bits. A pickle loaded with another compiled library of the puppet continues from the
+    state alone: ledger, lost steps and velocity products are reset.
 
     Attributes:
         state: the present state.
         tension: (n_rows,) forces of strings and limits at ``state`` [N or N m].
-        samples: (n, width) written by the last advance, laid out as ``marionette.sample_layout``;
+        samples: (n, width) samples of the last advance, laid out as ``marionette.sample_layout``;
             before the first one, the start.
-        events: (n, 5) of the last advance: time, kind, row, impulse, speed.
+        events: (n, 5) events of the last advance: time, kind, row, impulse, speed.
         contacts: (n, width) contact points of the last advance, as the contract's ``CONTACT``.
-        contradiction: of redundant strings, where the status is ``REDUNDANT_STRINGS``; else None.
+        contradiction: contradiction of redundant strings, with status ``REDUNDANT_STRINGS``.
 
     Args:
         marionette: the puppet.
-        x0: where it starts.
-        method: its name.
-        options: of the run; the bound on memory is that of one advance.
+        x0: start state.
+        method: name of the method.
+        options: options of the run; the bound on memory is for one advance.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Stepper:
         self.method = method
         self.state, self._end = x0.replace(coordinates=marionette.coordinates), x0.t
         self._measured, self._overlap = x0.t, 0.0
-        self._options, self._run, self._held = options, *self._begun(options)
+        self._options, self._run, self._held = options, *self._new_run(options)
         piece = self._run.present()
         self.samples, self.events, self.contacts = piece.samples[-1:], *piece[1:]
         self.tension = self.samples[0, marionette.sample_layout.places["tension"]]
@@ -84,7 +84,7 @@ class Stepper:
 
     @classmethod
     def of(cls, marionette: CompiledPuppet, x0: State, method: Method | MethodName) -> Stepper:
-        """A stepper whose start and step are checked; see :meth:`Marionette.stepper`."""
+        """A stepper with checked start and step; see :meth:`Marionette.stepper`."""
         chosen = as_method(method)
         if chosen.name == "event":
             x0 = parted(marionette, x0)
@@ -93,8 +93,8 @@ class Stepper:
         check_step(marionette, chosen.name, x0.q_D, x0.q_K, options.dt)
         return cls(marionette, x0, chosen.name, options)
 
-    def _begun(self, options: RunOptions) -> tuple[Run, HeldInput]:
-        """A run from the present state at its driven velocities, and its inputs."""
+    def _new_run(self, options: RunOptions) -> tuple[Run, HeldInput]:
+        """A run from the present state with constant driven velocities, and its inputs."""
         marionette = self.marionette
         library = marionette.libraries.library_of(self.method)
         coasting = held_input(marionette, self.state, options.dt, None, None)
@@ -102,17 +102,17 @@ class Stepper:
         return Run(library, self.method, *about), coasting
 
     def __getstate__(self) -> dict[str, Any]:
-        # The library keeps the run, and gives it as bytes.
+        # The run belongs to the library, which returns it as bytes.
         return {name: x for name, x in vars(self).items() if name not in ("_run", "_held")} | {
             "_status": int(self.status),
             "_memory": (self._run.library.key, self._run.checkpoint()),
         }
 
-    def __setstate__(self, kept: dict[str, Any]) -> None:
-        kept = dict(kept)
-        status, (library, memory) = kept.pop("_status"), kept.pop("_memory")
-        self.__dict__.update(kept)
-        self._run, self._held = self._begun(self._options)
+    def __setstate__(self, pickled: dict[str, Any]) -> None:
+        pickled = dict(pickled)
+        status, (library, memory) = pickled.pop("_status"), pickled.pop("_memory")
+        self.__dict__.update(pickled)
+        self._run, self._held = self._new_run(self._options)
         self._run.present()
         if self._run.library.key == library:
             self._run.restore(memory)
@@ -121,19 +121,19 @@ class Stepper:
 
     @property
     def status(self) -> Status:
-        """How the last advance ended; ``LOST_STEPS`` or ``RUNAWAY`` once a drive was too weak."""
+        """Status of the last advance; ``LOST_STEPS`` or ``RUNAWAY`` after a drive was too weak."""
         return self._run.status
 
     @property
     def blame(self) -> Array:
-        """(n_rows + n_watched,) share of each row and drive in the blame for the status, 0 to 1."""
+        """Shares (n_rows + n_watched,) of rows and drives in causing the status, 0 to 1."""
         return self._run.blame
 
     @property
     def violation(self) -> float:
-        """Largest h of all rows since the start, of fixed steps [m, rad or 1].
+        """Largest h of all rows since the start, for fixed steps [m, rad or 1].
 
-        With either method, at least the largest overlap of solids with prescribed relative motion.
+        For all methods, it is at least the largest overlap of solids with prescribed motion.
         """
         return max(float(self._run.progress.violation), self._overlap)
 
@@ -161,12 +161,12 @@ class Stepper:
         """Advances by ``duration`` [s].
 
         Args:
-            duration: > 0 and finite.
-            acc_K: (n_vK,) accelerations of the driven coordinates, or by name (the others 0);
+            duration: duration of the piece, > 0 and finite.
+            acc_K: (n_vK,) accelerations of the driven coordinates, or name -> value (others 0);
                 constant over the piece. The driven velocities are continuous.
-            inputs: instead: inputs in absolute time that start where the puppet is.
+            inputs: alternative to acc_K: inputs in absolute time from the present configuration.
             u_D: (n_vD,) user forces, constant over the piece (not together with ``inputs``).
-            throw: raise :class:`SimulationError` when the run cannot continue. Lost steps of
+            throw: whether to raise :class:`SimulationError` if the run cannot go on. Lost steps of
                 stepper motors do not end it: see ``status`` and ``events``.
 
         Ctrl-C leaves the stepper in the state reached, from which it can be advanced again.
@@ -208,11 +208,11 @@ class Stepper:
         """Advances to ``t_end`` [s] under a feedback law that is called ``rate`` times a second.
 
         Args:
-            t_end: [s].
+            t_end: end of the run [s].
             law: state -> accelerations of the driven coordinates, as in :meth:`advance`; never
                 None.
-            rate: [1/s].
-            throw: raise :class:`SimulationError` when the run cannot continue; otherwise see
+            rate: frequency of the calls [1/s].
+            throw: whether to raise :class:`SimulationError` if the run cannot continue; see also
                 ``status``.
 
         Returns:
@@ -241,7 +241,7 @@ class Stepper:
         return states
 
     def _take(self, written: list[Piece]) -> None:
-        """Keeps what an advance wrote; the last sample becomes the state."""
+        """Stores the pieces of an advance; the last sample becomes the state."""
         self.samples, self.events, self.contacts = Piece.joined(written)
         if not len(self.samples):
             return
@@ -260,18 +260,18 @@ class Stepper:
 
         if isinstance(chosen, Input):
             times = looks(chosen.breaks, self._measured, self.state.t)
-        else:  # of constant acceleration
+        else:  # constant acceleration
             times = np.linspace(self._measured, self.state.t, 3)
-        found = prescribed_overlaps(marionette, motion, times)
-        told = overlap_events(marionette, found, self._measured)
+        overlaps = prescribed_overlaps(marionette, motion, times)
+        events = overlap_events(marionette, overlaps, self._measured)
         self._measured = self.state.t
-        self._overlap = max([self._overlap, *(overlap.depth for overlap in found)])
-        if len(told):
-            both = np.concatenate([self.events, told])
+        self._overlap = max([self._overlap, *(overlap.depth for overlap in overlaps)])
+        if len(events):
+            both = np.concatenate([self.events, events])
             self.events = both[np.argsort(both[:, EVENT_AT["t"]], kind="stable")]
 
     def _diagnose(self) -> None:
-        """Sets status and contradiction where redundant strings may have stopped the run."""
+        """Sets status and contradiction if redundant strings may have stopped the run."""
         if self.status not in CONTRADICTION_STATUSES or not len(self.samples):
             return
         acc_K = self.marionette.sample_layout.split(self.samples[-1:])["acc_K"][0]
@@ -279,7 +279,7 @@ class Stepper:
         self._run.status = decide(self.status, self.contradiction).status
 
     def _hold(self, duration: float, acc_K: Accelerations | None, u_D: Array | None) -> None:
-        """Makes the held input that of constant accelerations and forces from the present state."""
+        """Sets the held input to constant accelerations and forces from the present state."""
         table = self.marionette.coordinates
         if isinstance(acc_K, Mapping):
             named, acc_K = acc_K, np.zeros(table.n_vK)
@@ -293,10 +293,10 @@ class Stepper:
 def held_input(
     marionette: CompiledPuppet, x: State, duration: float, acc_K: Array | None, u_D: Array | None
 ) -> HeldInput:
-    """Inputs with constant accelerations (n_vK,) and forces (n_vD,) from a state on."""
-    made = HeldInput(marionette.coordinates)
-    _fill(made, marionette, x, duration, acc_K, u_D)
-    return made
+    """Inputs from a state, with constant accelerations (n_vK,) and forces (n_vD,)."""
+    constant_input = HeldInput(marionette.coordinates)
+    _fill(constant_input, marionette, x, duration, acc_K, u_D)
+    return constant_input
 
 
 def _fill(
@@ -310,5 +310,5 @@ def _fill(
     table = marionette.coordinates
     acc = vector("acc_K", acc_K, table.n_vK)
     force = None if u_D is None else vector("u_D", u_D, table.n_vD)
-    # A trace longer than the piece, so that its last instant still lies within the input.
+    # Slightly longer than the piece, so that its last instant lies within the input.
     held.fill(x.t, x.t + (1.0 + 1e-6) * duration, x.q_K, x.v_K, acc, force)

@@ -47,28 +47,28 @@ class _Engine(Protocol):
 class StepperBatch:
     """n runs of one puppet that are advanced together, each with its own time and parameters.
 
-    The arrays are the batch's own and change with every call; copy what is to be kept.
+    The arrays belong to the batch and change with every call; copy them to store values.
     Time-stepping advances in lanes, on threads; other methods run by run.
 
     Attributes:
-        t: (n,) time that each has reached [s].
-        q_D, v_D, q_K, v_K, slip: (n, ...) present states, as of :class:`State`.
+        t: (n,) present times [s].
+        q_D, v_D, q_K, v_K, slip: (n, ...) present states, as in :class:`State`.
         tension: (n, n_rows) forces of strings and limits [N or N m].
-        taut: (n, n_rows) bool.
+        taut: (n, n_rows) mask of taut rows.
         books: (n, 5) work of the inputs, and losses by damping, impacts, slipping winches and
-            friction, since each began [J].
-        violation: (n,) largest h of all rows since each began, of time-stepping [m, rad or 1].
-        status: (n,) :class:`Status` numbers; a run that stopped keeps its state until it is reset.
+            friction, since the start of each run [J].
+        violation: (n,) largest h of all rows since the start, for time-stepping [m, rad or 1].
+        status: (n,) :class:`Status` numbers; a run that stopped keeps its state until its reset.
         p: (n, n_p) parameters.
-        method: its name.
+        method: name of the method.
 
     Args:
         marionette: the puppet.
-        x0: one state, or n of one time.
-        n: number of runs; as many as states and parameters when not given.
-        method: of all runs.
+        x0: start state of all runs, or n start states of equal time.
+        n: number of runs; by default the number of states or parameters.
+        method: method of all runs.
         parameters: name -> value, or (n,) values.
-        threads: all processors when not given.
+        threads: number of threads; by default all processors.
     """
 
     def __init__(
@@ -87,9 +87,9 @@ class StepperBatch:
         if n is None:
             n = max(counts.values())
         n = whole("n", n, least=1)
-        for what, found in counts.items():
-            if found not in (1, n):
-                raise ValueError(f"found {found} {what} for {n} runs; give one, or {n}")
+        for what, count in counts.items():
+            if count not in (1, n):
+                raise ValueError(f"found {count} {what} for {n} runs; give one, or {n}")
         self.marionette, self.method, self._n = marionette, chosen.name, n
         options = marionette.run_options(**chosen.options)
         threads = default_threads() if threads is None else whole("threads", threads, least=1)
@@ -118,11 +118,11 @@ class StepperBatch:
 
     @property
     def arrived(self) -> MaskRows:
-        """(n,) bool, the runs that reached the end of the last piece, even with lost steps."""
+        """Mask (n,) of the runs that reached the end of the last piece, even with lost steps."""
         return np.isin(self.status, ARRIVED)
 
     def blamed(self, i: int, least: float = 0.1) -> tuple[str, ...]:
-        """Names whose share of the blame for the status of run i exceeds ``least``."""
+        """Names with a share above ``least`` in causing the status of run i."""
         share = self._record.blame[i]
         return tuple(
             n for n, x in zip(self.marionette.tree.blamable, share, strict=True) if x > least
@@ -144,16 +144,14 @@ class StepperBatch:
         parameters: Mapping[str, Array | float] | None = None,
         **arrays: Array,
     ) -> None:
-        """Runs begin anew.
+        """Resets runs to a start.
 
         Args:
-            which: (m,) numbers of runs, or (n,) bool; all when not given.
-            x0: where they begin: one state, or one for each of them; where they began at first
-                when not given.
-            parameters: name -> value, or one for each of them; those of the beginning when not
-                given.
-            arrays: instead of parts of x0: ``q_D``, ``v_D``, ``q_K``, ``v_K``, ``slip`` (m, ...)
-                and ``t`` (m,).
+            which: indices (m,) of the runs, or mask (n,); all by default.
+            x0: start state of all these runs, or one for each; by default their first start.
+            parameters: name -> value, or one for each run; by default those of the first start.
+            arrays: replacements of parts of x0: ``q_D``, ``v_D``, ``q_K``, ``v_K``, ``slip``
+                (m, ...) and ``t`` (m,).
 
         Raises:
             StateError: a start violates a row or overlaps, or a number is not finite.
@@ -171,11 +169,11 @@ class StepperBatch:
             p = self._parameters if len(self._parameters) == 1 else self._parameters[runs]
         times = _rows("t", arrays.pop("t", np.full(1, states.t)), m)
         parts = {name: getattr(states, name) for name in _STATE}
-        for name, given in arrays.items():
+        for name, array in arrays.items():
             if name not in parts:
                 raise TypeError(f"reset takes no {name!r}; it takes t, {', '.join(_STATE)}")
             width = parts[name].shape[1]
-            parts[name] = np.atleast_2d(vectors(name, given, width))
+            parts[name] = np.atleast_2d(vectors(name, array, width))
         parts = {name: _rows(name, x, m) for name, x in parts.items()}
         taut = states.taut if not arrays else np.zeros_like(states.taut)
         starts = States(states.t, **parts, taut=_rows("x0", taut, m))
@@ -197,13 +195,13 @@ class StepperBatch:
         """Advances all runs that have not stopped by ``duration`` [s].
 
         Args:
-            duration: > 0 and finite.
-            acc_K: (n, n_vK) or (n_vK,) accelerations of the driven coordinates, held over the
-                piece; or by name, a number or (n,), the others 0. Driven velocities are continuous.
-            u_D: (n, n_vD) or (n_vD,) user forces, held over the piece.
+            duration: duration of the piece, > 0 and finite.
+            acc_K: (n, n_vK) or (n_vK,) accelerations of the driven coordinates, constant over the
+                piece; or name -> number or (n,), others 0. Driven velocities are continuous.
+            u_D: (n, n_vD) or (n_vD,) user forces, constant over the piece.
 
         Returns:
-            (n,) bool, :attr:`arrived`. What has not arrived has its status.
+            Mask (n,) of the runs that arrived; ``status`` has the reasons of the others.
         """
         check_positive(duration=duration)
         table = self.marionette.coordinates
@@ -216,16 +214,16 @@ class StepperBatch:
         self.t[going] += self._record.advanced[going]
         return self.arrived
 
-    def _accelerations(self, given: Array | Mapping[str, Array | float] | None) -> Array:
-        """(1 or n, n_vK)."""
+    def _accelerations(self, array: Array | Mapping[str, Array | float] | None) -> Array:
+        """Accelerations (1 or n, n_vK) of all runs."""
         table = self.marionette.coordinates
-        if given is None:
+        if array is None:
             return np.zeros((1, table.n_vK))
-        if not isinstance(given, Mapping):
-            rows = np.atleast_2d(vectors("acc_K", given, table.n_vK))
+        if not isinstance(array, Mapping):
+            rows = np.atleast_2d(vectors("acc_K", array, table.n_vK))
             return _rows("acc_K", rows, self._n)
         acc = np.zeros((self._n, table.n_vK))
-        for name, values in given.items():
+        for name, values in array.items():
             if name not in table.v_K:
                 raise UnknownNameError("driven velocity", name, table.v_K)
             acc[:, table.v_K.index(name)] = values
@@ -233,7 +231,7 @@ class StepperBatch:
 
 
 class _Runs:
-    """Any other method: a stepper for each run, on threads."""
+    """Runs of methods without lanes: a stepper for each run, on threads."""
 
     def __init__(
         self,
@@ -292,13 +290,13 @@ class _Runs:
 
 
 def _numbers(which: Indices | MaskRows | None, n: int) -> NDArray[np.intp]:
-    """Numbers of the runs that are meant, of n."""
-    given = np.arange(n) if which is None else np.asarray(which)
-    return np.flatnonzero(given) if given.dtype == bool else given.astype(np.intp)
+    """Indices of the selected runs, of n."""
+    array = np.arange(n) if which is None else np.asarray(which)
+    return np.flatnonzero(array) if array.dtype == bool else array.astype(np.intp)
 
 
 def _of(states: States, runs: NDArray[np.intp]) -> States:
-    """Those of some runs; the one that all share."""
+    """States of selected runs; a single state is shared by all."""
     if len(states) == 1:
         return states
     parts = {name: getattr(states, name)[runs] for name in (*_STATE, "taut")}
@@ -306,7 +304,7 @@ def _of(states: States, runs: NDArray[np.intp]) -> States:
 
 
 def _rows(name: str, values: NDArray[T], n: int) -> NDArray[T]:
-    """(n, ...), or a single row for all."""
+    """Values (n, ...) or (1, ...); ValueError for other numbers of rows."""
     if len(values) not in (1, n):
         raise ValueError(f"{name} has {len(values)} rows; it must have 1 or {n}")
     return values

@@ -1,4 +1,4 @@
-"""The status of a run: decided here for single runs, batches and steppers alike."""
+"""Status of a run: one decision for single runs, batches and steppers."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from fantoccini.base import ARRIVED, Status
 from fantoccini.dynamics.steppers.redundant import Contradiction
 
 Check = Callable[[], tuple[Status, str]]
-"""() -> DONE, or the status that a run deserves and the reason in words."""
+"""Callback: () -> ``DONE``, or another status with its reason in words."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a run ended.
+    """Outcome of a run.
 
     Attributes:
-        status: of the run.
-        contradiction: of redundant strings, where these stopped it or made its motion impossible.
-        text: why the run is not sound; empty where it is.
+        status: status of the run.
+        contradiction: contradiction of redundant strings that stopped it, if any.
+        text: reason that the run is not sound; empty for a sound run.
     """
 
     status: Status
@@ -30,23 +30,23 @@ class Verdict:
 def decide(
     reported: Status, contradiction: Contradiction | None = None, checks: Iterable[Check] = ()
 ) -> Verdict:
-    """The verdict on a run.
+    """Verdict on a run.
 
-    Redundant strings whose lengths contradict one another explain whatever the steps report. A run
-    that the steps completed has the status of the first check that it fails; others of the same
-    status add their reasons.
+    A contradiction of redundant strings explains any status of the steps. A run that the steps
+    completed has the status of the first check that it fails; others of the same status add their
+    reasons.
 
     Args:
-        reported: by the steps, or by what interrupted them.
-        contradiction: of redundant strings, if there is one.
-        checks: of a run that the steps completed, in this order.
+        reported: status from the steps, or from an interruption.
+        contradiction: contradiction of redundant strings, if any.
+        checks: checks of a completed run, in this order.
     """
     if contradiction:
         return Verdict(Status.REDUNDANT_STRINGS, contradiction)
     status, reasons = reported, list[str]()
     for check in checks if reported in ARRIVED else ():
-        found, reason = check()
-        if found is not Status.DONE and status in (*ARRIVED, found):
-            status = found
+        outcome, reason = check()
+        if outcome is not Status.DONE and status in (*ARRIVED, outcome):
+            status = outcome
             reasons += [reason] if reason else []
     return Verdict(status, None, "; ".join(reasons))
