@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.base import Array, Indices, StateError, Times, UnknownNameError, frozen
 
 _UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
-"""Units in which people are captured, and their size [m]; the last is the CMU data base's."""
+"""Units of captured people, with their sizes [m]; the last is that of the CMU database."""
 _PERSON = 1.7
 """Height of a person [m]."""
 _JUMP, _NEXT = 10.0, 20
@@ -19,9 +19,9 @@ _MAX_BONE_CHANGE = 0.2
 """Largest change of a bone's length, relative to the skeleton's longest bone."""
 _MIN_VERTICAL_EXTENT = 0.7
 """Extent of a rest pose for which an axis may be vertical, relative to the largest extent."""
-_MIRRORED = 0.02
+_MAX_ASYMMETRY = 0.02
 """Largest mean distance of a symmetric skeleton from its reflection, relative to its extent."""
-_STANDS = 0.9
+_MIN_STANDING_EXTENT = 0.9
 """Smallest extent along the vertical of a standing skeleton, relative to its rest pose."""
 
 
@@ -81,7 +81,7 @@ def _symmetric(places: Array, axis: int) -> bool:
     mirrored = places.copy()
     mirrored[:, axis] = places[:, axis].min() + places[:, axis].max() - places[:, axis]
     apart = np.linalg.norm(places[:, None] - mirrored, axis=2).min(axis=1)
-    return float(apart.mean()) < _MIRRORED * float(np.ptp(places, axis=0).max())
+    return float(apart.mean()) < _MAX_ASYMMETRY * float(np.ptp(places, axis=0).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ class Capture:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return float(self.t[-1] - self.t[0])
 
     @cached_property
@@ -153,7 +153,7 @@ class Capture:
         extent, rest = self._extent, self.skeleton.up(self.body)
         if rest is None:
             return int(1 + np.argmax(extent[1:]))
-        tall, other = _STANDS * np.ptp(self.skeleton.rest[self.body, rest]), 3 - rest
+        tall, other = _MIN_STANDING_EXTENT * np.ptp(self.skeleton.rest[self.body, rest]), 3 - rest
         return other if extent[rest] < tall <= extent[other] else rest
 
     @property

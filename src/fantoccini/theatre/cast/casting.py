@@ -27,7 +27,7 @@ from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLo
 Pose = dict[str, Any]
 """Start values by coordinate."""
 
-_ALONE = "player"
+_OWN_SCENE = "player"
 """Name of a player's own scene: the same for all, so that equal puppets are compiled once."""
 
 
@@ -253,8 +253,8 @@ def _alone(file: PlayFile, puppet: Puppet, spec: PlayerFile) -> tuple[Marionette
 
 
 def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
-    member = Member(name=_ALONE, puppet=puppet, pose=pose)
-    return Scene(scene=_ALONE, floor=file.stage.floor, puppets=(member,))
+    member = Member(name=_OWN_SCENE, puppet=puppet, pose=pose)
+    return Scene(scene=_OWN_SCENE, floor=file.stage.floor, puppets=(member,))
 
 
 def _fixed(alone: Marionette) -> str:

@@ -26,7 +26,7 @@ from fantoccini.theatre.script import (
     walks,
 )
 
-_LONGEST = 1800.0
+_MAX_ACT_TIME = 1800.0
 """Longest act [s]."""
 _OF_PLAYER = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
 
@@ -113,8 +113,8 @@ def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog
                 log.mistakes.add((*cue.spot, "enters to"), text)
             away[who] = isinstance(cue.given, ExitsToCue)
         for spot, start in cue.times:
-            if isinstance(start, float) and start * log.beat > _LONGEST:
-                text = f"found beat {start:g}; an act lasts {_LONGEST / 60:g} minutes at most"
+            if isinstance(start, float) and start * log.beat > _MAX_ACT_TIME:
+                text = f"found beat {start:g}; an act lasts {_MAX_ACT_TIME / 60:g} minutes at most"
                 log.mistakes.add(spot, text)
 
 

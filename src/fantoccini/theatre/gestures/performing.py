@@ -182,7 +182,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Turn(Generic[CueT]):
-    """A cue whose turn it is to be placed.
+    """A cue that is placed next.
 
     Attributes:
         cue: cue of the file, with its players.

@@ -142,11 +142,11 @@ class ScoreGestures:
             self._log.mistakes.add(spot, f"phrases are more than {_MAX_DEPTH} deep; needed: fewer")
             return None
         self._open.append(name)
-        self._phrases[name] = self._made(name)
+        self._phrases[name] = self._phrase_gesture(name)
         self._open.pop()
         return self._phrases[name]
 
-    def _made(self, name: str) -> Gesture | None:
+    def _phrase_gesture(self, name: str) -> Gesture | None:
         lanes = {name: (("phrases", name), self._file.phrases[name])}
         placed = place_lanes(lanes, {}, self.of, self._most, self._log, phrase=True)
         if placed is None or self._log.mistakes:

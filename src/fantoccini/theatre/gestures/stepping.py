@@ -55,7 +55,7 @@ class Step:
 
     @property
     def stands(self) -> bool:
-        """Whether it moves nothing."""
+        """Whether nothing moves in this step."""
         return self.length == 0.0 and self.turn == 0.0
 
 

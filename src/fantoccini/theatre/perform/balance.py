@@ -95,7 +95,7 @@ class Balance:
         if threaded:
             self._thread.start()
         else:
-            self.mpc = self._made()
+            self.mpc = self._new_mpc()
 
     def __repr__(self) -> str:
         return f"<Balance of {self._performance.marionette.name}: {self.about}>"
@@ -128,7 +128,7 @@ class Balance:
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout=2.0)
 
-    def _made(self) -> MPC:
+    def _new_mpc(self) -> MPC:
         marionette = self._performance.marionette
         return MPC(marionette, self._task, self._nodes * self._interval, self._nodes)
 
@@ -151,7 +151,7 @@ class Balance:
 
     def _run(self) -> None:
         try:
-            mpc = self.mpc = self._made()
+            mpc = self.mpc = self._new_mpc()
         except FantocciniError as error:
             self.message = str(error)
             return

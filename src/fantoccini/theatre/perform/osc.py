@@ -27,7 +27,7 @@ _MAX_SIZE = 65536
 """Largest size of a datagram [bytes]."""
 _PAUSE = 0.2
 """Interval at which the thread checks whether it should end [s]."""
-_ECHO = 1.0
+_ECHO_TIME = 1.0
 """Time after a cue is reported in which a message that starts it counts as an echo [s]."""
 _MAX_REPORT = 120
 """Largest length of a report on a message [characters]."""
@@ -194,7 +194,7 @@ class Osc:
         if values and not values[0]:
             return  # a button is released
         number = _number(address)
-        if time.monotonic() - self._sent_at.get(number, -_ECHO) < _ECHO:
+        if time.monotonic() - self._sent_at.get(number, -_ECHO_TIME) < _ECHO_TIME:
             self.counts.echoes += 1
             return
         self._later(lambda: self._do(address, do))

@@ -192,7 +192,7 @@ class Performance:
         with self._lock:
             self._targets.go_home(self._start())
 
-    # -- what is played ----------------------------------------------------------------------
+    # -- gestures, takes and scores ----------------------------------------------------------
 
     play = _of_targets(Targets.play)
     play_once = _of_targets(Targets.play_once)

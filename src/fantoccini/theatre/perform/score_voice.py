@@ -13,7 +13,7 @@ from fantoccini.base import Array, MaskRows, VecK, polynomial
 from fantoccini.theatre.gestures import Conductor, Gesture, Score, at, transition
 from fantoccini.theatre.perform.voice import Offsets
 
-_RAMP = 0.3
+_RAMP_TIME = 0.3
 """Time over which a score starts and stops [s]."""
 _MIN_BOUND_SHARE = 0.2
 """Least share of a bound for a way back, even if the score needs more than the rest."""
@@ -177,7 +177,7 @@ class ScoreVoice:
                 self._lead, rate = None, np.zeros_like(rate)
             return d, rate
         before, wanted = self._pace, float(self.running)
-        self._pace += float(np.clip(wanted - before, -tick / _RAMP, tick / _RAMP))
+        self._pace += float(np.clip(wanted - before, -tick / _RAMP_TIME, tick / _RAMP_TIME))
         t = self.conductor.advance(0.5 * (before + self._pace) * tick)
         d, rate = at(self._motion.breaks, self._motion.coef, t)
         pace = 0.0 if self.conductor.standing else self._pace

@@ -40,7 +40,7 @@ class _Weights(NamedTuple):
     fastest: float = 0.5
     """Bound of the deviation's rate [m/s]."""
     doublings: int = 16
-    """Horizon of the regulator, 2^16 ticks."""
+    """Number of doublings of the regulator's horizon: 2^16 ticks."""
     rate: float = 120.0
     """Sampling rate of the play's run [1/s]."""
 

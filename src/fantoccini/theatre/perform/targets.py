@@ -133,7 +133,7 @@ class Targets:
         self.player.clear()
         self.q_K = np.array(self._run.x.q_K)
 
-    # -- what is played on top ---------------------------------------------------------------
+    # -- gestures, takes and scores ----------------------------------------------------------
 
     def play(self, gesture: Gesture, *, after: float | None = None, again: bool = False) -> float:
         """Plays a gesture on top of the held positions; returns the time until it begins [s].

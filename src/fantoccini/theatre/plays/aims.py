@@ -12,7 +12,7 @@ from fantoccini.theatre.gestures import CannotBe, Turn
 from fantoccini.theatre.plays.on_stage import OnStage
 from fantoccini.theatre.script import PlayCue, Spot, TurnsToCue, WalkCue, spelled
 
-_EYES = 0.42
+_EYE_HEIGHT = 0.42
 """Height of a player's face above the floor [m]."""
 _SAME_PLACE = 1e-9
 """Distance below which two places count as the same [m]."""
@@ -71,10 +71,10 @@ class Aims:
         if not isinstance(where, str):
             assert isinstance(where, Sequence)
             numbers = [float(x) for x in where]
-            return np.array([*numbers, _EYES][:3])
+            return np.array([*numbers, _EYE_HEIGHT][:3])
         if where in stage.actors:
             other = stage.actors[where].stands(max(t, 0.0))
-            return np.array([other.x, other.y, _EYES])
+            return np.array([other.x, other.y, _EYE_HEIGHT])
         marks = self._cast.file.stage.marks
         if where in marks:
             return np.array([*marks[where].at, 0.0], dtype=float)

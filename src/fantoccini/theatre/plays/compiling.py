@@ -49,7 +49,7 @@ from fantoccini.theatre.script import (
 
 PATIENT = 10
 """Number of rounds in which free cues may still be delayed; later they are refused at once."""
-_WAIT = 0.4
+_EXTRA_DELAY = 0.4
 """Additional delay of a free cue in which something touches [s]."""
 _SMALLER = (0.75, 0.5)
 """Sizes that are tried if something touches."""
@@ -208,7 +208,7 @@ def _mend(
         if cue is None:
             continue
         corrections, entry = results.corrections, cue.given
-        waits = corrections.pauses.get(cue.spot, 0.0) + _WAIT
+        waits = corrections.pauses.get(cue.spot, 0.0) + _EXTRA_DELAY
         tried = corrections.approaches.get(cue.spot, 0) + 1
         if patient and isinstance(entry, SitsOnCue) and tried < len(APPROACHES):
             results = replace(

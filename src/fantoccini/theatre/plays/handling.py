@@ -46,11 +46,11 @@ from fantoccini.theatre.script import (
 
 T = TypeVar("T")
 
-_AT_TABLE = 0.025
+_MAX_TABLE_STEP = 0.025
 """Longest step at a table, which swinging shins must not touch [m]."""
 _MIN_STEP_UP = 0.1
 """Least distance between the end of a walk to a table and the place of handling [m]."""
-_BEFORE_SEAT = 0.135
+_SEAT_DISTANCE = 0.135
 """Distance of a player that sits down from the middle of the seat [m]."""
 APPROACHES = ((0.04, 0.06), (0.06, 0.05), (0.08, 0.06))
 """Approaches to a seat, tried in turn: additional distance before it at which a player stops, since
@@ -121,7 +121,7 @@ class Handling:
         stage.check_stands(who)
         stage.check_stands(to)
         lift, lifts = (self._cast.file.cast[name].lift for name in turn.who)
-        handing = self._made(
+        handing = self._compute(
             lambda: prop_gestures.give(
                 giver.player.alone,
                 "",
@@ -166,8 +166,8 @@ class Handling:
                 raise CannotBe(f"{name} sits on {seat}")
         middle, heading, height = self._seat(stage, seat, actor, turn)
         alone, hangs = actor.player.alone, actor.player.hangs
-        sits = self._made(
-            lambda: sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
+        sits = self._compute(
+            lambda: sit(alone, "", seat, height, distance=_SEAT_DISTANCE, start=hangs), actor
         )
         there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
         clear = self._steps.clear_of(there, 1.0, actor)
@@ -209,14 +209,16 @@ class Handling:
         puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(turn))
         there = self._put_place(onto, puts, actor)
         before = self._steps.clear_of(there, -1.0, actor, _MIN_STEP_UP)
-        stage = self._steps.come(stage, who, before, there, begin, wait, step=_AT_TABLE)
+        stage = self._steps.come(stage, who, before, there, begin, wait, step=_MAX_TABLE_STEP)
         stage, start = self._calmed(stage, turn, who)
         stage, end = self._steps.do(stage, who, puts.gesture, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
         stage = stage.released(prop, held, start).touching(turn, prop, pairs, start, end)
         z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
         stands = Stands(Footing(z.real, z.imag, there.heading), top, onto)
-        return self._steps.straight(stage.placing(prop, stands), who, before, end, step=_AT_TABLE)
+        return self._steps.straight(
+            stage.placing(prop, stands), who, before, end, step=_MAX_TABLE_STEP
+        )
 
     def _picks_up(
         self, stage: OnStage, turn: Turn[PlayCue], given: PicksUpCue, begin: float, wait: float
@@ -238,13 +240,13 @@ class Handling:
         z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
         there = Footing(z.real, z.imag, stands.heading)
         before = self._steps.clear_of(there, -1.0, actor, _MIN_STEP_UP)
-        stage = self._steps.come(stage, who, before, there, begin, wait, step=_AT_TABLE)
+        stage = self._steps.come(stage, who, before, there, begin, wait, step=_MAX_TABLE_STEP)
         stage, start = self._calmed(stage, turn, who)
         stage, end = self._steps.do(stage, who, puts.gesture, start)
         pairs = standing(prop, thing.on) | {hanging(who, side, prop)}
         stage = stage.touching(turn, prop, pairs, start, end)
         stage = stage.placing(prop, Hangs(who, side, end, turn.spot))
-        return self._steps.straight(stage, who, before, end, step=_AT_TABLE)
+        return self._steps.straight(stage, who, before, end, step=_MAX_TABLE_STEP)
 
     # -- state -------------------------------------------------------------------------------
 
@@ -253,7 +255,7 @@ class Handling:
         actor = stage.actors[who].rested()
         return self._steps.calm(stage.acting(actor), turn, actor.hands.end, who)
 
-    def _made(self, make: Callable[[], T], actor: Actor) -> T:
+    def _compute(self, make: Callable[[], T], actor: Actor) -> T:
         try:
             return make()
         except (InputError, ValueError) as error:
@@ -280,7 +282,7 @@ class Handling:
                 f"{lowest:.3f} to {highest:.3f} m, {near:.3f} m is nearest"
             )
         along = putting.ALONG if along is None else along
-        return self._made(
+        return self._compute(
             lambda: putting.putting(
                 actor.player.alone, "", prop, hangs - top, side=side, along=along, back=back
             ),

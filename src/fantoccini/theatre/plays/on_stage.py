@@ -25,7 +25,7 @@ class OnStage:
         actors: player -> its actor, after its last placed cue.
         where: prop -> forearm on which it hangs, or place where it stands.
         seated: player -> seat on which it sits.
-        met: meetings that have ended.
+        met: meetings of the cues placed so far.
         calmed: (cue, player) -> time at which it begins to damp its swing [s].
         parts: parts of the players in the cue that is being placed.
     """

@@ -90,7 +90,7 @@ class PlayerGestures:
     def __init__(self, cast: Cast, log: ScriptLog, kept: Kept):
         self.cast, self.kept, self._log = cast, kept, log
         self._files: dict[tuple[Marionette, str], Gesture | Clip | str] = {}
-        self._kept: dict[tuple[Any, ...], Gesture | str] = {}
+        self._cache: dict[tuple[Any, ...], Gesture | str] = {}
         self._wrong: set[tuple[str, str]] = set()
 
     def marks(self, given: PlayCue, spot: Spot) -> Iterable[str]:
@@ -121,9 +121,9 @@ class PlayerGestures:
             StateError: it cannot be done in this style.
         """
         key = (player.alone, player.name, given.does, style, given.lasts, round(heading, 9))
-        if key not in self._kept:
-            self._kept[key] = self._styled(player, given, style, heading)
-        return _or_raise(self._kept[key])
+        if key not in self._cache:
+            self._cache[key] = self._styled(player, given, style, heading)
+        return _or_raise(self._cache[key])
 
     def aimed(self, player: Player, name: str, place: Array, stands: Footing) -> Gesture:
         """Look or pointing hand, by name, towards a place (3,) of the stage.
@@ -134,15 +134,15 @@ class PlayerGestures:
         own = player.own(place, stands)
         heading = stands.heading
         key = (name, player.alone, player.name, *np.round(own, 6), round(heading, 9))
-        if key not in self._kept:
+        if key not in self._cache:
             try:
                 gesture = load_gesture(player.alone, name, player.hangs, to=own.tolist())
-                self._kept[key] = gesture.turned(heading)
+                self._cache[key] = gesture.turned(heading)
             except InputError as error:
-                self._kept[key] = "; ".join(mistake.message for mistake in error.mistakes)
+                self._cache[key] = "; ".join(mistake.message for mistake in error.mistakes)
             except (UnknownNameError, StateError) as error:
-                self._kept[key] = str(error)
-        return _or_raise(self._kept[key])
+                self._cache[key] = str(error)
+        return _or_raise(self._cache[key])
 
     def walk(
         self, player: Player, way: tuple[Step, ...], step_time: float, carries: str = ""
@@ -159,14 +159,14 @@ class PlayerGestures:
             UnknownNameError: its strings differ from those of the bundled marionette.
         """
         key = (player.alone, "walk", way, step_time, carries)
-        if key not in self._kept:
+        if key not in self._cache:
             if carries:
                 pose = self.pose(player, carries)
                 gesture = prop_gestures.steps_carrying(pose, player.hangs, "", way, step_time)
             else:
                 gesture = steps(player.ends(), way, step_time)
-            self._kept[key] = gesture
-        return _or_raise(self._kept[key])
+            self._cache[key] = gesture
+        return _or_raise(self._cache[key])
 
     def pose(self, player: Player, side: str) -> Gesture:
         """Gesture that takes up the pose for carrying something.
@@ -175,10 +175,10 @@ class PlayerGestures:
             UnknownNameError: its strings differ from those of the bundled marionette.
         """
         key = (player.alone, "pose", side)
-        if key not in self._kept:
+        if key not in self._cache:
             player.ends()
-            self._kept[key] = prop_gestures.carry(player.alone, "", side=side)
-        return _or_raise(self._kept[key])
+            self._cache[key] = prop_gestures.carry(player.alone, "", side=side)
+        return _or_raise(self._cache[key])
 
     def reason_unable(self, player: Player, given: PlayCue) -> str:
         """Reason why a player can never do a cue, wherever it stands; "" if there is none.

@@ -40,7 +40,7 @@ _LOCATED = {verb.meets: verb.located for verb in VERBS.values()}
 
 PEAKS = 2e-3
 """Tolerance of a bound, relative to it: computed peaks of speeds are upper bounds."""
-_SLACK = 0.6
+_MARGIN_TIME = 0.6
 """Time before and after a part of a cue in which a fault is attributed to it [s]."""
 _MAX_LOCATES = 3
 """Number of times that a handled prop is located again."""
@@ -352,7 +352,7 @@ def _cue_during(
         (not walks(cue.given), part.start, -i, cue)
         for i, cue in enumerate(cues)
         for part in cue.parts
-        if part.who in owners and part.start - _SLACK <= t <= part.end + _SLACK
+        if part.who in owners and part.start - _MARGIN_TIME <= t <= part.end + _MARGIN_TIME
     ]
     if not now:
         now = [

@@ -1,4 +1,4 @@
-"""Near touches of players, props, obstacles and strings in runs of players."""
+"""Touches of players, props, obstacles and strings in runs of a play."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Touch:
 def touches(
     cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = (), every: int = EVERY
 ) -> list[Touch]:
-    """Touches below the distances that the stage asks for, in order of time.
+    """Pairs that come nearer than the stage allows, in order of time.
 
     Bodies of different players, props and obstacles keep clear of one another, except for pairs
     that a cue lets touch while it lasts; strings keep clear of all of them. Between a prop and the
@@ -193,7 +193,7 @@ def _near(clearance: Clearance, path: Path, clear: float) -> Iterator[_Near]:
 
 
 def _merged(found: Iterable[_Near]) -> list[Touch]:
-    """Touches in which those that continue while meetings change are joined."""
+    """Touches; those that continue while meetings change are joined."""
     merged = list[_Near]()
     for near in sorted(found, key=lambda near: near.first):
         names = {near.touch.what, near.touch.other}

@@ -22,9 +22,9 @@ from fantoccini.theatre.plays.stage_run import together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
 from fantoccini.theatre.script import LATE, START
 
-_AT_REST = 1e-6
+_MAX_REST_RATE = 1e-6
 """Rate below which hands count as at rest [m/s or rad/s]."""
-_WOUND = 0.75
+_MIN_WINDING = 0.75
 """Change of winding above which two strings count as wound around each other [turns]."""
 
 
@@ -148,7 +148,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     faults += [
         f"hands move by {rate:.2g} m/s where a show waits, in {play.when(wait.t)}"
         for wait in play.score.waits
-        if (rate := float(np.max(np.abs(play.score.offsets(wait.t)[1])))) > _AT_REST
+        if (rate := float(np.max(np.abs(play.score.offsets(wait.t)[1])))) > _MAX_REST_RATE
     ]
     peaks, over = _peaks(play)
     space, outside = _space(play, run.q_K)
@@ -156,7 +156,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     wound = tuple(
         winding
         for winding in strings.windings()
-        if np.max(np.abs(winding.turns - winding.turns[0])) > _WOUND
+        if np.max(np.abs(winding.turns - winding.turns[0])) > _MIN_WINDING
     )
     faults += [
         f"strings {winding.what} and {winding.other} are wound around each other by "

@@ -59,7 +59,7 @@ class Walks:
             if not thing.held_by and cast.file.props[thing.name].on is None:
                 self.blocked.append(_around(thing))
         self._space = stage.space
-        self._kept: dict[tuple[Any, ...], Way | NoWay] = {}
+        self._cache: dict[tuple[Any, ...], Way | NoWay] = {}
 
     def way(
         self,
@@ -186,12 +186,12 @@ class Walks:
         """Way from goal to goal as one way."""
         whole: Way | None = None
         for i, goal in enumerate(goals):
-            part = self._found(player, start, goal, begin, wait, others, carries)
+            part = self._cached_way(player, start, goal, begin, wait, others, carries)
             other = part.nearest if isinstance(part, NoWay) else None
             last = i == len(goals) - 1
             if last and other is not None and abs(other.place - goal.place) <= near:
                 goal = other
-                part = self._found(player, start, goal, begin, wait, others, carries)
+                part = self._cached_way(player, start, goal, begin, wait, others, carries)
             if isinstance(part, NoWay):
                 return part
             steps = part.steps if whole is None else (*whole.steps, *part.steps)
@@ -201,7 +201,7 @@ class Walks:
         assert whole is not None
         return whole
 
-    def _found(
+    def _cached_way(
         self,
         player: Player,
         start: Footing,
@@ -213,8 +213,8 @@ class Walks:
     ) -> Way | NoWay:
         around = tuple((other.name, t.tobytes(), xy.tobytes()) for other, (t, xy) in others)
         key = (player.name, start, goal, round(begin, 9), wait, carries, around)
-        if key not in self._kept:
-            self._kept[key] = find_way(
+        if key not in self._cache:
+            self._cache[key] = find_way(
                 start,
                 goal,
                 begin=begin,
@@ -226,7 +226,7 @@ class Walks:
                 latest_begin=begin + wait,
                 others=[Other(other.name, t, xy, self.clear(other)) for other, (t, xy) in others],
             )
-        return self._kept[key]
+        return self._cache[key]
 
     def _room(self, player: Player) -> Rectangle | None:
         """Bounds of the middle of a player; None without bounds."""

@@ -146,7 +146,9 @@ def clip_gesture(
     check_positive(faster=faster, speed=speed, acceleration=acceleration)
     first: ClipGesture | None = None
     for lean in LEANS:
-        gesture = _made(dataclasses.replace(placed, lean=lean), faster, lasts, speed, acceleration)
+        gesture = _gesture_with_lean(
+            dataclasses.replace(placed, lean=lean), faster, lasts, speed, acceleration
+        )
         if not gesture.crossings:
             return gesture
         first = first or gesture
@@ -154,7 +156,7 @@ def clip_gesture(
     return first
 
 
-def _made(
+def _gesture_with_lean(
     placed: Placed, faster: float, lasts: float | None, speed: float, acceleration: float
 ) -> ClipGesture:
     marionette = placed.figure.marionette

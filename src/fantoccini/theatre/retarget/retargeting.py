@@ -39,19 +39,19 @@ WEIGHTS = {
     "foot_right": 0.3,
 }
 """w_i of the followed parts."""
-_ABOVE = 0.03
+_HAND_WEIGHT = 0.03
 """w_K, of strings that run straight up."""
-_HELD = 1.0
+_POSE_TIME = 1.0
 """Duration for which a single pose is held [s]."""
 _TOLERANCE = 3e-4
 """Distance from the nearest pose at which a search ends [m]."""
 ITERATIONS = 10
 """Number of iterations for a pose, starting from the one before."""
-_FIRST = 100
+_FIRST_ITERATIONS = 100
 """Number of iterations for the first pose."""
 LEANS = 1.8, 2.6
 """Factors of the strings' lean at rest, tried if strings cross."""
-_LYING = 0.5
+_MIN_UPWARD = 0.5
 """Vertical component of the trunk's direction below which a person lies or crawls."""
 
 
@@ -108,7 +108,7 @@ class Retargeted:
         """Signs that the clip may be placed wrongly."""
         trunk = self.places.frames["trunk"][:, 2, :3] @ self.figure.axes[:, 2]
         upward = float(np.median(trunk))
-        if upward > _LYING:
+        if upward > _MIN_UPWARD:
             return ()
         angle = np.degrees(np.arccos(max(upward, -1.0)))
         return (
@@ -161,7 +161,7 @@ def place_clip(
     refuse_contact(marionette, "follow")
     check_not_negative(travel=travel, turning=turning)
     name = clip.name or "clip"
-    clip = clip.held(_HELD).without_calibration()
+    clip = clip.held(_POSE_TIME).without_calibration()
     if mapping is None:
         mapping = find_mapping(clip.skeleton, name)
     elif not isinstance(mapping, MappingFile):
@@ -210,7 +210,7 @@ def retarget_clip(
     above = straight_up(figure, placing.frames, start, clip.lean)
     for coordinate, values in above.items():
         targets[coordinate] = values
-        weights[coordinate] = _ABOVE
+        weights[coordinate] = _HAND_WEIGHT
     first = {what: values[:1] for what, values in targets.items()}
     options: dict[str, Any] = {
         "slack": True,
@@ -218,7 +218,9 @@ def retarget_clip(
         "weights": weights,
         "once": True,
     }
-    begun = marionette.rest(reach(marionette, first, start, iterations=_FIRST, **options)[0].state)
+    begun = marionette.rest(
+        reach(marionette, first, start, iterations=_FIRST_ITERATIONS, **options)[0].state
+    )
     try:
         reached_poses = reach(marionette, targets, begun, iterations=ITERATIONS, **options)
     except StateError:  # the first pose is on the edge of tipping over

@@ -179,7 +179,7 @@ class GestureCue(PlayedCue):
     """Target of `point` and `look`: a place [m], or the place of a body at the start."""
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuses what contradicts itself."""
+        """Refuses contradictory keys."""
         if self.turn:
             # A scaled turn is not a rigid motion; each repetition starts from another heading.
             for key in self.model_fields_set & {"larger", "repeat"}:

@@ -7,7 +7,7 @@ from fantoccini.base.documents import Located, Mistakes
 from fantoccini.theatre.script.values import Spot
 
 LATE = 1e-6
-"""Least lateness that is reported [s]."""
+"""Lateness above which a cue is reported [s]."""
 
 
 class ScriptLog:

@@ -24,9 +24,9 @@ from fantoccini.theatre.ways.traffic import Other
 
 _RINGS, _DIRECTIONS = np.arange(1, 101) * 0.02, 24
 """Alternative goals around one that cannot be reached: distances [m], number of directions."""
-_TRIES, _APART = 3, 0.2
+_MAX_TRIES, _MIN_SPACING = 3, 0.2
 """Number of alternative goals that are tried, and least distance between them [m]."""
-_AT_ONCE = 64
+_BATCH = 64
 """Number of alternative goals that are checked together."""
 
 
@@ -133,17 +133,17 @@ def _walls(stage: Stage, roadmap: Roadmap) -> tuple[str, ...]:
 
 
 def _nearest(stage: Stage, goal: Footing) -> Footing | None:
-    """Reachable footing about as near to a goal as possible; None after ``_TRIES`` failures."""
+    """Reachable footing about as near to a goal as possible; None after ``_MAX_TRIES`` failures."""
     tried: list[complex] = []
     for place in _free_places(stage, goal):
-        if any(abs(place - option) < _APART for option in tried):
+        if any(abs(place - option) < _MIN_SPACING for option in tried):
             continue
         footing = Footing(place.real, place.imag, goal.heading)
         way = stage.way(footing, stage.begin)
         if way is not None and stage.waits(way) <= HORIZON:
             return footing
         tried.append(place)
-        if len(tried) == _TRIES:
+        if len(tried) == _MAX_TRIES:
             break
     return None
 
@@ -160,8 +160,8 @@ def _free_places(stage: Stage, goal: Footing) -> Iterator[complex]:
     places = np.concatenate([[stage.space.nearest(goal.place)], rings, known])
     places = places[stage.is_free(places)]
     places = places[np.argsort(np.round(np.abs(places - goal.place), 9), kind="stable")]
-    for k in range(0, len(places), _AT_ONCE):
-        batch: Complex = places[k : k + _AT_ONCE]
+    for k in range(0, len(places), _BATCH):
+        batch: Complex = places[k : k + _BATCH]
         first, last = np.broadcast_arrays(known[:, None], batch)
         seen = np.any(stage.are_open(standing, first, last), axis=0)
         yield from (complex(place) for place in batch[seen])
