@@ -76,13 +76,13 @@ class Corrections:
     """Corrections of cues that earlier rounds of compiling have found.
 
     Attributes:
-        earlier: (cue, player) -> time by which its hands begin earlier, because limbs lag [s].
-        pauses: cue -> time by which it begins later, until swing has decayed [s].
+        earlier: (cue, player) -> lead of its hands, because limbs lag [s].
+        pauses: cue -> delay of its beginning, until swing has decayed [s].
         refused: cue -> reason why it cannot be done.
         smaller: cue -> factor of its size.
         hangs: cue -> distance from the elbow at which the handle hangs that is given or put down,
             and its height [m].
-        calms: (cue, player) -> swing that its hands take out before it: see
+        calms: (cue, player) -> offsets of its hands that damp swing before it [m]; see
             ``fantoccini.theatre.plays.calming``.
         stands: cue -> footing of the prop that is picked up, or of the seat.
         approaches: cue -> index of the approach to a seat that is tried.

@@ -130,10 +130,10 @@ class Cast:
 
 
 def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
-    """The cast of a play.
+    """Cast of a play.
 
     Raises:
-        FileError: it has mistakes.
+        FileError: the file has mistakes; all of them are listed, with their lines.
     """
     _check_names(file, log)
     log.mistakes.refuse()

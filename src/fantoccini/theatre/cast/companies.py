@@ -37,7 +37,7 @@ class Meeting:
         pairs: pairs that may touch.
         kind: whether a prop ``hangs`` on a forearm, is ``given``, ``put`` or ``picked`` up, or
             somebody ``sits``.
-        cue: line of the cue that begins it; None from the start on.
+        cue: keys of the cue that begins it; None from the start on.
         bears: times between which a seat bears the sitter [s].
     """
 
@@ -66,7 +66,7 @@ class Company:
 
     @property
     def rests(self) -> bool:
-        """Whether somebody sits, or a prop stands on something but the floor."""
+        """Whether somebody sits, or a prop stands on something other than the floor."""
         props = {*self.props}
         arms = [any(".forearm_" in name for name in pair) for pair in self.pairs]
         falls = [FLOOR in pair and bool(pair & props) for pair in self.pairs]
@@ -264,7 +264,7 @@ def settled(cast: Cast, kept: Kept) -> Cast:
     """A cast whose props on forearms hang there in equilibrium at the start.
 
     Raises:
-        StateError: no such equilibrium.
+        StateError: there is no such equilibrium.
     """
     players, lie = dict(cast.players), dict(cast.lie)
     for who, player in cast.players.items():

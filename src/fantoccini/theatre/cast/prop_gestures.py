@@ -105,8 +105,8 @@ def give(
 
     They stand side by side and face the same way. The giver holds the prop out; the receiver steps
     aside to it with its forearm under the outer half of the bar, lifts it, and steps back with it
-    when the giver's arm has sunk. No string passes the bar. It takes 13.8 s. Both end as they
-    began; the stem is again on the outer side of the arm that holds it.
+    when the giver's arm has sunk. No string passes the bar. It takes 13.8 s. Both end at rest; the
+    stem is again on the outer side of the arm that holds it.
 
     Args:
         stage: the scene.

@@ -5,10 +5,9 @@ of mass from that in the play, and the shift s of all its hands, both horizontal
 
     e'' = -w^2 (e - s) - 2 D w e',   s'' = -k (e, e', s, s'),   w^2 = g/height,
 
-with g the vertical part of the stage's own gravity,
-
-k: the gains of the linear-quadratic regulator that minimises the integral of e^2 + (e'/w)^2 plus
-weights times s^2 + (s'/w)^2 and (s''/w^2)^2.
+with g the vertical part of the stage's own gravity, and k the gains of the linear-quadratic
+regulator that minimises the integral of e^2 + (e'/w)^2 plus weights times s^2 + (s'/w)^2 and
+(s''/w^2)^2.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Steps of players up to things and to each other, and away again.
 
-Only here two players are nearer to each other than their radii: the last steps are straight and
+Only here are two players nearer to each other than their radii: the last steps are straight and
 slow, and nobody else is near.
 """
 

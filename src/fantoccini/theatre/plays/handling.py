@@ -1,6 +1,6 @@
 """Cues with props: a player comes up to another or to a thing, handles it, and steps back.
 
-Only here two players are nearer to each other than their radii: the last steps are straight, and
+Only here are two players nearer to each other than their radii: the last steps are straight, and
 nobody else is in front of them or behind.
 """
 

@@ -26,7 +26,7 @@ class Touch:
     """Two bodies, obstacles or strings that come too near to each other.
 
     Attributes:
-        t: beginning [s].
+        t: time at which it begins [s].
         what, other: names of bodies, strings (``string pierrot.head``) or obstacles.
         distance: least distance until they are apart again [m]; below 0 they overlap.
         crosses: whether two strings pass through each other.
@@ -52,9 +52,9 @@ def touches(
     """Pairs that come nearer than the stage allows, in order of time.
 
     Bodies of different players, props and obstacles keep clear of one another, except for pairs
-    that a cue lets touch while it lasts; strings keep clear of all of them. Between a prop and the
-    players that handle it, all other pairs only must not touch. The floor only must not be
-    penetrated. Strings of the same player only must not cross.
+    that a cue lets touch while it lasts; strings keep clear of all of them. Other pairs of a
+    prop and the players that handle it may come near, but must not touch. Bodies may touch the
+    floor, but not penetrate it. Strings of the same player may touch, but not cross.
 
     Args:
         cast: cast of the play.

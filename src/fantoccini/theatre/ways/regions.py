@@ -99,7 +99,7 @@ class Disk:
     Attributes:
         name: name of the obstacle.
         centre: (x, y) [m].
-        radius: [m].
+        radius: radius [m].
     """
 
     name: str

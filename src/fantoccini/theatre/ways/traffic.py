@@ -35,9 +35,9 @@ class Other:
 
     Attributes:
         name: name of the player.
-        times: (T,) increasing [s].
+        times: (T,) increasing times [s].
         xy: (T, 2) places of the middle, in the scene's frame; straight between them [m].
-        radius: [m].
+        radius: radius of the player [m].
 
     Raises:
         ValueError: the shapes of the arrays do not match.
