@@ -1,4 +1,4 @@
-"""BVH files: a skeleton, and its channels frame by frame. Mistakes have their lines.
+"""Reader of BVH files: a skeleton, and its channels frame by frame. Mistakes have their lines.
 
     R_i = R_parent R_1 R_2 R_3,   p_i = p_parent + R_parent (o_i or its position channels)
 
@@ -32,13 +32,13 @@ _MAX_BYTES = 256_000_000
 _MAX_JOINTS = 1000
 _MAX_DEPTH = 200
 _MAX_FRAMES = 10_000_000
-_FASTEST = 1e-5
-"""Least time of a frame [s]."""
+_MIN_FRAME_TIME = 1e-5
+"""Least duration of a frame [s]."""
 
 
 @dataclass
 class _Joint:
-    """A joint as it is read; its channels' columns in a frame."""
+    """A joint under construction, with the columns of its channels in a frame."""
 
     name: str
     parent: int
@@ -47,7 +47,7 @@ class _Joint:
 
 
 def load_bvh(path: str | os.PathLike[str]) -> Capture:
-    """Reads a BVH file, as it is: see :meth:`Capture.upright` for metres and z up.
+    """Capture of a BVH file in its unit and axes; :meth:`Capture.upright` gives metres and z up.
 
     Position channels may belong to any joint, whose offset they replace; channels may have any
     order. Angles are in degrees, as the format says. A file may have one frame less or more than
@@ -55,10 +55,10 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     ignored and may be 0.
 
     Args:
-        path: of the file, or the name of a bundled clip (``jumps``).
+        path: path of the file, or the name of a bundled clip (``jumps``).
 
     Raises:
-        FileError: with the line of the first mistake.
+        FileError: the file has a mistake; only the first one is reported, with its line.
     """
     path = Path(path)
     try:
@@ -76,24 +76,24 @@ def load_bvh(path: str | os.PathLike[str]) -> Capture:
     values = words.numbers(frames, n_channels)
     if not len(values):
         values = _rest(joints, n_channels)
-    if len(values) > 1 and not interval >= _FASTEST:
-        text = f"found a frame time of {interval:g} s; needed: at least {_FASTEST:g} s"
+    if len(values) > 1 and not interval >= _MIN_FRAME_TIME:
+        text = f"found a frame time of {interval:g} s; needed: at least {_MIN_FRAME_TIME:g} s"
         _fail(path, header, text)
     return _placed(path, joints, values, interval, tuple(words.notes))
 
 
 def clip_names() -> tuple[str, ...]:
-    """Names of the bundled clips, of the CMU data base; ``capture/clips/NOTICE`` says more."""
+    """Names of the bundled clips, from the CMU database; see ``capture/clips/NOTICE``."""
     return tuple(sorted(p.stem for p in _CLIPS.glob("*.bvh")))
 
 
 def bundled_clip(name: str) -> Path:
-    """The file of a bundled clip."""
+    """Path of a bundled clip."""
     return _CLIPS / f"{name}.bvh"
 
 
 class _Words:
-    """The words of a file, with their lines.
+    """Words of a file, with their lines.
 
     Attributes:
         notes: differences between the number of frames and the header.
@@ -111,10 +111,10 @@ class _Words:
                 yield row
 
     def next(self, what: str) -> str:
-        """The next word.
+        """Next word.
 
         Args:
-            what: is needed, in words.
+            what: description of the word, for the message.
         """
         if not self._row:
             self._row = next(self._rows, [])
@@ -123,30 +123,30 @@ class _Words:
         return self._row.pop(0)
 
     def rest_of_line(self) -> str:
-        """The words that are left on the line, as one."""
+        """Remaining words of the line, joined."""
         words, self._row = " ".join(self._row), []
         return words
 
     def expect(self, *words: str) -> str:
-        """The next word, if it is one of these, in any case."""
-        found = self.next(" or ".join(words))
-        if found.lower() not in [word.lower() for word in words]:
-            self.fail(f"found {shown(found)}; needed: {' or '.join(words)}")
-        return found.lower()
+        """Next word in lower case, if it is one of these."""
+        word = self.next(" or ".join(words))
+        if word.lower() not in [word.lower() for word in words]:
+            self.fail(f"found {shown(word)}; needed: {' or '.join(words)}")
+        return word.lower()
 
     def number(self, what: str) -> float:
-        """The next word as a finite number."""
-        found = self.next(what)
+        """Next word as a finite number."""
+        word = self.next(what)
         try:
-            value = float(found)
+            value = float(word)
         except ValueError:
             value = np.nan
         if not np.isfinite(value):
-            self.fail(f"found {shown(found)}; needed: {what}")
+            self.fail(f"found {shown(word)}; needed: {what}")
         return value
 
     def numbers(self, rows: int, columns: int) -> Array:
-        """All numbers that are left, as rows of the same length."""
+        """Remaining numbers, as rows of equal length."""
         if self._row:
             self.fail(f"found {shown(' '.join(self._row))}; needed: a new line with numbers")
         if rows * columns > self._size:
@@ -172,7 +172,7 @@ class _Words:
         return values[:rows]
 
     def _counted(self, found: int, said: int) -> int:
-        """The number of frames in the file, which may differ by one from its header."""
+        """Number of frames in the file, which may differ by one from its header."""
         if found < said - 1 or (not found and said):
             self.fail(f"the file ends after {found} frames; needed: {said}, as its header says")
         if found != said:
@@ -182,7 +182,7 @@ class _Words:
         return found
 
     def fail(self, text: str) -> NoReturn:
-        """Raises FileError at the present line."""
+        """Raises FileError at the current line."""
         _fail(self.path, self.line or None, text)
 
 
@@ -198,7 +198,7 @@ def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
 
 
 def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> int:
-    """Reads a joint and all below it, without recursion; returns the columns so far."""
+    """Reads a joint and its descendants, without recursion; returns the columns so far."""
     above = [_named(words, joints, parent)]
     while above:
         i = above[-1]
@@ -227,9 +227,9 @@ def _joint(words: _Words, joints: list[_Joint], parent: int, columns: int) -> in
 def _named(words: _Words, joints: list[_Joint], parent: int) -> int:
     """Adds a joint, named by the rest of the line; returns its index."""
     name = words.next("the joint's name")
-    more = words.rest_of_line()
-    opened = more.endswith("{")
-    name = " ".join([name, more.removesuffix("{").strip()]).strip()
+    suffix = words.rest_of_line()
+    opened = suffix.endswith("{")
+    name = " ".join([name, suffix.removesuffix("{").strip()]).strip()
     if name in [joint.name for joint in joints]:
         words.fail(f"found a second joint {shown(name)}")
     if len(joints) >= _MAX_JOINTS:
@@ -245,12 +245,12 @@ def _channels(words: _Words, joint: _Joint, columns: int) -> int:
     if joint.channels or count != int(count) or not 0 <= count <= 6:
         words.fail(f"found {count:g} channels; needed: 0 to 6, once a joint")
     for _ in range(int(count)):
-        found = words.next("a channel: Xposition to Zrotation")
-        if found.lower() not in _CHANNELS:
-            words.fail(f"found {shown(found)}; needed: a channel, Xposition to Zrotation")
-        kind, axis = _CHANNELS[found.lower()]
-        if (kind, axis) in [channel[:2] for channel in joint.channels]:
-            words.fail(f"found {found} twice")
+        channel = words.next("a channel: Xposition to Zrotation")
+        if channel.lower() not in _CHANNELS:
+            words.fail(f"found {shown(channel)}; needed: a channel, Xposition to Zrotation")
+        kind, axis = _CHANNELS[channel.lower()]
+        if (kind, axis) in [other[:2] for other in joint.channels]:
+            words.fail(f"found {channel} twice")
         joint.channels.append((kind, axis, columns))
         columns += 1
     return columns
@@ -307,12 +307,12 @@ def _placed(
 
 def _about(axis: int, angle: Array) -> Array:
     """(T, 3, 3) rotations about a coordinate axis."""
-    made = np.zeros((len(angle), 3, 3))
+    matrices = np.zeros((len(angle), 3, 3))
     a, b = (axis + 1) % 3, (axis + 2) % 3
     c, s = np.cos(angle), np.sin(angle)
-    made[:, axis, axis] = 1.0
-    made[:, a, a], made[:, a, b], made[:, b, a], made[:, b, b] = c, -s, s, c
-    return made
+    matrices[:, axis, axis] = 1.0
+    matrices[:, a, a], matrices[:, a, b], matrices[:, b, a], matrices[:, b, b] = c, -s, s, c
+    return matrices
 
 
 def _fail(path: Path, line: int | None, text: str) -> NoReturn:

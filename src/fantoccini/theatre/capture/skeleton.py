@@ -1,4 +1,4 @@
-"""Captured motion: where the joints of a skeleton are over time."""
+"""Captured motion: a skeleton and the positions of its joints over time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from fantoccini.base import Array, Indices, StateError, Times, UnknownNameError, frozen
 
 _UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
-"""Units in which people are captured, and their size [m]; the last is the CMU data base's."""
+"""Units of captured people, with their sizes [m]; the last is that of the CMU database."""
 _PERSON = 1.7
 """Height of a person [m]."""
 _JUMP, _NEXT = 10.0, 20
@@ -19,9 +19,9 @@ _MAX_BONE_CHANGE = 0.2
 """Largest change of a bone's length, relative to the skeleton's longest bone."""
 _MIN_VERTICAL_EXTENT = 0.7
 """Extent of a rest pose for which an axis may be vertical, relative to the largest extent."""
-_MIRRORED = 0.02
+_MAX_ASYMMETRY = 0.02
 """Largest mean distance of a symmetric skeleton from its reflection, relative to its extent."""
-_STANDS = 0.9
+_MIN_STANDING_EXTENT = 0.9
 """Smallest extent along the vertical of a standing skeleton, relative to its rest pose."""
 
 
@@ -30,9 +30,9 @@ class Skeleton:
     """A tree of joints.
 
     Attributes:
-        names: of the joints; the end of a chain is called after its joint, with ``.end``.
-        parents: index of each one's parent, -1 for a root; parents come first.
-        offsets: (n, 3) places in the parents' frames when nothing turns, in the file's unit.
+        names: names of the joints; the end of a chain has its joint's name with ``.end``.
+        parents: index of each joint's parent, -1 for a root; parents come first.
+        offsets: (n, 3) positions in the parents' frames with all angles 0, in the file's unit.
     """
 
     names: tuple[str, ...]
@@ -40,10 +40,10 @@ class Skeleton:
     offsets: Array
 
     def index(self, name: str) -> int:
-        """Place of a joint.
+        """Index of a joint.
 
         Raises:
-            UnknownNameError: there is none of this name.
+            UnknownNameError: no joint has this name.
         """
         if name not in self.names:
             raise UnknownNameError("joint", name, self.names)
@@ -51,7 +51,7 @@ class Skeleton:
 
     @property
     def rest(self) -> Array:
-        """(n, 3) places of the joints when nothing turns, from the root."""
+        """(n, 3) positions of the joints relative to the root, with all angles 0."""
         placed = np.zeros_like(self.offsets)
         for i, parent in enumerate(self.parents):
             if parent >= 0:
@@ -59,11 +59,11 @@ class Skeleton:
         return placed
 
     def up(self, joints: Indices) -> int | None:
-        """The vertical axis of the rest pose: 1 for y, 2 for z; None where it does not show one.
+        """Vertical axis of the rest pose: 1 for y, 2 for z; None if the pose does not determine it.
 
-        The axis of the two along which the extent of the joints is close to the largest extent. In
-        a T-pose facing x both qualify; the axis along which the skeleton is symmetric is then
-        excluded.
+        It is the one of the two along which the extent of the joints is close to the largest
+        extent. In a T-pose facing x both qualify; the axis along which the skeleton is symmetric is
+        then excluded.
 
         Args:
             joints: indices of the joints of the body.
@@ -81,20 +81,20 @@ def _symmetric(places: Array, axis: int) -> bool:
     mirrored = places.copy()
     mirrored[:, axis] = places[:, axis].min() + places[:, axis].max() - places[:, axis]
     apart = np.linalg.norm(places[:, None] - mirrored, axis=2).min(axis=1)
-    return float(apart.mean()) < _MIRRORED * float(np.ptp(places, axis=0).max())
+    return float(apart.mean()) < _MAX_ASYMMETRY * float(np.ptp(places, axis=0).max())
 
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """The motion of a skeleton.
+    """Motion of a skeleton.
 
     Attributes:
-        skeleton: its joints.
+        skeleton: tree of joints.
         t: (T,) times [s].
-        positions: (T, n, 3) places of the joints: in the file's unit and axes as read, in metres
+        positions: (T, n, 3) positions of the joints: in the file's unit and axes as read, in metres
             with z up after :meth:`upright`.
         rotations: (T, n, 3, 3) orientations of the joints' frames.
-        name: of the clip.
+        name: name of the clip.
         notes: differences between the file and its header.
     """
 
@@ -115,7 +115,7 @@ class Capture:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return float(self.t[-1] - self.t[0])
 
     @cached_property
@@ -144,7 +144,7 @@ class Capture:
 
     @cached_property
     def up(self) -> int:
-        """The vertical axis: 1 for y, 2 for z.
+        """Vertical axis: 1 for y, 2 for z.
 
         Taken from the rest pose, unless the skeleton stands along the other axis in most frames, as
         in files with a rotated root. Where the rest pose has no clear vertical, it is the axis
@@ -153,7 +153,7 @@ class Capture:
         extent, rest = self._extent, self.skeleton.up(self.body)
         if rest is None:
             return int(1 + np.argmax(extent[1:]))
-        tall, other = _STANDS * np.ptp(self.skeleton.rest[self.body, rest]), 3 - rest
+        tall, other = _MIN_STANDING_EXTENT * np.ptp(self.skeleton.rest[self.body, rest]), 3 - rest
         return other if extent[rest] < tall <= extent[other] else rest
 
     @property
@@ -169,13 +169,13 @@ class Capture:
 
     @property
     def unit(self) -> tuple[str, float]:
-        """The unit that makes a person of the skeleton, and its size [m]."""
+        """Unit in which the skeleton is as tall as a person, and its size [m]."""
         sizes = {name: abs(np.log(self.height * size / _PERSON)) for name, size in _UNITS.items()}
         name = min(sizes, key=lambda unit: sizes[unit])
         return name, _UNITS[name]
 
     def without_calibration(self) -> Capture:
-        """Without a first frame that is a pose for calibration, from which the joints jump.
+        """Copy without a first frame that is a calibration pose, from which the joints jump.
 
         Files of the CMU data base begin with one.
         """
@@ -187,7 +187,7 @@ class Capture:
         )
 
     def held(self, seconds: float) -> Capture:
-        """A single pose as two frames, ``seconds`` apart; a motion as it is."""
+        """Copy with two frames, ``seconds`` apart, of a single pose; else the capture itself."""
         if len(self.t) > 1:
             return self
         t = self.t[0] + np.array([0.0, seconds])
@@ -195,12 +195,12 @@ class Capture:
         return replace(self, t=t, positions=positions, rotations=rotations)
 
     def upright(self, up: str | None = None) -> Capture:
-        """In metres, with z up: of y up, x stays and z comes towards the viewer, to -y.
+        """Copy in metres, with z up. If y was up, x stays and z turns towards the viewer, to -y.
 
         The unit is guessed from the height.
 
         Args:
-            up: the file's axis that is up, ``y`` or ``z``; :attr:`up` when not given.
+            up: vertical axis of the file, ``y`` or ``z``; :attr:`up` by default.
         """
         if up not in (None, "y", "z"):
             raise StateError(f"up is {up!r}; needed: y or z")

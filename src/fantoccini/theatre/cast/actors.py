@@ -1,4 +1,4 @@
-"""Players while their cues are placed, and what rounds of compiling have found out."""
+"""Players while their cues are placed, and corrections from earlier rounds of compiling."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _TRACK = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Actor:
-    """A player as far as its cues are placed: a value, which its next cue replaces.
+    """A player up to its last placed cue; the next cue replaces the value.
 
     Attributes:
-        player: of the cast.
-        hands: its walks in the first lane, and gestures beside one another.
-        ways: the walks so far, in order.
+        player: member of the cast.
+        hands: motion of its hands: walks in the first lane, gestures in the others.
+        ways: walks so far, in order.
         done: end of the last cue [s].
-        away: whether it has gone off.
+        away: whether it has left the stage.
     """
 
     player: Player
@@ -37,8 +37,8 @@ class Actor:
     away: bool = False
 
     def stands(self, t: float) -> Footing:
-        """Its footing at a time [s]."""
-        way = next((one for one in reversed(self.ways) if one.begin <= t), None)
+        """Footing at a time [s]."""
+        way = next((way for way in reversed(self.ways) if way.begin <= t), None)
         if way is None:
             return self.player.start
         xy, heading = way.footing(np.array([t]))
@@ -46,7 +46,7 @@ class Actor:
 
     @property
     def last(self) -> Footing:
-        """Its footing after all walks."""
+        """Footing after all walks."""
         return self.stands(np.inf)
 
     def rested(self) -> Actor:
@@ -54,7 +54,7 @@ class Actor:
         return replace(self, hands=self.hands.rested())
 
     def motion(self, until: float) -> tuple[Gesture, dict[str, Gesture]]:
-        """All that it does until a time [s], and its lanes."""
+        """Motion of all its lanes until a time [s], and each lane's own."""
         labels = [lane_name(self.player.name, i) for i in range(len(self.hands.lanes))]
         return self.hands.motion(self.player.alone.coordinates, labels, until)
 
@@ -73,19 +73,19 @@ class Actor:
 
 @dataclass(frozen=True)
 class Corrections:
-    """Results of earlier rounds of compiling about cues.
+    """Corrections of cues that earlier rounds of compiling have found.
 
     Attributes:
-        earlier: (cue, player) -> by how much its hands begin earlier, as limbs lag [s].
-        pauses: cue -> by how much later it begins, for swing [s].
-        refused: cue -> why it cannot be done.
+        earlier: (cue, player) -> lead of its hands, because limbs lag [s].
+        pauses: cue -> delay of its beginning, until swing has decayed [s].
+        refused: cue -> reason why it cannot be done.
         smaller: cue -> factor of its size.
-        hangs: cue -> how far from the elbow the handle hangs that is given or put down, and its
-            height [m].
-        calms: (cue, player) -> by how much its hands take out swing before it: see
-            ``calming``.
-        stands: cue -> where the prop stands that is picked up, or the seat.
-        approaches: cue -> which way to come up to a seat is tried.
+        hangs: cue -> distance from the elbow at which the handle hangs that is given or put down,
+            and its height [m].
+        calms: (cue, player) -> offsets of its hands that damp swing before it [m]; see
+            ``fantoccini.theatre.plays.calming``.
+        stands: cue -> footing of the prop that is picked up, or of the seat.
+        approaches: cue -> index of the approach to a seat that is tried.
     """
 
     earlier: Mapping[tuple[Spot, str], float] = field(default_factory=dict)
@@ -98,6 +98,6 @@ class Corrections:
     approaches: Mapping[Spot, int] = field(default_factory=dict)
 
     def setting(self, kind: str, key: object, value: object | None) -> Corrections:
-        """The same with a value of a kind, the name of an attribute; None removes it."""
+        """A copy with one entry of the attribute ``kind`` set; None removes the entry."""
         own = {**getattr(self, kind), key: value}
-        return replace(self, **{kind: {one: own[one] for one in own if own[one] is not None}})
+        return replace(self, **{kind: {spot: own[spot] for spot in own if own[spot] is not None}})

@@ -27,20 +27,20 @@ from fantoccini.theatre.script import DIRECTIONS, PlayerFile, PlayFile, ScriptLo
 Pose = dict[str, Any]
 """Start values by coordinate."""
 
-_ALONE = "player"
-"""Name of the scene of one player: the same for all, so that alike ones share what is compiled."""
+_OWN_SCENE = "player"
+"""Name of a player's own scene: the same for all, so that equal puppets are compiled once."""
 
 
 @dataclass(frozen=True, eq=False)
 class Player:
-    """A puppet of the cast. Its frame is the stage's, alone and with the others.
+    """A puppet of the cast. Its own scene and the stage have the same frame.
 
     Attributes:
-        name: in the play.
-        alone: the puppet alone.
-        hangs: where it hangs at the origin, facing the audience: gestures begin there.
-        x0: where it hangs at the start.
-        start: where it stands then.
+        name: name in the play.
+        alone: the puppet in a scene of its own.
+        hangs: rest at the origin, facing the audience; gestures begin there.
+        x0: state at the start of the play.
+        start: footing at the start of the play.
     """
 
     name: str
@@ -51,17 +51,17 @@ class Player:
 
     @cached_property
     def content(self) -> str:
-        """A hash of the puppet, as its file has it, and of the floor."""
+        """Hash of the puppet as its file describes it, and of the floor."""
         return hashlib.blake2b(self.alone.puppet.to_yaml().encode()).hexdigest()
 
     @cached_property
     def middle(self) -> complex:
-        """Place of the player: the middle between its shoulders' ends [m]."""
+        """Position of the player: the midpoint between the ends of its shoulders' strings [m]."""
         return _middle(self.alone, self.hangs)
 
     @cached_property
     def radius(self) -> float:
-        """Radius of the disk around its place that has its strings' ends and joints [m]."""
+        """Radius of the disk around its position that contains its strings' ends and joints [m]."""
         table, hangs = self.alone.coordinates, self.hangs
         owners = dict.fromkeys(name.rpartition(".")[0] for name in table.q_K)
         places = [
@@ -71,32 +71,32 @@ class Player:
         ]
         poses = self.alone.poses(hangs.q_D[None], hangs.q_K[None])[0]
         places += [complex(x, y) for x, y in poses[:, :2, 3]]
-        return max((abs(place - self.middle) for place in places), default=0.0)
+        return max((abs(xy - self.middle) for xy in places), default=0.0)
 
     def ends(self) -> Ends:
-        """The ends of its strings, for a gesture.
+        """Ends of its strings, for a gesture.
 
         Raises:
-            UnknownNameError: it has other strings than the bundled marionette.
+            UnknownNameError: its strings differ from those of the bundled marionette.
         """
         return Ends(self.alone.coordinates, self.hangs)
 
     def own(self, place: Array, stands: Footing) -> Array:
-        """A place (3,) as a player sees it that stands somewhere, from where it hangs [m]."""
+        """A point (3,) on the stage in the frame of a player with a footing there [m]."""
         seen = stands.seen(complex(place[0], place[1])) + self.middle
         return np.array([seen.real, seen.imag, place[2]])
 
 
 @dataclass(frozen=True, eq=False)
 class Cast:
-    """All players and what is on the stage.
+    """All players, and everything on the stage.
 
     Attributes:
-        players: by name.
-        whole: all on the stage.
-        x0: where everything hangs and lies at the start.
-        file: the play.
-        props: its props, by name.
+        players: players by name.
+        whole: scene of all of them.
+        x0: state of the scene at the start.
+        file: the play's file.
+        props: props by name.
         lie: prop -> its state at the start.
     """
 
@@ -108,18 +108,18 @@ class Cast:
     lie: Mapping[str, PropState] = field(default_factory=dict)
 
     def member(self, name: str) -> str:
-        """Prefix of the names of a player's coordinates."""
+        """Prefix of a player's coordinates in the scene."""
         return f"{name}." if len(self.players) > 1 else ""
 
     def named(self, name: str) -> str:
-        """``pierrot.torso`` as it is called in the scene of all; other names stay as they are."""
+        """Name such as ``pierrot.torso`` as the scene spells it; other names are unchanged."""
         if len(self.players) > 1:
             return name
         (only,) = self.players
         return name.removeprefix(f"{only}.")
 
     def owner(self, name: str) -> str:
-        """The player whose body or string a name of the stage is; else the name itself."""
+        """Player that owns a body or string of the scene; else the name itself."""
         if len(self.players) == 1:
             (only,) = self.players.values()
             tree = only.alone.tree
@@ -130,47 +130,49 @@ class Cast:
 
 
 def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
-    """The cast of a play.
+    """Cast of a play.
 
     Raises:
-        FileError: it has mistakes.
+        FileError: the file has mistakes; all of them are listed, with their lines.
     """
     _check_names(file, log)
     log.mistakes.refuse()
-    puppets = {name: _puppet(one, ("cast", name), log) for name, one in file.cast.items()}
+    puppets = {name: _puppet(spec, ("cast", name), log) for name, spec in file.cast.items()}
     starts = {
-        name: start_of(file, one, ("cast", name), places, log) for name, one in file.cast.items()
+        name: start_of(file, spec, ("cast", name), places, log) for name, spec in file.cast.items()
     }
     for name, mark in file.stage.marks.items():
         places.direction(mark.facing, ("stage", "marks", name, "facing"))
     log.mistakes.refuse()
-    made: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
+    compiled: dict[tuple[str, str], tuple[Marionette, State, Pose]] = {}
     players, members = dict[str, Player](), []
-    for name, one in file.cast.items():
+    for name, spec in file.cast.items():
         puppet = puppets[name]
         assert puppet is not None
         try:
-            key = one.puppet, repr((one.lift, sorted(one.pose.items())))
-            if key not in made:
-                made[key] = _alone(file, puppet, one)
-            alone, hangs, pose = made[key]
+            key = spec.puppet, repr((spec.lift, sorted(spec.pose.items())))
+            if key not in compiled:
+                compiled[key] = _alone(file, puppet, spec)
+            alone, hangs, pose = compiled[key]
         except (PuppetError, UnknownNameError) as error:
             log.mistakes.add(("cast", name), str(error))
             continue
         except StateError as error:
-            text = f"does not hang there with `lift: {one.lift:g}`: {error}"
+            text = f"does not hang there with `lift: {spec.lift:g}`: {error}"
             log.mistakes.add(("cast", name), text)
             continue
         fixed = _fixed(alone)
         if fixed:
-            text = f"{one.puppet} cannot be put anywhere: {fixed}; needed: a puppet that hangs free"
+            text = (
+                f"{spec.puppet} cannot be put anywhere: {fixed}; needed: a puppet that hangs free"
+            )
             log.mistakes.add(("cast", name, "puppet"), text)
             continue
         x0 = placed(alone, hangs, starts[name])
         players[name] = Player(name, alone, hangs, x0, starts[name])
         members.append(Member(name=name, puppet=puppet, pose=pose))
     log.mistakes.refuse()
-    lifts = {name: one.lift for name, one in file.cast.items()}
+    lifts = {name: entry.lift for name, entry in file.cast.items()}
     props = read_props(file, starts, lifts, places, log)
     log.mistakes.refuse()
     stage = file.stage
@@ -190,12 +192,12 @@ def read_cast(file: PlayFile, places: Places, log: ScriptLog) -> Cast:
         for one_mistake in error.mistakes:
             log.mistakes.add(("stage",), f"{one_mistake.key}: {one_mistake.message}")
         log.mistakes.refuse()
-    lie = {name: one.start for name, one in props.items()}
+    lie = {name: prop.start for name, prop in props.items()}
     return Cast(players, whole, all_together(whole, players, lie), file, props, lie)
 
 
 def _check_names(file: PlayFile, log: ScriptLog) -> None:
-    """Every name means one thing."""
+    """Records names that are used twice."""
     taken: dict[str, str] = {
         **dict.fromkeys(DIRECTIONS, "a direction"),
         "all": "all players",
@@ -207,8 +209,8 @@ def _check_names(file: PlayFile, log: ScriptLog) -> None:
         *((("stage", "marks", name), name, "a mark") for name in stage.marks),
         *((("props", name), name, "a prop") for name in file.props),
         *(
-            (("stage", "obstacles", i), one.name, "an obstacle")
-            for i, one in enumerate(stage.obstacles)
+            (("stage", "obstacles", i), obstacle.name, "an obstacle")
+            for i, obstacle in enumerate(stage.obstacles)
         ),
     ]
     for spot, name, what in named:
@@ -217,44 +219,46 @@ def _check_names(file: PlayFile, log: ScriptLog) -> None:
         taken.setdefault(name, what)
 
 
-def _puppet(one: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:
+def _puppet(spec: PlayerFile, spot: Spot, log: ScriptLog) -> Puppet | None:
     """The puppet of a player's file; None after a mistake."""
-    path = log.located.beside(one.puppet) or bundled(one.puppet)
+    path = log.located.beside(spec.puppet) or bundled(spec.puppet)
     if path is None:
-        text = f"no file beside this one, and no bundled puppet, is called {one.puppet!r}"
+        text = f"no file beside this one, and no bundled puppet, is called {spec.puppet!r}"
         log.mistakes.add((*spot, "puppet"), text)
         return None
     try:
         puppet = scenes.load(path)
     except PuppetError as error:
-        for found in error.mistakes:
-            log.mistakes.add((*spot, "puppet"), str(found))
+        for mistake in error.mistakes:
+            log.mistakes.add((*spot, "puppet"), str(mistake))
         return None
     if len(puppet.members) > 1 or puppet.props:
-        log.mistakes.add((*spot, "puppet"), f"{one.puppet} is a scene; needed: one puppet")
+        log.mistakes.add((*spot, "puppet"), f"{spec.puppet} is a scene; needed: one puppet")
         return None
     return puppet
 
 
-def _alone(file: PlayFile, puppet: Puppet, one: PlayerFile) -> tuple[Marionette, State, Pose]:
-    """The player's puppet at its own origin, where it hangs, lifted, and the pose of that."""
-    as_written = Marionette(_scene_of_one(file, puppet, dict(one.pose)))
+def _alone(file: PlayFile, puppet: Puppet, spec: PlayerFile) -> tuple[Marionette, State, Pose]:
+    """The player's puppet in its own scene, its lifted rest, and the pose of that rest."""
+    as_written = Marionette(_scene_of_one(file, puppet, dict(spec.pose)))
     hangs = as_written.rest()
     table = as_written.coordinates
-    lifted = {name: float(hangs[name] - one.lift) for name in table.q_K if name.endswith(".length")}
-    roots = {name: float(hangs[name] + one.lift) for name in table.q_D if name.endswith(".z")}
-    pose = {**one.pose, **lifted, **roots}
+    lifted = {
+        name: float(hangs[name] - spec.lift) for name in table.q_K if name.endswith(".length")
+    }
+    roots = {name: float(hangs[name] + spec.lift) for name in table.q_D if name.endswith(".z")}
+    pose = {**spec.pose, **lifted, **roots}
     alone = Marionette(_scene_of_one(file, puppet, pose))
     return alone, alone.rest(), pose
 
 
 def _scene_of_one(file: PlayFile, puppet: Puppet, pose: Pose) -> Scene:
-    member = Member(name=_ALONE, puppet=puppet, pose=pose)
-    return Scene(scene=_ALONE, floor=file.stage.floor, puppets=(member,))
+    member = Member(name=_OWN_SCENE, puppet=puppet, pose=pose)
+    return Scene(scene=_OWN_SCENE, floor=file.stage.floor, puppets=(member,))
 
 
 def _fixed(alone: Marionette) -> str:
-    """The part that ties a puppet to the place in its file; "" if there is none."""
+    """Reason why a puppet is tied to the place in its file; "" if there is none."""
     table, tree = alone.coordinates, alone.tree
     moves = {*table.q_D, *table.q_K}
     for link in tree.links:
@@ -275,7 +279,7 @@ def _middle(alone: Marionette, hangs: State) -> complex:
 
 
 def placed(alone: Marionette, hangs: State, there: Footing) -> State:
-    """A state carried as a rigid body from where it hangs to a place on the stage.
+    """State moved rigidly from where the puppet hangs to a footing on the stage.
 
         z' = z_there + exp(i heading) (z - z_middle)
 
@@ -305,7 +309,7 @@ def placed(alone: Marionette, hangs: State, there: Footing) -> State:
 def all_together(
     whole: Marionette, players: Mapping[str, Player], lie: Mapping[str, PropState]
 ) -> State:
-    """All players and props where they are at the start."""
+    """State of all players and props at the start."""
     x = whole.state()
     q_D, q_K = np.array(x.q_D), np.array(x.q_K)
     for player in players.values():

@@ -1,4 +1,4 @@
-"""Clips of motion capture that cues do, as gestures on the spot."""
+"""Clips of motion capture that cues perform, as gestures on the spot."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from fantoccini.theatre.retarget import (
 )
 from fantoccini.theatre.script import StageFile
 
-_FAR = 0.05
-"""Share of the puppet's height by which a part may be farther from the clip than where it hangs."""
+_MAX_EXCESS_DISTANCE = 0.05
+"""Largest excess of a part's distance from the clip over that at rest, relative to the height."""
 _SLOWER = (0.8, 0.64, 0.5)
-"""Speeds that are tried where a clip is too fast."""
+"""Factors of the speed that are tried if a clip is too fast."""
 
 
 def is_clip(path: Path) -> bool:
-    """Whether a file is a clip, by its name."""
+    """Whether a file's name is that of a clip."""
     return path.suffix.lower() == ".bvh"
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A clip that a player can do.
+    """A clip that a player can perform.
 
     Attributes:
-        placed: where the player's parts are to be in it.
-        content: a hash of the player, the clip and its mapping.
+        placed: targets of the player's parts.
+        content: hash of the player, the clip and its mapping.
     """
 
     placed: Placed
@@ -50,7 +50,7 @@ class Clip:
 
     @property
     def marks(self) -> Mapping[str, float]:
-        """The marks of its gesture; their times are known once it is made."""
+        """Marks of its gesture; their times are known once it is computed."""
         return dict.fromkeys((BEGINS, OVER), 0.0)
 
     def gesture(
@@ -62,59 +62,59 @@ class Clip:
         beat: float,
         kept: Kept,
     ) -> Gesture:
-        """Motion of the hands for it, before it is scaled.
+        """Motion of the hands that follows the clip, before it is scaled.
 
         Args:
-            larger: by how much it will be scaled, which bounds are to allow for.
+            larger: factor by which it will be scaled, for which the bounds leave a margin.
             faster: speed of the clip.
-            lasts: how long all of it takes instead [s].
-            stage: has the bounds.
-            beat: [s], for messages.
-            kept: has the gestures that were made before.
+            lasts: duration instead of the clip's [s].
+            stage: stage with the bounds.
+            beat: duration of a beat [s], for messages.
+            kept: cache of gestures.
 
         Raises:
-            StateError: the player cannot follow it; says at what speed it can.
+            StateError: the player cannot follow it; the message gives a possible speed.
         """
         size = max(1.0, larger)
         bounds = stage.speed / size, stage.acceleration / size
 
-        def made(faster: float, lasts: float | None) -> ClipGesture:
+        def follow(faster: float, lasts: float | None) -> ClipGesture:
             key = repr((self.content, "clip", faster, lasts, *bounds))
             job = partial(
                 clip_gesture, self.placed, faster, lasts, speed=bounds[0], acceleration=bounds[1]
             )
             return kept.get(key, job)
 
-        first = made(faster, lasts)
+        first = follow(faster, lasts)
         why = _lacks(first)
         if not why:
             return first.gesture
         text = f"within {bounds[0]:.3g} m/s and {bounds[1]:.3g} m/s^2 {why}"
         for share in _SLOWER:
             try:
-                one = made(share * faster, None if lasts is None else lasts / share)
+                slower = follow(share * faster, None if lasts is None else lasts / share)
             except StateError:
                 continue
-            if not _lacks(one):
+            if not _lacks(slower):
                 can = f"`faster: {share * faster:.2g}`"
                 if lasts is not None:
-                    can = f"`lasts: {one.gesture.duration / beat:.3g}`"
+                    can = f"`lasts: {slower.gesture.duration / beat:.3g}`"
                 raise StateError(f"{text}; with {can} it can be done")
         raise StateError(f"{text}, and at half its speed as well")
 
 
 def read_clip(player: Player, path: Path) -> Clip:
-    """Reads a clip, and finds where a player's parts are to be in it.
+    """Clip of a file, with the targets of a player's parts.
 
-    A file of the same name that ends in ``.yaml`` is its mapping, if it is one.
+    A file with the same stem and the suffix ``.yaml`` is its mapping, if it is one.
 
     Args:
-        player: who is to do it.
-        path: of the BVH file.
+        player: player that performs it.
+        path: path of the BVH file.
 
     Raises:
-        FileError: files with mistakes, or joints that are not found.
-        StateError: the player has not the bodies of a person.
+        FileError: mistakes in the files, or missing joints.
+        StateError: the player does not have the bodies of a person.
     """
     own = path.with_suffix(".yaml")
     mapping = load_mapping(own) if os.path.isfile(own) and has_key(own, "mapping") else None
@@ -130,18 +130,18 @@ def read_clip(player: Player, path: Path) -> Clip:
     return Clip(placed, h.hexdigest())
 
 
-def _hinted(one: Mistake, own: str) -> Mistake:
-    """A mistake that says where a mapping file of a clip would be."""
-    text = one.message.replace("give a mapping file", f"give a mapping file {own} beside it")
-    return Mistake(one.file, one.line, one.key, text)
+def _hinted(mistake: Mistake, own: str) -> Mistake:
+    """A mistake with the name that a mapping file of the clip would have."""
+    text = mistake.message.replace("give a mapping file", f"give a mapping file {own} beside it")
+    return Mistake(mistake.file, mistake.line, mistake.key, text)
 
 
-def _lacks(made: ClipGesture) -> str:
-    """Differences of a player from its clip in words; "" if it follows it."""
-    if not made.arrived:
-        return f"the puppet's run of the clip stops: {made.run.status}"
-    worst = max(made.report, key=lambda one: one.above)
-    if worst.above <= _FAR:
+def _lacks(clip: ClipGesture) -> str:
+    """Deviation of a player from its clip in words; "" if it is acceptable."""
+    if not clip.arrived:
+        return f"the puppet's run of the clip stops: {clip.run.status}"
+    worst = max(clip.report, key=lambda part: part.above)
+    if worst.above <= _MAX_EXCESS_DISTANCE:
         return ""
     return (
         f"the {worst.name} would be {100 * worst.above:.0f} % of the puppet's height farther from "

@@ -1,7 +1,7 @@
 """Companies: players and props that may touch each other, and are simulated together.
 
-At every time a play is in companies: who touches nobody is one alone. Where a prop is taken, given
-or left, companies change, and the states of their members go on.
+At every time the play is divided into companies; a player that touches nobody is one alone. Where
+a prop is taken, given or left, companies change, and their members continue from their states.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ class Meeting:
 
     Attributes:
         begin, end: [s].
-        players, props: who takes part.
-        pairs: what may touch.
+        players, props: members.
+        pairs: pairs that may touch.
         kind: whether a prop ``hangs`` on a forearm, is ``given``, ``put`` or ``picked`` up, or
             somebody ``sits``.
-        cue: where the cue is written by which it has begun; None from the start on.
-        bears: from when to when a seat bears who sits [s].
+        cue: keys of the cue that begins it; None from the start on.
+        bears: times between which a seat bears the sitter [s].
     """
 
     begin: float
@@ -56,8 +56,8 @@ class Company:
     """Players and props that are simulated together, in the order of the cast.
 
     Attributes:
-        players, props: who takes part.
-        pairs: what may touch.
+        players, props: members.
+        pairs: pairs that may touch.
     """
 
     players: tuple[str, ...]
@@ -66,7 +66,7 @@ class Company:
 
     @property
     def rests(self) -> bool:
-        """Whether somebody sits, or a prop stands on something but the floor."""
+        """Whether somebody sits, or a prop stands on something other than the floor."""
         props = {*self.props}
         arms = [any(".forearm_" in name for name in pair) for pair in self.pairs]
         falls = [FLOOR in pair and bool(pair & props) for pair in self.pairs]
@@ -75,10 +75,10 @@ class Company:
 
 @dataclass(frozen=True)
 class Span:
-    """A company for a while.
+    """A company over an interval of time.
 
     Attributes:
-        company: who.
+        company: the company.
         begin, end: [s].
     """
 
@@ -88,29 +88,31 @@ class Span:
 
 
 def spans(players: Sequence[str], meetings: Iterable[Meeting], end: float) -> tuple[Span, ...]:
-    """The companies of a play over time, in order of their beginnings.
+    """Companies of a play over time, in order of their beginnings.
 
     Args:
-        players: all, in the order of the cast.
-        meetings: who may touch what, and when; who meets nobody is alone.
-        end: of the play [s].
+        players: all players, in the order of the cast.
+        meetings: pairs that may touch, over time; a player in no meeting is alone.
+        end: end of the play [s].
     """
     listed = [meeting for meeting in meetings if meeting.begin < min(meeting.end, end)]
-    cuts = sorted({0.0, end, *(min(t, end) for one in listed for t in (one.begin, one.end))})
+    cuts = sorted(
+        {0.0, end, *(min(t, end) for meeting in listed for t in (meeting.begin, meeting.end))}
+    )
     open_: dict[Company, float] = {}
-    found = []
+    intervals = []
     for begin, until in pairwise(cuts):
         now = _companies(players, [m for m in listed if m.begin <= begin and m.end >= until])
         for gone in [company for company in open_ if company not in now]:
-            found.append(Span(gone, open_.pop(gone), begin))
+            intervals.append(Span(gone, open_.pop(gone), begin))
         for company in now:
             open_.setdefault(company, begin)
-    found += [Span(company, begin, end) for company, begin in open_.items()]
-    return tuple(sorted(found, key=lambda one: (one.begin, one.company.players)))
+    intervals += [Span(company, begin, end) for company, begin in open_.items()]
+    return tuple(sorted(intervals, key=lambda span: (span.begin, span.company.players)))
 
 
 def _companies(players: Sequence[str], meetings: Sequence[Meeting]) -> list[Company]:
-    """Players and props connected by meetings."""
+    """Groups of players and props that meetings connect."""
     groups: list[set[str]] = [{name} for name in players]
     for meeting in meetings:
         own = {*meeting.players, *meeting.props}
@@ -120,24 +122,24 @@ def _companies(players: Sequence[str], meetings: Sequence[Meeting]) -> list[Comp
     order = {name: i for i, name in enumerate(players)}
     companies = []
     for group in groups:
-        own_meetings = [one for one in meetings if group & {*one.players, *one.props}]
-        pairs = frozenset[Pair]().union(*(one.pairs for one in own_meetings))
+        own_meetings = [m for m in meetings if group & {*m.players, *m.props}]
+        pairs = frozenset[Pair]().union(*(m.pairs for m in own_meetings))
         members = tuple(sorted(group & {*players}, key=order.__getitem__))
         companies.append(Company(members, tuple(sorted(group - {*players})), pairs))
-    return sorted(companies, key=lambda one: [order[name] for name in one.players])
+    return sorted(companies, key=lambda company: [order[name] for name in company.players])
 
 
 @dataclass(frozen=True, eq=False)
 class Staged:
-    """A company as it is simulated.
+    """A company's scene.
 
     Attributes:
-        company: who.
-        marionette: all of them.
-        prefixes: player -> what stands before the names of its parts there.
-        props: prop -> its name there.
-        obstacles: obstacle that may be touched -> its name there.
-        content: says all that it is.
+        company: the company.
+        marionette: scene of all members.
+        prefixes: player -> prefix of the names of its parts in the scene.
+        props: prop -> name in the scene.
+        obstacles: obstacle that may be touched -> name in the scene.
+        content: key that determines the scene.
     """
 
     company: Company
@@ -148,7 +150,7 @@ class Staged:
     content: str
 
     def motion(self, motions: Mapping[str, Gesture]) -> Gesture:
-        """Motions of the players, each in its own coordinates, as one."""
+        """Gesture of the scene from those of the players, each in its own coordinates."""
         table = self.marionette.coordinates
         whole, *others = (
             of_stage(table, prefix, motions[name]) for name, prefix in self.prefixes.items()
@@ -158,7 +160,7 @@ class Staged:
         return whole
 
     def state(self, players: Mapping[str, State], props: Mapping[str, PropState]) -> State:
-        """The state of all from those of its members."""
+        """State of the scene from those of its members."""
         tree, x = self.marionette.tree, self.marionette.state()
         table = self.marionette.coordinates
         parts = {name: np.array(getattr(x, name)) for name in ("q_D", "v_D", "q_K", "v_K")}
@@ -169,11 +171,11 @@ class Staged:
             assert own.coordinates is not None
             for part, values in parts.items():
                 names = getattr(own.coordinates, part)
-                where = [getattr(table, part).index(prefix + one) for one in names]
-                values[where] = getattr(own, part)
-            mine = [i for i, row in enumerate(rows) if row.startswith(prefix)]
-            taut[mine] = own.taut
-            strings = [i for i in mine if i < len(slip)]
+                indices = [getattr(table, part).index(prefix + coordinate) for coordinate in names]
+                values[indices] = getattr(own, part)
+            own_rows = [i for i, row in enumerate(rows) if row.startswith(prefix)]
+            taut[own_rows] = own.taut
+            strings = [i for i in own_rows if i < len(slip)]
             slip[strings] = own.slip if len(own.slip) else 0.0
         for name, local in self.props.items():
             for part, values in zip(("q_D", "v_D"), props[name], strict=True):
@@ -182,7 +184,7 @@ class Staged:
         return State(0.0, **parts, taut=taut, slip=slip, coordinates=table)
 
     def local(self, name: str) -> str:
-        """The name there of a body, a prop, an obstacle or the floor of the stage."""
+        """Name in the scene of a body, a prop, an obstacle or the floor of the stage."""
         for named in (self.props, self.obstacles):
             if name in named:
                 return named[name]
@@ -192,11 +194,11 @@ class Staged:
         return name
 
     def on_stage(self, name: str) -> str:
-        """The name on the stage of a body, a prop, an obstacle or the floor there."""
+        """Name on the stage of a body, a prop, an obstacle or the floor of the scene."""
         for named in (self.props, self.obstacles):
-            for one, local in named.items():
+            for original, local in named.items():
                 if name == local or name.startswith(f"{local}."):
-                    return one + name.removeprefix(local)
+                    return original + name.removeprefix(local)
         for player, prefix in self.prefixes.items():
             if prefix and name.startswith(prefix):
                 return f"{player}.{name.removeprefix(prefix)}"
@@ -205,12 +207,12 @@ class Staged:
 
 
 def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
-    """A company as it is simulated.
+    """Scene of a company.
 
     Args:
-        cast: of the play.
-        company: who.
-        kept: has what was made before.
+        cast: cast of the play.
+        company: the company.
+        kept: cache of scenes.
     """
     players = [cast.players[name] for name in company.players]
     if len(players) == 1 and not company.props and not company.pairs:
@@ -220,11 +222,13 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
     used = {name for pair in company.pairs for name in pair}
     stand = [obstacle for obstacle in cast.file.stage.obstacles if obstacle.name in used]
     alone = len(players) == 1
-    prefixes = {one.name: "" if alone else f"player_{i}." for i, one in enumerate(players, 1)}
-    props = {one.name: f"prop_{i}" for i, one in enumerate(things, 1)}
-    # All have names of their own there, whatever they are called on the stage.
-    names = {one.name: f"obstacle_{i}" for i, one in enumerate(stand, 1)}
-    obstacles = tuple(one.model_copy(update={"name": names[one.name]}) for one in stand)
+    prefixes = {player.name: "" if alone else f"player_{i}." for i, player in enumerate(players, 1)}
+    props = {thing.name: f"prop_{i}" for i, thing in enumerate(things, 1)}
+    # Names do not depend on those on the stage, so that equal scenes are compiled once.
+    names = {obstacle.name: f"obstacle_{i}" for i, obstacle in enumerate(stand, 1)}
+    obstacles = tuple(
+        obstacle.model_copy(update={"name": names[obstacle.name]}) for obstacle in stand
+    )
     local = Staged(company, players[0].alone, prefixes, props, names, "").local
     content = repr(
         (
@@ -236,14 +240,14 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
         )
     )
 
-    def made() -> Marionette:
+    def build() -> Marionette:
         scene = Scene(
             scene="company",
             floor=cast.file.stage.floor,
             contact=rules_of(company.pairs, local),
             puppets=tuple(
-                Member(name=f"player_{i}", puppet=one.alone.puppet)
-                for i, one in enumerate(players, 1)
+                Member(name=f"player_{i}", puppet=player.alone.puppet)
+                for i, player in enumerate(players, 1)
             ),
             props=tuple(
                 thing.prop.model_copy(update={"name": props[thing.name]}) for thing in things
@@ -252,25 +256,25 @@ def staged(cast: Cast, company: Company, kept: Kept) -> Staged:
         )
         return Marionette(scene)
 
-    marionette = kept.get(f"company {content}", made)
+    marionette = kept.get(f"company {content}", build)
     return Staged(company, marionette, prefixes, props, names, content)
 
 
 def settled(cast: Cast, kept: Kept) -> Cast:
-    """A cast in which what hangs on forearms at the start hangs there in equilibrium.
+    """A cast whose props on forearms hang there in equilibrium at the start.
 
     Raises:
-        StateError: something does not hang there.
+        StateError: there is no such equilibrium.
     """
     players, lie = dict(cast.players), dict(cast.lie)
     for who, player in cast.players.items():
         held = [prop for prop in cast.props.values() if prop.held_by == who]
         if not held:
             continue
-        pairs = frozenset(hanging(who, one.side, one.name) for one in held)
-        company = Company((who,), tuple(one.name for one in held), pairs)
+        pairs = frozenset(hanging(who, prop.side, prop.name) for prop in held)
+        company = Company((who,), tuple(prop.name for prop in held), pairs)
         stage = staged(cast, company, kept)
-        # The place of a handle is that on the arm of the puppet as its file has it.
+        # A handle's place is given on the arm of the puppet as its file has it.
         as_written = placed(player.alone, player.alone.state(), player.start)
         x = stage.marionette.rest(stage.state({who: as_written}, lie))
         table = stage.marionette.coordinates
@@ -278,19 +282,19 @@ def settled(cast: Cast, kept: Kept) -> Cast:
         players[who] = dataclasses.replace(
             player, x0=player.x0.replace(q_D=np.array(list(own.values())))
         )
-        for one in held:
-            first = table.q_D.index(f"{stage.props[one.name]}.x")
-            lie[one.name] = (x.q_D[first : first + 7], np.zeros(6))
+        for prop in held:
+            first = table.q_D.index(f"{stage.props[prop.name]}.x")
+            lie[prop.name] = (x.q_D[first : first + 7], np.zeros(6))
     x0 = all_together(cast.whole, players, lie)
     return dataclasses.replace(cast, players=players, lie=lie, x0=x0)
 
 
 def of_stage(table: CoordinateTable, prefix: str, own: Gesture) -> Gesture:
-    """A player's gesture in the coordinates of all, where its names have a prefix."""
-    known, of_mine = pieces.channel_names(table), pieces.channel_names(own.coordinates)
+    """A player's gesture in the coordinates of a scene, in which its names have a prefix."""
+    known, own_channels = pieces.channel_names(table), pieces.channel_names(own.coordinates)
     coef: Array = np.zeros((len(own.coef), table.n_vK, own.coef.shape[2]))
     named, travel = np.zeros(table.n_vK, dtype=bool), np.zeros(table.n_vK)
-    for channel, (_, v) in of_mine.items():
+    for channel, (_, v) in own_channels.items():
         to = known[prefix + channel][1]
         coef[:, to], named[to], travel[to] = own.coef[:, v], own.named[v], own.travel[v]
     return Gesture(table, own.breaks, coef, named, travel, own.name, own.marks, own.turns)

@@ -8,41 +8,41 @@ from fantoccini.model.puppet import FLOOR, Contact, ContactPair
 from fantoccini.theatre.script import VERBS, PlayFile
 
 Pair = frozenset[str]
-"""Names of two parts of the stage: ``pierrot.forearm_right``, props, obstacles or the floor."""
+"""Names of two parts of the stage: ``pierrot.forearm_right``, a prop, an obstacle or the floor."""
 
 OTHER_SIDE = {"left": "right", "right": "left"}
-"""Side of a puppet, as of a forearm -> the other side."""
+"""Side of a puppet -> the other side."""
 FRICTION = 0.6
-"""Coefficient of friction of all that touches."""
+"""Coefficient of friction of all contacts."""
 SEATED = ("thigh_left", "thigh_right", "torso", "skull")
-"""Bodies that touch what one sits on."""
+"""Bodies that touch the seat of somebody who sits."""
 FEET = ("shin_left", "shin_right")
-"""Bodies that touch the floor and the seat's legs then."""
+"""Bodies that touch the floor and the seat's legs while sitting."""
 
 
 def hanging(player: str, side: str, prop: str) -> Pair:
-    """A prop that hangs on a forearm."""
+    """Pair of a prop and the forearm on which it hangs."""
     return frozenset((f"{player}.forearm_{side}", prop))
 
 
 def standing(prop: str, on: str) -> frozenset[Pair]:
-    """A prop that stands on an obstacle or the floor, or may fall there."""
-    return frozenset(frozenset((prop, one)) for one in (on, FLOOR))
+    """Pairs of a prop that stands on an obstacle or the floor, or may fall to the floor."""
+    return frozenset(frozenset((prop, surface)) for surface in (on, FLOOR))
 
 
 def sitting(player: str, seat: str) -> frozenset[Pair]:
-    """A player that sits."""
+    """Pairs of a player that sits: its bodies with the seat, its feet with the floor."""
     on_seat = {frozenset((f"{player}.{body}", seat)) for body in (*SEATED, *FEET)}
     return frozenset(on_seat | {frozenset((f"{player}.{foot}", FLOOR)) for foot in FEET})
 
 
 def asked_pairs(file: PlayFile) -> frozenset[Pair]:
-    """All that may touch at some time of a play."""
+    """All pairs that may touch at some time of a play."""
     pairs = set[Pair]()
-    for prop, given in file.props.items():
-        pairs |= standing(prop, given.on or FLOOR)
-        if given.held_by is not None:
-            pairs.add(hanging(given.held_by, given.side, prop))
+    for prop, prop_file in file.props.items():
+        pairs |= standing(prop, prop_file.on or FLOOR)
+        if prop_file.held_by is not None:
+            pairs.add(hanging(prop_file.held_by, prop_file.side, prop))
     for act in file.acts:
         for cue in act.cues:
             named = {kind: getattr(cue, key) for key, kind in VERBS[cue.verb].names.items()}
@@ -58,11 +58,11 @@ def asked_pairs(file: PlayFile) -> frozenset[Pair]:
 
 
 def rules_of(pairs: Iterable[Pair], named: Callable[[str], str] = str) -> Contact:
-    """Rules by which these pairs touch, and no others.
+    """Contact rules under which these pairs touch, and no others.
 
     Args:
-        pairs: what may touch.
-        named: the name of a part in the scene.
+        pairs: pairs that may touch.
+        named: returns the name of a part in the scene.
     """
     return Contact(
         friction=FRICTION,

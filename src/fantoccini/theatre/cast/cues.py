@@ -1,4 +1,4 @@
-"""Cues of a play: who does what, and the times by which they begin."""
+"""Cues of a play with their players, and the times at which they begin."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from fantoccini.theatre.script import (
     walks,
 )
 
-_LONGEST = 1800.0
+_MAX_ACT_TIME = 1800.0
 """Longest act [s]."""
 _OF_PLAYER = re.compile(rf"({NAME}) +(arrives|is done)(?: *([-+]) *(\d+\.?\d*|\.\d+))?", re.ASCII)
 
@@ -37,18 +37,18 @@ def act_time_in_words(t: float, start: float, beat: float) -> str:
 
 
 def lane_name(who: str, lane: int) -> str:
-    """The name of a lane: the player's, and from the second lane on a number."""
+    """Name of a lane: the player's, followed by a number from the second lane on."""
     return who if lane == 0 else f"{who} {lane + 1}"
 
 
 def play_timeline(
     file: PlayFile, marks: Callable[[PlayCue, Spot], Iterable[str]], log: ScriptLog
 ) -> Timeline[PlayCue]:
-    """The cues of a play and what their times mean.
+    """Cues of a play, with references for their times.
 
     Args:
         file: the play.
-        marks: gives the marks of what a cue does, () after a mistake.
+        marks: returns the marks of a cue's action, () after a mistake.
         log: collects mistakes.
     """
     acts: list[list[Cue[PlayCue]]] = []
@@ -56,16 +56,16 @@ def play_timeline(
     cues: list[Cue[PlayCue]] = []
     for a, act in enumerate(file.acts):
         acts.append([])
-        for i, given in enumerate(act.cues):
+        for i, entry in enumerate(act.cues):
             spot: Spot = ("acts", a, "cues", i)
-            who = _who(file, given, spot, log)
-            if isinstance(given, GivesCue) and given.to in file.cast and given.to not in who:
-                who = (*who, given.to)
-            name = given.name or VERBS[given.verb].called or str(given.verb_value)
+            who = _who(file, entry, spot, log)
+            if isinstance(entry, GivesCue) and entry.to in file.cast and entry.to not in who:
+                who = (*who, entry.to)
+            name = entry.name or VERBS[entry.verb].called or str(entry.verb_value)
             name = name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
-            known = (*marks(given, spot), START, END)
+            known = (*marks(entry, spot), START, END)
             before = tuple(last[player] for player in who if player in last)
-            cue = Cue(spot, len(cues), a, given, who, name, known, before)
+            cue = Cue(spot, len(cues), a, entry, who, name, known, before)
             last.update(dict.fromkeys(who, cue))
             acts[-1].append(cue)
             cues.append(cue)
@@ -76,26 +76,26 @@ def play_timeline(
             return None
         offset = float(match[4] or 0.0) * (-1.0 if match[3] == "-" else 1.0)
         walk = match[2] == "arrives"
-        for one in reversed(cues[: cue.index]):
-            if match[1] in one.who and (walks(one.given) or not walk):
-                # What has happened in an act before has happened when this one begins.
-                return Reference(one.spot, END, offset, in_act=True)
+        for earlier in reversed(cues[: cue.index]):
+            if match[1] in earlier.who and (walks(earlier.given) or not walk):
+                # An act begins after everything in the acts before it.
+                return Reference(earlier.spot, END, offset, in_act=True)
         log.mistakes.add(spot, f"{match[1]} has no {'walk' if walk else 'cue'} before this one")
         return 0.0
 
     times: dict[Spot, Time] = {("times", name): float(beat) for name, beat in file.times.items()}
-    made = make_timeline(acts, times, log, special)
-    _check_order(made, log)
-    _check_entrances(file, made, log)
-    return made
+    timeline = make_timeline(acts, times, log, special)
+    _check_order(timeline, log)
+    _check_entrances(file, timeline, log)
+    return timeline
 
 
-def _check_order(made: Timeline[PlayCue], log: ScriptLog) -> None:
+def _check_order(timeline: Timeline[PlayCue], log: ScriptLog) -> None:
     """Records cues that wait for those of a later act."""
-    of_spot = {cue.spot: cue for cue in made.cues}
-    for cue in made.cues:
+    of_spot = {cue.spot: cue for cue in timeline.cues}
+    for cue in timeline.cues:
         for spot, _ in cue.times:
-            ref = made.refs[spot]
+            ref = timeline.refs[spot]
             other = of_spot.get(ref.spot) if isinstance(ref, Reference) else None
             if other is not None and other.act > cue.act:
                 line = log.located.line(other.spot)
@@ -103,29 +103,29 @@ def _check_order(made: Timeline[PlayCue], log: ScriptLog) -> None:
                 log.mistakes.add(spot, text)
 
 
-def _check_entrances(file: PlayFile, made: Timeline[PlayCue], log: ScriptLog) -> None:
-    """Records entrances of those who are on the stage, and waits beyond all measure."""
+def _check_entrances(file: PlayFile, timeline: Timeline[PlayCue], log: ScriptLog) -> None:
+    """Records entrances of players on the stage, and waits longer than the longest act."""
     away: dict[str, bool] = dict.fromkeys(file.cast, True)
-    for cue in made.cues:
+    for cue in timeline.cues:
         for who in cue.who:
             if isinstance(cue.given, EntersToCue) and not away[who]:
                 text = f"{who} is on the stage already; needed: `walks to`"
                 log.mistakes.add((*cue.spot, "enters to"), text)
             away[who] = isinstance(cue.given, ExitsToCue)
-        for spot, given in cue.times:
-            if isinstance(given, float) and given * log.beat > _LONGEST:
-                text = f"found beat {given:g}; an act lasts {_LONGEST / 60:g} minutes at most"
+        for spot, start in cue.times:
+            if isinstance(start, float) and start * log.beat > _MAX_ACT_TIME:
+                text = f"found beat {start:g}; an act lasts {_MAX_ACT_TIME / 60:g} minutes at most"
                 log.mistakes.add(spot, text)
 
 
-def _who(file: PlayFile, given: PlayCue, spot: Spot, log: ScriptLog) -> tuple[str, ...]:
-    """The players of a cue; records those that are none."""
-    cast, found = list(file.cast), list[str]()
-    for name in given.who:
+def _who(file: PlayFile, cue: PlayCue, spot: Spot, log: ScriptLog) -> tuple[str, ...]:
+    """Players of a cue; unknown names are recorded."""
+    cast, players = list(file.cast), list[str]()
+    for name in cue.who:
         if name == "all":
-            found += cast
+            players += cast
         elif name not in cast:
             log.mistakes.add((*spot, "who"), f"no player is called {name!r}{nearest(name, cast)}")
         else:
-            found.append(name)
-    return tuple(dict.fromkeys(found))
+            players.append(name)
+    return tuple(dict.fromkeys(players))

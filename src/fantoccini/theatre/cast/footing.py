@@ -1,4 +1,4 @@
-"""Places of puppets on the stage, the ways that they walk, and the reasons why there is none."""
+"""Footings of puppets on the stage, their ways, and the reasons why there is none."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from fantoccini.theatre.gestures import Step, Track
 
 @dataclass(frozen=True)
 class Footing:
-    """Place and heading of a puppet: of the middle between the shoulders' strings' ends.
+    """Position and heading of a puppet: of the midpoint between its shoulders' strings' ends.
 
     Attributes:
-        x, y: in the scene's frame [m].
-        heading: of its forward from x, to the left [rad].
+        x, y: position in the scene's frame [m].
+        heading: angle of its forward direction from x, to the left [rad].
     """
 
     x: float
@@ -31,29 +31,29 @@ class Footing:
         return complex(self.x, self.y)
 
     def seen(self, place: complex) -> complex:
-        """A place of the scene as it is seen from here: ahead + i (to the left) [m]."""
+        """A place of the scene in this footing's frame: ahead + i (to the left) [m]."""
         return complex(np.exp(-1j * self.heading) * (place - self.place))
 
     def towards(self, place: complex) -> float:
-        """The heading in which a place lies [rad]."""
+        """Heading towards a place [rad]."""
         return float(np.angle(place - self.place))
 
     def facing(self, heading: float) -> Footing:
-        """The same place with another heading [rad]."""
+        """Footing at the same place with another heading [rad]."""
         return replace(self, heading=heading)
 
 
 @dataclass(frozen=True)
 class Way:
-    """Steps from one footing to another, free of others and obstacles.
+    """Steps from one footing to another, clear of others and obstacles.
 
-    The body sways about it by ``fantoccini.theatre.gestures.walking.SWAY`` to each side.
+    The body sways up to ``fantoccini.theatre.gestures.walking.SWAY`` to each side of the way.
 
     Attributes:
-        start: the footing until it begins.
+        start: footing before it begins.
         begin: [s].
-        steps: in order; none where the puppet is there already.
-        step_time: of each [s].
+        steps: steps in order; empty if the puppet is there already.
+        step_time: duration of a step [s].
     """
 
     start: Footing
@@ -72,9 +72,9 @@ class Way:
         return sum(abs(step.length) for step in self.steps)
 
     def footing(self, t: Times) -> tuple[Array, Array]:
-        """(T, 2) places [m] and (T,) headings [rad] at times [s], by the gesture's formulas.
+        """(T, 2) places [m] and (T,) headings [rad] at times [s], by the formulas of the gesture.
 
-        Headings go on beyond half a turn, from that of the start on.
+        Headings are continuous from that at the start, beyond half a turn too.
         """
         path, heading = self._track.at(np.asarray(t, dtype=float) - self.begin)
         z = self.start.place + np.exp(1j * self.start.heading) * path[0]
@@ -86,7 +86,7 @@ class Way:
 
 
 class Hindrance(Enum):
-    """Why there is no way."""
+    """Kind of reason why there is no way."""
 
     START_BLOCKED = "start blocked"
     GOAL_BLOCKED = "goal blocked"
@@ -98,14 +98,14 @@ class Hindrance(Enum):
 
 @dataclass(frozen=True)
 class NoWay:
-    """Why a puppet cannot go where it should, and what it could do. False, as a condition.
+    """Reason why there is no way, with an alternative. Its truth value is False.
 
     Attributes:
-        kind: which of the reasons.
-        reason: in words, as the end of a sentence.
-        names: of what is in the way.
-        nearest: a footing to which it can go, about the nearest one to the goal.
-        earliest: when it can be at the goal, where that is only too late [s].
+        kind: kind of reason.
+        reason: reason in words, as the end of a sentence.
+        names: names of the players or obstacles in the way.
+        nearest: reachable footing about as near to the goal as possible.
+        earliest: earliest arrival at the goal, if it is merely too late [s].
     """
 
     kind: Hindrance

@@ -1,4 +1,4 @@
-"""Results of compiling kept for the next round and the next time, by all they depend on."""
+"""Cache of the results of compiling, across rounds and calls; keys hold all they depend on."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ from fantoccini.theatre.gestures import Gesture
 
 T = TypeVar("T")
 
-_MOST = 600
-"""Results that are kept; those that were used longest ago go first."""
+_MAX_RESULTS = 600
+"""Number of cached results; the least recently used ones are dropped first."""
 
 
 class OutOfTime(Exception):
-    """The time limit has passed, so that no further result is computed."""
+    """The time limit has passed; no further result is computed."""
 
 
 @dataclass
 class Kept:
-    """Results by key; several threads may ask.
+    """Results by key, for use from several threads.
 
     Attributes:
-        made: number of results computed because they were not kept.
+        made: number of results computed because they were not cached.
         until: time of the monotonic clock after which no result is computed [s]; see
             :meth:`limited`.
     """
 
     made: int = 0
     until: float = math.inf
-    _found: OrderedDict[str, Any] = field(default_factory=OrderedDict)
+    _results: OrderedDict[str, Any] = field(default_factory=OrderedDict)
     _lock: Lock = field(default_factory=Lock)
 
     @contextmanager
     def limited(self, until: float) -> Iterator[None]:
-        """Computes no result after a time of the monotonic clock [s], while the context lasts."""
+        """Context in which nothing is computed after a time of the monotonic clock [s]."""
         self.until = until
         try:
             yield
@@ -53,42 +53,42 @@ class Kept:
             self.until = math.inf
 
     def get(self, key: str, job: Callable[[], T]) -> T:
-        """A result, made where it is not kept.
+        """Cached result, computed if it is missing.
 
         Args:
-            key: says all that the result depends on.
-            job: makes it.
+            key: text that determines the result.
+            job: computes it.
 
         Raises:
-            OutOfTime: it is not kept, and the time is over.
+            OutOfTime: it is missing, and the time limit has passed.
         """
         with self._lock:
-            if key in self._found:
-                self._found.move_to_end(key)
-                found: T = self._found[key]
-                return found
+            if key in self._results:
+                self._results.move_to_end(key)
+                cached: T = self._results[key]
+                return cached
         self.check()
-        made = job()
+        result = job()
         with self._lock:
             self.made += 1
-            self._found[key] = made
-            while len(self._found) > _MOST:
-                self._found.popitem(last=False)
-        return made
+            self._results[key] = result
+            while len(self._results) > _MAX_RESULTS:
+                self._results.popitem(last=False)
+        return result
 
     def check(self, *_: object) -> None:
-        """Raises OutOfTime if the time is over; can be the callback of a job's progress."""
+        """Raises OutOfTime after the time limit; can serve as a job's progress callback."""
         if time.monotonic() > self.until:
             raise OutOfTime
 
     def side_by_side(self, jobs: Mapping[str, Callable[[], T]], threads: int) -> dict[str, T]:
-        """Name -> what each job makes, several at once."""
+        """Name -> result of each job, computed in parallel."""
         with ThreadPoolExecutor(max(1, threads)) as pool:
             return dict(zip(jobs, pool.map(lambda job: job(), jobs.values()), strict=True))
 
 
 def digest(x: State, motion: Gesture, *more: object) -> str:
-    """A hash of a state, a motion of the hands from there, and more."""
+    """Hash of a state, of a motion of the hands from there, and of further values."""
     h = hashlib.blake2b(repr((motion.coordinates.q_D, *more)).encode())
     for array in (x.q_D, x.v_D, x.q_K, x.v_K, x.taut, x.slip, motion.breaks, motion.coef):
         h.update(np.ascontiguousarray(array).tobytes())

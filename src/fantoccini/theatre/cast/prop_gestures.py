@@ -2,10 +2,10 @@
 
     q_K(t) = q_K0 + d(t)
 
-Offsets are those of the bundled marionette, relative to where it hangs, so that they hold wherever
-it stands and whichever way it faces. A prop hangs by a handle across a forearm; nothing ties it
-there but friction. A handle is a stem and on it a bar whose ends are free: the arm lies under one
-half, beside the stem, and comes and goes sideways, so that strings never pass the bar.
+Offsets are those of the bundled marionette, relative to its rest, so that they hold for every
+place and heading. A prop hangs by a handle across a forearm, held by friction alone. A handle is
+a stem with a bar whose ends are free: the arm lies under one half, beside the stem, and approaches
+and leaves sideways, so that strings never pass the bar.
 """
 
 from __future__ import annotations
@@ -27,36 +27,36 @@ _HANDLE = (0.061, 0.089, 0.324)
 above the floor [m]."""
 
 _ALONG = 0.061
-"""The handle hangs so far from the elbow along the forearm [m]."""
+"""Distance of the handle from the elbow, along the forearm [m]."""
 _HELD = {"forward": 0.2, "in": 0.065, "up": 0.03}
 _HELD_ELBOW, _HELD_FOREARM = (0.0431, 0.073), (0.986, 0.003)
-"""Offset of the hand's string that holds out a prop [m]; then the elbow's place [m] and the
-forearm's direction, each forward and aside."""
+"""Offset of the hand's string that holds out a prop [m]; position of the elbow in that pose [m] and
+direction of the forearm, each forward and aside."""
 _TAKES, _TAKEN = 0.09, (0.083, 0.068)
-"""Inward, the string of the receiver's hand; middle of the forearm then: forward, aside [m]."""
+"""Inward offset of the receiver's hand string; midpoint of its forearm then: forward, aside [m]."""
 _LOW, _LIFTED, _SUNK = -0.028, 0.036, -0.058
-"""Up: the receiver's hand before it takes, when it has taken; the giver's when it gives [m]."""
+"""Upward offsets: receiver's hand before and after it takes the prop; giver's after that [m]."""
 _BESIDE, _STEP = 0.051, 0.24
-"""Distance of the two forearms, and the receiver's step to the side [m]."""
-_ROOM = 0.05
+"""Distance between the two forearms, and length of the receiver's step to the side [m]."""
+_KNEE_CLEARANCE = 0.05
 """Distance by which the receiver's knee string moves back to make way for the prop [m]."""
 
 CARRIED = {"out": 0.1, "up": 0.035}
 """Offsets of the hand's string that hold a prop away from the knees [m]."""
 CARRY_TIME = 1.5
-"""Duration of what takes up that pose [s]."""
+"""Duration of the gesture that takes up this pose [s]."""
 
 
 @dataclass(frozen=True)
 class Handing:
-    """A prop goes from one puppet's forearm to another's.
+    """Gestures that pass a prop from one puppet's forearm to another's.
 
     Attributes:
-        giver, receiver: their gestures, from a common start. The giver's has the marks ``offered``
-            and ``released``, the receiver's ``under`` and ``taken``.
-        forward, left: where the receiver stands, seen from the giver [m].
+        giver, receiver: gestures of the two, with a common start. The giver's has the marks
+            ``offered`` and ``released``, the receiver's ``under`` and ``taken``.
+        forward, left: position of the receiver relative to the giver [m].
         touching: pairs of bodies that may touch.
-        turned: how far the receiver's heading is from the giver's [rad].
+        turned: heading of the receiver minus that of the giver [rad].
     """
 
     giver: Gesture
@@ -77,10 +77,10 @@ class Handing:
 
 
 def handle_place(side: str = "right", *, raised: float = 0.0) -> tuple[float, float, float]:
-    """Where a handle's middle hangs on a forearm: forward, left and up from the puppet's place [m].
+    """Middle of a handle that hangs on a forearm, from the puppet: forward, left, up [m].
 
     Args:
-        side: of the forearm.
+        side: side of the forearm.
         raised: height of the puppet above its bundled pose [m].
 
     Raises:
@@ -101,24 +101,24 @@ def give(
     carried: bool = False,
     higher: float = 0.0,
 ) -> Handing:
-    """The gestures by which a prop changes from one puppet's forearm to another's.
+    """Gestures that pass a prop from one puppet's forearm to another's.
 
-    They stand side by side and face the same way. The giver holds it out; the receiver steps aside
-    to it with its forearm under the outer half of the bar, lifts it, and steps back with it when
-    the giver's arm has sunk. No string passes the bar. It takes 13.8 s. Both hang as before
-    afterwards; the stem is again on the outer side of the arm that holds it.
+    They stand side by side and face the same way. The giver holds the prop out; the receiver steps
+    aside to it with its forearm under the outer half of the bar, lifts it, and steps back with it
+    when the giver's arm has sunk. No string passes the bar. It takes 13.8 s. Both end at rest; the
+    stem is again on the outer side of the arm that holds it.
 
     Args:
         stage: the scene.
-        giver, receiver: its members.
-        prop: which hangs by its handle on the giver's forearm, the stem on its outer side.
-        side: of the giver's forearm; the receiver takes with the other.
-        along: how far from the elbow it hangs there: :func:`along_forearm` [m].
+        giver, receiver: members of the scene.
+        prop: prop that hangs by its handle on the giver's forearm, the stem on the outer side.
+        side: side of the giver's forearm; the receiver uses the other.
+        along: distance of the handle from the elbow, see :func:`along_forearm` [m].
         carried: whether the giver is in the pose of :func:`carry`.
-        higher: by how much the giver hangs higher than the receiver [m].
+        higher: height of the giver above the receiver [m].
 
     Raises:
-        InputError: the members have other strings than the bundled marionette.
+        InputError: the members' strings differ from those of the bundled marionette.
         ValueError: the side is neither left nor right.
     """
     other, held = OTHER_SIDE[side], _HELD
@@ -157,7 +157,13 @@ def give(
         gets[f"hand_{other}.{other}"], [(0, 0), (2.0, -inward), (12.0, -inward), (13.8, 0)]
     )
     # The string of the receiver's knee makes way for the prop.
-    gets[f"knee_{other}.back"] = [(0, 0), (2.0, 0), (4.0, _ROOM), (12.6, _ROOM), (13.8, 0)]
+    gets[f"knee_{other}.back"] = [
+        (0, 0),
+        (2.0, 0),
+        (4.0, _KNEE_CLEARANCE),
+        (12.6, _KNEE_CLEARANCE),
+        (13.8, 0),
+    ]
     arms = of_member(giver, f"forearm_{side}"), of_member(receiver, f"forearm_{other}")
     forward, left = _beside(side, _ALONG if along is None else along)
     return Handing(
@@ -171,7 +177,7 @@ def give(
 
 
 def _beside(side: str, along: float) -> tuple[float, float]:
-    """Where the receiver stands before it steps aside to the giver: forward and left [m]."""
+    """Place of the receiver before it steps aside to the giver: forward and left [m]."""
     held = np.array(_HELD_ELBOW) + along * np.array(_HELD_FOREARM)
     forward, aside = _TAKEN
     return float(held[0]) - forward, sign_of(side) * (float(held[1]) + aside + _BESIDE + _STEP)
@@ -184,18 +190,18 @@ def along_forearm(
 
     Args:
         stage: the scene.
-        state: after a walk, say; it may swing.
-        who: a member.
-        prop: what hangs.
-        height: of its handle's bar above its origin [m].
-        side: of the forearm.
+        state: state, for instance after a walk; the prop may swing.
+        who: member that holds the prop.
+        prop: prop on the forearm.
+        height: height of its handle's bar above its origin [m].
+        side: side of the forearm.
     """
     thing, arm = stage.pose(state, prop), stage.pose(state, of_member(who, f"forearm_{side}"))
     return float(-arm[:3, 2] @ (thing[:3, 3] + height * thing[:3, 2] - arm[:3, 3]))
 
 
 def aside_by(side: str, way: float, share: Waypoints) -> dict[str, Waypoints]:
-    """A whole puppet carried a step to a side [m]."""
+    """Waypoints that carry a whole puppet a step to a side [m]."""
     strings = (*BODY, *(f"{limb}_{end}" for limb in ("hand", "knee") for end in OTHER_SIDE))
     return {f"{string}.{side}": [(t, way * x) for t, x in share] for string in strings}
 
@@ -208,17 +214,17 @@ def summed(one: Waypoints, other: Waypoints) -> Waypoints:
 
 
 def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
-    """Holds what hangs on a forearm away from the knees, for a walk: 1.5 s.
+    """Gesture that holds a prop on a forearm away from the knees, for a walk: 1.5 s.
 
-    Then :func:`steps_carrying` walks.
+    :func:`steps_carrying` walks in this pose.
 
     Args:
         stage: the scene.
-        who: a member.
-        side: of the forearm.
+        who: member that holds the prop.
+        side: side of the forearm.
 
     Raises:
-        InputError: the member has other strings than the bundled marionette.
+        InputError: the member's strings differ from those of the bundled marionette.
         ValueError: the side is neither left nor right.
     """
     sign_of(side)
@@ -229,29 +235,29 @@ def carry(stage: Marionette, who: str, *, side: str = "right") -> Gesture:
 def steps_carrying(
     pose: Gesture, start: State, who: str, given: Sequence[Step], step_time: float = STEP_TIME
 ) -> Gesture:
-    """Steps in the pose of :func:`carry`, which turns along.
+    """Steps in the pose of :func:`carry`, which turns with the puppet.
 
     Args:
-        pose: made by :func:`carry`.
-        start: where the puppet hangs when it does not carry.
-        who: a member.
+        pose: gesture of :func:`carry`.
+        start: rest of the puppet without the pose.
+        who: member that walks.
         given, step_time: see :func:`fantoccini.theatre.gestures.walking.steps`.
     """
-    table, of = pose.coordinates, f"{who}." if who else ""
-    q_K, by = np.array(start.q_K), {}
+    table, prefix = pose.coordinates, f"{who}." if who else ""
+    q_K, offsets = np.array(start.q_K), {}
     for name, (q, v) in pieces.channel_names(table).items():
         if pose.named[v.start]:
-            by[name] = float(pose.ends[0][1, v.start])
-            q_K[q] += by[name]
-    walk = steps(Ends(table, start.replace(q_K=q_K), of), given, step_time).moved(by)
-    # What follows counts from where the strings would be without the pose.
-    return replace(walk, travel=steps(Ends(table, start, of), given, step_time).travel)
+            offsets[name] = float(pose.ends[0][1, v.start])
+            q_K[q] += offsets[name]
+    walk = steps(Ends(table, start.replace(q_K=q_K), prefix), given, step_time).moved(offsets)
+    # Later gestures count from the strings' places without the pose.
+    return replace(walk, travel=steps(Ends(table, start, prefix), given, step_time).travel)
 
 
 def backwards(
     moves: Mapping[str, Sequence[tuple[float, float]]], end: float
 ) -> dict[str, Waypoints]:
-    """Waypoints backwards in time, on a clock that ends at a time [s]."""
+    """Waypoints reversed in time, on a clock that ends at a time [s]."""
     return {
         name: [(end - t, offset) for t, offset in reversed(points)]
         for name, points in moves.items()
@@ -281,7 +287,7 @@ def gesture_of(
 
 
 def of_member(who: str, name: str) -> str:
-    """A name in the scene; in a scene of one puppet names have no member before them."""
+    """Name in the scene; without a member it is unchanged."""
     return f"{who}.{name}" if who else name
 
 

@@ -1,4 +1,4 @@
-"""Props of a play: what they are, who has them and where they stand at the start."""
+"""Props of a play, with their holders and places at the start."""
 
 from __future__ import annotations
 
@@ -31,15 +31,14 @@ class PlayProp:
     """A prop of the play.
 
     Attributes:
-        prop: as in a scene, at the start.
-        handle: height of the bar by which it hangs on a forearm [m]; None where it has none.
-        seat: height of the seat; None where it has none [m].
-        held_by: who has it at the start; "" where it stands.
-        side: of the forearm on which it hangs then.
-        stands: where it stands at the start, and the direction of its x; where it is held, of who
-            holds it.
-        height: of its bottom at the start [m].
-        content: says all that it is, but for where it is.
+        prop: prop of the scene, at the start.
+        handle: height of the bar by which it hangs on a forearm; None without a handle [m].
+        seat: height of the seat; None without a seat [m].
+        held_by: player that holds it at the start; "" if it stands.
+        side: side of the forearm on which it hangs then.
+        stands: place at the start and direction of its x axis; that of the holder if it is held.
+        height: height of its bottom at the start [m].
+        content: key that determines everything but its place.
     """
 
     prop: Prop
@@ -53,13 +52,13 @@ class PlayProp:
 
     @property
     def name(self) -> str:
-        """Its name in the play."""
+        """Name in the play."""
         return self.prop.name
 
     @property
     def start(self) -> PropState:
-        """Its pose at the start, before a held prop has settled on the arm."""
-        x, y, z = (float(one) for one in self.prop.at)
+        """Pose at the start, before a held prop has settled on the arm."""
+        x, y, z = (float(coordinate) for coordinate in self.prop.at)
         half = 0.5 * self.stands.heading
         return np.array([x, y, z, np.cos(half), 0.0, 0.0, np.sin(half)]), np.zeros(6)
 
@@ -70,7 +69,7 @@ def prop_names() -> tuple[str, ...]:
 
 
 def top_of(file: PlayFile, name: str) -> float | None:
-    """Height of what stands on the stage [m]; None where no obstacle is called so."""
+    """Height of an obstacle's top [m]; None if no obstacle has this name."""
     for obstacle in file.stage.obstacles:
         if obstacle.name == name:
             return float(extent(obstacle)[1][2])
@@ -88,20 +87,20 @@ def read_props(
 
     Args:
         file: the play.
-        starts: where the players stand at the start.
-        lifts: how much higher they hang than their files have them [m].
-        places: what names of places mean.
+        starts: footings of the players at the start.
+        lifts: heights of the players above their files' poses [m].
+        places: meaning of names of places.
         log: collects mistakes.
     """
     play_props: dict[str, PlayProp] = {}
     arms: dict[tuple[str, str], str] = {}
-    for name, given in file.props.items():
-        if given.held_by is not None:
-            other = arms.setdefault((given.held_by, given.side), name)
+    for name, entry in file.props.items():
+        if entry.held_by is not None:
+            other = arms.setdefault((entry.held_by, entry.side), name)
             if other != name:
-                text = f"{other} hangs on the {given.side} forearm of {given.held_by} already"
+                text = f"{other} hangs on the {entry.side} forearm of {entry.held_by} already"
                 log.mistakes.add(("props", name, "held by"), text)
-        prop = _prop(file, name, given, starts, lifts, places, log)
+        prop = _prop(file, name, entry, starts, lifts, places, log)
         if prop is not None:
             play_props[name] = prop
     return play_props
@@ -110,34 +109,34 @@ def read_props(
 def _prop(
     file: PlayFile,
     name: str,
-    given: PropFile,
+    entry: PropFile,
     starts: Mapping[str, Footing],
     lifts: Mapping[str, float],
     places: Places,
     log: ScriptLog,
 ) -> PlayProp | None:
     spot: Spot = ("props", name)
-    data = _described(name, given, spot, log)
+    data = _described(name, entry, spot, log)
     if data is None:
         return None
     handle, seat = data.pop("handle", None), data.pop("seat", None)
-    if given.held_by is not None:
-        if given.held_by not in starts:
-            text = f"no player is called {given.held_by!r}{nearest(given.held_by, starts)}"
+    if entry.held_by is not None:
+        if entry.held_by not in starts:
+            text = f"no player is called {entry.held_by!r}{nearest(entry.held_by, starts)}"
             log.mistakes.add((*spot, "held by"), text)
             return None
         if handle is None:
             log.mistakes.add((*spot, "held by"), f"{name} has no handle; needed: `handle:`")
             return None
-        stands = starts[given.held_by]
-        forward, left, up = prop_gestures.handle_place(given.side, raised=lifts[given.held_by])
+        stands = starts[entry.held_by]
+        forward, left, up = prop_gestures.handle_place(entry.side, raised=lifts[entry.held_by])
         place = stands.place + np.exp(1j * stands.heading) * complex(forward, left)
         height = up - handle
     else:
-        there = _place(file, given, spot, places, log)
+        there = _place(file, entry, spot, places, log)
         if there is None:
             return None
-        (x, y, height), heading = there, places.direction(given.facing, (*spot, "facing"))
+        (x, y, height), heading = there, places.direction(entry.facing, (*spot, "facing"))
         if isinstance(heading, str):
             middle = places.still(heading)
             if middle is None:
@@ -146,72 +145,72 @@ def _prop(
                 return None
             heading = Footing(x, y).towards(complex(middle[0], middle[1]))
         place, stands = complex(x, y), Footing(x, y, heading)
-    least = min(float(extent(shape)[0][2]) for shape in prop_shapes(name, data))
-    if abs(least) > _BOTTOM and not given.held_by:
-        text = f"its bottom is at z = {least:.3g}; needed: 0, so that it stands where it is put"
+    bottom = min(float(extent(shape)[0][2]) for shape in prop_shapes(name, data))
+    if abs(bottom) > _BOTTOM and not entry.held_by:
+        text = f"its bottom is at z = {bottom:.3g}; needed: 0, so that it stands where it is put"
         log.mistakes.add((*spot, "shapes"), text)
         return None
     turn = {"axis": [0.0, 0.0, 1.0], "angle": stands.heading}
     at = [place.real, place.imag, height]
     prop = Prop.model_validate({"name": name, "at": at, "orientation": turn, **data})
-    return PlayProp(prop, handle, seat, given.held_by or "", given.side, stands, height, repr(data))
+    return PlayProp(prop, handle, seat, entry.held_by or "", entry.side, stands, height, repr(data))
 
 
 def prop_shapes(name: str, data: dict[str, Any]) -> tuple[Any, ...]:
-    """The shapes of a prop, read."""
+    """Validated shapes of a prop."""
     return Prop.model_validate({"name": name, **data}).shapes
 
 
-def _described(name: str, given: PropFile, spot: Spot, log: ScriptLog) -> dict[str, Any] | None:
+def _described(name: str, entry: PropFile, spot: Spot, log: ScriptLog) -> dict[str, Any] | None:
     """Shapes, mass, drag, handle and seat of a prop; None after a mistake."""
-    if given.shapes:
-        data: dict[str, Any] = {"shapes": given.shapes, "mass": given.mass}
+    if entry.shapes:
+        data: dict[str, Any] = {"shapes": entry.shapes, "mass": entry.mass}
     else:
-        kind = given.like or name
+        kind = entry.like or name
         if kind not in prop_names():
             text = f"no bundled prop is called {kind!r}{nearest(kind, prop_names())}"
             log.mistakes.add(spot, f"{text}; needed: `like:` or `shapes:`")
             return None
         data = read_file(_FOLDER / f"{kind}.yaml").data
-        if given.mass is not None:
-            data["mass"] = given.mass
+        if entry.mass is not None:
+            data["mass"] = entry.mass
     for key in ("handle", "seat"):
-        own = getattr(given, key)
+        own = getattr(entry, key)
         if own is not None:
             data[key] = value_of(own)
     return data
 
 
 def _place(
-    file: PlayFile, given: PropFile, spot: Spot, places: Places, log: ScriptLog
+    file: PlayFile, entry: PropFile, spot: Spot, places: Places, log: ScriptLog
 ) -> tuple[float, float, float] | None:
     """Place of a standing prop [m]; None after a mistake."""
     height = file.stage.floor
     middle: Array | None = None
-    if given.on is not None:
-        top, middle = top_of(file, given.on), places.still(given.on)
+    if entry.on is not None:
+        top, middle = top_of(file, entry.on), places.still(entry.on)
         if top is None:
             known = [obstacle.name for obstacle in file.stage.obstacles]
-            text = f"found {given.on!r}; needed: an obstacle{nearest(given.on, known)}"
+            text = f"found {entry.on!r}; needed: an obstacle{nearest(entry.on, known)}"
             log.mistakes.add((*spot, "on"), text)
             return None
         height = top
-    if given.at is None:
+    if entry.at is None:
         assert middle is not None
         return float(middle[0]), float(middle[1]), height
-    if isinstance(given.at, str):
-        mark = file.stage.marks.get(given.at)
+    if isinstance(entry.at, str):
+        mark = file.stage.marks.get(entry.at)
         if mark is None:
-            text = f"no mark is called {given.at!r}{nearest(given.at, file.stage.marks)}"
+            text = f"no mark is called {entry.at!r}{nearest(entry.at, file.stage.marks)}"
             log.mistakes.add((*spot, "at"), text)
             return None
         x, y = mark.at
     else:
-        x, y = given.at[:2]
-    if given.on is not None:
-        (low, high) = next(extent(o) for o in file.stage.obstacles if o.name == given.on)
+        x, y = entry.at[:2]
+    if entry.on is not None:
+        (low, high) = next(extent(o) for o in file.stage.obstacles if o.name == entry.on)
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
-            text = f"[{x:g}, {y:g}] is not on {given.on}, which is from [{low[0]:.3g}, "
+            text = f"[{x:g}, {y:g}] is not on {entry.on}, which is from [{low[0]:.3g}, "
             text += f"{low[1]:.3g}] to [{high[0]:.3g}, {high[1]:.3g}]"
             log.mistakes.add((*spot, "at"), text)
             return None

@@ -29,22 +29,22 @@ class Places:
 
     @property
     def names(self) -> list[str]:
-        """All that a place may be called, players apart."""
+        """Names of places, without those of players."""
         return [*self._file.stage.marks, *self._obstacles]
 
     def check(self, given: object, spot: Spot) -> None:
-        """Records a mistake where a name is no place."""
+        """Records a mistake if a name is not a place."""
         known = [*self._file.cast, *self.names]
         if isinstance(given, str) and given not in known:
             text = f"found {given!r}; needed: a place [x, y], or what is there"
             self._log.mistakes.add(spot, text + nearest(given, known))
 
     def still(self, name: str) -> Array | None:
-        """(3,) the middle of an obstacle [m]."""
+        """Midpoint (3,) of an obstacle [m]; None for other names."""
         return self._obstacles.get(name)
 
     def fixed(self, where: object) -> complex | None:
-        """x + i y of a mark, an obstacle or a place [m]; None of a player, who may be anywhere."""
+        """x + i y of a mark, an obstacle or a point [m]; None for a player, which moves."""
         if not isinstance(where, str):
             assert isinstance(where, Sequence)
             return complex(where[0], where[1])
@@ -54,7 +54,7 @@ class Places:
         return None if middle is None else complex(middle[0], middle[1])
 
     def direction(self, given: float | str, spot: Spot) -> float | str:
-        """An angle [rad], or the name of what lies there; 0 after a mistake."""
+        """An angle [rad], or the name of a place to face; 0 after a mistake."""
         if not isinstance(given, str):
             return given
         if given in DIRECTIONS:

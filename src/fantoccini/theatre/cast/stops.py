@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from fantoccini.base import FileError, SimulationError, StateError
 
 ERRORS = (FileError, SimulationError, ValueError, ArithmeticError)
-"""Errors of the simulator that refuse a cue: of states, inputs, runs and numbers."""
+"""Errors of the simulator about states, inputs, runs and numbers, for which a cue is refused."""
 
 
 @dataclass(frozen=True)
 class Stop:
-    """The early stop of a company's run, or a run that cannot begin.
+    """Early stop of a company's run, or a run that cannot begin.
 
     Attributes:
-        players: of the company.
+        players: players of the company.
         t: time of the stop [s].
-        why: the reason.
+        why: reason.
     """
 
     players: tuple[str, ...]
@@ -25,7 +25,7 @@ class Stop:
     why: str
 
     def told(self, when: str) -> str:
-        """A sentence on the stop; ``when`` is its time in words."""
+        """Sentence about the stop; ``when`` is its time in words."""
         return f"{' and '.join(self.players)}'s run stops {when}: {self.why}"
 
 
@@ -33,7 +33,7 @@ class CannotBegin(StateError):
     """The first part of a player's run cannot be simulated.
 
     Attributes:
-        stop: whose, and why.
+        stop: stop of the run, with its players and reason.
     """
 
     def __init__(self, stop: Stop):

@@ -1,7 +1,8 @@
-"""Pointing at places and looking at them, by the hanging poses that do so.
+"""Pointing at places and looking at them, by hanging poses of the puppet.
 
-Hands go to 90 % of the arm's length from the shoulder. One string does not turn a head: all ends
-of the strings turn about the middle between the shoulders', and the head's string tilts the face.
+A hand goes to 90 % of the arm's length from the shoulder. One string does not turn a head: all
+ends of the strings turn about the middle between the shoulders, and the head's string tilts the
+face.
 """
 
 from __future__ import annotations
@@ -23,48 +24,48 @@ from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.walking import there_and_back
 
 To = str | Sequence[float]
-"""A place [m], or the name of a body that is there at the start."""
+"""A place [m], or the name of a body whose place at the start is meant."""
 
-_OF_ARM = 0.9
-"""Distance of the hand that points from the shoulder, as a share of the arm's length."""
+_ARM_SHARE = 0.9
+"""Distance of the pointing hand from the shoulder, relative to the arm's length."""
 _SPEED = 0.5
 """Largest speed of the strings' ends and lengths [m/s]."""
-_BRIEFEST, _HOLD = 0.7, 1.5
-"""Shortest way, and how long the hand points or the face looks [s]."""
+_MIN_WAY_TIME, _HOLD_TIME = 0.7, 1.5
+"""Least time to move there, and time for which the hand points or the face looks [s]."""
 _TURN_TIME = 1.8
-"""Way of a turn by a radian [s]."""
-_MOST_TURN = np.radians(85.0)
-"""Farthest that a face turns to a side [rad]."""
+"""Time of a turn, relative to its angle [s/rad]."""
+_MAX_TURN = np.radians(85.0)
+"""Largest turn of a face to a side [rad]."""
 _TILTS = np.radians((-45.0, 0.0))
 """Lowest and highest tilt of a face [rad]: the head's string cannot tilt it up."""
 _FACE = 0.1
-"""A point so far before the skull's joint is led to the place's direction [m]."""
+"""Distance before the skull's joint of the point that is led to the place's direction [m]."""
 _PARTS = {
     "look": ("skull",),
     "point": ("upper_arm_left", "forearm_left", "upper_arm_right", "forearm_right"),
 }
-"""Bodies that the poses of looking and pointing move."""
-_LEAST = 0.02
+"""Bodies that move in the poses of looking and pointing."""
+_MIN_DISTANCE = 0.02
 """Least distance of a place from the shoulder or the neck [m]."""
 
 
 class Aim:
-    """A puppet, or a member of a scene, and a place.
+    """Target of a look or a pointing hand, with the puppet for which the pose is computed.
 
     Attributes:
-        puppet, x0: the one that poses are found with, and where it hangs: members, and puppets
-            with contact, are posed as the bundled marionette, whose strings they have.
-        place: (3,) in the puppet's world [m].
+        puppet, x0: puppet for the poses, and its rest: members, and puppets with contact, are
+            replaced by the bundled marionette, whose strings they have.
+        place: target (3,) in the puppet's world [m].
 
     Args:
-        marionette: the puppet or scene.
-        start: where it hangs.
-        of: what stands before the member's names.
-        to: the place, or a body.
-        mistakes: collects them.
+        marionette: puppet or scene.
+        start: state at rest.
+        of: prefix of the member's names.
+        to: place, or name of a body.
+        mistakes: collects mistakes.
 
     Raises:
-        InputError: the place is none.
+        InputError: the target is not a place.
     """
 
     def __init__(self, marionette: Marionette, start: State, of: str, to: To, mistakes: Mistakes):
@@ -83,7 +84,7 @@ class Aim:
         self.puppet, self.x0 = marionette, start
         if of or marionette.puppet.touching is not None:
             self.puppet = _by_itself()
-            # Hands and knees hang as bundled: with the member's lengths it may not hang stably.
+            # Hands and knees hang as bundled: with the member's lengths the rest may be unstable.
             names = [f"{string}.{part}" for string in BODY for part in ("x", "y", "length")]
             self.x0 = self.puppet.rest({name: float(start[of + name]) for name in names})
             if of and of[:-1] in bodies:
@@ -92,32 +93,34 @@ class Aim:
         self.place = place
 
     def held(self, string: str) -> Bounds:
-        """Bounds that let one string move."""
+        """Bounds under which only one string moves."""
         names = self.puppet.coordinates.q_K
         return Bounds(held=tuple(x for x in names if not x.startswith(f"{string}.")))
 
     def direction(self, origin: Array, mistakes: Mistakes) -> Array:
-        """(3,) from an origin towards the place.
+        """(3,) direction from an origin towards the place.
 
         Raises:
-            InputError: the place is there.
+            InputError: the place is at the origin.
         """
         way = self.place - origin
         distance = float(np.linalg.norm(way))
-        if distance < _LEAST:
-            mistakes.add(("to",), f"is {distance:.3f} m away; needed: a place {_LEAST:g} m away")
+        if distance < _MIN_DISTANCE:
+            mistakes.add(
+                ("to",), f"is {distance:.3f} m away; needed: a place {_MIN_DISTANCE:g} m away"
+            )
         mistakes.refuse()
         return way / distance
 
 
 def check_parts(puppet: Marionette, start: State, name: str) -> None:
-    """Checks that a puppet has the strings and bodies that ``look`` or ``point`` moves.
+    """Checks that a puppet has the strings and bodies for ``look`` or ``point``.
 
     Raises:
         UnknownNameError: one is missing.
     """
     Ends(puppet.coordinates, start)
-    strings = [one.name for one in puppet.tree.strings]
+    strings = [string.name for string in puppet.tree.strings]
     for string in ("hand_left", "hand_right") if name == "point" else ():
         if string not in strings:
             raise UnknownNameError("string", string, strings)
@@ -129,7 +132,7 @@ def check_parts(puppet: Marionette, start: State, name: str) -> None:
 
 
 def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
-    """The hand of the side on which the place is goes up and points there.
+    """Gesture of the hand on the side of the place, which goes up and points there.
 
     Raises:
         InputError: no hanging pose points there.
@@ -141,29 +144,31 @@ def point(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     pose = puppet.pose(x0, forearm)
     shoulder, elbow = puppet.pose(x0, arm)[:3, 3], pose[:3, 3]
     length = float(np.linalg.norm(elbow - shoulder) + np.linalg.norm(at))
-    goal = shoulder + _OF_ARM * length * aim.direction(shoulder, mistakes)
+    goal = shoulder + _ARM_SHARE * length * aim.direction(shoulder, mistakes)
     try:
-        found = reach(puppet, {(forearm, at): goal}, x0, bounds=aim.held(string))[0]
-        summary = "" if found else found.summary()
+        solution = reach(puppet, {(forearm, at): goal}, x0, bounds=aim.held(string))[0]
+        summary = "" if solution else solution.summary()
     except StateError as error:
         summary = str(error)
     if summary:
         mistakes.add(("to",), f"the {side} hand cannot point there: {summary}")
     mistakes.refuse()
     names = [f"{string}.{part}" for part in ("x", "y", "length")]
-    own = {name: float(found.state[name] - ends.start[ends.of + name]) for name in names}
-    way = max(_BRIEFEST, polynomial.minimum_jerk_duration(max(map(abs, own.values())), _SPEED))
-    t, curve = there_and_back(way, _HOLD)
+    own = {name: float(solution.state[name] - ends.start[ends.of + name]) for name in names}
+    way = max(_MIN_WAY_TIME, polynomial.minimum_jerk_duration(max(map(abs, own.values())), _SPEED))
+    t, curve = there_and_back(way, _HOLD_TIME)
     for name, offset in own.items():
         ends.add(name, times(offset, curve))
     return ends.gesture(t, "point", {"points": way}, travels=False)
 
 
 def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
-    """The puppet turns its face towards a place, as far as its strings can."""
+    """Gesture that turns the face towards a place, as far as the strings allow."""
     puppet, x0 = aim.puppet, aim.x0
     flat = complex(aim.place[0], aim.place[1]) - ends.middle
-    turn = float(np.clip(np.angle(flat), -_MOST_TURN, _MOST_TURN)) if abs(flat) > _LEAST else 0.0
+    turn = (
+        float(np.clip(np.angle(flat), -_MAX_TURN, _MAX_TURN)) if abs(flat) > _MIN_DISTANCE else 0.0
+    )
     q = {}
     for name, place in ends.places.items():
         there = np.exp(1j * turn) * (place - ends.middle) + ends.middle
@@ -174,17 +179,19 @@ def look(ends: Ends, aim: Aim, mistakes: Mistakes) -> Gesture:
     up = float(np.arcsin(aim.direction(neck, mistakes)[2]))
     tilt = float(np.clip(up, *_TILTS))
     face = np.array([np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)])
-    found = reach(
+    pose = reach(
         puppet, {("skull", (_FACE, 0.0, 0.0)): neck + _FACE * face}, turned, bounds=aim.held("head")
     )[0].state
-    # What is not reached is near enough: the head's string has no more to give.
+    # A remaining error is accepted: the head's string can do no more.
     own = {
-        f"head.{part}": float(found[f"head.{part}"] - turned[f"head.{part}"])
+        f"head.{part}": float(pose[f"head.{part}"] - turned[f"head.{part}"])
         for part in ("x", "y", "length")
     }
     farthest = max(abs(x) for x in own.values())
-    way = max(_BRIEFEST, _TURN_TIME * abs(turn), polynomial.minimum_jerk_duration(farthest, _SPEED))
-    t, curve = there_and_back(way, _HOLD)
+    way = max(
+        _MIN_WAY_TIME, _TURN_TIME * abs(turn), polynomial.minimum_jerk_duration(farthest, _SPEED)
+    )
+    t, curve = there_and_back(way, _HOLD_TIME)
     ends.carry((np.zeros(len(t), dtype=complex),) * 3, times(turn, curve))
     for name, offset in own.items():
         ends.add(name, times(offset, curve))
@@ -197,9 +204,9 @@ def _by_itself() -> Marionette:
 
 
 def _attached(puppet: Marionette, string: str) -> tuple[float, float, float]:
-    """Point of a body to which a string is fixed, in the body's frame [m]."""
-    for one in puppet.tree.strings:
-        if one.name == string:
-            x, y, z = (value_of(number) for number in one.points[0].at)
+    """Point at which a string is fixed to a body, in the body's frame [m]."""
+    for tied in puppet.tree.strings:
+        if tied.name == string:
+            x, y, z = (value_of(number) for number in tied.points[0].at)
             return x, y, z
-    raise UnknownNameError("string", string, [one.name for one in puppet.tree.strings])
+    raise UnknownNameError("string", string, [tied.name for tied in puppet.tree.strings])

@@ -1,4 +1,4 @@
-"""Passed bounds of the motion of a score, and the cues that move there."""
+"""Exceeded bounds of a score's motion, with the cues that move there."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from fantoccini.theatre.gestures.score import Played
 from fantoccini.theatre.script import Cue, ScoreCue, ScriptLog
 
 _ROUNDING = 2e-3
-"""Share of a bound by which a peak may pass it: peaks of speeds are bounds themselves."""
+"""Tolerance of a bound, relative to it: computed peaks of speeds are upper bounds."""
 
 Cues = Sequence[tuple[Cue[ScoreCue], Played, Motion]]
 
 
 def note_passed(whole: Gesture, most: Array, cues: Cues, log: ScriptLog) -> None:
-    """Records where a speed or an acceleration passes its bound, once for each cue."""
+    """Records where a speed or an acceleration exceeds its bound, once for each cue."""
     sizes, middle = whole.peaks_of_pieces, 0.5 * (whole.breaks[1:] + whole.breaks[:-1])
     over = sizes > most * (1.0 + _ROUNDING)
     worst: dict[tuple[int, int, int], int] = {}
@@ -39,7 +39,7 @@ def note_passed(whole: Gesture, most: Array, cues: Cues, log: ScriptLog) -> None
 
 
 def moving(cues: Cues, t: float, v: int) -> list[int]:
-    """The cues that move a driven velocity at a time, or else the next one that does."""
+    """Indices of cues that move a driven velocity at a time, else of the next one that does."""
     own = [i for i, (_, _, motion) in enumerate(cues) if motion.named[v]]
     now = [i for i in own if cues[i][1].start <= t < cues[i][1].end]
     later = [i for i in own if cues[i][1].start >= t]

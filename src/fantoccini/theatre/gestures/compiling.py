@@ -1,4 +1,4 @@
-"""Score files compiled: lanes to one motion, captions, waits and sounds to times."""
+"""Compiler of score files: lanes become one motion; captions, waits and sounds get times."""
 
 from __future__ import annotations
 
@@ -25,44 +25,44 @@ _NO_BOUNDS = {"speed": 1.0, "acceleration": 1.0}
 
 
 def load_score(marionette: Marionette, path: str | os.PathLike[str]) -> Score:
-    """Reads and compiles a score file.
+    """Score of a file.
 
-    Where a gesture cannot begin in time, because the way to its start takes longer within the
-    bounds, it begins late, and :attr:`Score.changes` says so. They also say where lanes together
-    or gestures by themselves pass a bound.
+    A gesture begins late if the way to its start takes longer within the bounds;
+    :attr:`Score.changes` reports it. It also reports where lanes together or single gestures exceed
+    a bound.
 
     Args:
-        marionette: who performs it.
-        path: of the file.
+        marionette: puppet that performs it.
+        path: path of the file.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: the file has mistakes; all of them are listed, with their lines.
     """
     file, log = read_script(ScoreFile, path)
     return _Compiler(marionette, file, log).score()
 
 
 class _Compiler:
-    """Compiles one score file."""
+    """Compiler of one score file."""
 
     def __init__(self, marionette: Marionette, file: ScoreFile, log: ScriptLog):
         self._marionette, self._file, self._log = marionette, file, log
         self._table = marionette.coordinates
 
     def score(self) -> Score:
-        """The score.
+        """Compiled score.
 
         Raises:
-            FileError: it has mistakes.
+            FileError: the file has mistakes.
         """
         file, log, start = self._file, self._log, self._marionette.rest()
-        most = self._bounds()
-        gestures = ScoreGestures(self._marionette, file, start, most, log)
+        bounds = self._bounds()
+        gestures = ScoreGestures(self._marionette, file, start, bounds, log)
         lanes: dict[str, Any] = {lane: (("lanes", lane), cues) for lane, cues in file.lanes.items()}
-        placed = place_lanes(lanes, file.marks, gestures.of, most, log)
+        placed = place_lanes(lanes, file.marks, gestures.of, bounds, log)
         gestures.read_all()
         log.mistakes.refuse()
-        assert placed is not None  # or there are mistakes
+        assert placed is not None  # otherwise there are mistakes
         captions = tuple(self._caption(placed, i) for i in range(len(file.captions)))
         waits = self._waits(placed)
         sounds = read_sounds(file.sound, partial(placed.time, log=log), log)
@@ -74,7 +74,7 @@ class _Compiler:
             log.beat,
         )
         whole, own = placed.hands.motion(self._table, [*file.lanes], end)
-        note_passed(whole, most, placed.played, log)
+        note_passed(whole, bounds, placed.played, log)
         note_moving(whole, waits, placed.played, log)
         log.mistakes.refuse()
         last: list[tuple[Spot, float]] = [(("marks", name), t) for name, t in placed.marks.items()]
@@ -113,7 +113,7 @@ class _Compiler:
 
     def _bounds(self) -> Array:
         """(2, n_vK) bounds of speeds and accelerations."""
-        file, given = self._file, dict[str, Any]()
+        file, options = self._file, dict[str, Any]()
         for key in ("speed", "acceleration"):
             bound = getattr(file, key)
             for name, own in bound.items() if isinstance(bound, dict) else [("", bound)]:
@@ -122,12 +122,12 @@ class _Compiler:
                     limits(self._table, **(_NO_BOUNDS | {key: {name: own} if name else own}))
                 except (UnknownNameError, ValueError) as error:
                     self._log.mistakes.add(spot, str(error))
-            given[key] = bound
+            options[key] = bound
         self._log.mistakes.refuse()
-        return limits(self._table, **given)
+        return limits(self._table, **options)
 
     def _mover(self, placed: PlacedLanes, channel: str) -> Spot:
-        """The cue that moves a coordinate farthest."""
+        """Keys of the cue that moves a coordinate farthest."""
         places = pieces.channel_names(self._table)
         if channel not in places or not placed.played:
             return ("lanes",)
@@ -136,24 +136,24 @@ class _Compiler:
         return placed.played[int(np.argmax(sizes))][0].spot
 
     def _caption(self, placed: PlacedLanes, i: int) -> Caption:
-        given, log = self._file.captions[i], self._log
-        start = placed.time(given.at, ("captions", i, "at"), log)
-        end = placed.time(given.until, ("captions", i, "until"), log)
+        caption, log = self._file.captions[i], self._log
+        start = placed.time(caption.at, ("captions", i, "at"), log)
+        end = placed.time(caption.until, ("captions", i, "until"), log)
         if not end > start and not log.mistakes:
             text = f"ends {log.in_words(end)} and begins {log.in_words(start)}"
             log.mistakes.add(("captions", i), text)
-        return Caption(start, end, given.text)
+        return Caption(start, end, caption.text)
 
     def _waits(self, placed: PlacedLanes) -> tuple[Wait, ...]:
-        """The waits, in order of time."""
+        """Waits in order of time."""
         log, waits = self._log, list[Wait]()
-        for name, given in self._file.waits.items():
+        for name, entry in self._file.waits.items():
             spot: Spot = ("waits", name)
             if name in self._file.marks:
                 log.mistakes.add(spot, "a mark has this name; needed: a name of its own")
-            t, loop = placed.time(given.at, spot, log), None
-            if given.loop is not None:
-                loop = placed.time(given.loop, (*spot, "loop"), log)
+            t, loop = placed.time(entry.at, spot, log), None
+            if entry.loop is not None:
+                loop = placed.time(entry.loop, (*spot, "loop"), log)
                 if not loop < t - LATE and not log.mistakes:
                     text = f"begins {log.in_words(loop)} and ends {log.in_words(t)}"
                     log.mistakes.add((*spot, "loop"), text)

@@ -1,4 +1,4 @@
-"""Scores in live performances: their time runs, waits or goes round until GO.
+"""Time of scores in live performances: it runs, waits or loops until GO.
 
 t <- t + dt,   t <= t_wait,   or   t <- loop_start + (t - loop_start) mod (t_wait - loop_start)
 """
@@ -9,15 +9,15 @@ from fantoccini.base import UnknownNameError, check_not_negative
 from fantoccini.theatre.gestures.score import Score, Wait
 
 EARLY = 0.3
-"""Time before a wait from which on GO counts [s]: a press on the beat is early or late."""
+"""Time before a wait from which GO counts, so that a press on the beat may be early [s]."""
 
 
 class Conductor:
-    """The time of a score that is played live.
+    """Time of a score that is played live.
 
-    At a :class:`Wait` the time stands still until :meth:`go`; where the wait has a loop, the time
-    goes from the loop's start to the wait again and again, and after :meth:`go` it finishes the
-    round and goes on. The hands at that time are ``score.offsets(conductor.t)``.
+    At a :class:`Wait` the time stands still until :meth:`go`; if the wait has a loop, the time goes
+    from the loop's start to the wait repeatedly, and after :meth:`go` it finishes the round and
+    goes on. The hands at that time are ``score.offsets(conductor.t)``.
 
     ::
 
@@ -26,11 +26,11 @@ class Conductor:
             offsets, rates = score.offsets(conductor.advance(dt))
 
     Attributes:
-        score: what is played.
-        t: the score's time [s].
+        score: score that is played.
+        t: time of the score [s].
 
     Args:
-        score: what is played, from its start on.
+        score: score that is played, from its start.
     """
 
     def __init__(self, score: Score):
@@ -44,7 +44,7 @@ class Conductor:
 
     @property
     def waiting(self) -> Wait | None:
-        """The wait that GO would end: it stands at it or is within its loop; otherwise None."""
+        """Wait that GO would end: the time is at it or in its loop; otherwise None."""
         wait = self.upcoming
         if wait is None or self._released:
             return None
@@ -53,26 +53,26 @@ class Conductor:
 
     @property
     def upcoming(self) -> Wait | None:
-        """The next wait, also while it waits at it; None after the last one."""
+        """Next wait, even while it waits there; None after the last one."""
         waits = self.score.waits
         return waits[self._next] if self._next < len(waits) else None
 
     @property
     def standing(self) -> bool:
-        """Whether the time does not run: at a wait without a loop, or at the end."""
+        """Whether the time stands still: at a wait without a loop, or at the end."""
         wait = self.waiting
         return self.done or (wait is not None and wait.loop_start is None)
 
     @property
     def done(self) -> bool:
-        """Whether the score is at its end, and not waiting there."""
+        """Whether the score is at its end, and is not waiting there."""
         return self.t >= self.score.duration and self.waiting is None
 
     def advance(self, dt: float) -> float:
-        """Lets time pass; returns the score's time [s].
+        """Advances the time; returns the score's time [s].
 
         Args:
-            dt: time that has passed [s]; times a factor, the tempo is another.
+            dt: elapsed time [s]; a factor on it changes the tempo.
 
         Raises:
             ValueError: it is negative or not finite.
@@ -92,18 +92,18 @@ class Conductor:
 
     @property
     def released(self) -> bool:
-        """Whether GO has been given for the next wait, which it has not passed yet."""
+        """Whether GO has been given for the next wait, which is still to be passed."""
         return self._released
 
     def go(self, early: float = EARLY) -> bool:
-        """GO: ends the wait, a loop after its round.
+        """Ends the wait; a loop finishes its round.
 
         Args:
-            early: time before a wait from which on GO counts [s].
+            early: time before a wait from which GO counts [s].
 
         Returns:
-            Whether it did: earlier, after the last wait, and where GO has been given already, it
-            does nothing.
+            Whether it had an effect. It has none earlier, after the last wait, or if GO has been
+            given already.
         """
         wait = self.upcoming
         if wait is None or self._released:
@@ -115,13 +115,13 @@ class Conductor:
         return True
 
     def seek(self, to: float | str) -> float:
-        """Goes to a time [s], or to a mark or a wait by its name; returns the score's time [s].
+        """Goes to a time [s], or to a mark or a wait by name; returns the score's time [s].
 
-        Waits at that time or later are waited at again.
+        Waits at that time or later apply again.
 
         Raises:
-            UnknownNameError: a name that the score has not.
-            ValueError: a negative time.
+            UnknownNameError: the score has no such name.
+            ValueError: the time is negative.
         """
         if isinstance(to, str):
             places = {**self.score.marks, **{wait.name: wait.t for wait in self.score.waits}}

@@ -1,9 +1,9 @@
-"""Ends of a puppet's strings, moved together as one rigid body or each by itself.
+"""Ends of a puppet's strings, moved together as one rigid body or individually.
 
     z(t) + exp(i theta(t)) (a + i w(t))
 
-z = x + i y is the place of the middle between the shoulders' ends, theta the heading, a an end's
-place from the middle at the start, w the sway.
+z = x + i y is the middle between the shoulders' ends, theta the heading, a an end's place relative
+to the middle at the start, w the sway.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from fantoccini.motion import State, pieces
 from fantoccini.theatre.gestures.gesture import Gesture
 
 BODY = ("head", "shoulder_left", "shoulder_right")
-"""The strings that carry the body."""
+"""Strings that carry the body."""
 
 Curve = tuple[Array, Array, Array]
-"""Values and their first and second derivatives by time."""
+"""Values and their first and second derivatives with respect to time."""
 Complex = NDArray[np.complex128]
 """Any shape, x + i y [m]."""
 ComplexCurve = tuple[Complex, Complex, Complex]
-"""Places and their first and second derivatives by time."""
+"""Places and their first and second derivatives with respect to time."""
 
 
 @dataclass
 class Ends:
-    """Ends of a puppet's strings: their places, and how they move.
+    """Ends of a puppet's strings, with their places and motion.
 
     Attributes:
-        table: of the puppet or scene.
-        of: what stands before the strings' names: ``pierrot.``, or nothing.
+        table: coordinates of the puppet or scene.
+        of: prefix of the strings' names: ``pierrot.``, or nothing.
         places: string -> x + i y of its end at the start [m].
-        middle: between those of the shoulders [m].
+        middle: midpoint between the shoulders' ends [m].
         curves: driven coordinate -> offsets.
-        turns: whether they turn.
+        turns: whether the heading changes.
 
     Args:
-        start: where the puppet hangs.
+        start: state at rest.
 
     Raises:
         UnknownNameError: a string of the bundled marionette is missing.
@@ -71,13 +71,13 @@ class Ends:
         self.middle = 0.5 * (self.places["shoulder_left"] + self.places["shoulder_right"])
 
     def carry(self, path: ComplexCurve, heading: Curve, sway: Curve | None = None) -> None:
-        """Carries all ends as one rigid body along a path, and turns them about the middle.
+        """Moves all ends as one rigid body along a path, and turns them about the middle.
 
             moved = z + exp(i theta) (arm + i w) - arm
 
         Args:
-            path: z, the middle's place from its first one [m].
-            heading: theta, from the first one [rad].
+            path: z, place of the middle relative to its first one [m].
+            heading: theta, relative to the first one [rad].
             sway: w, to the left of the path [m].
         """
         self.turns = self.turns or bool(np.any(heading[0] != 0.0))
@@ -90,18 +90,18 @@ class Ends:
             moved = path[0] + arm - home
             speed = path[1] + 1j * rate * arm + 1j * e * w1
             second = path[2] + (1j * change - rate**2) * arm - 2.0 * rate * e * w1 + 1j * e * w2
-            for part, of in (("x", np.real), ("y", np.imag)):
-                self.add(f"{name}.{part}", (of(moved), of(speed), of(second)))
+            for part, component in (("x", np.real), ("y", np.imag)):
+                self.add(f"{name}.{part}", (component(moved), component(speed), component(second)))
 
     def add(self, name: str, curve: Curve) -> None:
-        """Moves a coordinate, beside what it does already."""
+        """Adds an offset to the motion of a coordinate."""
         before = self.curves.get(name)
         if before is not None:
             curve = (before[0] + curve[0], before[1] + curve[1], before[2] + curve[2])
         self.curves[name] = curve
 
     def gesture(self, t: Times, name: str, marks: dict[str, float], travels: bool) -> Gesture:
-        """The motion, as a gesture that has its breaks at the curves' times."""
+        """Motion as a gesture with breaks at the curves' times."""
         h, n = np.diff(t), self.table.n_vK
         coef, named = np.zeros((len(h), n, polynomial.N_COEF)), np.zeros(n, dtype=bool)
         travel, known = np.zeros(n), pieces.channel_names(self.table)
@@ -115,5 +115,5 @@ class Ends:
 
 
 def times(factor: float | Array, curve: Curve) -> Curve:
-    """A curve with all its values multiplied."""
+    """A curve multiplied by a factor."""
     return factor * curve[0], factor * curve[1], factor * curve[2]

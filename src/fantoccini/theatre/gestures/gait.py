@@ -1,8 +1,8 @@
-"""Steps of the bundled marionette, as waypoints of its strings' ends.
+"""Gait of the bundled marionette, as waypoints of its strings' ends.
 
-The puppet is let down until its feet carry a third of it. In every step the ends of the shoulders'
-strings sway to one side, the knee's string there lifts its leg, carries it forward and sets it
-down, and the body follows. All moves have minimum jerk.
+The puppet is lowered until its feet carry a third of its weight. In every step the ends of the
+shoulders' strings sway to one side, the knee's string there lifts its leg, carries it forward and
+sets it down, and the body follows. All moves have minimum jerk.
 """
 
 from __future__ import annotations
@@ -15,38 +15,38 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import Input, State
 
 _SIDES = (("left", 1.0), ("right", -1.0))
-_BRIEF = 0.02
-"""Shortest move [s]."""
-_SET_BACK = 0.15
-"""Share of a step in which a knee that went too far comes back."""
+_MIN_TIME = 0.02
+"""Least duration of a move [s]."""
+_RETURN_SHARE = 0.15
+"""Share of a step in which a knee returns from its overshoot."""
 
 Waypoints = dict[str, list[tuple[float, float]]]
 
 
 @dataclass(frozen=True)
 class Gait:
-    """Numbers of a walk; shares are of a step's time and may reach into the steps beside it.
+    """Parameters of a walk; shares are of a step's time and may extend into adjacent steps.
 
-    With the default ones ``promenade`` walks in a cycle whose feet slip by less than a millimetre a
-    step (docs/optimal.md). ``fan.tune`` finds others: ``fan.tune(stage, lambda v:
+    With the default values ``promenade`` walks in a cycle whose feet slip by less than a millimetre
+    per step (docs/optimal.md). ``fan.tune`` finds others: ``fan.tune(stage, lambda v:
     Gait(**v).inputs(stage, 20), {...}, cost, t_end=25.0)``.
 
     Attributes:
-        stride: way of the body in a step; a foot goes twice as far [m].
-        duration: of a step [s].
-        lower: how far shoulders and head are let down from where the stage hangs [m].
-        nod: how much farther the head [m].
-        lean: how far the head's string is carried forward [m].
-        slack: let out of the knees' strings; below 0 counts as 0 [m].
-        ahead, apart: how far the knees' strings are carried forward and outward [m].
-        lift: how far a knee's string is pulled up, beside what is let out [m].
-        lifts, highest, lands: shares at which it leaves, is up and is down again.
-        swings, arrives: shares between which it goes forward.
-        beyond: overshoot of the knee's string, which then comes back [m].
-        sway: of shoulders and head to the side of the foot that is lifted; below 0 to the other
-            side [m].
+        stride: distance of the body in a step; a foot goes twice as far [m].
+        duration: duration of a step [s].
+        lower: distance by which shoulders and head are lowered from the stage's rest [m].
+        nod: additional distance by which the head is lowered [m].
+        lean: distance by which the head's string is carried forward [m].
+        slack: length let out of the knees' strings; below 0 counts as 0 [m].
+        ahead, apart: distances by which the knees' strings are carried forward and outward [m].
+        lift: length by which a knee's string is pulled up, in addition to the slack [m].
+        lifts, highest, lands: shares at which a knee leaves, is highest and is down again.
+        swings, arrives: shares between which a knee goes forward.
+        beyond: overshoot of the knee's string, which then returns [m].
+        sway: distance of shoulders and head towards the side of the lifted foot; below 0 to the
+            other side [m].
         sways, swayed: start and end of the sway, as shares.
-        follows, followed: start and end of the body's way, as shares.
+        follows, followed: start and end of the body's motion, as shares.
 
     Raises:
         ValueError: the duration is not above 0.
@@ -77,16 +77,16 @@ class Gait:
         check_positive(duration=self.duration)
 
     def inputs(self, stage: Marionette, steps: int, x0: State | None = None) -> Input:
-        """The motion of so many steps, after one step's time to get ready.
+        """Motion of several steps, after one step's time of preparation.
 
         Args:
-            stage: a marionette, or a scene of one, that has the bundled one's strings.
-            steps: how many; the left foot goes first, the last one closes up.
-            x0: where it begins; ``stage.rest()`` when not given.
+            stage: a marionette, or a scene of one, with the strings of the bundled one.
+            steps: number of steps; the left foot goes first, the last step closes up.
+            x0: state at the start; ``stage.rest()`` by default.
 
         Raises:
             UnknownNameError: the stage has other driven coordinates.
-            ValueError: fewer than two steps.
+            ValueError: there are fewer than two steps.
         """
         if steps < 2:
             raise ValueError(f"steps is {steps!r}; at least 2 are needed, the second closes up")
@@ -97,7 +97,7 @@ class Gait:
         return Input.waypoints(stage, self.waypoints(x0, steps))
 
     def waypoints(self, x0: State, steps: int) -> Waypoints:
-        """(time, value) of every string's end that moves, from those of a state on."""
+        """(time, value) of every moved coordinate of the strings, starting at those of a state."""
         moves = _Moves(x0)
         first, D = x0.t + self.duration, self.duration
         for side, sign in _SIDES:
@@ -110,7 +110,7 @@ class Gait:
         body = ("head", "shoulder_left", "shoulder_right")
         for step in range(steps):
             side, sign = _SIDES[step % 2]
-            # The first step and the last are half as long; the sway begins in the middle.
+            # The first step and the last are half as long; the sway begins at the middle.
             half = 0.5 if step in (0, steps - 1) else 1.0
             sway = (2.0 if step else 1.0) * sign * self.sway
 
@@ -124,9 +124,11 @@ class Gait:
             up = self.lift + max(self.slack, 0.0)
             moves.by(f"knee_{side}.length", at(self.lifts), at(self.highest), -up)
             moves.by(f"knee_{side}.length", at(self.highest), at(self.lands), up)
-            far = 2.0 * half * self.stride + self.beyond
-            moves.by(f"knee_{side}.x", at(self.swings), at(self.arrives), far)
-            moves.by(f"knee_{side}.x", at(self.arrives), at(self.arrives + _SET_BACK), -self.beyond)
+            reach = 2.0 * half * self.stride + self.beyond
+            moves.by(f"knee_{side}.x", at(self.swings), at(self.arrives), reach)
+            moves.by(
+                f"knee_{side}.x", at(self.arrives), at(self.arrives + _RETURN_SHARE), -self.beyond
+            )
         start, end = (first + D * (steps + share) for share in (self.sways, self.swayed))
         for name in body:
             moves.by(f"{name}.y", start, end, moves.back(f"{name}.y"))
@@ -134,10 +136,10 @@ class Gait:
 
 
 class _Moves:
-    """Waypoints as they grow.
+    """Waypoints under construction.
 
     Args:
-        x0: where all begins.
+        x0: state at the start.
     """
 
     def __init__(self, x0: State) -> None:
@@ -145,7 +147,7 @@ class _Moves:
         self.points: Waypoints = defaultdict(list)
 
     def by(self, name: str, start: float, end: float, way: float) -> None:
-        """Moves a coordinate on by ``way`` [m] between two times [s], or later."""
+        """Moves a coordinate by ``way`` [m] between two times [s], after its last waypoint."""
         points = self.points[name]
         if not points:
             points.append((self._x0.t, float(self._x0[name])))
@@ -153,9 +155,9 @@ class _Moves:
         start = max(start, t)
         if start > t:
             points.append((start, value))
-        points.append((max(end, start + _BRIEF), value + way))
+        points.append((max(end, start + _MIN_TIME), value + way))
 
     def back(self, name: str) -> float:
-        """Distance of a coordinate from its start [m]."""
+        """Offset that returns a coordinate to its start [m]."""
         points = self.points[name]
         return points[0][1] - points[-1][1]

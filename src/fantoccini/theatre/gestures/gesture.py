@@ -1,8 +1,8 @@
-"""Gestures: offsets of driven coordinates from where the puppet hangs, over time.
+"""Gestures: offsets of driven coordinates from the puppet's rest, over time.
 
     q_K(t) = q_K0 + d(t),   rotations: R(t) = R_0 exp([d(t)]x)
 
-d(t) is a piecewise quintic, C^1 at its breaks. What a gesture does not name, it leaves alone.
+d(t) is a piecewise quintic, C^1 at its breaks. Coordinates that a gesture does not name stay free.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from fantoccini.theatre.gestures.turns import from_start
 if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
-_STILL = 1e-9
+_MAX_REST_SPEED = 1e-9
 """Speed below which a gesture is at rest [m/s or rad/s]."""
-_MOMENT = 0.02
-"""Duration of stillness before a gesture that begins in motion, and after one that ends so [s]."""
+_REST_TIME = 0.02
+"""Duration of rest before a gesture that begins in motion, and after one that ends so [s]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gesture:
-    """A short motion of part of a puppet, relative to where it hangs.
+    """A short motion of part of a puppet, relative to its rest.
 
     ::
 
@@ -53,17 +53,17 @@ class Gesture:
         run = fan.simulate(puppet, x0, both.inputs(x0))
 
     Attributes:
-        coordinates: names and places of the coordinates.
-        breaks: (n + 1,) times, from 0 on [s].
+        coordinates: names and indices of the coordinates.
+        breaks: (n + 1,) times, from 0 [s].
         coef: (n, n_vK, 6) offsets: ascending powers of the time since the piece began
             [m or rad, s].
-        named: (n_vK,) bool, which coordinates it moves.
-        travel: (n_vK,) the part of its last offset that becomes the place of what follows, as
-            after a walk [m or rad].
-        name: of the gesture.
-        marks: name -> time within it [s]: when the hand is up, when the foot lands. Of gestures
-            in a row the second mark of a name is called ``up 2``, and so on.
-        turns: whether it turns the ends of all strings together: then it is neither scaled nor
+        named: (n_vK,) bool, whether it moves a coordinate.
+        travel: (n_vK,) part of its last offset that shifts the origin of later gestures, as after a
+            walk [m or rad].
+        name: name of the gesture.
+        marks: name -> time within it [s], such as that at which a hand is up or a foot lands. Of
+            gestures in a row the second mark of a name is called ``up 2``, and so on.
+        turns: whether it turns the ends of all strings together: it is then neither scaled nor
             repeated, which would tear them apart.
     """
 
@@ -100,39 +100,39 @@ class Gesture:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return float(self.breaks[-1])
 
     @cached_property
     def uses(self) -> tuple[str, ...]:
-        """The strings and joints whose coordinates it moves."""
+        """Strings and joints whose coordinates it moves."""
         places = pieces.channel_names(self.coordinates)
         named = [name for name, (_, v) in places.items() if self.named[v.start]]
         return tuple(dict.fromkeys(name.rsplit(".", 1)[0] for name in named))
 
     @property
     def motion(self) -> Motion:
-        """Its arrays."""
+        """Arrays of the gesture."""
         return Motion(self.breaks, self.coef, self.named, self.travel)
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """(2, n_vK) offsets and (2, n_vK) rates with which it begins and ends."""
+        """(2, n_vK) offsets and (2, n_vK) rates at its beginning and end."""
         both = [piecewise.at(self.breaks, self.coef, t) for t in (0.0, self.duration)]
         return np.array([d for d, _ in both]), np.array([rate for _, rate in both])
 
     def offsets(self, t: float) -> tuple[VecK, VecK]:
-        """(n_vK,) offsets and (n_vK,) rates at a time [s]; outside of it those at its ends."""
+        """(n_vK,) offsets and (n_vK,) rates at a time [s], which is clipped to its duration."""
         return piecewise.at(self.breaks, self.coef, float(np.clip(t, 0.0, self.duration)))
 
     @property
     def peaks(self) -> Array:
-        """(2, n_vK) its largest speeds, bounded to some 1e-3, and accelerations."""
+        """(2, n_vK) largest speeds, as bounds within about 1e-3, and accelerations."""
         return np.max(self.peaks_of_pieces, axis=0)
 
     @cached_property
     def peaks_of_pieces(self) -> Array:
-        """(n, 2, n_vK) those of every piece."""
+        """(n, 2, n_vK) peaks of every piece."""
         return piecewise.peaks(self.breaks, self.coef)
 
     # -- making one --------------------------------------------------------------------------
@@ -147,20 +147,20 @@ class Gesture:
         name: str = "",
         marks: Mapping[str, float] | None = None,
     ) -> Gesture:
-        """Smooth moves through offsets, at rest at both ends, from time 0 on.
+        """Gesture with smooth moves through offsets from time 0, at rest at both ends.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
-            points: what moves -> list of (t [s], offset [m or rad]). What moves is a driven
-                coordinate (``hand_right.length``), or a string and a direction: ``hand_right.up``
-                and ``.down`` wind it, ``.forward``, ``.back``, ``.left`` and ``.right`` carry its
-                end along x and y, ``.out`` and ``.in`` away from the middle and towards it where
-                its name says left or right.
+            points: moved name -> list of (t [s], offset [m or rad]). A name is a driven coordinate
+                (``hand_right.length``), or a string and a direction: ``hand_right.up`` and
+                ``.down`` wind it, ``.forward``, ``.back``, ``.left`` and ``.right`` carry its end
+                along x and y, ``.out`` and ``.in`` away from the middle and towards it, for names
+                with left or right.
             travels: whether the puppet is at its new place afterwards, as after a walk.
             name, marks: see the class.
 
         Raises:
-            InputError: with every mistake.
+            InputError: the points have mistakes; all of them are listed.
             ValueError: nothing moves, or a mark is not within the gesture.
         """
         if not points:
@@ -180,23 +180,23 @@ class Gesture:
         name: str = "",
         marks: Mapping[str, float] | None = None,
     ) -> Gesture:
-        """:meth:`of` from arrays: driven scalar coordinate -> times and offsets."""
+        """Gesture as in :meth:`of`, from arrays: driven scalar coordinate -> times and offsets."""
         channels = pieces.through_waypoints(table, offsets)
         breaks, coef, _, named = pieces.assembled(table, channels, (0.0,))
         coef[:, ~named] = 0.0
-        made = cls(table, breaks, coef, named, np.zeros(table.n_vK), name, dict(marks or {}))
-        return dataclasses.replace(made, travel=made.ends[0][1]) if travels else made
+        gesture = cls(table, breaks, coef, named, np.zeros(table.n_vK), name, dict(marks or {}))
+        return dataclasses.replace(gesture, travel=gesture.ends[0][1]) if travels else gesture
 
     @classmethod
     def of_input(cls, inputs: Input, *, travels: bool = False, name: str = "") -> Gesture:
-        """The motion of an input from its start on: of a recording, a plan or a search.
+        """Gesture that follows an input from its start: a recording, a plan or a search's result.
 
         Args:
-            inputs: the motion; ``recording.inputs`` of a live take, ``best.inputs`` of a search.
+            inputs: motion; ``recording.inputs`` of a live take, ``best.inputs`` of a search.
             travels, name: see :meth:`of`.
 
         Raises:
-            StateError: it turns a driven body by nearly 180 degrees, or travels and turns one.
+            StateError: a driven body turns by nearly 180 degrees, or it travels and turns a body.
         """
         table, coef = inputs.coordinates, from_start(inputs, np.diff(inputs.breaks))
         for _, v in table.scalars_K:
@@ -206,17 +206,17 @@ class Gesture:
             raise StateError("a gesture that turns a driven body cannot travel")
         coef[:, ~inputs.named] = 0.0
         breaks = inputs.breaks - inputs.breaks[0]
-        made = cls(table, breaks, coef, inputs.named, np.zeros(table.n_vK), name or inputs.name)
-        return dataclasses.replace(made, travel=made.ends[0][1]) if travels else made
+        gesture = cls(table, breaks, coef, inputs.named, np.zeros(table.n_vK), name or inputs.name)
+        return dataclasses.replace(gesture, travel=gesture.ends[0][1]) if travels else gesture
 
     @classmethod
     def rest(cls, table: Table, duration: float = 0.5, *, everything: bool = True) -> Gesture:
-        """Hangs still: after other gestures, the way back to where the puppet hangs.
+        """Gesture that hangs still; after other gestures it is the way back to rest.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
-            duration: [s].
-            everything: whether every coordinate goes there; otherwise all stay where they are.
+            duration: duration [s].
+            everything: whether every coordinate returns to rest; otherwise all stay where they are.
         """
         check_positive(duration=duration)
         table = reading.table_of(table)
@@ -227,14 +227,14 @@ class Gesture:
     # -- changing one ------------------------------------------------------------------------
 
     def called(self, name: str) -> Gesture:
-        """The same under another name."""
+        """Copy with another name."""
         return dataclasses.replace(self, name=name)
 
     def scaled(self, factor: float) -> Gesture:
-        """Larger, or below 1 smaller.
+        """Copy with all offsets multiplied by a factor.
 
         Raises:
-            StateError: it turns: a larger one is another turn, with ``turn`` or ``to``.
+            StateError: it turns; for a larger turn give another ``turn`` or ``to``.
         """
         check_positive(factor=factor)
         if self.turns and factor != 1.0:
@@ -242,7 +242,7 @@ class Gesture:
         return dataclasses.replace(self, coef=factor * self.coef, travel=factor * self.travel)
 
     def faster(self, factor: float) -> Gesture:
-        """In 1/factor of the time; below 1 slower."""
+        """Copy that takes 1/factor of the time; below 1 it is slower."""
         check_positive(factor=factor)
         return dataclasses.replace(
             self,
@@ -252,12 +252,12 @@ class Gesture:
         )
 
     def lasting(self, duration: float) -> Gesture:
-        """The same in another duration [s]."""
+        """Copy with another duration [s]."""
         check_positive(duration=duration)
         return self.faster(self.duration / duration)
 
     def delayed(self, by: float) -> Gesture:
-        """The same after a pause at its first offsets [s]."""
+        """Copy after a pause at its first offsets [s]."""
         check_positive(by=by)
         clock = np.append(0.0, self.breaks + by)
         return dataclasses.replace(
@@ -268,13 +268,13 @@ class Gesture:
         )
 
     def moved(self, by: Mapping[str, float]) -> Gesture:
-        """The same from another place: what moves, by how much [m or rad].
+        """Copy with constant offsets added [m or rad].
 
         Args:
-            by: names as in :meth:`of`.
+            by: offsets, by names as in :meth:`of`.
 
         Raises:
-            InputError: with every mistake.
+            InputError: the names have mistakes; all of them are listed.
         """
         mistakes = Mistakes.of_inputs()
         points = {name: [(0.0, offset)] for name, offset in by.items()}
@@ -289,13 +289,13 @@ class Gesture:
         return dataclasses.replace(self, coef=coef, named=named)
 
     def mirrored(self) -> Gesture:
-        """Its reflection in the x-z plane: what is called left changes places with right.
+        """Reflection in the x-z plane: names with left and right are exchanged.
 
-        Lengths, motions along x and z and angles of joints stay, motions along y and turns of
-        bodies about x and z change their signs.
+        Lengths, motions along x and z and joint angles keep their signs; motions along y and turns
+        of bodies about x and z change theirs.
 
         Raises:
-            UnknownNameError: something has no twin.
+            UnknownNameError: a coordinate has no twin.
             StateError: it moves a joint without a side.
         """
         coef, travel = np.zeros_like(self.coef), np.zeros_like(self.travel)
@@ -315,7 +315,7 @@ class Gesture:
         return dataclasses.replace(self, coef=coef, named=named, travel=travel)
 
     def turned(self, angle: float) -> Gesture:
-        """With forward and left turned about the vertical, as for a puppet that has turned [rad].
+        """Copy turned about the vertical by an angle, for a puppet that has turned [rad].
 
         Raises:
             StateError: it moves an end along x or y that is not driven along both, or turns a body.
@@ -331,10 +331,10 @@ class Gesture:
         return dataclasses.replace(self, coef=coef, travel=travel, named=named)
 
     def repeated(self, times: int, **options: Any) -> Gesture:
-        """Several times in a row; options are those of :meth:`then`.
+        """Copy repeated several times in a row; options are those of :meth:`then`.
 
         Raises:
-            StateError: it turns: the second time it needs another heading.
+            StateError: it turns: the second time needs another heading.
         """
         if not isinstance(times, int) or times < 1:
             raise ValueError(f"times is {times!r}; it must be a whole number of at least 1")
@@ -345,16 +345,16 @@ class Gesture:
     def then(
         self, *others: Gesture, speed: Most = SPEED, acceleration: Most = ACCELERATION
     ) -> Gesture:
-        """This, then the others, in one motion whose position and velocity never jump.
+        """This gesture, then others, in one motion whose position and velocity are continuous.
 
-        Where one ends in another place or at another speed than the next one begins, a quintic
-        leads over, as short as the bounds allow. Coordinates that the next one does not name stay
-        where they are, and stop.
+        If one ends at another place or speed than the next one begins, a quintic leads over, as
+        short as the bounds allow. Coordinates that the next one does not name stop and stay where
+        they are.
 
         Args:
-            others: of the same puppet.
-            speed, acceleration: bounds of what leads over, for all or by name [m/s, m/s^2, rad/s,
-                rad/s^2]. What the gestures do themselves is left alone: see :attr:`peaks`.
+            others: gestures of the same puppet.
+            speed, acceleration: bounds of the transitions, for all or by name [m/s, m/s^2, rad/s,
+                rad/s^2]. They do not apply to the gestures: see :attr:`peaks`.
 
         Raises:
             ValueError: they are of different puppets, or a bound is not greater than 0.
@@ -362,16 +362,16 @@ class Gesture:
         binding.check_same_puppet([gesture.coordinates for gesture in (self, *others)])
         line = Line.empty(limits(self.coordinates, speed, acceleration), *(x[0] for x in self.ends))
         marks: dict[str, float] = {}
-        for one in (self, *others):
-            line, begun, _ = line.add(one.motion)
-            for name, t in one.marks.items():
+        for gesture in (self, *others):
+            line, begun, _ = line.add(gesture.motion)
+            for name, t in gesture.marks.items():
                 marks[numbered(name, marks)] = begun + t
         names = dict.fromkeys(gesture.name for gesture in (self, *others) if gesture.name)
         turns = any(gesture.turns for gesture in (self, *others))
         return Gesture(self.coordinates, *line.motion, ", ".join(names), marks, turns)
 
     def __add__(self, other: Gesture) -> Gesture:
-        """Both at once, from the same time on; the shorter one holds its end.
+        """Sum of two gestures from the same time on; the shorter one holds its end.
 
         Raises:
             ValueError: they are of different puppets.
@@ -381,7 +381,7 @@ class Gesture:
             return NotImplemented
         binding.check_same_puppet([self.coordinates, other.coordinates])
         shorter = min(self, other, key=lambda one: one.duration)
-        if self.duration != other.duration and np.max(np.abs(shorter.ends[1][1])) > _STILL:
+        if self.duration != other.duration and np.max(np.abs(shorter.ends[1][1])) > _MAX_REST_SPEED:
             raise StateError(f"{shorter!r} ends in motion; what is added to it must end with it")
         for label, (_, v) in self.coordinates.rotations.items():
             if self.named[v] and other.named[v]:
@@ -403,20 +403,20 @@ class Gesture:
     # -- using one ---------------------------------------------------------------------------
 
     def inputs(self, x0: State, *, speed: Most = SPEED, acceleration: Most = ACCELERATION) -> Input:
-        """The motion from a state on, at rest at both ends.
+        """Input from a state on, at rest at both ends.
 
-        Where the gesture begins elsewhere or in motion, a transition leads there first, so that
-        all its times are later by that; where it ends in motion, one stops it.
+        A gesture that begins elsewhere or in motion is preceded by a transition, which delays all
+        its times; one that ends in motion is followed by a stop.
 
         Args:
-            x0: the state from which offsets count, at rest; the input begins at its time.
+            x0: state at rest from which offsets count; the input begins at its time.
             speed, acceleration: see :meth:`then`.
         """
-        still = Gesture.rest(self.coordinates, _MOMENT, everything=False)
+        still = Gesture.rest(self.coordinates, _REST_TIME, everything=False)
         whole, (offsets, rates) = self, self.ends
-        if np.any(np.abs(offsets[0]) > SAME) or np.any(np.abs(rates[0]) > _STILL):
+        if np.any(np.abs(offsets[0]) > SAME) or np.any(np.abs(rates[0]) > _MAX_REST_SPEED):
             whole = still.then(whole, speed=speed, acceleration=acceleration)
-        if np.any(np.abs(rates[1]) > _STILL):
+        if np.any(np.abs(rates[1]) > _MAX_REST_SPEED):
             whole = whole.then(still, speed=speed, acceleration=acceleration)
         table, coef = self.coordinates, np.array(whole.coef)
         base = np.tile(x0.q_K, (len(coef), 1))
@@ -427,8 +427,8 @@ class Gesture:
 
 
 def numbered(name: str, taken: Mapping[str, float]) -> str:
-    """The name, or with the first number that is free."""
-    made, k = name, 2
-    while made in taken:
-        made, k = f"{name} {k}", k + 1
-    return made
+    """The name, with the first free number if it is taken."""
+    numbered_name, k = name, 2
+    while numbered_name in taken:
+        numbered_name, k = f"{name} {k}", k + 1
+    return numbered_name

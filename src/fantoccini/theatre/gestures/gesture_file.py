@@ -1,4 +1,4 @@
-"""Gesture files: gestures in YAML. Every mistake is reported with its location."""
+"""Reader of gesture files in YAML. Every mistake is reported with its location."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ from fantoccini.theatre.gestures.gesture import Gesture
 from fantoccini.theatre.gestures.parameters import MADE, Parameters, made_gesture, member_prefix
 
 _FOLDER = Path(__file__).parent / "marionette"
-_STILL = 1e-9
-"""Largest speed and acceleration of what does not move [m/s, m/s^2 or rad]."""
+_MAX_REST_PEAK = 1e-9
+"""Largest speed and acceleration of a coordinate at rest [m/s, m/s^2 or rad]."""
 _VALUE = quantity_schema(LENGTHS, ANGLES)
 _POINTS = {
     "type": "array",
@@ -57,20 +57,20 @@ _POINTS = {
 
 
 class KeyPoses(Model):
-    """Places of points of bodies, for which lengths and ends of strings are found."""
+    """Places of points of bodies, from which lengths and ends of strings are computed."""
 
     strings: Annotated[tuple[str, ...], Field(min_length=1)]
-    """The strings that move."""
+    """Strings that move."""
     at: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
     """Times of the poses, increasing [s]."""
     points: Annotated[dict[str, tuple[Place, ...]], Field(min_length=1)]
-    """Body -> how far its point is from where it hangs, at every time: forward, left, up [m]."""
+    """Body -> offsets of its point from rest, one for each time: forward, left, up [m]."""
     of: dict[str, Place] = Field(default_factory=dict)
-    """Body -> the point in its frame; its origin where not given [m]."""
+    """Body -> point in its frame; its origin by default [m]."""
 
     @model_validator(mode="after")
     def _match(self) -> KeyPoses:
-        found: list[Finding] = [
+        findings: list[Finding] = [
             (("at", i + 1), f"found {b:g} s after {a:g} s; times must increase")
             for i, (a, b) in enumerate(pairwise(self.at))
             if not b > a
@@ -78,29 +78,29 @@ class KeyPoses(Model):
         for body, places in self.points.items():
             if len(places) != len(self.at):
                 text = f"found {len(places)} places at {len(self.at)} times; needed: one at each"
-                found.append((("points", body), text))
+                findings.append((("points", body), text))
         refuse(
-            [*found, *unknown_names(self.of, self.points, "{} is not among the points", ("of",))]
+            [*findings, *unknown_names(self.of, self.points, "{} is not among the points", ("of",))]
         )
         return self
 
 
 class GestureFile(Document):
-    """A gesture: offsets from where the puppet hangs."""
+    """A gesture: offsets from the puppet's rest."""
 
     kind: ClassVar = Kind(
         "gesture", "a gesture has the keys `gesture`, and `moves` or `poses`", _FOLDER
     )
 
     gesture: Name
-    """The gesture's name."""
+    """Name of the gesture."""
     about: str = ""
-    """Description of what an audience sees."""
+    """Description for the audience."""
     moves: dict[str, Annotated[Any, WithJsonSchema(_POINTS)]] = Field(default_factory=dict)
     """Moved name -> list of [time s, offset]: a driven coordinate, or a string and a direction
     (`hand_right.up`); offsets in m or rad, or with a unit (`12 cm`, `30 deg`)."""
     poses: KeyPoses | None = None
-    """Key poses, beside the moves."""
+    """Key poses, in addition to the moves."""
     marks: dict[Name, NotNegative] = Field(default_factory=dict)
     """Name -> time within the gesture [s]."""
     travels: bool = False
@@ -119,12 +119,12 @@ def gesture_schema() -> dict[str, Any]:
 
 
 def gesture_names() -> tuple[str, ...]:
-    """Names of the bundled gestures, of the bundled marionette."""
+    """Names of the bundled gestures for the bundled marionette."""
     return tuple(sorted({*GestureFile.kind.bundled, *MADE}))
 
 
 def bundled(name: str) -> Path:
-    """The file of a bundled gesture."""
+    """Path of a bundled gesture."""
     return _FOLDER / f"{name}.yaml"
 
 
@@ -139,35 +139,33 @@ def load_gesture(
     turn: float | None = None,
     to: To | None = None,
 ) -> Gesture:
-    """Reads a gesture file, or a take; or makes a bundled gesture.
+    """Gesture of a file or a take, or a bundled gesture.
 
-    A take (``.npz``) is a gesture from its start on, of what moves in it.
+    A take (``.npz``) is a gesture from its start, of the coordinates that move in it.
 
     Args:
-        puppet: whose gesture it is; a marionette where the file has key poses, and for walks and
-            places.
-        path: of the file, or the name of a bundled gesture (``wave``).
-        start: where the puppet hangs, for key poses, walks and places; ``puppet.rest()`` when not
-            given.
-        of: the member of a scene that does it: ``hand_right`` is then ``pierrot.hand_right``.
-        steps, step, turn: of ``walk``: how many, the length of each [m], and the angle by which
-            they turn to the left in all [rad]; 4, 6 cm and 0 when not given.
-        to: the place that ``point`` or ``look`` is for [m], or a body that is there at the start.
+        puppet: puppet that performs it; a marionette for key poses, walks and places.
+        path: path of the file, or the name of a bundled gesture (``wave``).
+        start: state at rest, for key poses, walks and places; ``puppet.rest()`` by default.
+        of: member of a scene that performs it: ``hand_right`` is then ``pierrot.hand_right``.
+        steps, step, turn: parameters of ``walk``: number of steps, length of each [m], and their
+            total angle to the left [rad]; 4, 6 cm and 0 by default.
+        to: target of ``point`` or ``look``: a place [m], or the place of a body at the start.
 
     Raises:
-        FileError: with every mistake found and its location.
-        InputError: likewise, of the arguments.
+        FileError: the file has mistakes; all of them are listed, with their lines.
+        InputError: the arguments have mistakes.
         UnknownNameError: the scene has no such member.
     """
     name = os.fspath(path)
-    given = Parameters(steps, step, turn, to)
+    parameters = Parameters(steps, step, turn, to)
     prefix = member_prefix(reading.table_of(puppet), of)
     if not os.path.isfile(name):
         if name not in gesture_names():
             raise GestureFile.kind.missing(name, gesture_names())
-        if given.makes(name):
-            return made_gesture(puppet, name, given, prefix, start)
-    given.refuse(Path(name).stem)
+        if parameters.makes(name):
+            return made_gesture(puppet, name, parameters, prefix, start)
+    parameters.refuse(Path(name).stem)
     if name.lower().endswith(".npz"):
         if of:
             text = "a take has the names of the scene; leave `of` out"
@@ -177,50 +175,52 @@ def load_gesture(
 
 
 def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, prefix: str) -> Gesture:
-    """The gesture of a file."""
+    """Gesture of a file."""
     file = read_document(path, GestureFile)
     table, mistakes = reading.table_of(puppet), Mistakes(file.located, file.kind.error)
-    given = {prefix + name: points for name, points in file.moves.items()}
-    offsets: dict[str, Points] = moves.read(table, given, mistakes, ("moves",))
+    prefixed = {prefix + name: points for name, points in file.moves.items()}
+    offsets: dict[str, Points] = moves.read(table, prefixed, mistakes, ("moves",))
     mistakes.found = [
         (tuple(x.removeprefix(prefix) if isinstance(x, str) else x for x in spot), text)
         for spot, text in mistakes.found
     ]
     if file.poses is not None and not mistakes:
-        found = _of_poses(puppet, file, file.poses, start, offsets, prefix)
-        for channel, points in found.items():
+        pose_offsets = _of_poses(puppet, file, file.poses, start, offsets, prefix)
+        for channel, points in pose_offsets.items():
             if channel in offsets:
                 mistakes.add(("moves",), f"move {channel}, as the string of the poses does")
             offsets[channel] = points
     if not mistakes:
-        made = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
+        gesture = Gesture.of_offsets(table, offsets, travels=file.travels, name=file.gesture)
         for mark, t in file.marks.items():
-            if t > made.duration + SAME_TIME:
-                text = f"found {t:g} s; the gesture ends at {made.duration:g} s"
+            if t > gesture.duration + SAME_TIME:
+                text = f"found {t:g} s; the gesture ends at {gesture.duration:g} s"
                 mistakes.add(("marks", mark), text)
     mistakes.refuse()
-    return dataclasses.replace(made, marks=dict(file.marks))
+    return dataclasses.replace(gesture, marks=dict(file.marks))
 
 
 def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
-    """The motion of a take, as a gesture.
+    """Gesture with the motion of a take.
 
     Args:
-        inputs: of the take.
-        name: of the gesture.
-        file: of the take, for messages.
+        inputs: input of the take.
+        name: name of the gesture.
+        file: file of the take, for messages.
 
     Raises:
         FileError: nothing moves, or a driven body turns by nearly 180 degrees or more.
     """
     try:
-        made = Gesture.of_input(inputs, name=name)
+        gesture = Gesture.of_input(inputs, name=name)
     except StateError as error:
         raise FileError([Mistake(file or name, None, "", str(error))]) from None
-    moves_at_all = made.named & np.any(np.abs(made.peaks) > _STILL, axis=0)
+    moves_at_all = gesture.named & np.any(np.abs(gesture.peaks) > _MAX_REST_PEAK, axis=0)
     if not moves_at_all.any():
         raise FileError([Mistake(file or name, None, "", "nothing moves in this take")])
-    return dataclasses.replace(made, named=moves_at_all, coef=made.coef * moves_at_all[:, None])
+    return dataclasses.replace(
+        gesture, named=moves_at_all, coef=gesture.coef * moves_at_all[:, None]
+    )
 
 
 def is_gesture(path: str | os.PathLike[str]) -> bool:
@@ -236,7 +236,7 @@ def _of_poses(
     moved: dict[str, Points],
     prefix: str,
 ) -> dict[str, Points]:
-    """Offsets of strings with which the puppet hangs at key poses, moved as it is then."""
+    """Offsets of strings for the key poses, on top of the moves at their times."""
     mistakes = Mistakes(file.located, file.kind.error)
     if not isinstance(puppet, Marionette):
         raise TypeError(f"{file.located.file} has key poses; it takes a Marionette")
@@ -260,7 +260,7 @@ def _of_poses(
         home = pose[:3, 3] + pose[:3, :3] @ np.array(at)
         targets[prefix + body, at] = home + np.array(places)
     mistakes.refuse()
-    made = {
+    pose_offsets = {
         table.q_K[q]: (np.array(poses.at), np.empty(len(poses.at)))
         for q, _ in table.scalars_K
         if table.q_K[q] not in held
@@ -272,15 +272,15 @@ def _of_poses(
         here = x0
         if hung is not None:
             here = puppet.rest({table.q_K[q]: float(hung[i, q]) for q, _ in table.scalars_K})
-        one = {what: places[i] for what, places in targets.items()}
+        pose_targets = {what: places[i] for what, places in targets.items()}
         try:
-            reached = reach(puppet, one, here, bounds=Bounds(held=held))[0]
+            reached = reach(puppet, pose_targets, here, bounds=Bounds(held=held))[0]
         except StateError as error:
             raise file.located.error([(("poses", "at", i), str(error))], FileError) from None
         if not reached:
             mistakes.add(("poses", "at", i), f"at {poses.at[i]:g} s: {reached.summary()}")
         for q, _ in table.scalars_K:
-            if table.q_K[q] in made:
-                made[table.q_K[q]][1][i] = reached.state.q_K[q] - x0.q_K[q]
+            if table.q_K[q] in pose_offsets:
+                pose_offsets[table.q_K[q]][1][i] = reached.state.q_K[q] - x0.q_K[q]
     mistakes.refuse()
-    return made
+    return pose_offsets

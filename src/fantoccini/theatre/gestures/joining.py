@@ -1,4 +1,4 @@
-"""Motions one after the other, joined by state: position and velocity never jump."""
+"""Motions in a row, joined by their states: position and velocity are continuous."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from fantoccini.base import Array, MaskRows, Times, VecK, polynomial
 from fantoccini.theatre.gestures import piecewise
 from fantoccini.theatre.gestures.transitions import transition
 
-STILL = 1e-9
-"""Rate below which a line is at rest [m/s or rad/s]."""
+_MAX_REST_RATE = 1e-9
+"""Rate below which a line counts as at rest [m/s or rad/s]."""
 
 
 class Motion(NamedTuple):
-    """The arrays of a gesture: see there."""
+    """Arrays of a gesture; see :class:`Gesture`."""
 
     breaks: Times
     coef: Array
@@ -26,14 +26,14 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """Motions that follow one another, as a value: what continues it is another line.
+    """Motions in a row, as an immutable value: adding a motion returns another line.
 
     Attributes:
-        most: (2, n_vK) bounds of speeds and accelerations of what leads over.
+        most: (2, n_vK) bounds of speeds and accelerations of transitions.
         d, rate: (n_vK,) offsets and rates at its end.
-        carried: (n_vK,) the place from which the next one's offsets count.
-        named: (n_vK,) bool, what moves.
-        breaks, coef: of its motions, one after the other.
+        carried: (n_vK,) origin from which the next motion's offsets count.
+        named: (n_vK,) bool, whether a coordinate moves.
+        breaks, coef: breaks and coefficients of its motions, in order.
     """
 
     most: Array
@@ -52,25 +52,25 @@ class Line:
         rate: VecK | None = None,
         carried: VecK | None = None,
     ) -> Line:
-        """A line without motions, from offsets and rates at time 0 on; nothing when not given."""
+        """A line without motions, with offsets and rates at time 0; zero by default."""
         n = most.shape[1]
         d, rate, carried = (np.zeros(n) if x is None else x for x in (d, rate, carried))
         return cls(most, d, rate, carried, np.zeros(n, dtype=bool))
 
     @property
     def end(self) -> float:
-        """Its duration so far [s]."""
+        """Duration so far [s]."""
         return float(self.breaks[-1][-1])
 
     @property
     def motion(self) -> Motion:
-        """All of it."""
+        """All motions as one."""
         return Motion(
             np.concatenate(self.breaks), np.concatenate(self.coef), self.named, self.carried
         )
 
     def lead_time(self, motion: Motion) -> float:
-        """Duration of the way to the start of a motion [s]."""
+        """Duration of the transition to the start of a motion [s]."""
         lead, _ = self._lead(motion)
         return 0.0 if lead is None else lead[0]
 
@@ -97,7 +97,7 @@ class Line:
         return Continued(line, begun, 0.0 if lead is None else lead[0])
 
     def stopped(self) -> Line:
-        """The line with everything brought to rest at its end."""
+        """The line with all coordinates brought to rest at its end."""
         nothing = np.zeros(len(self.d))
         lead, arrived = transition(
             self.d, self.rate, np.full(len(self.d), np.nan), nothing, self.most
@@ -109,7 +109,7 @@ class Line:
         return self.stopped() if self._moves else self
 
     def held(self, until: float) -> Line:
-        """The line that stays where it is, at rest, until a time [s]."""
+        """The line held at its last offsets, at rest, until a time [s]."""
         if until <= self.end:
             return self
         still = np.zeros((1, len(self.d), polynomial.N_COEF))
@@ -118,7 +118,7 @@ class Line:
 
     @property
     def _moves(self) -> bool:
-        return bool(np.any(np.abs(self.rate) > STILL))
+        return bool(np.any(np.abs(self.rate) > _MAX_REST_RATE))
 
     def _lead(self, motion: Motion) -> tuple[tuple[float, Array] | None, Array]:
         first, rate = piecewise.at(motion.breaks, motion.coef, 0.0)
@@ -133,12 +133,12 @@ class Line:
 
 
 class Continued(NamedTuple):
-    """A line with another motion.
+    """A line to which a motion has been added.
 
     Attributes:
-        line: with the motion.
-        begun: when the motion begins [s].
-        lead: duration of the way to its start [s].
+        line: line with the motion.
+        begun: beginning of the motion [s].
+        lead: duration of the transition to its start [s].
     """
 
     line: Line

@@ -1,4 +1,4 @@
-"""Names that gestures move: driven coordinates, or strings and directions; mirror images."""
+"""Names in gestures: driven coordinates, or strings and directions; mirror images."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DIRECTIONS = {
     "out": ("y", 0.0),
     "in": ("y", 0.0),
 }
-"""Direction -> coordinate of a string, and its sign; 0 where the string's side gives it."""
+"""Direction -> coordinate of a string, and its sign; 0 if it depends on the string's side."""
 
 _SUFFIXES = ("length", "x", "y", "z", "rotation")
 _SIDE = re.compile(r"(?<![a-z])(left|right)(?![a-z])")
@@ -44,16 +44,16 @@ def owner_of(name: str) -> tuple[str, str, str]:
 
 
 def twin(name: str) -> str:
-    """The name with left and right exchanged in its owner."""
+    """Name with left and right exchanged in its owner."""
     before, owner, after = owner_of(name)
-    return before + _SIDE.sub(lambda found: _TWIN[found[1]], owner) + after
+    return before + _SIDE.sub(lambda side: _TWIN[side[1]], owner) + after
 
 
 def reflection(name: str) -> Array | None:
-    """Signs of a coordinate's numbers under reflection in the x-z plane; None if not known.
+    """Signs of a coordinate's components under reflection in the x-z plane; None if unknown.
 
-    Equal angles of joints on both sides are mirror images, as in puppet files. Of a joint in the
-    middle the name does not tell.
+    Equal angles of joints on both sides are mirror images, as in puppet files. For a joint in the
+    middle the name does not determine the sign.
     """
     if name.endswith(".rotation"):
         return np.array([-1.0, 1.0, -1.0])
@@ -63,12 +63,12 @@ def reflection(name: str) -> Array | None:
 
 
 def planes(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
-    """Places in v_K of x and y of every end that is moved along one of them.
+    """Indices in v_K of x and y of every end that is moved along one of them.
 
     Raises:
-        StateError: an end is driven along one of them only, or a body is turned.
+        StateError: an end is driven along only one of them, or a body is turned.
     """
-    known, found = pieces.channel_names(table), dict[str, tuple[int, int]]()
+    known, ends = pieces.channel_names(table), dict[str, tuple[int, int]]()
     for name, (_, v) in known.items():
         owner, _, part = name.rpartition(".")
         if not named[v.start]:
@@ -79,14 +79,14 @@ def planes(table: CoordinateTable, named: MaskRows) -> list[tuple[int, int]]:
             other = f"{owner}.{'y' if part == 'x' else 'x'}"
             if other not in known:
                 raise StateError(f"it moves {name}, and {other} is not driven")
-            found[owner] = known[f"{owner}.x"][1].start, known[f"{owner}.y"][1].start
-    return list(found.values())
+            ends[owner] = known[f"{owner}.x"][1].start, known[f"{owner}.y"][1].start
+    return list(ends.values())
 
 
 def read(
     table: CoordinateTable, given: Mapping[str, Any], mistakes: Mistakes, at: Path = ()
 ) -> dict[str, Points]:
-    """Driven scalar coordinate -> times and offsets, of names as :meth:`Gesture.of` takes them."""
+    """Driven scalar coordinate -> times and offsets, from names as in :meth:`Gesture.of`."""
     known = pieces.channel_names(table)
     places: dict[str, tuple[str, float]] = {}
     for name in given:
@@ -109,13 +109,13 @@ def read(
         own = Mistakes.of_inputs()
         units = {row.name: row.unit for row in table.rows}
         plain = points if units.get(channel) == "rad" else _in_metres(points, own)
-        one = reading.waypoints(table, {channel: plain}, own)
+        waypoints = reading.waypoints(table, {channel: plain}, own)
         mistakes.found += [
             ((*at, name, *(k for k in path if k != channel)), text) for path, text in own.found
         ]
-        if channel not in one or own:
+        if channel not in waypoints or own:
             continue
-        t, values = one[channel]
+        t, values = waypoints[channel]
         if t[0] < 0.0:
             mistakes.add((*at, name, 0), f"comes at {t[0]:g} s; a gesture begins at 0 s")
             continue
@@ -124,7 +124,7 @@ def read(
 
 
 def meaning(name: str, known: Mapping[str, Any]) -> tuple[str, float]:
-    """The coordinate that a name moves, and the sign."""
+    """Coordinate that a name moves, and the sign of the motion."""
     owner, dot, direction = str(name).rpartition(".")
     if name in known or not dot or direction not in DIRECTIONS:
         return str(name), 1.0
@@ -138,10 +138,10 @@ def meaning(name: str, known: Mapping[str, Any]) -> tuple[str, float]:
 
 
 def _in_metres(points: Any, mistakes: Mistakes) -> Any:
-    """The waypoints with their lengths in metres."""
+    """Waypoints with their lengths in metres."""
     if not isinstance(points, list | tuple):
         return points
-    made = []
+    converted = []
     for i, point in enumerate(points):
         if isinstance(point, list | tuple) and len(point) == 2:
             value = without_unit(point[1], LENGTHS)
@@ -150,8 +150,8 @@ def _in_metres(points: Any, mistakes: Mistakes) -> Any:
                 mistakes.add((i,), text)
                 value = 0.0
             point = (point[0], value)
-        made.append(point)
-    return made
+        converted.append(point)
+    return converted
 
 
 def _unknown(name: str, channel: str, table: CoordinateTable) -> str:
@@ -164,6 +164,8 @@ def _unknown(name: str, channel: str, table: CoordinateTable) -> str:
         if channel != name:
             return f"would move {channel}, which is not a driven coordinate"
         return "needs left or right in its name"
-    ways = [(f"{one}.{way}", f"{one}.{DIRECTIONS[way][0]}") for one in owners for way in DIRECTIONS]
+    ways = [
+        (f"{name}.{way}", f"{name}.{DIRECTIONS[way][0]}") for name in owners for way in DIRECTIONS
+    ]
     names = [*known, *(way for way, moved in ways if moved in known)]
     return f"is neither a driven coordinate nor a string and a direction{nearest(name, names)}"

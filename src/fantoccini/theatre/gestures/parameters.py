@@ -1,4 +1,4 @@
-"""Gestures that are made from numbers and places: walks, pointing, looking."""
+"""Gestures computed from numbers and places: walks, pointing, looking."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from fantoccini.model.tree import CoordinateTable
 
 MADE = {"walk": ("steps", "step", "turn"), "point": ("to",), "look": ("to",)}
-"""Bundled gesture -> its parameters; those that have a file as well need one to be made."""
+"""Bundled gesture -> its parameters; one with a file is computed only if they are given."""
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """Parameters of a gesture: see :func:`load_gesture`; None where not given."""
+    """Parameters of :func:`load_gesture`; None if not given."""
 
     steps: int | None = None
     step: float | None = None
@@ -31,11 +31,11 @@ class Parameters:
     to: To | None = None
 
     def makes(self, name: str) -> bool:
-        """Whether a bundled gesture is made with them, and not read from a file."""
+        """Whether a bundled gesture is computed from them, instead of read from a file."""
         return name == "walk" or (name in MADE and self.to is not None)
 
     def refuse(self, name: str, known: tuple[str, ...] = ()) -> None:
-        """Raises an InputError where one is given that a gesture does not have."""
+        """Raises an InputError for parameters that a gesture does not have."""
         mistakes = Mistakes.of_inputs()
         for field in fields(self):
             if getattr(self, field.name) is not None and field.name not in known:
@@ -48,7 +48,7 @@ def member_prefix(table: CoordinateTable, of: str) -> str:
     """Prefix of the names of a scene's member.
 
     Raises:
-        UnknownNameError: there is no such member.
+        UnknownNameError: the scene has no such member.
     """
     if not of:
         return ""
@@ -61,10 +61,10 @@ def member_prefix(table: CoordinateTable, of: str) -> str:
 def made_gesture(
     puppet: Table, name: str, given: Parameters, prefix: str, start: State | None
 ) -> Gesture:
-    """A bundled gesture made with parameters.
+    """Bundled gesture computed from parameters.
 
     Raises:
-        InputError: with every mistake.
+        InputError: the parameters have mistakes; all of them are listed.
         UnknownNameError: the puppet has other strings.
     """
     given.refuse(name, MADE[name])

@@ -1,7 +1,7 @@
-"""Cues of a script performed one after the other, as a function from state to state.
+"""Performance of a script's cues in order, as a function from state to state.
 
 Scores and plays are performed alike. They differ in the verbs of their cues, and in the treatment
-of a cue that cannot be in time: see :class:`Policy`.
+of a cue that would be late: see :class:`Policy`.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ CueT = TypeVar("CueT", bound=CueFile)
 StateT = TypeVar("StateT")
 
 _SAME_TIME = 1e-9
-"""Difference of times that counts as none [s]."""
+"""Tolerance for equal times [s]."""
 
 
 class CannotBe(Exception):
-    """A cue cannot be done; the text says why, and what can."""
+    """A cue cannot be done; the message gives the reason and a remedy."""
 
 
 @dataclass(frozen=True)
 class Policy:
-    """Treatment of cues that cannot be in time.
+    """Treatment of cues that would be late.
 
     Attributes:
-        tolerance: lateness that counts as none [s].
-        refusing: errors that leave a cue out. Without any, a cue begins late and is reported.
+        tolerance: lateness that is ignored [s].
+        refusing: errors that leave a cue out; if empty, a late cue is done and reported.
     """
 
     tolerance: float
     refusing: tuple[type[Exception], ...] = ()
 
     def check(self, late: float, patience: float, why: Callable[[], str]) -> str:
-        """The message to report of a cue that is too late; "" if it is in time.
+        """Message about a cue that is too late; "" if it is in time.
 
         Args:
             late: its lateness [s].
             patience: the lateness that the cue allows [s].
-            why: gives the message.
+            why: returns the message.
 
         Raises:
-            CannotBe: it is refused.
+            CannotBe: the cue is refused.
         """
         if late <= patience + self.tolerance:
             return ""
@@ -63,9 +63,9 @@ class Busy(NamedTuple):
     """A gesture in a lane.
 
     Attributes:
-        lane: its number.
+        lane: index of the lane.
         start, end: [s].
-        named: (n_vK,) bool, the coordinates that it moves.
+        named: (n_vK,) bool, whether it moves a coordinate.
     """
 
     lane: int
@@ -76,11 +76,11 @@ class Busy(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Hands:
-    """The hands of a player: lanes whose motions add up.
+    """Motion of a player's hands: lanes that add up.
 
     Attributes:
-        lanes: of a score, or of a player of a play, whose walks are in the first.
-        busy: the gestures of a player of a play so far.
+        lanes: lanes of a score, or of a player of a play, with the walks in the first.
+        busy: gestures so far, for a player of a play.
     """
 
     lanes: tuple[Line, ...]
@@ -88,14 +88,14 @@ class Hands:
 
     @property
     def end(self) -> float:
-        """The end of all lanes [s]."""
+        """End of all lanes [s]."""
         return max(line.end for line in self.lanes)
 
     def free_lane(self, gesture: Gesture, begin: float) -> tuple[int, float]:
-        """The lane of a gesture, and when it can begin there [s].
+        """Lane for a gesture, and the time at which it can begin there [s].
 
-        It is the first lane that is free then, or a new one. Where other gestures move the same
-        strings then, it begins after them, in the lane of the last.
+        It is the first lane that is free at that time, or a new one. If other gestures then move
+        the same strings, it begins after them, in the lane of the last.
         """
         busy = [
             (end, lane)
@@ -113,11 +113,11 @@ class Hands:
         return len(self.lanes), begin
 
     def add(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, Continued]:
-        """The hands with a gesture that begins at a time, or soon after [s], and its line.
+        """The hands with a gesture that begins at a time, or soon after [s]; and its line.
 
         Args:
-            lane: its number; the number of lanes for a new one.
-            gesture: as it is played.
+            lane: index of the lane; the number of lanes for a new one.
+            gesture: gesture with its variations.
             begin: earliest time [s].
         """
         lanes = [*self.lanes, Line.empty(self.lanes[0].most)][: max(lane + 1, len(self.lanes))]
@@ -126,14 +126,14 @@ class Hands:
         return replace(self, lanes=tuple(lanes)), continued
 
     def add_busy(self, lane: int, gesture: Gesture, begin: float) -> tuple[Hands, float]:
-        """Likewise, for gestures that occupy their strings; when it begins [s]."""
+        """The hands with a gesture that occupies its strings; and its beginning [s]."""
         hands, continued = self.add(lane, gesture, begin)
         begun = continued.begun
         busy = Busy(lane, begun, begun + gesture.duration, gesture.named)
         return replace(hands, busy=(*self.busy, busy)), begun
 
     def rested(self, lane: int | None = None) -> Hands:
-        """The hands with a lane brought to rest, or with all."""
+        """The hands with one lane brought to rest, or all."""
         own = range(len(self.lanes)) if lane is None else (lane,)
         return replace(
             self,
@@ -143,10 +143,10 @@ class Hands:
     def motion(
         self, table: CoordinateTable, labels: Sequence[str], until: float
     ) -> tuple[Gesture, dict[str, Gesture]]:
-        """All that they do, and each lane by its label; both hold still at the end.
+        """Motion of all lanes, and that of each by its label; both hold still until the end.
 
         Args:
-            table: of the puppet.
+            table: coordinates of the puppet.
             labels: names of the lanes.
             until: end [s].
         """
@@ -162,14 +162,14 @@ class Hands:
 
 @dataclass(frozen=True)
 class Part:
-    """The part of one player in a cue.
+    """Part of one player in a cue.
 
     Attributes:
-        who: the player; "" in a score.
-        lane: of the player.
-        gesture: as it is played, from the player's heading.
+        who: player; "" in a score.
+        lane: index of the player's lane.
+        gesture: gesture with its variations, in the player's heading.
         start, end: [s].
-        marks: of the gesture -> time [s].
+        marks: mark of the gesture -> time [s].
     """
 
     who: str
@@ -182,13 +182,13 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Turn(Generic[CueT]):
-    """A cue that is to be placed.
+    """A cue that is placed next.
 
     Attributes:
-        cue: as it is written, with its players.
-        wanted: when it, or its mark of `on`, is to be [s].
-        start: of its act [s].
-        moments: place of a cue or a mark -> its moments, of all that is placed.
+        cue: cue of the file, with its players.
+        wanted: wanted time of the cue, or of its mark in `on` [s].
+        start: start of its act [s].
+        moments: keys of a placed cue or mark -> its moments.
     """
 
     cue: Cue[CueT]
@@ -198,30 +198,30 @@ class Turn(Generic[CueT]):
 
     @property
     def spot(self) -> Spot:
-        """Keys that lead to it."""
+        """Keys that lead to it in the file."""
         return self.cue.spot
 
     @property
     def given(self) -> CueT:
-        """The cue as it is written."""
+        """Entry of the file."""
         return self.cue.given
 
     @property
     def who(self) -> tuple[str, ...]:
-        """The players."""
+        """Players."""
         return self.cue.who
 
 
 @dataclass(frozen=True)
 class Placed(Generic[CueT]):
-    """A cue as it is placed.
+    """A placed cue.
 
     Attributes:
-        cue: as it is written, with its players.
-        wanted: when it, or its mark of `on`, is to be [s].
-        parts: of the players; none where it cannot be done.
-        moments: mark, ``start`` or ``end`` -> time [s], of several players the last.
-        refused: why it cannot be done; "" where it can.
+        cue: cue of the file, with its players.
+        wanted: wanted time of the cue, or of its mark in `on` [s].
+        parts: parts of the players; empty if it cannot be done.
+        moments: mark, ``start`` or ``end`` -> time [s]; the last one of several players.
+        refused: reason why it cannot be done; "" if it can.
     """
 
     cue: Cue[CueT]
@@ -232,23 +232,23 @@ class Placed(Generic[CueT]):
 
     @property
     def spot(self) -> Spot:
-        """Keys that lead to it."""
+        """Keys that lead to it in the file."""
         return self.cue.spot
 
     @property
     def given(self) -> CueT:
-        """The cue as it is written."""
+        """Entry of the file."""
         return self.cue.given
 
 
 @dataclass(frozen=True, eq=False)
 class Performed(Generic[CueT, StateT]):
-    """A script as far as it is performed.
+    """A script, performed up to some cue.
 
     Attributes:
-        state: of the performers, at the end of each one's last cue.
-        moments: place of a cue or a mark -> its moments.
-        placed: place of a cue -> the cue as it is placed.
+        state: state of the performers, at the end of each one's last cue.
+        moments: keys of a cue or a mark -> its moments.
+        placed: keys of a cue -> placed cue.
     """
 
     state: StateT
@@ -258,15 +258,15 @@ class Performed(Generic[CueT, StateT]):
 
 @dataclass(frozen=True, eq=False)
 class Performer(Generic[CueT, StateT]):
-    """Performs the cues of a script.
+    """Performer of a script's cues.
 
     Attributes:
-        timeline: the cues.
-        policy: treatment of cues that cannot be in time.
-        do: does what a cue says: from a state and a cue to the next state, the parts of the players
-            and the moments of the cue.
-        mark: gives the time of a mark of the file, from the one that is written [s].
-        refused: place of a cue that is left out -> why.
+        timeline: cues of the script.
+        policy: treatment of cues that would be late.
+        do: performs a cue: returns the next state, the parts of the players and the moments of the
+            cue, from a state and the cue.
+        mark: returns the time of a mark of the file, from its written time [s].
+        refused: keys of a cue that is left out -> reason.
     """
 
     timeline: Timeline[CueT]
@@ -281,9 +281,9 @@ class Performer(Generic[CueT, StateT]):
         """The script with one more act performed.
 
         Args:
-            before: as far as it is performed.
-            number: of the act.
-            start: of the act [s].
+            before: script up to the act.
+            number: number of the act.
+            start: start of the act [s].
         """
         state, moments, placed = before.state, dict(before.moments), dict(before.placed)
 
@@ -296,7 +296,7 @@ class Performer(Generic[CueT, StateT]):
         return Performed(state, moments, placed)
 
     def _placed(self, state: StateT, turn: Turn[CueT]) -> tuple[StateT, Placed[CueT]]:
-        """The state after a cue, and the cue as it is placed; the same state if it is refused."""
+        """State after a cue, and the placed cue; the state is unchanged if it is refused."""
         cue, why = turn.cue, self.refused.get(turn.spot, "")
         if not why:
             try:
@@ -304,7 +304,7 @@ class Performer(Generic[CueT, StateT]):
                 return after, Placed(cue, turn.wanted, parts, moments)
             except self.policy.refusing as error:
                 why = str(error)
-        # What follows begins when it would have, but not while the player is busy.
+        # Later cues begin as if it had been done, but not while the player is busy.
         t = max(turn.wanted, 0.0)
         end = max([t, *(turn.moments[before.spot][END] for before in cue.before)])
         return state, Placed(cue, turn.wanted, (), dict.fromkeys(cue.known, t) | {END: end}, why)

@@ -1,4 +1,4 @@
-"""Scores performed: each cue begins when it is to, or as soon after as bounds allow.
+"""Performance of scores: each cue begins on time, or as soon after as the bounds allow.
 
 A score is a play with one player, whose lanes the file names.
 """
@@ -32,28 +32,28 @@ from fantoccini.theatre.script import (
     make_timeline,
 )
 
-_HEADING = 1e-2
-"""Difference of headings that tears no strings apart [rad]."""
+_MAX_HEADING_ERROR = 1e-2
+"""Largest difference of headings at which strings hold together [rad]."""
 _POLICY = Policy(LATE)
 """Late cues of a score are reported."""
 
 CueGestures = tuple[Gesture, Gesture]
-"""The gesture of a cue, once and as often as it is repeated."""
+"""Gesture of a cue, once and with its repetitions."""
 Gestures = Callable[[PlayedCue, Spot], CueGestures | None]
-"""Gives those of cues; None after a mistake."""
+"""Returns the gestures of a cue; None after a mistake."""
 ScoreCues = Mapping[str, tuple[Spot, tuple[ScoreCue, ...]]]
-"""Lane -> where it is written, and its cues."""
+"""Lane -> its keys in the file, and its cues."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedLanes:
-    """Lanes of a score, or of one phrase, placed in time.
+    """Lanes of a score or a phrase, placed in time.
 
     Attributes:
-        timeline: the cues, in the file's order.
-        hands: the motion of each lane.
-        played: the gestures that are played, in the file's order.
-        moments: place of a cue or a mark -> its moments.
+        timeline: cues in the file's order.
+        hands: motion of each lane.
+        played: gestures that are played, in the file's order.
+        moments: keys of a cue or a mark -> its moments.
         marks: mark of the score -> time [s].
         turns: whether a gesture turns.
     """
@@ -66,7 +66,7 @@ class PlacedLanes:
     turns: bool
 
     def time(self, given: Time, spot: Spot, log: ScriptLog) -> float:
-        """A time of the file [s]; 0 after a mistake."""
+        """Time of the file [s]; 0 after a mistake."""
         before = len(log.mistakes)
         ref = self.timeline.names.read(given, spot)
         if len(log.mistakes) > before:
@@ -82,15 +82,15 @@ def place_lanes(
     log: ScriptLog,
     phrase: bool = False,
 ) -> PlacedLanes | None:
-    """Places the cues of the lanes of a score, or of one phrase; None after a mistake.
+    """Places the cues of the lanes of a score or a phrase; None after a mistake.
 
     Args:
-        lanes: lane -> where it is written, and its cues.
-        marks: of the score; none in a phrase.
-        gestures: gives those of cues.
+        lanes: lane -> its keys in the file, and its cues.
+        marks: marks of the score; empty for a phrase.
+        gestures: returns the gestures of cues.
         most: (2, n_vK) bounds of speeds and accelerations.
         log: collects mistakes and changes.
-        phrase: whether it is one.
+        phrase: whether they are the lanes of a phrase.
     """
     cue_gestures: dict[Spot, CueGestures] = {}
     cues = _cues(lanes, gestures, cue_gestures, log)
@@ -126,40 +126,40 @@ def place_lanes(
 def _cues(
     lanes: ScoreCues, gestures: Gestures, cue_gestures: dict[Spot, CueGestures], log: ScriptLog
 ) -> list[Cue[ScoreCue]]:
-    """The cues of lanes, and their gestures by place."""
+    """Cues of lanes; their gestures are added to ``cue_gestures``."""
     cues: list[Cue[ScoreCue]] = []
     for lane, (start, written) in lanes.items():
         before: tuple[Cue[ScoreCue], ...] = ()
-        for i, given in enumerate(written):
-            spot, name, marks = (*start, i), given.name or "", tuple[str, ...]()
-            own = gestures(given, spot) if isinstance(given, PlayedCue) else None
+        for i, entry in enumerate(written):
+            spot, name, marks = (*start, i), entry.name or "", tuple[str, ...]()
+            own = gestures(entry, spot) if isinstance(entry, PlayedCue) else None
             if own is not None:
                 cue_gestures[spot] = once, whole = own
-                if given.mark and given.mark not in once.marks:
-                    text = f"{once.name} has no mark {given.mark!r}"
-                    log.mistakes.add((*spot, "on"), text + nearest(given.mark, once.marks))
-                name, marks = given.name or once.name, tuple(whole.marks)
-            cue = Cue(spot, len(cues), 0, given, (lane,), name, (*marks, START, END), before)
+                if entry.mark and entry.mark not in once.marks:
+                    text = f"{once.name} has no mark {entry.mark!r}"
+                    log.mistakes.add((*spot, "on"), text + nearest(entry.mark, once.marks))
+                name, marks = entry.name or once.name, tuple(whole.marks)
+            cue = Cue(spot, len(cues), 0, entry, (lane,), name, (*marks, START, END), before)
             before = (cue,)
             cues.append(cue)
     return cues
 
 
 def _within(t: float, spot: Spot, log: ScriptLog, of: str = "score") -> float:
-    """A time, at least 0; records a mistake where it is earlier [s]."""
+    """The time, at least 0 [s]; records a mistake if it is negative."""
     if t < 0.0:
         log.mistakes.add(spot, f"comes {-t:.2f} s before the {of}")
     return max(t, 0.0)
 
 
 class _Verbs:
-    """The verbs of cues in lanes.
+    """Verbs of cues in lanes.
 
     Args:
-        cue_gestures: place of a cue -> its gesture, once and repeated.
-        lanes: their names.
+        cue_gestures: keys of a cue -> its gesture, once and with its repetitions.
+        lanes: names of the lanes.
         log: collects mistakes and changes.
-        phrase: whether they are those of a phrase.
+        phrase: whether they are the lanes of a phrase.
     """
 
     def __init__(
@@ -173,19 +173,19 @@ class _Verbs:
         self._of = "phrase" if phrase else "score"
 
     def do(self, hands: Hands, turn: Turn[ScoreCue]) -> tuple[Hands, tuple[Part, ...], Moments]:
-        """The hands after a cue, its parts, and its moments."""
-        lane, given = self._lanes.index(turn.who[0]), turn.given
+        """Hands after a cue, its parts, and its moments."""
+        lane, entry = self._lanes.index(turn.who[0]), turn.given
         begin, before = self._begin(turn), turn.cue.before
         held = bool(before) and isinstance(before[0].given, HoldCue)
         due = begin if turn.cue.times or held else np.inf
         end = turn.moments[before[0].spot][END] if before else 0.0
-        if isinstance(given, HoldCue):
+        if isinstance(entry, HoldCue):
             hands = hands.rested(lane)
             free = max(end, hands.lanes[lane].end)
             begun = max(begin, free)
             self._check_time(turn, "the hold", begun, due if turn.cue.times else np.inf, 0.0, free)
-            # The next cue begins after it, and is led to within it.
-            return hands, (), {START: begun, END: begun + given.hold * self._log.beat}
+            # The next cue begins after it; the transition to it lies within the hold.
+            return hands, (), {START: begun, END: begun + entry.hold * self._log.beat}
         whole, free = self._cue_gestures[turn.spot][1], max(end, hands.lanes[lane].end)
         hands, (line, begun, lead) = hands.add(lane, whole, max(begin, free))
         self._check_time(turn, whole.name, begun, due, lead, free)
@@ -195,7 +195,7 @@ class _Verbs:
         return hands, (part,), {START: begun, END: line.end, **marks}
 
     def _begin(self, turn: Turn[ScoreCue]) -> float:
-        """Time at which a cue is to begin [s]."""
+        """Time at which a cue should begin [s]."""
         t, mark = turn.wanted, turn.given.mark
         for spot, _ in turn.cue.times:
             t = _within(t, spot, self._log, self._of)
@@ -210,14 +210,14 @@ class _Verbs:
     def _check_time(
         self, turn: Turn[ScoreCue], name: str, begun: float, due: float, lead: float, free: float
     ) -> None:
-        """Reports what begins late.
+        """Reports a late beginning.
 
         Args:
-            turn: the cue.
-            name: of what it plays.
-            begun, due: when it begins, and when it is to [s].
-            lead: duration of the way there [s].
-            free: end of the one before [s].
+            turn: turn of the cue.
+            name: name of its gesture.
+            begun, due: actual and wanted beginning [s].
+            lead: duration of the transition to its start [s].
+            free: end of the previous cue [s].
         """
 
         def why() -> str:
@@ -238,10 +238,10 @@ class _Verbs:
         )
 
     def _note_changed(self, turn: Turn[ScoreCue]) -> None:
-        """Reports what takes longer than it is to, and what turns from another heading."""
-        (once, whole), given, spot = self._cue_gestures[turn.spot], turn.given, turn.spot
-        assert isinstance(given, PlayedCue)
-        longer = whole.duration - given.repeat * once.duration
+        """Reports repetitions that take longer, and turns from a wrong heading."""
+        (once, whole), entry, spot = self._cue_gestures[turn.spot], turn.given, turn.spot
+        assert isinstance(entry, PlayedCue)
+        longer = whole.duration - entry.repeat * once.duration
         if longer > LATE:
             self._log.change(
                 spot,
@@ -252,11 +252,11 @@ class _Verbs:
         if not whole.turns:
             return
         heading = _heading(turn.cue)
-        if abs((given.heading or 0.0) - heading) > _HEADING:
+        if abs((entry.heading or 0.0) - heading) > _MAX_HEADING_ERROR:
             self._log.change(
                 spot,
                 f"{whole.name} turns as if the puppet looked "
-                f"{np.degrees(given.heading or 0.0):.0f} deg to the left, and tears its "
+                f"{np.degrees(entry.heading or 0.0):.0f} deg to the left, and tears its "
                 f"strings apart: it looks {np.degrees(heading):.0f} deg; give "
                 f"`heading: {np.degrees(heading):.0f} deg`",
             )

@@ -17,12 +17,12 @@ from fantoccini.theatre.gestures.gesture import Gesture
 
 @dataclass(frozen=True)
 class Caption:
-    """Words from one time to another [s].
+    """A caption, with its times [s].
 
     Attributes:
         start, end: [s].
-        text: the words.
-        who: who says them; "" for a caption without a speaker.
+        text: text of the caption.
+        who: speaker; "" for a caption without one.
     """
 
     start: float
@@ -31,19 +31,19 @@ class Caption:
     who: str = ""
 
     def __str__(self) -> str:
-        """The words, after the name of their speaker."""
+        """Text, after the name of its speaker."""
         return f"{self.who}: {self.text}" if self.who else self.text
 
 
 @dataclass(frozen=True)
 class Played:
-    """A gesture as it is played.
+    """A gesture in the time of a score.
 
     Attributes:
         lane, gesture: names.
         start, end: [s].
-        marks: of the gesture -> time [s].
-        name: by which the score's times refer to it.
+        marks: mark of the gesture -> time [s].
+        name: name by which the score's times refer to it.
     """
 
     lane: str
@@ -59,9 +59,9 @@ class Wait:
     """A time of a score at which a live performance waits for GO.
 
     Attributes:
-        name: of the wait.
+        name: name of the wait.
         t: the score's time at which it waits [s].
-        loop_start: from where on the score repeats itself until ``t`` meanwhile [s]; None where it
+        loop_start: start of the part that repeats until ``t`` while it waits [s]; None if the score
             stands still.
     """
 
@@ -72,11 +72,11 @@ class Wait:
 
 @dataclass(frozen=True)
 class Sound:
-    """A sound that is heard with a score.
+    """A sound that accompanies a score.
 
     Attributes:
-        path: of the file.
-        start: when it begins [s].
+        path: path of the file.
+        start: beginning of the sound [s].
         gain: factor of its loudness.
         duration: [s].
     """
@@ -89,21 +89,21 @@ class Sound:
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """A score, compiled. Made by :func:`load_score`; true where all is as it was written.
+    """A compiled score, from :func:`load_score`; true if nothing was changed in compiling.
 
     Attributes:
-        marionette: the puppet.
-        gesture: all lanes together.
-        cues: what is played when.
+        marionette: puppet that performs it.
+        gesture: motion of all lanes together.
+        cues: gestures with their times.
         marks: name -> time [s].
-        captions: words and their times.
-        beat: duration of a beat [s]; 1 where times are in seconds.
-        changes: what is not as it was written, and why, with file and line.
-        name: of the score.
-        waits: where a live performance waits for GO, in order; otherwise they take no time.
-        sounds: what is heard.
+        captions: captions with their times.
+        beat: duration of a beat [s]; 1 if times are in seconds.
+        changes: deviations from the file and their reasons, with file and line.
+        name: name of the score.
+        waits: waits of live performances, in order; elsewhere they take no time.
+        sounds: sounds with their times.
         lanes: lane -> its own motion.
-        tempo: beats in a minute; None where times are in seconds.
+        tempo: beats in a minute; None if times are in seconds.
     """
 
     marionette: Marionette
@@ -129,23 +129,23 @@ class Score:
         return f"<Score {self.name!r}: {self.duration:g} s, {len(self.cues)} gestures{changed}>"
 
     def captions_at(self, t: float) -> tuple[Caption, ...]:
-        """The captions to be read at a time [s], in order of their beginnings."""
+        """Captions shown at a time [s], in order of their beginnings."""
         shown = (caption for caption in self.captions if caption.start <= t < caption.end)
-        return tuple(sorted(shown, key=lambda one: one.start))
+        return tuple(sorted(shown, key=lambda caption: caption.start))
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return self.gesture.duration
 
     def inputs(self, x0: State) -> Input:
-        """The motion of the hands from a state at rest on; the score's time 0 is the state's."""
-        made = self.gesture.inputs(x0, speed=self.speed, acceleration=self.acceleration)
-        return made.called(self.name)
+        """Motion of the hands from a state at rest; the score's time 0 is the state's time."""
+        inputs = self.gesture.inputs(x0, speed=self.speed, acceleration=self.acceleration)
+        return inputs.called(self.name)
 
     def offsets(self, t: float) -> tuple[VecK, VecK]:
-        """(n_vK,) offsets d(t) from where the puppet hangs and (n_vK,) their rates.
+        """(n_vK,) offsets d(t) from the puppet's rest and (n_vK,) their rates.
 
-        Before the start and after the end they are those there [m or rad, s].
+        Before the start and after the end they are those at the start and the end [m or rad, s].
         """
         return self.gesture.offsets(t)

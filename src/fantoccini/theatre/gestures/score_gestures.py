@@ -1,4 +1,4 @@
-"""The gestures of a score's cues: from files, or phrases of the score itself."""
+"""Gestures of a score's cues: from files, or phrases of the score itself."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from fantoccini.theatre.gestures.parameters import Parameters, made_gesture, mem
 from fantoccini.theatre.gestures.placing import place_lanes
 from fantoccini.theatre.script import GestureCue, PhraseCue, PlayedCue, ScoreFile, ScriptLog, Spot
 
-_DEEPEST = 30
-"""Phrases within phrases."""
-_MOST = 100_000
-"""Pieces of a gesture that is repeated, at most, for memory."""
+_MAX_DEPTH = 30
+"""Largest depth of phrases within phrases."""
+_MAX_PIECES = 100_000
+"""Largest number of pieces of a repeated gesture, limited by memory."""
 
 
 class ScoreGestures:
-    """Gestures by cue, each file and phrase read once.
+    """Gestures by cue; each file and phrase is read once.
 
     Args:
-        marionette: who performs them.
-        file: the score.
-        start: where the puppet hangs.
+        marionette: puppet that performs them.
+        file: file of the score.
+        start: state at rest.
         most: (2, n_vK) bounds of speeds and accelerations.
         log: collects mistakes and changes.
     """
@@ -39,12 +39,12 @@ class ScoreGestures:
         self._open: list[str] = []
 
     def read_all(self) -> None:
-        """Compiles the phrases that no cue plays, too, for their mistakes."""
+        """Compiles the phrases that no cue plays too, for their mistakes."""
         for name in self._file.phrases:
             self._phrase(name, ("phrases", name))
 
     def of(self, cue: PlayedCue, spot: Spot) -> tuple[Gesture, Gesture] | None:
-        """The cue's gesture once, and as often as it is repeated; None after a mistake."""
+        """Gesture of a cue, once and with its repetitions; None after a mistake."""
         if isinstance(cue, PhraseCue):
             gesture = self._phrase(cue.phrase, (*spot, "phrase"))
         else:
@@ -64,9 +64,10 @@ class ScoreGestures:
                 self._log.mistakes.add((*spot, "heading"), str(error))
                 return None
         pieces = cue.repeat * (len(gesture.breaks) - 1)
-        if pieces > _MOST:
+        if pieces > _MAX_PIECES:
             text = (
-                f"found {cue.repeat}; {gesture.name} would have {pieces} pieces, of {_MOST} at most"
+                f"found {cue.repeat}; {gesture.name} would have {pieces} pieces, "
+                f"of {_MAX_PIECES} at most"
             )
             self._log.mistakes.add((*spot, "repeat"), text)
             return None
@@ -88,12 +89,12 @@ class ScoreGestures:
 
     def _gesture(self, cue: GestureCue, spot: Spot) -> Gesture | None:
         name, of = cue.gesture, cue.of or ""
-        given = Parameters(cue.steps, cue.step, cue.turn, cue.to)
-        if (name, of, given) in self._files:
-            for key, text in self._wrong.get((name, of, given), ()):
+        parameters = Parameters(cue.steps, cue.step, cue.turn, cue.to)
+        if (name, of, parameters) in self._files:
+            for key, text in self._wrong.get((name, of, parameters), ()):
                 self._log.mistakes.add((*spot, *key), text)
-            return self._files[name, of, given]
-        self._files[name, of, given] = None
+            return self._files[name, of, parameters]
+        self._files[name, of, parameters] = None
         before = len(self._log.mistakes)
         path, is_bundled = self._log.located.beside(name), False
         if path is None and name in gesture_names():
@@ -102,16 +103,16 @@ class ScoreGestures:
             text = "no gesture file in this one's folder, and no bundled gesture, is called "
             message = f"{text}{name!r}{nearest(name, gesture_names())}"
             self._log.mistakes.add((*spot, "gesture"), message)
-            self._wrong[name, of, given] = [(("gesture",), message)]
+            self._wrong[name, of, parameters] = [(("gesture",), message)]
             return None
         try:
-            if is_bundled and given.makes(name):
+            if is_bundled and parameters.makes(name):
                 prefix = member_prefix(self._marionette.coordinates, of)
-                gesture = made_gesture(self._marionette, name, given, prefix, self._start)
+                gesture = made_gesture(self._marionette, name, parameters, prefix, self._start)
             else:
-                given.refuse(name)
+                parameters.refuse(name)
                 gesture = load_gesture(self._marionette, path, self._start, of=of)
-            self._files[name, of, given] = gesture
+            self._files[name, of, parameters] = gesture
         except UnknownNameError as error:
             self._log.mistakes.add((*spot, "of" if of else "gesture"), str(error))
         except InputError as error:
@@ -120,13 +121,13 @@ class ScoreGestures:
         except FileError as error:
             for mistake in error.mistakes:
                 self._log.mistakes.add((*spot, "gesture"), str(mistake))
-        self._wrong[name, of, given] = [
+        self._wrong[name, of, parameters] = [
             (path[len(spot) :], text) for path, text in self._log.mistakes.found[before:]
         ]
-        return self._files[name, of, given]
+        return self._files[name, of, parameters]
 
     def _phrase(self, name: str, spot: Spot) -> Gesture | None:
-        """A phrase as one gesture: from where the puppet hangs, at rest at its end."""
+        """A phrase as one gesture, from the puppet's rest; it ends at rest."""
         if name in self._open:
             way = " -> ".join([*self._open[self._open.index(name) :], name])
             self._log.mistakes.add(spot, f"a phrase is part of itself: {way}")
@@ -137,15 +138,15 @@ class ScoreGestures:
             return None
         if name in self._phrases:
             return self._phrases[name]
-        if len(self._open) >= _DEEPEST:
-            self._log.mistakes.add(spot, f"phrases are more than {_DEEPEST} deep; needed: fewer")
+        if len(self._open) >= _MAX_DEPTH:
+            self._log.mistakes.add(spot, f"phrases are more than {_MAX_DEPTH} deep; needed: fewer")
             return None
         self._open.append(name)
-        self._phrases[name] = self._made(name)
+        self._phrases[name] = self._phrase_gesture(name)
         self._open.pop()
         return self._phrases[name]
 
-    def _made(self, name: str) -> Gesture | None:
+    def _phrase_gesture(self, name: str) -> Gesture | None:
         lanes = {name: (("phrases", name), self._file.phrases[name])}
         placed = place_lanes(lanes, {}, self.of, self._most, self._log, phrase=True)
         if placed is None or self._log.mistakes:

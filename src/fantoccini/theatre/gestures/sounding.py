@@ -1,4 +1,4 @@
-"""Sound files of scores: where they lie, and how long they last."""
+"""Sound files of scores, with their durations."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ def read_sounds(
     """Sounds of a file.
 
     Args:
-        given: as they are written.
-        time: gives the time of what is written somewhere [s].
+        given: entries of the file.
+        time: returns a time of the file, from its keys [s].
         log: collects mistakes.
     """
-    return tuple(_sound(one, i, time, log) for i, one in enumerate(given))
+    return tuple(_sound(entry, i, time, log) for i, entry in enumerate(given))
 
 
 def spot_of_sound(i: int, located: Located) -> Spot:
-    """Keys that lead to sound i: its list may be left out."""
+    """Keys that lead to sound i: an only sound needs no list."""
     return ("sound", i) if isinstance(located.data["sound"], list) else ("sound",)
 
 

@@ -1,11 +1,11 @@
-"""Steps over a floor, and where they lead: arcs, each walked from rest to rest.
+"""Steps over a floor, and their path: arcs, each walked from rest to rest.
 
     z(t) = z_0 + L s exp(i (theta_0 + phi / 2)) sinc(phi / 2),   phi = A s,   theta = theta_0 + phi
 
 z = x + i y is the middle between the shoulders' ends, theta its heading. Equal steps in a row are
-a leg, from (z_0, theta_0) on: L and A are the sums of its steps' lengths and turns, and s(t) goes
-from 0 to 1, at constant speed but for its first step and its last. Every leg begins and ends at
-rest, so that no turn reaches into the way before it: where steps lead is a sum of arcs.
+a leg, from (z_0, theta_0) on: L and A are the sums of its steps' lengths and turns. s(t) goes from
+0 to 1, at constant speed except in its first and last step. Every leg begins and ends at rest, so
+that no turn extends into the way before it: the path is a sequence of arcs.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from fantoccini.base import Array, Times, check_positive, polynomial
 from fantoccini.theatre.gestures.ends import Complex, ComplexCurve, Curve
 
 STEP_TIME = 0.6
-"""Duration of a step where it is not given [s]."""
+"""Default duration of a step [s]."""
 LONGEST, MOST_TURN = 1.0, 0.5 * np.pi
-"""Bounds of a step: its length [m] and how far it turns [rad]."""
+"""Bounds of a step: length [m] and turn [rad]."""
 _ROUNDING = 1e-9
-"""Tolerance of the bounds of steps [m, rad]: shares of a whole are rounded."""
+"""Tolerance of the bounds of steps, for rounded shares of a whole [m, rad]."""
 _ALONE = polynomial.MINIMUM_JERK
 _EVEN = np.array([0, 1.0, 0, 0, 0, 0])
 _RAMP = np.array([0, 0, 0, 1.0, -0.5, 0])
-"""Ways over the time of a step: from rest to rest, at constant speed, from rest to that speed."""
+"""Progress over the time of a step: from rest to rest, at constant speed, from rest to speed."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class Step:
     """A step.
 
     Attributes:
-        length: forward; below 0 backward, 0 on the spot [m].
-        turn: to the left [rad].
+        length: length forward; below 0 backward, 0 on the spot [m].
+        turn: turn to the left [rad].
 
     Raises:
-        ValueError: it is longer than 1 m, turns by more than 90 degrees, or is no number.
+        ValueError: it is longer than 1 m, turns by more than 90 degrees, or is not a number.
     """
 
     length: float = 0.0
@@ -48,27 +48,27 @@ class Step:
 
     def __post_init__(self) -> None:
         bounds = {"length": (LONGEST, "m"), "turn": (MOST_TURN, "rad")}
-        for name, (most, unit) in bounds.items():
+        for name, (bound, unit) in bounds.items():
             value = getattr(self, name)
-            if not abs(value) <= most + _ROUNDING:
-                raise ValueError(f"{name} of a step is {value!r}; at most {most:.4g} {unit}")
+            if not abs(value) <= bound + _ROUNDING:
+                raise ValueError(f"{name} of a step is {value!r}; at most {bound:.4g} {unit}")
 
     @property
     def stands(self) -> bool:
-        """Whether nothing moves for the time of a step."""
+        """Whether nothing moves in this step."""
         return self.length == 0.0 and self.turn == 0.0
 
 
 class Track:
-    """Path and heading of steps over time, from (0, 0) and heading 0 on.
+    """Path and heading of steps over time, from (0, 0) and heading 0.
 
     Attributes:
-        n: how many steps.
-        duration: of all [s].
+        n: number of steps.
+        duration: duration of all steps [s].
 
     Args:
-        given: the steps, in order; none stay where they are.
-        step_time: of each [s].
+        given: steps in order; without steps the path is a point.
+        step_time: duration of a step [s].
     """
 
     def __init__(self, given: Sequence[Step], step_time: float = STEP_TIME):
@@ -91,9 +91,9 @@ class Track:
         self._ways = np.concatenate([*ways, np.zeros((1, polynomial.N_COEF))])
 
     def at(self, t: Times) -> tuple[ComplexCurve, Curve]:
-        """z and theta, with their derivatives, at times (T,) from the first step's start on.
+        """z and theta, with their derivatives, at times (T,) from the first step's start.
 
-        Before the start and after the end they are those there.
+        Before the start and after the end they are those at the start and the end.
         """
         clock = np.clip(np.asarray(t, dtype=float) / self._time, 0.0, self.n)
         k = clock.astype(int)
@@ -111,7 +111,7 @@ class Track:
 
 
 def footing_after(given: Sequence[Step]) -> tuple[float, float, float]:
-    """End of steps: x, y and the turn, from the place and heading before them [m, rad]."""
+    """Position and heading after steps: x, y and the turn, relative to those before [m, rad]."""
     track = Track(given)
     path, heading = track.at(np.array([track.duration]))
     return float(path[0][0].real), float(path[0][0].imag), float(heading[0][0])
@@ -128,6 +128,6 @@ def leg(n: int) -> Array:
 
 
 def _arc(length: Array | float, turn: Array | float, s: Array) -> Complex:
-    """The chord of a part s of an arc; sinc has no pole where the arc is straight."""
+    """Chord of the first part s of an arc; sinc has no pole for a straight arc."""
     half = 0.5 * np.asarray(turn) * s
     return np.asarray(length) * s * np.exp(1j * half) * np.sinc(half / np.pi)

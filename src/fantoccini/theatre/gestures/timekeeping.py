@@ -1,9 +1,9 @@
-"""Lateness of limbs on the beats of a score, where they hang and where they swing.
+"""Lateness of limbs on the beats of a score, and hanging poses under its motion.
 
     late = t_turn - t_mark
 
-t_turn is when the end of a string turns back, along the direction in which its gesture turns at a
-mark.
+t_turn is the time at which the end of a string turns back, along the direction in which its gesture
+turns at a mark.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from fantoccini.motion import State, Trajectory, pieces
 from fantoccini.theatre.gestures.score import Played, Score
 
 AXES = {"x": 0, "y": 1, "length": 2}
-"""Part of a driven string -> the direction in which it carries what hangs on it."""
+"""Coordinate of a driven string -> axis along which it carries the hanging end."""
 _WINDOW = 0.3
-"""Longest time around a mark in which a limb turns [s]."""
-_NEIGHBOUR = 0.45
-"""Share of the time to the cue's next turn that belongs to one."""
-_TURNS = 0.12
-"""Time around a mark in which the hand above turns [s]."""
-_NEARLY = 0.35
-"""Share of the way by which a turn may be less high than the highest point around it."""
-_ALIKE = 0.9
-"""Share of the largest way from which on a string turns as well."""
-_LEAST = 2e-3
-"""Least way there and back that counts as a turn [m]."""
+"""Longest time around a mark in which a limb may turn [s]."""
+_WINDOW_SHARE = 0.45
+"""Share of the time to the cue's next turn that belongs to a turn."""
+_TURN_TIME = 0.12
+"""Time around a mark in which the hand turns [s]."""
+_TOP_TOLERANCE = 0.35
+"""Share of the path's range by which a turn may be below the highest point."""
+_TURN_SHARE = 0.9
+"""Share of the largest way from which a string counts as turning too."""
+_MIN_WAY = 2e-3
+"""Least way there and back of a turn [m]."""
 
-_NEAR = 5e-3
+_MAX_HANGING_ERROR = 5e-3
 """Largest distance between the strings of a score and those of a hanging pose [m]."""
 _STEP = 2e-3
 """Time between samples of a run [s]."""
@@ -48,9 +48,9 @@ class Late:
     """Lateness of a limb on a mark of a cue.
 
     Attributes:
-        cue, mark: what it plays.
-        string: to which the limb is tied.
-        seconds: after the mark at which it turns [s]; negative where it is early.
+        cue, mark: gesture and mark on which it is late.
+        string: string to which the limb is tied.
+        seconds: time from the mark to the turn [s]; negative if it is early.
     """
 
     cue: Played
@@ -60,7 +60,7 @@ class Late:
 
 
 def ties(marionette: Marionette) -> dict[str, Point]:
-    """String -> where it is tied to a body that moves by itself."""
+    """String -> point at which it is tied to a body that is not driven."""
     tree = marionette.tree
     points = {}
     for string in tree.strings:
@@ -72,35 +72,35 @@ def ties(marionette: Marionette) -> dict[str, Point]:
 
 
 def paths(marionette: Marionette, run: Trajectory, points: Mapping[str, Point], t: Times) -> Array:
-    """(T, n_points, 3) places of points at times of a run [m]."""
+    """(T, n_points, 3) positions of points at times of a run [m]."""
     at = run.resample(np.clip(t, run.t[0], run.t[-1]))
     return places(marionette, at.q_D, at.q_K, points)
 
 
 def places(marionette: Marionette, q_D: Array, q_K: Array, points: Mapping[str, Point]) -> Array:
-    """(T, n_points, 3) places of points in poses [m]."""
+    """(T, n_points, 3) positions of points in poses [m]."""
     poses = marionette.poses(q_D, q_K)
-    found = np.empty((len(q_D), len(points), 3))
+    positions = np.empty((len(q_D), len(points), 3))
     for i, (body, at) in enumerate(points.values()):
         pose = poses[:, marionette.link_index(body)]
-        found[:, i] = pose[:, :, 3] + pose[:, :, :3] @ np.array(at)
-    return found
+        positions[:, i] = pose[:, :, 3] + pose[:, :, :3] @ np.array(at)
+    return positions
 
 
 def hanging(marionette: Marionette, q_K: Array, x0: State, t: Times) -> ReachedPoses:
-    """The poses in which a puppet hangs with its strings at q_K (T, n_qK).
+    """Hanging poses of a puppet with its strings at q_K (T, n_qK).
 
     Raises:
-        StateError: it has contact, or does not hang there; t [s] says when.
+        StateError: it has contact, or does not hang at a time t [s], which the message gives.
     """
     table = marionette.coordinates
     wanted: dict[What, Array] = {table.q_K[q]: q_K[:, q] for q, _ in table.scalars_K}
     reached_poses = reach(marionette, wanted, x0, slack=True)
-    far = int(np.argmax(reached_poses.distance))
-    if reached_poses.distance[far] > _NEAR:
+    worst = int(np.argmax(reached_poses.distance))
+    if reached_poses.distance[worst] > _MAX_HANGING_ERROR:
         raise StateError(
-            f"the puppet does not hang where the score takes its strings at {t[far]:.2f} s: "
-            f"{reached_poses[far].summary()}"
+            f"the puppet does not hang where the score takes its strings at {t[worst]:.2f} s: "
+            f"{reached_poses[worst].summary()}"
         )
     return reached_poses
 
@@ -108,11 +108,11 @@ def hanging(marionette: Marionette, q_K: Array, x0: State, t: Times) -> ReachedP
 def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
     """Lateness of limbs in a run under a score, at every mark at which one turns.
 
-    Marks at which nothing turns back, such as those of a hand that stays up, have no lateness.
+    Marks at which no hand turns back, such as those of a hand that stays up, have no lateness.
 
     Args:
-        score: what was played.
-        run: from the score's beginning on.
+        score: score that was played.
+        run: run from the beginning of the score.
     """
     marionette = score.marionette
     tied = ties(marionette)
@@ -123,13 +123,15 @@ def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
         times = [cue.marks[mark] for mark, own in turns.items() if own]
         for mark, own in turns.items():
             at = cue.marks[mark]
-            window = min([_WINDOW, *(_NEIGHBOUR * abs(at - time) for time in times if time != at)])
+            window = min(
+                [_WINDOW, *(_WINDOW_SHARE * abs(at - time) for time in times if time != at)]
+            )
             near: Indices = np.flatnonzero(np.abs(t - at) <= window)
             if own and len(near) > 2:
                 seen.append((cue, mark, own, near))
     if not seen:
         return ()
-    # Limbs are looked for around the marks only: that is a small part of a long run.
+    # Positions are computed only around the marks, a small part of a long run.
     around = np.unique(np.concatenate([near for *_, near in seen]))
     moved = paths(marionette, run, tied, run.t[0] + t[around])
     late_limbs = []
@@ -142,25 +144,25 @@ def lateness(score: Score, run: Trajectory) -> tuple[Late, ...]:
 
 
 def _turns(path: Array, away: Times) -> float:
-    """Time of the high point of a path nearest to a mark; of the highest if none is a turn [s]."""
+    """Time from a mark to the nearest high point of a path, or to the highest point [s]."""
     inner = np.arange(1, len(path) - 1)
-    high = path.max() - _NEARLY * (path.max() - path.min())
+    high = path.max() - _TOP_TOLERANCE * (path.max() - path.min())
     tops = inner[
         (path[inner] >= path[inner - 1]) & (path[inner] > path[inner + 1]) & (path[inner] >= high)
     ]
     if not len(tops):
         return float(away[np.argmax(path)])
     k = tops[np.argmin(np.abs(away[tops]))]
-    a, b, c = path[k - 1 : k + 2]  # the top of the parabola through them
+    a, b, c = path[k - 1 : k + 2]  # the turn is the top of the parabola through them
     return float(away[k] + 0.5 * _STEP * (a - c) / (a - 2.0 * b + c))
 
 
 def _turning(
     score: Score, cue: Played, at: float, tied: Mapping[str, Point]
 ) -> list[tuple[str, int, float]]:
-    """The strings whose hands turn most at a mark, the directions, and to which side."""
+    """Strings whose hands turn most at a mark, with the axes and signs of the turns."""
     gesture = score.lanes[cue.lane]
-    times = at + _TURNS * np.linspace(-1.0, 1.0, 9)
+    times = at + _TURN_TIME * np.linspace(-1.0, 1.0, 9)
     d = np.array([gesture.offsets(t)[0] for t in times])
     ways: dict[str, tuple[float, int, float]] = {}
     for name, (_, v) in pieces.channel_names(gesture.coordinates).items():
@@ -168,11 +170,15 @@ def _turning(
         if string not in tied or part not in AXES:
             continue
         for sign in (1.0, -1.0):
-            one = sign * d[:, v.start]
-            way = min(one[4] - one[0], one[4] - one[-1])
-            if one[4] >= one.max() - 1e-9 and way > max(_LEAST, ways.get(string, (0.0,))[0]):
+            offset = sign * d[:, v.start]
+            way = min(offset[4] - offset[0], offset[4] - offset[-1])
+            if offset[4] >= offset.max() - 1e-9 and way > max(
+                _MIN_WAY, ways.get(string, (0.0,))[0]
+            ):
                 ways[string] = way, AXES[part], -sign if part == "length" else sign
-    most = max((way for way, *_ in ways.values()), default=0.0)
+    largest = max((way for way, *_ in ways.values()), default=0.0)
     return [
-        (string, axis, sign) for string, (way, axis, sign) in ways.items() if way > _ALIKE * most
+        (string, axis, sign)
+        for string, (way, axis, sign) in ways.items()
+        if way > _TURN_SHARE * largest
     ]

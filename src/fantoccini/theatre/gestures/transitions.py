@@ -1,4 +1,4 @@
-"""Transitions: quintics from one offset and rate to another, as short as bounds allow."""
+"""Transitions: quintics from one offset and rate to another, as short as the bounds allow."""
 
 from __future__ import annotations
 
@@ -17,67 +17,67 @@ if TYPE_CHECKING:
 SPEED = 1.0
 """Default bound on the speed of driven coordinates [m/s or rad/s]."""
 ACCELERATION = 6.0
-"""Default bound on their acceleration [m/s^2 or rad/s^2]."""
+"""Default bound on the acceleration of driven coordinates [m/s^2 or rad/s^2]."""
 
 Most = float | Mapping[str, float]
 """A bound for all driven coordinates, or by name."""
 
-_LEAST_BOUND = 1e-6
+_MIN_BOUND = 1e-6
 """Least bound of a speed or an acceleration [m/s, m/s^2]."""
-_LEAST = 0.04
+_MIN_DURATION = 0.04
 """Shortest transition [s]."""
-_LONGER = 1.1
-"""Factor from one duration that is tried to the next."""
+_DURATION_RATIO = 1.1
+"""Ratio of a duration that is tried to the one before."""
 SAME = 1e-12
-"""Offsets and rates that differ by less are the same [m or rad, s]."""
-_MOST_TRIED = 200
-"""Durations that are tried: the last one is 10^8 times the first."""
+"""Tolerance for equal offsets and rates [m or rad, s]."""
+_MAX_DURATIONS = 200
+"""Number of durations that are tried: the last one is 10^8 times the first."""
 
 
 def limits(table: CoordinateTable, speed: Most, acceleration: Most) -> Array:
     """(2, n_vK) bounds of speeds and accelerations.
 
     Raises:
-        UnknownNameError: a name that is no driven coordinate.
-        ValueError: a bound below 1e-6.
+        UnknownNameError: a name is not that of a driven coordinate.
+        ValueError: a bound is below 1e-6.
     """
     places = pieces.channel_names(table)
-    found = np.empty((2, table.n_vK))
-    for row, (what, most, usual) in enumerate(
+    bounds = np.empty((2, table.n_vK))
+    for row, (what, bound, usual) in enumerate(
         (("speed", speed, SPEED), ("acceleration", acceleration, ACCELERATION))
     ):
-        if not isinstance(most, Mapping):
-            check_positive(**{what: most})
-            found[row] = most
+        if not isinstance(bound, Mapping):
+            check_positive(**{what: bound})
+            bounds[row] = bound
             continue
-        found[row] = usual
-        for name, value in most.items():
+        bounds[row] = usual
+        for name, value in bound.items():
             channel = table.commands.get(name, name)
             if channel not in places:
                 raise UnknownNameError("driven coordinate", name, list(places))
             check_positive(**{f"{what} of {name}": value})
-            found[row, places[channel][1]] = value
-    if np.any(found < _LEAST_BOUND):
+            bounds[row, places[channel][1]] = value
+    if np.any(bounds < _MIN_BOUND):
         raise ValueError(
-            f"a bound of speed or acceleration is {found.min():g}; it must be at least "
-            f"{_LEAST_BOUND:g}"
+            f"a bound of speed or acceleration is {bounds.min():g}; it must be at least "
+            f"{_MIN_BOUND:g}"
         )
-    return found
+    return bounds
 
 
 def transition(
     d: Array, rate: Array, target: Array, target_rate: Array, most: Array
 ) -> tuple[tuple[float, Array] | None, Array]:
-    """The quintic from (d, rate) to (target, target_rate), and where it ends.
+    """Quintic from (d, rate) to (target, target_rate), and its end.
 
     Args:
         d, rate: (n_vK,) offsets and their rates.
-        target: (n_vK,) where they are to be; NaN where they only stop.
-        target_rate: (n_vK,) with which rates.
+        target: (n_vK,) offsets at the end; NaN for coordinates that only stop.
+        target_rate: (n_vK,) rates at the end.
         most: (2, n_vK) bounds of speeds and accelerations.
 
     Returns:
-        Its duration and coefficients (n_vK, 6), or None where nothing differs; and its end (n_vK,).
+        Its duration and coefficients (n_vK, 6), or None if nothing differs; and its end (n_vK,).
 
     Raises:
         StateError: no duration keeps the bounds.
@@ -88,14 +88,14 @@ def transition(
     if max(np.max(way, initial=0.0), np.max(change, initial=0.0)) <= SAME:
         return None, d
     duration = max(
-        _LEAST,
+        _MIN_DURATION,
         polynomial.minimum_jerk_duration(way, most[0], most[1]),
         float(np.max(1.5 * change / most[1])),
     )
     nothing, allowed = np.zeros(len(d)), most * (1.0 + 1e-9)
     own = np.maximum(np.abs(rate), np.abs(target_rate))
-    for _ in range(_MOST_TRIED):
-        # What only stops comes to rest half way to where it would be at its rate.
+    for _ in range(_MAX_DURATIONS):
+        # A coordinate that only stops ends half way to where its rate would take it.
         end = np.where(stops, d + 0.5 * duration * rate, there)
         coef = polynomial.hermite(
             np.full(len(d), duration), (d, rate, nothing), (end, target_rate, nothing)
@@ -105,7 +105,7 @@ def transition(
             acceleration <= allowed[1]
         ):
             return (duration, coef), end
-        duration *= _LONGER
+        duration *= _DURATION_RATIO
     raise StateError(
         f"no way of less than {duration:.3g} s leads from one gesture to the next within bounds of "
         f"{most[0].min():g} m/s and {most[1].min():g} m/s^2"

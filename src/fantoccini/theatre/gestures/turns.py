@@ -10,18 +10,18 @@ import numpy as np
 from fantoccini.base import Array, StateError, Times, polynomial, rotation
 from fantoccini.motion import Input, pieces
 
-_MOST = np.pi - 0.05
+_MAX_ANGLE = np.pi - 0.05
 """Largest angle between the start and any break [rad]: at pi the rotation vector jumps."""
 
 
 def from_start(inputs: Input, h: Times) -> Array:
-    """(n, n_vK, 6) coefficients in which rotation vectors count from the first orientation.
+    """(n, n_vK, 6) coefficients with rotation vectors relative to the first orientation.
 
-    They agree with the input in orientation, angular velocity and its rate where pieces begin and
-    end.
+    They agree with the input in orientation, angular velocity and its rate at the ends of all
+    pieces.
 
     Args:
-        inputs: the motion.
+        inputs: motion.
         h: (n,) durations of its pieces [s].
 
     Raises:
@@ -41,10 +41,10 @@ def from_start(inputs: Input, h: Times) -> Array:
         phi = np.array([end[0] for end in ends])
         # A piece that passes pi comes back on the other side.
         passes = np.max(np.linalg.norm(phi[1] - phi[0], axis=-1)) > np.pi
-        if passes or np.max(np.linalg.norm(phi, axis=-1)) > _MOST:
+        if passes or np.max(np.linalg.norm(phi, axis=-1)) > _MAX_ANGLE:
             raise StateError(
                 f"{name} turns too far from where it begins; a gesture turns by "
-                f"{np.degrees(_MOST):.0f} deg at most"
+                f"{np.degrees(_MAX_ANGLE):.0f} deg at most"
             )
         coef[:, turn] = polynomial.hermite(h[:, None], *ends)
     return coef

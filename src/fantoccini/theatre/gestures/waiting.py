@@ -1,4 +1,4 @@
-"""Whether the hands stand still where a live performance waits, and loops close."""
+"""Checks that the hands stand still at waits of live performances, and that loops close."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from fantoccini.theatre.gestures.score import Wait
 from fantoccini.theatre.script import ScriptLog, Spot
 
 _SAME = 1e-6
-"""Offsets and rates that differ by less are the same [m or rad, s]."""
+"""Tolerance for equal offsets and rates [m or rad, s]."""
 
 
 def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, log: ScriptLog) -> None:
-    """Records as mistakes the waits at which something moves, and the loops that do not close."""
+    """Records mistakes for waits at which something moves, and for loops that do not close."""
     for wait in waits:
         d, rate = piecewise.at(whole.breaks, whole.coef, wait.t)
         if wait.loop_start is None:
@@ -50,9 +50,9 @@ def note_moving(whole: Gesture, waits: Sequence[Wait], cues: Cues, log: ScriptLo
 
 
 def _cue(cues: Cues, t: float, v: int, log: ScriptLog) -> str:
-    """The cue that moves a driven velocity at a time, with its line."""
-    found = moving(cues, t, v)
-    if not found:
+    """Cue that moves a driven velocity at a time, with its line, in words."""
+    indices = moving(cues, t, v)
+    if not indices:
         return "no cue"
-    cue, played, _ = cues[found[0]]
+    cue, played, _ = cues[indices[0]]
     return f"{played.gesture} of lane {played.lane} (line {log.located.line(cue.spot)})"

@@ -1,4 +1,4 @@
-"""Walking: all ends of a puppet's strings go along a path, and the knees go up in turn."""
+"""Walking: all ends of a puppet's strings move along a path, and the knees go up in turn."""
 
 from __future__ import annotations
 
@@ -13,40 +13,40 @@ from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.stepping import LONGEST, MOST_TURN, STEP_TIME, Step, Track
 
 STEPS, STEP = 4, 0.06
-"""Steps of a walk, and the length of one [m], where they are not given."""
+"""Default number of steps of a walk, and default length of a step [m]."""
 SWAY = 0.006
 """Sway of the body to the side of the standing foot [m]."""
 _LIFT = 0.06
-"""Length by which a knee's string is wound in [m]."""
+"""Length by which a knee's string is wound in for a step [m]."""
 _LIFT_ON_SPOT = 0.025
-"""Likewise in a step on the spot [m]: higher knees swing into each other as the hips turn."""
+"""Length for a step on the spot [m]: higher knees swing into each other as the hips turn."""
 _BOB = 0.004
 """Rise of the body in a step [m]."""
 _PARTS = 8
-"""Pieces of a step, even: knees are highest in its middle."""
-_MOST_STEPS = 1000
+"""Number of pieces of a step; even, since knees are highest at its middle."""
+_MAX_STEPS = 1000
 _SIDES = ("left", "right")
 
 
 def walk(
     ends: Ends, mistakes: Mistakes, count: int | None, length: float | None, turn: float | None
 ) -> Gesture:
-    """Steps forward, in all turned by an angle; the left foot goes first.
+    """Gesture of equal steps that together turn by an angle; the left foot goes first.
 
     Args:
-        ends: of the puppet's strings.
-        mistakes: collects them.
-        count: how many steps; 4 when not given.
-        length: of each; below 0 backward; 6 cm when not given [m].
-        turn: to the left, in all [rad].
+        ends: ends of the puppet's strings.
+        mistakes: collects mistakes.
+        count: number of steps; 4 by default.
+        length: length of a step; below 0 backward; 6 cm by default [m].
+        turn: total turn to the left [rad].
 
     Raises:
-        InputError: with every mistake.
+        InputError: the parameters have mistakes; all of them are listed.
     """
     n, step = STEPS if count is None else count, STEP if length is None else float(length)
     angle = 0.0 if turn is None else float(turn)
-    if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MOST_STEPS:
-        mistakes.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MOST_STEPS}")
+    if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= _MAX_STEPS:
+        mistakes.add(("steps",), f"found {n!r}; needed: a whole number from 1 to {_MAX_STEPS}")
     elif not abs(angle) <= n * MOST_TURN:
         text = f"found {np.degrees(angle):g} deg in {n} steps; needed: at most 90 deg in each"
         mistakes.add(("turn",), text)
@@ -57,18 +57,18 @@ def walk(
 
 
 def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Gesture:
-    """Steps of any lengths and turns, along the path of :class:`Track`; the left foot goes first.
+    """Gesture of steps along the path of :class:`Track`; the left foot goes first.
 
-    Knees go up in turn, and the body with them and to the side, but for steps that stand: those
-    leave the feet where they are. Marks are those of a walk.
+    Knees go up in turn, and the body rises and sways, except in steps that stand: those leave the
+    feet where they are. Marks are those of a walk.
 
     Args:
-        ends: of the puppet's strings.
-        given: the steps, in order.
-        step_time: of each [s].
+        ends: ends of the puppet's strings.
+        given: steps in order.
+        step_time: duration of a step [s].
 
     Raises:
-        ValueError: there is no step, or a time is not greater than 0.
+        ValueError: there are no steps, or a time is not greater than 0.
     """
     if not given:
         raise ValueError("given is empty; a gesture has at least one step")
@@ -77,7 +77,7 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
     k = np.minimum(clock.astype(int), n - 1)
     up = _bump(clock - k, step_time)
     moves = np.array([not step.stands for step in given])
-    # +1 where the left foot goes, -1 where the right one does.
+    # +1 in a step of the left foot, -1 in one of the right foot.
     side = np.where(moves, (-1.0) ** (np.cumsum(moves) + 1), 0.0)
     lift = np.array([_LIFT if step.length else _LIFT_ON_SPOT for step in given])
     path, heading = track.at(clock * step_time)
@@ -94,19 +94,19 @@ def steps(ends: Ends, given: Sequence[Step], step_time: float = STEP_TIME) -> Ge
 
 
 def there_and_back(way: float, hold: float, parts: int = 12) -> tuple[Times, Curve]:
-    """Times and a curve from 0 to 1 in ``way`` seconds, there for ``hold``, and back."""
+    """Times and a curve from 0 to 1 in ``way`` seconds, held there for ``hold``, and back."""
     s = np.linspace(0.0, 1.0, parts + 1)
     up = tuple(x / way**k for k, x in enumerate(polynomial.minimum_jerk(s)))
     t = np.concatenate([way * s, way + hold + way * s])
     signs = (1.0, -1.0, 1.0)
-    one, two, three = (
+    values, rates, changes = (
         np.concatenate([x, sign * x[::-1]]) for x, sign in zip(up, signs, strict=True)
     )
-    return t, (one, two, three)
+    return t, (values, rates, changes)
 
 
 def _bump(s: Array, step_time: float) -> Curve:
-    """A curve from 0 to 1 and back while s goes from 0 to 1, and derivatives by time."""
+    """Curve from 0 to 1 and back while s goes from 0 to 1, with its derivatives by time."""
     rises = s < 0.5
     up, rate, curve = polynomial.minimum_jerk(2.0 * np.where(rises, s, 1.0 - s))
     sign = np.where(rises, 2.0, -2.0) / step_time

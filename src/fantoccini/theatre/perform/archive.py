@@ -1,8 +1,8 @@
 """Recordings on disk: npz files without pickle.
 
-A file holds the start, what the hands did, and a sample a second. The others are simulated again,
-which gives the same bits where the samples do; where they do not, on a machine that rounds
-otherwise, each second is simulated from the sample at its start.
+A file contains the start, the motion of the hands, and a sample for each second. Simulating the
+rest gives the same bits if the samples are reproduced; if they are not, on a machine with other
+rounding, each second is simulated from the sample at its start.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from fantoccini.motion import RECORDING_FORMAT as FORMAT, State, restored
 _STATE = ("q_D", "v_D", "q_K", "v_K", "taut", "slip")
 _MESH = "mesh:"
 _MEETINGS = (EventCode.TOUCH, EventCode.LIFT, EventCode.STICK, EventCode.SLIDE)
-_BETWEEN = 1.0
-"""Time from one saved sample to the next [s]."""
+_SAMPLE_INTERVAL = 1.0
+"""Time between saved samples [s]."""
 _MAX_STEPS = 1_000_000
-"""Largest number of time steps in a tick, so that a damaged file does not run for hours."""
+"""Largest number of time steps in a tick, which bounds the run of a damaged file."""
 
 
 @dataclass(frozen=True, eq=False)
 class Written:
-    """The output of a run, as the compiled code wrote it.
+    """Output of a run, as the compiled code wrote it.
 
     Attributes:
         output: samples, one a tick, events and contact points.
@@ -45,11 +45,11 @@ class Written:
 
 @dataclass(frozen=True, eq=False)
 class Checks:
-    """Samples of a recording that was saved.
+    """Samples of a saved recording.
 
     Attributes:
-        ticks: (k,) after how many ticks each was taken, from 0 on.
-        samples: (k, width).
+        ticks: (k,) numbers of ticks before each sample, from 0.
+        samples: (k, width) samples.
         status: end of the run.
     """
 
@@ -64,8 +64,8 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
     start: State = fields["start"]
     written: Written = fields["written"]
     samples = written.output.samples
-    every = max(1, round(_BETWEEN / fields["tick"]))
-    kept = np.unique(np.append(np.arange(0, len(samples), every), len(samples) - 1))
+    every = max(1, round(_SAMPLE_INTERVAL / fields["tick"]))
+    indices = np.unique(np.append(np.arange(0, len(samples), every), len(samples) - 1))
     portable = PortablePuppet.of(marionette.puppet)
     about = {
         "format": FORMAT,
@@ -83,18 +83,19 @@ def save(fields: Mapping[str, Any], path: str | Path) -> None:
         "acc_K": fields["acc_K"],
         "p": marionette.p,
         "winches": marionette.winches,
-        "ticks": kept,
-        "checks": samples[kept],
+        "ticks": indices,
+        "checks": samples[indices],
     }
     arrays |= npz.packed(_MESH, portable.meshes)
     npz.write(path, arrays, about, compressed=True)
 
 
 def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a recording from the contents of its file.
+    """Fields of a recording from the contents of its file.
 
     Raises:
-        FantocciniError, LookupError, TypeError, ValueError: they are not those of a recording.
+        FantocciniError, LookupError, TypeError, ValueError: the contents are not those of a
+            recording.
     """
     marionette = _marionette(about, arrays)
     table, tree = marionette.coordinates, marionette.tree
@@ -105,11 +106,11 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str
     }
     t, tick = (float(npz.finite(arrays, name, ())) for name in ("t", "tick"))
     acc_K = npz.finite(arrays, "acc_K", (None, table.n_vK))
-    status, given = Status[about["status"]], dict[str, Any]()
+    status, extra = Status[about["status"]], dict[str, Any]()
     if about["format"] == FORMAT:
-        given["checks"] = _checks(marionette, arrays, len(acc_K), status)
+        extra["checks"] = _checks(marionette, arrays, len(acc_K), status)
     else:
-        given["written"] = Written(_output(marionette, arrays), status)
+        extra["written"] = Written(_output(marionette, arrays), status)
     steps = about["steps"]
     if type(steps) is not int or not 1 <= steps <= _MAX_STEPS:
         raise ValueError(f"found {steps!r} steps in a tick; allowed: 1 to {_MAX_STEPS}")
@@ -120,7 +121,7 @@ def fields_of(arrays: Mapping[str, Array], about: Mapping[str, Any]) -> dict[str
         "tick": tick,
         "steps": steps,
         "ended": str(about["ended"]),
-        **given,
+        **extra,
     }
 
 
@@ -141,7 +142,7 @@ def _checks(marionette: Marionette, arrays: Mapping[str, Array], n: int, status:
 
 
 def _output(marionette: Marionette, arrays: Mapping[str, Array]) -> Piece:
-    """All samples, events and points of contact of a file of the format before."""
+    """Samples, events and contact points of a file in the previous format."""
     samples = _samples(marionette, arrays, "rows")
     contacts = npz.finite(arrays, "contacts", (None, width(CONTACT, {})))
     pairs = _pairs(marionette, contacts, len(samples))
@@ -156,7 +157,7 @@ def _of_state(arrays: Mapping[str, Array], name: str, size: int) -> Array:
 
 
 def _pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
-    """Number of pairs that may touch, if the contact points are of these and of the samples."""
+    """Number of pairs that may touch; checks the indices in contact points."""
     known = marionette.contacts
     pairs = 0 if known is None else len(known.names)
     for name, column, end in (("sample", 0, n_samples), ("pair", 1, pairs)):
@@ -166,12 +167,12 @@ def _pairs(marionette: Marionette, contacts: Array, n_samples: int) -> int:
 
 
 def _events(marionette: Marionette, events: Array, pairs: int) -> Array:
-    """The events, if their kinds and rows exist."""
+    """The events; checks their kinds and rows."""
     n = len(marionette.tree.blamable)
     for event in events:
         kind, row = event[EVENT_AT["kind"]], event[EVENT_AT["row"]]
-        most = n + pairs if kind in _MEETINGS else n
-        if kind not in list(EventCode) or row not in range(-1, most):
+        n_rows = n + pairs if kind in _MEETINGS else n
+        if kind not in list(EventCode) or row not in range(-1, n_rows):
             raise ValueError(f"found an event of the kind {kind:g} at the row {row:g}")
     return events
 
@@ -182,7 +183,7 @@ def _marionette(about: Mapping[str, Any], arrays: Mapping[str, Array]) -> Marion
     table, parameters = marionette.coordinates, npz.texts(about["parameters"], "parameters")
     if list(table.q_D + table.q_K) != about["coordinates"]:
         raise ValueError("its puppet has other coordinates than were recorded")
-    given = npz.finite(arrays, "p", (len(parameters),)).tolist()
-    values = dict(zip(parameters, given, strict=True))
+    numbers = npz.finite(arrays, "p", (len(parameters),)).tolist()
+    values = dict(zip(parameters, numbers, strict=True))
     winches = npz.checked(arrays, "winches", marionette.winches.shape)
     return marionette.with_parameters(values).with_winches(winches)

@@ -1,4 +1,4 @@
-"""Balance: hands that keep a puppet calm and in place by model predictive control.
+"""Balance: hands that calm a puppet and keep it in place, by model predictive control.
 
     min  integral of  w_p sum_i m_i/m |c_i - c_i0|^2 + w_v |v_D|^2 + w_h |q_K - q_K0|^2 + smoothness
 
@@ -21,7 +21,7 @@ from fantoccini.theatre.perform.performance import Performance
 
 
 class _Weights(NamedTuple):
-    """Costs of a second of deviation."""
+    """Cost rates of deviations."""
 
     place: float = 1000.0  # [1/m^2]
     speed: float = 0.3  # [s^2/rad^2 or s^2/m^2]
@@ -31,24 +31,24 @@ class _Weights(NamedTuple):
 
 WEIGHTS = _Weights()
 _INTERVAL = 0.02
-"""About the interval of updates [s]; it is made of whole ticks."""
+"""Approximate interval of updates, a multiple of the tick [s]."""
 _ROUNDING = 1e-9
-"""Difference of times that counts as rounding [s]."""
+"""Tolerance for equal times [s]."""
 _PAUSE = 0.001
-"""Interval at which the thread looks whether an update is due [s]."""
-_LATENCIES = 10
-"""Updates whose longest says how long the next may take."""
+"""Interval at which the thread checks whether an update is due [s]."""
+_N_LATENCIES = 10
+"""Number of updates whose longest latency is expected of the next."""
 
 
 class _Plan(NamedTuple):
-    """Accelerations (N, n_vK) from a time on [s]."""
+    """Accelerations (N, n_vK) from a time [s]."""
 
     start: float
     acc_K: np.ndarray
 
 
 class Balance:
-    """A law of hands: they bring the puppet back to where it is now, whatever pushes it.
+    """A law of the hands that returns the puppet to its present pose after any push.
 
     ::
 
@@ -57,24 +57,24 @@ class Balance:
         live.push("torso", [0.5, 0.0, 0.0])
         live.advance(0.2)
 
-    Updates are due every interval: whole ticks, some 20 ms. Without a thread the performance waits
-    for them. With one it goes on under the plan before: the state is predicted until the update
-    will be done, and an update that comes later than that, or takes longer than an interval, is
-    counted. Until there is a plan the hands brake.
+    Updates are due at every interval, a whole number of ticks of about 20 ms. Without a thread the
+    performance waits for them. With a thread it continues under the previous plan: the update
+    starts from the state predicted for its completion, and an update that comes later than
+    predicted, or takes longer than an interval, is counted. Before the first plan the hands brake.
 
     Attributes:
-        mpc: see :class:`fantoccini.MPC`; it counts updates, missed deadlines and skipped intervals.
-            None until a thread has made it.
-        late: updates that came into force later than was expected.
-        message: why there are no updates any more; empty while there are.
+        mpc: controller that counts updates, missed deadlines and skipped intervals, see
+            :class:`fantoccini.MPC`; None until a thread has created it.
+        late: number of updates that came into force later than predicted.
+        message: reason why updates have ended; empty while they go on.
 
     Args:
-        performance: what is balanced, at a pose at which it is to stay.
-        nodes: intervals of the horizon.
-        threaded: whether updates are made in a thread of their own.
+        performance: performance whose present pose is held.
+        nodes: number of intervals in the horizon.
+        threaded: whether updates are computed in a separate thread.
 
     Raises:
-        StateError: the puppet has drives that slip, or nothing that is driven.
+        StateError: the puppet has drives that slip, or no driven coordinates.
     """
 
     def __init__(self, performance: Performance, *, nodes: int = 50, threaded: bool = False):
@@ -95,14 +95,14 @@ class Balance:
         if threaded:
             self._thread.start()
         else:
-            self.mpc = self._made()
+            self.mpc = self._new_mpc()
 
     def __repr__(self) -> str:
         return f"<Balance of {self._performance.marionette.name}: {self.about}>"
 
     @property
     def about(self) -> str:
-        """In words: how many updates there were, and how many were late."""
+        """Numbers of updates and late updates, in words."""
         mpc = self.mpc
         if self.message or mpc is None:
             return self.message or "getting ready"
@@ -112,7 +112,7 @@ class Balance:
         )
 
     def acceleration(self, x: State) -> VecK:
-        """(n_vK,) what the plan in force has for a state's time; brakes where there is none."""
+        """(n_vK,) accelerations of the plan in force at a state's time; braking without a plan."""
         if self.mpc is not None and not self._threaded and self._is_due(x.t, 0.0):
             self._update(self.mpc, x, x.t)
         in_force = [plan for plan in self._plans if plan.start <= x.t + _ROUNDING]
@@ -128,7 +128,7 @@ class Balance:
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout=2.0)
 
-    def _made(self) -> MPC:
+    def _new_mpc(self) -> MPC:
         marionette = self._performance.marionette
         return MPC(marionette, self._task, self._nodes * self._interval, self._nodes)
 
@@ -151,7 +151,7 @@ class Balance:
 
     def _run(self) -> None:
         try:
-            mpc = self.mpc = self._made()
+            mpc = self.mpc = self._new_mpc()
         except FantocciniError as error:
             self.message = str(error)
             return
@@ -164,17 +164,17 @@ class Balance:
             self._update(mpc, x, x.t + latency)
             passed = self._performance.t - x.t
             self.late += passed > latency + _ROUNDING
-            self._latencies = [*self._latencies[1 - _LATENCIES :], max(passed, 0.0)]
+            self._latencies = [*self._latencies[1 - _N_LATENCIES :], max(passed, 0.0)]
 
 
 def _task(performance: Performance, x: State, horizon: float) -> Task:
-    """Stay where a state is."""
+    """Task of staying at a state."""
     marionette = performance.marionette
     table = marionette.coordinates
-    found = [link_inertia(link, marionette.number)[:2] for link in marionette.tree.links]
-    whole = sum(m for m, _ in found) or 1.0
+    inertias = [link_inertia(link, marionette.number)[:2] for link in marionette.tree.links]
+    whole = sum(m for m, _ in inertias) or 1.0
     tracks = [Track.velocity("*", weight=WEIGHTS.speed)]
-    for link, (m, com) in zip(marionette.tree.links, found, strict=True):
+    for link, (m, com) in zip(marionette.tree.links, inertias, strict=True):
         if m > 0.0:
             pose, at = marionette.pose(x, link.name), (float(com[0]), float(com[1]), float(com[2]))
             place, weight = pose[:3, 3] + pose[:3, :3] @ com, WEIGHTS.place * m / whole

@@ -1,4 +1,4 @@
-"""Carries a state over to a changed puppet: values by name, projected onto strings and limits."""
+"""Transfer of a state to a changed puppet: values by name, projected onto strings and limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fantoccini.motion import State
 
 
 def hanging(marionette: Marionette) -> State:
-    """The puppet at rest; without an equilibrium, its file's pose, projected."""
+    """Puppet at rest; without an equilibrium, its file's pose, projected."""
     try:
         return marionette.rest()
     except StateError:
@@ -33,24 +33,24 @@ def check_steps(marionette: Marionette, x: State, dt: float) -> None:
 def carried(
     before: Marionette, x: State, after: Marionette, start: State
 ) -> tuple[State, tuple[str, ...]]:
-    """The state of a changed puppet in which coordinates that keep their names keep their values.
+    """State of a changed puppet, in which coordinates that exist in both keep their values.
 
     The hands are at rest.
 
     Args:
-        before: the puppet.
+        before: puppet.
         x: its state.
-        after: the changed puppet.
-        start: a state of it, for the coordinates that are new.
+        after: changed puppet.
+        start: state of the changed puppet, for new coordinates.
 
     Returns:
-        The state, which strings and limits may forbid, and messages about what could not be kept.
+        The state, which strings and limits may forbid, and messages about lost and new coordinates.
     """
     old, new = before.coordinates, after.coordinates
     q = dict(zip(old.q_D + old.q_K, np.concatenate([x.q_D, x.q_K]), strict=True))
     v = dict(zip(old.v_D + old.v_K, np.concatenate([x.v_D, x.v_K]), strict=True))
     slip = {s.name: float(y) for s, y in zip(before.tree.strings, x.slip, strict=True)}
-    made = State(
+    state = State(
         x.t,
         np.array([q.get(name, value) for name, value in zip(new.q_D, start.q_D, strict=True)]),
         np.array([v.get(name, 0.0) for name in new.v_D]),
@@ -63,17 +63,17 @@ def carried(
     names = set(new.q_D + new.q_K)
     lost = tuple(f"{name} is gone" for name in q if name not in names)
     come = tuple(f"{name} is new" for name in new.q_D + new.q_K if name not in q)
-    return made, lost + come
+    return state, lost + come
 
 
 def permitted(marionette: Marionette, x: State) -> State:
-    """A state near ``x`` that strings and limits permit; ``x`` itself if there is none.
+    """State near ``x`` that strings and limits permit; ``x`` itself if there is none.
 
-    If the puppet cannot come within its strings, their winches slip.
+    If strings are too short for the puppet, their winches slip.
 
     Args:
-        marionette: with winches that slip.
-        x: the state.
+        marionette: puppet with winches that slip.
+        x: state.
     """
     try:
         return marionette.project(x)

@@ -1,13 +1,13 @@
-"""Grip: bounds the tension of strings, and holds back the hands that pull against a slipping one.
+"""Grip: bounded tension of strings, and hands held back when they pull against a slipping one.
 
-Every one-sided string gets a winch that slips at a largest tension, so that a motion exists
-whatever the hands do. If a string has slipped by more than ``min_slip`` while it pulls, the hands
+Every one-sided string gets a winch that slips at a largest tension, so that a motion exists for any
+motion of the hands. If a string has slipped by more than ``min_slip`` while it pulls, the hands
 that pull against it slow down. The rate u at which hands lengthen the path of a string is bounded,
 
   u = A_K v_K <= return_rate (HELD - s),   s: the largest slip,
 
-which takes them back until the slip is ``HELD``. A wire cannot slip; its violation counts instead.
-Motion of a hand across the string, or towards the puppet, does not change.
+which returns them until the slip is ``HELD``. A wire cannot slip; its violation counts instead.
+Motion of a hand across the string, or towards the puppet, is unchanged.
 """
 
 from __future__ import annotations
@@ -24,56 +24,56 @@ from fantoccini.motion import State
 from fantoccini.theatre.perform.hands import Hands
 
 HELD = 0.010
-"""Slip to which hands are taken back [m]."""
+"""Slip to which hands are returned [m]."""
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Numbers of the rule."""
+    """Parameters of the rule."""
 
     max_tension: float = 20.0
     """Default tension at which winches slip, relative to the puppet's weight."""
     rewind_speed: float = 1.0
-    """Speed at which a winch takes slip back if the puppet gives none [m/s]."""
+    """Speed at which a winch takes back slip of a slack string [m/s]."""
     min_slip: float = 0.005
-    """Slip from which on hands slow down [m]; half of ``HELD``, so that they do so in time."""
+    """Slip above which hands slow down [m]; half of ``HELD``, so that they do so in time."""
     return_rate: float = 20.0
-    """Rate at which hands come back to ``HELD`` [1/s]; well below that of ticks."""
+    """Rate of the return to ``HELD`` [1/s]; well below that of ticks."""
     min_pull: float = 0.5
-    """Tension from which on a string pulls, relative to its largest."""
+    """Tension above which a string counts as pulling, relative to its largest."""
     max_rounds: int = 3
-    """Corrections for each string, as a hand may hold several."""
+    """Number of corrections for each string, as a hand may hold several."""
     max_excess: float = 1e-6
-    """Rate above the bound that is accepted [m/s]."""
+    """Accepted excess of a rate over its bound [m/s]."""
     min_share: float = 0.05
-    """Part of a string's rate from which on a hand is reported as held back."""
+    """Share of a string's rate above which a hand is reported as held back."""
 
 
 TOLERANCES = Tolerances()
 
 
 def gripped(marionette: Marionette, grip: float) -> Marionette:
-    """The puppet with winches that slip at ``grip`` [N] or less; wires have none."""
+    """Puppet with winches that slip at ``grip`` [N] or less; wires have none."""
     winches = marionette.winches.copy()
-    most, rewind = WINCH_AT["max_tension"], WINCH_AT["rewind_speed"]
+    max_tension, rewind = WINCH_AT["max_tension"], WINCH_AT["rewind_speed"]
     for row, string in zip(winches, marionette.tree.strings, strict=True):
-        if string.wire or row[most] <= grip:
+        if string.wire or row[max_tension] <= grip:
             continue
-        row[most] = grip
+        row[max_tension] = grip
         if string.rewind_speed is None:
             row[rewind] = TOLERANCES.rewind_speed
     return marionette.with_winches(winches)
 
 
 class Holding:
-    """Holds hands back, tick by tick.
+    """Rule that holds hands back in each tick.
 
     Attributes:
-        held: (n_groups,) bool, the groups that the last tick held back.
+        held: (n_groups,) bool, groups that were held back in the last tick.
 
     Args:
-        marionette: with its winches, as :func:`gripped` makes them.
-        hands: of the puppet.
+        marionette: puppet with winches, as :func:`gripped` returns it.
+        hands: hands of the puppet.
         grip: largest tension [N].
     """
 
@@ -81,10 +81,10 @@ class Holding:
         self.marionette, self.hands = marionette, hands
         own = marionette.winches[:, WINCH_AT["max_tension"]]
         self._wire: Mask = np.array([s.wire for s in marionette.tree.strings], dtype=bool)
-        # A winch of the puppet that slips earlier is meant to.
+        # A winch of the puppet that slips at a lower tension is left alone.
         self._firm = self._wire | (own >= grip)
         self._no_wires = not self._wire.any()
-        self._most_slip = np.where(self._firm, TOLERANCES.min_slip, np.inf)
+        self._max_slip = np.where(self._firm, TOLERANCES.min_slip, np.inf)
         self._pulls = np.where(self._firm, TOLERANCES.min_pull * grip, np.inf)
         self._grip = grip
         self._n_groups = len(hands.names)
@@ -97,12 +97,12 @@ class Holding:
         """Velocities of the hands that the strings permit.
 
         Args:
-            x: the state.
+            x: state.
             tension: (n_rows,) forces of strings and limits [N or N m].
             wanted: (n_vK,) wanted velocities [m/s or rad/s].
         """
         self.held = self._free
-        slipped = x.slip > self._most_slip
+        slipped = x.slip > self._max_slip
         if self._no_wires and not slipped.any():
             return wanted
         n = len(self._pulls)
@@ -114,24 +114,24 @@ class Holding:
         strained = self._wire & (pull > self._grip)
         if strained.any():
             slip = max(slip, HELD)
-        most = np.full(n, np.inf)
-        most[slipped] = 0.0  # slack while it rewinds
+        bounds = np.full(n, np.inf)
+        bounds[slipped] = 0.0  # slack while it rewinds
         if slip > TOLERANCES.min_slip:
-            most[pulling] = TOLERANCES.return_rate * (HELD - slip)
+            bounds[pulling] = TOLERANCES.return_rate * (HELD - slip)
         if strained.any():
             # A wire cannot slip: its violation is taken back.
             at = {"q_D": x.q_D, "q_K": x.q_K, "p": self.marionette.p}
             h = self.marionette.library.evaluate("rows", **at).h
-            most[strained] = -TOLERANCES.return_rate * np.abs(h[:n][strained])
-        if not np.isfinite(most).any():
+            bounds[strained] = -TOLERANCES.return_rate * np.abs(h[:n][strained])
+        if not np.isfinite(bounds).any():
             return wanted
         self.held = self._free.copy()
         # A wire under compression bounds the opposite direction.
-        bound = np.flatnonzero(np.isfinite(most))
+        bound = np.flatnonzero(np.isfinite(bounds))
         rates = self.rates(x)[bound] * np.where(tension[bound] < 0, -1.0, 1.0)[:, None]
-        slower, most = wanted.copy(), most[bound]
+        slower, bounds = wanted.copy(), bounds[bound]
         for _ in range(TOLERANCES.max_rounds * len(bound)):
-            excess = rates @ slower - most
+            excess = rates @ slower - bounds
             worst = int(np.argmax(excess))
             by = excess[worst]
             if by <= TOLERANCES.max_excess or not self._slow_down(rates[worst], slower, by):
@@ -142,20 +142,20 @@ class Holding:
         """Reasons why handles and strings lag, by name.
 
         Args:
-            slip: (n_strings,) [m].
+            slip: (n_strings,) slip of the strings [m].
         """
-        found: dict[str, list[str]] = {}
+        reasons: dict[str, list[str]] = {}
         for name in dict.fromkeys(np.array(self.hands.names)[self.held].tolist()):
-            found[name] = ["hand pulls against its limit"]
+            reasons[name] = ["hand pulls against its limit"]
         for string, by in zip(self.marionette.tree.strings, slip, strict=True):
             if by > TOLERANCES.min_slip:
-                found.setdefault(string.name, []).append(f"winch slips by {1000 * by:.0f} mm")
-        return found
+                reasons.setdefault(string.name, []).append(f"winch slips by {1000 * by:.0f} mm")
+        return reasons
 
     def rates(self, x: State) -> Array:
-        """A_K of the strings, (n_strings, n_vK): hdot_K of unit velocities.
+        """(n_strings, n_vK) A_K of the strings: hdot_K of unit velocities.
 
-        Those that move no string together take their turn at once.
+        Velocities that move no string in common are evaluated together.
         """
         n_K, n_D = len(x.v_K), len(x.v_D)
         still, turn = np.zeros(n_D), self._turn
@@ -174,7 +174,7 @@ class Holding:
         return np.where(self._moves, on.hdot_K[turn].T, 0.0)
 
     def _slow_down(self, row: Array, wanted: VecK, excess: float) -> bool:
-        """Slows the groups that lengthen a string's path, in proportion; False if none do."""
+        """Slows the groups that lengthen a string's path, in proportion; False without any."""
         group, n = self.hands.group, self._n_groups
         outward = np.maximum(np.bincount(group, row * wanted, n), 0.0)
         whole = outward.sum()
@@ -189,19 +189,19 @@ class Holding:
 
 def _moves(tree: Tree) -> Mask:
     """(n_strings, n_vK) whether a driven velocity changes the path or the length of a string."""
-    found = np.zeros((len(tree.strings), tree.coordinates.n_vK), dtype=bool)
-    for row, string in zip(found, tree.strings, strict=True):
+    moves = np.zeros((len(tree.strings), tree.coordinates.n_vK), dtype=bool)
+    for row, string in zip(moves, tree.strings, strict=True):
         for point in string.points:
             for i in tree.ancestors(point.link):
                 if tree.links[i].role is Role.DRIVEN:
                     row[tree.links[i].v] = True
         if string.driven_length:
             row[string.driven_length[1]] = True
-    return found
+    return moves
 
 
 def _turns(moves: Mask) -> Indices:
-    """(n_vK,) the turn of each driven velocity: no two of one turn move the same string."""
+    """(n_vK,) group of each driven velocity; no two velocities of a group move the same string."""
     turn = np.zeros(moves.shape[1], dtype=int)
     taken: list[Mask] = []
     for j, strings in enumerate(moves.T):

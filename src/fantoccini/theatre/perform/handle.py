@@ -1,4 +1,4 @@
-"""Handles: what a hand can hold, and the driven coordinates for a place in the world."""
+"""Handles for hands, and the driven coordinates that bring them to a place in the world."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Place = tuple[Vec3, Quaternion]
 """Position (3,) [m] and orientation (4,) as w, x, y, z in the world."""
 
 _MAX_DISTANCE = 1e6
-"""Largest coordinate of a target, from the origin of the handle's joint [m]."""
+"""Largest coordinate of a target, relative to the origin of the handle's joint [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,16 +25,16 @@ class Handle:
     """A driven string end, or a body on a driven joint, that a hand can hold.
 
     Attributes:
-        name: of the string or of the body.
-        kind: ``end``, a string's end that is driven in place; ``body``, a body on a driven joint.
+        name: name of the string or of the body.
+        kind: ``end``, a string's end with a driven position; ``body``, a body on a driven joint.
         joint: fixed, revolute, prismatic, translation, ball or free.
         axes: (k, 3) directions in the world along which it moves, k from 0 to 3; those at the start
             if the joint's parent moves.
         turns: (k, 3) directions about which it turns, likewise.
         coordinates: names of its driven coordinates, as in q_K.
         link: index of its link.
-        q, v: places of its coordinates in q_K and v_K.
-        base: orientation (3, 3) and origin (3,) of its joint in the world; None where its parent
+        q, v: indices of its coordinates in q_K and v_K.
+        base: orientation (3, 3) and origin (3,) of its joint in the world; None if its parent
             moves.
     """
 
@@ -51,21 +51,21 @@ class Handle:
 
     @property
     def moves(self) -> slice:
-        """Places in v_K of its translations."""
+        """Indices in v_K of its translations."""
         return slice(self.v.start, self.v.start + len(self.axes))
 
     @property
     def rotates(self) -> slice:
-        """Places in v_K of its rotations."""
+        """Indices in v_K of its rotations."""
         return slice(self.v.stop - len(self.turns), self.v.stop)
 
 
 def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
-    """The handles of a puppet, in the order of its links.
+    """Handles of a puppet, in the order of its links.
 
     Args:
-        marionette: the puppet.
-        poses: (n_links, 3, 4) of its links.
+        marionette: puppet.
+        poses: (n_links, 3, 4) poses of its links.
     """
     handles = []
     for i, link in enumerate(marionette.tree.links):
@@ -101,7 +101,7 @@ def handles_of(marionette: Marionette, poses: Array) -> tuple[Handle, ...]:
 
 
 def _stands(marionette: Marionette, link: Link) -> bool:
-    """Whether nothing moves the joint of a link."""
+    """Whether the joint of a link stands still in the world."""
     tree = marionette.tree
     way = tree.ancestors(link.parent) if link.parent != WORLD else ()
     return all(tree.links[i].role is Role.FIXED for i in way)
@@ -117,13 +117,13 @@ def frame(marionette: Marionette, link: Link, poses: Array) -> tuple[Array, Vec3
 
 
 def place_of(marionette: Marionette, handle: Handle, q_K: ConfigK, poses: Array) -> Place:
-    """The place of a handle at a driven configuration.
+    """Place of a handle at a driven configuration.
 
     Args:
-        marionette: the puppet.
+        marionette: puppet.
         handle: one of its handles.
         q_K: (n_qK,) driven configuration.
-        poses: (n_links, 3, 4) of the links; may be empty for a joint that nothing moves.
+        poses: (n_links, 3, 4) poses of the links; may be empty for a joint that stands still.
     """
     link = marionette.tree.links[handle.link]
     R, r = handle.base or frame(marionette, link, poses)
@@ -149,24 +149,24 @@ def wanted(
     position: Vec3 | None,
     wxyz: Quaternion | None,
 ) -> Array:
-    """Coordinates that bring a handle as near to a place as its joint allows.
+    """(n,) coordinates that bring a handle as near to a place as its joint allows.
 
     Args:
-        marionette: the puppet.
+        marionette: puppet.
         handle: one of its handles.
-        q: (n,) present target; parts that are not given stay.
-        poses: (n_links, 3, 4) of the links; may be empty for a joint that nothing moves.
-        position: (3,) [m], or None.
+        q: (n,) present target; components that are not given stay.
+        poses: (n_links, 3, 4) poses of the links; may be empty for a joint that stands still.
+        position: (3,) position [m], or None.
         wxyz: (4,) orientation, or None.
 
     Raises:
-        StateError: a position or orientation that is none.
+        StateError: a position or orientation is invalid.
     """
     link = marionette.tree.links[handle.link]
     R, r = handle.base or frame(marionette, link, poses)
     q = np.array(q)
     if position is not None and len(handle.axes):
-        # For vectors, dot takes half as long as @.
+        # Dot is twice as fast as @ for vectors.
         local = R.T.dot(_three(handle, position) - r)
         straight = local if link.kind == "free" else link.axes.T.dot(local)
         q[: len(handle.axes)] = _bounded(straight)
@@ -181,23 +181,23 @@ def wanted(
 
 
 def _three(handle: Handle, position: ArrayLike) -> Vec3:
-    found = np.asarray(position, dtype=float)
-    if found.shape != (3,) or not all(map(math.isfinite, found.tolist())):
+    vector = np.asarray(position, dtype=float)
+    if vector.shape != (3,) or not all(map(math.isfinite, vector.tolist())):
         raise StateError(f"{handle.name}: found {position!r}; a position is three finite numbers")
-    return _bounded(found)
+    return _bounded(vector)
 
 
 def _bounded(x: Vec3) -> Vec3:
     numbers = x.tolist()
     if min(numbers) >= -_MAX_DISTANCE and max(numbers) <= _MAX_DISTANCE:
-        return x  # what a hand does; np.clip takes ten times as long to say so
+        return x  # the usual case; np.clip takes ten times as long
     return np.clip(x, -_MAX_DISTANCE, _MAX_DISTANCE)
 
 
 def _turn(handle: Handle, wxyz: ArrayLike) -> Quaternion:
-    found = np.asarray(wxyz, dtype=float)
-    if found.shape != (4,) or not np.all(np.isfinite(found)) or not np.any(found):
+    quaternion = np.asarray(wxyz, dtype=float)
+    if quaternion.shape != (4,) or not np.all(np.isfinite(quaternion)) or not np.any(quaternion):
         raise StateError(
             f"{handle.name}: found {wxyz!r}; an orientation is a quaternion (w, x, y, z), not zero"
         )
-    return rotation.normalised(found)
+    return rotation.normalised(quaternion)

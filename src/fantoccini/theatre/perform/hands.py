@@ -32,11 +32,11 @@ class Limits(NamedTuple):
     """Bounds of hands."""
 
     arm: float = 0.4
-    """Distance from the axis [m] at which a rotation is bounded as a translation is."""
+    """Distance from the axis at which the bounds of a translation apply to a rotation [m]."""
     min_length: float = 0.01
     """Shortest length of a driven string [m]."""
     relative_range: tuple[float, float] = (0.1, 2.0)
-    """Range of a driven length, relative to the one at the start."""
+    """Range of a driven length, relative to that at the start."""
     chain_lengths: int = 20
     """Number of lengths that are tried as the shortest of a chain."""
 
@@ -46,10 +46,10 @@ _NO_POSES = np.zeros((0, 3, 4))
 
 
 class HandBounds(NamedTuple):
-    """Bounds of driven coordinates by name, so narrow that hands of several stay within theirs.
+    """Bounds of driven coordinates by name; together they keep the bounds of their hands.
 
     Attributes:
-        position: of driven lengths, lowest and highest [m].
+        position: lowest and highest driven lengths [m].
         speed, acceleration: largest magnitudes.
     """
 
@@ -60,15 +60,15 @@ class HandBounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Hands:
-    """The groups of driven coordinates that move together, and their bounds.
+    """Groups of driven coordinates that move together, and their bounds.
 
     Attributes:
-        marionette: the puppet.
-        handles: what can be held.
+        marionette: puppet.
+        handles: parts that can be held.
         lengths: string with a driven length -> shortest and longest [m].
-        winch: string with a driven length -> (q, v), its places in q_K and v_K.
+        winch: string with a driven length -> (q, v), its indices in q_K and v_K.
         names: (n_groups,) name of the handle or string of each group.
-        group: (n_vK,) the group of each driven velocity.
+        group: (n_vK,) group of each driven velocity.
         speed, acceleration: (n_groups,) bounds [m/s, m/s^2 or rad/s, rad/s^2].
     """
 
@@ -90,14 +90,14 @@ class Hands:
         acceleration: float,
         lengths: dict[str, tuple[float, float]],
     ) -> Hands:
-        """The hands of a puppet.
+        """Hands of a puppet.
 
         Args:
-            marionette: the puppet.
-            x: the state.
-            speed: bound on the velocity of handles and winches [m/s].
+            marionette: puppet.
+            x: state.
+            speed: bound on the speed of handles and winches [m/s].
             acceleration: bound on their acceleration [m/s^2].
-            lengths: string -> its range [m], at least the driven ones.
+            lengths: string -> its range [m]; contains at least the driven ones.
         """
         handles = handles_of(marionette, marionette.poses(x.q_D, x.q_K))
         winch = _winches(marionette)
@@ -143,15 +143,15 @@ class Hands:
         )
 
     def handle(self, name: str) -> Handle:
-        """The handle of that name."""
+        """Handle of a name."""
         if name not in self._named:
             raise UnknownNameError("handle", name, [h.name for h in self.handles])
         return self._named[name]
 
     def carriers(self, handle: Handle) -> tuple[Handle, ...]:
-        """The handles of a joint's other parts, if drives move the joint in part.
+        """Handles of a joint's other parts, if drives move the joint in part.
 
-        Each part is a handle of its own, ``bar.carriage1``; a part has no carriers.
+        Each part is a handle itself, ``bar.carriage1``; a part has no carriers.
         """
         return self._carriers[handle.name]
 
@@ -174,22 +174,22 @@ class Hands:
         }
 
     def length_place(self, string: str) -> int:
-        """Place in q_K of a driven length, or of its drive's command."""
+        """Index in q_K of a driven length, or of its drive's command."""
         if string not in self.winch:
             raise UnknownNameError("string with a driven length", string, self.winch)
         return self.winch[string][0]
 
     def place(self, name: str, x: State) -> Place:
-        """A handle's position (3,) [m] and orientation (w, x, y, z) in the world."""
+        """Position (3,) [m] and orientation (w, x, y, z) of a handle in the world."""
         return self._place(self.handle(name), x.q_K, x)
 
     def place_at(self, name: str, q_K: ConfigK, x: State) -> Place:
-        """The place of a handle at other driven coordinates, those of its joint's parts included.
+        """Place of a handle at other driven coordinates, those of its joint's parts included.
 
         Args:
-            name: of the handle.
+            name: name of the handle.
             q_K: (n_qK,) driven coordinates.
-            x: the state: of whatever else moves the handle.
+            x: state, for all other motion of the handle.
         """
         handle = self.handle(name)
         r, wxyz = self._place(handle, q_K, x)
@@ -206,14 +206,14 @@ class Hands:
 
         Args:
             q_K: (n_qK,) coordinates; those of other handles stay.
-            name: of the handle.
-            position: (3,) in the world [m]; unchanged when not given.
-            wxyz: (4,) orientation in the world; likewise.
-            x: the state: of whatever else moves the handle.
+            name: name of the handle.
+            position: (3,) position in the world [m]; unchanged by default.
+            wxyz: (4,) orientation in the world; unchanged by default.
+            x: state, for all other motion of the handle.
 
         Raises:
-            UnknownNameError: no handle is called that.
-            StateError: a position or orientation that is none.
+            UnknownNameError: no handle has this name.
+            StateError: a position or orientation is invalid.
         """
         moved, handle = np.array(q_K), self.handle(name)
         for h in (*self.carriers(handle), handle):
@@ -225,7 +225,7 @@ class Hands:
         return place_of(self.marionette, handle, q_K, self._poses(handle, x))
 
     def _poses(self, handle: Handle, x: State) -> Array:
-        """(n_links, 3, 4) of the links; empty where nothing moves the handle's joint."""
+        """(n_links, 3, 4) poses of the links; empty if the handle's joint stands still."""
         if handle.base is not None:
             return _NO_POSES
         return self.marionette.poses(x.q_D, x.q_K)
@@ -246,10 +246,10 @@ class Hands:
         """(n_vK,) wanted velocities after the next tick; see ``reach``.
 
         Args:
-            x: the state.
+            x: state.
             wanted: (n_qK,) targets.
-            tick: [s].
-            steps: what is played on top of them over the tick.
+            tick: duration of a tick [s].
+            steps: offsets that are added over the tick.
         """
         if steps is None:
             away, own = self.away(x.q_K, wanted), x.v_K
@@ -262,7 +262,7 @@ class Hands:
         return self.bounded(velocity + self._rates(wanted, steps.d_next, steps.rate_next, away))
 
     def moved(self, q_K: ConfigK, d: VecK) -> ConfigK:
-        """(n_qK,) a driven configuration with offsets (n_vK,) on top, lengths in their ranges."""
+        """(n_qK,) driven configuration plus offsets (n_vK,), with lengths in their ranges."""
         table, moved = self.marionette.coordinates, np.array(q_K)
         q, v = table.places_K
         moved[q] += d[v]
@@ -273,17 +273,17 @@ class Hands:
         return moved
 
     def _rates(self, wanted: ConfigK, d: VecK, rate: VecK, away: VecK) -> VecK:
-        """(n_vK,) velocities of :meth:`moved`, of rotations in the frame of the hand."""
-        made = np.array(rate)
+        """(n_vK,) velocities of :meth:`moved`; those of rotations in the frame of the hand."""
+        rates = np.array(rate)
         for _, w in self.marionette.coordinates.quaternions_K:
             turn = slice(w, w + 3)
             own = rotation.right_jacobian(d[turn]) @ rate[turn]
-            made[turn] = rotation.matrix(rotation.exp(away[turn])) @ own
+            rates[turn] = rotation.matrix(rotation.exp(away[turn])) @ own
         for name, (place, v) in self.winch.items():
             low, high = self.lengths[name]
             if not low <= wanted[place] + d[v] <= high:
-                made[v] = 0.0
-        return made
+                rates[v] = 0.0
+        return rates
 
     def bounded(self, v_K: VecK) -> VecK:
         """(n_vK,) velocities within the bound on speed."""
@@ -296,14 +296,14 @@ class Hands:
 
 
 def _winches(marionette: Marionette) -> dict[str, tuple[int, int]]:
-    """String or chain -> place in (q_K, v_K) of its length, or of its drive's command."""
+    """String or chain -> index in (q_K, v_K) of its length, or of its drive's command."""
     tree = marionette.tree
     places = {s.name: tree.length_lead(s) for s in (*tree.strings, *tree.chains)}
     return {name: place for name, place in places.items() if place is not None}
 
 
 def _shortest(marionette: Marionette, chain: ChainRow, x: State, low: float, dt: float) -> float:
-    """The shortest of a few lengths from ``low`` [m] on that permits steps of dt [s]."""
+    """Shortest of a few lengths from ``low`` [m] that permits steps of dt [s]."""
     assert chain.length_index is not None  # its length is driven, or wound by a drive
     q, own = (x.q_K, x.q_D)[chain.driven_length is None].copy(), chain.length_index[0]
     now = float(q[own])

@@ -1,4 +1,4 @@
-"""Influences on a performance besides targets: pushes on bodies, a law that moves the hands."""
+"""Influences on a performance apart from targets: pushes on bodies, a law of the hands."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from fantoccini.motion import State
 
 
 class HandLaw(Protocol):
-    """Moves the hands instead of their targets."""
+    """Law that moves the hands instead of their targets."""
 
     def acceleration(self, x: State) -> VecK:
         """(n_vK,) accelerations of the driven coordinates over the next tick.
 
         Args:
-            x: the state, with the time of the performance.
+            x: state, with the time of the performance.
         """
 
     def stop(self) -> None:
-        """Ends what the law does beside the performance."""
+        """Ends the law's activity outside the performance, such as a thread."""
 
 
 class Push(NamedTuple):
     """A force on a point of a body.
 
     Attributes:
-        at: (3,) from the body's centre of mass, in its frame [m].
-        force: (3,) in the world [N].
+        at: (3,) point relative to the body's centre of mass, in its frame [m].
+        force: (3,) force in the world [N].
     """
 
     at: Vec3
@@ -39,11 +39,11 @@ class Push(NamedTuple):
 
 
 def push_on(marionette: Marionette, body: str, force: Vec3, at: Vec3 | None) -> Push:
-    """A push on a point of a body, given in its frame [m]; its centre of mass when not given.
+    """Push on a point of a body, given in its frame [m]; at its centre of mass by default.
 
     Raises:
-        UnknownNameError: no body is called that.
-        StateError: numbers that are none.
+        UnknownNameError: no body has this name.
+        StateError: a vector does not consist of three finite numbers.
     """
     link = marionette.tree.links[marionette.link_index(body)]
     com = link_inertia(link, marionette.number)[1]
@@ -55,11 +55,11 @@ def push_on(marionette: Marionette, body: str, force: Vec3, at: Vec3 | None) -> 
 
 
 class Influences:
-    """A law and pushes, as a performance has them.
+    """Law and pushes of a performance.
 
     Attributes:
-        law: moves the hands instead of their targets; None where there is none.
-        pushes: name of a body -> what pushes it.
+        law: moves the hands instead of their targets; None if there is none.
+        pushes: name of a body -> push on it.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Lanes: strings and joints with driven coordinates, as gestures, takes and scores move them."""
+"""Lanes: strings and joints with driven coordinates that gestures, takes and scores move."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from fantoccini.theatre.gestures import Gesture
 
 
 class LanePlaces(NamedTuple):
-    """Places of some lanes.
+    """Masks of some lanes.
 
     Attributes:
         q: (n_qK,) their driven coordinates.
@@ -27,15 +27,15 @@ class LanePlaces(NamedTuple):
 
 
 def lanes_of(table: CoordinateTable) -> tuple[str, ...]:
-    """The names of all lanes."""
+    """Names of all lanes."""
     return tuple(dict.fromkeys(map(_lane, channel_names(table))))
 
 
 def places_of(table: CoordinateTable, lanes: Collection[str]) -> LanePlaces:
-    """The places of lanes.
+    """Masks of lanes.
 
     Raises:
-        UnknownNameError: no lane is called that.
+        UnknownNameError: no lane has this name.
     """
     names = lanes_of(table)
     for lane in lanes:
@@ -48,10 +48,10 @@ def places_of(table: CoordinateTable, lanes: Collection[str]) -> LanePlaces:
 
 
 def without(motion: Gesture, armed: Collection[str]) -> Gesture:
-    """A motion without the lanes that are armed.
+    """Motion without the armed lanes.
 
     Raises:
-        UnknownNameError: no lane is called that.
+        UnknownNameError: no lane has this name.
     """
     free: MaskRows = motion.named & ~places_of(motion.coordinates, armed).v
     return dataclasses.replace(
@@ -60,5 +60,5 @@ def without(motion: Gesture, armed: Collection[str]) -> Gesture:
 
 
 def _lane(name: str) -> str:
-    """The lane of a driven coordinate."""
+    """Lane of a driven coordinate."""
     return name.rsplit(".", 1)[0]

@@ -1,4 +1,4 @@
-"""The recording of a performance while it goes on, which may end by itself."""
+"""Recorder of a live performance; a recording may end by itself."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fantoccini.theatre.perform.recording import Recorder, Recording
 
 
 class LiveRecorder:
-    """Records one stepper after another, and keeps the last recording until it is taken.
+    """Recorder of successive steppers, which stores the last recording until it is taken.
 
     Args:
         tick: duration of a tick [s].
@@ -32,11 +32,11 @@ class LiveRecorder:
         return self._recorder is not None and not len(self._recorder)
 
     def start(self, marionette: Marionette, stepper: Stepper) -> None:
-        """Records from here on; drops a recording that was not taken.
+        """Records from now on; drops a recording that was not taken.
 
         Args:
-            marionette: the puppet.
-            stepper: of it; not advanced yet.
+            marionette: puppet.
+            stepper: stepper of the puppet, not advanced yet.
         """
         self._recorder, self._ended = Recorder(marionette, stepper, self._tick), None
 
@@ -45,13 +45,13 @@ class LiveRecorder:
 
         Args:
             acc_K: (n_vK,) accelerations of the driven coordinates in that tick.
-            stepper: the one that it was started with.
+            stepper: stepper with which recording was started.
         """
         if self._recorder is not None:
             self._recorder.add(acc_K, stepper)
 
     def end(self, why: str) -> None:
-        """Ends the recording, if there is one, for a reason; empty if the user stops it."""
+        """Ends the recording, if there is one, with a reason; empty if the user stops it."""
         if self._recorder is not None:
             self._ended = (self._recorder.finished(self._steps, why), why)
             self._recorder = None

@@ -1,7 +1,7 @@
 """The way from the end of a recording back to its start, tick by tick.
 
 A quintic leads from the last position and velocity to the first within bounds. Its accelerations
-at the middles of the ticks, and a correction a + b i at tick i, which is small, arrive exactly.
+at the middles of the ticks, with a small correction a + b i at tick i, arrive exactly.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import Input
 from fantoccini.theatre.gestures import ACCELERATION, SPEED, limits, transition
 
-_LEAST = 6
+_MIN_TICKS = 6
 """Shortest way [ticks]."""
-_ROUNDS = 20
-"""Corrections; without rotations the first is exact."""
-_EXACT = 1e-13
-"""Error with which a way arrives [m or rad, per s]."""
+_MAX_CORRECTIONS = 20
+"""Number of corrections; without rotations the first is exact."""
+_TOLERANCE = 1e-13
+"""Error at the end of the way that counts as exact [m or rad, per s]."""
 
 
 def way_back(
     table: CoordinateTable, end: tuple[ConfigK, VecK], start: tuple[ConfigK, VecK], tick: float
 ) -> Array:
-    """(k, n_vK) accelerations from one position and velocity to another; k is 0 where both agree.
+    """(k, n_vK) accelerations from one position and velocity to another; k is 0 if they agree.
 
     Args:
-        table: of the coordinates.
-        end: from where, q_K and v_K.
-        start: to where.
+        table: table of the coordinates.
+        end: q_K and v_K at the beginning of the way.
+        start: q_K and v_K at its end.
         tick: duration of a tick [s].
 
     Raises:
@@ -40,21 +40,21 @@ def way_back(
     lead, _ = transition(np.zeros(n), end[1], target, rate, limits(table, SPEED, ACCELERATION))
     if lead is None:
         return np.zeros((0, n))
-    k = max(_LEAST, int(np.ceil(lead[0] / tick)))
+    k = max(_MIN_TICKS, int(np.ceil(lead[0] / tick)))
     nothing = np.zeros(n)
     coef = polynomial.hermite(
         np.full(n, k * tick), (nothing, end[1], nothing), (target, rate, nothing)
     )
     i = np.arange(k)
     acc = np.array([polynomial.evaluate(coef, np.array((j + 0.5) * tick))[2] for j in i])
-    # Of a + b i: what the velocity and the position at the end change by, for each a and b.
+    # Changes of the velocity and the position at the end, for each of a and b.
     left = (k - i - 0.5) * tick
     effect = tick * np.array([[k, i.sum()], [left.sum(), left @ i]])
-    for _ in range(_ROUNDS):
-        made = Input.segments(table, tick * np.arange(k + 1, dtype=float), *end, acc)
-        q, v = made.evaluate(k * tick)[0], made.evaluate(np.nextafter(k * tick, 0.0))[1]
+    for _ in range(_MAX_CORRECTIONS):
+        inputs = Input.segments(table, tick * np.arange(k + 1, dtype=float), *end, acc)
+        q, v = inputs.evaluate(k * tick)[0], inputs.evaluate(np.nextafter(k * tick, 0.0))[1]
         off = np.array([start[1] - v, difference(table, q, start[0])])
-        if np.max(np.abs(off)) <= _EXACT:
+        if np.max(np.abs(off)) <= _TOLERANCE:
             break
         a, b = np.linalg.solve(effect, off)
         acc = acc + a + b * i[:, None]
@@ -63,18 +63,18 @@ def way_back(
 
 def difference(table: CoordinateTable, q_K: ConfigK, other: ConfigK) -> VecK:
     """(n_vK,) tangent vector from one driven configuration to another."""
-    found = np.zeros(table.n_vK)
+    vector = np.zeros(table.n_vK)
     q, v = table.places_K
-    found[v] = other[q] - q_K[q]
+    vector[v] = other[q] - q_K[q]
     for at, w in table.quaternions_K:
-        found[w : w + 3] = rotation.between(q_K[at : at + 4], other[at : at + 4])
-    return found
+        vector[w : w + 3] = rotation.between(q_K[at : at + 4], other[at : at + 4])
+    return vector
 
 
 def _seen_from(
     table: CoordinateTable, q_K: ConfigK, there: tuple[ConfigK, VecK]
 ) -> tuple[VecK, VecK]:
-    """A place and its velocity as offsets and rates from a driven configuration."""
+    """Target and its velocity as offsets and rates from a driven configuration."""
     target, rate = difference(table, q_K, there[0]), np.array(there[1])
     for _, w in table.quaternions_K:
         turn = slice(w, w + 3)

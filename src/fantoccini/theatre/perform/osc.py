@@ -1,6 +1,6 @@
-"""Open Sound Control: a show is directed by messages, and tells what happens by others.
+"""Open Sound Control: messages direct a show, and others report its events.
 
-Messages come and go by UDP. python-osc is loaded when it is first needed.
+Messages are sent and received by UDP. python-osc is loaded when it is first needed.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from fantoccini.base import (
 )
 from fantoccini.theatre.perform.show import LivePlay, ShowEvent
 
-_LARGEST = 65536
+_MAX_SIZE = 65536
 """Largest size of a datagram [bytes]."""
 _PAUSE = 0.2
-"""Interval at which the thread looks whether it is to end [s]."""
-_ECHO = 1.0
+"""Interval at which the thread checks whether it should end [s]."""
+_ECHO_TIME = 1.0
 """Time after a cue is reported in which a message that starts it counts as an echo [s]."""
-_SHOWN = 120
-"""Longest text of a report on a message [characters]."""
+_MAX_REPORT = 120
+"""Largest length of a report on a message [characters]."""
 
 
 class Address(NamedTuple):
-    """Address at which messages are heard, or to which they go."""
+    """Address at which messages are received, or to which they are sent."""
 
     host: str
     port: int
@@ -44,10 +44,10 @@ class Address(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> Address:
-        """The address in a text: ``HOST:PORT``, or a port of this machine.
+        """Address in a text: ``HOST:PORT``, or a port of this machine.
 
         Raises:
-            ValueError: it is none.
+            ValueError: the text is not an address.
         """
         host, _, port = text.rpartition(":")
         if not port.isdecimal() or not 0 <= int(port) <= 65535:
@@ -57,16 +57,16 @@ class Address(NamedTuple):
 
 @dataclass
 class Counts:
-    """Counts of messages by their outcome.
+    """Numbers of messages by outcome.
 
     Attributes:
-        heard: that were done.
-        wrong: that could not be read, or are none of the show's.
-        refused: that the show refused.
-        echoes: that were sent by ourselves, or are taken for it.
-        sent: to the outside.
-        lost: that could not be sent.
-        last: the last wrong or refused one, in words.
+        heard: number of messages that were executed.
+        wrong: number of messages that could not be read, or are not commands of the show.
+        refused: number of messages that the show refused.
+        echoes: number of messages that came from this program, or probably did.
+        sent: number of messages that were sent.
+        lost: number of messages that could not be sent.
+        last: the last message that was wrong, refused or lost, in words.
     """
 
     heard: int = 0
@@ -94,27 +94,27 @@ class Counts:
 
 
 Later = Callable[[Callable[[], None]], object]
-"""Has something done in the thread of the show."""
+"""Executes a function in the thread of the show."""
 
 
 class Osc:
     """Messages from and to a show.
 
-    In: ``/go``, ``/hold``, ``/resume``, ``/cue/N/start``, ``/cue/next``, ``/cue/repeat``,
+    Commands: ``/go``, ``/hold``, ``/resume``, ``/cue/N/start``, ``/cue/next``, ``/cue/repeat``,
     ``/player/NAME/take``, ``/player/NAME/give``, ``/panic``; without arguments, or with one number
-    that is not 0, as buttons send it. Out: ``/cue/N/start`` and ``/cue/N/end`` with number, name
-    and time of the play, ``/wait`` and ``/act`` with the name and the time. Those are no commands:
-    they have more arguments.
+    that is not 0, as buttons send it. Reports: ``/cue/N/start`` and ``/cue/N/end`` with number,
+    name and time of the play, ``/wait`` and ``/act`` with name and time. Reports are not executed
+    as commands, because they have more arguments.
 
     Attributes:
-        counts: what became of messages.
-        heard_at: the address of ``hear``; with the port that was free for port 0.
+        counts: numbers of messages by outcome.
+        heard_at: address of ``hear``, with the assigned port if it was 0.
 
     Args:
-        show: that is directed.
-        hear: where messages are heard; None for none.
-        send: where messages go; None for nowhere.
-        later: has commands done in the thread of the show.
+        show: show that is directed.
+        hear: address at which messages are received; None for no messages.
+        send: address to which messages are sent; None for no messages.
+        later: executes commands in the thread of the show.
 
     Raises:
         MissingLibraryError: python-osc is not installed.
@@ -125,7 +125,7 @@ class Osc:
         self._show, self._send, self._later = show, send, later
         self.counts = Counts()
         self._packet, self._builder = _library()
-        self._told: dict[int, float] = {}
+        self._sent_at: dict[int, float] = {}
         self._end = threading.Event()
         self._out: socket.socket | None = None
         self._in: socket.socket | None = None
@@ -147,7 +147,7 @@ class Osc:
             self._thread.start()
 
     def stop(self) -> None:
-        """Hears and sends no more."""
+        """Ends receiving and sending."""
         self._end.set()
         if self._in is not None:
             self._thread.join(timeout=2.0)
@@ -161,20 +161,20 @@ class Osc:
         assert self._in is not None
         while not self._end.is_set():
             try:
-                data, _ = self._in.recvfrom(_LARGEST)
+                data, _ = self._in.recvfrom(_MAX_SIZE)
             except TimeoutError:
                 continue
             except OSError:
-                continue  # an answer of the network to what was sent
+                continue  # an answer of the network to a message that was sent
             self._read(data)
 
     def _read(self, data: bytes) -> None:
         try:
-            found = [timed.message for timed in self._packet(data).messages]
+            messages = [timed.message for timed in self._packet(data).messages]
         except Exception as error:  # python-osc raises more than its own on broken datagrams
             self._wrong(f"{len(data)} bytes: {error or type(error).__name__}")
             return
-        for message in found:
+        for message in messages:
             self._obey(str(message.address), list(message.params))
 
     def _obey(self, address: str, values: list[Any]) -> None:
@@ -194,7 +194,7 @@ class Osc:
         if values and not values[0]:
             return  # a button is released
         number = _number(address)
-        if time.monotonic() - self._told.get(number, -_ECHO) < _ECHO:
+        if time.monotonic() - self._sent_at.get(number, -_ECHO_TIME) < _ECHO_TIME:
             self.counts.echoes += 1
             return
         self._later(lambda: self._do(address, do))
@@ -204,12 +204,12 @@ class Osc:
             do()
         except FantocciniError as error:
             self.counts.refused += 1
-            self.counts.last = f"{address}: {error}"[:_SHOWN]
+            self.counts.last = f"{address}: {error}"[:_MAX_REPORT]
             return
         self.counts.heard += 1
 
     def _command(self, address: str) -> Callable[[], None] | None:
-        """Request of an address; None if it has none."""
+        """Action of an address; None if it has none."""
         show = self._show
         plain: dict[str, Callable[[], None]] = {
             "/go": show.go,
@@ -223,14 +223,14 @@ class Osc:
             return plain[address]
         if number := _number(address):
             return lambda: show.start(number)
-        if found := re.fullmatch(r"/player/([^/]+)/(take|give)", address):
-            who, what = found.groups()
+        if match := re.fullmatch(r"/player/([^/]+)/(take|give)", address):
+            who, what = match.groups()
             return lambda: show.take(who) if what == "take" else show.give(who)
         return None
 
     def _wrong(self, what: str) -> None:
         self.counts.wrong += 1
-        self.counts.last = f"not understood: {what}"[:_SHOWN]
+        self.counts.last = f"not understood: {what}"[:_MAX_REPORT]
 
     # -- out ---------------------------------------------------------------------------------
 
@@ -239,7 +239,7 @@ class Osc:
             address = f"/cue/{what.number}/{what.kind}"
             values: tuple[Any, ...] = (what.number, what.name, what.t)
             if what.kind == "start":
-                self._told[what.number] = time.monotonic()
+                self._sent_at[what.number] = time.monotonic()
         else:
             address, values = f"/{what.kind}", (what.name, what.t)
         message = self._builder(address)
@@ -256,13 +256,13 @@ class Osc:
 
 
 def _number(address: str) -> int:
-    """The cue of ``/cue/N/start``; 0 for other addresses."""
-    found = re.fullmatch(r"/cue/([0-9]{1,6})/start", address)
-    return int(found[1]) if found else 0
+    """Number of the cue in ``/cue/N/start``; 0 for other addresses."""
+    match = re.fullmatch(r"/cue/([0-9]{1,6})/start", address)
+    return int(match[1]) if match else 0
 
 
 def _library() -> tuple[Any, Any]:
-    """The classes that read datagrams and build messages."""
+    """Classes that read datagrams and build messages."""
     try:
         from pythonosc.osc_message_builder import OscMessageBuilder
         from pythonosc.osc_packet import OscPacket

@@ -31,11 +31,11 @@ from fantoccini.theatre.perform.tick_run import TickRun
 SPEED = 1.5
 """Default bound on the speed of handles and winches [m/s]: a brisk hand."""
 ACCELERATION = 10.0
-"""Default bound on their acceleration [m/s^2]: about that of gravity."""
+"""Default bound on the acceleration of handles and winches [m/s^2]: about that of gravity."""
 STEP = 0.0005
 """Default time step [s]; with twice as much, a limb that whirls at 100 rad/s gains energy."""
 _ROUNDED_TICKS = 1e-6
-"""Part of a tick that a duration may miss by rounding and still complete the tick."""
+"""Share of a tick by which a duration may be too short, by rounding, to complete the tick."""
 
 _Given = ParamSpec("_Given")
 _Returned = TypeVar("_Returned")
@@ -44,7 +44,7 @@ _Returned = TypeVar("_Returned")
 def _of_targets(
     method: Callable[Concatenate[Targets, _Given], _Returned],
 ) -> Callable[Concatenate[Performance, _Given], _Returned]:
-    """A method of a performance that its targets do, while no other thread uses them."""
+    """Method of a performance that delegates to its targets, under the performance's lock."""
 
     @wraps(method)
     def locked(self: Performance, /, *args: _Given.args, **kwargs: _Given.kwargs) -> _Returned:
@@ -55,35 +55,35 @@ def _of_targets(
 
 
 class Performance:
-    """A puppet in somebody's hands: targets go in, the state comes out, tick by tick.
+    """A puppet in somebody's hands: targets go in, states come out, tick by tick.
 
-    The hands follow their targets in the least time that bounded speed and acceleration allow
+    The hands reach their targets in the least time that bounded speed and acceleration allow
     (``perform/reach.py``); the driven velocities are continuous. No string pulls harder than
     ``grip``: a hand that pulls where the puppet cannot follow slips and is held back
-    (``perform/grip.py``). No target makes it raise, explode or start anew. Other threads may set
+    (``perform/grip.py``). No target makes it raise, diverge or start again. Other threads may set
     targets while it advances.
 
     Attributes:
-        marionette: the puppet as given; ``performed`` has the winches in use.
-        handles: what can be held.
+        marionette: puppet as given; ``performed`` has the winches in use.
+        handles: parts that can be held.
         lengths: string with a driven length -> shortest and longest [m].
-        tick: time over which the hands' accelerations are constant [s].
-        dt: time step, a whole part of a tick [s].
+        tick: interval over which the hands' accelerations are constant [s].
+        dt: time step, a whole fraction of a tick [s].
         speed, acceleration: bounds of handles and winches [m/s, m/s^2].
         grip: largest tension of a string [N].
 
     Args:
-        marionette: the puppet.
-        x0: the start state; hanging at rest when not given.
+        marionette: puppet.
+        x0: start state; hanging at rest by default.
         dt: longest time step [s].
-        tick: [s].
-        speed: bound on the speed of handles and winches [m/s]; a rotation is as fast
-            as the motion 0.4 m off its axis.
+        tick: duration of a tick [s].
+        speed: bound on the speed of handles and winches [m/s]; for a rotation, on the speed 0.4 m
+            off its axis.
         acceleration: bound on their acceleration [m/s^2], likewise.
-        grip: [N]; 20 times the puppet's weight when not given.
+        grip: largest tension of a string [N]; 20 times the puppet's weight by default.
 
     Raises:
-        StateError: ``x0`` breaks a string or limit.
+        StateError: ``x0`` violates a string or limit.
     """
 
     def __init__(
@@ -132,12 +132,12 @@ class Performance:
 
     @property
     def bounds(self) -> HandBounds:
-        """Bounds of the driven coordinates, one by one."""
+        """Bounds of each driven coordinate."""
         return self._hands.each()
 
     @property
     def state(self) -> State:
-        """The present state, with the time of the performance."""
+        """Present state, with the time of the performance."""
         with self._lock:
             return self._run.x.replace(t=self._run.t)
 
@@ -149,7 +149,7 @@ class Performance:
 
     @property
     def tension(self) -> Array:
-        """(n_strings,) [N]."""
+        """(n_strings,) tensions [N]."""
         with self._lock:
             return self._run.tension
 
@@ -167,12 +167,12 @@ class Performance:
 
     @property
     def performed(self) -> Marionette:
-        """The puppet with the winches in use."""
+        """Puppet with the winches in use."""
         return self._run.performed
 
     @property
     def lagging(self) -> dict[str, str]:
-        """Handles and strings that cannot follow their targets, and why."""
+        """Handles and strings that cannot follow their targets -> reason."""
         with self._lock:
             return self._reports.added(self._run.lagging(), self._run.t, self._hands.names)
 
@@ -188,11 +188,11 @@ class Performance:
     hold = _of_targets(Targets.hold)
 
     def go_home(self) -> None:
-        """Takes back all gestures; where there are none, the hands go to where they began."""
+        """Returns from all gestures; if there are none, the hands return to their start."""
         with self._lock:
             self._targets.go_home(self._start())
 
-    # -- what is played ----------------------------------------------------------------------
+    # -- gestures, takes and scores ----------------------------------------------------------
 
     play = _of_targets(Targets.play)
     play_once = _of_targets(Targets.play_once)
@@ -203,39 +203,39 @@ class Performance:
 
     @property
     def playing(self) -> tuple[str, ...]:
-        """Names of the gestures that are played, or are about to be."""
+        """Names of the gestures that move or wait."""
         with self._lock:
             return self._targets.player.playing
 
     @property
     def lanes(self) -> tuple[str, ...]:
-        """Names that can be armed for an overdub: strings and joints with driven coordinates."""
+        """Names of lanes for an overdub: strings and joints with driven coordinates."""
         return lanes_of(self.marionette.coordinates)
 
     @property
     def take_time(self) -> float | None:
-        """Time within the take that is played [s]; None without one."""
+        """Time within the take [s]; None without one."""
         with self._lock:
             return self._targets.player.take_time
 
     def play_take(
         self, take: Recording, *, armed: Collection[str] = (), again: bool = False
     ) -> None:
-        """Takes the puppet to the start of a take, and moves the hands as the take does.
+        """Sets the puppet to the start of a take, and moves the hands as the take does.
 
-        With :meth:`record` this is an overdub: armed lanes are in the hands, the others repeat the
+        With :meth:`record` this is an overdub: armed lanes follow the hands, the others repeat the
         take. At its end the hands stay where they are.
 
         Args:
-            take: of this puppet.
+            take: take of this puppet.
             armed: lanes that the take does not move.
-            again: begin again at its end, joined by state, until :meth:`stop_take`.
+            again: whether it begins again at its end, joined by state, until :meth:`stop_take`.
 
         Raises:
             StateError: a law moves the hands; or the take turns a driven body by nearly 180
                 degrees or more.
-            UnknownNameError: no lane is called that.
-            ValueError: it is of another puppet.
+            UnknownNameError: no lane has this name.
+            ValueError: the take is of another puppet.
         """
         check_same_puppet([self.marionette.coordinates, take.marionette.coordinates])
         motion = without(Gesture.of_input(take.inputs, name="take"), armed)
@@ -248,17 +248,17 @@ class Performance:
 
     @property
     def score(self) -> ScoreVoice | None:
-        """The score that is played or paused, or None."""
+        """Score that is played or paused, or None."""
         return self._targets.player.score
 
     def lead_back(self, lanes: Collection[str]) -> None:
-        """Lets lanes do what the score does, from where the hands are; the way keeps the bounds.
+        """Returns lanes from the present place of the hands to the score's motion, within bounds.
 
-        The hands' own targets are those of the start again.
+        The hands' own targets are then those of the start.
 
         Raises:
             StateError: no score is played, or a law moves the hands.
-            UnknownNameError: no lane is called that.
+            UnknownNameError: no lane has this name.
         """
         with self._lock:
             self._targets.lead_back(lanes, self._start())
@@ -267,14 +267,14 @@ class Performance:
 
     @property
     def law(self) -> HandLaw | None:
-        """The motion of the hands instead of their targets."""
+        """Law that moves the hands instead of their targets; None if there is none."""
         return self._influences.law
 
     def let(self, law: HandLaw | None) -> None:
-        """Lets a law move the hands, such as a :class:`Balance`, within their bounds and grip.
+        """Installs a law for the hands, such as a :class:`Balance`, within their bounds and grip.
 
-        None gives them back to their targets, which are where they are. So does a reset, and
-        another puppet.
+        None returns the hands to their targets, which are then their present places. A reset or
+        another puppet ends the law too.
         """
         self._influences.end_law()  # without the lock, which its thread may wait for
         with self._lock:
@@ -284,21 +284,22 @@ class Performance:
 
     @property
     def pushes(self) -> dict[str, Push]:
-        """The pushes on bodies, by name."""
+        """Pushes on bodies, by name."""
         with self._lock:
             return dict(self._influences.pushes)
 
     def push(self, body: str, force: Vec3 | None, at: Vec3 | None = None) -> None:
-        """Pushes a body until further notice.
+        """Applies a force to a body, until the next call.
 
         Args:
-            body: its name.
-            force: (3,) in the world [N]; None ends the push.
-            at: (3,) where, in the body's frame [m]; at its centre of mass when not given.
+            body: name of the body.
+            force: (3,) force in the world [N]; None ends the push.
+            at: (3,) point in the body's frame [m]; the centre of mass by default.
 
         Raises:
-            UnknownNameError: no body is called that.
-            StateError: numbers that are none; or there is a recording, which keeps no pushes.
+            UnknownNameError: no body has this name.
+            StateError: a vector does not consist of three finite numbers, or a recording goes on,
+                which cannot contain pushes.
         """
         push = push_on(self.marionette, body, np.zeros(3) if force is None else force, at)
         with self._lock:
@@ -312,7 +313,7 @@ class Performance:
     # -- time --------------------------------------------------------------------------------
 
     def advance(self, duration: float) -> State:
-        """Advances by the whole ticks in ``duration`` [s]; the remainder counts the next time."""
+        """Advances by the whole ticks in ``duration`` [s]; the remainder is added to the next."""
         if not (np.isfinite(duration) and duration >= 0):
             raise ValueError(f"duration is {duration}; it must be 0 or more")
         self._remainder += duration / self.tick
@@ -328,7 +329,7 @@ class Performance:
         return self.state
 
     def reset(self) -> None:
-        """Returns to the start, with the hands there and at rest."""
+        """Returns to the start, with the hands there at rest."""
         with self._lock:
             self._recorder.end("the puppet was set back to its start")
             self._remainder = 0.0
@@ -346,10 +347,10 @@ class Performance:
         """Continues with other values of the puppet's parameters.
 
         Returns:
-            Messages about what could not be kept.
+            Messages about lost coordinates and gestures.
 
         Raises:
-            UnknownNameError, StateError, PuppetError: a value that the puppet cannot have; nothing
+            UnknownNameError, StateError, PuppetError: the puppet cannot have a value; nothing
                 changes then.
         """
         marionette = self.marionette.with_parameters(values)
@@ -359,15 +360,15 @@ class Performance:
         return lost
 
     def replace(self, marionette: Marionette) -> tuple[str, ...]:
-        """Continues with a changed puppet; coordinates that keep their names keep their values.
+        """Continues with a changed puppet; coordinates that exist in both keep their values.
 
-        What is played goes on if all driven coordinates do.
+        Gestures, takes and scores continue if all driven coordinates do.
 
         Args:
-            marionette: the puppet from now on.
+            marionette: changed puppet.
 
         Returns:
-            Messages about what could not be kept.
+            Messages about lost and new coordinates, and about lost gestures.
 
         Raises:
             BuildError, PuppetError, StateError: it cannot be compiled, or the steps are too long
@@ -395,18 +396,18 @@ class Performance:
 
     @property
     def recording(self) -> bool:
-        """Whether what happens is recorded."""
+        """Whether a recording goes on."""
         return self._recorder.running
 
     def record(self) -> None:
         """Starts a recording; drops an earlier one that :meth:`stop` has not returned."""
         with self._lock:
-            self._influences.pushes.clear()  # a recording keeps none
+            self._influences.pushes.clear()  # a recording cannot contain pushes
             self._run.restart(change.permitted(self.performed, self._run.x))
             self._recorder.start(self._run.performed, self._run.stepper)
 
     def stop(self) -> Recording:
-        """Ends and returns the recording, also if it has ended by itself.
+        """Ends and returns the recording; also one that has ended by itself.
 
         Raises:
             StateError: nothing was recorded.
@@ -428,13 +429,13 @@ class Performance:
         lengths: dict[str, tuple[float, float]] | None = None,
         player: Player | None = None,
     ) -> None:
-        """Takes a puppet in hands at a state, with targets where the hands are.
+        """Takes a puppet in hands at a state, with targets at the places of the hands.
 
         Args:
-            marionette: the puppet.
-            x: the state.
-            lengths: string -> its range [m]; by default about the lengths of the state.
-            player: goes on with what it plays; otherwise nothing is played.
+            marionette: puppet.
+            x: state.
+            lengths: string -> its range [m]; by default around the lengths of the state.
+            player: player that continues; by default nothing is played.
         """
         self.marionette = marionette
         self._reports.forget_motors()
@@ -447,7 +448,7 @@ class Performance:
         self._targets = Targets(self._hands, self._run, self._influences, player)
 
     def _tick(self) -> None:
-        """Advances by a tick; if the stepper fails, stops the hands and starts a new one."""
+        """Advances by a tick; if the stepper fails, stops the hands and starts a new stepper."""
         with self._lock:
             run = self._run
             u_D = self._influences.forces(self.marionette, run.x)

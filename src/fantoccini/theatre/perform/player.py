@@ -1,6 +1,6 @@
-"""Player: gestures, a take and a score, played on top of what the hands hold.
+"""Player of gestures, a take and a score on top of the positions that hands hold.
 
-q_K(t) = q_K,held(t) + d(t),   d(t): the sum of what is played
+q_K(t) = q_K,held(t) + d(t),   d(t): sum of the gestures, the take and the score
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fantoccini.theatre.perform.score_voice import ScoreVoice
 from fantoccini.theatre.perform.voice import Offsets, Voice, fitted, lead_time
 
 _ROUNDING = 1e-9
-"""Difference of times that counts as rounding [s]."""
+"""Tolerance for equal times, and for offsets at rest [s, m or rad]."""
 
 
 class Steps(NamedTuple):
@@ -29,7 +29,7 @@ class Steps(NamedTuple):
 
 
 class _Waiting(NamedTuple):
-    """A gesture that waits for its time [s]."""
+    """A gesture that waits for its time ``on`` [s]."""
 
     gesture: Gesture
     on: float
@@ -37,20 +37,20 @@ class _Waiting(NamedTuple):
 
 
 class Player:
-    """Gestures and takes played on top of the hands, tick by tick.
+    """Player of gestures and takes on top of the hands, tick by tick.
 
-    Gestures add up, except where one takes over from another: it moves all that the other moves,
-    or both end in a place of their own, as kneeling and sitting do. What takes over begins with the
-    position and the velocity of what went before.
+    Gestures add up, except if one takes over from another: it moves all coordinates that the other
+    moves, or both end in a place of their own, as kneeling and sitting do. It then begins with the
+    position and velocity of the other.
 
     Attributes:
-        t: time since it was made [s].
-        take: the take that is played, or None.
-        score: the score that is played or paused, or None.
+        t: time since the player was created [s].
+        take: take that is played, or None.
+        score: score that is played or paused, or None.
 
     Args:
         most: (2, n_vK) bounds of speeds and accelerations.
-        tick: [s].
+        tick: duration of a tick [s].
     """
 
     def __init__(self, most: Array, tick: float):
@@ -73,9 +73,9 @@ class Player:
 
     @property
     def playing(self) -> tuple[str, ...]:
-        """Names of the gestures that move or are about to."""
+        """Names of the gestures that move or wait."""
         moving = [voice.gesture.name for voice in self._voices if not voice.over(self.t)]
-        return tuple(dict.fromkeys(moving + [one.gesture.name for one in self._waiting]))
+        return tuple(dict.fromkeys(moving + [entry.gesture.name for entry in self._waiting]))
 
     @property
     def take_time(self) -> float | None:
@@ -85,15 +85,15 @@ class Player:
     def carried(
         self, before: Marionette, after: Marionette
     ) -> tuple[Player | None, tuple[str, ...]]:
-        """Itself where it can go on with a changed puppet, and messages about what ends."""
+        """The player if it can continue with a changed puppet, else None; and messages."""
         old, new = before.coordinates, after.coordinates
         if (old.q_K, old.v_K) == (new.q_K, new.v_K):
             return self, ()
-        found = {"the gestures": self.away, "the take": self.take, "the score": self.score}
-        return None, tuple(f"{what} ended" for what, there in found.items() if there)
+        parts = {"the gestures": self.away, "the take": self.take, "the score": self.score}
+        return None, tuple(f"{what} ended" for what, part in parts.items() if part)
 
     def bound(self, most: Array) -> None:
-        """Sets the bounds, for what leads over from now on."""
+        """Sets the bounds of later transitions."""
         self._most = most
         for voice in self._all():
             voice.bound(most)
@@ -101,17 +101,17 @@ class Player:
             self.score.bound(most)
 
     def offsets(self) -> Offsets:
-        """The sum of everything now."""
+        """Present sum of all offsets."""
         return self._sum(self.t, self._all(), self.score)
 
     def play(self, gesture: Gesture, *, on: float | None = None, again: bool = False) -> float:
-        """Plays a gesture; returns when it begins, by ``t`` [s].
+        """Plays a gesture; returns its beginning, in terms of ``t`` [s].
 
         Args:
-            gesture: slower where it would pass the bounds.
-            on: when it is to begin; as soon as possible when not given. It begins late where the
-                way to its start takes longer.
-            again: begin again at its end, until :meth:`once`.
+            gesture: gesture; it is slowed down if it would exceed the bounds.
+            on: wanted beginning; as soon as possible by default. It begins later if the way to its
+                start takes longer.
+            again: whether it begins again at its end, until :meth:`once`.
         """
         gesture = fitted(gesture, self._most)
         self._waiting = [w for w in self._waiting if w.gesture.name != gesture.name]
@@ -123,56 +123,56 @@ class Player:
         return earliest if on is None else max(on, earliest)
 
     def once(self, name: str) -> None:
-        """Lets a gesture end that begins again and again."""
+        """Ends the repetition of a gesture after the present round."""
         self._waiting = [w for w in self._waiting if w.gesture.name != name]
         for voice in self._voices:
             if voice.gesture.name == name:
                 voice.finish()
 
     def play_take(self, motion: Gesture, v_K: VecK, again: bool = False) -> None:
-        """Plays a take from here on, where the hands have the velocities of its start.
+        """Plays a take from now on; the hands have the velocities of its start.
 
         Args:
-            motion: the take's, of the coordinates that it is to move.
-            v_K: (n_vK,) rates with which it begins.
-            again: begin again at its end, joined by state.
+            motion: motion of the take, without the coordinates that it leaves alone.
+            v_K: (n_vK,) rates at its beginning.
+            again: whether it begins again at its end, joined by state.
         """
         n = len(v_K)
         before = Offsets(np.zeros(n), np.where(motion.named, v_K, 0.0), np.zeros(n))
         self.take = Voice(motion, self._most, self.t, before, again=again)
 
     def stop_take(self) -> VecK:
-        """Ends the take; returns (n_vK,) where it was, for the hands to hold."""
-        found = self._sum(self.t, [] if self.take is None else [self.take]).d
+        """Ends the take; returns its (n_vK,) offsets, for the hands to hold."""
+        offset = self._sum(self.t, [] if self.take is None else [self.take]).d
         self.take = None
-        return found
+        return offset
 
     def play_score(self, score: Score, motion: Gesture) -> ScoreVoice:
-        """Plays a score from its start, as ``motion``; one that was played goes home."""
+        """Plays a score from its start, as ``motion``; a score played before returns home."""
         self.stop_score()
         self.score = ScoreVoice(score, motion, self._most)
         return self.score
 
     def stop_score(self) -> None:
-        """Ends the score: what it moved goes home."""
+        """Ends the score: its coordinates return home."""
         if self.score is not None:
             home = Gesture.rest(self.score.conductor.score.gesture.coordinates, self._tick)
             self._voices.append(Voice(home, self._most, self.t, self.score.now))
             self.score = None
 
     def clear(self) -> VecK:
-        """Ends everything; returns (n_vK,) where it was, for the hands to hold."""
-        found = self.offsets().d
+        """Ends all motion; returns its (n_vK,) offsets, for the hands to hold."""
+        offset = self.offsets().d
         self._voices, self._waiting, self.take, self.score = [], [], None, None
-        return found
+        return offset
 
     def step(self) -> Steps:
-        """Goes on by a tick."""
-        for one in list(self._waiting):
-            before = self._before(one.gesture)
-            if one.on - lead_time(one.gesture, before, self._most) <= self.t + self._tick:
-                self._waiting.remove(one)
-                self._start(one.gesture, one.on, one.again)
+        """Advances by a tick."""
+        for entry in list(self._waiting):
+            before = self._before(entry.gesture)
+            if entry.on - lead_time(entry.gesture, before, self._most) <= self.t + self._tick:
+                self._waiting.remove(entry)
+                self._start(entry.gesture, entry.on, entry.again)
         now = self.offsets()
         self.t += self._tick
         if self.score is not None:
@@ -181,7 +181,7 @@ class Player:
         return Steps(now.d, now.rate, then.d, then.rate)
 
     def settle(self) -> VecK:
-        """Drops what has ended at home; returns (n_vK,) how far home has moved by it."""
+        """Drops motions that have ended at home; returns the (n_vK,) displacement of home."""
         moved = np.zeros(self._most.shape[1])
         for voice in list(self._voices):
             last = voice.at(self.t)
@@ -200,7 +200,7 @@ class Player:
         self._voices.append(Voice(gesture, self._most, self.t, before, on, again))
 
     def _before(self, gesture: Gesture) -> Offsets:
-        """The offsets of what a gesture takes over from."""
+        """Sum of the offsets that a gesture takes over."""
         return self._sum(self.t, self._taken_over(gesture))
 
     def _taken_over(self, gesture: Gesture) -> list[Voice]:

@@ -1,4 +1,4 @@
-"""Moves a hand to its target in the least time that bounded speed and acceleration allow.
+"""Motion of a hand to its target in the least time that bounded speed and acceleration allow.
 
 Time goes in ticks of T seconds, and the acceleration is constant over each. For a hand at the
 distance d from its target with the velocity v, the distance after the next tick is
@@ -29,17 +29,17 @@ _MIN_LENGTH = 1e-300
 def wanted_velocity(
     away: VecK, v: VecK, tick: float, group: Indices, speed: Array, acceleration: Array
 ) -> VecK:
-    """v', the wanted velocities at the end of the next tick; their change is not bounded.
+    """v', the wanted velocities at the end of the next tick; their change is not yet bounded.
 
     Args:
-        away: (n,) from the hands to their targets [m or rad].
+        away: (n,) vectors from the hands to their targets [m or rad].
         v: (n,) present velocities [m/s or rad/s].
         tick: T [s].
-        group: (n,) number of the group of coordinates that move together.
+        group: (n,) index of the group of coordinates that move together.
         speed, acceleration: (n_groups,) bounds [m/s, m/s^2 or rad/s, rad/s^2].
 
     Returns:
-        (n,) [m/s or rad/s].
+        (n,) velocities [m/s or rad/s].
     """
     c = away - (0.5 * tick) * v
     size = lengths(c, group, len(speed))
@@ -51,11 +51,11 @@ def wanted_velocity(
 def bounded_acceleration(
     wanted: VecK, v: VecK, tick: float, group: Indices, acceleration: Array
 ) -> VecK:
-    """(n,) the accelerations over a tick that lead to wanted velocities, or towards them.
+    """(n,) accelerations over a tick that lead to, or towards, wanted velocities.
 
     Args:
         wanted: (n,) velocities [m/s or rad/s].
-        v, tick, group, acceleration: as of :func:`wanted_velocity`.
+        v, tick, group, acceleration: see :func:`wanted_velocity`.
     """
     change = (wanted - v) / tick
     size = lengths(change, group, len(acceleration))

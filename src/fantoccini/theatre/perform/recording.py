@@ -26,26 +26,26 @@ from fantoccini.theatre.perform.smoothing import smoothed
 
 METHOD: MethodName = "timestepping"
 _SUMS = ("work", "damping", "impact", "slip_loss", "friction")
-"""Parts of a sample that grow from the start of a run on [J]."""
+"""Parts of a sample that accumulate from the start of a run [J]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
     """A performance that can be repeated to the last bit.
 
-    The hands' accelerations over n ticks of ``tick`` seconds from a start state. ``trajectory`` is
-    the recorded one; an edited recording simulates it.
+    It consists of the hands' accelerations over n ticks of ``tick`` seconds from a start state.
+    ``trajectory`` is the recorded one; an edited recording simulates it.
 
     Attributes:
-        marionette: the puppet with the winches of the performance.
-        start: the start state, at t = 0.
+        marionette: puppet with the winches of the performance.
+        start: start state, at t = 0.
         acc_K: (n, n_vK) accelerations of the driven coordinates, constant over each tick
             [m/s^2 or rad/s^2]; for a rotation, of its rotation vector.
         tick: duration of a tick [s].
-        steps: time steps in a tick.
+        steps: number of time steps in a tick.
         ended: reason why it ended by itself; empty if the user stopped it.
-        written: the recorded output; None if it must be simulated.
-        checks: samples of a file, which the simulated output is compared with; None without a file.
+        written: recorded output; None if it must be simulated.
+        checks: samples of a file, with which the simulated output is compared; None without a file.
     """
 
     marionette: Marionette
@@ -86,35 +86,35 @@ class Recording:
 
     @property
     def times(self) -> Times:
-        """(n + 1,) of the ticks [s]."""
+        """(n + 1,) times of the ticks [s]."""
         return self.start.t + self.tick * np.arange(len(self) + 1, dtype=float)
 
     @cached_property
     def inputs(self) -> Input:
-        """The motion of the hands, for ``simulate(recording.marionette, recording.start, ...)``."""
+        """Motion of the hands, for ``simulate(recording.marionette, recording.start, ...)``."""
         x = self.start
         return Input.segments(self.marionette, self.times, x.q_K, x.v_K, self.acc_K)
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """The recorded trajectory, one sample per tick; :meth:`replay` of an edited recording.
+        """Recorded trajectory, one sample per tick; :meth:`replay` of an edited recording.
 
-        That of a file is simulated again: to the same bits on the machine that made it. On one
-        that rounds otherwise each second is simulated from the state that was recorded.
+        That of a file is simulated again: to the same bits on the machine that made it. On a
+        machine with other rounding, each second is simulated from the recorded state.
         """
         return self._of(self._output())
 
     def replay(self) -> Trajectory:
-        """Simulates the performance again: the same bits on the same machine.
+        """Trajectory of a new simulation of the performance: the same bits on the same machine.
 
         An edited recording may end early, with a status.
         """
         return self._of(self._performed())
 
     def trimmed(self, a: float, b: float) -> Recording:
-        """The part from ``a`` to ``b`` seconds after the start; it begins with the state at ``a``.
+        """Part from ``a`` to ``b`` seconds after the start; it begins with the state at ``a``.
 
-        The time-stepper starts without its memory of the steps before.
+        The time-stepper starts without memory of earlier steps.
 
         Raises:
             ValueError: the times are not in order, or not inside.
@@ -134,16 +134,16 @@ class Recording:
         return self.edited(start=start, acc_K=self.acc_K[first:last])
 
     def smoothed(self, seconds: float) -> Recording:
-        """With the hands' paths averaged over about ``seconds``; start and end stay.
+        """Copy with the hands' paths averaged over about ``seconds``; start and end stay.
 
-        The puppet is simulated again, under the smoother hands.
+        The puppet is simulated again, under the smoothed motion of the hands.
         """
         return self.edited(acc_K=smoothed(self.inputs, len(self), self.tick, seconds))
 
     def stretched(self, factor: float) -> Recording:
-        """``factor`` times as long: the same paths of the hands, at 1/factor of the velocity.
+        """Copy ``factor`` times as long: the same paths of the hands, at 1/factor of the velocity.
 
-        The acceleration of q_K(t / factor) is 1/factor^2 of what it was.
+        The acceleration of q_K(t / factor) is 1/factor^2 times the original one.
         """
         check_positive(factor=factor)
         x = self.start
@@ -155,12 +155,13 @@ class Recording:
         )
 
     def looped(self, times: int) -> Recording:
-        """Several times in a row. The hands go back to the start in between, C^1, within bounds.
+        """Copy repeated several times. The hands return to the start in between, C^1, within
+        bounds.
 
-        Only the hands go back: the puppet follows them, and swings on.
+        Only the hands return: the puppet follows them, and swings on.
 
         Raises:
-            ValueError: ``times`` is no whole number from 1 to 1000.
+            ValueError: ``times`` is not a whole number from 1 to 1000.
             StateError: no way leads back within the default bounds of gestures.
         """
         if not isinstance(times, int) or not 1 <= times <= 1000:
@@ -174,20 +175,23 @@ class Recording:
         return self.edited(acc_K=np.concatenate([self.acc_K, *[again] * (times - 1)]))
 
     def edited(self, **changes: Any) -> Recording:
-        """A copy with changed fields, to be simulated again."""
+        """Copy with changed fields, which is simulated again."""
         return dataclasses.replace(self, written=None, checks=None, ended="", **changes)
 
     def save(self, path: str | Path) -> None:
-        """Writes an npz file that holds everything, the puppet included. The file appears whole.
+        """Writes an npz file that contains everything, the puppet included; it is replaced as a
+        whole.
 
         A minute of the marionette takes some 0.9 MB.
         """
-        kept = self.kept()
-        archive.save({f.name: getattr(kept, f.name) for f in dataclasses.fields(kept)}, path)
+        complete = self.kept()
+        archive.save(
+            {f.name: getattr(complete, f.name) for f in dataclasses.fields(complete)}, path
+        )
 
     @classmethod
     def load(cls, path: str | Path) -> Recording:
-        """Reads what :meth:`save` wrote.
+        """Recording of a file that :meth:`save` wrote.
 
         Raises:
             FileError: the file is damaged or not a recording.
@@ -198,7 +202,7 @@ class Recording:
     # -- inside ------------------------------------------------------------------------------
 
     def kept(self) -> Recording:
-        """Itself with its output, simulated if necessary."""
+        """The recording with its output, simulated if necessary."""
         if self.written is not None:
             return self
         return dataclasses.replace(self, written=self._output())
@@ -228,23 +232,23 @@ class Recording:
         return recorder.written(stepper.status)
 
     def _in_parts(self, checks: Checks) -> Written:
-        """The output from each saved sample to the next, simulated from the first of the two."""
+        """Output from each saved sample to the next, simulated from the first of the two."""
         layout, parts = self.marionette.sample_layout, list[Piece]()
         for k, (first, last) in enumerate(pairwise(checks.ticks.tolist())):
             x = change.permitted(self.marionette, layout.state(checks.samples[k]))
-            made = self._performed(x, slice(first, last))
-            samples, _, contacts = made.output
-            # Work and losses go on from those of the sample.
+            part = self._performed(x, slice(first, last))
+            samples, _, contacts = part.output
+            # Work and losses continue from those of the sample.
             for name in _SUMS:
                 samples[:, layout.places[name]] += checks.samples[k, layout.places[name]]
-            if made.status is Status.DONE:
+            if part.status is Status.DONE:
                 samples[-1] = checks.samples[k + 1]
             if k:  # begins with the last sample of the part before
                 samples = samples[1:]
                 contacts = contacts[contacts[:, 0] > 0.0] - np.eye(1, contacts.shape[1])
-            parts.append(Piece(samples, made.output.events, contacts))
-            if made.status is not Status.DONE:
-                return Written(Piece.joined(parts), made.status)
+            parts.append(Piece(samples, part.output.events, contacts))
+            if part.status is not Status.DONE:
+                return Written(Piece.joined(parts), part.status)
         return Written(Piece.joined(parts), checks.status)
 
     def _of(self, written: Written) -> Trajectory:
@@ -259,11 +263,11 @@ class Recording:
 
 
 class Recorder:
-    """Collects the output of a stepper, from its start.
+    """Collector of the output of a stepper, from its start.
 
     Args:
-        marionette: the puppet.
-        stepper: of it; not advanced yet.
+        marionette: puppet.
+        stepper: stepper of the puppet, not advanced yet.
         tick: duration of a tick [s].
     """
 
@@ -284,12 +288,12 @@ class Recorder:
         self._status = stepper.status
 
     def written(self, status: Status | None = None) -> Written:
-        """The output so far, with the status of the last tick unless given."""
+        """Output so far, with the status of the last tick by default."""
         status = self._status if status is None else status
         return Written(Piece.joined(self._output), status)
 
     def finished(self, steps: int, ended: str) -> Recording | None:
-        """The recording; None without a tick."""
+        """Recording of all ticks; None without a tick."""
         if not self._acc_K:
             return None
         acc_K = np.array(self._acc_K)
@@ -298,7 +302,7 @@ class Recorder:
 
 
 def _last_of(stepper: Stepper) -> Piece:
-    """The last sample of a tick, its contact points, and the tick's events."""
+    """Last sample of a tick, its contact points, and the tick's events."""
     contacts = stepper.contacts[stepper.contacts[:, 0] == len(stepper.samples) - 1].copy()
     contacts[:, 0] = 0.0
     return Piece(stepper.samples[-1:], stepper.events, contacts)

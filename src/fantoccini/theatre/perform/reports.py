@@ -1,4 +1,4 @@
-"""Reports on hands that last a while: hands that were stopped, and weak motors."""
+"""Reports on hands that stay visible for a while: stopped hands and weak motors."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ from fantoccini.dynamics.steppers import Stepper
 from fantoccini.kernel.contract import EVENT_AT
 from fantoccini.model.tree import Tree
 
-_TIME = 1.0
+_REPORT_TIME = 1.0
 """Time for which a stopped hand or a weak motor is reported [s]."""
 
 
 class Reports:
-    """Reports on one performance, by its time [s].
+    """Reports on a performance, in its time [s].
 
     Attributes:
-        stopped: when all hands were stopped last, and why; None where they were not.
+        stopped: time and reason of the last stop of all hands; None without a stop.
     """
 
     def __init__(self) -> None:
         self.stopped: tuple[float, str] | None = None
-        self._weak: dict[str, float] = {}  # name of a drive -> when its motor last was too weak
+        self._weak: dict[str, float] = {}  # name of a drive -> last time its motor was too weak
 
     def clear(self) -> None:
-        """Forgets everything."""
+        """Forgets all reports."""
         self.stopped = None
         self._weak.clear()
 
     def forget_motors(self) -> None:
-        """Forgets weak motors: the drives are others now."""
+        """Forgets weak motors, when the drives change."""
         self._weak.clear()
 
     def stop(self, t: float, why: str) -> None:
-        """All hands were stopped."""
+        """Records that all hands were stopped."""
         self.stopped = (t, why)
 
     def note_motors(self, t: float, tree: Tree, stepper: Stepper) -> None:
-        """Notes the drives whose motors the last tick overloaded."""
+        """Records the drives whose motors were overloaded in the last tick."""
         if not tree.watched:
             return
         for index in stepper.events[:, EVENT_AT["row"]].astype(int) - tree.n_rows:
@@ -45,17 +45,17 @@ class Reports:
                 self._weak[tree.watched[index].name.rsplit(".", 1)[0]] = t
 
     def added(self, found: dict[str, list[str]], t: float, names: Iterable[str]) -> dict[str, str]:
-        """Messages by handle or string, those of this moment among them.
+        """Messages by handle or string, including the given ones.
 
         Args:
-            found: other messages.
-            t: now.
-            names: of all hands.
+            found: given messages.
+            t: present time [s].
+            names: names of all hands.
         """
-        if self.stopped and t - self.stopped[0] < _TIME:
+        if self.stopped and t - self.stopped[0] < _REPORT_TIME:
             for name in dict.fromkeys(names):
                 found.setdefault(name, []).append(f"hand was stopped: {self.stopped[1]}")
         for name, at in self._weak.items():
-            if t - at < _TIME:
+            if t - at < _REPORT_TIME:
                 found.setdefault(name, []).append("its motor is too weak for this")
         return {name: "; ".join(texts) for name, texts in found.items()}

@@ -1,6 +1,6 @@
-"""A score as it is played: it may wait for GO, be paused and be set to another time.
+"""A score while it is played: it may wait for GO, pause and go to another time.
 
-d(t) = d_score(t) + e(t),   e: a quintic to 0 that leads back what has left the score
+d(t) = d_score(t) + e(t),   e: a quintic to 0 that returns coordinates to the score
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from fantoccini.base import Array, MaskRows, VecK, polynomial
 from fantoccini.theatre.gestures import Conductor, Gesture, Score, at, transition
 from fantoccini.theatre.perform.voice import Offsets
 
-_RAMP = 0.3
-"""Time in which a score starts and stops [s]."""
-_LEAST_SHARE = 0.2
-"""Share of a bound that what leads back has, where the score needs more than the rest."""
-_TRIES = 4
-"""Iterations of the duration of a way back, which depends on where the score then is."""
+_RAMP_TIME = 0.3
+"""Time over which a score starts and stops [s]."""
+_MIN_BOUND_SHARE = 0.2
+"""Least share of a bound for a way back, even if the score needs more than the rest."""
+_MAX_ITERATIONS = 4
+"""Iterations for the duration of a way back, which depends on the score at its end."""
 
 
 class _Way(NamedTuple):
-    """A quintic of some coordinates, by the voice's clock [s]: on top of the score, or instead."""
+    """Quintic of some coordinates in the voice's time [s]: added to the score, or instead."""
 
     moves: MaskRows
     instead: bool
@@ -31,7 +31,7 @@ class _Way(NamedTuple):
     coef: Array
 
     def over(self, clock: float) -> bool:
-        """Whether it has led back to the score."""
+        """Whether it has returned to the score."""
         return not self.instead and clock >= self.begins + self.duration
 
     def at(self, clock: float) -> tuple[VecK, VecK]:
@@ -44,21 +44,21 @@ class _Way(NamedTuple):
 class ScoreVoice:
     """A score that is played.
 
-    It starts and stops within 0.3 s, so that nothing jumps. To another time of the score leads a
-    quintic within bounds, while its time stands still. Some coordinates may be left to the hands
-    for a while.
+    It starts and stops within 0.3 s, so that motion is continuous. A quintic within bounds leads to
+    another time of the score, while its time stands still. Some coordinates may be left to the
+    hands for a while.
 
     Attributes:
-        conductor: where in the score it is; waits and GO.
-        running: whether it goes on.
-        now: the offsets.
-        share: (2, 1) of the bounds of speed and acceleration, for what leads over.
-        shift: (n_vK,) and its rate: added to what the score moves.
+        conductor: time of the score, with its waits and GO.
+        running: whether its time runs.
+        now: present offsets.
+        share: (2, 1) shares of the bounds of speed and acceleration for transitions.
+        shift: (n_vK,) offset that is added to the score's, and its rate.
 
     Args:
-        score: what is played.
-        motion: its lanes together, without those that are armed.
-        most: (2, n_vK) bounds of speeds and accelerations of what leads over.
+        score: score that is played.
+        motion: motion of all lanes together, without the armed ones.
+        most: (2, n_vK) bounds of speeds and accelerations of transitions.
     """
 
     def __init__(self, score: Score, motion: Gesture, most: Array):
@@ -80,12 +80,12 @@ class ScoreVoice:
 
     @property
     def still(self) -> bool:
-        """Whether its time stands still now."""
+        """Whether its time stands still at present."""
         return self._lead is not None or self._pace == 0.0 or self.conductor.standing
 
     @property
     def leading(self) -> bool:
-        """Whether a way to another time of the score is under way."""
+        """Whether it is on the way to another time of the score."""
         return self._lead is not None
 
     @property
@@ -94,15 +94,15 @@ class ScoreVoice:
         return 0.0 if self.still else self._pace
 
     def bound(self, most: Array) -> None:
-        """Sets the bounds of what leads over from now on."""
+        """Sets the bounds of later transitions."""
         self._most = most
 
     def seek(self, to: float | str) -> None:
-        """Goes to a time of the score [s], or to a mark or a wait by its name.
+        """Goes to a time of the score [s], or to a mark or a wait by name.
 
         Raises:
-            UnknownNameError: a name that the score has not.
-            ValueError: a negative time.
+            UnknownNameError: the score has no such name.
+            ValueError: the time is negative.
         """
         t = self.conductor.seek(to)
         self._pace, self._led = 0.0, 0.0
@@ -118,7 +118,7 @@ class ScoreVoice:
         )
 
     def leave(self, moves: MaskRows) -> None:
-        """Leaves coordinates to the hands: they stop within bounds, and the others go on."""
+        """Leaves coordinates to the hands: they stop within bounds, and the others continue."""
         nothing = np.zeros(len(moves))
         stops = np.where(moves, np.nan, 0.0)
         way, end = transition(self.now.d * moves, self.now.rate * moves, stops, nothing, self._most)
@@ -127,17 +127,17 @@ class ScoreVoice:
         self._add(_Way(moves, True, self._clock, *(way or (0.0, coef))))
 
     def lead_back(self, moves: MaskRows, d: VecK, rate: VecK) -> None:
-        """Lets coordinates do what the score does from now on; a quintic leads them there.
+        """Returns coordinates to the score's motion by a quintic.
 
         Args:
-            moves: (n_vK,) which.
-            d, rate: (n_vK,) where they are, and how fast.
+            moves: (n_vK,) mask of the coordinates.
+            d, rate: (n_vK,) their present offsets and rates.
         """
         own_d, own_rate = self._score(0.0)
         e = (d - own_d - self.shift[0]) * moves
         e_rate = (rate - own_rate - self.shift[1]) * moves
         nothing, duration, way = np.zeros(len(moves)), 0.0, None
-        for _ in range(_TRIES):
+        for _ in range(_MAX_ITERATIONS):
             way, _ = transition(e, e_rate, nothing, nothing, self._left(duration))
             if way is None or way[0] <= duration:
                 break
@@ -148,12 +148,12 @@ class ScoreVoice:
         self.now = self._whole(own_d, own_rate)
 
     def halt(self) -> None:
-        """Stops everything within bounds, at once; :meth:`lead_back` goes on."""
+        """Stops all coordinates within bounds, at once; :meth:`lead_back` continues."""
         self.leave(np.ones(self._most.shape[1], dtype=bool))
         self.running, self._pace, self._lead = False, 0.0, None
 
     def advance(self, tick: float) -> None:
-        """Goes on by a tick [s]."""
+        """Advances by a tick [s]."""
         self._clock += tick
         self._ways = [way for way in self._ways if not way.over(self._clock)]
         self.now = self._whole(*self._score(tick))
@@ -162,7 +162,7 @@ class ScoreVoice:
 
     @property
     def _instead(self) -> MaskRows:
-        """(n_vK,) which coordinates are left to the hands."""
+        """(n_vK,) whether a coordinate is left to the hands."""
         led: MaskRows = np.zeros(self._most.shape[1], dtype=bool)
         for way in self._ways:
             led |= way.moves & way.instead
@@ -177,14 +177,14 @@ class ScoreVoice:
                 self._lead, rate = None, np.zeros_like(rate)
             return d, rate
         before, wanted = self._pace, float(self.running)
-        self._pace += float(np.clip(wanted - before, -tick / _RAMP, tick / _RAMP))
+        self._pace += float(np.clip(wanted - before, -tick / _RAMP_TIME, tick / _RAMP_TIME))
         t = self.conductor.advance(0.5 * (before + self._pace) * tick)
         d, rate = at(self._motion.breaks, self._motion.coef, t)
         pace = 0.0 if self.conductor.standing else self._pace
         return d, pace * rate
 
     def _whole(self, d: VecK, rate: VecK) -> Offsets:
-        """The score's offsets with the ways on top of it, or instead."""
+        """Offsets of the score, with the ways added to it or instead of it."""
         d, rate = d + self.shift[0], rate + self.shift[1]
         for way in self._ways:
             own, own_rate = way.at(self._clock)
@@ -193,11 +193,11 @@ class ScoreVoice:
         return self.now._replace(d=d, rate=rate)
 
     def _left(self, duration: float) -> Array:
-        """(2, n_vK) bounds of what leads back, beside what the score needs for a while."""
+        """(2, n_vK) bounds of a way back, reduced by the needs of the score in the meantime."""
         motion, t = self._motion, self.conductor.t
         meanwhile = (motion.breaks[1:] > t) & (motion.breaks[:-1] < t + duration)
         needed = np.max(motion.peaks_of_pieces[meanwhile], axis=0, initial=0.0)
-        left = np.maximum(self._most - needed, _LEAST_SHARE * self._most)
+        left = np.maximum(self._most - needed, _MIN_BOUND_SHARE * self._most)
         return np.minimum(left, self._most * self.share)
 
     def _add(self, way: _Way) -> None:
@@ -205,6 +205,6 @@ class ScoreVoice:
         self._ways.append(way)
 
     def _drop(self, moves: MaskRows) -> None:
-        """No way moves these any more."""
+        """Ends the ways of some coordinates."""
         left = [way._replace(moves=way.moves & ~moves) for way in self._ways]
         self._ways = [way for way in left if way.moves.any()]

@@ -1,4 +1,4 @@
-"""The show: a play performed live, cue by cue."""
+"""A play performed live, cue by cue."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from fantoccini.theatre.perform.steady import Steadying
 from fantoccini.theatre.plays import CueOfPlay, Play
 
 _SHARE = np.array([[0.5], [0.25]])
-"""Shares of the bounds of speed and acceleration for ways to another cue, or back: puppets
-that are led by all that hands can do swing long after."""
+"""Shares of the bounds of speed and acceleration for ways to another cue, or back; with the full
+bounds puppets would swing for long."""
 _AT_ONCE = 1e-6
-"""Interval within which cues are one place to go to [s]."""
+"""Interval within which cues count as the same place [s]."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class ShowEvent:
     """An event of a show.
 
     Attributes:
-        kind: ``act``, ``wait``, ``start`` or ``end``; the last two of a cue.
-        name: of the act, the wait or the cue.
-        number: of the cue; 0 for the others.
+        kind: ``act``, ``wait``, or ``start`` or ``end`` of a cue.
+        name: name of the act, the wait or the cue.
+        number: number of the cue; 0 for the other kinds.
         t: time of the play [s].
     """
 
@@ -40,7 +40,7 @@ class ShowEvent:
 
 
 class LivePlay:
-    """A play that is performed live: hands do what is compiled, and people direct them.
+    """A play that is performed live: hands follow the compiled motion, and people direct them.
 
     ::
 
@@ -51,18 +51,18 @@ class LivePlay:
         show.give("pierrot")
         show.skip()
 
-    The hands are led on every tick from where they are to where the play has them, within the
-    stage's bounds: whatever has pushed them away.
+    In every tick the hands are led from their present places to those of the play, within the
+    stage's bounds, whatever has pushed them away.
 
     Attributes:
-        play: compiled.
-        performance: the simulated stage with its hands.
+        play: compiled play.
+        performance: simulated stage with its hands.
         taken: players that are in somebody's hands.
         steady: shifts the hands against swing; None leaves it out.
-        message: what was refused or has happened last, in words.
+        message: last refusal or event, in words.
 
     Args:
-        play: what is performed.
+        play: play that is performed.
     """
 
     def __init__(self, play: Play):
@@ -80,7 +80,7 @@ class LivePlay:
         self.steady: Steadying | None = Steadying(play, self.performance)
         done = (cue for cue in play.cues if not cue.refused)
         self._played = tuple(sorted(done, key=lambda cue: cue.start))
-        self._tell: list[Callable[[ShowEvent], None]] = []
+        self._listeners: list[Callable[[ShowEvent], None]] = []
         self._on: tuple[int, ...] = ()
         self._act, self._waits, self._halted = "", "", False
 
@@ -88,14 +88,14 @@ class LivePlay:
         return f"<LivePlay of {self.play.name!r} at {self.t:.2f} s>"
 
     def listen(self, tell: Callable[[ShowEvent], None]) -> None:
-        """Tells somebody what happens from now on, in the tick in which it happens."""
-        self._tell.append(tell)
+        """Adds a callback for events, called in the tick in which they happen."""
+        self._listeners.append(tell)
 
     # -- where it is -------------------------------------------------------------------------
 
     @property
     def voice(self) -> ScoreVoice | None:
-        """The play's motion as it is played; None before the first GO, and after a reset."""
+        """Motion of the play; None before the first GO, and after a reset."""
         return self.performance.score
 
     @property
@@ -115,23 +115,23 @@ class LivePlay:
 
     @property
     def waiting(self) -> Wait | None:
-        """The wait that GO would end."""
+        """Wait that GO would end."""
         return None if self.voice is None else self.voice.conductor.waiting
 
     @property
     def on(self) -> tuple[CueOfPlay, ...]:
-        """The cues that are on."""
+        """Cues that are on."""
         return tuple(self.play.cues[number - 1] for number in self._on)
 
     @property
     def present(self) -> CueOfPlay | None:
-        """The cue that began last."""
+        """Cue that began last."""
         begun = [cue for cue in self._played if cue.start < self._place - _AT_ONCE]
         return begun[-1] if begun else None
 
     @property
     def next(self) -> CueOfPlay | None:
-        """The cue that :meth:`skip` goes to: the first after the one that waits or is on."""
+        """Target of :meth:`skip`: the first cue after the one that waits or is on."""
         place, wait = self._place, self.waiting
         if wait is not None:
             place = max(place, self._cue_of(wait).start)
@@ -139,7 +139,7 @@ class LivePlay:
 
     @property
     def standing_by(self) -> CueOfPlay | None:
-        """The cue that GO begins, now or when its time has come; None after the last one."""
+        """Cue that GO begins, now or at its time; None after the last one."""
         if self.voice is None:
             return self._played[0] if self._played else None
         wait = self.voice.conductor.upcoming
@@ -153,10 +153,10 @@ class LivePlay:
     # -- directing ---------------------------------------------------------------------------
 
     def go(self) -> None:
-        """GO: begins the play, goes on where it is held, or begins the next cue that waits.
+        """Begins the play, continues it after a hold, or begins the next cue that waits for GO.
 
-        GO that comes early is kept: the play does not stop at the wait. A second one before that
-        wait is refused, and :attr:`message` says so.
+        An early GO is stored: the play does not stop at the wait. A second one before that wait is
+        refused, and :attr:`message` says so.
         """
         voice = self.voice
         if voice is None or voice.conductor.done:
@@ -182,7 +182,7 @@ class LivePlay:
             self.message = "held"
 
     def resume(self) -> None:
-        """Goes on after :meth:`hold` or :meth:`panic`."""
+        """Continues after :meth:`hold` or :meth:`panic`."""
         voice = self.voice
         if voice is None:
             return
@@ -191,7 +191,7 @@ class LivePlay:
         voice.running, self._halted, self.message = True, False, ""
 
     def skip(self) -> None:
-        """Goes to where the next cue begins; if it waits for GO, it does so there."""
+        """Goes to the beginning of the next cue; if it waits for GO, the play waits there."""
         cue = self.next
         if cue is None:
             self.message = "skip is refused: this is the last cue"
@@ -199,7 +199,7 @@ class LivePlay:
             self._seek(cue, begin=False)
 
     def repeat(self) -> None:
-        """Goes to where the present cue begins, and plays it again."""
+        """Goes to the beginning of the present cue, and plays it again."""
         cue = self.present
         if cue is None:
             self.message = "repeat is refused: no cue has begun"
@@ -207,7 +207,7 @@ class LivePlay:
             self._seek(cue, begin=True)
 
     def start(self, number: int) -> None:
-        """Goes to where a cue begins, and plays it without waiting for GO.
+        """Goes to the beginning of a cue, and plays it without waiting for GO.
 
         Raises:
             StateError: there is no such cue, or it cannot be done.
@@ -224,7 +224,7 @@ class LivePlay:
         """Leaves a player to the hands: its strings stop, and the others play on.
 
         Raises:
-            UnknownNameError: no player is called that.
+            UnknownNameError: no player has this name.
         """
         lanes = self._lanes(who)
         if self.voice is not None:
@@ -234,10 +234,10 @@ class LivePlay:
         self.message = f"{who} is in your hands"
 
     def give(self, who: str) -> None:
-        """Gives a player back: its hands are led to where the play has it then.
+        """Returns a player to the play: its hands are led to their places in it.
 
         Raises:
-            UnknownNameError: no player is called that.
+            UnknownNameError: no player has this name.
         """
         self._lanes(who)
         self.taken -= {who}
@@ -246,7 +246,7 @@ class LivePlay:
         self.message = f"{who} plays on"
 
     def panic(self) -> None:
-        """Stops all hands as fast as their bounds allow; :meth:`resume` or GO goes on."""
+        """Stops all hands as fast as their bounds allow; :meth:`resume` or GO continues."""
         if self.voice is not None:
             self.voice.halt()
             self._forget(list(self.play.cast.players))
@@ -262,7 +262,7 @@ class LivePlay:
     # -- time --------------------------------------------------------------------------------
 
     def advance(self, duration: float) -> State:
-        """Advances by the whole ticks in a duration [s]; the remainder counts the next time."""
+        """Advances by the whole ticks in a duration [s]; the remainder is added to the next."""
         left = float(duration)
         while True:
             part = min(left, self.performance.tick)
@@ -278,7 +278,7 @@ class LivePlay:
 
     @property
     def _place(self) -> float:
-        """The play's time; where a way leads to a cue, that cue has begun."""
+        """Time of the play, just after the beginning of a cue that is being approached."""
         voice = self.voice
         led = voice is not None and voice.leading and voice.conductor.waiting is None
         return self.t + 2.0 * _AT_ONCE * led
@@ -296,7 +296,10 @@ class LivePlay:
         voice = self.voice or self._begin()
         if self._halted:
             self.resume()
-        wait = next((one for one in self.play.score.waits if self._cue_of(one) is cue), None)
+        wait = next(
+            (candidate for candidate in self.play.score.waits if self._cue_of(candidate) is cue),
+            None,
+        )
         voice.seek(cue.start if begin or wait is None else wait.t)
         if begin:
             voice.running = True
@@ -315,17 +318,17 @@ class LivePlay:
         self.performance.lead_back([lane for who in players for lane in self._lanes(who)])
 
     def _forget(self, players: list[str]) -> None:
-        """Hands that stop keep no shift."""
+        """Ends the shifts of players' hands, when they stop."""
         if self.steady is not None:
             for who in players:
                 self.steady.forget(who)
 
     def _cue_of(self, wait: Wait) -> CueOfPlay:
-        """The cue before which a wait is."""
+        """Cue that a wait precedes."""
         return self.play.cues[int(wait.name.split()[-1]) - 1]
 
     def _watch(self) -> None:
-        """Tells what has happened in a tick."""
+        """Reports the events of a tick."""
         voice = self.voice
         if voice is None:
             self._on, self._act, self._waits = (), "", ""
@@ -363,7 +366,7 @@ class LivePlay:
         )
 
     def _happens(self, kind: str, name: str, number: int = 0) -> None:
-        for tell in self._tell:
+        for tell in self._listeners:
             tell(ShowEvent(kind, name, number, self.t))
 
 

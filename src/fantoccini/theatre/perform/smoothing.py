@@ -42,7 +42,7 @@ def smoothed(inputs: Input, n: int, tick: float, seconds: float) -> Array:
 
 
 def _averaged(path: Array, most: int) -> Array:
-    """Hann's average over up to ``most`` ticks to either side; at an end over nothing.
+    """Hann's average over up to ``most`` ticks to either side; at the ends, no average.
 
     In between the window widens smoothly: a kink in its width would be a step in velocity.
     """

@@ -1,14 +1,13 @@
-"""Steadying: the hands of a player shift together, so that it swings no more than the play has it.
+"""Steadying: common shifts of a player's hands that damp swing beyond that of the play.
 
-A player is taken for a pendulum whose pivot its hands shift: with the deviation e of its centre of
-mass from where the play has it, and the shift s of all its hands, both horizontal,
+A player is modelled as a pendulum whose pivot its hands shift: with the deviation e of its centre
+of mass from that in the play, and the shift s of all its hands, both horizontal,
 
     e'' = -w^2 (e - s) - 2 D w e',   s'' = -k (e, e', s, s'),   w^2 = g/height,
 
-with g the vertical part of the stage's own gravity,
-
-k: the gains of the linear-quadratic regulator of the integral of e^2 + (e'/w)^2, and of weights
-times s^2 + (s'/w)^2 and (s''/w^2)^2.
+with g the vertical part of the stage's own gravity, and k the gains of the linear-quadratic
+regulator that minimises the integral of e^2 + (e'/w)^2 plus weights times s^2 + (s'/w)^2 and
+(s''/w^2)^2.
 """
 
 from __future__ import annotations
@@ -32,34 +31,34 @@ class _Weights(NamedTuple):
     shift: float = 0.1
     acceleration: float = 0.1  # Of s''/w^2
     damping: float = 0.02
-    """D: puppets swing long."""
+    """D: damping of a puppet's swing, which decays slowly."""
     share: float = 0.25
-    """Share of the bound of acceleration, for the shift."""
+    """Share of the bound of acceleration for the shift."""
     farthest: float = 0.05
-    """Deviations count as at most this [m]: what pulls harder is a hand, not a slip."""
+    """Bound of the deviation [m]: a larger one is a hand's pull, not swing."""
     fastest: float = 0.5
-    """Largest rate of deviations that counts [m/s]."""
+    """Bound of the deviation's rate [m/s]."""
     doublings: int = 16
-    """The horizon is 2^16 ticks."""
+    """Number of doublings of the regulator's horizon: 2^16 ticks."""
     rate: float = 120.0
-    """Samples of the play's run [1/s]."""
+    """Sampling rate of the play's run [1/s]."""
 
 
 _WEIGHTS = _Weights()
-_LOWEST = 0.05
-"""Hands less high above the centre of mass hold no pendulum [m]."""
+_MIN_HEIGHT = 0.05
+"""Least height of hands above the centre of mass of a pendulum [m]."""
 
 
 class Steadying:
-    """Shifts the hands of players against their swing.
+    """Shifts of the hands of players against their swing.
 
     Attributes:
         frequencies: (n_players,) natural frequencies w of the pendulums [rad/s]; 0 for players
             that are not steadied.
 
     Args:
-        play: its own run says how players swing.
-        performance: whose hands are shifted.
+        play: play whose simulated run determines the wanted motion.
+        performance: performance whose hands are shifted.
     """
 
     def __init__(self, play: Play, performance: Performance):
@@ -76,23 +75,23 @@ class Steadying:
             [natural_frequency(height, gravity) for height in self._heights(performance)]
         )
         self._gains = np.array([_gains(w, tick) for w in self.frequencies])
-        self._most = _WEIGHTS.share * play.cast.file.stage.acceleration
+        self._max_acceleration = _WEIGHTS.share * play.cast.file.stage.acceleration
         n = len(self.frequencies)
         self._s, self._rate = np.zeros((n, 2)), np.zeros((n, 2))
         self._before: Array | None = None
         self._t = 0.0
 
     def forget(self, who: str) -> None:
-        """The shift of a player is part of where its hands stop; it has none from now on."""
+        """Ends the shift of a player whose hands stop, at their shifted places."""
         i = self._members.names.index(who)
         self._s[i] = self._rate[i] = 0.0
 
     def update(self, voice: ScoreVoice, x: State, taken: frozenset[str]) -> None:
-        """Shifts what is played in the next tick, after a state of the stage.
+        """Updates the shifts for the next tick, from a state of the stage.
 
         Args:
-            voice: what is played.
-            x: the state.
+            voice: score that is played.
+            x: state.
             taken: players that are in somebody's hands.
         """
         tick, t = self._performance.tick, voice.t
@@ -112,16 +111,16 @@ class Steadying:
         rate = _within(rate, _WEIGHTS.fastest) * known
         k = self._gains[:, :, None]
         own = k[:, 2] * self._s + k[:, 3] * self._rate
-        asked = _within(-(k[:, 0] * e + k[:, 1] * rate + own), self._most)
+        asked = _within(-(k[:, 0] * e + k[:, 1] * rate + own), self._max_acceleration)
         self._s += tick * self._rate + 0.5 * tick**2 * asked
         self._rate += tick * asked
         voice.shift = self._members.spread(self._s), self._members.spread(self._rate)
 
     def _heights(self, performance: Performance) -> list[float]:
-        """Height of the hands of every player above its centre of mass [m]."""
+        """Heights of the hands of all players above their centres of mass [m]."""
         x = self._play.x0
         middles = self._members.middles(x.q_D, x.q_K)
-        found = []
+        heights = []
         for name, middle in zip(self._members.names, middles, strict=True):
             own = self._play.cast.member(name)
             hands = [
@@ -129,12 +128,12 @@ class Steadying:
                 for handle in performance.handles
                 if handle.name.startswith(own)
             ]
-            found.append(float(np.mean(hands) - middle[2]) if hands else 0.0)
-        return found
+            heights.append(float(np.mean(hands) - middle[2]) if hands else 0.0)
+        return heights
 
 
 class Members:
-    """The bodies and hands of every player."""
+    """Bodies and hands of every player."""
 
     def __init__(self, play: Play):
         self._marionette, cast = play.marionette, play.cast
@@ -169,7 +168,7 @@ class Members:
         return np.einsum("pn,...nj->...pj", self._share, places)
 
     def spread(self, shifts: Array) -> VecK:
-        """(n_vK,) what shifts (n_players, 2) are to all hands."""
+        """(n_vK,) motion of all hands from shifts (n_players, 2) of the players."""
         return np.einsum("pa,pan->n", shifts, self._channels)
 
 
@@ -177,10 +176,10 @@ def natural_frequency(height: float, gravity: float) -> float:
     """w = sqrt(g/height) [rad/s]; 0 if the hands are too low, or gravity does not pull down.
 
     Args:
-        height: of the hands above the centre of mass [m].
+        height: height of the hands above the centre of mass [m].
         gravity: downward acceleration g [m/s^2].
     """
-    return float(np.sqrt(gravity / height)) if height >= _LOWEST and gravity > 0.0 else 0.0
+    return float(np.sqrt(gravity / height)) if height >= _MIN_HEIGHT and gravity > 0.0 else 0.0
 
 
 def _gains(w: float, tick: float) -> Array:
@@ -199,6 +198,6 @@ def _gains(w: float, tick: float) -> Array:
 
 
 def _within(values: Array, most: float) -> Array:
-    """(n, 2) vectors that are at most so long."""
+    """(n, 2) vectors with lengths bounded by ``most``."""
     size = np.linalg.norm(values, axis=-1, keepdims=True)
     return np.asarray(values * np.minimum(1.0, most / np.maximum(size, most)))

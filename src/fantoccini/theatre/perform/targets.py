@@ -1,6 +1,6 @@
-"""Targets of hands: where they are to be, what is played on top of that, or a law instead.
+"""Targets of hands: positions held, offsets played on top of them, or a law instead.
 
-q_K(t) = q_K,held(t) + d(t),   d(t): the sum of what is played
+q_K(t) = q_K,held(t) + d(t),   d(t): sum of the gestures, the take and the score
 """
 
 from __future__ import annotations
@@ -22,30 +22,30 @@ from fantoccini.theatre.perform.tick_run import TickRun
 
 
 class Targets:
-    """Targets of the hands of a run, with a player on top of them; first, where the hands are.
+    """Targets of the hands of a run, initially their places, with a player on top of them.
 
     Attributes:
-        q_K: (n_qK,) targets, without what is played.
-        player: gestures, a take and a score.
+        q_K: (n_qK,) targets, without the offsets of the player.
+        player: player of gestures, a take and a score.
 
     Args:
-        hands: whose targets they are.
-        run: in which they move.
-        influences: among them a law that moves the hands instead.
-        player: goes on with what it plays; otherwise nothing is played.
+        hands: hands whose targets they are.
+        run: run in which the hands move.
+        influences: influences with a law that may move the hands instead.
+        player: player that continues; by default nothing is played.
     """
 
     def __init__(
         self, hands: Hands, run: TickRun, influences: Influences, player: Player | None = None
     ):
         self._hands, self._run, self._influences = hands, run, influences
-        most = np.array([list(bound.values()) for bound in hands.each()[1:]])
-        self.player = player or Player(most, run.tick)
-        self.player.bound(most)
+        bounds = np.array([list(bound.values()) for bound in hands.each()[1:]])
+        self.player = player or Player(bounds, run.tick)
+        self.player.bound(bounds)
         self.q_K: ConfigK = np.array(run.x.q_K)
 
     def keep(self, before: Targets) -> None:
-        """Takes over the targets of coordinates that keep their names."""
+        """Takes over the targets of coordinates that exist in both."""
         old, new = (own._hands.marionette.coordinates.q_K for own in (before, self))
         places = {name: i for i, name in enumerate(old)}
         for i, name in enumerate(new):
@@ -58,7 +58,7 @@ class Targets:
             raise StateError("a law moves the hands; they take no targets until let(None)")
 
     def velocity(self) -> VecK:
-        """(n_vK,) velocities that the hands are to have after the next tick, which is played."""
+        """(n_vK,) wanted velocities after the next tick; the player advances by it."""
         x, player = self._run.x, self.player
         law = self._influences.law
         if law is not None:
@@ -74,35 +74,35 @@ class Targets:
     # -- hands -------------------------------------------------------------------------------
 
     def place(self, name: str) -> Place:
-        """A handle's position (3,) [m] and orientation (w, x, y, z) in the world."""
+        """Position (3,) [m] and orientation (w, x, y, z) of a handle in the world."""
         return self._hands.place(name, self._run.x)
 
     def target(self, name: str) -> Place:
-        """A handle's target, as :meth:`place`."""
+        """Target of a handle, as :meth:`place`."""
         return self._hands.place_at(name, self.q_K, self._run.x)
 
     def aim(self, name: str) -> Place:
-        """Where a handle is to be now: its target with what is played on top, as :meth:`place`."""
+        """Target of a handle with the player's present offsets, as :meth:`place`."""
         aimed = self.q_K
         if not self.player.idle:
             aimed = self._hands.moved(aimed, self.player.offsets().d)
         return self._hands.place_at(name, aimed, self._run.x)
 
     def move(self, name: str, position: Vec3 | None = None, wxyz: Quaternion | None = None) -> None:
-        """Sets the target of a handle; parts that its joint cannot reach are projected away.
+        """Sets the target of a handle; components that its joint cannot reach are projected away.
 
         A joint that drives move in part moves as a whole by the handle of its body or string end;
         ``bar.carriage1`` and so on are handles of its parts. A target on a moving body moves with
-        the body.
+        it.
 
         Args:
-            name: of the handle.
-            position: (3,) in the world [m]; unchanged when not given.
-            wxyz: (4,) orientation in the world; likewise.
+            name: name of the handle.
+            position: (3,) position in the world [m]; unchanged by default.
+            wxyz: (4,) orientation in the world; unchanged by default.
 
         Raises:
-            UnknownNameError: no handle is called that.
-            StateError: a position or orientation that is none, or a law moves the hands.
+            UnknownNameError: no handle has this name.
+            StateError: a position or orientation is invalid, or a law moves the hands.
         """
         self.check_free()
         self.q_K = self._hands.brought(self.q_K, name, position, wxyz, self._run.x)
@@ -111,7 +111,7 @@ class Targets:
         """Sets the target length of a driven string [m], clipped to its range.
 
         Raises:
-            UnknownNameError: no string with a driven length is called that.
+            UnknownNameError: no string with a driven length has this name.
             StateError: the length is not a finite number, or a law moves the hands.
         """
         self.check_free()
@@ -121,37 +121,39 @@ class Targets:
         self.q_K[place] = np.clip(length, *self._hands.lengths[string])
 
     def length(self, string: str) -> float:
-        """The present length of a driven string [m]."""
+        """Present length of a driven string [m]."""
         return float(self._run.x.q_K[self._hands.length_place(string)])
 
     def wanted_length(self, string: str) -> float:
-        """The target length of a driven string [m]."""
+        """Target length of a driven string [m]."""
         return float(self.q_K[self._hands.length_place(string)])
 
     def hold(self) -> None:
-        """Stops all hands: sets their targets to where they are."""
+        """Stops all hands: sets their targets to their present places."""
         self.player.clear()
         self.q_K = np.array(self._run.x.q_K)
 
-    # -- what is played on top ---------------------------------------------------------------
+    # -- gestures, takes and scores ----------------------------------------------------------
 
     def play(self, gesture: Gesture, *, after: float | None = None, again: bool = False) -> float:
-        """Plays a gesture on top of what the hands hold; returns after how long it begins [s].
+        """Plays a gesture on top of the held positions; returns the time until it begins [s].
 
-        Offsets of several gestures add up. One that moves all that another moves takes over from
-        it, and so does one that ends in a place of its own from another that does, as sitting from
-        kneeling: position and velocity never jump. A gesture that would pass the hands' bounds is
+        Offsets of several gestures add up. A gesture that moves all coordinates of another takes
+        over from it, and so does one that ends in a place of its own from another that does, as
+        sitting from
+        kneeling: position and velocity are continuous. A gesture that would exceed the hands'
+            bounds is
         played slower.
 
         Args:
-            gesture: of this puppet.
-            after: time after which it is to begin, as on a beat [s]; it begins later if the way to
-                its start takes longer.
-            again: begin again at its end, until :meth:`play_once`.
+            gesture: gesture of this puppet.
+            after: time after which it should begin, for instance on a beat [s]; it begins later if
+                the way to its start takes longer.
+            again: whether it begins again at its end, until :meth:`play_once`.
 
         Raises:
             StateError: a law moves the hands.
-            ValueError: it is of another puppet.
+            ValueError: the gesture is of another puppet.
         """
         self._check_puppet(gesture)
         self.check_free()
@@ -160,14 +162,14 @@ class Targets:
         return player.play(gesture, on=on, again=again) - player.t
 
     def play_once(self, name: str) -> None:
-        """Lets a gesture end that begins again and again."""
+        """Ends the repetition of a gesture after the present round."""
         self.player.once(name)
 
     def go_home(self, start: State) -> None:
-        """Takes back all gestures; where there are none, the hands go to where they began.
+        """Returns from all gestures; if there are none, the hands return to their start.
 
         Args:
-            start: where they began.
+            start: state at their start.
 
         Raises:
             StateError: a law moves the hands.
@@ -183,7 +185,7 @@ class Targets:
         self._fold(self.player.stop_take())
 
     def play_score(self, score: Score, *, armed: Collection[str] = ()) -> ScoreVoice:
-        """Plays a score from its start, on top of what the hands hold; returns ``score``.
+        """Plays a score from its start, on top of the held positions; returns ``score``.
 
         ::
 
@@ -194,13 +196,13 @@ class Targets:
             live.score.seek("turn")         # a mark; the way there keeps the bounds
 
         Args:
-            score: of this puppet.
+            score: score of this puppet.
             armed: lanes that the score does not move.
 
         Raises:
             StateError: a law moves the hands.
-            UnknownNameError: no lane is called that.
-            ValueError: it is of another puppet.
+            UnknownNameError: no lane has this name.
+            ValueError: the score is of another puppet.
         """
         self._check_puppet(score.gesture)
         motion = without(score.gesture, armed)
@@ -208,37 +210,37 @@ class Targets:
         return self.player.play_score(score, motion)
 
     def stop_score(self) -> None:
-        """Ends the score: what it moved goes home."""
+        """Ends the score: its coordinates return home."""
         self.player.stop_score()
 
     def leave_lanes(self, lanes: Collection[str]) -> None:
-        """Leaves lanes of the score that is played to the hands; they stop, the others go on.
+        """Leaves lanes of the score to the hands; these stop, and the others play on.
 
         Raises:
             StateError: no score is played, or a law moves the hands.
-            UnknownNameError: no lane is called that.
+            UnknownNameError: no lane has this name.
         """
         places = places_of(self._hands.marionette.coordinates, lanes)
         self.check_free()
         self._played_score().leave(places.v)
 
     def lead_back(self, lanes: Collection[str], start: State) -> None:
-        """Lets lanes do what the score does, from where the hands are; the way keeps the bounds.
+        """Returns lanes from the present place of the hands to the score's motion, within bounds.
 
         Args:
-            lanes: which.
-            start: has the targets of their hands from now on.
+            lanes: names of the lanes.
+            start: state with the later targets of their hands.
 
         Raises:
             StateError: no score is played, or a law moves the hands.
-            UnknownNameError: no lane is called that.
+            UnknownNameError: no lane has this name.
         """
         table, x = self._hands.marionette.coordinates, self._run.x
         places = places_of(table, lanes)
         self.check_free()
         rate = np.array(x.v_K)
         for _, w in table.quaternions_K:
-            rate[w : w + 3] = 0.0  # rates of rotation vectors are others; it stops first
+            rate[w : w + 3] = 0.0  # not the rate of the rotation vector; the way starts at rest
         away = self._hands.away(start.q_K, x.q_K)
         self._played_score().lead_back(places.v, away, rate)
         self.q_K = np.where(places.q, start.q_K, self.q_K)
@@ -254,6 +256,6 @@ class Targets:
         return self.player.score
 
     def _fold(self, d: VecK) -> None:
-        """Makes offsets part of the targets."""
+        """Adds offsets to the targets."""
         if d.any():
             self.q_K = self._hands.moved(self.q_K, d)

@@ -1,4 +1,4 @@
-"""Tempo: beats on the time of a performance."""
+"""Tempo: beats in the time of a performance."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from fantoccini.base import check_positive
 
 
 class Range(NamedTuple):
-    """Bounds of a tempo and of the taps that give it [s, 1/min]."""
+    """Bounds of a tempo, and rules for taps [s, 1/min]."""
 
     slowest: float = 30.0
     fastest: float = 240.0
-    taps: int = 6  # The last ones give the tempo
-    pause: float = 2.2  # After it a tap is the first again: just over a beat of the slowest
+    taps: int = 6  # Number of last taps that determine the tempo
+    pause: float = 2.2  # A later tap is the first again: just over a beat of the slowest tempo
 
 
 RANGE = Range()
-_AT_ONCE = 1e-9
-"""Time before a beat at which it is still to come [s]."""
+_ROUNDING = 1e-9
+"""Tolerance within which a time counts as on a beat [beats]."""
 
 
 class Tempo:
-    """Beats in a minute, and when they are.
+    """Tempo of a performance, and the times of its beats.
 
     Attributes:
-        bpm: beats a minute.
+        bpm: beats in a minute.
 
     Args:
-        bpm: from 30 to 240.
+        bpm: beats in a minute, from 30 to 240.
     """
 
     def __init__(self, bpm: float = 90.0):
@@ -45,26 +45,26 @@ class Tempo:
         return 60.0 / self.bpm
 
     def beats(self, t: float) -> float:
-        """Beats until a time [s]; whole numbers are on the beat."""
+        """Number of beats up to a time [s]; a whole number on the beat."""
         return self._first + (t - self._origin) / self.beat
 
     def next(self, t: float) -> float:
-        """The time of the first beat from a time on [s]."""
-        left = math.ceil(self.beats(t) - _AT_ONCE) - self.beats(t)
+        """Time of the first beat at or after a time [s]."""
+        left = math.ceil(self.beats(t) - _ROUNDING) - self.beats(t)
         return t + max(0.0, left) * self.beat
 
     def set(self, bpm: float, t: float) -> None:
-        """Changes the tempo at a time; the beat goes on from there."""
+        """Changes the tempo at a time; the count of beats is continuous."""
         check_positive(bpm=bpm)
         self._first, self._origin = self.beats(t), t
         self.bpm = float(min(max(bpm, RANGE.slowest), RANGE.fastest))
 
     def tap(self, t: float, clock: float) -> None:
-        """A tap at the time ``t`` of the performance is on a beat; from the second on they count.
+        """Sets a beat at a tap; from the second tap on, intervals determine the tempo.
 
         Args:
-            t: of the performance [s].
-            clock: of whoever taps [s]: intervals do not count how fast the performance is.
+            t: time of the performance [s].
+            clock: time of the person who taps [s], whatever the speed of the performance.
         """
         if self._taps and clock - self._taps[-1] > RANGE.pause:
             self._taps.clear()

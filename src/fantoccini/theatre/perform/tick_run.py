@@ -1,4 +1,4 @@
-"""The run of a puppet in hands, tick by tick: it goes on whatever the hands are to do."""
+"""Run of a puppet in hands, tick by tick, which continues after any motion of the hands."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from fantoccini.theatre.perform.hands import Hands
 
 
 class TickRun:
-    """Advances a puppet in hands, tick by tick.
+    """Run of a puppet in hands, tick by tick.
 
     Attributes:
-        performed: the puppet with the winches in use.
-        tick: [s].
-        stepper: advances it; another one after :meth:`restart`.
+        performed: puppet with the winches in use.
+        tick: duration of a tick [s].
+        stepper: present stepper; :meth:`restart` creates another one.
 
     Args:
-        performed: with winches that slip at the grip.
-        hands: that hold it.
-        x: the state, at the time from which on the run counts.
+        performed: puppet with winches that slip at the grip.
+        hands: hands of the puppet.
+        x: state; its time is that of the run's start.
         grip: largest tension of a string [N].
-        tick: [s].
-        steps: time steps in a tick.
+        tick: duration of a tick [s].
+        steps: number of time steps in a tick.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class TickRun:
 
     @property
     def x(self) -> State:
-        """The state, at the stepper's time."""
+        """State, at the stepper's time."""
         return self.stepper.state
 
     @property
@@ -52,12 +52,12 @@ class TickRun:
 
     @property
     def tension(self) -> Array:
-        """(n_strings,) [N]."""
+        """(n_strings,) tensions [N]."""
         return self.stepper.tension[: len(self.performed.tree.strings)].copy()
 
     @property
     def contact(self) -> ContactPoints | None:
-        """Points of contact at the end of the last tick; None for a puppet without contact."""
+        """Contact points at the end of the last tick; None for a puppet without contact."""
         stepper, known = self.stepper, self.stepper.marionette.contacts
         if known is None:
             return None
@@ -71,10 +71,10 @@ class TickRun:
     def advance(self, velocity: VecK, u_D: VecD | None) -> VecK:
         """Advances by a tick; returns the accelerations (n_vK,) of the driven coordinates.
 
-        ``stepper.arrived`` is false if that failed: :meth:`stop_hands` goes on.
+        ``stepper.arrived`` is False after a failure; :meth:`stop_hands` then continues.
 
         Args:
-            velocity: (n_vK,) that the hands are to have at its end.
+            velocity: (n_vK,) wanted velocities at the end of the tick.
             u_D: (n_vD,) generalised forces.
         """
         x = self.x
@@ -96,7 +96,7 @@ class TickRun:
             self.stepper.advance(self.tick, throw=False)
             if self.stepper.arrived:
                 return
-        # Not even that works: the puppet stays where it is.
+        # If that fails too, the puppet stays where it is.
         self.restart(still.replace(v_D=0.0 * still.v_D))
         self._since += self.tick
 

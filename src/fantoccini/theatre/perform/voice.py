@@ -1,4 +1,4 @@
-"""A gesture as it is played: the way to its start, its offsets, and again from the start."""
+"""A gesture while it is played: the way to its start, its offsets, and its repetitions."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 from fantoccini.base import Array, VecK
 from fantoccini.theatre.gestures import SAME, Gesture, Line, Motion, at
 
-_STILL = 1e-9
-"""Rate below which offsets are at rest [m/s or rad/s]."""
+_MAX_REST_RATE = 1e-9
+"""Rate below which offsets count as at rest [m/s or rad/s]."""
 
 
 class Offsets(NamedTuple):
-    """Offsets of the driven coordinates from where the hands hold them.
+    """Offsets of the driven coordinates from the positions that hands hold.
 
     Attributes:
-        d, rate: (n_vK,) and their rates [m or rad, per s].
-        carried: (n_vK,) the part that becomes the place of what follows, as after a walk.
+        d, rate: (n_vK,) offsets and their rates [m or rad, per s].
+        carried: (n_vK,) part that shifts the origin of later gestures, as after a walk.
     """
 
     d: VecK
@@ -27,36 +27,36 @@ class Offsets(NamedTuple):
 
     @classmethod
     def none(cls, n: int) -> Offsets:
-        """Nothing, of n coordinates."""
+        """Zero offsets of n coordinates."""
         return cls(np.zeros(n), np.zeros(n), np.zeros(n))
 
     @property
     def home(self) -> bool:
-        """Whether they are at rest where gestures count from."""
+        """Whether they are at rest at the origin of gestures."""
         return bool(np.all(np.abs(self.d - self.carried) <= SAME) and self.still)
 
     @property
     def still(self) -> bool:
         """Whether they are at rest."""
-        return bool(np.all(np.abs(self.rate) <= _STILL))
+        return bool(np.all(np.abs(self.rate) <= _MAX_REST_RATE))
 
 
 class Voice:
-    """A gesture that is played, from a time on.
+    """A gesture that is played from a time on.
 
-    What it does not name and is away from home goes home with it.
+    Coordinates that it does not name and that are away from home return there with it.
 
     Attributes:
-        gesture: that is played.
-        starts: when it begins, after the way to its start [s].
+        gesture: gesture that is played.
+        starts: beginning of the gesture, after the way to its start [s].
         again: whether it begins again at its end, joined by state.
 
     Args:
-        gesture: to play.
-        most: (2, n_vK) bounds of speeds and accelerations of what leads over.
-        begins: when the way to its start begins [s].
-        before: the offsets then.
-        on: when it is to begin, if there is time [s].
+        gesture: gesture to play.
+        most: (2, n_vK) bounds of speeds and accelerations of transitions.
+        begins: beginning of the way to its start [s].
+        before: offsets at that time.
+        on: wanted beginning of the gesture, if there is time [s].
         again: see above.
     """
 
@@ -74,7 +74,7 @@ class Voice:
         self._go(begins, before, on)
 
     def at(self, t: float) -> Offsets:
-        """The offsets at a time [s], not before those asked for earlier."""
+        """Offsets at a time [s], which must not be earlier than in previous calls."""
         while t >= self._end and (self.again or not self._last.still):
             self._go_on()
         if t >= self._end:
@@ -93,7 +93,7 @@ class Voice:
         return t >= self._end and not self.again and self._last.still
 
     def bound(self, most: Array) -> None:
-        """Sets the bounds of what leads over from now on."""
+        """Sets the bounds of later transitions."""
         self._most = most
 
     def finish(self) -> None:
@@ -122,13 +122,13 @@ class Voice:
 
 
 def line_from(before: Offsets, most: Array) -> Line:
-    """A line that goes on from offsets."""
+    """A line that continues from offsets."""
     return Line.empty(most, before.d, before.rate, before.carried)
 
 
 def named_with(gesture: Gesture, before: Offsets) -> Motion:
-    """The gesture's motion, with what is away from home brought home."""
-    away = (np.abs(before.d - before.carried) > SAME) | (np.abs(before.rate) > _STILL)
+    """Motion of the gesture that also returns other coordinates home."""
+    away = (np.abs(before.d - before.carried) > SAME) | (np.abs(before.rate) > _MAX_REST_RATE)
     return gesture.motion._replace(named=gesture.named | away)
 
 
@@ -138,7 +138,7 @@ def lead_time(gesture: Gesture, before: Offsets, most: Array) -> float:
 
 
 def fitted(gesture: Gesture, most: Array) -> Gesture:
-    """The gesture, slower where it would pass bounds (2, n_vK) of speeds and accelerations."""
+    """The gesture, slowed down to keep bounds (2, n_vK) of speeds and accelerations."""
     speed, acceleration = (float(np.max(x)) for x in gesture.peaks / most)
     over = max(speed, acceleration**0.5)
     return gesture.faster(1.0 / over) if over > 1.0 else gesture

@@ -1,4 +1,4 @@
-"""Plays: who does what, where and when on a stage, compiled and verified."""
+"""Plays: cues of players on a stage, compiled and verified."""
 
 from fantoccini.theatre.plays.compiling import load_play
 from fantoccini.theatre.plays.from_above import Overhead, overhead

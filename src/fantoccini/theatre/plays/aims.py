@@ -1,4 +1,4 @@
-"""Where cues of a play lead and point: places and headings of the stage at a time."""
+"""Goals and targets of a play's cues: places and headings of the stage at a time."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from fantoccini.theatre.gestures import CannotBe, Turn
 from fantoccini.theatre.plays.on_stage import OnStage
 from fantoccini.theatre.script import PlayCue, Spot, TurnsToCue, WalkCue, spelled
 
-_EYES = 0.42
-"""Height of a player's face [m]."""
-_SAME = 1e-9
-"""Distance of places that are one [m]."""
+_EYE_HEIGHT = 0.42
+"""Height of a player's face above the floor [m]."""
+_SAME_PLACE = 1e-9
+"""Distance below which two places count as the same [m]."""
 
 
 class Aims:
-    """Meaning of the places and directions of cues, while they are placed.
+    """Places and directions in cues, resolved while the cues are placed.
 
     Args:
-        cast, places: of the play.
+        cast, places: cast of the play, and its names of places.
     """
 
     def __init__(self, cast: Cast, places: Places):
         self._cast, self._places = cast, places
 
     def goals(self, stage: OnStage, turn: Turn[PlayCue], who: str) -> list[Footing]:
-        """Where a walk leads: the last one is its own."""
-        given, here = turn.given, stage.actors[who].last
-        if isinstance(given, TurnsToCue):
-            return [here.facing(self._heading(stage, given.turns_to, here, turn, "turns to"))]
-        assert isinstance(given, WalkCue)
-        last = given.verb_value
-        spots: list[Spot] = [(*turn.spot, "past", i) for i in range(len(given.past))]
-        spots.append((*turn.spot, spelled(given.verb)))
+        """Goals of a walk in order: the places that it passes, and its own."""
+        entry, here = turn.given, stage.actors[who].last
+        if isinstance(entry, TurnsToCue):
+            return [here.facing(self._heading(stage, entry.turns_to, here, turn, "turns to"))]
+        assert isinstance(entry, WalkCue)
+        last = entry.verb_value
+        spots: list[Spot] = [(*turn.spot, "past", i) for i in range(len(entry.past))]
+        spots.append((*turn.spot, spelled(entry.verb)))
         places = [
             self.place_of(stage, where, spot, turn.wanted)
-            for where, spot in zip((*given.past, last), spots, strict=True)
+            for where, spot in zip((*entry.past, last), spots, strict=True)
         ]
         z = [here.place, *(complex(place[0], place[1]) for place in places)]
         goals = []
@@ -48,7 +48,7 @@ class Aims:
             heading = float(np.angle(way)) if way else here.heading
             goals.append(Footing(there.real, there.imag, heading))
         mark = self._cast.file.stage.marks.get(last) if isinstance(last, str) else None
-        facing = given.facing
+        facing = entry.facing
         if facing is None and mark is not None:
             facing = mark.facing
         if facing is not None:
@@ -64,17 +64,17 @@ class Aims:
             return direction
         place = self.place_of(stage, direction, (*turn.spot, key), turn.wanted)
         z = complex(place[0], place[1])
-        return there.towards(z) if abs(z - there.place) > _SAME else there.heading
+        return there.towards(z) if abs(z - there.place) > _SAME_PLACE else there.heading
 
     def place_of(self, stage: OnStage, where: object, spot: Spot, t: float) -> Array:
-        """(3,) a place of the stage; of a player its head, at a time [s]."""
+        """(3,) a place of the stage; for a player that of its head at a time [s]."""
         if not isinstance(where, str):
             assert isinstance(where, Sequence)
             numbers = [float(x) for x in where]
-            return np.array([*numbers, _EYES][:3])
+            return np.array([*numbers, _EYE_HEIGHT][:3])
         if where in stage.actors:
             other = stage.actors[where].stands(max(t, 0.0))
-            return np.array([other.x, other.y, _EYES])
+            return np.array([other.x, other.y, _EYE_HEIGHT])
         marks = self._cast.file.stage.marks
         if where in marks:
             return np.array([*marks[where].at, 0.0], dtype=float)

@@ -1,7 +1,7 @@
-"""Players come up to things and to each other, and step away.
+"""Steps of players up to things and to each other, and away again.
 
-Nearer to each other than their radii two are only here: the last steps are straight and slow, and
-nobody else is there.
+Only here are two players nearer to each other than their radii: the last steps are straight and
+slow, and nobody else is near.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.script import PlayCue
 
 STEP, _STEP_TIME = 0.05, 1.0
-"""Longest step of those that lead up to a thing or away from it [m], and its duration [s]."""
+"""Longest step up to a thing or away from it [m], and its duration [s]."""
 CALM = 0.3
-"""Pause before something is handled [s]."""
-_FARTHEST = 1.0
-"""Farthest from a thing that a player steps up to it [m]."""
-_APART = 0.02
-"""Gap between two players before one comes up to the other, beside their radii [m]."""
-_THERE = 1e-6
-"""Distance from a place below which a player is there [m]."""
+"""Pause before a thing is handled [s]."""
+_MAX_DISTANCE = 1.0
+"""Largest distance from a thing from which a player steps up to it [m]."""
+_GAP = 0.02
+"""Gap between two players, in addition to their radii, before one comes up to the other [m]."""
+_SAME_PLACE = 1e-6
+"""Distance below which a player is at a place [m]."""
 
 
 class Approaching:
-    """The steps of cues with props.
+    """Steps of cues with props.
 
     Args:
-        walks, gestures: of the play.
-        corrections: of earlier rounds.
+        walks, gestures: walks and gestures of the play.
+        corrections: corrections from earlier rounds.
     """
 
     def __init__(self, walks: Walks, gestures: PlayerGestures, corrections: Corrections):
@@ -53,11 +53,14 @@ class Approaching:
         beside: str = "",
         step: float = STEP,
     ) -> OnStage:
-        """The stage after a walk to a place before something, and the last straight steps."""
+        """Stage after a walk to a place before something, and the last straight steps."""
         carries = stage.carries(who)
         actor = carry_pose(stage.actors[who].rested(), carries, begin, self._gestures)
         stage, free = stage.acting(actor), max(actor.hands.lanes[0].end, begin)
-        if abs(actor.last.place - before.place) > _THERE or actor.last.heading != before.heading:
+        if (
+            abs(actor.last.place - before.place) > _SAME_PLACE
+            or actor.last.heading != before.heading
+        ):
             way, why = self._walks.way(
                 actor.player,
                 actor.last,
@@ -85,7 +88,7 @@ class Approaching:
         beside: str = "",
         step: float = STEP,
     ) -> OnStage:
-        """The stage after straight steps, forward or backward, past nobody."""
+        """Stage after straight steps, forward or backward, in which nobody is passed."""
         actor = stage.actors[who]
         way_there = actor.last.seen(there.place).real
         n = max(1, int(np.ceil(abs(way_there) / step)))
@@ -104,7 +107,7 @@ class Approaching:
         return stage.part(actor, 0, gesture, way.begin, {}, way.end)
 
     def do(self, stage: OnStage, who: str, gesture: Gesture, start: float) -> tuple[OnStage, float]:
-        """The stage after a gesture from a time on, and its end [s]."""
+        """Stage after a gesture that begins at a time or later, and its end [s]."""
         actor = stage.actors[who]
         own = gesture.turned(actor.last.heading)
         hands, begun = actor.hands.add_busy(0, own, start)
@@ -114,7 +117,7 @@ class Approaching:
     def calm(
         self, stage: OnStage, turn: Turn[PlayCue], begin: float, *names: str
     ) -> tuple[OnStage, float]:
-        """The stage with swing taken out, and when what is to be done can begin [s]."""
+        """Stage after motions that damp swing, and the time at which the action can begin [s]."""
         for name in names:
             actor, key = stage.actors[name], (turn.spot, name)
             gesture = calm_gesture(actor.player.alone, self._corrections.calms.get(key, NONE))
@@ -127,16 +130,16 @@ class Approaching:
         return stage, max(stage.actors[name].hands.end for name in names) + CALM
 
     def clear_of(self, there: Footing, side: float, actor: Actor, least: float = 0.02) -> Footing:
-        """The nearest place ahead (1) or behind (-1) that is clear of what stands there."""
-        for way in np.arange(least, _FARTHEST, 0.02):
-            one = Footing(*along(there, side * float(way)), there.heading)
-            if self._walks.is_clear(actor.player, one):
-                return one
+        """Nearest place ahead (1) or behind (-1) that is clear of everything on the stage."""
+        for way in np.arange(least, _MAX_DISTANCE, 0.02):
+            candidate = Footing(*along(there, side * float(way)), there.heading)
+            if self._walks.is_clear(actor.player, candidate):
+                return candidate
         raise CannotBe(f"{actor.player.name} has no room to step up to it")
 
     def apart(self, one: Footing, actor: Actor, other: Footing, beside: Actor) -> Footing:
-        """The nearest place behind a footing that is as far from another as two must be."""
-        away = self._walks.clear(actor.player) + self._walks.clear(beside.player) + _APART
+        """Nearest place behind a footing that keeps the distance of two players from another."""
+        away = self._walks.clear(actor.player) + self._walks.clear(beside.player) + _GAP
         ways = 0.01 * np.arange(int(100 * 2.0 * away) + 1)
         behind = one.place - ways * np.exp(1j * one.heading)
         z = behind[int(np.argmax(np.abs(behind - other.place) >= away))]
@@ -144,6 +147,6 @@ class Approaching:
 
 
 def along(one: Footing, forward: float) -> tuple[float, float]:
-    """A place ahead of a footing [m]."""
+    """Place ahead of a footing [m]."""
     z = one.place + forward * np.exp(1j * one.heading)
     return float(z.real), float(z.imag)

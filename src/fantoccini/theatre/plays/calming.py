@@ -1,9 +1,10 @@
-"""Swing taken out by a small motion of all hands, before something is handled.
+"""Damping of swing by a small motion of all hands, before something is handled.
 
-    min over a of  integral of |v(t; a)|^2 dt + w |a|^2,   v of the trunk, after the motion
+    min over a of  integral of |v(t; a)|^2 dt + w |a|^2,   v: velocity of the trunk, after the
+    motion
 
-All upper ends of the strings go by the same sum of a_k b_k(t) along x and along y, from rest to
-rest. v is nearly linear in a: it is found by least squares over rollouts.
+All upper ends of the strings move by the same sum of a_k b_k(t) along x and along y, from rest to
+rest. v is nearly linear in a: the minimum is found by least squares over rollouts.
 """
 
 from __future__ import annotations
@@ -18,28 +19,28 @@ from fantoccini.theatre.gestures import Gesture
 DURATION = 2.4
 """Duration of the motion [s]."""
 _KNOTS = np.array([0.2, 0.4, 0.6, 0.8]) * DURATION
-"""Times at which the hands are at a_k [s]."""
-_AFTER = 1.6
-"""Duration in which swing is measured [s]."""
+"""Times at which the hands' offsets are a_k [s]."""
+_MEASURED_TIME = 1.6
+"""Time after the motion in which swing is measured [s]."""
 _DT = 0.004
-"""[s]"""
+"""Time step of the rollouts [s]."""
 _PROBE = 0.01
-"""Step of the derivatives [m]."""
-_MOST = 0.06
-"""Farthest way of the hands [m]."""
+"""Step of the finite differences [m]."""
+_MAX_OFFSET = 0.06
+"""Largest offset of the hands [m]."""
 _WEIGHT = 0.02
-"""Cost of a way of the hands, over the speed that it takes out [1/s]."""
-_ROUNDS = 2
+"""Cost of an offset of the hands, relative to the speed that it removes [1/s]."""
+_ITERATIONS = 2
 NONE = (0.0,) * (2 * len(_KNOTS))
-"""The hands stay."""
+"""Offsets of hands that stay."""
 
 
 def calm_gesture(alone: Marionette, offsets: tuple[float, ...]) -> Gesture:
-    """All upper ends moved together.
+    """Gesture that moves all upper ends together.
 
     Args:
-        alone: the puppet.
-        offsets: at each knot along x, then along y [m].
+        alone: puppet in a scene of its own.
+        offsets: offsets at the knots, along x, then along y [m].
     """
     moves: dict[str, list[tuple[float, float]]] = {}
     for name in alone.coordinates.q_K:
@@ -52,12 +53,12 @@ def calm_gesture(alone: Marionette, offsets: tuple[float, ...]) -> Gesture:
 
 
 def calming(alone: Marionette, x: State) -> tuple[float, ...]:
-    """The offsets of :func:`calm_gesture` after which the trunk of a puppet swings least.
+    """Offsets of :func:`calm_gesture` after which the trunk of a puppet swings least.
 
-    If a run of the search stops, the hands stay; whether the play's own run stops is seen later.
+    If a run of the search stops, the hands stay; the play's own run shows whether it stops too.
 
     Args:
-        alone: the puppet.
+        alone: puppet in a scene of its own.
         x: its state, with the hands at rest.
     """
     try:
@@ -68,7 +69,7 @@ def calming(alone: Marionette, x: State) -> tuple[float, ...]:
 
 def _least_swing(alone: Marionette, x: State) -> tuple[float, ...]:
     offsets = np.array(NONE)
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         base = _speeds(alone, x, offsets)
         columns = [
             (_speeds(alone, x, offsets + _PROBE * unit) - base) / _PROBE
@@ -77,17 +78,17 @@ def _least_swing(alone: Marionette, x: State) -> tuple[float, ...]:
         weight = _WEIGHT * np.sqrt(len(base))
         A = np.vstack([np.stack(columns, axis=1), weight * np.eye(len(offsets))])
         b = np.concatenate([base, weight * offsets])
-        offsets = np.clip(offsets - np.linalg.lstsq(A, b, rcond=None)[0], -_MOST, _MOST)
+        offsets = np.clip(offsets - np.linalg.lstsq(A, b, rcond=None)[0], -_MAX_OFFSET, _MAX_OFFSET)
     before = np.linalg.norm(_speeds(alone, x, np.array(NONE)))
     if np.linalg.norm(_speeds(alone, x, offsets)) >= before:
         return NONE
-    return tuple(float(one) for one in np.round(offsets, 6))
+    return tuple(float(offset) for offset in np.round(offsets, 6))
 
 
 def _speeds(alone: Marionette, x: State, offsets: Array) -> Array:
-    """Speeds of the trunk after the motion, in a row [m/s]."""
+    """Speeds of the trunk after the motion, concatenated [m/s]."""
     gesture = calm_gesture(alone, tuple(offsets.tolist()))
-    n = int(np.ceil((DURATION + _AFTER) / _DT))
+    n = int(np.ceil((DURATION + _MEASURED_TIME) / _DT))
     t = np.minimum(_DT * np.arange(n + 1), DURATION)
     i = np.clip(np.searchsorted(gesture.breaks, t, side="right") - 1, 0, len(gesture.coef) - 1)
     _, rates, _ = polynomial.evaluate(gesture.coef[i], (t - gesture.breaks[i])[:, None])

@@ -1,4 +1,4 @@
-"""Plays compiled: cues placed, simulated company by company, and placed anew until all holds."""
+"""Compiler of plays: cues are placed, simulated by company, and placed again until all succeed."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ from fantoccini.theatre.script import (
 )
 
 PATIENT = 10
-"""Rounds in which free cues may still be let wait; later they are refused at once."""
-_WAIT = 0.4
-"""Extra wait of a free cue where something touches [s]."""
+"""Number of rounds in which free cues may still be delayed; later they are refused at once."""
+_EXTRA_DELAY = 0.4
+"""Additional delay of a free cue in which something touches [s]."""
 _SMALLER = (0.75, 0.5)
-"""Sizes that are tried where something touches."""
-_MOST_TRIED = 3
-"""Cues for which smaller sizes are tried."""
+"""Sizes that are tried if something touches."""
+_MAX_TRIED = 3
+"""Number of cues for which smaller sizes are tried."""
 
 
 def load_play(
@@ -64,39 +64,39 @@ def load_play(
     before: Play | None = None,
     within: float | None = None,
 ) -> Play:
-    """Reads and compiles a play.
+    """Play of a file.
 
-    What cannot be done is left out, and :attr:`Play.changes` says why, with the line and the
-    nearest thing that can be done; the rest is compiled.
+    A cue that cannot be done is left out, and :attr:`Play.changes` gives the reason, the line and
+    the nearest alternative; the rest is compiled.
 
     Args:
-        path: of the file, or the name of a bundled play: ``trio``, ``chase`` or ``duet``.
-        progress: called with what is being done and the share of it, as for a progress bar.
-        before: an earlier version of the play, whose runs are used where nothing has changed.
+        path: path of the file, or the name of a bundled play: ``trio``, ``chase`` or ``duet``.
+        progress: called with the present stage of the work and its completed share.
+        before: earlier version of the play, whose runs are used for all unchanged parts.
         within: time after which compiling stops [s], but not before the first round is complete.
-            The play is then that of the last complete round, and its changes list the stop and
-            what is not corrected yet. No limit by default.
+            The play is then that of the last complete round, and its changes list the stop and the
+            faults that remain. No limit by default.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: the file has mistakes; all of them are listed, with their lines.
     """
     until = math.inf if within is None else time.monotonic() + within
     tell = progress or (lambda progress: None)
     tell(Progress("casting", 0.0, 1.0))
-    kept = before.kept if before is not None else Kept()
-    script = read_play(path, kept)
+    cache = before.kept if before is not None else Kept()
+    script = read_play(path, cache)
     try:
-        script = replace(script, cast=settled(script.cast, kept))
+        script = replace(script, cast=settled(script.cast, cache))
     except StateError as error:
         script.log.mistakes.add(("props",), f"what is held does not hang there: {error}")
         script.log.mistakes.refuse()
         raise
-    stage = Stage(script, Walks(script.cast, script.log), kept)
+    stage = Stage(script, Walks(script.cast, script.log), cache)
     tell(Progress("rehearsing", _share(1), 1.0))
     # The first round is always completed.
     rounds = [make_round(stage, Results())]
     try:
-        with kept.limited(until):
+        with cache.limited(until):
             results, touching = _improve(stage, rounds, tell)
     except OutOfTime:
         script.log.change(
@@ -111,7 +111,7 @@ def load_play(
 
 
 def _share(count: int) -> float:
-    """Share of the work that is done when a round begins."""
+    """Completed share of the work at the beginning of a round."""
     return 0.9 * (1.0 - 0.8**count)
 
 
@@ -119,10 +119,10 @@ def _improve(stage: Stage, rounds: list[Round], tell: OnProgress) -> tuple[Resul
     """Adds rounds until no cue moves; each added round follows from a cue moved or refused.
 
     Returns:
-        The results of all rounds, and the touches of the last one.
+        Results of all rounds, and the touches of the last one.
 
     Raises:
-        OutOfTime: the time is over; all rounds are complete.
+        OutOfTime: the time limit has passed; all rounds are complete.
     """
     paused = False
     while True:
@@ -169,7 +169,7 @@ def _first(
     this_round: Round,
     *rules: Callable[[Stage, Results, Round], Rule],
 ) -> Rule:
-    """Results after the first rule by which cues move, or after all of them."""
+    """Results after the first rule that moves cues, or after all rules."""
     for rule in rules:
         results, moved = rule(stage, results, this_round)
         if moved:
@@ -182,7 +182,7 @@ def _first(
 
 def _touches(stage: Stage, this_round: Round, tell: OnProgress) -> list[Touch]:
     tell(Progress("looking for what touches", 0.97, 1.0))
-    # Only the samples that are measured.
+    # The run has only the samples that are measured.
     run = together(stage.script.cast, this_round.runs, EVERY * SAMPLE)
     return touches(stage.script.cast, run, this_round.placement.meetings, every=1)
 
@@ -193,11 +193,11 @@ def _mend(
     """Delays or refuses the cues in which the first touches occur.
 
     Args:
-        stage: of the play.
-        results: so far.
-        this_round: placed and simulated.
-        touching: what touches.
-        patient: whether cues may wait.
+        stage: play and its stage.
+        results: results so far.
+        this_round: last round.
+        touching: touches in the last round.
+        patient: whether cues may be delayed.
     """
     cast, seen, mended = stage.script.cast, set[str](), False
     for touch in touching:
@@ -207,14 +207,14 @@ def _mend(
         cue = this_round.cue_during(touch.t, owners & {*cast.players})
         if cue is None:
             continue
-        corrections, given = results.corrections, cue.given
-        waits = corrections.pauses.get(cue.spot, 0.0) + _WAIT
+        corrections, entry = results.corrections, cue.given
+        waits = corrections.pauses.get(cue.spot, 0.0) + _EXTRA_DELAY
         tried = corrections.approaches.get(cue.spot, 0) + 1
-        if patient and isinstance(given, SitsOnCue) and tried < len(APPROACHES):
+        if patient and isinstance(entry, SitsOnCue) and tried < len(APPROACHES):
             results = replace(
                 results, corrections=corrections.setting("approaches", cue.spot, tried)
             )
-        elif patient and waits <= most_pause(given, stage.beat):
+        elif patient and waits <= most_pause(entry, stage.beat):
             results = replace(results, corrections=corrections.setting("pauses", cue.spot, waits))
         else:
             after = results.refusing(cue, f"{touch} {this_round.in_words(touch.t)}")
@@ -227,15 +227,15 @@ def _mend(
 
 
 def _try_again(stage: Stage, results: Results, tell: OnProgress) -> Results:
-    """Tries what was refused because something would touch.
+    """Tries again the cues that were refused because something would touch.
 
-    A refused cue is tried again when a later one is refused, otherwise with a smaller gesture; the
-    reason then says whether that can be done.
+    A refused cue is tried again if a later one is refused, otherwise with a smaller gesture; the
+    reason then gives a size that can be done.
     """
     givens = {cue.spot: cue.given for cue in stage.script.timeline.cues}
-    for spot in results.touching[:_MOST_TRIED]:
-        given = givens[spot]
-        sizes = _SMALLER if isinstance(given, DoesCue) else ()
+    for spot in results.touching[:_MAX_TRIED]:
+        entry = givens[spot]
+        sizes = _SMALLER if isinstance(entry, DoesCue) else ()
         if spot != results.touching[-1]:
             sizes = (1.0, *sizes)
         before = results.corrections
@@ -249,8 +249,8 @@ def _try_again(stage: Stage, results: Results, tell: OnProgress) -> Results:
                 )
                 break
             results = tried.back(before)
-            if holds and isinstance(given, DoesCue):
-                larger = f"; it can be done with larger: {size * given.larger:.2g}"
+            if holds and isinstance(entry, DoesCue):
+                larger = f"; it can be done with larger: {size * entry.larger:.2g}"
                 why = before.refused[spot] + larger
                 results = replace(results, corrections=before.setting("refused", spot, why))
                 break
@@ -258,7 +258,7 @@ def _try_again(stage: Stage, results: Results, tell: OnProgress) -> Results:
 
 
 def _holds(stage: Stage, results: Results, spot: Spot, tell: OnProgress) -> Rule:
-    """Results of trying a cue beside all others, and whether it can be done."""
+    """Results of trying a cue with all others, and whether it can be done."""
     while True:
         this_round = make_round(stage, results)
         late = mark_lateness(stage, this_round)
@@ -282,7 +282,7 @@ def _holds(stage: Stage, results: Results, spot: Spot, tell: OnProgress) -> Rule
 def _play(
     stage: Stage, results: Results, this_round: Round, touching: list[Touch], count: int
 ) -> Play:
-    """The play of a round, with a list of what is not as it was written."""
+    """Play of a round, with a list of deviations from the file."""
     script, placement = stage.script, this_round.placement
     cast, log, file = script.cast, script.log, script.cast.file
     cues = tuple(_cue(stage, cue) for cue in placement.cues)
@@ -327,7 +327,7 @@ def _play(
 
 
 def _cue(stage: Stage, placed: Placed[PlayCue]) -> CueOfPlay:
-    cue, given, parts = placed.cue, placed.given, placed.parts
+    cue, entry, parts = placed.cue, placed.given, placed.parts
     return CueOfPlay(
         cue.index + 1,
         stage.script.cast.file.acts[cue.act].act,
@@ -336,21 +336,21 @@ def _cue(stage: Stage, placed: Placed[PlayCue]) -> CueOfPlay:
         cue.name,
         stage.script.log.located.line(cue.spot) or 0,
         placed.wanted,
-        given.patience * stage.beat,
+        entry.patience * stage.beat,
         min((part.start for part in parts), default=placed.wanted),
         max((part.end for part in parts), default=placed.wanted),
-        given.mark,
-        given.go,
-        given.says or "",
+        entry.mark,
+        entry.go,
+        entry.says or "",
         placed.refused,
-        given.optional,
-        isinstance(given, PropCue),
+        entry.optional,
+        isinstance(entry, PropCue),
         {who: _marks_of(parts, who) for who in dict.fromkeys(part.who for part in parts)},
     )
 
 
 def _marks_of(parts: Sequence[Part], who: str) -> dict[str, float]:
-    """The marks of a player in a cue, its beginning and its end [s]."""
+    """Marks of a player in a cue, its beginning and its end [s]."""
     own = [part for part in parts if part.who == who]
     marks = {mark: t for part in own for mark, t in part.marks.items()}
     ends = {START: min(part.start for part in own), END: max(part.end for part in own)}
@@ -362,16 +362,16 @@ def _rounds(n: int) -> str:
 
 
 def described(cue: Cue[PlayCue]) -> str:
-    """A cue in words: ``columbine and pierrot: walks to centre``."""
-    given, verb, what = cue.given, cue.given.verb, cue.given.verb_value
-    if isinstance(given, DoesCue):
+    """Description of a cue: ``columbine and pierrot: walks to centre``."""
+    entry, verb, what = cue.given, cue.given.verb, cue.given.verb_value
+    if isinstance(entry, DoesCue):
         return f"{' and '.join(cue.who)}: {what}"
-    if isinstance(given, PropCue):
+    if isinstance(entry, PropCue):
         others = [key for key in VERBS[verb].names if key != verb]
         return " ".join(
             [
-                f"{given.who[0]}: {spelled(verb)} {what}",
-                *(f"{key} {getattr(given, key)}" for key in others),
+                f"{entry.who[0]}: {spelled(verb)} {what}",
+                *(f"{key} {getattr(entry, key)}" for key in others),
             ]
         )
     if not isinstance(what, (str, float)):

@@ -1,4 +1,4 @@
-"""A play's stage seen from above: marks, what stands there, and the players' ways."""
+"""A play's stage seen from above: marks, obstacles, and the players' ways."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from fantoccini.theatre.plays.play import Play
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.script import ScriptLog
 
-_FINE = 0.1
+_INTERVAL = 0.1
 """Time between places of a way [s]."""
 
 
 @dataclass(frozen=True)
 class Walked:
-    """A way from above.
+    """A way seen from above.
 
     Attributes:
         begin, end: [s].
-        places: (n, 2) [m].
-        heading: at its end [rad].
+        places: (n, 2) places [m].
+        heading: heading at its end [rad].
     """
 
     begin: float
@@ -35,14 +35,13 @@ class Walked:
 
 @dataclass(frozen=True)
 class Overhead:
-    """The stage from above.
+    """A stage seen from above.
 
     Attributes:
         marks: name -> (x, y) [m].
-        standing: name -> polygons (n, 2) of obstacles that are in the way [m].
-        space: ((low, high) of x, (low, high) of y) of the hands [m]; None where they may be
-            anywhere.
-        starts: player -> where it is at the start.
+        standing: name -> polygons (n, 2) of obstacles in the way [m].
+        space: ((low, high) of x, (low, high) of y) of the hands [m]; None without bounds.
+        starts: player -> footing at the start.
         ways: player -> its ways, in order.
     """
 
@@ -54,7 +53,7 @@ class Overhead:
 
 
 def overhead(play: Play) -> Overhead:
-    """The stage of a play from above."""
+    """Stage of a play seen from above."""
     stage = play.cast.file.stage
     standing: dict[str, list[Array]] = {}
     for region in Walks(play.cast, ScriptLog(play.located, play.cast.file.tempo)).blocked:
@@ -64,7 +63,7 @@ def overhead(play: Play) -> Overhead:
     for name, own in play.ways.items():
         walked = []
         for way in own:
-            n = 2 + int((way.end - way.begin) / _FINE)
+            n = 2 + int((way.end - way.begin) / _INTERVAL)
             places, headings = way.footing(np.linspace(way.begin, way.end, n))
             walked.append(Walked(way.begin, way.end, places, float(headings[-1])))
         ways[name] = tuple(walked)

@@ -1,4 +1,4 @@
-"""Whether props are where cues have brought them, in runs of a play."""
+"""Checks of runs of a play: whether props are where cues have brought them."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from fantoccini.theatre.plays.runs import Run, Runs
 from fantoccini.theatre.script import MeetingKind, Spot
 
 _EVERY = 0.05
-"""Between looks [s]."""
-_FAR, _LONG = 0.06, (0.0, 0.14)
-"""A handle on a forearm is so near to its axis, and between these along it from the elbow [m]."""
-_JUST = 0.5
-"""Time after a cue in which a prop counts as misplaced, not as lost [s]."""
-_SITS_WITH = 0.15
-"""At least this part of the weight a seat bears of who sits on it."""
-_LEANS, _OFF = np.cos(np.radians(10.0)), 0.008
-"""Least height of a standing prop's axis, and how far from its place it may be in height [m]."""
+"""Time between checks [s]."""
+_MAX_OFF_AXIS, _ALONG_RANGE = 0.06, (0.0, 0.14)
+"""Range of a handle that hangs on a forearm: distance from its axis, and from the elbow [m]."""
+_MISPLACED_TIME = 0.5
+"""Time after a cue in which a prop counts as misplaced, not as dropped [s]."""
+_MIN_SEAT_SHARE = 0.15
+"""Least share of a sitter's weight that the seat bears."""
+_MIN_COSINE, _MAX_HEIGHT_ERROR = np.cos(np.radians(10.0)), 0.008
+"""Bounds for a standing prop: cosine of its axis to the vertical, error of its height [m]."""
 
-_STILL = 0.02
-"""Speed of a prop that stands [m/s]."""
+_MAX_REST_SPEED = 0.02
+"""Largest speed of a standing prop [m/s]."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Something with a prop that does not come true.
+    """A failure of a cue with a prop.
 
     Attributes:
-        t: when [s].
-        players: who is concerned.
-        text: what happens.
-        cue: the cue that does not do it; None where it is not known.
+        t: time of the failure [s].
+        players: players that are involved.
+        text: description.
+        cue: cue that fails; None if it is unknown.
     """
 
     t: float
@@ -46,16 +46,16 @@ class Failure:
 
 def failures(cast: Cast, meetings: Sequence[Meeting], runs: Runs) -> list[Failure]:
     """Failures of runs, in order of time."""
-    found: list[Failure] = []
+    failures_so_far: list[Failure] = []
     for meeting in meetings:
         for run, begin, end in _runs(meeting, runs):
             t = np.append(np.arange(begin, end, _EVERY), end) - run.begin
             check = _CHECKS.get(meeting.kind)
             failure = check(cast, meeting, run, t) if check is not None else None
             if failure is not None:
-                found.append(failure)
+                failures_so_far.append(failure)
                 break
-    return sorted(found, key=lambda one: one.t)
+    return sorted(failures_so_far, key=lambda failure: failure.t)
 
 
 def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[float, float] | None:
@@ -70,7 +70,7 @@ def handle_seen(cast: Cast, runs: Runs, meeting: Meeting, t: float) -> tuple[flo
 
 
 def stands_seen(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
-    """Where a prop stands that was put down before a time; None if it was not [s]."""
+    """Footing of a prop that was put down before a time [s]; None if it was not."""
     before = [run for run in runs.companies if prop in run.staged.props and run.end <= t + 1e-9]
     if not before:
         return None
@@ -80,7 +80,7 @@ def stands_seen(cast: Cast, runs: Runs, prop: str, t: float) -> Footing | None:
 
 
 def _runs(meeting: Meeting, runs: Runs) -> Iterator[tuple[Run, float, float]]:
-    """The runs in which a meeting is, and its times there [s]."""
+    """Runs that contain a meeting, and its times there [s]."""
     for run in runs.companies:
         company = run.staged.company
         begin, end = max(meeting.begin, run.begin), min(meeting.end, run.end)
@@ -97,12 +97,12 @@ def _hangs(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     thing, arm = (_poses(run, name, t) for name in (prop, forearm))
     place = thing[:, :, 3] + handle * thing[:, :, 2] - arm[:, :, 3]
     own = np.einsum("tij,ti->tj", arm[:, :, :3], place)
-    along, far = -own[:, 2], np.hypot(own[:, 0], own[:, 1])
-    off = (far > _FAR) | (along < _LONG[0]) | (along > _LONG[1])
-    if not np.any(off):
+    along, off_axis = -own[:, 2], np.hypot(own[:, 0], own[:, 1])
+    is_off = (off_axis > _MAX_OFF_AXIS) | (along < _ALONG_RANGE[0]) | (along > _ALONG_RANGE[1])
+    if not np.any(is_off):
         return None
-    then = run.begin + float(t[int(np.argmax(off))])
-    soon = meeting.cue is not None and then <= meeting.begin + _JUST
+    then = run.begin + float(t[int(np.argmax(is_off))])
+    soon = meeting.cue is not None and then <= meeting.begin + _MISPLACED_TIME
     text = f"{prop} would not hang on {who}'s arm" if soon else f"{who} would drop {prop}"
     return Failure(then, meeting.players, text, meeting.cue if soon else None)
 
@@ -115,8 +115,8 @@ def _stands(cast: Cast, meeting: Meeting, run: Run, t: Times) -> Failure | None:
     assert top is not None
     first = run.whole.coordinates.v_D.index(f"{run.staged.props[prop]}.x")
     rates = run.whole.resample(t[-1:]).v_D[0, first : first + 3]
-    still = float(np.linalg.norm(rates)) <= _STILL
-    if still and pose[2, 2] >= _LEANS and abs(pose[2, 3] - top) <= _OFF:
+    still = float(np.linalg.norm(rates)) <= _MAX_REST_SPEED
+    if still and pose[2, 2] >= _MIN_COSINE and abs(pose[2, 3] - top) <= _MAX_HEIGHT_ERROR:
         return None
     text = f"{prop} would not stand on {on}"
     return Failure(run.begin + float(t[-1]), meeting.players, text, meeting.cue)
@@ -133,11 +133,11 @@ def _sits(cast: Cast, meeting: Meeting, run: Run, _: Times) -> Failure | None:
     points = run.whole.contact
     ours = [bool({a, b} & names) and bool({a, b} & seat) for a, b in points.names]
     clock = run.whole.t
-    counts = (clock >= since) & (clock <= until)
-    mine = np.array(ours, dtype=bool)[points.pair] & counts[points.sample]
-    bears = float(np.sum(np.abs(points.force[mine, 2]))) / max(int(np.sum(counts)), 1)
+    is_counted = (clock >= since) & (clock <= until)
+    is_seat_point = np.array(ours, dtype=bool)[points.pair] & is_counted[points.sample]
+    bears = float(np.sum(np.abs(points.force[is_seat_point, 2]))) / max(int(np.sum(is_counted)), 1)
     weight = cast.players[who].alone.weight
-    if bears >= _SITS_WITH * weight:
+    if bears >= _MIN_SEAT_SHARE * weight:
         return None
     text = f"{who} would not sit: the seat bears {bears / weight:.0%} of its weight"
     return Failure(run.begin + since, meeting.players, text, meeting.cue)
@@ -148,11 +148,11 @@ _CHECKS: dict[MeetingKind, Callable[[Cast, Meeting, Run, Times], Failure | None]
     "put": _stands,
     "sits": _sits,
 }
-"""Kind of meeting -> what must hold in its run."""
+"""Kind of meeting -> check of its run."""
 
 
 def _arm(meeting: Meeting, who: str) -> str:
-    """The forearm of a player on which something hangs."""
+    """Forearm of a player on which something hangs."""
     names = {name for pair in meeting.pairs for name in pair}
     return next(name for name in sorted(names) if name.startswith(f"{who}.forearm_"))
 

@@ -1,7 +1,7 @@
 """Cues with props: a player comes up to another or to a thing, handles it, and steps back.
 
-Nearer to each other than their radii two are only here: the last steps are straight, and in front
-of them and behind there is nothing else.
+Only here are two players nearer to each other than their radii: the last steps are straight, and
+nobody else is in front of them or behind.
 """
 
 from __future__ import annotations
@@ -46,25 +46,25 @@ from fantoccini.theatre.script import (
 
 T = TypeVar("T")
 
-_AT_TABLE = 0.025
-"""Longest step at a table, which shins that swing must not touch [m]."""
-_BACK = 0.1
-"""A walk to a table ends at least so far from where one puts something down [m]."""
-_BEFORE_SEAT = 0.135
-"""Distance before the middle of the seat from which a player sits down [m]."""
+_MAX_TABLE_STEP = 0.025
+"""Longest step at a table, which swinging shins must not touch [m]."""
+_MIN_STEP_UP = 0.1
+"""Least distance between the end of a walk to a table and the place of handling [m]."""
+_SEAT_DISTANCE = 0.135
+"""Distance of a player that sits down from the middle of the seat [m]."""
 APPROACHES = ((0.04, 0.06), (0.06, 0.05), (0.08, 0.06))
-"""Ways to come up to a seat, tried in turn: extra distance at which a player stops before it, since
+"""Approaches to a seat, tried in turn: additional distance before it at which a player stops, since
 shins swing on, and the longest step back [m]."""
 _INSET = 0.03
-"""Distance of a prop from the border of what it is put on, where that is large enough [m]."""
+"""Distance of a prop from the border of its obstacle, if that is large enough [m]."""
 
 
 class Handling:
-    """The verbs of cues with props, each from one state of the stage to the next.
+    """Verbs of cues with props, each from one state of the stage to the next.
 
     Args:
-        cast, walks, gestures: of the play.
-        corrections: of earlier rounds.
+        cast, walks, gestures: cast, walks and gestures of the play.
+        corrections: corrections from earlier rounds.
     """
 
     def __init__(
@@ -77,16 +77,16 @@ class Handling:
     def do(
         self, stage: OnStage, turn: Turn[PlayCue], begin: float, wait: float
     ) -> tuple[OnStage, Moments]:
-        """The stage after a cue with a prop, and the cue's moments.
+        """Stage after a cue with a prop, and the cue's moments.
 
         Args:
-            stage: before the cue.
-            turn: the cue.
+            stage: stage before the cue.
+            turn: turn of the cue.
             begin: earliest time [s].
-            wait: by how much later it may begin [s].
+            wait: longest delay after it [s].
 
         Raises:
-            CannotBe: it cannot be done.
+            CannotBe: the cue cannot be done.
         """
         match turn.given:
             case GivesCue() as given:
@@ -121,7 +121,7 @@ class Handling:
         stage.check_stands(who)
         stage.check_stands(to)
         lift, lifts = (self._cast.file.cast[name].lift for name in turn.who)
-        handing = self._made(
+        handing = self._compute(
             lambda: prop_gestures.give(
                 giver.player.alone,
                 "",
@@ -166,13 +166,13 @@ class Handling:
                 raise CannotBe(f"{name} sits on {seat}")
         middle, heading, height = self._seat(stage, seat, actor, turn)
         alone, hangs = actor.player.alone, actor.player.hangs
-        sits = self._made(
-            lambda: sit(alone, "", seat, height, distance=_BEFORE_SEAT, start=hangs), actor
+        sits = self._compute(
+            lambda: sit(alone, "", seat, height, distance=_SEAT_DISTANCE, start=hangs), actor
         )
         there = Footing(*along(Footing(middle.real, middle.imag, heading), sits.back), heading)
         clear = self._steps.clear_of(there, 1.0, actor)
-        room, step = APPROACHES[self._corrections.approaches.get(turn.spot, 0)]
-        before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + room)
+        clearance, step = APPROACHES[self._corrections.approaches.get(turn.spot, 0)]
+        before = self._steps.clear_of(there, 1.0, actor, abs(clear.place - there.place) + clearance)
         stage = self._steps.come(stage, who, before, there, begin, wait, step=step)
         since = stage.actors[who].ways[-1].begin
         stage, start = self._calmed(stage, turn, who)
@@ -204,19 +204,21 @@ class Handling:
         held = stage.held(prop, who)
         stage.check_stands(who)
         top = top_of(self._cast.file, onto)
-        assert top is not None  # or it is a mistake
+        assert top is not None  # otherwise it is a mistake of the file
         hangs = self._hangs_at(turn, actor, prop, held)
         puts = self._putting(actor, prop, held.side, hangs, top, onto, along=self._along(turn))
         there = self._put_place(onto, puts, actor)
-        before = self._steps.clear_of(there, -1.0, actor, _BACK)
-        stage = self._steps.come(stage, who, before, there, begin, wait, step=_AT_TABLE)
+        before = self._steps.clear_of(there, -1.0, actor, _MIN_STEP_UP)
+        stage = self._steps.come(stage, who, before, there, begin, wait, step=_MAX_TABLE_STEP)
         stage, start = self._calmed(stage, turn, who)
         stage, end = self._steps.do(stage, who, puts.gesture, start)
         pairs = standing(prop, onto) | {hanging(who, held.side, prop)}
         stage = stage.released(prop, held, start).touching(turn, prop, pairs, start, end)
         z = there.place + np.exp(1j * there.heading) * complex(puts.forward, puts.left)
         stands = Stands(Footing(z.real, z.imag, there.heading), top, onto)
-        return self._steps.straight(stage.placing(prop, stands), who, before, end, step=_AT_TABLE)
+        return self._steps.straight(
+            stage.placing(prop, stands), who, before, end, step=_MAX_TABLE_STEP
+        )
 
     def _picks_up(
         self, stage: OnStage, turn: Turn[PlayCue], given: PicksUpCue, begin: float, wait: float
@@ -237,23 +239,23 @@ class Handling:
         stands = self._corrections.stands.get(turn.spot, thing.place)
         z = stands.place - np.exp(1j * stands.heading) * complex(puts.forward, puts.left)
         there = Footing(z.real, z.imag, stands.heading)
-        before = self._steps.clear_of(there, -1.0, actor, _BACK)
-        stage = self._steps.come(stage, who, before, there, begin, wait, step=_AT_TABLE)
+        before = self._steps.clear_of(there, -1.0, actor, _MIN_STEP_UP)
+        stage = self._steps.come(stage, who, before, there, begin, wait, step=_MAX_TABLE_STEP)
         stage, start = self._calmed(stage, turn, who)
         stage, end = self._steps.do(stage, who, puts.gesture, start)
         pairs = standing(prop, thing.on) | {hanging(who, side, prop)}
         stage = stage.touching(turn, prop, pairs, start, end)
         stage = stage.placing(prop, Hangs(who, side, end, turn.spot))
-        return self._steps.straight(stage, who, before, end, step=_AT_TABLE)
+        return self._steps.straight(stage, who, before, end, step=_MAX_TABLE_STEP)
 
-    # -- what is so --------------------------------------------------------------------------
+    # -- state -------------------------------------------------------------------------------
 
     def _calmed(self, stage: OnStage, turn: Turn[PlayCue], who: str) -> tuple[OnStage, float]:
-        """The stage with a player's swing taken out from its end on, and when it is [s]."""
+        """Stage with a player's swing damped after its last motion, and the end of that [s]."""
         actor = stage.actors[who].rested()
         return self._steps.calm(stage.acting(actor), turn, actor.hands.end, who)
 
-    def _made(self, make: Callable[[], T], actor: Actor) -> T:
+    def _compute(self, make: Callable[[], T], actor: Actor) -> T:
         try:
             return make()
         except (InputError, ValueError) as error:
@@ -271,16 +273,16 @@ class Handling:
         along: float | None = None,
         back: bool = False,
     ) -> putting.Putting:
-        """The gesture that puts a prop down on something, or picks it up from there."""
-        least, most = (hangs - drop for drop in reversed(putting.DROPS))
-        if not least <= top <= most:
-            off, near = ("low", least + 5e-4) if top < least else ("high", most - 5e-4)
+        """Gesture that puts a prop down on something, or picks it up from there."""
+        lowest, highest = (hangs - drop for drop in reversed(putting.DROPS))
+        if not lowest <= top <= highest:
+            off, near = ("low", lowest + 5e-4) if top < lowest else ("high", highest - 5e-4)
             raise CannotBe(
                 f"{on} is {top:.3f} m high, which is too {off} for {actor.player.name}; needed: "
-                f"{least:.3f} to {most:.3f} m, {near:.3f} m is nearest"
+                f"{lowest:.3f} to {highest:.3f} m, {near:.3f} m is nearest"
             )
         along = putting.ALONG if along is None else along
-        return self._made(
+        return self._compute(
             lambda: putting.putting(
                 actor.player.alone, "", prop, hangs - top, side=side, along=along, back=back
             ),
@@ -288,7 +290,7 @@ class Handling:
         )
 
     def _would_hang(self, actor: Actor, prop: str, side: str) -> float:
-        """Height of a prop's bottom that a player carries on a forearm [m]."""
+        """Height of the bottom of a prop that a player carries on a forearm [m]."""
         handle = self._cast.props[prop].handle
         assert handle is not None
         lift = self._cast.file.cast[actor.player.name].lift
@@ -307,7 +309,7 @@ class Handling:
     def _seat(
         self, stage: OnStage, name: str, actor: Actor, turn: Turn[PlayCue]
     ) -> tuple[complex, float, float]:
-        """Middle of a seat [m], the direction in which one sits [rad], and its height [m]."""
+        """Middle of a seat [m], heading of a sitter [rad], and height of the seat [m]."""
         if name in stage.where:
             thing, seat = stage.where[name], self._cast.props[name].seat
             if isinstance(thing, Hangs):
@@ -317,7 +319,7 @@ class Handling:
             place = self._corrections.stands.get(turn.spot, thing.place)
             return place.place, place.heading, thing.height + seat
         top = top_of(self._cast.file, name)
-        assert top is not None  # or it is a mistake
+        assert top is not None  # otherwise it is a mistake of the file
         known = self._walks.middle(name)
         if known is None:
             raise CannotBe(f"{name} is too high to sit on: its top is at {top:.3g} m")
@@ -325,9 +327,9 @@ class Handling:
         return middle, Footing(middle.real, middle.imag).towards(actor.last.place), top
 
     def _put_place(self, onto: str, puts: putting.Putting, actor: Actor) -> Footing:
-        """Footing for putting something on an obstacle: at its nearest side."""
-        way, found = complex(puts.forward, puts.left), []
+        """Footing for putting something on an obstacle, at the nearest side."""
+        way, footings = complex(puts.forward, puts.left), []
         for heading, inside in self._walks.sides(onto, actor.last.place, _INSET):
             z = inside - np.exp(1j * heading) * way
-            found.append(Footing(z.real, z.imag, heading))
-        return min(found, key=lambda one: abs(one.place - actor.last.place))
+            footings.append(Footing(z.real, z.imag, heading))
+        return min(footings, key=lambda footing: abs(footing.place - actor.last.place))

@@ -1,4 +1,4 @@
-"""Where props are while cues are placed: on a forearm, under who sits, or standing somewhere."""
+"""Holders of props while cues are placed: a forearm, a sitter, or a place on the stage."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class Hangs:
     """A prop on a forearm.
 
     Attributes:
-        player, side: whose.
+        player, side: player and side of the forearm.
         since: [s].
-        cue: by which it came there; None from the start on.
+        cue: cue that brought it there; None from the start on.
     """
 
     player: str
@@ -26,19 +26,19 @@ class Hangs:
     cue: Spot | None = None
 
     def meeting(self, prop: str, until: float) -> Meeting:
-        """The player and the prop until a time [s]."""
+        """Meeting of the player and the prop until a time [s]."""
         pairs: frozenset[Pair] = standing(prop, FLOOR) | {hanging(self.player, self.side, prop)}
         return Meeting(self.since, until, (self.player,), (prop,), pairs, "hangs", self.cue)
 
 
 @dataclass(frozen=True)
 class Stands:
-    """A prop that stands somewhere.
+    """A prop that stands on the floor or an obstacle.
 
     Attributes:
-        place: where, and the direction of its x.
-        height: of its bottom [m].
-        on: the obstacle or the floor.
+        place: its place, and the direction of its x axis.
+        height: height of its bottom [m].
+        on: name of the obstacle or the floor.
     """
 
     place: Footing
@@ -51,13 +51,13 @@ class Seated:
     """A player that sits.
 
     Attributes:
-        seat: on what.
-        on_prop: whether that is a prop.
-        since: when it began to step back to it [s].
-        down: when it sat [s].
-        cue: by which it sat down.
-        up: how it stands up.
-        ahead: where it stepped back from.
+        seat: name of the seat.
+        on_prop: whether the seat is a prop.
+        since: time from which it steps back to the seat [s].
+        down: time from which it sits [s].
+        cue: cue by which it sat down.
+        up: gesture of standing up.
+        ahead: footing from which it stepped back.
     """
 
     seat: str
@@ -69,7 +69,7 @@ class Seated:
     ahead: Footing
 
     def meeting(self, who: str, up: float, until: float) -> Meeting:
-        """The player and the seat, until it begins to stand up, and until it is away [s]."""
+        """Meeting of the player and the seat; it stands up from ``up`` to ``until`` [s]."""
         pairs = sitting(who, self.seat)
         if self.on_prop:
             pairs |= standing(self.seat, FLOOR)

@@ -1,4 +1,4 @@
-"""Rules of a round about time: limbs lag behind hands, so that hands begin earlier."""
+"""Rules about the time of limbs: they lag behind hands, so that hands begin earlier."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from fantoccini.theatre.plays.placing import IN_TIME
 from fantoccini.theatre.plays.rounds import Results, Round, Rule, Stage
 from fantoccini.theatre.script import PlayCue, Spot, walks
 
-_ENOUGH = 0.25 * IN_TIME
-"""Lateness that is not mended [s]."""
-_TRIES = 4
+_GOOD_LATENESS = 0.25 * IN_TIME
+"""Lateness below which hands are not moved in time [s]."""
+_MAX_TRIES = 4
 """Largest number of times that a cue's hands are moved in time."""
-_MOST_EARLY = 0.6
+_MAX_LEAD = 0.6
 """Longest time by which hands lead limbs [s]."""
 
 
 def mark_lateness(stage: Stage, this_round: Round) -> dict[tuple[Spot, str], float]:
-    """Cue and player -> lateness of its limb on the mark of `on` [s]."""
+    """Cue and player -> lateness of the limb on the mark in `on` [s]."""
     return {
         (cue.spot, name): late
         for name, run in this_round.runs.players.items()
@@ -32,14 +32,14 @@ def mark_lateness(stage: Stage, this_round: Round) -> dict[tuple[Spot, str], flo
 
 
 def advance_hands(results: Results, late: Mapping[tuple[Spot, str], float]) -> Rule:
-    """Lets hands begin earlier, where limbs are late on the marks that cues are timed by."""
+    """Makes hands begin earlier whose limbs are late on the marks of their cues."""
     changed = False
     for key, seconds in late.items():
         tried = results.hand_tries.get(key, 0)
-        if abs(seconds) < _ENOUGH or tried >= _TRIES:
+        if abs(seconds) < _GOOD_LATENESS or tried >= _MAX_TRIES:
             continue
         before = results.corrections.earlier.get(key, 0.0)
-        after = float(np.clip(before + seconds, -_MOST_EARLY, _MOST_EARLY))
+        after = float(np.clip(before + seconds, -_MAX_LEAD, _MAX_LEAD))
         corrections = results.corrections.setting("earlier", key, after)
         results = replace(
             results, corrections=corrections, hand_tries={**results.hand_tries, key: tried + 1}
@@ -51,7 +51,7 @@ def advance_hands(results: Results, late: Mapping[tuple[Spot, str], float]) -> R
 def refuse_late(
     results: Results, this_round: Round, late: Mapping[tuple[Spot, str], float]
 ) -> Rule:
-    """Refuses cues whose limbs are not on their marks, however early the hands begin."""
+    """Refuses cues whose limbs miss their marks, however early the hands begin."""
     before, of_spot = results, {placed.spot: placed for placed in this_round.placement.cues}
     for (spot, name), seconds in late.items():
         if abs(seconds) > IN_TIME:
@@ -64,7 +64,7 @@ def refuse_late(
 def _late(
     stage: Stage, name: str, run: Trajectory, this_round: Round
 ) -> list[tuple[float, Placed[PlayCue]]]:
-    """Lateness of a player's limbs on the marks of `on` [s], with the cues."""
+    """Lateness of a player's limbs on the marks in `on` [s], with the cues."""
     timed: dict[int, Placed[PlayCue]] = {}
     played = []
     for cue in this_round.placement.cues:
@@ -92,12 +92,12 @@ def _late(
     result = []
     for cue in timed.values():
         off = float(np.mean(seconds.get(cue.spot, [0.0]))) + _of_hands(cue, name)
-        # Within what it may wait it is in time.
+        # A delay within the cue's patience does not count.
         result.append((off - min(max(off, 0.0), cue.given.patience * stage.beat), cue))
     return result
 
 
 def _of_hands(cue: Placed[PlayCue], name: str) -> float:
-    """Lateness of a player's hands on the mark of `on` [s]."""
+    """Lateness of a player's hands on the mark in `on` [s]."""
     part = next(part for part in cue.parts if part.who == name)
     return part.marks[cue.given.mark] - cue.wanted

@@ -1,4 +1,4 @@
-"""Least distances over a run of a play: of players, obstacles, the floor and strings."""
+"""Least distances over a run of a play, between players, obstacles, the floor and strings."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from fantoccini.theatre.cast import Cast
 from fantoccini.theatre.plays.touching import EVERY
 
 WITHIN = 0.3
-"""Strings that stay farther apart than this are not listed [m]."""
+"""Distance above which strings are not listed [m]."""
 
 
 @dataclass(frozen=True)
 class Least:
-    """The least distance of two owners: players, obstacles or the floor.
+    """Least distance between two owners: players, obstacles or the floor.
 
     Attributes:
-        owners: whose bodies or strings they are.
+        owners: owners of the two bodies or strings.
         what, other: names of the nearest two: bodies, ``string pierrot.head``, obstacles.
-        distance: between them [m]; below 0 they overlap.
-        t: when [s].
+        distance: distance between them [m]; below 0 they overlap.
+        t: time of the least distance [s].
     """
 
     owners: tuple[str, str]
@@ -39,13 +39,13 @@ class Least:
 
 
 def clearances(cast: Cast, run: Trajectory) -> tuple[Least, ...]:
-    """The least distance of every two owners over a run: bodies first, then strings.
+    """Least distance of every two owners over a run: bodies first, then strings.
 
-    Bodies are measured however far they are apart, strings where they come within
-    :data:`WITHIN`; of strings and obstacles, each string's nearest obstacle counts.
+    Bodies are measured at any distance, strings only within :data:`WITHIN`; for strings and
+    obstacles, each string's nearest obstacle counts.
 
     Args:
-        cast: of the play.
+        cast: cast of the play.
         run: run of the stage, measured at every fourth sample, and in between as needed.
     """
     path = Path.of(cast.whole, run, EVERY)
@@ -55,15 +55,15 @@ def clearances(cast: Cast, run: Trajectory) -> tuple[Least, ...]:
 
 
 def _nearest(found: Iterable[Least]) -> list[Least]:
-    """The least one of every two owners, the least first."""
-    least: dict[frozenset[str], Least] = {}
-    for one in sorted(found, key=lambda one: one.distance):
-        least.setdefault(frozenset(one.owners), one)
-    return list(least.values())
+    """Least distance of every two owners, in increasing order."""
+    by_owners: dict[frozenset[str], Least] = {}
+    for distance in sorted(found, key=lambda entry: entry.distance):
+        by_owners.setdefault(frozenset(distance.owners), distance)
+    return list(by_owners.values())
 
 
 def _of_bodies(cast: Cast, path: Path) -> Iterator[Least]:
-    """Bodies of every two owners, each pair of them measured alone."""
+    """Bodies of every two owners, measured separately for each pair of owners."""
     whole = cast.whole
     links = [link.name for link in whole.tree.links]
     names = dict.fromkeys([*links, *(obstacle.name for obstacle in Clearance(whole).obstacles)])
@@ -77,13 +77,13 @@ def _of_bodies(cast: Cast, path: Path) -> Iterator[Least]:
         clearance = Clearance(whole, strings=False, free=free)
         if clearance.measures_nothing:
             continue
-        least = clearance.least(path)
-        pair = clearance.pair_at(least.q_D, least.q_K)
-        yield Least((a, b), pair.what, pair.other, least.distance, least.t)
+        nearest = clearance.least(path)
+        pair = clearance.pair_at(nearest.q_D, nearest.q_K)
+        yield Least((a, b), pair.what, pair.other, nearest.distance, nearest.t)
 
 
 def _of_strings(cast: Cast, path: Path) -> Iterator[Least]:
-    """Strings with strings and bodies of others, and with obstacles."""
+    """Strings with strings and bodies of other players, and with obstacles."""
     near = StringsApart(cast.whole, own=False).over(path.q_D, path.q_K, path.t).nearest(WITHIN)
     for pair in (*near.strings, *near.bodies):
         owners = cast.owner(pair.what), cast.owner(pair.other)
@@ -92,7 +92,7 @@ def _of_strings(cast: Cast, path: Path) -> Iterator[Least]:
     for name, part in Clearance(cast.whole).parts().items():
         if not name.startswith("string "):
             continue
-        least = part.least(path)
-        other = part.pair_at(least.q_D, least.q_K).other
+        nearest = part.least(path)
+        other = part.pair_at(nearest.q_D, nearest.q_K).other
         owners = cast.owner(name.removeprefix("string ")), other
-        yield Least(owners, name, other, least.distance, least.t)
+        yield Least(owners, name, other, nearest.distance, nearest.t)

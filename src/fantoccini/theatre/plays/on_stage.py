@@ -1,4 +1,4 @@
-"""The stage while cues are placed: its players, its props and who may touch what, as a value."""
+"""The stage while cues are placed: players, props and meetings, as an immutable value."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.script import VERBS, PlayCue, Spot
 
 IN_POSE = 1e-6
-"""Distance from a pose below which a player is in it [m]."""
+"""Distance from a pose below which a player counts as in it [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class OnStage:
-    """Players and props as far as cues are placed.
+    """Players and props after the cues that have been placed.
 
     Attributes:
-        actors: player -> as far as its cues are placed.
-        where: prop -> on whose forearm it hangs, or where it stands.
-        seated: player -> on what it sits.
-        met: who may have touched what, and when.
-        calmed: (cue, player) -> when it begins to take out its swing [s].
-        parts: of the players in the cue that is being placed.
+        actors: player -> its actor, after its last placed cue.
+        where: prop -> forearm on which it hangs, or place where it stands.
+        seated: player -> seat on which it sits.
+        met: meetings of the cues placed so far.
+        calmed: (cue, player) -> time at which it begins to damp its swing [s].
+        parts: parts of the players in the cue that is being placed.
     """
 
     actors: Mapping[str, Actor]
@@ -39,7 +39,7 @@ class OnStage:
 
     @classmethod
     def at_start(cls, cast: Cast, actors: Mapping[str, Actor]) -> OnStage:
-        """The stage at the start of a play."""
+        """Stage at the start of a play."""
         where: dict[str, Hangs | Stands] = {}
         for name, thing in cast.props.items():
             if thing.held_by:
@@ -49,14 +49,14 @@ class OnStage:
                 where[name] = Stands(thing.stands, thing.height, on)
         return cls(actors, where)
 
-    # -- what is so --------------------------------------------------------------------------
+    # -- state -------------------------------------------------------------------------------
 
     def others(self, *names: str) -> list[Actor]:
-        """All actors but these."""
+        """All actors except the named ones."""
         return [actor for name, actor in self.actors.items() if name not in names]
 
     def carries(self, who: str) -> str:
-        """The forearm on which something hangs that a player carries; "" where nothing does."""
+        """Side of the forearm on which a player carries something; "" if it carries nothing."""
         sides = [
             thing.side
             for thing in self.where.values()
@@ -65,17 +65,17 @@ class OnStage:
         return sides[0] if sides else ""
 
     def on_forearm(self, who: str, side: str) -> str | None:
-        """The prop that hangs on a forearm."""
+        """Prop that hangs on a forearm; None without one."""
         for prop, thing in self.where.items():
             if isinstance(thing, Hangs) and (thing.player, thing.side) == (who, side):
                 return prop
         return None
 
     def held(self, prop: str, who: str) -> Hangs:
-        """A prop on a player's forearm.
+        """A prop that hangs on a player's forearm.
 
         Raises:
-            CannotBe: it is elsewhere.
+            CannotBe: the prop is elsewhere.
         """
         thing = self.where[prop]
         if isinstance(thing, Hangs) and thing.player == who:
@@ -86,13 +86,13 @@ class OnStage:
         raise CannotBe(f"{who} does not hold {prop}: {there}")
 
     def check_stands(self, who: str) -> None:
-        """Refuses that one who sits walks."""
+        """Raises CannotBe if a player sits, so that it cannot walk."""
         if who in self.seated:
             seat = self.seated[who].seat
             raise CannotBe(f"{who} sits on {seat}; needed before: `stands up from`")
 
     def meetings(self, until: float) -> tuple[Meeting, ...]:
-        """Pairs that may touch until a time [s]."""
+        """Meetings until a time [s]."""
         hang = [
             thing.meeting(prop, until)
             for prop, thing in self.where.items()
@@ -101,10 +101,10 @@ class OnStage:
         sit = [seated.meeting(who, until, until) for who, seated in self.seated.items()]
         return (*self.met, *hang, *sit)
 
-    # -- what changes ------------------------------------------------------------------------
+    # -- changes -----------------------------------------------------------------------------
 
     def acting(self, actor: Actor) -> OnStage:
-        """The stage with an actor after more of its cues."""
+        """Stage with an actor after more of its cues."""
         return replace(self, actors={**self.actors, actor.player.name: actor})
 
     def part(
@@ -116,7 +116,7 @@ class OnStage:
         marks: Mapping[str, float] | None = None,
         end: float | None = None,
     ) -> OnStage:
-        """The stage with an actor after its part in a cue; marks from the start on [s]."""
+        """Stage with an actor after its part in a cue; marks count from the start [s]."""
         end = start + gesture.duration if end is None else end
         own = gesture.marks if marks is None else marks
         placed = {mark: start + t for mark, t in own.items()}
@@ -125,42 +125,42 @@ class OnStage:
         return replace(self.acting(actor), parts=(*self.parts, part))
 
     def placing(self, prop: str, where: Hangs | Stands) -> OnStage:
-        """The stage with a prop elsewhere."""
+        """Stage with a prop in another place."""
         return replace(self, where={**self.where, prop: where})
 
     def seating(self, who: str, seated: Seated | None) -> OnStage:
-        """The stage with a player that sits, or stands again."""
+        """Stage with a player that sits, or stands again."""
         others = {name: other for name, other in self.seated.items() if name != who}
         return replace(self, seated=others if seated is None else {**others, who: seated})
 
     def meeting(self, *meetings: Meeting) -> OnStage:
-        """The stage with more meetings."""
+        """Stage with additional meetings."""
         return replace(self, met=(*self.met, *meetings))
 
     def touching(
         self, turn: Turn[PlayCue], prop: str, pairs: frozenset[Pair], start: float, end: float
     ) -> OnStage:
-        """The stage where the players of a cue and a prop may touch for a while [s]."""
+        """Stage with a meeting of the cue's players and a prop [s]."""
         kind = VERBS[turn.given.verb].meets
         assert kind is not None
         return self.meeting(Meeting(start, end, turn.who, (prop,), pairs, kind, turn.spot))
 
     def released(self, prop: str, held: Hangs, until: float) -> OnStage:
-        """The stage after a prop has hung on a forearm until a time [s]."""
+        """Stage with the meeting of a prop that has hung on a forearm until a time [s]."""
         return self.meeting(held.meeting(prop, until)) if until > held.since else self
 
 
 def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) -> Actor:
-    """A player in the pose in which it carries something on a forearm, at the end of its walks.
+    """Player in the pose for carrying something on a forearm, at the end of its walks.
 
     Args:
-        actor: the player, whose strings are at rest.
-        side: of the forearm; "" where nothing hangs, which needs no pose.
-        begin: when the pose is taken up, if the player is not in it [s].
-        gestures: have the pose.
+        actor: player, whose strings are at rest.
+        side: side of the forearm; "" if it carries nothing and needs no pose.
+        begin: time at which it takes up the pose, if it is not in it [s].
+        gestures: gestures with the pose.
 
     Raises:
-        CannotBe: it has other strings than the bundled marionette.
+        CannotBe: its strings differ from those of the bundled marionette.
     """
     line = actor.hands.lanes[0]
     if not side:
@@ -180,16 +180,16 @@ def carry_pose(actor: Actor, side: str, begin: float, gestures: PlayerGestures) 
 def walked(
     actor: Actor, way: Way, gestures: PlayerGestures, carries: str = ""
 ) -> tuple[Actor, Gesture]:
-    """A player after a walk, and its gesture.
+    """Player after a walk, and the gesture of the walk.
 
     Args:
-        actor: the player.
-        way: where it goes.
-        gestures: have the steps.
-        carries: the forearm on which something hangs.
+        actor: player before the walk.
+        way: way of the walk.
+        gestures: gestures with the steps.
+        carries: side of the forearm on which something hangs.
 
     Raises:
-        CannotBe: it has other strings than the bundled marionette.
+        CannotBe: its strings differ from those of the bundled marionette.
     """
     if not way.steps:
         gesture = Gesture.rest(actor.player.alone, 1e-3, everything=False)

@@ -1,6 +1,6 @@
-"""Cues placed in time and on the stage, one after the other in the order in which they begin.
+"""Placing of cues in time and on the stage, in the order in which they begin.
 
-A walk is planned past those that are placed before it; they, later, past it.
+A walk is planned past all walks that are placed before it; later walks are planned past it.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ from fantoccini.theatre.script import (
 )
 
 IN_TIME = 1.0 / 60.0
-"""Lateness of a cue that is in time [s]."""
+"""Lateness up to which a cue counts as in time [s]."""
 _POLICY = Policy(IN_TIME, (CannotBe, UnknownNameError, *ERRORS))
 """Late cues of a play, and those that cannot be done, are refused."""
 _SAME_HEADING = 1e-3
-"""Change of a heading that a gesture does not notice [rad]."""
-_RINGS = 1.0
+"""Change of a heading that a gesture tolerates [rad]."""
+_SETTLING_TIME = 1.0
 """Time simulated after the last cue, in which the puppets swing out [s]."""
 
 
@@ -76,14 +76,14 @@ class Placement:
     """All cues of a play, placed once.
 
     Attributes:
-        cues: in the file's order.
-        act_starts: of every act [s].
-        motions: player -> what its hands do.
-        lanes: player -> lane -> its part of that.
+        cues: cues in the file's order.
+        act_starts: start of every act [s].
+        motions: player -> motion of its hands.
+        lanes: player -> lane -> motion of the lane.
         starts: player -> times at which its cues begin [s].
         ways: player -> its walks.
-        meetings: who may touch what, and when.
-        calmed: (cue, player) -> when it begins to take out its swing [s].
+        meetings: players and props that may touch, with times.
+        calmed: (cue, player) -> time at which it begins to damp its swing [s].
     """
 
     cues: tuple[Placed[PlayCue], ...]
@@ -105,12 +105,12 @@ def place_cues(
     corrections: Corrections,
     log: ScriptLog,
 ) -> Placement:
-    """Places all cues of a play.
+    """Placement of all cues of a play.
 
     Args:
-        cast, timeline, gestures, places, walks: of the play.
-        corrections: of earlier rounds.
-        log: knows the file and the beat.
+        cast, timeline, gestures, places, walks: parts of the play.
+        corrections: corrections from earlier rounds.
+        log: collects mistakes; has the file and the beat.
     """
     bounds = cast.file.stage
     actors = {
@@ -121,14 +121,14 @@ def place_cues(
     performer = Performer(timeline, _POLICY, verbs.do, refused=corrections.refused)
     play: Performed[PlayCue, OnStage] = Performed(OnStage.at_start(cast, actors))
     starts, start = list[float](), 0.0
-    for act, given in enumerate(cast.file.acts):
-        start += given.after * log.beat
+    for act, act_file in enumerate(cast.file.acts):
+        start += act_file.after * log.beat
         starts.append(start)
         play = performer.act(play, act, start)
         start = max([start, *(play.moments[cue.spot][END] for cue in timeline.of_act(act))])
     stage = play.state
     actors = {name: actor.rested() for name, actor in stage.actors.items()}
-    end = max(start, *(actor.done for actor in actors.values())) + _RINGS
+    end = max(start, *(actor.done for actor in actors.values())) + _SETTLING_TIME
     cues = tuple(play.placed[cue.spot] for cue in timeline.cues)
     both = {name: actor.motion(end) for name, actor in actors.items()}
     return Placement(
@@ -147,7 +147,7 @@ def place_cues(
 
 
 class _Verbs:
-    """The verbs of a play's cues, each from one state of the stage to the next."""
+    """Verbs of a play's cues, each from one state of the stage to the next."""
 
     def __init__(
         self,
@@ -165,10 +165,10 @@ class _Verbs:
         self._handling = Handling(cast, walks, gestures, corrections)
 
     def do(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, tuple[Part, ...], Moments]:
-        """The stage after a cue, the parts of its players, and its moments.
+        """Stage after a cue, the parts of its players, and its moments.
 
         Raises:
-            CannotBe: it cannot be done.
+            CannotBe: the cue cannot be done.
         """
         self._check_begin(turn)
         stage = replace(stage, parts=())
@@ -183,22 +183,22 @@ class _Verbs:
         return stage, stage.parts, moments
 
     def _do_alone(self, stage: OnStage, turn: Turn[PlayCue], name: str) -> OnStage:
-        """The stage after the part of one player in a cue without a prop."""
-        given, t = turn.given, turn.wanted
-        if stage.actors[name].away and not isinstance(given, EntersToCue):
+        """Stage after the part of one player in a cue without a prop."""
+        entry, t = turn.given, turn.wanted
+        if stage.actors[name].away and not isinstance(entry, EntersToCue):
             raise CannotBe(f"{name} is off the stage")
         early = self._corrections.earlier.get((turn.spot, name), 0.0)
         pause = self._corrections.pauses.get(turn.spot, 0.0)
-        if walks(given):
+        if walks(entry):
             stage.check_stands(name)
             asked = t - early
             return self._walk(stage, turn, name, asked, asked + pause)
-        ahead = self._gesture(stage, turn, name, t).marks[given.mark] if given.mark else 0.0
+        ahead = self._gesture(stage, turn, name, t).marks[entry.mark] if entry.mark else 0.0
         asked = t - ahead - early
         return self._act(stage, turn, name, asked, asked + pause)
 
     def _handle(self, stage: OnStage, turn: Turn[PlayCue]) -> tuple[OnStage, Moments]:
-        """The stage after a cue with a prop, and its moments."""
+        """Stage after a cue with a prop, and its moments."""
         t = turn.wanted
         for name in turn.who:
             if stage.actors[name].away:
@@ -211,7 +211,7 @@ class _Verbs:
         return stage, moments
 
     def _check_begin(self, turn: Turn[PlayCue]) -> None:
-        """Refuses what would be before its act, or before a GO for which its act waits."""
+        """Refuses a cue whose time is before its act, or before a GO for which its act waits."""
         t, start, go = turn.wanted, turn.start, self._timeline.gos.get(turn.spot)
         if t < start - LATE:
             begins = self._in_words(turn, start)
@@ -225,9 +225,9 @@ class _Verbs:
     def _act(
         self, stage: OnStage, turn: Turn[PlayCue], name: str, asked: float, begin: float
     ) -> OnStage:
-        """The stage after a gesture in a lane, from the heading that the player then has.
+        """Stage after a gesture in a lane, in the heading that the player then has.
 
-        It is to begin at one time, and begins at another or later [s].
+        Its wanted beginning is ``asked``; it begins at ``begin`` or later [s].
         """
         actor, earliest = stage.actors[name], max(begin, turn.start)
         gesture = self._gesture(stage, turn, name, earliest)
@@ -249,16 +249,16 @@ class _Verbs:
     def _walk(
         self, stage: OnStage, turn: Turn[PlayCue], name: str, asked: float, begin: float
     ) -> OnStage:
-        """The stage after a walk that is to begin at a time, at another or later [s]."""
-        given, actor = turn.given, stage.actors[name]
+        """Stage after a walk; its wanted beginning is ``asked``, its earliest is ``begin`` [s]."""
+        entry, actor = turn.given, stage.actors[name]
         actor = replace(actor, hands=actor.hands.rested(0))
-        by = begin if given.mark else None
+        by = begin if entry.mark else None
         carries = stage.carries(name)
         earliest = turn.start if by is not None else begin
         actor = carry_pose(actor, carries, earliest, self._gestures)
         stage, free = stage.acting(actor), max(actor.hands.lanes[0].end, turn.start)
         begin = max(begin, free)
-        wait = max((given.may_wait or 0.0) * self._log.beat - (begin - asked), 0.0)
+        wait = max((entry.may_wait or 0.0) * self._log.beat - (begin - asked), 0.0)
         way, why = self._walks.way(
             actor.player,
             actor.last,
@@ -266,7 +266,7 @@ class _Verbs:
             begin,
             wait,
             [(other.player, other.track()) for other in stage.others(name)],
-            near=given.near if isinstance(given, WalkCue) else 0.0,
+            near=entry.near if isinstance(entry, WalkCue) else 0.0,
             arrives=by,
             free_from=free,
             carries=bool(carries),
@@ -286,7 +286,7 @@ class _Verbs:
                 raise CannotBe(f"{name} is busy until {self._in_words(turn, until)[3:]}")
             return self._walk(stage, turn, name, asked, until)
         actor, gesture = walked(actor, way, self._gestures, carries)
-        actor = replace(actor, away=isinstance(given, ExitsToCue))
+        actor = replace(actor, away=isinstance(entry, ExitsToCue))
         marks = {mark: t - (starts - way.begin) for mark, t in gesture.marks.items()}
         marks[ARRIVES] = way.end - starts
         return stage.part(actor, 0, gesture, starts, marks, way.end)
@@ -304,7 +304,7 @@ class _Verbs:
         return max(ends, default=None)
 
     def _check_time(self, turn: Turn[PlayCue], name: str, late: float, then: float) -> None:
-        """Refuses what cannot be in time."""
+        """Refuses a cue that would be late."""
         beat = self._log.beat
 
         def why() -> str:
@@ -318,28 +318,28 @@ class _Verbs:
         _POLICY.check(late, turn.given.patience * beat, why)
 
     def _in_words(self, turn: Turn[PlayCue], t: float) -> str:
-        """A time in words, in beats of the cue's act."""
+        """Time in words, in beats of the cue's act."""
         return act_time_in_words(t, turn.start, self._log.beat)
 
-    # -- what is done ------------------------------------------------------------------------
+    # -- gestures ----------------------------------------------------------------------------
 
     def _gesture(self, stage: OnStage, turn: Turn[PlayCue], name: str, t: float) -> Gesture:
-        """Gesture of a player from a time on [s]."""
-        given, actor = turn.given, stage.actors[name]
+        """Gesture of a player that begins at a time [s]."""
+        entry, actor = turn.given, stage.actors[name]
         player, stands = actor.player, actor.stands(t)
         try:
-            if isinstance(given, DoesCue):
-                style = Style.of(given)
+            if isinstance(entry, DoesCue):
+                style = Style.of(entry)
                 smaller = self._corrections.smaller.get(turn.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
-                return self._gestures.gesture(player, given, style, stands.heading)
-            spot, called = (*turn.spot, spelled(given.verb)), VERBS[given.verb].called
-            place = self._aims.place_of(stage, given.verb_value, spot, t)
+                return self._gestures.gesture(player, entry, style, stands.heading)
+            spot, called = (*turn.spot, spelled(entry.verb)), VERBS[entry.verb].called
+            place = self._aims.place_of(stage, entry.verb_value, spot, t)
             gesture = self._gestures.aimed(player, called, place, stands)
-            # Both may have gone on until then.
+            # Player and target may move until then.
             then = t + min(gesture.marks.values())
             place, stands = (
-                self._aims.place_of(stage, given.verb_value, spot, then),
+                self._aims.place_of(stage, entry.verb_value, spot, then),
                 actor.stands(then),
             )
             return self._gestures.aimed(player, called, place, stands)

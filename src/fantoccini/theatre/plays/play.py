@@ -1,4 +1,4 @@
-"""A play, compiled: who does what when, as one motion of all hands."""
+"""A compiled play: its cues with their times, and one motion of all hands."""
 
 from __future__ import annotations
 
@@ -16,25 +16,26 @@ from fantoccini.theatre.plays.runs import Runs, runs_of
 
 @dataclass(frozen=True)
 class CueOfPlay:
-    """A cue as it is played.
+    """A compiled cue.
 
     Attributes:
-        number: in the play, from 1 on: ``/cue/N/start``.
-        act: its act's name.
-        who: the players.
-        what: who does what, in words: ``pierrot: walks to centre``.
-        name: by which times refer to it.
-        line: of the file.
-        wanted: when it, or the mark of ``on``, is to be [s].
-        give: by how much later that may be [s].
-        start, end: of all that it moves [s].
-        mark: the mark of ``on``; "" where the beginning counts.
+        number: number in the play, from 1: ``/cue/N/start``.
+        act: name of its act.
+        who: players of the cue.
+        what: description: ``pierrot: walks to centre``.
+        name: name by which times refer to it.
+        line: line of the file.
+        wanted: wanted time of the cue, or of the mark in ``on`` [s].
+        give: allowed delay [s].
+        start, end: beginning and end of all its motion [s].
+        mark: mark in ``on``; "" if the beginning counts.
         go: whether a live show waits for GO before it.
         says: its caption.
-        refused: why it cannot be done; "" where it is.
+        refused: reason why it cannot be done; "" if it can.
         optional: whether it may be left out.
         with_prop: whether a prop or a seat is handled.
-        marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; of those who do it.
+        marks: player -> mark, ``start`` or ``end`` -> time of the hands [s]; for its actual
+            players.
     """
 
     number: int
@@ -57,12 +58,12 @@ class CueOfPlay:
 
     @property
     def words(self) -> str:
-        """The cue in words, without its players."""
+        """Description of the cue without its players."""
         return self.what.partition(": ")[2]
 
     @property
     def change(self) -> str:
-        """A sentence on why the cue cannot be done or is left out; "" if it is done."""
+        """Sentence about why the cue cannot be done or is left out; "" if it is done."""
         if not self.refused:
             return ""
         left = "is left out" if self.optional else "cannot be done"
@@ -71,7 +72,7 @@ class CueOfPlay:
 
 @dataclass(frozen=True, eq=False)
 class Play:
-    """A play, compiled. Made by :func:`load_play`; true where every cue can be done as written.
+    """A compiled play, from :func:`load_play`; true if every cue can be done as written.
 
     ::
 
@@ -81,23 +82,23 @@ class Play:
         run = fan.simulate(play.marionette, play.x0, play.inputs)
 
     Attributes:
-        name: of the play.
-        located: its file, and where everything is written in it.
-        cast: its players, alone and together.
+        name: name of the play.
+        located: lines of the file.
+        cast: players, alone and together.
         score: the whole as a score: one motion of all hands, a lane or more for each player,
             captions, sounds and waits.
-        parts: for each cue of the score, the number of the play's and the player.
-        cues: in the file's order.
-        changes: what cannot be done, and why, and what is not as it was written.
-        acts: name -> when it begins [s].
-        motions: player -> all that its hands do.
+        parts: number of the play's cue and player, for each cue of the score.
+        cues: cues in the file's order.
+        changes: cues that cannot be done, with reasons, and other deviations from the file.
+        acts: name -> beginning [s].
+        motions: player -> motion of its hands.
         starts: player -> times at which its cues begin [s].
-        meetings: players and props that may touch, and when.
+        meetings: players and props that may touch, with times.
         ways: player -> its walks.
-        settled: cue's number -> its pause [s], and the trunk's speeds after it without the pause
+        settled: number of a cue -> its pause [s], and the trunk's speeds after it without the pause
             and with it [m/s].
-        rounds: how often cues were placed anew.
-        kept: runs and ways, for the next time.
+        rounds: number of rounds in which cues were placed.
+        kept: cache of runs and ways, for the next version.
     """
 
     name: str
@@ -125,40 +126,41 @@ class Play:
 
     @property
     def marionette(self) -> Marionette:
-        """All players and props on the stage."""
+        """Scene of all players and props."""
         return self.cast.whole
 
     @property
     def x0(self) -> State:
-        """Where everything hangs and lies at the start."""
+        """State of everything at the start."""
         return self.cast.x0
 
     @property
     def inputs(self) -> Input:
-        """The motion of all hands."""
+        """Motion of all hands."""
         return self.score.inputs(self.x0)
 
     def runs(self, *, exact: bool = False) -> Runs:
-        """The runs of all, made in parts that are kept.
+        """Runs of all companies; their parts are cached.
 
         Args:
-            exact: whether what touches is simulated event-driven, not in time steps.
+            exact: whether companies that touch are simulated event-driven, instead of in time
+                steps.
         """
         return runs_of(self.cast, self.motions, self.starts, self.meetings, self.kept, exact=exact)
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """Duration [s]."""
         return self.score.duration
 
     @property
     def refused(self) -> tuple[CueOfPlay, ...]:
-        """The cues that cannot be done, but for those that may be left out."""
+        """Cues that cannot be done, except optional ones."""
         return tuple(cue for cue in self.cues if cue.refused and not cue.optional)
 
     @property
     def lacking(self) -> tuple[Mistake, ...]:
-        """The changes that count: all but those of cues that may be left out."""
+        """Changes that count: all except those of optional cues."""
         left_out = {(cue.line, cue.change) for cue in self.cues if cue.refused and cue.optional}
         return tuple(
             change for change in self.changes if (change.line, change.message) not in left_out
@@ -182,7 +184,7 @@ class Play:
         return text + (f", {remarks} remark{'s' * (remarks != 1)}" if remarks else "")
 
     def when(self, t: Times | float) -> str:
-        """A time in words: its act, beat and second."""
+        """Time in words: act, beat and second."""
         beat = self.score.beat
         act = [name for name, start in self.acts.items() if start <= float(t) + 1e-9]
         start = self.acts[act[-1]] if act else 0.0

@@ -1,4 +1,4 @@
-"""Gestures of players in cues: from files, and made for a place or a way."""
+"""Gestures of players in cues: from files, or computed for a place or a way."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ from fantoccini.theatre.script import (
 )
 
 _STEP_TIMES = 0.5, 0.8
-"""Briefest and longest step [s]."""
-_PARTS = (1.0, 0.5, 2.0, 1.5, 1.0 / 3.0, 3.0)
-"""Beats of a step, those that are liked best first."""
+"""Shortest and longest duration of a step [s]."""
+_STEP_BEATS = (1.0, 0.5, 2.0, 1.5, 1.0 / 3.0, 3.0)
+"""Durations of a step, in order of preference [beats]."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +61,11 @@ class Style:
     repeat: int = 1
 
     @classmethod
-    def of(cls, given: DoesCue) -> Style:
-        """The style that a cue asks for, words and numbers together."""
-        larger, faster = given.larger, given.faster
-        mirrored, repeat = given.mirrored, given.repeat
-        for word in given.how:
+    def of(cls, cue: DoesCue) -> Style:
+        """Style of a cue, from its words and numbers together."""
+        larger, faster = cue.larger, cue.faster
+        mirrored, repeat = cue.mirrored, cue.repeat
+        for word in cue.how:
             changes: dict[str, Any] = HOW[word]
             larger *= changes.get("larger", 1.0)
             faster *= changes.get("faster", 1.0)
@@ -75,26 +75,26 @@ class Style:
 
 
 class PlayerGestures:
-    """Gestures of players, each read or made once.
+    """Gestures of players; each is read or computed once.
 
     Attributes:
-        cast: of the play.
-        kept: takes clips that were made into gestures, for the next time.
+        cast: cast of the play.
+        kept: cache of clips as gestures, for the next version.
 
     Args:
-        cast: of the play.
+        cast: cast of the play.
         log: collects mistakes.
-        kept: takes clips that were made into gestures, for the next time.
+        kept: cache of clips as gestures, for the next version.
     """
 
     def __init__(self, cast: Cast, log: ScriptLog, kept: Kept):
         self.cast, self.kept, self._log = cast, kept, log
         self._files: dict[tuple[Marionette, str], Gesture | Clip | str] = {}
-        self._kept: dict[tuple[Any, ...], Gesture | str] = {}
+        self._cache: dict[tuple[Any, ...], Gesture | str] = {}
         self._wrong: set[tuple[str, str]] = set()
 
     def marks(self, given: PlayCue, spot: Spot) -> Iterable[str]:
-        """The marks of what a cue does; reads the files that it needs, for their mistakes."""
+        """Marks of a cue's gesture; reads the files that it needs, for their mistakes."""
         if not isinstance(given, DoesCue):
             return VERBS[given.verb].marks
         marks: dict[str, None] = {}
@@ -104,29 +104,29 @@ class PlayerGestures:
                 player = next(iter(self.cast.players.values()))
             if player is None:
                 continue
-            found = self._read(player, given.does)
-            if isinstance(found, str):
+            gesture = self._read(player, given.does)
+            if isinstance(gesture, str):
                 if (player.name, given.does) not in self._wrong:
-                    self._log.mistakes.add((*spot, "does"), found)
+                    self._log.mistakes.add((*spot, "does"), gesture)
                 self._wrong.add((player.name, given.does))
                 continue
-            whole = _repeated_marks(found.marks, Style.of(given).repeat)
+            whole = _repeated_marks(gesture.marks, Style.of(given).repeat)
             marks.update(dict.fromkeys(whole))
         return tuple(marks)
 
     def gesture(self, player: Player, given: DoesCue, style: Style, heading: float) -> Gesture:
-        """The gesture of `does` for a player with a heading [rad].
+        """Gesture of `does` for a player with a heading [rad].
 
         Raises:
-            StateError: it cannot be done so.
+            StateError: it cannot be done in this style.
         """
         key = (player.alone, player.name, given.does, style, given.lasts, round(heading, 9))
-        if key not in self._kept:
-            self._kept[key] = self._styled(player, given, style, heading)
-        return _or_raise(self._kept[key])
+        if key not in self._cache:
+            self._cache[key] = self._styled(player, given, style, heading)
+        return _or_raise(self._cache[key])
 
     def aimed(self, player: Player, name: str, place: Array, stands: Footing) -> Gesture:
-        """A look or a pointing hand, by name, towards a place (3,) of the stage.
+        """Look or pointing hand, by name, towards a place (3,) of the stage.
 
         Raises:
             StateError: no hanging pose does that.
@@ -134,62 +134,62 @@ class PlayerGestures:
         own = player.own(place, stands)
         heading = stands.heading
         key = (name, player.alone, player.name, *np.round(own, 6), round(heading, 9))
-        if key not in self._kept:
+        if key not in self._cache:
             try:
-                made = load_gesture(player.alone, name, player.hangs, to=own.tolist())
-                self._kept[key] = made.turned(heading)
+                gesture = load_gesture(player.alone, name, player.hangs, to=own.tolist())
+                self._cache[key] = gesture.turned(heading)
             except InputError as error:
-                self._kept[key] = "; ".join(mistake.message for mistake in error.mistakes)
+                self._cache[key] = "; ".join(mistake.message for mistake in error.mistakes)
             except (UnknownNameError, StateError) as error:
-                self._kept[key] = str(error)
-        return _or_raise(self._kept[key])
+                self._cache[key] = str(error)
+        return _or_raise(self._cache[key])
 
     def walk(
         self, player: Player, way: tuple[Step, ...], step_time: float, carries: str = ""
     ) -> Gesture:
-        """Steps of a player, from the heading at the start of the play on.
+        """Steps of a player, in the heading at the start of the play.
 
         Args:
-            player: who walks.
-            way: the steps.
-            step_time: of each [s].
-            carries: the forearm on which something hangs.
+            player: player that walks.
+            way: steps in order.
+            step_time: duration of a step [s].
+            carries: side of the forearm on which something hangs.
 
         Raises:
-            UnknownNameError: it has other strings than the bundled marionette.
+            UnknownNameError: its strings differ from those of the bundled marionette.
         """
         key = (player.alone, "walk", way, step_time, carries)
-        if key not in self._kept:
+        if key not in self._cache:
             if carries:
                 pose = self.pose(player, carries)
-                made = prop_gestures.steps_carrying(pose, player.hangs, "", way, step_time)
+                gesture = prop_gestures.steps_carrying(pose, player.hangs, "", way, step_time)
             else:
-                made = steps(player.ends(), way, step_time)
-            self._kept[key] = made
-        return _or_raise(self._kept[key])
+                gesture = steps(player.ends(), way, step_time)
+            self._cache[key] = gesture
+        return _or_raise(self._cache[key])
 
     def pose(self, player: Player, side: str) -> Gesture:
-        """The gesture that takes up the pose in which something is carried.
+        """Gesture that takes up the pose for carrying something.
 
         Raises:
-            UnknownNameError: it has other strings than the bundled marionette.
+            UnknownNameError: its strings differ from those of the bundled marionette.
         """
         key = (player.alone, "pose", side)
-        if key not in self._kept:
+        if key not in self._cache:
             player.ends()
-            self._kept[key] = prop_gestures.carry(player.alone, "", side=side)
-        return _or_raise(self._kept[key])
+            self._cache[key] = prop_gestures.carry(player.alone, "", side=side)
+        return _or_raise(self._cache[key])
 
     def reason_unable(self, player: Player, given: PlayCue) -> str:
-        """The reason why a player can never do a cue, wherever it stands; "" if it may be able to.
+        """Reason why a player can never do a cue, wherever it stands; "" if there is none.
 
         Nothing is simulated: clips, and targets to look and point at, are not tested.
         """
         if isinstance(given, DoesCue):
             if not isinstance(self._read(player, given.does), Gesture):
                 return ""
-            made = self._styled(player, given, Style.of(given), player.start.heading)
-            return made if isinstance(made, str) else ""
+            gesture = self._styled(player, given, Style.of(given), player.start.heading)
+            return gesture if isinstance(gesture, str) else ""
         try:
             if isinstance(given, LooksAtCue | PointsAtCue):
                 check_parts(player.alone, player.hangs, VERBS[given.verb].called)
@@ -201,7 +201,7 @@ class PlayerGestures:
         return ""
 
     def _read(self, player: Player, name: str) -> Gesture | Clip | str:
-        """A gesture file, take, clip or bundled gesture; the mistake where there is none."""
+        """Gesture of a file, a take, a clip or a bundled gesture; after a mistake its text."""
         key = (player.alone, name)
         if key not in self._files:
             self._files[key] = self._loaded(player, name)
@@ -231,21 +231,23 @@ class PlayerGestures:
     def _styled(
         self, player: Player, given: DoesCue, style: Style, heading: float
     ) -> Gesture | str:
-        found = self._read(player, given.does)
-        if isinstance(found, str):
-            return found
+        loaded = self._read(player, given.does)
+        if isinstance(loaded, str):
+            return loaded
         stage = self.cast.file.stage
         lasts = None if given.lasts is None else given.lasts * self._log.beat
         try:
-            if isinstance(found, Clip):
+            if isinstance(loaded, Clip):
                 beat = self._log.beat
-                found = found.gesture(style.larger, style.faster, lasts, stage, beat, self.kept)
+                loaded = loaded.gesture(style.larger, style.faster, lasts, stage, beat, self.kept)
             else:
-                found = found.faster(style.faster)
-                found = found if lasts is None else found.lasting(lasts)
-            made = (found.mirrored() if style.mirrored else found).scaled(style.larger)
-            made = made.repeated(style.repeat, speed=stage.speed, acceleration=stage.acceleration)
-            return made.turned(heading)
+                loaded = loaded.faster(style.faster)
+                loaded = loaded if lasts is None else loaded.lasting(lasts)
+            gesture = (loaded.mirrored() if style.mirrored else loaded).scaled(style.larger)
+            gesture = gesture.repeated(
+                style.repeat, speed=stage.speed, acceleration=stage.acceleration
+            )
+            return gesture.turned(heading)
         except (UnknownNameError, StateError) as error:
             return str(error)
 
@@ -254,17 +256,17 @@ def _repeated_marks(marks: Iterable[str], times: int) -> list[str]:
     return [*marks, *(f"{name} {k}" for k in range(2, times + 1) for name in marks)]
 
 
-def _or_raise(found: Gesture | str) -> Gesture:
-    if isinstance(found, str):
-        raise StateError(found)
-    return found
+def _or_raise(gesture: Gesture | str) -> Gesture:
+    if isinstance(gesture, str):
+        raise StateError(gesture)
+    return gesture
 
 
 def step_time(beat: float) -> float:
-    """The duration of a step: beats or a part of one, near the usual one and within bounds [s].
+    """Duration of a step [s]: beats or a part of one, near the default and within bounds.
 
-    Quicker steps set the legs swinging, whose own period is near a second.
+    Quicker steps make the legs swing, which have a period of about a second.
     """
     low, high = _STEP_TIMES
-    found = [beat * part for part in _PARTS if low <= beat * part <= high]
-    return min(found, key=lambda t: abs(t - STEP_TIME), default=STEP_TIME)
+    durations = [beat * part for part in _STEP_BEATS if low <= beat * part <= high]
+    return min(durations, key=lambda t: abs(t - STEP_TIME), default=STEP_TIME)

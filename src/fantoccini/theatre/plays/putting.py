@@ -1,10 +1,10 @@
-"""Gestures that stand a prop on something before the puppet, and take it from there again.
+"""Gestures that put a prop on something before the puppet, and pick it up from there.
 
     q_K(t) = q_K0 + d(t)
 
-The puppet holds the prop out over the table and lowers it until it stands and the arm is free under
-the bar. Then it steps aside, inward, for the stem is on the outer side of the arm; the hand's
-string, before the bar, does not pass it.
+The puppet holds the prop out over the table and lowers it until it stands and the arm is free
+under the bar. Then it steps aside, inward, because the stem is on the outer side of the arm; the
+hand's string, in front of the bar, does not pass it.
 """
 
 from __future__ import annotations
@@ -27,38 +27,38 @@ from fantoccini.theatre.cast import (
 from fantoccini.theatre.gestures import Gesture
 
 DROPS = (-0.02, 0.02)
-"""Least and largest height of a carried prop above what it is put on [m]."""
+"""Least and largest height of a carried prop above its later place [m]."""
 HIGHER = 0.022
-"""Rise of a handle in that pose from where the puppet hangs [m]."""
+"""Rise of a handle in the pose for carrying, relative to rest [m]."""
 ALONG = 0.062
 """Distance of a handle from the elbow along the forearm in that pose [m]."""
 
 _OUT = {"forward": 0.4, "in": 0.065, "up": 0.03}
-"""Offsets of the hand's string that hold something out far [m]."""
-_RISES = 0.045
-"""Up: the hand's string before it reaches out [m]."""
+"""Offsets of the hand's string that hold a prop far out [m]."""
+_RISE = 0.045
+"""Rise of the hand's string before it reaches out [m]."""
 _RAISED, _GAIN = 0.027, 0.7
-"""A prop that is held out with the hand's string at its height hangs so much higher than in the
-pose of carrying [m], and goes down by this part of what the string does."""
-_SINKS = 0.05
-"""The hand's string goes down by so much more, until the arm is free under the bar [m]."""
+"""Rise of a prop that is held out, above the pose for carrying, with the hand's string at its
+height [m]; and motion of the prop relative to that of the string."""
+_CLEARANCE = 0.05
+"""Further descent of the hand's string, until the arm is free under the bar [m]."""
 _STANDS, _NEARER, _ASIDE = 0.147, 0.62, 0.064
-"""Where something stands that was put as high as it hung: forward, by which part of the way down
-it stands nearer, and to the arm's side [m]."""
-_GLIDES = 0.1
-"""The puppet glides so far ahead over its feet, which swing too wide in steps at a table [m]."""
-_UPRIGHT, _LEAVES = 0.015, 0.11
-"""Ways inward: with the arm that sets the prop upright, and to come out from under the bar [m]."""
+"""Place of a prop that is put down at the height at which it hung: distance forward, decrease of
+that relative to the descent, and distance to the arm's side [m]."""
+_GLIDE = 0.1
+"""Distance by which the puppet glides ahead over its feet; steps would swing too wide [m]."""
+_UPRIGHT, _LEAVE = 0.015, 0.11
+"""Inward offsets: of the arm that sets the prop upright, and out from under the bar [m]."""
 _DURATION = 17.5
 
 
 @dataclass(frozen=True)
 class Putting:
-    """A prop comes to stand on something, or is taken from it.
+    """Gesture that puts a prop on something, or picks it up.
 
     Attributes:
-        gesture: marks ``down`` and ``free``, or ``under`` and ``up``.
-        forward, left: where the prop stands, seen from the puppet [m].
+        gesture: gesture with the marks ``down`` and ``free``, or ``under`` and ``up``.
+        forward, left: place of the prop relative to the puppet [m].
         touching: pairs of bodies that may touch.
     """
 
@@ -71,22 +71,23 @@ class Putting:
 def put_down(
     stage: Marionette, who: str, prop: str, height: float, *, start: State, side: str = "right"
 ) -> Putting:
-    """The gesture by which a puppet stands a prop on something and takes its forearm away: 17.5 s.
+    """Gesture that puts a prop on something and takes the forearm away: 17.5 s.
 
-    It begins in the pose of :func:`~fantoccini.theatre.cast.prop_gestures.carry` and ends where
-    the puppet hangs.
+    It begins in the pose of :func:`~fantoccini.theatre.cast.prop_gestures.carry` and ends at the
+    puppet's rest.
 
     Args:
         stage: the scene.
-        who: a member.
-        prop: which hangs by its handle on the forearm; the origin of its frame is in its bottom.
-        height: of what it will stand on [m].
-        start: where the puppet and the prop hang in the pose of carrying.
-        side: of the forearm.
+        who: member that holds the prop.
+        prop: prop that hangs by its handle on the forearm; the origin of its frame is in its
+            bottom.
+        height: height of the place for the prop [m].
+        start: state of the puppet with the prop in the pose for carrying.
+        side: side of the forearm.
 
     Raises:
-        InputError: the member has other strings than the bundled marionette.
-        ValueError: the prop hangs too low or too high above it.
+        InputError: the member's strings differ from those of the bundled marionette.
+        ValueError: the prop hangs too low or too high above its place.
     """
     drop = float(stage.pose(start, prop)[2, 3]) - height
     return putting(stage, who, prop, drop, side=side)
@@ -97,13 +98,13 @@ def pick_up(stage: Marionette, who: str, prop: str, drop: float, *, side: str = 
 
     Args:
         stage: the scene.
-        who: a member.
-        prop: which stands at the place that is returned.
-        drop: how much lower its bottom is than where it will hang [m].
-        side: of the forearm.
+        who: member that picks up the prop.
+        prop: prop that stands at the place that is returned.
+        drop: height of its bottom after the gesture minus that before it [m].
+        side: side of the forearm.
 
     Raises:
-        InputError: the member has other strings than the bundled marionette.
+        InputError: the member's strings differ from those of the bundled marionette.
         ValueError: the prop stands too low or too high.
     """
     return putting(stage, who, prop, drop, side=side, back=True)
@@ -119,19 +120,19 @@ def putting(
     along: float = ALONG,
     back: bool = False,
 ) -> Putting:
-    """:func:`put_down` or :func:`pick_up` of something by how far it goes down.
+    """Gesture of :func:`put_down` or :func:`pick_up`, for a height difference.
 
     Args:
         stage: the scene.
-        who: a member.
-        prop: see there.
-        drop: how much lower its bottom is than where it hangs in the pose of carrying [m].
-        side: of the forearm.
-        along: how far from the elbow the handle hangs then [m].
+        who: member that handles the prop.
+        prop: see :func:`put_down`.
+        drop: height of its bottom in the pose for carrying minus that of its place [m].
+        side: side of the forearm.
+        along: distance of the handle from the elbow in that pose [m].
         back: whether it is picked up.
 
     Raises:
-        InputError: the member has other strings than the bundled marionette.
+        InputError: the member's strings differ from those of the bundled marionette.
         ValueError: the prop stands too low or too high.
     """
     sign, other = sign_of(side), OTHER_SIDE[side]
@@ -141,7 +142,7 @@ def putting(
         raise ValueError(text)
     hand, out = f"hand_{side}", _OUT
     touches = -(drop + _RAISED) / _GAIN
-    sunk = touches - _SINKS
+    sunk = touches - _CLEARANCE
     moves = aside_by(
         other,
         1.0,
@@ -150,15 +151,15 @@ def putting(
             (7.1, 0),
             (9.0, _UPRIGHT),
             (9.5, _UPRIGHT),
-            (11.5, _LEAVES),
-            (14.2, _LEAVES),
+            (11.5, _LEAVE),
+            (14.2, _LEAVE),
             (_DURATION, 0),
         ],
     )
-    moves |= aside_by("forward", _GLIDES, _reach(0.0, 1.0))
+    moves |= aside_by("forward", _GLIDE, _reach(0.0, 1.0))
     moves[f"{hand}.up"] = [
         (0, CARRIED["up"]),
-        (1.0, _RISES),
+        (1.0, _RISE),
         (6.0, out["up"]),
         (6.5, out["up"]),
         (8.0, touches),
@@ -167,17 +168,17 @@ def putting(
         (14.5, 0),
         (_DURATION, 0),
     ]
-    moves[f"{hand}.forward"] = _reach(0.0, _GLIDES + out["forward"])
+    moves[f"{hand}.forward"] = _reach(0.0, _GLIDE + out["forward"])
     moves[f"{hand}.{other}"] = summed(moves[f"{hand}.{other}"], _reach(-CARRIED["out"], out["in"]))
     name, marks = "put down", {"down": 8.0, "free": 11.5}
     if back:
         moves, name = backwards(moves, _DURATION), "pick up"
         marks = {"under": _DURATION - 9.5, "up": _DURATION - 6.5}
-    forward = _GLIDES + _STANDS - _NEARER * drop + along - ALONG
+    forward = _GLIDE + _STANDS - _NEARER * drop + along - ALONG
     touching = ((of_member(who, f"forearm_{side}"), prop),)
     return Putting(gesture_of(stage, who, moves, name, marks), forward, sign * _ASIDE, touching)
 
 
 def _reach(before: float, out: float) -> Waypoints:
-    """Waypoints from an offset to another while something is held out, and to none."""
+    """Waypoints from one offset to another while something is held out, and then to 0."""
     return [(0, before), (0.5, before), (6.0, out), (11.5, out), (16.0, 0), (_DURATION, 0)]

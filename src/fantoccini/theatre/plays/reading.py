@@ -1,4 +1,4 @@
-"""Play files read: the cast, what it can do and when it is to do it; nothing is simulated."""
+"""Reader of play files: cast, gestures and times of cues; nothing is simulated."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def play_names() -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Script:
-    """A play as it is written.
+    """A play as its file describes it.
 
     Attributes:
-        cast: its players, where they hang at the start.
-        timeline: its cues.
-        gestures: what its players can do.
-        places: what names of places mean.
-        log: collects mistakes; knows the file and the beat.
+        cast: players at the start.
+        timeline: cues with their times.
+        gestures: gestures of the players.
+        places: meaning of names of places.
+        log: collects mistakes; has the file and the beat.
     """
 
     cast: Cast
@@ -52,14 +52,14 @@ class Script:
 
 
 def read_play(path: str | os.PathLike[str], kept: Kept) -> Script:
-    """A play as it is written.
+    """Script of a play file.
 
     Args:
-        path: of the file, or the name of a bundled play.
-        kept: results of earlier versions of the play.
+        path: path of the file, or the name of a bundled play.
+        kept: cache with results of earlier versions of the play.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: the file has mistakes; all of them are listed, with their lines.
     """
     name = os.fspath(path)
     if not os.path.exists(name):
@@ -79,7 +79,7 @@ def read_play(path: str | os.PathLike[str], kept: Kept) -> Script:
 
 
 def _check_names(file: PlayFile, places: Places, log: ScriptLog) -> None:
-    """Records names of acts that are not their own, and places that are none."""
+    """Records repeated names of acts, and unknown places."""
     names: set[str] = set()
     for a, act in enumerate(file.acts):
         if act.act in names:
@@ -91,7 +91,7 @@ def _check_names(file: PlayFile, places: Places, log: ScriptLog) -> None:
 
 
 def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, log: ScriptLog) -> None:
-    """Records names of places, players, props, seats and tables that are none."""
+    """Records unknown names of places, players, props, seats and tables."""
     obstacles = [obstacle.name for obstacle in file.stage.obstacles]
     known = {
         "player": ("player", [*file.cast]),
@@ -100,32 +100,32 @@ def _check_named(file: PlayFile, cue: PlayCue, spot: Spot, places: Places, log: 
         "table": ("obstacle", obstacles),
     }
     for key, kind in VERBS[cue.verb].names.items():
-        given, place = getattr(cue, key), (*spot, spelled(key))
-        if kind == "direction" and given is not None:
-            places.direction(given, place)
+        name, place = getattr(cue, key), (*spot, spelled(key))
+        if kind == "direction" and name is not None:
+            places.direction(name, place)
         elif key == "past":
-            for k, where in enumerate(given):
+            for k, where in enumerate(name):
                 places.check(where, (*place, k))
         elif kind == "place":
-            places.check(given, place)
-        elif kind in known and given not in known[kind][1]:
+            places.check(name, place)
+        elif kind in known and name not in known[kind][1]:
             what, names = known[kind]
-            log.mistakes.add(place, f"no {what} is called {given!r}{nearest(given, names)}")
+            log.mistakes.add(place, f"no {what} is called {name!r}{nearest(name, names)}")
     if isinstance(cue, GivesCue) and cue.to in cue.who:
         log.mistakes.add((*spot, "to"), f"{cue.to} gives it to itself; needed: another player")
 
 
 def check_play(path: str | os.PathLike[str]) -> PlayFile:
-    """Reads a play, its cast, its gestures and its times, and simulates nothing.
+    """Play file whose cast, gestures and times are checked; nothing is simulated.
 
-    A cue that its players can never do is a mistake, unless it is optional. When the play is
-    compiled, such a cue is left out and reported.
+    A cue that its players can never do is a mistake, unless it is optional. In a compiled play such
+    a cue is left out and reported.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: the file has mistakes; all of them are listed, with their lines.
     """
     script = read_play(path, Kept())
     _check_abilities(script)
@@ -134,18 +134,18 @@ def check_play(path: str | os.PathLike[str]) -> PlayFile:
 
 
 def _check_abilities(script: Script) -> None:
-    """Records cues whose players lack the strings or bodies, and walks to unreachable places."""
+    """Records cues whose players lack strings or bodies, and walks to unreachable places."""
     cast, log, walks = script.cast, script.log, Walks(script.cast, script.log)
     for cue in script.timeline.cues:
-        given, spot = cue.given, (*cue.spot, spelled(cue.given.verb))
-        if given.optional:
+        entry, spot = cue.given, (*cue.spot, spelled(cue.given.verb))
+        if entry.optional:
             continue
         places: list[tuple[Spot, object]] = []
-        if isinstance(given, WalkCue) and not given.near:
-            places = [((*cue.spot, "past", k), where) for k, where in enumerate(given.past)]
-            places.append((spot, given.verb_value))
+        if isinstance(entry, WalkCue) and not entry.near:
+            places = [((*cue.spot, "past", k), where) for k, where in enumerate(entry.past)]
+            places.append((spot, entry.verb_value))
         for player in (cast.players[who] for who in cue.who):
-            why = script.gestures.reason_unable(player, given)
+            why = script.gestures.reason_unable(player, entry)
             if why:
                 log.mistakes.add(spot, why)
                 continue

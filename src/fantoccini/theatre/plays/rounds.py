@@ -1,4 +1,4 @@
-"""Rounds of compiling a play: place all cues, simulate all players, correct what is wrong.
+"""Rounds of compiling a play: all cues are placed, all players simulated, and faults corrected.
 
 A rule takes the results so far and a round. It returns the new results, and whether any cue
 must be placed again.
@@ -36,20 +36,20 @@ from fantoccini.theatre.script import LATE, VERBS, PlayCue, Spot, walks
 T = TypeVar("T")
 
 _LOCATED = {verb.meets: verb.located for verb in VERBS.values()}
-"""Kind of meeting -> what of a prop is measured before it."""
+"""Kind of meeting -> property of a prop that is measured before it."""
 
 PEAKS = 2e-3
-"""Share of a bound by which a peak may pass it: peaks of speeds are bounds themselves."""
-_SLACK = 0.6
-"""After a cue, in which what touches is still its own doing [s]."""
+"""Tolerance of a bound, relative to it: computed peaks of speeds are upper bounds."""
+_MARGIN_TIME = 0.6
+"""Time before and after a part of a cue in which a fault is attributed to it [s]."""
 _MAX_LOCATES = 3
-"""Largest number of times that a handled prop is located again."""
+"""Number of times that a handled prop is located again."""
 _MAX_CALMINGS = 6
-"""Largest number of times that swing before a cue is taken out anew."""
-_SEEN = 1e-3
-"""Error of a place above which cues are placed anew [m]."""
+"""Number of times that the motion against swing before a cue is computed again."""
+_MAX_PLACE_ERROR = 1e-3
+"""Error of a place above which cues are placed again [m]."""
 _JUST_BEFORE = 1e-6
-"""Time by which a prop is located before it is handled [s]."""
+"""Time before a prop is handled at which it is located [s]."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,10 @@ class Results:
     """Results of the rounds so far.
 
     Attributes:
-        corrections: about cues.
+        corrections: corrections of cues.
         hand_tries: (cue, player) -> number of times that its hands were moved in time.
         locate_counts: cue -> number of times that its prop was located.
-        calm_counts: (cue, player) -> number of times that swing before it was taken out.
+        calm_counts: (cue, player) -> number of times that the motion against swing was computed.
         settled: number of a cue -> its pause, and the trunk's speeds after it without the pause
             and with it [s, m/s, m/s].
         touching: cues that are refused because something would touch.
@@ -94,12 +94,12 @@ class Results:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A play, and what all rounds of compiling it share.
+    """A play, with the data shared by all rounds of compiling it.
 
     Attributes:
-        script: the play; its cast is settled.
-        walks: the stage from above.
-        kept: results of earlier rounds.
+        script: script of the play; props hang in equilibrium.
+        walks: stage seen from above.
+        kept: cache of results.
     """
 
     script: Script
@@ -119,7 +119,7 @@ class Round:
     Attributes:
         results: results from which the cues were placed.
         placement: the placed cues.
-        runs: of all players and props.
+        runs: runs of all players and props.
         beat: duration of a beat [s].
     """
 
@@ -129,23 +129,23 @@ class Round:
     beat: float
 
     def in_words(self, t: float) -> str:
-        """A time in words, in beats of its act."""
+        """Time in words, in beats of its act."""
         return _in_words(self.placement, t, self.beat)
 
     def cue_during(self, t: float, owners: set[str]) -> Placed[PlayCue] | None:
-        """The cue of some players that a time [s] belongs to."""
+        """Cue of some players to which a time [s] belongs; None without one."""
         return _cue_during(self.placement.cues, t, owners)
 
 
 Rule = tuple[Results, bool]
-"""Results after a rule, and whether cues move by it."""
+"""Results after a rule, and whether it moves cues."""
 
 
 def make_round(stage: Stage, results: Results) -> Round:
-    """Places all cues and simulates them.
+    """Round in which all cues are placed and simulated.
 
     Raises:
-        FileError: the run of a player cannot begin, whatever is refused.
+        FileError: the run of a player cannot begin, even with all its cues refused.
     """
     script = stage.script
     while True:
@@ -209,12 +209,12 @@ def refuse_fast(stage: Stage, results: Results, this_round: Round) -> Rule:
             (1, bounds.acceleration, "changes by", "m/s^2"),
         ):
             piece, v = np.unravel_index(int(np.argmax(sizes[:, row])), sizes[:, row].shape)
-            most = float(sizes[piece, row, v])
-            if most <= bound * (1.0 + PEAKS):
+            peak = float(sizes[piece, row, v])
+            if peak <= bound * (1.0 + PEAKS):
                 continue
             t = 0.5 * float(motion.breaks[piece] + motion.breaks[piece + 1])
-            slower = (most / bound) ** (1.0 / (row + 1))
-            text = f"{motion.coordinates.v_K[v]} {what} {most:.3g} {unit}, and the bound is "
+            slower = (peak / bound) ** (1.0 / (row + 1))
+            text = f"{motion.coordinates.v_K[v]} {what} {peak:.3g} {unit}, and the bound is "
             text += f"{bound:g}; {1.02 * slower:.2g} times slower it can be done"
             results = results.refusing(this_round.cue_during(t, {name}), text) or results
     return results, results is not before
@@ -248,21 +248,21 @@ def locate_and_calm(stage: Stage, results: Results, this_round: Round) -> Rule:
 
 
 def _place_changed(before: Footing | None, there: Footing | None) -> bool:
-    """True if a prop does not stand where the cue was placed for."""
+    """Whether a prop does not stand at the place for which the cue was placed."""
     if before is None or there is None:
         return before is not there
-    return abs(there.place - before.place) > _SEEN
+    return abs(there.place - before.place) > _MAX_PLACE_ERROR
 
 
 def _handle_changed(before: tuple[float, float] | None, seen: tuple[float, float] | None) -> bool:
-    """True if a prop does not hang as the cue was placed for."""
+    """Whether a prop does not hang at the place for which the cue was placed."""
     if before is None or seen is None:
         return before is not seen
-    return not np.allclose(seen, before, rtol=0.0, atol=_SEEN)
+    return not np.allclose(seen, before, rtol=0.0, atol=_MAX_PLACE_ERROR)
 
 
 def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
-    """Finds motions that take out swing."""
+    """Computes motions that damp swing."""
     jobs: dict[str, Callable[[], tuple[float, ...]]] = {}
     keys: dict[str, tuple[Spot, str]] = {}
     for (spot, name), start in this_round.placement.calmed.items():
@@ -278,7 +278,7 @@ def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
     for label, offsets in stage.kept.side_by_side(jobs, default_threads()).items():
         who = keys[label]
         before = results.corrections.calms.get(who, NONE)
-        moved = not np.allclose(before, offsets, rtol=0.0, atol=_SEEN)
+        moved = not np.allclose(before, offsets, rtol=0.0, atol=_MAX_PLACE_ERROR)
         calmed = {**results.calm_counts, who: results.calm_counts.get(who, 0) + moved}
         corrections = results.corrections.setting("calms", who, offsets)
         results, changed = (
@@ -289,12 +289,12 @@ def _calm(stage: Stage, results: Results, this_round: Round) -> Rule:
 
 
 def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
-    """Finds the pauses that let swing settle before cues that may be delayed."""
+    """Computes pauses in which swing settles before cues that may be delayed."""
     jobs: dict[str, Callable[[], tuple[float, float, float]]] = {}
     cues: dict[str, tuple[int, Placed[PlayCue]]] = {}
     for number, cue in enumerate(this_round.placement.cues, 1):
-        most = most_pause(cue.given, stage.beat)
-        if len(cue.parts) != 1 or most <= 0.0:
+        longest = most_pause(cue.given, stage.beat)
+        if len(cue.parts) != 1 or longest <= 0.0:
             continue
         (part,) = cue.parts
         motion = _alone(this_round.placement, part)
@@ -303,8 +303,8 @@ def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
         begun, own = motion
         run, player = this_round.runs.players[part.who], stage.script.cast.players[part.who]
         x, alone = run.at(begun), player.alone
-        key = digest(x, Gesture(alone.coordinates, *own), most, "pause", player.content)
-        job = partial(_or, (0.0, 0.0, 0.0), partial(pause, alone, x, own, most))
+        key = digest(x, Gesture(alone.coordinates, *own), longest, "pause", player.content)
+        job = partial(_or, (0.0, 0.0, 0.0), partial(pause, alone, x, own, longest))
         jobs[f"{number}"] = partial(stage.kept.get, key, job)
         cues[f"{number}"] = number, cue
     pauses = stage.kept.side_by_side(jobs, default_threads())
@@ -316,23 +316,23 @@ def settle(stage: Stage, results: Results, this_round: Round) -> Rule:
 
 
 def most_pause(given: PlayCue, beat: float) -> float:
-    """Longest delay of a cue that lets swing settle [s]."""
+    """Longest delay of a cue for swing to settle [s]."""
     if given.may_wait is not None:
         return given.may_wait * beat
     return PAUSE if given.is_free else 0.0
 
 
 def _alone(placement: Placement, part: Part) -> tuple[float, Motion] | None:
-    """Earliest start of a part [s], and its motion from then on; None where others go on."""
-    mine = [
+    """Earliest start of a part [s], and its motion from then; None if other parts overlap it."""
+    others = [
         own
         for cue in placement.cues
         for own in cue.parts
         if own.who == part.who and own is not part
     ]
-    if any(own.end > part.start and own.start < part.end for own in mine):
+    if any(own.end > part.start and own.start < part.end for own in others):
         return None
-    begun = max([0.0, *(own.end for own in mine if own.end <= part.start)])
+    begun = max([0.0, *(own.end for own in others if own.end <= part.start)])
     whole = placement.motions[part.who]
     if np.max(np.abs(whole.offsets(begun)[1])) > LATE or part.end - begun < LATE:
         return None
@@ -347,12 +347,12 @@ def _in_words(placement: Placement, t: float, beat: float) -> str:
 def _cue_during(
     cues: Sequence[Placed[PlayCue]], t: float, owners: set[str]
 ) -> Placed[PlayCue] | None:
-    """The cue that has begun last of those that go on at a time; a gesture before a walk."""
+    """Last of the cues that go on at a time; a gesture takes precedence over a walk."""
     now = [
         (not walks(cue.given), part.start, -i, cue)
         for i, cue in enumerate(cues)
         for part in cue.parts
-        if part.who in owners and part.start - _SLACK <= t <= part.end + _SLACK
+        if part.who in owners and part.start - _MARGIN_TIME <= t <= part.end + _MARGIN_TIME
     ]
     if not now:
         now = [
@@ -365,7 +365,7 @@ def _cue_during(
 
 
 def _or(otherwise: T, job: Callable[[], T]) -> T:
-    """The result of a search, or ``otherwise`` if its rollouts stop; the run gives the reason."""
+    """Result of a search, or ``otherwise`` if its rollouts stop; the run gives the reason."""
     try:
         return job()
     except ERRORS:

@@ -1,8 +1,8 @@
 """Event-driven runs of every company of a play.
 
-A run is made in parts, from one rest of the hands to the next; a part depends on the state in
-which it begins and on what the hands do in it. So a change leaves the parts before it as they are,
-and a play that is compiled after a change is, to the bit, the one that is compiled from nothing.
+A run consists of parts, from one rest of the hands to the next; a part depends on the state at its
+beginning and on the motion of the hands. A change of the play therefore leaves earlier parts
+unchanged, and a play that is compiled after a change equals, to the bit, one compiled from scratch.
 """
 
 from __future__ import annotations
@@ -41,22 +41,22 @@ from fantoccini.theatre.cast import (
 from fantoccini.theatre.gestures import Gesture, Motion, piecewise
 from fantoccini.theatre.script import StageFile
 
-_REST = 1e-9
-"""Rate below which hands are at rest [m/s or rad/s]."""
-_SHORTEST = 0.5
-"""Shortest part of a run, so that beginning anew costs little [s]."""
+_MAX_REST_RATE = 1e-9
+"""Rate below which hands count as at rest [m/s or rad/s]."""
+_MIN_DURATION = 0.5
+"""Least duration of a part, so that the cost of its start is small [s]."""
 _STEPS = {"steps": 1e-3, "fine steps": 2.5e-4}
 """Time steps of companies that touch [s]."""
-_EVERY = 5e-3
-"""Between samples of theirs that are kept [s]."""
+_SAMPLE_INTERVAL = 5e-3
+"""Time between samples of these companies [s]."""
 _RESTS = "somebody sits, or a prop stands on something"
-"""Why fine time steps are taken at once."""
-_MOST = 4e7
-"""Memory for a second of what touches, event-driven [bytes]: some four thousand samples."""
+"""Reason for fine time steps without an event-driven attempt."""
+_MAX_MEMORY_RATE = 4e7
+"""Memory for a second of an event-driven run with touches [bytes/s]: about 4000 samples."""
 _SAMPLED = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 _COLUMNS = ("tension", "limit_force", "taut", "violation", "slip")
 ENERGIES = ("kinetic", "potential")
-"""Columns of a ledger that are of now; the others add up over time."""
+"""Columns of a ledger with present values; the others accumulate over time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +64,10 @@ class Run:
     """A company's run.
 
     Attributes:
-        staged: the company, as it was simulated.
-        begin: when it begins [s].
-        whole: its run, from time 0 on.
-        stopped: the reason for not reaching the end of its span; "" if it did.
+        staged: simulated company.
+        begin: beginning of the run [s].
+        whole: trajectory, from time 0.
+        stopped: reason for not reaching the end of its span; "" if it did.
         stepped: reasons why parts were simulated in fine time steps, not event-driven.
     """
 
@@ -79,11 +79,11 @@ class Run:
 
     @property
     def end(self) -> float:
-        """When it ends [s]."""
+        """End of the run [s]."""
         return self.begin + float(self.whole.t[-1])
 
     def of_player(self, name: str, alone: State) -> Trajectory:
-        """The part of it that a player does, in the player's coordinates."""
+        """Part of the run that belongs to a player, in the player's coordinates."""
         prefix, run = self.staged.prefixes[name], self.whole
         if self.staged.company == Company((name,)):
             return run
@@ -93,8 +93,8 @@ class Run:
         for part in _SAMPLED[1:]:
             kind = f"{'q' if part[0] == 'q' else 'v'}_{part[-1]}"
             all_names = getattr(run.coordinates, kind)
-            where = [all_names.index(prefix + one) for one in getattr(own, kind)]
-            changes[part] = getattr(run, part)[:, where]
+            indices = [all_names.index(prefix + coordinate) for coordinate in getattr(own, kind)]
+            changes[part] = getattr(run, part)[:, indices]
         for part in _COLUMNS:
             columns: Columns | None = getattr(run, part)
             if columns is not None:
@@ -117,12 +117,12 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """The runs of a play.
+    """Runs of a play.
 
     Attributes:
-        companies: in order of their beginnings; those that could begin.
-        players: player -> its own, from the start on; its ledger is its company's.
-        stops: where runs stop, or cannot begin.
+        companies: runs that could begin, in order of their beginnings.
+        players: player -> its own run from the start; the ledger is its company's.
+        stops: stops of runs, and runs that cannot begin.
     """
 
     companies: tuple[Run, ...]
@@ -130,7 +130,7 @@ class Runs:
     stops: tuple[Stop, ...] = ()
 
     def with_prop(self, name: str, t: float) -> Run | None:
-        """The run in which a prop takes part at a time [s]; None where it stands by itself."""
+        """Run in which a prop takes part at a time [s]; None if it stands by itself."""
         for company in self.companies:
             if name in company.staged.props and company.begin <= t <= company.end:
                 return company
@@ -146,19 +146,20 @@ def runs_of(
     *,
     exact: bool = False,
 ) -> Runs:
-    """The runs of a play, as many side by side as there are threads.
+    """Runs of a play, computed in parallel.
 
-    They are event-driven where nothing may touch, else in time steps of 1 ms, or ``exact``: then
-    event-driven as well, but in steps of 0.25 ms where that stops, as friction may jam, and where
-    somebody sits or a prop stands on something: there it does, or takes many minutes.
+    They are event-driven if nothing may touch, else in time steps of 1 ms. With ``exact`` the
+    latter are event-driven too, except for steps of 0.25 ms in two cases: the event-driven run
+    stops, as friction may jam; or somebody sits or a prop stands on something, for which it would
+    stop or take many minutes.
 
     Args:
-        cast: of the play.
-        motions: player -> what its hands do.
+        cast: cast of the play.
+        motions: player -> motion of its hands.
         starts: player -> times at which its cues begin [s].
-        meetings: who may touch what, and when.
-        kept: has the parts that were made before.
-        exact: whether what touches is simulated as exactly as can be.
+        meetings: players and props that may touch, with times.
+        kept: cache of parts.
+        exact: whether companies that touch are simulated as exactly as possible.
 
     Raises:
         CannotBegin: a player's run cannot begin.
@@ -166,13 +167,13 @@ def runs_of(
     end = max(motion.duration for motion in motions.values())
     work = _Work(cast, motions, starts, kept, exact)
     with ThreadPoolExecutor(default_threads()) as pool:
-        # Each waits for those before it only, which have begun when it does.
+        # Each waits only for earlier ones, which have begun when it does.
         futures: list[tuple[Span, Future[Run | Stop | None]]] = []
         for span in spans(list(cast.players), meetings, end):
             futures.append((span, pool.submit(work.run, span, tuple(futures))))
-        found = [future.result() for _, future in futures]
-    companies = tuple(one for one in found if isinstance(one, Run))
-    stops = [one for one in found if isinstance(one, Stop)]
+        results = [future.result() for _, future in futures]
+    companies = tuple(result for result in results if isinstance(result, Run))
+    stops = [result for result in results if isinstance(result, Stop)]
     stops += [
         Stop(company.staged.company.players, company.end, company.stopped)
         for company in companies
@@ -188,7 +189,7 @@ def runs_of(
         if not own:
             raise CannotBegin(next(stop for stop in stops if name in stop.players))
         players[name] = _joined(own)
-    return Runs(companies, players, tuple(sorted(stops, key=lambda one: one.t)))
+    return Runs(companies, players, tuple(sorted(stops, key=lambda stop: stop.t)))
 
 
 @dataclass(frozen=True)
@@ -202,7 +203,7 @@ class _Work:
     def run(
         self, span: Span, before: Sequence[tuple[Span, Future[Run | Stop | None]]]
     ) -> Run | Stop | None:
-        """A company's run, or its Stop; None if the earlier run of a member stopped."""
+        """Run of a company, or its stop; None if the earlier run of a member stopped."""
         cast, company = self.cast, span.company
         players: dict[str, State] = {}
         props: dict[str, PropState] = {}
@@ -244,7 +245,7 @@ class _Work:
     def _in_parts(
         self, stage: Staged, x: State, motion: Gesture, starts: Sequence[float]
     ) -> tuple[list[tuple[float, Trajectory]], tuple[str, ...], str]:
-        """A run's parts, why some are in time steps that were not to be, and why it stops."""
+        """Parts of a run, reasons for unwanted time steps, and the reason why it stops."""
         stepped, parts = list[str](), list[tuple[float, Trajectory]]()
         if self.exact and stage.company.rests:
             stepped.append(_RESTS)
@@ -272,7 +273,7 @@ class _Work:
     def _part(
         self, stage: Staged, x: State, motion: Gesture, method: str
     ) -> tuple[Trajectory | None, str]:
-        """A part by a method, and why it stops: a status, or an error of the simulator."""
+        """Part by a method, and the reason why it stops: a status, or an error of the simulator."""
         bounds = self.cast.file.stage
         key = digest(x, motion, "part", stage.content, bounds.speed, bounds.acceleration, method)
         job = partial(_part, stage, x, motion, bounds, method, self.kept.check)
@@ -283,7 +284,7 @@ class _Work:
         return run, "" if run.status is Status.DONE else str(run.status)
 
     def _methods(self, company: Company) -> tuple[str, ...]:
-        """Ways to simulate a company, each for when those before it stop."""
+        """Methods for a company; each is used if those before it stop."""
         if not company.pairs:
             return ("event",)
         if not self.exact:
@@ -292,14 +293,14 @@ class _Work:
 
     @property
     def _steps(self) -> bool:
-        """Whether states may come from time steps, which keep strings' lengths less exactly."""
+        """Whether states may come from time steps, in which strings' lengths are less exact."""
         return bool(asked_pairs(self.cast.file))
 
 
 def _last(
     name: str, span: Span, before: Sequence[tuple[Span, Future[Run | Stop | None]]]
 ) -> tuple[float, Future[Run | Stop | None] | None]:
-    """When a player or prop takes part last before a span [s], and the run of that."""
+    """End of the last run of a player or prop before a span [s], and that run."""
     for earlier, future in reversed(before):
         company = earlier.company
         if name in (*company.players, *company.props) and earlier.end <= span.begin:
@@ -308,7 +309,7 @@ def _last(
 
 
 def prop_states(run: Run, name: str, *, still: bool = False) -> PropState:
-    """Place and velocities of a prop at a run's end; at rest, where it has stood since then."""
+    """Place and velocities of a prop at a run's end; at rest if it has stood since then."""
     local, whole = run.staged.props[name], run.whole
     q = whole.coordinates.q_D.index(f"{local}.x")
     v = whole.coordinates.v_D.index(f"{local}.x")
@@ -322,9 +323,9 @@ def _part(
     inputs = motion.inputs(x, speed=bounds.speed, acceleration=bounds.acceleration)
     alone = stage.marionette
     if method == "event":
-        most = _MOST * motion.duration if stage.company.pairs else None
+        max_memory = _MAX_MEMORY_RATE * motion.duration if stage.company.pairs else None
         return simulate(
-            alone, x, inputs, effort=False, throw=False, max_memory=most, progress=check
+            alone, x, inputs, effort=False, throw=False, max_memory=max_memory, progress=check
         )
     dt = _STEPS[method]
     return simulate(
@@ -332,7 +333,7 @@ def _part(
         x,
         inputs,
         method=TimeStepping(dt=dt),
-        save_every=round(_EVERY / dt),
+        save_every=round(_SAMPLE_INTERVAL / dt),
         effort=False,
         throw=False,
         progress=check,
@@ -340,18 +341,18 @@ def _part(
 
 
 def _cuts(motion: Gesture, starts: Sequence[float]) -> list[float]:
-    """Times from 0 to the end at which a part begins or ends: where the hands rest."""
+    """Times from 0 to the end that separate parts, at rests of the hands."""
     cuts = [0.0]
     for t in sorted(starts):
-        if t < cuts[-1] + _SHORTEST or t > motion.duration - _SHORTEST:
+        if t < cuts[-1] + _MIN_DURATION or t > motion.duration - _MIN_DURATION:
             continue
-        if np.max(np.abs(motion.offsets(t)[1])) < _REST:
+        if np.max(np.abs(motion.offsets(t)[1])) < _MAX_REST_RATE:
             cuts.append(float(t))
     return [*cuts, motion.duration]
 
 
 def excerpt(whole: Gesture, begun: float, end: float) -> Motion:
-    """A motion from one time to another, from offsets of 0 at its beginning."""
+    """Motion from one time to another, with offsets of 0 at its beginning."""
     clock = np.union1d(whole.breaks, [begun, end])
     coef = piecewise.on(whole.breaks, whole.coef, clock)
     inside = (clock[:-1] >= begun) & (clock[:-1] < end)
@@ -361,7 +362,7 @@ def excerpt(whole: Gesture, begun: float, end: float) -> Motion:
 
 
 def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
-    """Runs one after the other as one run."""
+    """Successive runs as one."""
     runs = [run for _, run in parts]
     first, last = runs[0], runs[-1]
     if len(runs) == 1:
@@ -369,7 +370,7 @@ def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
     changes: dict[str, Any] = {
         name: np.concatenate([getattr(run, name) for run in runs]) for name in _SAMPLED
     }
-    # Where two parts meet, rounding may put one before the other.
+    # Rounding may put the start of a part before the end of the previous one.
     changes["t"] = np.maximum.accumulate(np.concatenate([begun + run.t for begun, run in parts]))
     for name in _COLUMNS:
         own: Columns | None = getattr(first, name)
@@ -400,7 +401,7 @@ def _joined(parts: Sequence[tuple[float, Trajectory]]) -> Trajectory:
 
 
 def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
-    """Points of runs one after the other, which have the same pairs."""
+    """Contact points of successive runs with the same pairs."""
     points = [run.contact for run in runs if run.contact is not None]
     before = np.cumsum([0, *(len(run) for run in runs[:-1])])
     own: dict[str, Any] = {
@@ -408,23 +409,23 @@ def _contacts(runs: Sequence[Trajectory]) -> ContactPoints:
         for field in dataclasses.fields(ContactPoints)
         if field.name not in ("names", "sample")
     }
-    sample = np.concatenate([one.sample + n for one, n in zip(points, before, strict=True)])
+    sample = np.concatenate([point.sample + n for point, n in zip(points, before, strict=True)])
     return ContactPoints(sample=sample, names=points[0].names, **own)
 
 
 def _of(columns: Columns, prefix: str) -> Columns:
-    """The columns of a player, by its own names."""
-    where = [i for i, name in enumerate(columns.names) if name.startswith(prefix)]
-    names = tuple(columns.names[i].removeprefix(prefix) for i in where)
-    return dataclasses.replace(columns, names=names, values=columns.values[:, where])
+    """Columns of a player, with its own names."""
+    indices = [i for i, name in enumerate(columns.names) if name.startswith(prefix)]
+    names = tuple(columns.names[i].removeprefix(prefix) for i in indices)
+    return dataclasses.replace(columns, names=names, values=columns.values[:, indices])
 
 
 def _ledger(runs: Sequence[Trajectory]) -> Array:
-    """Losses and work go on from one run to the next."""
-    goes_on = np.array([name not in ENERGIES for name in LEDGER])
-    found, before = [], np.zeros(len(LEDGER))
+    """Ledger of successive runs; losses and work accumulate."""
+    accumulates = np.array([name not in ENERGIES for name in LEDGER])
+    parts, before = [], np.zeros(len(LEDGER))
     for run in runs:
-        values = run.ledger.values + before * goes_on
+        values = run.ledger.values + before * accumulates
         before = values[-1]
-        found.append(values)
-    return np.concatenate(found)
+        parts.append(values)
+    return np.concatenate(parts)

@@ -1,6 +1,6 @@
-"""Pauses before free cues, so that the swing of what came before is used or has settled.
+"""Pauses before free cues, in which the swing of earlier cues settles or is used.
 
-    min over p in [0, P] of  (1/T) integral of |v|^2 after the cue dt + c p,   v of the trunk
+    min over p in [0, P] of  (1/T) integral of |v|^2 after the cue dt + c p,   v: trunk's velocity
 
 A cue that begins p later moves the hands by u(t - p); the gradient is that of the rollout:
 
@@ -19,42 +19,42 @@ from fantoccini.theatre.gestures import Motion
 
 PAUSE = 1.0
 """Longest delay of a free cue without `may wait` [s]."""
-_WINDOW = 1.2
-"""After the cue, in which swing is measured [s]."""
+_MEASURED_TIME = 1.2
+"""Time after the cue in which swing is measured [s]."""
 _DT = 0.004
-"""[s]"""
-_CALM = 0.015
-"""Speed of the trunk that nobody sees [m/s]."""
-_PATIENCE = 4e-4
+"""Time step of the rollouts [s]."""
+_MAX_CALM_SPEED = 0.015
+"""Speed of the trunk that is not visible [m/s]."""
+_PAUSE_COST = 4e-4
 """Cost of a second of pause [m^2/s^2]."""
-_STARTS = 12
-"""Pauses from which the best one is sought."""
+_N_STARTS = 12
+"""Number of pauses that are tried as starts of the search."""
 
 
 def pause(
     marionette: Marionette, x: State, motion: Motion, most: float
 ) -> tuple[float, float, float]:
-    """The pause before a motion after which the puppet swings least.
+    """Pause before a motion after which the puppet swings least.
 
     Args:
-        marionette: the puppet alone.
-        x: its state when the motion may begin.
-        motion: what the hands do, as offsets from where they are; at rest at both ends.
+        marionette: puppet alone.
+        x: state at the earliest beginning of the motion.
+        motion: motion of the hands, as offsets from their places; at rest at both ends.
         most: longest pause [s].
 
     Returns:
-        The pause [s], and the speeds of the trunk after the motion without it and with it [m/s].
+        Pause [s], and speeds of the trunk after the motion without and with the pause [m/s].
     """
     swing = Swing(marionette, x, motion, most)
-    tried = np.linspace(0.0, most, _STARTS)
+    tried = np.linspace(0.0, most, _N_STARTS)
     values = [swing.cost(p)[0] for p in tried]
     if not np.isfinite(values[0]):
         return 0.0, 0.0, 0.0
     before = np.sqrt(values[0])
-    if before <= _CALM:
+    if before <= _MAX_CALM_SPEED:
         return 0.0, float(before), float(before)
     best = tried[int(np.argmin(values))]
-    found = minimize(
+    minimum = minimize(
         lambda p: swing.cost(float(p[0]), gradient=True),
         [best],
         jac=True,
@@ -62,8 +62,8 @@ def pause(
         bounds=[(0.0, most)],
         options={"maxiter": 12, "ftol": 1e-3},
     )
-    p = float(found.x[0]) if found.fun < values[0] else 0.0
-    after = np.sqrt(max(swing.cost(p)[0] - _PATIENCE * p, 0.0))
+    p = float(minimum.x[0]) if minimum.fun < values[0] else 0.0
+    after = np.sqrt(max(swing.cost(p)[0] - _PAUSE_COST * p, 0.0))
     return p, float(before), float(after)
 
 
@@ -73,16 +73,16 @@ class Swing:
     def __init__(self, marionette: Marionette, x: State, motion: Motion, most: float):
         self._marionette, self._x, self._motion = marionette, x, motion
         self._length = float(motion.breaks[-1])
-        self._steps = int(np.ceil((most + self._length + _WINDOW) / _DT))
+        self._steps = int(np.ceil((most + self._length + _MEASURED_TIME) / _DT))
         table = marionette.coordinates
         trunk = [v for _, v in table.scalars_D if table.v_D[v].endswith((".x", ".y", ".z"))]
         self._weights = np.zeros(table.n_vD)
         self._weights[trunk or slice(None)] = 1.0
 
     def cost(self, p: float, gradient: bool = False) -> tuple[float, Array]:
-        """The cost of a pause, and (1,) its derivative, 0 where it is not asked for.
+        """Cost of a pause, and (1,) its derivative, 0 without ``gradient``.
 
-        The cost is infinite where the rollout stops.
+        The cost is infinite if the rollout stops.
         """
         t = np.asarray(_DT * np.arange(self._steps + 1) - p, dtype=float)
         rates, changes = self._hands(t)
@@ -91,21 +91,21 @@ class Swing:
         if rollout.steps < len(acc):
             return np.inf, np.zeros(1)
         # The window begins and ends between two steps, so that it moves smoothly with p.
-        since, until = (t - self._length) / _DT, (self._length + _WINDOW - t) / _DT
+        since, until = (t - self._length) / _DT, (self._length + _MEASURED_TIME - t) / _DT
         share = np.clip(np.minimum(since, until), 0.0, 1.0)
         by_time = np.where(since < until, 1.0, -1.0) * ((share > 0.0) & (share < 1.0)) / _DT
-        squares = rollout.v_D * rollout.v_D @ self._weights * _DT / _WINDOW
-        value = float(share @ squares) + _PATIENCE * p
+        squares = rollout.v_D * rollout.v_D @ self._weights * _DT / _MEASURED_TIME
+        value = float(share @ squares) + _PAUSE_COST * p
         if not gradient:
             return value, np.zeros(1)
-        by_v = 2.0 * self._weights * rollout.v_D * share[:, None] * _DT / _WINDOW
+        by_v = 2.0 * self._weights * rollout.v_D * share[:, None] * _DT / _MEASURED_TIME
         by_acc = rollout.gradient(v_D=by_v).acc_K
         by_p = -np.diff(changes, axis=0) / _DT
-        slope = float(np.sum(by_acc * by_p)) - float(by_time @ squares) + _PATIENCE
+        slope = float(np.sum(by_acc * by_p)) - float(by_time @ squares) + _PAUSE_COST
         return value, np.array([slope])
 
     def _hands(self, t: Array) -> tuple[Array, Array]:
-        """(T, n_vK) rates of the hands and their derivatives at times after the beginning."""
+        """(T, n_vK) rates of the hands and their derivatives at times since the beginning."""
         breaks, coef = self._motion.breaks, self._motion.coef
         inside = np.clip(t, 0.0, self._length)
         i = np.clip(np.searchsorted(breaks, inside, side="right") - 1, 0, len(coef) - 1)

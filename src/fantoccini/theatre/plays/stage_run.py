@@ -1,7 +1,7 @@
-"""The run of the stage, put together from the runs of companies.
+"""Run of the stage, assembled from the runs of companies.
 
-While companies do not touch each other, each moves as without the others: the whole is its members
-side by side, on common times.
+Companies that do not touch each other move independently: the whole consists of its members side by
+side, at common times.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from fantoccini.theatre.cast import Cast, PropState
 from fantoccini.theatre.plays.runs import ENERGIES, Run, Runs, prop_states
 
 SAMPLE = 0.005
-"""Between samples [s]."""
+"""Time between samples [s]."""
 _MOTION = ("q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 
 
 def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
-    """The run of the stage, until the first of the players' runs ends.
+    """Run of the stage, until the first of the players' runs ends.
 
-    The ledger is the sum of the companies': what a prop has while it stands alone is not in it.
+    The ledger is the sum over the companies; energies of a prop that stands alone are not included.
 
-    A prop that nobody touches stays where it was left. Between two samples a velocity that jumps
-    when a string snaps taut is led over.
+    A prop that nobody touches stays in its place. If a velocity jumps between two samples because a
+    string snaps taut, it is interpolated.
 
     Args:
-        cast: of the play.
-        runs: of all companies.
+        cast: cast of the play.
+        runs: runs of all companies.
         sample: time between samples [s].
     """
     end = min(float(run.t[-1]) for run in runs.players.values())
@@ -44,8 +44,11 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
     first = runs.companies[0].whole
     statuses = [run.status for run in runs.players.values()]
     otherwise = Status.STOPPED if runs.stops else Status.DONE
-    status = next((one for one in statuses if one is not Status.DONE), otherwise)
-    put = {name: one.like(whole.found[name]) for name, one in whole.columns.items()}
+    status = next(
+        (status_of_player for status_of_player in statuses if status_of_player is not Status.DONE),
+        otherwise,
+    )
+    put = {name: column.like(whole.found[name]) for name, column in whole.columns.items()}
     parts = whole.parts
     return Trajectory(
         t,
@@ -71,7 +74,7 @@ def together(cast: Cast, runs: Runs, sample: float = SAMPLE) -> Trajectory:
 
 
 class _Whole:
-    """The columns of the stage's run while companies are added, in order of their beginnings."""
+    """Columns of the stage's run while companies are added, in order of their beginnings."""
 
     def __init__(self, cast: Cast, t: Array):
         self._cast, self._t, self._table = cast, t, cast.whole.coordinates
@@ -86,13 +89,13 @@ class _Whole:
             "limit_force": Columns(limits, np.zeros((n, len(limits))), "limit"),
             "violation": Columns(tree.row_names, np.zeros((n, len(tree.row_names)))),
         }
-        self.found = {name: np.array(one.values) for name, one in self.columns.items()}
+        self.found = {name: np.array(column.values) for name, column in self.columns.items()}
         self.ledger = np.zeros((n, len(LEDGER)))
         self.events: list[EventRecord] = []
         self.points: list[ContactPoints] = []
 
     def stands(self, name: str, since: float, there: PropState) -> None:
-        """A prop stands somewhere after a time [s]."""
+        """Sets the place of a prop that stands after a time [s]."""
         q, v = self._table.q_D.index(f"{name}.x"), self._table.v_D.index(f"{name}.x")
         later = self._t > since
         self.parts["q_D"][later, q : q + 7] = there[0]
@@ -100,13 +103,13 @@ class _Whole:
             self.parts[part][later, v : v + 6] = 0.0
 
     def add(self, run: Run) -> None:
-        """A company's run, in its time."""
+        """Adds a company's run, at its time."""
         inside = np.flatnonzero((self._t >= run.begin) & (self._t <= run.end))
         if len(inside):
             self._put(run, inside)
         for name in run.staged.props:
             self.stands(name, run.end, prop_states(run, name, still=True))
-        # Losses stay after its end.
+        # Losses remain after its end.
         energies = np.array([name in ENERGIES for name in LEDGER])
         self.ledger[self._t > run.end] += np.where(energies, 0.0, run.whole.ledger.values[-1])
         for event in run.whole.events:
@@ -121,12 +124,14 @@ class _Whole:
             names = getattr(own.coordinates, kind)
             places = [all_names.index(self._named(run, name)) for name in names]
             self.parts[part][np.ix_(inside, np.array(places))] = getattr(own, part)
-        for what, all_of in self.columns.items():
-            mine: Columns | None = getattr(own, what)
-            if mine is not None:
-                columns = [all_of.names.index(self._named(run, name)) for name in mine.names]
-                self.found[what][np.ix_(inside, np.array(columns, dtype=int))] = mine.values
-        # When one company takes over from another, only the one before counts.
+        for what, stage_columns in self.columns.items():
+            own_columns: Columns | None = getattr(own, what)
+            if own_columns is not None:
+                columns = [
+                    stage_columns.names.index(self._named(run, name)) for name in own_columns.names
+                ]
+                self.found[what][np.ix_(inside, np.array(columns, dtype=int))] = own_columns.values
+        # At a change of companies, only the earlier one counts.
         first = (self._t[inside] == run.begin) & (run.begin > 0.0)
         self.ledger[inside] += np.where(first[:, None], 0.0, own.ledger.values)
         if own.contact is not None:
@@ -135,12 +140,12 @@ class _Whole:
             self.points.append(dataclasses.replace(own.contact, sample=sample, names=names))
 
     def _named(self, run: Run, name: str) -> str:
-        """A name of a company's scene in the scene of all."""
+        """Name on the stage of a name in a company's scene."""
         return self._cast.named(run.staged.on_stage(name))
 
 
 def _joined(points: list[ContactPoints]) -> ContactPoints | None:
-    """All points in the order of their samples."""
+    """All contact points in the order of their samples."""
     if not points:
         return None
     names = tuple(dict.fromkeys(name for point in points for name in point.names))

@@ -1,4 +1,4 @@
-"""Where players, props, obstacles and strings come too near to each other in runs of players."""
+"""Touches of players, props, obstacles and strings in runs of a play."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from fantoccini.motion import Trajectory
 from fantoccini.theatre.cast import Cast, Meeting, Pair
 
 EVERY = 4
-"""Stride of the measured samples of a run: 50 a second, and in between as needed."""
+"""Stride of the measured samples of a run: 50 per second, and more as needed."""
 AT_HAND = 0.001
-"""Distance between the players that handle a prop, the prop and their strings, and between a sitter
+"""Least distance between a prop, the players that handle it and their strings, and between a sitter
 and the seat [m]."""
 
 
 @dataclass(frozen=True)
 class Touch:
-    """Two things that come too near to each other.
+    """Two bodies, obstacles or strings that come too near to each other.
 
     Attributes:
-        t: when they first do [s].
+        t: time at which it begins [s].
         what, other: names of bodies, strings (``string pierrot.head``) or obstacles.
-        distance: the least one from then on, until they are apart again [m]; below 0 they overlap.
+        distance: least distance until they are apart again [m]; below 0 they overlap.
         crosses: whether two strings pass through each other.
     """
 
@@ -49,23 +49,27 @@ class Touch:
 def touches(
     cast: Cast, run: Trajectory, meetings: Sequence[Meeting] = (), every: int = EVERY
 ) -> list[Touch]:
-    """Where two things come nearer than the stage says, in order of time.
+    """Pairs that come nearer than the stage allows, in order of time.
 
-    Bodies of different players, props and obstacles keep clear of one another, but for what a cue
-    lets touch, and then only while it does; strings keep clear of all of them. Who handles a prop,
-    and the prop, only need not touch otherwise. The floor is only not to be passed. Strings of one
-    player only do not cross.
+    Bodies of different players, props and obstacles keep clear of one another, except for pairs
+    that a cue lets touch while it lasts; strings keep clear of all of them. Other pairs of a
+    prop and the players that handle it may come near, but must not touch. Bodies may touch the
+    floor, but not penetrate it. Strings of the same player may touch, but not cross.
 
     Args:
-        cast: of the play.
-        run: of the stage.
-        meetings: what may touch, and when.
-        every: so many samples of the run are one that is measured.
+        cast: cast of the play.
+        run: run of the stage.
+        meetings: players and props that may touch, with times.
+        every: stride of the measured samples.
     """
     path = Path.of(cast.whole, run, every)
     t, q_D, q_K = path.t, path.q_D, path.q_K
-    # Props do not move by themselves: what they stand on they may touch at all times.
-    stand = {(name, one.on) for name, one in cast.file.props.items() if one.on is not None}
+    # Props do not move by themselves: they may touch their supports at all times.
+    stand = {
+        (name, prop_file.on)
+        for name, prop_file in cast.file.props.items()
+        if prop_file.on is not None
+    }
     always = {frozenset(pair) for pair in stand}
     for pair in {pair for meeting in meetings for pair in meeting.pairs}:
         if not any(cast.owner(cast.named(name)) in cast.players for name in pair):
@@ -78,11 +82,11 @@ def touches(
             bodies.append(replace(near, first=begin + near.first, last=begin + near.last))
         for touch in rules.strings(apart.over(q_D[own], q_K[own], t[own])):
             strings.setdefault(frozenset((touch.what, touch.other)), touch)
-    found = [*_merged(bodies), *strings.values()]
+    listed = [*_merged(bodies), *strings.values()]
     for crossing in apart.over(q_D, q_K, t).crossings():
         names = f"string {crossing.what}", f"string {crossing.other}"
-        found.append(Touch(crossing.t, *names, 0.0, crosses=True))
-    return sorted(found, key=lambda one: (one.t, one.what, one.other))
+        listed.append(Touch(crossing.t, *names, 0.0, crosses=True))
+    return sorted(listed, key=lambda touch: (touch.t, touch.what, touch.other))
 
 
 def _windows(
@@ -90,7 +94,7 @@ def _windows(
 ) -> Iterator[tuple[int, int, tuple[Meeting, ...]]]:
     """Spans of samples with the same meetings: first sample, end (exclusive), meetings.
 
-    Between two such spans the meetings of both may touch.
+    Between two such spans the meetings of both are allowed.
     """
     on = np.array([(t >= meeting.begin) & (t <= meeting.end) for meeting in meetings], dtype=bool)
     on = on.reshape(len(meetings), len(t))
@@ -109,37 +113,37 @@ class _Rules:
     """Distances to keep while the same meetings go on.
 
     Args:
-        cast: of the play.
-        now: the meetings.
-        always: what may touch at all times.
+        cast: cast of the play.
+        now: present meetings.
+        always: pairs that may touch at all times.
     """
 
     def __init__(self, cast: Cast, now: Sequence[Meeting], always: Iterable[Pair]):
         whole, clear = cast.whole, cast.file.stage.clear
         self._cast, self._clear = cast, clear
-        self._groups = [{*one.players, *one.props, *_seat(one)} for one in now]
+        self._groups = [{*meeting.players, *meeting.props, *_seat(meeting)} for meeting in now]
         names = [link.name for link in whole.tree.links]
         names += [obstacle.name for obstacle in Clearance(whole, strings=False).obstacles]
         every = {frozenset(pair) for pair in combinations(dict.fromkeys(names), 2)}
-        asked = {frozenset(map(cast.named, pair)) for one in now for pair in one.pairs}
+        asked = {frozenset(map(cast.named, pair)) for meeting in now for pair in meeting.pairs}
         asked.update(always)
         floor = {pair for pair in every if FLOOR in pair}
-        kept = floor - asked - {frozenset((name, FLOOR)) for name in cast.props}
+        above_floor = floor - asked - {frozenset((name, FLOOR)) for name in cast.props}
         at_hand = {pair for pair in every - floor - asked if self._at_hand(*pair)}
         self._bodies = [(Clearance(whole, free=floor | asked | at_hand), clear)]
-        for pairs, distance in ((at_hand, AT_HAND), (kept, 0.0)):
+        for pairs, distance in ((at_hand, AT_HAND), (above_floor, 0.0)):
             if pairs:
                 self._bodies.append((Clearance(whole, strings=False, free=every - pairs), distance))
 
     def bodies(self, path: Path) -> Iterator[_Near]:
-        """Where bodies come too near to others and to obstacles, and strings to obstacles."""
+        """Touches of bodies with others and with obstacles, and of strings with obstacles."""
         for clearance, distance in self._bodies:
             for near in _near(clearance, path, distance):
                 if not self._allowed(near.touch):
                     yield near
 
     def strings(self, motion: StringMotion) -> Iterator[Touch]:
-        """Where strings come too near to those of others, and to others' bodies, first."""
+        """First touches of strings with those of others, and with others' bodies."""
         for distance in (self._clear, AT_HAND) if self._groups else (self._clear,):
             near = motion.nearer_than(distance)
             for pair in (*near.strings, *near.bodies):
@@ -150,24 +154,24 @@ class _Rules:
                     yield touch
 
     def _allowed(self, touch: Touch) -> bool:
-        """Whether who handles a prop, and the prop, are near, but do not touch."""
+        """Whether a prop and the players that handle it are near, but do not touch."""
         return touch.distance >= AT_HAND and self._at_hand(touch.what, touch.other)
 
     def _at_hand(self, what: str, other: str) -> bool:
-        """Whether a cue lets the one handle the other."""
+        """Whether a cue lets one of the two handle the other."""
         owners = {self._cast.owner(name.removeprefix("string ")) for name in (what, other)}
         return any(owners <= group for group in self._groups)
 
 
 def _seat(meeting: Meeting) -> set[str]:
-    """The obstacle or prop on which a player sits; none in other meetings."""
+    """Obstacle or prop on which a player sits; empty for other meetings."""
     names = {name for pair in meeting.pairs for name in pair if "." not in name}
     return names - {FLOOR} if meeting.kind == "sits" else set()
 
 
 @dataclass(frozen=True)
 class _Near:
-    """A touch, from one sample to another."""
+    """A touch, with the samples of its beginning and end."""
 
     touch: Touch
     first: int
@@ -175,31 +179,31 @@ class _Near:
 
 
 def _near(clearance: Clearance, path: Path, clear: float) -> Iterator[_Near]:
-    """Where each part is nearer to another than it is to be."""
-    for name, one in clearance.parts().items():
-        at, distance = one.along(path, clear)
+    """Intervals in which a part is nearer to another than the clearance."""
+    for name, part in clearance.parts().items():
+        at, distance = part.along(path, clear)
         near = distance < clear
         for k in np.flatnonzero(near & ~np.append(False, near[:-1])):
             end = int(k) + int(np.argmin(np.append(near[k:], False)))
             worst = int(k) + int(np.argmin(distance[k:end]))
-            nearest = one.pair_at(at.q_D[worst], at.q_K[worst])
+            nearest = part.pair_at(at.q_D[worst], at.q_K[worst])
             other = nearest.other if nearest.what == name else nearest.what
             touch = Touch(float(at.t[k]), name, other, float(distance[worst]))
             yield _Near(touch, int(at.piece[k]), int(at.piece[end - 1]))
 
 
 def _merged(found: Iterable[_Near]) -> list[Touch]:
-    """Touches that go on while meetings begin or end, as one each."""
+    """Touches; those that continue while meetings change are joined."""
     merged = list[_Near]()
-    for one in sorted(found, key=lambda one: one.first):
-        names = {one.touch.what, one.touch.other}
+    for near in sorted(found, key=lambda near: near.first):
+        names = {near.touch.what, near.touch.other}
         for i, before in enumerate(merged):
             same = {before.touch.what, before.touch.other} == names
-            if same and before.last >= one.first - 1:
-                distance = min(before.touch.distance, one.touch.distance)
+            if same and before.last >= near.first - 1:
+                distance = min(before.touch.distance, near.touch.distance)
                 touch = replace(before.touch, distance=distance)
-                merged[i] = replace(before, touch=touch, last=max(before.last, one.last))
+                merged[i] = replace(before, touch=touch, last=max(before.last, near.last))
                 break
         else:
-            merged.append(one)
-    return [one.touch for one in merged]
+            merged.append(near)
+    return [near.touch for near in merged]

@@ -1,4 +1,4 @@
-"""Plays verified: the whole simulated event-driven, and everything that is promised measured."""
+"""Verification of plays: the whole is simulated event-driven, and all requirements are measured."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ from fantoccini.theatre.plays.stage_run import together
 from fantoccini.theatre.plays.touching import EVERY, Touch, touches
 from fantoccini.theatre.script import LATE, START
 
-_AT_REST = 1e-6
-"""Rate of hands that are at rest [m/s or rad/s]."""
-_WOUND = 0.75
-"""Winding of two strings that have passed through one another [turns]."""
+_MAX_REST_RATE = 1e-6
+"""Rate below which hands count as at rest [m/s or rad/s]."""
+_MIN_WINDING = 0.75
+"""Change of winding above which two strings count as wound around each other [turns]."""
 
 
 @dataclass(frozen=True)
 class CueTime:
-    """When a cue is seen.
+    """Time of a cue in a run.
 
     Attributes:
-        cue: of the play.
-        who: the player.
-        wanted, seen: when it is to be, and when it is, in the event-driven run [s].
-        limb: whether a limb's turn at the mark was seen; otherwise the time is the hands'.
+        cue: cue of the play.
+        who: player of the cue.
+        wanted, seen: wanted time, and time in the event-driven run [s].
+        limb: whether the time is that of a limb's turn at the mark; otherwise it is that of the
+            hands.
     """
 
     cue: CueOfPlay
@@ -47,26 +48,26 @@ class CueTime:
 
     @property
     def late(self) -> float:
-        """[s]"""
+        """Lateness [s]."""
         return self.seen - self.wanted
 
 
 @dataclass(frozen=True, eq=False)
 class Verification:
-    """A play's event-driven run, and what was measured in it; true where all holds.
+    """A play's event-driven run, and its measurements; true if there are no faults.
 
     Attributes:
-        play: what was simulated.
-        run: of the whole stage.
-        faults: what does not hold, in words.
-        cues: when every cue that is done is seen.
-        touches: what comes too near, or crosses.
+        play: simulated play.
+        run: run of the whole stage.
+        faults: violated requirements, in words.
+        cues: times of all cues that are done.
+        touches: touches and crossings.
         peaks: coordinate -> (largest speed, its bound, largest acceleration, its bound).
         tension: string -> largest tension [N].
-        catches: string -> how often it snapped taut.
-        space: farthest places of the hands: ((low, high) of x, (low, high) of y) [m].
+        catches: string -> number of times that it snapped taut.
+        space: extent of the hands' motion: ((low, high) of x, (low, high) of y) [m].
         windings: pairs of strings that are wound around each other.
-        stepped: why parts in which something touches were simulated in time steps, as their
+        stepped: reasons why parts with touches were simulated in time steps, because their
             event-driven run stops.
     """
 
@@ -96,16 +97,16 @@ class Verification:
 
 
 def verify_play(play: Play, *, within: float | None = None) -> Verification:
-    """Simulates a play event-driven, and measures whether it is as it was compiled.
+    """Verification of a play by an event-driven simulation.
 
-    Checked are: the run reaches its end; every cue that is done is seen within 1/60 s of its time;
-    players, obstacles and strings keep the stage's distance; strings never cross; the floor is not
-    touched but by who sits; what is held, put down or sat on is so; the hands keep their bounds and
-    their space, and rest where a show waits. The bodies of one player are not checked against each
-    other, nor against its own strings.
+    The requirements are: the run reaches its end; every cue that is done is seen within 1/60 s of
+    its time; players, obstacles and strings keep the stage's distance; strings never cross; only
+    sitters touch the floor; props are held, put down and sat on as the cues say; the hands keep
+    their bounds and their space, and rest while a show waits. The bodies of one player are not
+    checked against each other, nor against its own strings.
 
     Args:
-        play: compiled.
+        play: compiled play.
         within: time after which simulating stops [s]. The run from compiling is then measured,
             with time steps where something touches, and this counts as a fault. No limit by
             default.
@@ -133,20 +134,21 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         for failure in failures(play.cast, play.meetings, runs)
     ]
     faults += [_stops(play, stop) for stop in runs.stops]
-    found = tuple(touches(play.cast, run, play.meetings))
-    faults += [f"{one}, in {play.when(one.t)}" for one in found]
+    listed = tuple(touches(play.cast, run, play.meetings))
+    faults += [f"{touch}, in {play.when(touch.t)}" for touch in listed]
     cues = cue_times(play, run)
-    for one in cues:
-        if abs(one.late) > IN_TIME + 1e-9:
-            side = "late" if one.late > 0.0 else "early"
+    for timing in cues:
+        if abs(timing.late) > IN_TIME + 1e-9:
+            side = "late" if timing.late > 0.0 else "early"
             faults.append(
-                f"line {one.cue.line}: {one.cue.what}: {one.who} is {1e3 * abs(one.late):.0f} ms "
-                f"{side}, in {play.when(one.wanted)}"
+                f"line {timing.cue.line}: {timing.cue.what}: "
+                f"{timing.who} is {1e3 * abs(timing.late):.0f} ms "
+                f"{side}, in {play.when(timing.wanted)}"
             )
     faults += [
         f"hands move by {rate:.2g} m/s where a show waits, in {play.when(wait.t)}"
         for wait in play.score.waits
-        if (rate := float(np.max(np.abs(play.score.offsets(wait.t)[1])))) > _AT_REST
+        if (rate := float(np.max(np.abs(play.score.offsets(wait.t)[1])))) > _MAX_REST_RATE
     ]
     peaks, over = _peaks(play)
     space, outside = _space(play, run.q_K)
@@ -154,7 +156,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
     wound = tuple(
         winding
         for winding in strings.windings()
-        if np.max(np.abs(winding.turns - winding.turns[0])) > _WOUND
+        if np.max(np.abs(winding.turns - winding.turns[0])) > _MIN_WINDING
     )
     faults += [
         f"strings {winding.what} and {winding.other} are wound around each other by "
@@ -172,7 +174,7 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
         run,
         tuple(faults),
         cues,
-        found,
+        listed,
         peaks,
         tension,
         catches,
@@ -183,82 +185,87 @@ def verify_play(play: Play, *, within: float | None = None) -> Verification:
 
 
 def _stops(play: Play, stop: Stop) -> str:
-    """A sentence on the stop of a run, with its last cue begun, else the first, and the line."""
+    """Sentence about the stop of a run, with its line and its last cue begun, else its first."""
     starts = [
         (marks[START], cue)
         for cue in play.cues
         for who, marks in cue.marks.items()
         if who in stop.players
     ]
-    told = stop.told(f"in {play.when(stop.t)}")
+    sentence = stop.told(f"in {play.when(stop.t)}")
     if not starts:
-        return told
-    starts.sort(key=lambda one: one[0])
+        return sentence
+    starts.sort(key=lambda start: start[0])
     begun = [cue for t, cue in starts if t <= stop.t + LATE]
     cue = begun[-1] if begun else starts[0][1]
-    return f"line {cue.line}: {cue.what}: {told}"
+    return f"line {cue.line}: {cue.what}: {sentence}"
 
 
 def cue_times(play: Play, run: Trajectory) -> tuple[CueTime, ...]:
-    """When every cue that is done is seen in a run of the play."""
+    """Times of all cues that are done, in a run of the play."""
     seen: dict[tuple[int, str], list[float]] = {}
-    parts = {id(one): part for one, part in zip(play.score.cues, play.parts, strict=True)}
+    parts = {id(cue): part for cue, part in zip(play.score.cues, play.parts, strict=True)}
     for late in lateness(play.score, run):
         number, who = parts[id(late.cue)]
         if late.mark == play.cues[number - 1].mark:
             seen.setdefault((number, who), []).append(late.seconds)
-    found = []
+    times = []
     for cue in play.cues:
         if cue.refused or cue.start > run.t[-1]:
             continue
         if cue.with_prop:
-            # Who takes part begins one after the other: the cue begins with the first.
+            # Its players begin one after the other: the cue begins with the first.
             wanted = float(np.clip(cue.start, cue.wanted, cue.wanted + cue.give))
-            found.append(CueTime(cue, cue.who[0], wanted, cue.start, limb=False))
+            times.append(CueTime(cue, cue.who[0], wanted, cue.start, limb=False))
             continue
         for who, marks in cue.marks.items():
             own, hands = seen.get((cue.number, who)), marks[cue.mark or START]
             at = hands if own is None else hands + float(np.mean(own))
-            # What may begin later is in time until then.
+            # A cue that may be delayed is in time until then.
             wanted = float(np.clip(at, cue.wanted, cue.wanted + cue.give))
-            found.append(CueTime(cue, who, wanted, at, own is not None))
-    return tuple(found)
+            times.append(CueTime(cue, who, wanted, at, own is not None))
+    return tuple(times)
 
 
 def _peaks(play: Play) -> tuple[dict[str, tuple[float, float, float, float]], list[str]]:
-    """Largest speeds and accelerations of the hands, and where they pass their bounds."""
+    """Largest speeds and accelerations of the hands, and violations of their bounds."""
     score, table = play.score, play.marionette.coordinates
-    most = limits(table, score.speed, score.acceleration)
+    bounds = limits(table, score.speed, score.acceleration)
     peaks = score.gesture.peaks
-    found, over = {}, []
+    largest, over = {}, []
     for v in np.flatnonzero(score.gesture.named):
         name = table.v_K[v]
-        found[name] = (float(peaks[0, v]), float(most[0, v]), float(peaks[1, v]), float(most[1, v]))
+        largest[name] = (
+            float(peaks[0, v]),
+            float(bounds[0, v]),
+            float(peaks[1, v]),
+            float(bounds[1, v]),
+        )
         for row, what, unit in ((0, "moves at", "m/s"), (1, "changes by", "m/s^2")):
-            if peaks[row, v] > most[row, v] * (1.0 + PEAKS):
+            if peaks[row, v] > bounds[row, v] * (1.0 + PEAKS):
                 piece = int(np.argmax(score.gesture.peaks_of_pieces[:, row, v]))
                 when = play.when(score.gesture.breaks[piece])
                 over.append(
                     f"{name} {what} {peaks[row, v]:.3g} {unit} in {when}; "
-                    f"the bound is {most[row, v]:.3g}"
+                    f"the bound is {bounds[row, v]:.3g}"
                 )
-    return found, over
+    return largest, over
 
 
 def _space(
     play: Play, q_K: np.ndarray
 ) -> tuple[tuple[tuple[float, float], tuple[float, float]], list[str]]:
-    """Reach of the hands, and where they leave their space."""
+    """Extent of the hands' motion, and violations of their space."""
     names = play.marionette.coordinates.q_K
-    found, outside = [], []
+    extents, outside = [], []
     space = play.cast.file.stage.space
     for part, bounds in (("x", space and space.x), ("y", space and space.y)):
         own = q_K[:, [i for i, name in enumerate(names) if name.endswith(f".{part}")]]
         low, high = (float(own.min()), float(own.max())) if own.size else (0.0, 0.0)
-        found.append((low, high))
+        extents.append((low, high))
         if bounds and not (bounds[0] - 1e-9 <= low and high <= bounds[1] + 1e-9):
             outside.append(
                 f"hands go from {part} = {low:.3f} to {high:.3f} m; "
                 f"their space is {bounds[0]:g} to {bounds[1]:g} m"
             )
-    return (found[0], found[1]), outside
+    return (extents[0], extents[1]), outside

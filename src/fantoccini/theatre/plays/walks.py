@@ -1,4 +1,4 @@
-"""Walks of players over the stage of a play: what is in their way, and how they step."""
+"""Walks of players over the stage of a play, past obstacles and each other."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from fantoccini.theatre.plays.player_gestures import step_time
 from fantoccini.theatre.script import ScriptLog
 from fantoccini.theatre.ways import Box, Disk, NoWay, Other, Rectangle, Region, find_way
 
-_LONGEST_STEP = 0.1
-"""[m]"""
+_MAX_STEP = 0.1
+"""Longest step [m]."""
 _CARRYING = 2.0
-"""Factor of a step's duration for who carries something."""
+"""Factor of a step's duration for a player that carries something."""
 _SWING = 0.02
-"""Swing of bodies beyond the disk of their strings' ends in a walk [m]."""
-_REACH = 0.6
-"""Height below which what stands on the stage is in the way [m]."""
-_TRIES = 4
-"""Number of beginnings tried for a walk to arrive in time."""
+"""Swing of bodies beyond the disk of their strings' ends during a walk [m]."""
+_MAX_HEIGHT = 0.6
+"""Largest height of the underside of an obstacle that is in the way [m]."""
+_MAX_TRIES = 4
+"""Number of beginnings that are tried for a walk to arrive in time."""
 _SAMPLE = 0.02
 """Time between checked places of a way [s]."""
 _UPRIGHT = 1e-9
@@ -34,18 +34,18 @@ _UPRIGHT = 1e-9
 _TOLERANCE = 1e-4
 """Tolerance of the distance between a path and standing obstacles [m]."""
 _IN_TIME = 1e-6
-"""Difference of times that counts as none [s]."""
+"""Tolerance for equal times [s]."""
 
 Track = tuple[Player, tuple[Times, Array]]
-"""A player, and where it is over time."""
+"""A player, and its places over time."""
 
 
 class Walks:
-    """The stage from above.
+    """Stage of a play seen from above.
 
     Args:
-        cast: of the play.
-        log: knows the beat.
+        cast: cast of the play.
+        log: has the duration of a beat.
     """
 
     def __init__(self, cast: Cast, log: ScriptLog):
@@ -59,7 +59,7 @@ class Walks:
             if not thing.held_by and cast.file.props[thing.name].on is None:
                 self.blocked.append(_around(thing))
         self._space = stage.space
-        self._kept: dict[tuple[Any, ...], Way | NoWay] = {}
+        self._cache: dict[tuple[Any, ...], Way | NoWay] = {}
 
     def way(
         self,
@@ -75,60 +75,60 @@ class Walks:
         free_from: float,
         carries: bool = False,
     ) -> tuple[Way | None, str]:
-        """A way by several footings past all others.
+        """Way by several footings past all other players.
 
         Args:
-            player: who walks.
-            start, goals: from where, and by what places to where.
+            player: player that walks.
+            start, goals: footing at the beginning, and footings to pass, the goal last.
             begin: earliest time [s].
-            wait: by how much later it may begin [s].
-            others: where they are over time.
-            near: how far from the last goal it may end [m].
-            arrives: when it is to arrive [s]; as soon as it can when not given.
-            free_from: when the player can begin at the earliest [s].
-            carries: whether something hangs on its forearm: then it steps more slowly.
+            wait: longest delay after it [s].
+            others: other players with their places over time.
+            near: largest distance from the last goal at which it may end [m].
+            arrives: wanted time of arrival [s]; as soon as possible by default.
+            free_from: time from which the player can begin [s].
+            carries: whether something hangs on its forearm: it then steps more slowly.
 
         Returns:
-            The way, or None and why there is none.
+            The way, or None and the reason why there is none.
         """
         if arrives is not None:
             begin = free_from
-        found = self._by_goals(player, start, goals, begin, wait, others, near, carries)
-        if isinstance(found, NoWay):
-            return None, self._why(player, found)
+        way = self._by_goals(player, start, goals, begin, wait, others, near, carries)
+        if isinstance(way, NoWay):
+            return None, self._why(player, way)
         if arrives is None:
-            return found, ""
-        for _ in range(_TRIES):
-            early = arrives - found.end
-            if abs(early) < _IN_TIME or found.begin + early < free_from - _IN_TIME:
+            return way, ""
+        for _ in range(_MAX_TRIES):
+            early = arrives - way.end
+            if abs(early) < _IN_TIME or way.begin + early < free_from - _IN_TIME:
                 break
-            later = found.begin + early
+            later = way.begin + early
             again = self._by_goals(player, start, goals, later, 0.0, others, near, carries)
             if isinstance(again, NoWay):
                 break
-            found = again
-        return found, ""
+            way = again
+        return way, ""
 
     @staticmethod
     def clear(player: Player) -> float:
-        """Distance that a player keeps from what stands on the stage [m]."""
+        """Distance that a player keeps from obstacles [m]."""
         return player.radius + SWAY + _SWING
 
     def is_clear(self, player: Player, place: Footing) -> bool:
-        """Whether nothing that stands on the stage is too near to a place."""
+        """Whether a place is clear of all obstacles."""
         at = np.array(place.place)
         return all(float(region.distance(at)) >= self.clear(player) for region in self.blocked)
 
     def is_inside(self, player: Player, place: Footing) -> bool:
-        """Whether the hands of a player that stands somewhere are within their space."""
-        room = self._room(player)
-        return room is None or bool(room.holds(np.array(place.place)))
+        """Whether the hands of a player at a place are within their space."""
+        bounds = self._room(player)
+        return bounds is None or bool(bounds.holds(np.array(place.place)))
 
     def obstruction(self, player: Player, place: complex) -> str:
-        """The reason why a player can never stand near a place, even if others leave; else ""."""
-        room, at = self._room(player), np.array(place)
-        if room is not None and not room.holds(at):
-            outside = abs(room.nearest(place) - place)
+        """Reason why a player can never stand near a place, even if others leave; else ""."""
+        bounds, at = self._room(player), np.array(place)
+        if bounds is not None and not bounds.holds(at):
+            outside = abs(bounds.nearest(place) - place)
             return f"the place is {outside:.2f} m outside of the hands' space"
         for region in self.blocked:
             if float(region.distance(at)) < self.clear(player) - _TOLERANCE:
@@ -136,7 +136,7 @@ class Walks:
         return ""
 
     def in_the_way(self, player: Player, way: Way, others: Sequence[Track]) -> str | None:
-        """The player that comes too near on a way; None if nobody does."""
+        """Name of a player that comes too near on a way; None if nobody does."""
         n = int(np.ceil((way.end - way.begin) / _SAMPLE)) + 1
         t = np.linspace(way.begin, way.end, n)
         xy, _ = way.footing(t)
@@ -148,29 +148,29 @@ class Walks:
         return None
 
     def middle(self, name: str) -> complex | None:
-        """The middle of what stands on the stage [m]; None of what is above the players."""
-        found = (complex(*region.centre) for region in self.blocked if region.name == name)
-        return next(found, None)
+        """Middle of an obstacle [m]; None if it is above the players."""
+        centres = (complex(*region.centre) for region in self.blocked if region.name == name)
+        return next(centres, None)
 
     def sides(self, name: str, seen: complex, inset: float) -> list[tuple[float, complex]]:
-        """Where something can be put on an obstacle: headings and places [rad, m].
+        """Places for props on an obstacle: headings of a player and places [rad, m].
 
         Args:
-            name: of the obstacle.
-            seen: from where.
-            inset: how far from its border, where it is large enough [m].
+            name: name of the obstacle.
+            seen: place of the player.
+            inset: distance from the border, if the obstacle is large enough [m].
         """
-        (one,) = [region for region in self.blocked if region.name == name]
-        middle = complex(*one.centre)
-        if not isinstance(one, Box):
-            assert isinstance(one, Disk)
+        (region,) = [candidate for candidate in self.blocked if candidate.name == name]
+        middle = complex(*region.centre)
+        if not isinstance(region, Box):
+            assert isinstance(region, Disk)
             heading = float(np.angle(middle - seen))
-            return [(heading, middle - max(one.radius - inset, 0.0) * np.exp(1j * heading))]
-        found = []
-        for k, half in enumerate((*one.half, *one.half)):
-            heading = one.yaw + 0.5 * np.pi * k
-            found.append((heading, middle - max(half - inset, 0.0) * np.exp(1j * heading)))
-        return found
+            return [(heading, middle - max(region.radius - inset, 0.0) * np.exp(1j * heading))]
+        places = []
+        for k, half in enumerate((*region.half, *region.half)):
+            heading = region.yaw + 0.5 * np.pi * k
+            places.append((heading, middle - max(half - inset, 0.0) * np.exp(1j * heading)))
+        return places
 
     def _by_goals(
         self,
@@ -183,25 +183,25 @@ class Walks:
         near: float,
         carries: bool,
     ) -> Way | NoWay:
-        """Ways from goal to goal as one."""
+        """Way from goal to goal as one way."""
         whole: Way | None = None
         for i, goal in enumerate(goals):
-            found = self._found(player, start, goal, begin, wait, others, carries)
-            other = found.nearest if isinstance(found, NoWay) else None
+            part = self._cached_way(player, start, goal, begin, wait, others, carries)
+            other = part.nearest if isinstance(part, NoWay) else None
             last = i == len(goals) - 1
             if last and other is not None and abs(other.place - goal.place) <= near:
                 goal = other
-                found = self._found(player, start, goal, begin, wait, others, carries)
-            if isinstance(found, NoWay):
-                return found
-            steps = found.steps if whole is None else (*whole.steps, *found.steps)
-            whole = replace(found if whole is None else whole, steps=steps)
-            # Later it only stands, which is a step that does not move.
+                part = self._cached_way(player, start, goal, begin, wait, others, carries)
+            if isinstance(part, NoWay):
+                return part
+            steps = part.steps if whole is None else (*whole.steps, *part.steps)
+            whole = replace(part if whole is None else whole, steps=steps)
+            # The player may only wait before the first part; later it stands in steps.
             start, begin, wait = goal, whole.end, 0.0
         assert whole is not None
         return whole
 
-    def _found(
+    def _cached_way(
         self,
         player: Player,
         start: Footing,
@@ -213,12 +213,12 @@ class Walks:
     ) -> Way | NoWay:
         around = tuple((other.name, t.tobytes(), xy.tobytes()) for other, (t, xy) in others)
         key = (player.name, start, goal, round(begin, 9), wait, carries, around)
-        if key not in self._kept:
-            self._kept[key] = find_way(
+        if key not in self._cache:
+            self._cache[key] = find_way(
                 start,
                 goal,
                 begin=begin,
-                longest_step=_LONGEST_STEP,
+                longest_step=_MAX_STEP,
                 step_time=self.step_time * (_CARRYING if carries else 1.0),
                 radius=self.clear(player),
                 blocked=self.blocked,
@@ -226,10 +226,10 @@ class Walks:
                 latest_begin=begin + wait,
                 others=[Other(other.name, t, xy, self.clear(other)) for other, (t, xy) in others],
             )
-        return self._kept[key]
+        return self._cache[key]
 
     def _room(self, player: Player) -> Rectangle | None:
-        """Where the middle of a player may be; None where it may be anywhere."""
+        """Bounds of the middle of a player; None without bounds."""
         if self._space is None:
             return None
         (a, b), (c, d) = self._space.x, self._space.y
@@ -245,9 +245,9 @@ class Walks:
 
 
 def _regions(name: str, shape: Shape) -> list[Region]:
-    """The region of the stage under a shape, if it is not above the players."""
+    """Region of the stage under a shape; empty if it is above the players."""
     low, high = extent(shape)
-    if low[2] > _REACH:
+    if low[2] > _MAX_HEIGHT:
         return []
     turned = _turned(name, shape)
     if turned is not None:
@@ -260,7 +260,7 @@ def _regions(name: str, shape: Shape) -> list[Region]:
 
 
 def _turned(name: str, shape: Shape) -> Region | None:
-    """A box that is turned about the vertical only; None of other shapes."""
+    """Box that is turned only about the vertical; None for other shapes."""
     if not isinstance(shape, BoxShape) or shape.orientation is None:
         return None
     R = shape.orientation.matrix
@@ -272,7 +272,7 @@ def _turned(name: str, shape: Shape) -> Region | None:
 
 
 def _around(thing: PlayProp) -> Region:
-    """The region of the stage under a prop on the floor."""
+    """Region of the stage under a prop on the floor."""
     ends = np.array([extent(shape) for shape in thing.prop.shapes])
     low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)

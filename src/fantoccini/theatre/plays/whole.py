@@ -1,4 +1,4 @@
-"""The whole of a play as a score: the motion of all hands, captions, sounds and waits."""
+"""A whole play as a score: the motion of all hands, captions, sounds and waits."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def whole_score(
     cues: Sequence[Placed[PlayCue]],
     log: ScriptLog,
 ) -> Score:
-    """All players' motions as one score of the stage."""
+    """Score of the stage, with the motions of all players."""
     file = cast.file
     table = cast.whole.coordinates
     own = {
@@ -51,7 +51,7 @@ def whole_score(
         start = min(part.start for part in placed.parts)
         if cue.given.says is not None:
             end = max(part.end for part in placed.parts)
-            # Who takes part in what another does with a prop says nothing.
+            # Only the player that handles the prop speaks, not others that take part.
             who = cue.given.who if isinstance(cue.given, PropCue) else cue.who
             words = Caption(start, max(end, start + 1.0), cue.given.says, " and ".join(who))
             captions.append(words)
@@ -64,13 +64,13 @@ def whole_score(
         whole.called(file.play),
         tuple(played),
         marks,
-        tuple(sorted(captions, key=lambda one: one.start)),
+        tuple(sorted(captions, key=lambda caption: caption.start)),
         log.beat,
         (),
         file.play,
         file.stage.speed,
         file.stage.acceleration,
-        tuple(sorted(waits, key=lambda one: one.t)),
+        tuple(sorted(waits, key=lambda wait: wait.t)),
         sounds,
         own,
         file.tempo,
@@ -78,7 +78,7 @@ def whole_score(
 
 
 def sounds_of(file: PlayFile, log: ScriptLog) -> tuple[Sound, ...]:
-    """The sounds of a play; records those that are missing, and times that are none."""
+    """Sounds of a play; records missing files and invalid times."""
 
     def time(given: Time, spot: Spot) -> float:
         if not isinstance(given, str):

@@ -1,10 +1,10 @@
-"""Following: motions of the hands with which a puppet itself does what a clip shows.
+"""Following: motions of the hands with which a puppet itself moves as a clip does.
 
     min over acc_K of  sum_i w_i |x_i(t) - x_i,hung(t)|^2 + w_K |q_K - q_K,hung|^2 + smoothness
 
-over a horizon that goes along, within bounds of speed and acceleration (:class:`fantoccini.MPC`):
-x_i,hung are the places of the parts in the hanging poses nearest to the clip. The hands lead by as
-much as limbs lag, and take their swing out.
+over a receding horizon, within bounds of speed and acceleration (:class:`fantoccini.MPC`):
+x_i,hung are the positions of the parts in the hanging poses nearest to the clip. The hands lead by
+the lag of the limbs, and damp their swing.
 """
 
 from __future__ import annotations
@@ -48,28 +48,28 @@ from fantoccini.theatre.retarget.retargeting import (
 )
 
 SPEED, ACCELERATION = 2.0, 30.0
-"""Bounds of the driven coordinates where none are given [m/s, m/s^2]."""
+"""Default bounds of the driven coordinates [m/s, m/s^2]."""
 INTERVAL = 0.05
-"""Over which the hands' accelerations are constant [s]."""
+"""Interval over which the hands' accelerations are constant [s]."""
 _HORIZON = 14
-"""Intervals that are looked ahead."""
+"""Number of intervals in the horizon."""
 _DT = 0.0125
 """Time step of predictions [s]."""
 _WEIGHT, _WEIGHT_K = 1e4, 30.0
-"""Weight of the parts, which their own weights multiply, and w_K [1/m^2]."""
+"""Weight of the parts, a factor of their own weights, and w_K [1/m^2]."""
 _SMOOTH = Smooth(acceleration=1e-3, jerk=1e-6)
-_STILL = 8
-"""Intervals after the clip's end in which the puppet comes to rest."""
+_SETTLING_INTERVALS = 8
+"""Number of intervals after the clip's end in which the puppet comes to rest."""
 _EASE = 0.5
-"""Time in which the clip's time begins to run, and comes to its end [s]."""
+"""Time over which the clip's time starts and stops [s]."""
 MAX_ERROR = 0.15
 """Largest error of a group of parts in a run that follows, relative to the puppet's height."""
 _SLOWER = 0.5, 0.25
-"""Factors of the bounds of speed and acceleration, tried when a run goes astray."""
-_EVERY = 4
-"""Step between samples of a run between which crossings are searched."""
-_WIDTH = 0.035
-"""Standard deviation of what smooths the hanging poses [s]."""
+"""Factors of the bounds of speed and acceleration, tried if the run leaves the clip."""
+_SAMPLE_STEP = 4
+"""Step between samples of a run that are searched for crossings."""
+_SMOOTHING_TIME = 0.035
+"""Standard deviation of the smoothing of the hanging poses [s]."""
 GROUPS = {
     "hands": ("hand_left", "hand_right"),
     "head": ("head",),
@@ -88,7 +88,7 @@ _LINES = (
 
 
 class FollowStatus(Outcome):
-    """A clip followed by a puppet."""
+    """Outcome of following a clip."""
 
     FOLLOWS = "the run reached the clip's end, within 15 % of the puppet's height of the clip"
     ASTRAY = "the run is farther from the clip than 15 % of the puppet's height"
@@ -100,11 +100,11 @@ class PartError:
     """Errors of a group of parts, root mean squares over time and parts [m].
 
     Attributes:
-        name: of the group.
-        reach: of the hanging poses nearest to the clip: what no hands can better.
-        run: of the run, from the clip.
-        largest: of the run, at any time.
-        above: share of the puppet's height by which ``run`` exceeds ``reach``.
+        name: name of the group.
+        reach: error of the hanging poses nearest to the clip, the least that is possible.
+        run: error of the run.
+        largest: largest error of the run at any time.
+        above: difference of ``run`` and ``reach``, relative to the puppet's height.
     """
 
     name: str
@@ -116,17 +116,17 @@ class PartError:
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """A puppet that follows a clip. True where its run arrived and is near the clip.
+    """A puppet that follows a clip. True if its run arrived and is near the clip.
 
     Attributes:
-        retargeted: the clip, and the hanging poses nearest to it.
-        status: how it ended.
-        run: the event-driven run.
-        acc_K: (N, n_vK) accelerations of the driven coordinates, over an interval each.
-        interval: [s].
+        retargeted: clip, and the hanging poses nearest to it.
+        status: outcome.
+        run: event-driven run.
+        acc_K: (N, n_vK) accelerations of the driven coordinates in each interval.
+        interval: duration of an interval [s].
         t: (T,) times in the run of the clip's frames, with a slow beginning and end [s].
         seconds: computing time [s].
-        share: factor of the bounds of speed and acceleration: less than 1 if the run went astray
+        share: factor of the bounds of speed and acceleration: less than 1 if the run left the clip
             with the full bounds.
     """
 
@@ -164,30 +164,31 @@ class Followed:
 
     def __repr__(self) -> str:
         clip = self.retargeted.clip
-        above = ", ".join(f"{one.name} {100 * one.above:.1f} %" for one in self.report)
+        above = ", ".join(f"{part.name} {100 * part.above:.1f} %" for part in self.report)
         return f"<Followed {clip.name!r}: {self.status.name}, above reach {above} of the height>"
 
     @property
     def inputs(self) -> Input:
-        """The motion of the hands, from ``retargeted.start`` on."""
-        made = driven(self.retargeted.marionette, self.run.state(0), self.acc_K)
-        return made.called(self.retargeted.clip.name)
+        """Motion of the hands from ``retargeted.start``."""
+        inputs = driven(self.retargeted.marionette, self.run.state(0), self.acc_K)
+        return inputs.called(self.retargeted.clip.name)
 
     def guides(self, times: Times) -> list[Array]:
         """(len(times), n, 3) lines through the parts of the clip at times of the run [m].
 
-        Trunk and head, both arms, both legs; for ``view.film(..., guides=followed.guides)``.
+        The lines are trunk and head, both arms and both legs; see ``view.film(...,
+        guides=followed.guides)``.
         """
-        parts, found = self.retargeted.places.parts, []
+        parts, lines = self.retargeted.places.parts, []
         for line in _LINES:
             path = np.stack([parts[part] for part in line], axis=1).reshape(len(self.t), -1)
             at = np.stack([np.interp(times, self.t, column) for column in path.T], axis=1)
-            found.append(at.reshape(len(times), len(line), 3))
-        return found
+            lines.append(at.reshape(len(times), len(line), 3))
+        return lines
 
     @cached_property
     def places(self) -> dict[str, Array]:
-        """Part -> (T, 3) where it is in the run at the clip's frames, while it lasts [m]."""
+        """Part -> (T, 3) position in the run at the clip's frames, up to the run's end [m]."""
         return places_of(self.retargeted, self.run, self.t)
 
     @cached_property
@@ -214,30 +215,30 @@ def follow_clip(
     acceleration: float | Mapping[str, float] = ACCELERATION,
     progress: OnProgress | None = None,
 ) -> Followed:
-    """The motion of the hands with which a puppet follows captured motion.
+    """Motion of the hands with which a puppet follows captured motion.
 
-    Strings run straight up; where they pass through one another, the clip is followed again with
-    strings that lean outwards, and the motion with the fewest passages is returned. Where the run
-    goes astray, smaller shares of the bounds are tried.
+    Strings run straight up; if they pass through one another, the clip is followed again with
+    strings that lean outwards, and the motion with the fewest passages is returned. If the run
+    leaves the clip, smaller shares of the bounds are tried.
 
     Args:
-        marionette: the puppet, without contact.
-        clip: a BVH file, what :func:`load_bvh` read, or the result of :func:`place_clip` or
-            :func:`retarget_clip`; the poses of the latter are followed as they are.
+        marionette: puppet without contact.
+        clip: a BVH file, the result of :func:`load_bvh`, or that of :func:`place_clip` or
+            :func:`retarget_clip`; the poses of the latter are followed unchanged.
         mapping: see :func:`retarget_clip`, as for ``start``, ``travel``, ``up`` and ``of``.
-        start: where the puppet hangs, from which the first pose is looked for.
-        travel: share of the way along the floor that is kept.
+        start: state at rest from which the search for the first pose begins.
+        travel: share of the motion over the floor that is followed.
         speed, acceleration: bounds of the driven coordinates, for all or by name; others have the
-            usual ones [m/s or rad/s, m/s^2 or rad/s^2].
-        progress: called with the share that is done.
+            default bounds [m/s or rad/s, m/s^2 or rad/s^2].
+        progress: called with the completed share.
 
     Raises:
-        FileError: files with mistakes, or joints that are not found.
-        StateError: the puppet has not the bodies of a person, or has contact.
+        FileError: the files have mistakes, or joints are missing.
+        StateError: the puppet does not have the bodies of a person, or has contact.
     """
     began = time.perf_counter()
-    given = mapping is not None or start is not None or travel != 1.0 or bool(up or of)
-    if given and isinstance(clip, Placed | Retargeted):
+    has_options = mapping is not None or start is not None or travel != 1.0 or bool(up or of)
+    if has_options and isinstance(clip, Placed | Retargeted):
         raise StateError(
             "follow_clip: a clip that was placed or retargeted has its mapping, start, travel, up "
             "and of already"
@@ -252,9 +253,9 @@ def follow_clip(
             if not best or not best.crossings:
                 break
             hung = retarget_clip(marionette, replace(clip, lean=lean))
-            made = _follow_within(hung, speed, acceleration, progress)
-            if made and len(made.crossings) < len(best.crossings):
-                best = made
+            followed = _follow_within(hung, speed, acceleration, progress)
+            if followed and len(followed.crossings) < len(best.crossings):
+                best = followed
     return replace(best, seconds=time.perf_counter() - began)
 
 
@@ -264,20 +265,20 @@ def _follow_within(
     acceleration: float | Mapping[str, float],
     progress: OnProgress | None,
 ) -> Followed:
-    """The clip followed within the full bounds, or within reduced bounds if the run goes astray."""
+    """The clip followed within the full bounds, or within reduced bounds if the run leaves it."""
     names, best = clip.marionette.coordinates.v_K, None
     for share in (1.0, *_SLOWER):
         bounds = [
-            {name: share * most for name, most in _every(bound, usual, names).items()}
+            {name: share * limit for name, limit in _every(bound, usual, names).items()}
             for bound, usual in ((speed, SPEED), (acceleration, ACCELERATION))
         ]
-        made = replace(_followed(clip, bounds[0], bounds[1], progress), share=share)
-        if best is None or (bool(made), made.arrived, -made.far) > (
+        followed = replace(_followed(clip, bounds[0], bounds[1], progress), share=share)
+        if best is None or (bool(followed), followed.arrived, -followed.far) > (
             bool(best),
             best.arrived,
             -best.far,
         ):
-            best = made
+            best = followed
         if best or best.hanging_far > MAX_ERROR:
             break
     assert best is not None
@@ -290,12 +291,12 @@ def _followed(
     acceleration: Mapping[str, float],
     progress: OnProgress | None,
 ) -> Followed:
-    """A clip followed within bounds of the driven coordinates, by name."""
+    """The clip followed within bounds of the driven coordinates, by name."""
     marionette, x0 = clip.marionette, clip.start
     t = x0.t + eased(clip.t)
     tracks = tracks_along(clip.figure, t, *smoothed(clip))
     acc_K, arrived = lead_along(marionette, x0, t[-1], tracks, speed, acceleration, progress)
-    # Run again from the inputs alone: what a stand does that is not watched.
+    # A second run uses the inputs alone, as a stand without feedback does.
     run = simulate(marionette, x0, driven(marionette, x0, acc_K), effort=False, throw=False)
     status = FollowStatus.FOLLOWS if arrived and run.status in ARRIVED else FollowStatus.STOPPED
     followed = Followed(clip, status, run, acc_K, INTERVAL, t, 0.0)
@@ -316,21 +317,21 @@ def lead_along(
     """Accelerations of the hands with which parts follow tracks, by MPC in an event-driven run.
 
     Args:
-        marionette: the puppet.
-        x0: where it hangs at rest.
-        until: the time at which the tracks end; the hands come to rest after it [s].
-        tracks: of parts and hands.
+        marionette: puppet.
+        x0: state at rest.
+        until: end of the tracks, after which the hands come to rest [s].
+        tracks: tracks of parts and hands.
         speed, acceleration, progress: see :func:`follow_clip`.
 
     Returns:
         (n, n_vK) accelerations over intervals of ``INTERVAL`` each, and whether the run arrived.
     """
-    n = int(np.ceil((until - x0.t) / INTERVAL - 1e-9)) + _STILL
+    n = int(np.ceil((until - x0.t) / INTERVAL - 1e-9)) + _SETTLING_INTERVALS
     names = marionette.coordinates.v_K
     bounds = Bounds(
         speed=_every(speed, SPEED, names), acceleration=_every(acceleration, ACCELERATION, names)
     )
-    most = bounds.magnitudes(marionette, "acceleration")
+    largest_acceleration = bounds.magnitudes(marionette, "acceleration")
     task = Task(
         marionette, x0, n * INTERVAL, list(tracks), _SMOOTH, bounds, interval=INTERVAL, dt=_DT
     )
@@ -340,7 +341,9 @@ def lead_along(
     for i in range(n):
         acc_K[i] = mpc.step(stepper.state)
         if i == n - 1:
-            acc_K[i] = np.clip(-stepper.state.v_K / INTERVAL, -most, most)
+            acc_K[i] = np.clip(
+                -stepper.state.v_K / INTERVAL, -largest_acceleration, largest_acceleration
+            )
         stepper.advance(INTERVAL, acc_K[i], throw=False)
         if not stepper.arrived:
             return acc_K[: i + 1], False
@@ -350,13 +353,13 @@ def lead_along(
 
 
 def driven(marionette: Marionette, x0: State, acc_K: Array) -> Input:
-    """The motion of the hands with accelerations (n, n_vK) over intervals."""
+    """Motion of the hands with accelerations (n, n_vK) in successive intervals."""
     times = x0.t + INTERVAL * np.arange(len(acc_K) + 1, dtype=float)
     return Input.segments(marionette, times, x0.q_K, x0.v_K, acc_K)
 
 
 def places_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Array]:
-    """Part -> (T, 3) where it is in a run at times of the clip's frames, while it lasts [m]."""
+    """Part -> (T, 3) position in a run at times of the clip's frames, up to the run's end [m]."""
     run = run.resample(np.clip(t, run.t[0], run.t[-1]))
     return places_in(retargeted.figure, retargeted.marionette.poses(run.q_D, run.q_K))
 
@@ -368,7 +371,7 @@ def errors_of(retargeted: Retargeted, run: Trajectory, t: Times) -> dict[str, Ar
 
 
 def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[PartError, ...]:
-    """Errors of hands, head, feet and trunk, from those of a run by part."""
+    """Errors of hands, head, feet and trunk, from those of the parts."""
     part_errors = []
     for name, parts in GROUPS.items():
         run = np.stack([errors[part] for part in parts])
@@ -381,13 +384,13 @@ def report_of(retargeted: Retargeted, errors: Mapping[str, Array]) -> tuple[Part
 
 def crossings_in(marionette: Marionette, run: Trajectory) -> tuple[Crossing, ...]:
     """Passages of strings through one another in a run."""
-    k = np.unique(np.append(np.arange(0, len(run), _EVERY), len(run) - 1))
+    k = np.unique(np.append(np.arange(0, len(run), _SAMPLE_STEP), len(run) - 1))
     samples = (x[k] for x in (run.q_D, run.q_K, run.t))
     return StringsApart(marionette).over(*samples).crossings()
 
 
 def eased(t: Times, ease: float = _EASE) -> Times:
-    """Times of a clip's frames where its time begins to run from rest, and ends at rest [s].
+    """Times of a clip's frames whose time starts from rest and ends at rest [s].
 
     Over ``ease`` seconds at either end the clip's speed changes evenly between 0 and 1; clips
     shorter than that are slower throughout.
@@ -402,8 +405,8 @@ def eased(t: Times, ease: float = _EASE) -> Times:
 
 
 def smoothed(clip: Retargeted) -> tuple[dict[str, Array], Array]:
-    """Part -> (T, 3) places in the hanging poses, and (T, n_qK) their hands, smoothed."""
-    frames = _WIDTH * (len(clip.t) - 1) / float(clip.t[-1])
+    """Part -> (T, 3) positions in the hanging poses, and (T, n_qK) hands, smoothed."""
+    frames = _SMOOTHING_TIME * (len(clip.t) - 1) / float(clip.t[-1])
 
     def smooth(values: Array) -> Array:
         return np.asarray(gaussian_filter1d(values, frames, axis=0, mode="nearest"))
@@ -412,7 +415,7 @@ def smoothed(clip: Retargeted) -> tuple[dict[str, Array], Array]:
 
 
 def tracks_along(figure: Figure, t: Times, places: Mapping[str, Array], q_K: Array) -> list[Track]:
-    """Targets of a puppet: places of its parts by time, and its hands."""
+    """Tracks of a puppet's parts over time, and of its hands."""
     tracks = []
     for part, weight in WEIGHTS.items():
         body, at = figure.points[part]

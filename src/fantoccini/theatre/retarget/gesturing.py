@@ -1,9 +1,9 @@
-"""Clips as gestures: from where a puppet hangs into a clip, through it on the spot, and back.
+"""Clips as gestures: from a puppet's rest into a clip, through it on the spot, and back.
 
     x_i(t) = x_i,hang + s(t / T) (x_i,clip(0) - x_i,hang),   s = minimum jerk
 
-leads into the clip's first pose, and likewise back from its last. The hands follow all of it as
-those of :func:`follow_clip` do, within bounds that hold whichever way the puppet looks.
+leads into the clip's first pose, and likewise back from its last. The hands follow all of it as in
+:func:`follow_clip`, within bounds that hold for every heading of the puppet.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ from fantoccini.theatre.retarget.retargeting import (
 
 BEGINS, OVER = "begins", "over"
 """Marks of the clip's first and last frame."""
-_RATE = 30.0
-"""Frames a second from which on some are left out."""
+_MAX_RATE = 30.0
+"""Frame rate above which frames are left out [1/s]."""
 _EASE = 0.5
-"""Time in which the clip's time begins to run, and comes to its end [s]."""
-_LEAD, _SHARES = 0.5, (0.5, 0.25)
-"""Shortest way into a clip and back [s], and the shares of the bounds that ways use."""
-_BACK = 0.02
-"""Duration of stillness at the end [s]."""
-_AFTER = 0.6
-"""Time that coming to rest after all takes at most [s]."""
+"""Time over which the clip's time starts and stops [s]."""
+_MIN_LEAD, _BOUND_SHARES = 0.5, (0.5, 0.25)
+"""Least duration of the ways into a clip and back [s], and their shares of the bounds."""
+_REST_TIME = 0.02
+"""Duration of rest at the end [s]."""
+_STOP_TIME = 0.6
+"""Largest time to come to rest at the end [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +65,13 @@ class ClipGesture:
     """A clip as a gesture of a puppet.
 
     Attributes:
-        gesture: the motion of the hands, from where the puppet hangs and back; its marks are
-            ``begins`` and ``over``.
-        retargeted: the clip on the spot, and the hanging poses nearest to it.
+        gesture: motion of the hands from the puppet's rest and back; its marks are ``begins`` and
+            ``over``.
+        retargeted: clip on the spot, and the hanging poses nearest to it.
         t: (T,) times in the gesture of the clip's frames [s].
-        run: the event-driven run of the gesture, from where the puppet hangs.
-        report: errors of hands, head, feet and trunk in it, from the clip.
-        crossings: of the puppet's strings in it.
+        run: event-driven run of the gesture, from the puppet's rest.
+        report: errors of hands, head, feet and trunk in the run, relative to the clip.
+        crossings: crossings of the puppet's strings in the run.
     """
 
     gesture: Gesture
@@ -93,23 +93,23 @@ def place_on_spot(
     mapping: MappingFile | str | os.PathLike[str] | None = None,
     start: State | None = None,
 ) -> Placed:
-    """Where parts are to be in a clip on the spot, with 30 frames a second or a few more.
+    """Targets of a puppet's parts in a clip on the spot, with 30 frames a second or a few more.
 
-    Left out are the way over the floor and the turning about the vertical: the hips stay above
-    their place, and the trunk looks one way.
+    The motion over the floor and the turning about the vertical are removed: the hips stay above
+    their place, and the trunk keeps its heading.
 
     Args:
         marionette, clip, mapping, start: see :func:`retarget_clip`.
 
     Raises:
-        FileError: files with mistakes, or joints that are not found.
-        StateError: the puppet has not the bodies of a person, or has contact.
+        FileError: the files have mistakes, or joints are missing.
+        StateError: the puppet does not have the bodies of a person, or has contact.
     """
     if not isinstance(clip, Capture):
         clip = load_bvh(clip)
     if len(clip.t) > 2:
         clip = clip.without_calibration()
-        every = max(1, int((len(clip.t) - 1) / (clip.duration * _RATE) + 1e-3))
+        every = max(1, int((len(clip.t) - 1) / (clip.duration * _MAX_RATE) + 1e-3))
         clip = dataclasses.replace(
             clip,
             t=clip.t[::every],
@@ -127,76 +127,79 @@ def clip_gesture(
     speed: float,
     acceleration: float,
 ) -> ClipGesture:
-    """A clip as a gesture.
+    """Gesture of a clip.
 
-    Strings lean outwards and forwards, as where the puppet hangs and more, so that they do not
-    cross; by how much, is tried. The clip is raised by as much as feet would be lower than where
-    the puppet hangs.
+    Strings lean outwards and forwards, at least as much as at rest, so that they do not cross;
+    several leans are tried. The clip is raised until no foot is lower than at rest.
 
     Args:
-        placed: the clip on the spot.
-        faster: the clip itself plays in 1/faster of its time; the ways into it and back do not.
-        lasts: how long all of it takes instead [s].
+        placed: clip on the spot.
+        faster: speed of the clip itself; the ways into it and back keep theirs.
+        lasts: duration of the whole gesture instead [s].
         speed, acceleration: bounds of the driven coordinates, along any direction of ends that
             move over the floor [m/s or rad/s, m/s^2 or rad/s^2].
 
     Raises:
         StateError: the puppet cannot begin there, an end does not move along both x and y, or the
-            ways alone take longer.
+            ways alone take longer than ``lasts``.
     """
     check_positive(faster=faster, speed=speed, acceleration=acceleration)
     first: ClipGesture | None = None
     for lean in LEANS:
-        made = _made(dataclasses.replace(placed, lean=lean), faster, lasts, speed, acceleration)
-        if not made.crossings:
-            return made
-        first = first or made
+        gesture = _gesture_with_lean(
+            dataclasses.replace(placed, lean=lean), faster, lasts, speed, acceleration
+        )
+        if not gesture.crossings:
+            return gesture
+        first = first or gesture
     assert first is not None
     return first
 
 
-def _made(
+def _gesture_with_lean(
     placed: Placed, faster: float, lasts: float | None, speed: float, acceleration: float
 ) -> ClipGesture:
     marionette = placed.figure.marionette
     start = placed.start.replace(t=0.0)
     home = places_in(placed.figure, marionette.poses(start.q_D[None], start.q_K[None]))
-    found = retarget_clip(marionette, placed)
-    dip = max(float(np.max(home[foot][0, 2] - found.hung[foot][:, 2])) for foot in GROUPS["feet"])
+    retargeted = retarget_clip(marionette, placed)
+    dip = max(
+        float(np.max(home[foot][0, 2] - retargeted.hung[foot][:, 2])) for foot in GROUPS["feet"]
+    )
     if dip > 0.0:
-        found = retarget_clip(marionette, _raised(placed, dip))
-    parts, q_K = smoothed(found)
-    ways = _lead_times(found, q_K, start, speed, acceleration)
+        retargeted = retarget_clip(marionette, _raised(placed, dip))
+    parts, q_K = smoothed(retargeted)
+    ways = _lead_times(retargeted, q_K, start, speed, acceleration)
     if lasts is not None:
-        faster = _faster(found, lasts, sum(ways) + _AFTER)
-    own = eased(found.t / faster, _EASE)
+        faster = _faster(retargeted, lasts, sum(ways) + _STOP_TIME)
+    own = eased(retargeted.t / faster, _EASE)
     t, frames = _clock(own, ways)
     tracks = tracks_along(
-        found.figure,
+        retargeted.figure,
         t,
         {part: _joined(home[part][0], parts[part], t, frames) for part in WEIGHTS},
         _joined(start.q_K, q_K, t, frames),
     )
     bounds = _every_way(marionette, speed, acceleration)
     acc_K, _ = lead_along(marionette, start, float(t[-1]), tracks, *bounds)
-    made = Gesture.of_input(driven(marionette, start, acc_K), name=placed.clip.name)
-    slow = {"speed": speed * _SHARES[0], "acceleration": acceleration * _SHARES[1]}
-    made = made.then(Gesture.rest(marionette.coordinates, _BACK), **slow)
+    gesture = Gesture.of_input(driven(marionette, start, acc_K), name=placed.clip.name)
+    slow = {"speed": speed * _BOUND_SHARES[0], "acceleration": acceleration * _BOUND_SHARES[1]}
+    gesture = gesture.then(Gesture.rest(marionette.coordinates, _REST_TIME), **slow)
     at = t[frames]
-    if at[-1] > made.duration:
-        raise StateError(f"{placed.clip.name}: the puppet's run stops at {made.duration:.2f} s")
+    if at[-1] > gesture.duration:
+        raise StateError(f"{placed.clip.name}: the puppet's run stops at {gesture.duration:.2f} s")
     marks = {BEGINS: float(at[0]), OVER: float(at[-1])}
-    made = dataclasses.replace(made, name=placed.clip.name, marks=marks)
+    gesture = dataclasses.replace(gesture, name=placed.clip.name, marks=marks)
     if lasts is not None:
-        at = at * lasts / made.duration
-        made = made.lasting(lasts)
-    run = simulate(marionette, start, made.inputs(start), effort=False, throw=False)
-    report = report_of(found, errors_of(found, run, at))
-    return ClipGesture(made, found, at, run, report, crossings_in(marionette, run))
+        at = at * lasts / gesture.duration
+        gesture = gesture.lasting(lasts)
+    run = simulate(marionette, start, gesture.inputs(start), effort=False, throw=False)
+    report = report_of(retargeted, errors_of(retargeted, run, at))
+    return ClipGesture(gesture, retargeted, at, run, report, crossings_in(marionette, run))
 
 
 def _raised(placed: Placed, by: float) -> Placed:
-    """The same higher up [m]."""
+    """The clip with all targets raised [m]."""
     up = np.array([0.0, 0.0, by])
     shift = np.zeros((3, 4))
     shift[:, 3] = up
@@ -211,21 +214,21 @@ def _raised(placed: Placed, by: float) -> Placed:
     )
 
 
-def _faster(found: Retargeted, lasts: float, others: float) -> float:
-    """Factor by which the clip plays faster, for it and others to last a time [s]."""
+def _faster(clip: Retargeted, lasts: float, others: float) -> float:
+    """Speed of the clip with which it and the other parts last a given time [s]."""
     own = lasts - others
     if own <= 0.0:
         raise StateError(
-            f"{found.clip.name} lasts longer than {others:.2f} s, which the ways into it and back "
+            f"{clip.clip.name} lasts longer than {others:.2f} s, which the ways into it and back "
             f"take; found {lasts:.2f} s"
         )
-    return float(found.t[-1]) / max(own - _EASE, 0.5 * own)
+    return float(clip.t[-1]) / max(own - _EASE, 0.5 * own)
 
 
 def _every_way(
     marionette: Marionette, speed: float, acceleration: float
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Bounds by coordinate: ends that move over the floor keep theirs along any direction."""
+    """Bounds by coordinate; ends that move over the floor keep theirs along any direction."""
     table = marionette.coordinates
     share = np.ones(table.n_vK)
     for x, y in planes(table, np.ones(table.n_vK, dtype=bool)):
@@ -237,18 +240,18 @@ def _every_way(
 
 
 def _lead_times(
-    found: Retargeted, q_K: Array, start: State, speed: float, acceleration: float
+    retargeted: Retargeted, q_K: Array, start: State, speed: float, acceleration: float
 ) -> tuple[float, float]:
     """Durations of the ways into the first pose and back from the last [s]."""
-    scalars = [q for q, _ in found.marionette.coordinates.scalars_K]
+    scalars = [q for q, _ in retargeted.marionette.coordinates.scalars_K]
     times = []
     for pose in (q_K[0], q_K[-1]):
         way = float(np.max(np.abs((pose - start.q_K)[scalars]), initial=0.0))
         times.append(
             max(
-                _LEAD,
+                _MIN_LEAD,
                 polynomial.minimum_jerk_duration(
-                    way, _SHARES[0] * speed, _SHARES[1] * acceleration
+                    way, _BOUND_SHARES[0] * speed, _BOUND_SHARES[1] * acceleration
                 ),
             )
         )
@@ -256,7 +259,7 @@ def _lead_times(
 
 
 def _clock(own: Times, ways: tuple[float, float]) -> tuple[Times, slice]:
-    """Times of the ways and the clip's frames, and which are the clip's."""
+    """Times of the ways and the clip's frames, and the slice of the clip's."""
     count = [int(np.ceil(way / INTERVAL)) for way in ways]
     into = np.linspace(0.0, ways[0], count[0] + 1)[:-1]
     back = np.linspace(0.0, ways[1], count[1] + 1)[1:]
@@ -265,7 +268,7 @@ def _clock(own: Times, ways: tuple[float, float]) -> tuple[Times, slice]:
 
 
 def _joined(home: Array, clip: Array, t: Times, frames: slice) -> Array:
-    """(n, ...) from home into the clip's values, through them, and back."""
+    """(n, ...) values from home into the clip's, through them, and back."""
     begins, over = t[frames][0], t[frames][-1]
     into, back = t[: frames.start] / begins, (t[frames.stop :] - over) / (t[-1] - over)
 

@@ -1,4 +1,4 @@
-"""Mappings: which joints of a skeleton are which parts of a person, and of a puppet.
+"""Mappings: the joints of a skeleton that are the parts of a person, and of a puppet.
 
 The parts are named in :data:`PARTS`; hips and shoulders give the trunk.
 """
@@ -27,8 +27,8 @@ from fantoccini.base.documents import (
 from fantoccini.theatre.capture import Skeleton
 
 _FOLDER = Path(__file__).parent / "mappings"
-_SHOWN = 60
-"""Joints that an error lists."""
+_MAX_LISTED = 60
+"""Largest number of joints that an error lists."""
 SIDES = ("left", "right")
 _OF_SIDE = ("shoulder", "elbow", "hand", "hip", "knee", "foot")
 PARTS = ("head", *(f"{part}_{side}" for side in SIDES for part in _OF_SIDE))
@@ -45,24 +45,24 @@ class BodyFile(Model):
     """A body of the puppet, and its end."""
 
     body: str
-    """Its name."""
+    """Name of the body."""
     end: Place | None = None
-    """The end in its frame, of the head, of forearms and shins: the hand, the foot [m]."""
+    """End in the body's frame, for the head, forearms and shins: the hand, the foot [m]."""
 
 
 class MappingFile(Document):
-    """Joints of a skeleton by what part of a person they are."""
+    """Joints of a skeleton, by part of a person."""
 
     kind: ClassVar = Kind("mapping", "a mapping has the keys `mapping` and `joints`", _FOLDER)
 
     mapping: Name
-    """The mapping's name."""
+    """Name of the mapping."""
     about: str = ""
     """Origin of the skeletons."""
     joints: dict[str, str]
-    """Part -> joint; a prefix that ends in a colon need not be given."""
+    """Part -> joint; a prefix that ends in a colon may be omitted."""
     puppet: dict[str, BodyFile] = Field(default_factory=dict)
-    """Part -> body, for puppets whose bodies are not called as those of the bundled marionette."""
+    """Part -> body, if its name differs from that of the bundled marionette."""
 
     @field_validator("joints")
     @classmethod
@@ -82,16 +82,16 @@ class MappingFile(Document):
         return puppet
 
     def find(self, skeleton: Skeleton) -> dict[str, int]:
-        """Part -> index of its joint; without those that none, or several, joints are called."""
+        """Part -> index of its joint; parts without a unique joint are left out."""
         names = [name.lower() for name in skeleton.names]
         plain = [name.rsplit(":", 1)[-1] for name in names]
-        found = {}
+        indices = {}
         for part, joint in self.joints.items():
             wanted = joint.lower()
             every = names if wanted in names else plain
             if every.count(wanted) == 1:
-                found[part] = every.index(wanted)
-        return found
+                indices[part] = every.index(wanted)
+        return indices
 
 
 def mapping_schema() -> dict[str, Any]:
@@ -105,37 +105,37 @@ def mapping_names() -> tuple[str, ...]:
 
 
 def load_mapping(path: str | os.PathLike[str]) -> MappingFile:
-    """Reads a mapping file.
+    """Mapping of a file.
 
     Args:
-        path: of the file, or the name of a bundled mapping (``poser``).
+        path: path of the file, or the name of a bundled mapping (``poser``).
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: the file has mistakes; all of them are listed, with their lines.
     """
     return read_document(path, MappingFile)
 
 
 def find_mapping(skeleton: Skeleton, name: str = "clip") -> MappingFile:
-    """The bundled mapping whose joints a skeleton has.
+    """Bundled mapping whose joints a skeleton has.
 
     Args:
-        skeleton: the joints.
-        name: of the clip, for the error.
+        skeleton: skeleton with named joints.
+        name: name of the clip, for the error.
 
     Raises:
-        FileError: none fits; it says what is missing of the one that fits best.
+        FileError: no mapping fits; the message lists the parts that are missing from the best one.
     """
-    all_ = [load_mapping(one) for one in mapping_names()]
-    best = max(all_, key=lambda one: len(one.find(skeleton)))
-    found = best.find(skeleton)
-    if len(found) < len(PARTS):
-        missing = ", ".join(part for part in PARTS if part not in found)
-        joints = [one for one in skeleton.names if not one.endswith(".end")]
+    all_ = [load_mapping(mapping_name) for mapping_name in mapping_names()]
+    best = max(all_, key=lambda mapping: len(mapping.find(skeleton)))
+    indices = best.find(skeleton)
+    if len(indices) < len(PARTS):
+        missing = ", ".join(part for part in PARTS if part not in indices)
+        joints = [joint for joint in skeleton.names if not joint.endswith(".end")]
         text = (
             f"the joints are called as in no bundled mapping ({', '.join(mapping_names())}); of "
             f"{best.mapping} {missing} is missing; give a mapping file: the joints are "
-            f"{', '.join(joints[:_SHOWN])}{' ...' if len(joints) > _SHOWN else ''}"
+            f"{', '.join(joints[:_MAX_LISTED])}{' ...' if len(joints) > _MAX_LISTED else ''}"
         )
         raise FileError([Mistake(name, None, "", text)])
     return best
@@ -145,14 +145,14 @@ def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> d
     """Part -> index of its joint.
 
     Args:
-        mapping: says which joint is which part.
-        skeleton: the joints.
-        name: of the clip, for the error.
+        mapping: joints of the parts.
+        skeleton: skeleton with named joints.
+        name: name of the clip, for the error.
 
     Raises:
-        FileError: joints that the skeleton does not have.
+        FileError: the skeleton lacks joints.
     """
-    found = mapping.find(skeleton)
+    indices = mapping.find(skeleton)
     mistakes = [
         Mistake(
             name,
@@ -161,8 +161,8 @@ def joints_of(mapping: MappingFile, skeleton: Skeleton, name: str = "clip") -> d
             f"the skeleton has no joint {joint!r}, or several{nearest(joint, skeleton.names)}",
         )
         for part, joint in mapping.joints.items()
-        if part not in found
+        if part not in indices
     ]
     if mistakes:
         raise FileError(mistakes)
-    return found
+    return indices

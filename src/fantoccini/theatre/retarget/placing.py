@@ -1,11 +1,11 @@
-"""Where the parts of a puppet are to be when it moves as a person does.
+"""Targets of a puppet's parts that moves as a person does.
 
-Directions are the person's, lengths the puppet's:
+Directions are those of the person, lengths those of the puppet:
 
     hips(t) = s (hips of the clip),   end of a limb(t) = its beginning(t) + l d(t)
 
-with the puppet's length l of each part, its direction d(t) in the clip, and s the puppet's leg over
-the person's.
+with the length l of each part of the puppet, its direction d(t) in the clip, and the ratio s of the
+puppet's leg to the person's.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from fantoccini.theatre.capture import Capture
 from fantoccini.theatre.retarget.figure import LIMBS, Figure, axes_of
 from fantoccini.theatre.retarget.mapping import SIDES
 
-_STRAIGHT = 0.97
-"""A limb is stretched to this share of its length: straight ones only hang in one way."""
-_LEAST = 1e-3
-"""Length of a part of a person, at least [m]."""
-_UPRIGHT = 0.3
-"""Sine of the angle of the line across a trunk to the vertical, above which it has a heading."""
-_ON_FLOOR = 2.0
-"""Per cent of the frames in which the lower foot is lower than the floor."""
+_MAX_STRETCH = 0.97
+"""Largest length of a limb, relative to a straight one, which would hang in only one way."""
+_MIN_LENGTH = 1e-3
+"""Least length of a part of a person [m]."""
+_MIN_SINE = 0.3
+"""Least sine of the angle between the line across a trunk and the vertical for a heading."""
+_FLOOR_PERCENTILE = 2.0
+"""Percentage of the frames in which the lower foot is below the floor."""
 
 
 @dataclass(frozen=True, eq=False)
 class Placing:
-    """Places over time.
+    """Targets over time.
 
     Attributes:
-        parts: part -> (T, 3) where its point of the puppet is to be [m].
+        parts: part -> (T, 3) target of its point on the puppet [m].
         frames: part of the puppet -> (T, 3, 4) orientation and origin of its body.
         scale: s.
     """
@@ -52,20 +52,20 @@ def place(
     travel: float = 1.0,
     turning: float = 1.0,
 ) -> Placing:
-    """Places of a puppet's parts that moves as a clip.
+    """Targets of a puppet's parts from a clip.
 
-    The clip begins where the puppet is, and looks as it does; the floor is below the puppet's feet.
+    The clip begins at the puppet's place and in its heading; the floor is below the puppet's feet.
 
     Args:
-        figure: of the puppet.
-        clip: in metres, with z up.
+        figure: figure of the puppet.
+        clip: clip in metres, with z up.
         joints: part -> index of the joint.
-        travel: share of the way along the floor that is kept; 0 stays on the spot.
+        travel: share of the motion over the floor that is kept; 0 stays on the spot.
         turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
-            looks one way throughout.
+            keeps its heading.
 
     Raises:
-        StateError: a skeleton whose parts have no length, or a place that is not finite.
+        StateError: a part of the skeleton has no length, or a position is not finite.
     """
     x = {part: clip.positions[:, i] for part, i in joints.items()}
     _check(clip, x)
@@ -73,7 +73,7 @@ def place(
     if turning != 1.0:
         back = _turns_back(x, 1.0 - turning)
         hips = 0.5 * (x["hip_left"] + x["hip_right"])
-        x = {part: hips + np.einsum("tij,tj->ti", back, one - hips) for part, one in x.items()}
+        x = {part: hips + np.einsum("tij,tj->ti", back, path - hips) for part, path in x.items()}
         facing = back @ facing
     turn = _turn_to(figure, x)
     x = {part: value @ turn.T for part, value in x.items()}
@@ -98,9 +98,9 @@ def place(
             parts[middle] = parts[begin] + first @ figure.at(middle)
             frames[lower] = _frame(second, parts[middle])
             reach = parts[middle] + second @ figure.at(end) - parts[begin]
-            most = _STRAIGHT * sum(np.linalg.norm(figure.at(part)) for part in (middle, end))
+            longest = _MAX_STRETCH * sum(np.linalg.norm(figure.at(part)) for part in (middle, end))
             size = np.linalg.norm(reach, axis=1, keepdims=True)
-            parts[end] = parts[begin] + reach * np.minimum(1.0, most / np.maximum(size, 1e-9))
+            parts[end] = parts[begin] + reach * np.minimum(1.0, longest / np.maximum(size, 1e-9))
     return Placing(parts, frames, scale)
 
 
@@ -110,7 +110,7 @@ def _trunks(x: Mapping[str, Array]) -> Array:
 
 
 def _check(clip: Capture, x: Mapping[str, Array]) -> None:
-    """Raises StateError where a place is not finite, or a part of the person has no length."""
+    """Raises StateError if a position is not finite, or a part of the person has no length."""
     name = clip.name or "clip"
     for part, path in x.items():
         if not np.all(np.isfinite(path)):
@@ -132,29 +132,29 @@ def _check(clip: Capture, x: Mapping[str, Array]) -> None:
         for part in ("shoulder", "hip")
     }
     for what, span in spans.items():
-        if not np.median(np.linalg.norm(span, axis=1)) > _LEAST:
+        if not np.median(np.linalg.norm(span, axis=1)) > _MIN_LENGTH:
             raise StateError(f"{name}: the skeleton has no length {what}")
 
 
 def _turns_back(x: Mapping[str, Array], share: float) -> Array:
-    """(T, 3, 3) turns about z that take out a share of the trunk's turning since the first frame.
+    """(T, 3, 3) turns about z that remove a share of the trunk's turning since the first frame.
 
-    Where the trunk lies on its side, so that its heading means nothing, they go on evenly.
+    Where the trunk lies on its side, so that its heading is undefined, they are interpolated.
     """
     left = _trunks(x)[..., 1]
-    some = np.flatnonzero(np.hypot(left[:, 0], left[:, 1]) > _UPRIGHT)
+    upright = np.flatnonzero(np.hypot(left[:, 0], left[:, 1]) > _MIN_SINE)
     heading = np.zeros(len(left))
-    if len(some):
-        own = np.unwrap(np.arctan2(-left[some, 0], left[some, 1]))
-        heading = np.interp(np.arange(len(left)), some, own - own[0])
+    if len(upright):
+        own = np.unwrap(np.arctan2(-left[upright, 0], left[upright, 1]))
+        heading = np.interp(np.arange(len(left)), upright, own - own[0])
     c, s = np.cos(share * heading), np.sin(share * heading)
-    made = np.tile(np.eye(3), (len(left), 1, 1))
-    made[:, 0, 0], made[:, 0, 1], made[:, 1, 0], made[:, 1, 1] = c, s, -s, c
-    return made
+    turns = np.tile(np.eye(3), (len(left), 1, 1))
+    turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = c, s, -s, c
+    return turns
 
 
 def _turn_to(figure: Figure, x: Mapping[str, Array]) -> Array:
-    """(3, 3) turn about z after which the clip begins as the puppet looks."""
+    """(3, 3) turn about z after which the clip begins in the puppet's heading."""
     left = _trunks({part: path[:1] for part, path in x.items()})[0][:, 1]
     angle = np.arctan2(figure.forward[1], figure.forward[0]) - np.arctan2(-left[0], left[1])
     c, s = np.cos(angle), np.sin(angle)
@@ -162,10 +162,10 @@ def _turn_to(figure: Figure, x: Mapping[str, Array]) -> Array:
 
 
 def _hips(figure: Figure, x: Mapping[str, Array], scale: float, travel: float) -> Array:
-    """(T, 3) between the hips."""
+    """(T, 3) targets of the midpoint between the hips."""
     hips = 0.5 * (x["hip_left"] + x["hip_right"])
     feet = np.minimum(x["foot_left"][:, 2], x["foot_right"][:, 2])
-    floor = float(np.percentile(feet, _ON_FLOOR))
+    floor = float(np.percentile(feet, _FLOOR_PERCENTILE))
     ground = min(figure.places[f"foot_{side}"][2] for side in SIDES)
     out = figure.places["trunk"] + scale * travel * (hips - hips[0])
     out[:, 2] = ground + scale * (hips[:, 2] - floor)
@@ -173,9 +173,9 @@ def _hips(figure: Figure, x: Mapping[str, Array], scale: float, travel: float) -
 
 
 def _facing(axes: Array, head: Array) -> Array:
-    """(T, 3, 3) columns forward, left, up of the head, which over the clip is held as the trunk.
+    """(T, 3, 3) columns forward, left, up of the head; its mean over the clip is that of the trunk.
 
-    Skeletons differ in how the frame of a head lies; the mean over the clip is taken as upright.
+    Skeletons differ in the orientation of a head's frame; the mean over the clip counts as upright.
     """
     mean = np.mean(axes.swapaxes(1, 2) @ head, axis=0)
     u, _, v = np.linalg.svd(mean)
@@ -184,7 +184,7 @@ def _facing(axes: Array, head: Array) -> Array:
 
 
 def _along(trunk: Array, own: Array, to: Array) -> Array:
-    """(T, 3, 3) the trunk's orientations, turned the shortest way until `own` points along `to`."""
+    """(T, 3, 3) orientations of the trunk, turned the shortest way to point `own` along `to`."""
     a, b = unit(trunk @ own), unit(to)
     return rotation.matrix(rotation.shortest(a, b)) @ trunk
 

@@ -2,7 +2,7 @@
 
     min  sum_i w_i |x_i(q_D, q_K) - x_i,clip|^2 + w_K |q_K - q_K,above|^2,   the puppet hangs by q_K
 
-q_K,above takes each string straight up from where it is tied.
+q_K,above lets each string run straight up from the point to which it is tied.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ WEIGHTS = {
     "foot_left": 0.3,
     "foot_right": 0.3,
 }
-"""w_i of the parts that are followed."""
-_ABOVE = 0.03
+"""w_i of the followed parts."""
+_HAND_WEIGHT = 0.03
 """w_K, of strings that run straight up."""
-_HELD = 1.0
+_POSE_TIME = 1.0
 """Duration for which a single pose is held [s]."""
-_NEAR = 3e-4
+_TOLERANCE = 3e-4
 """Distance from the nearest pose at which a search ends [m]."""
 ITERATIONS = 10
-"""Iterations of the search for one pose; the next one goes on from there."""
-_FIRST = 100
-"""Iterations of the search for the first one."""
+"""Number of iterations for a pose, starting from the one before."""
+_FIRST_ITERATIONS = 100
+"""Number of iterations for the first pose."""
 LEANS = 1.8, 2.6
-"""Factors of the strings' lean at rest, tried where strings cross."""
-_LYING = 0.5
+"""Factors of the strings' lean at rest, tried if strings cross."""
+_MIN_UPWARD = 0.5
 """Vertical component of the trunk's direction below which a person lies or crawls."""
 
 
@@ -60,12 +60,12 @@ class Retargeted:
     """A clip, and the hanging poses of a puppet that are nearest to it.
 
     Attributes:
-        marionette: the puppet.
-        figure: it as a person.
-        clip: in metres, with z up.
+        marionette: puppet.
+        figure: puppet as a person.
+        clip: clip in metres, with z up.
         t: (T,) times of the frames, from 0 [s].
-        places: where the parts of the puppet are to be.
-        reach: the poses.
+        places: targets of the puppet's parts.
+        reach: hanging poses.
     """
 
     marionette: Marionette
@@ -85,19 +85,19 @@ class Retargeted:
 
     @property
     def settled(self) -> int:
-        """Poses that no small change brings nearer; the search for the others ended before."""
+        """Number of poses that no small change improves; the search for others ended earlier."""
         sure = (AnswerStatus.REACHED, AnswerStatus.OUT_OF_REACH)
-        return sum(one in sure for one in self.reach.status)
+        return sum(status in sure for status in self.reach.status)
 
     @cached_property
     def hung(self) -> dict[str, Array]:
-        """Part -> (T, 3) where it is when the puppet hangs."""
+        """Part -> (T, 3) position in the hanging poses."""
         poses = self.marionette.poses(self.reach.q_D, self.reach.q_K)
         return places_in(self.figure, poses)
 
     @cached_property
     def errors(self) -> dict[str, Array]:
-        """Part -> (T,) distance of the hanging pose from the clip: what no hands can better [m]."""
+        """Part -> (T,) distance of the hanging pose from the clip, the least possible one [m]."""
         return {
             part: np.linalg.norm(self.hung[part] - self.places.parts[part], axis=1)
             for part in WEIGHTS
@@ -108,7 +108,7 @@ class Retargeted:
         """Signs that the clip may be placed wrongly."""
         trunk = self.places.frames["trunk"][:, 2, :3] @ self.figure.axes[:, 2]
         upward = float(np.median(trunk))
-        if upward > _LYING:
+        if upward > _MIN_UPWARD:
             return ()
         angle = np.degrees(np.arccos(max(upward, -1.0)))
         return (
@@ -119,20 +119,20 @@ class Retargeted:
 
     @property
     def start(self) -> State:
-        """The first pose, at rest."""
+        """First pose, at rest."""
         return self.marionette.rest(self.reach[0].state)
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A clip, and where the parts of a puppet are to be in it.
+    """A clip, with the targets of a puppet's parts.
 
     Attributes:
-        figure: the puppet as a person.
-        start: where it hangs.
-        clip: in metres, with z up.
-        places: of the parts.
-        lean: by how much strings are drawn to lean, of how they do where it hangs; 0 is upright.
+        figure: puppet as a person.
+        start: state at rest.
+        clip: clip in metres, with z up.
+        places: targets of the parts.
+        lean: wanted lean of the strings, relative to that at rest; 0 is upright.
     """
 
     figure: Figure
@@ -152,16 +152,16 @@ def place_clip(
     turning: float = 1.0,
     of: str = "",
 ) -> Placed:
-    """Where the parts of a puppet are to be in captured motion; arguments as :func:`retarget_clip`.
+    """Targets of a puppet's parts in captured motion; arguments as in :func:`retarget_clip`.
 
-    Nothing is searched for, so that mistakes of a clip are found at once.
+    It involves no search, so that mistakes of a clip are reported at once.
     """
     if not isinstance(clip, Capture):
         clip = load_bvh(clip)
     refuse_contact(marionette, "follow")
     check_not_negative(travel=travel, turning=turning)
     name = clip.name or "clip"
-    clip = clip.held(_HELD).without_calibration()
+    clip = clip.held(_POSE_TIME).without_calibration()
     if mapping is None:
         mapping = find_mapping(clip.skeleton, name)
     elif not isinstance(mapping, MappingFile):
@@ -183,24 +183,24 @@ def retarget_clip(
     turning: float = 1.0,
     of: str = "",
 ) -> Retargeted:
-    """The hanging poses of a puppet that are nearest to captured motion, one a frame.
+    """Hanging poses of a puppet that are nearest to captured motion, one for each frame.
 
     Args:
-        marionette: the puppet, without contact.
-        clip: the motion; a BVH file, or what :func:`load_bvh` read.
-        mapping: says which joint is which part of a person: a file, or the name of a bundled one;
-            found by the joints' names when not given.
-        start: where the puppet hangs, from which the first pose is looked for.
-        travel: share of the way along the floor that is kept; 0 stays on the spot.
-        up: the file's vertical axis, ``y`` or ``z``; when not given that of the rest pose or, where
-            it shows none, the axis along which trunks point most.
+        marionette: puppet without contact.
+        clip: motion; a BVH file, or the result of :func:`load_bvh`.
+        mapping: joints of the parts of a person: a file, or the name of a bundled mapping; by
+            default the bundled one with the skeleton's joint names.
+        start: state at rest from which the search for the first pose begins.
+        travel: share of the motion over the floor that is kept; 0 stays on the spot.
+        up: vertical axis of the file, ``y`` or ``z``; by default that of the rest pose or, if it is
+            not clear, the main direction of the trunks.
         turning: share of the trunk's turning about the vertical that is kept; with 0 the puppet
-            looks one way throughout.
-        of: name of the member of a scene that follows; the only person in it when not given.
+            keeps its heading.
+        of: name of the member of a scene that follows; by default the only person in it.
 
     Raises:
-        FileError: files with mistakes, or joints that are not found.
-        StateError: the puppet has not the bodies of a person, or has contact.
+        FileError: the files have mistakes, or joints are missing.
+        StateError: the puppet does not have the bodies of a person, or has contact.
     """
     if not isinstance(clip, Placed):
         clip = place_clip(marionette, clip, mapping, start, travel, up, turning, of)
@@ -210,16 +210,23 @@ def retarget_clip(
     above = straight_up(figure, placing.frames, start, clip.lean)
     for coordinate, values in above.items():
         targets[coordinate] = values
-        weights[coordinate] = _ABOVE
+        weights[coordinate] = _HAND_WEIGHT
     first = {what: values[:1] for what, values in targets.items()}
-    options: dict[str, Any] = {"slack": True, "tolerance": _NEAR, "weights": weights, "once": True}
-    begun = marionette.rest(reach(marionette, first, start, iterations=_FIRST, **options)[0].state)
+    options: dict[str, Any] = {
+        "slack": True,
+        "tolerance": _TOLERANCE,
+        "weights": weights,
+        "once": True,
+    }
+    begun = marionette.rest(
+        reach(marionette, first, start, iterations=_FIRST_ITERATIONS, **options)[0].state
+    )
     try:
-        found = reach(marionette, targets, begun, iterations=ITERATIONS, **options)
+        reached_poses = reach(marionette, targets, begun, iterations=ITERATIONS, **options)
     except StateError:  # the first pose is on the edge of tipping over
-        found = reach(marionette, targets, start, iterations=ITERATIONS, **options)
+        reached_poses = reach(marionette, targets, start, iterations=ITERATIONS, **options)
     t = clip.clip.t - clip.clip.t[0]
-    return Retargeted(marionette, figure, clip.clip, t, placing, found)
+    return Retargeted(marionette, figure, clip.clip, t, placing, reached_poses)
 
 
 def _up(clip: Capture, joints: Mapping[str, int]) -> str:
@@ -239,12 +246,12 @@ def _up(clip: Capture, joints: Mapping[str, int]) -> str:
 
 
 def places_in(figure: Figure, poses: Array) -> dict[str, Array]:
-    """Part -> (T, 3) places in poses (T, n_links, 3, 4)."""
-    found = {}
+    """Part -> (T, 3) positions in poses (T, n_links, 3, 4)."""
+    positions = {}
     for part, (body, at) in figure.points.items():
         frame = poses[:, figure.marionette.link_index(body)]
-        found[part] = frame[:, :, :3] @ np.array(at) + frame[:, :, 3]
-    return found
+        positions[part] = frame[:, :, :3] @ np.array(at) + frame[:, :, 3]
+    return positions
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,10 +259,10 @@ class Hanger:
     """A string from a part of the figure up to its upper end.
 
     Attributes:
-        name: of the string.
-        part: of the puppet, to which it is tied.
-        at: (3,) where, in the part's frame [m].
-        top: (3,) its upper end at the start [m].
+        name: name of the string.
+        part: part of the puppet to which it is tied.
+        at: (3,) tied point, in the part's frame [m].
+        top: (3,) upper end at the start [m].
         ends: driven coordinate of the upper end -> (3,) its axis in the world.
         length: driven coordinate of the string's length; empty for strings of fixed length.
     """
@@ -269,13 +276,13 @@ class Hanger:
 
 
 def hangers(figure: Figure, start: State) -> list[Hanger]:
-    """The strings from parts of a figure, with their upper ends as in a state."""
+    """Strings from parts of a figure, with their upper ends in a state."""
     marionette = figure.marionette
     tree, table = marionette.tree, marionette.coordinates
     parts = {marionette.link_index(body): part for part, body in figure.bodies.items()}
     poses = marionette.poses(start.q_D[None], start.q_K[None])[0]
     driven = {table.q_K[q] for q, _ in table.scalars_K}
-    found = []
+    strings = []
     for string in tree.strings:
         ends = sorted(string.points, key=lambda point: point.link not in parts)
         low, high = ends[0], ends[-1]
@@ -288,24 +295,24 @@ def hangers(figure: Figure, start: State) -> list[Hanger]:
         axes = dict(zip(names, (now[:, :3] @ link.axes).T, strict=True)) if moves else {}
         length = table.q_K[string.driven_length[0]] if string.driven_length else ""
         at = _numbers(marionette, low.at)
-        found.append(Hanger(string.name, parts[low.link], at, top, axes, length))
-    return found
+        strings.append(Hanger(string.name, parts[low.link], at, top, axes, length))
+    return strings
 
 
 def straight_up(
     figure: Figure, frames: Mapping[str, Array], start: State, lean: float = 0.0
 ) -> dict[str, Array]:
-    """Driven scalar -> (T,) values with which strings run straight up; others as in a state.
+    """Driven scalar -> (T,) values with which strings run straight up; others as in the state.
 
     Args:
-        figure: of the puppet.
+        figure: figure of the puppet.
         frames: part -> (T, 3, 4) orientation and origin of its body.
-        start: the state.
+        start: state.
         lean: factor of the strings' lean in that state, rotated with the trunk; the head's strings
             stay vertical.
     """
     table, n = figure.marionette.coordinates, len(frames["trunk"])
-    found = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}
+    values = {table.q_K[q]: np.full(n, start.q_K[q]) for q, _ in table.scalars_K}
     poses = figure.marionette.poses(start.q_D[None], start.q_K[None])[0]
     for string in hangers(figure, start):
         frame = frames[string.part]
@@ -316,15 +323,15 @@ def straight_up(
             off = lean * (string.top - hung[:, :3] @ string.at - hung[:, 3]) * [1.0, 1.0, 0.0]
             off = _heading(figure, frames["trunk"]) @ off
         for name, axis in string.ends.items():
-            found[name] = found[name] + (tie + off - string.top) @ axis
+            values[name] = values[name] + (tie + off - string.top) @ axis
         if string.length:
             up = np.maximum(string.top[2] - tie[:, 2], 0.01)
-            found[string.length] = np.hypot(up, np.linalg.norm(off, axis=-1))
-    return found
+            values[string.length] = np.hypot(up, np.linalg.norm(off, axis=-1))
+    return values
 
 
 def _heading(figure: Figure, trunk: Array) -> Array:
-    """(T, 3, 3) turns about z from where the puppet looks at the start to where its trunk looks."""
+    """(T, 3, 3) turns about z from the puppet's heading at the start to that of its trunk."""
     left = trunk[:, :, :3] @ figure.axes[:, 1]
     angle = np.arctan2(-left[:, 0], left[:, 1]) - np.arctan2(figure.forward[1], figure.forward[0])
     c, s, turn = np.cos(angle), np.sin(angle), np.tile(np.eye(3), (len(left), 1, 1))

@@ -1,4 +1,4 @@
-"""Cues of scores and plays: what is done, by whom and when. The verb decides which keys there are.
+"""Cues of scores and plays: action, players and time. The verb determines the other keys.
 
 A cue has exactly one verb as a key: ``gesture: bow`` in a score, ``walks to: centre`` in a play.
 """
@@ -32,10 +32,10 @@ class CueFile(Model):
     """A cue of a score or a play.
 
     Attributes:
-        verb: the key that says what is done; "" in cues without a verb.
-        keys_rule: sentence on which cues have the keys that the class declares.
-        other_keys_rule: sentence on all keys that a cue does not have, instead of that.
-        timing_keys: the keys that exclude `on`.
+        verb: key that names the action; "" in cues without a verb.
+        keys_rule: sentence about the cues that have the keys that the class declares.
+        other_keys_rule: sentence about the keys that a cue does not have, instead of that.
+        timing_keys: keys that exclude `on`.
     """
 
     verb: ClassVar[str] = ""
@@ -53,7 +53,7 @@ class CueFile(Model):
 
     @property
     def delay(self) -> float:
-        """Time to wait from the time on by which it begins [beats]."""
+        """Delay of its beginning after the time that it refers to [beats]."""
         return 0.0
 
     @property
@@ -63,12 +63,12 @@ class CueFile(Model):
 
     @property
     def mark(self) -> str:
-        """The mark of `on`; "" where there is none."""
+        """Mark in `on`; "" if there is none."""
         return next(iter(getattr(self, "on", None) or ()), "")
 
     @property
     def start_times(self) -> list[tuple[Spot, Time]]:
-        """Times by which it begins, or by which its mark is, each with its keys."""
+        """Times at which it begins, or its mark occurs, each with its keys."""
         on = getattr(self, "on", None) or {}
         return [(("on", mark), time) for mark, time in on.items()]
 
@@ -79,10 +79,10 @@ class MarkedCue(CueFile):
     keys_rule: ClassVar[str] = "needed: `when`"
 
     on: dict[Mark, Time] | None = None
-    """A mark of the gesture -> when it is seen; of a walk: `arrives`."""
+    """A mark of the gesture -> its time; of a walk: `arrives`."""
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuses what contradicts itself."""
+        """Refuses contradictory keys."""
         if self.on is None:
             return
         if self.model_fields_set & {*self.timing_keys}:
@@ -94,7 +94,7 @@ class MarkedCue(CueFile):
 
 
 class Styled(MarkedCue):
-    """A cue whose gesture is varied."""
+    """A cue with variations of its gesture."""
 
     keys_rule: ClassVar[str] = "only `does` has `{key}`"
 
@@ -103,14 +103,14 @@ class Styled(MarkedCue):
     faster: Factor = 1.0
     """Factor of its speed."""
     mirrored: bool = False
-    """Exchange left and right."""
+    """Whether left and right are exchanged."""
     repeat: Count = 1
     """Number of repetitions, in a row."""
     lasts: Factor | None = None
-    """Its duration, each time [beats]; as long as its file says by default."""
+    """Duration of each repetition [beats]; that of its file by default."""
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuses what contradicts itself."""
+        """Refuses contradictory keys."""
         super().model_post_init(context)
         if self.lasts is not None and self.faster != 1.0:
             raise mistake("found both `lasts` and `faster`; needed: one of them")
@@ -129,7 +129,7 @@ class ScoreCue(CueFile):
 
     @property
     def start_times(self) -> list[tuple[Spot, Time]]:
-        """Times by which it begins, or by which its mark is, each with its keys."""
+        """Times at which it begins, or its mark occurs, each with its keys."""
         return super().start_times if self.at is None else [(("at",), self.at)]
 
 
@@ -147,7 +147,7 @@ class PlayedCue(ScoreCue, Styled):
     """A gesture or a phrase."""
 
     heading: Angle | None = None
-    """The direction of forward, from that at the start: after a walk that turns [rad]."""
+    """Direction of forward relative to that at the start, for use after a walk that turns [rad]."""
 
 
 class PhraseCue(PlayedCue):
@@ -156,7 +156,7 @@ class PhraseCue(PlayedCue):
     verb: ClassVar[str] = "phrase"
 
     phrase: Name
-    """A phrase of this file."""
+    """Name of a phrase of this file."""
 
 
 class GestureCue(PlayedCue):
@@ -168,20 +168,20 @@ class GestureCue(PlayedCue):
     gesture: str
     """A gesture file or a take (.npz) in this file's folder, or the name of a bundled gesture."""
     of: Name | None = None
-    """The member of a scene that does it."""
+    """The member of a scene that performs it."""
     steps: Count | None = None
     """Number of steps of `walk`."""
     step: Length | None = None
     """Length of a step of `walk` [m]."""
     turn: Angle | None = None
-    """Angle by which `walk` turns to the left, in all [rad]."""
+    """Total angle by which `walk` turns to the left [rad]."""
     to: To | None = None
-    """The place that `point` and `look` are for [m], or a body that is there at the start."""
+    """Target of `point` and `look`: a place [m], or the place of a body at the start."""
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuses what contradicts itself."""
+        """Refuses contradictory keys."""
         if self.turn:
-            # Scaled, a turn is no rigid motion; each repetition starts from another heading.
+            # A scaled turn is not a rigid motion; each repetition starts from another heading.
             for key in self.model_fields_set & {"larger", "repeat"}:
                 raise mistake(f"found both `turn` and `{key}`; needed: other `steps` or cues")
         super().model_post_init(context)
@@ -191,7 +191,7 @@ class GestureCue(PlayedCue):
 
 
 class PlayCue(CueFile):
-    """A cue of players. Without a time it follows what the same player does before."""
+    """A cue of players. Without a time it follows the previous cue of the same player."""
 
     timing_keys: ClassVar[tuple[str, ...]] = ("when", "after")
 
@@ -201,19 +201,19 @@ class PlayCue(CueFile):
     """Time at which it begins: a beat of the act, a time of the play by name, a moment of a cue
     (`bow.low`), `NAME arrives` or `NAME is done`, with an offset in beats; of several the last."""
     after: NotNegative = 0.0
-    """Beats to wait from then on."""
+    """Delay after that time [beats]."""
     may_wait: NotNegative | None = Field(None, alias="may wait")
-    """Time by which it may begin later, so that swing has settled or a way is free [beats]."""
+    """Delay up to which it may begin later, so that swing has settled or a way is free [beats]."""
     optional: bool = False
-    """Leave it out where it cannot be done."""
+    """Whether it is left out if it cannot be done."""
     go: bool = False
-    """A live show waits for GO before it, once all stand still."""
+    """Whether a live show waits for GO before it, once all players stand still."""
     says: Annotated[str, Field(min_length=1)] | None = None
-    """A caption for as long as it lasts."""
+    """A caption that is shown while it lasts."""
 
     @property
     def start_times(self) -> list[tuple[Spot, Time]]:
-        """Times by which it begins, or by which its mark is, each with its keys."""
+        """Times at which it begins, or its mark occurs, each with its keys."""
         if self.mark:
             return super().start_times
         when = self.when or ()
@@ -221,7 +221,7 @@ class PlayCue(CueFile):
 
     @property
     def delay(self) -> float:
-        """Time to wait from the time on by which it begins [beats]."""
+        """Delay of its beginning after the time that it refers to [beats]."""
         return self.after
 
     @property
@@ -236,7 +236,7 @@ class PlayCue(CueFile):
 
     @property
     def patience(self) -> float:
-        """Longest delay of its beginning [beats]; infinite where the play has no time."""
+        """Longest delay of its beginning [beats]; infinite if the play gives it no time."""
         return inf if self.may_wait is None and self.is_free else self.may_wait or 0.0
 
 
@@ -244,7 +244,7 @@ class TimedCue(PlayCue, MarkedCue):
     """A cue of a play that may be timed by a mark."""
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuses what contradicts itself."""
+        """Refuses contradictory keys."""
         super().model_post_init(context)
         if self.mark in (START, END):
             raise mistake(f"found `on: {{{self.mark}: ...}}`; needed: a mark, or `when`")
@@ -260,7 +260,7 @@ class DoesCue(TimedCue, Styled):
     """A gesture: a file, a take (.npz) or a clip of motion capture (.bvh) beside this one, or a
     bundled gesture or clip."""
     how: How = ()
-    """Words that change a gesture."""
+    """Words that vary the gesture."""
 
 
 class WalkCue(TimedCue):
@@ -269,14 +269,14 @@ class WalkCue(TimedCue):
     keys_rule: ClassVar[str] = "only walks have it"
 
     past: tuple[Where, ...] = ()
-    """Marks or places that a walk leads by, in order, before its own."""
+    """Marks or places that a walk passes in order, before its goal."""
     near: Length = 0.0
-    """Distance from its place at which a walk may end [m]."""
+    """Distance from its goal at which a walk may end [m]."""
     facing: Facing | None = None
-    """Direction in which it looks after a walk; as the mark says by default."""
+    """Direction of the player after a walk; that of the mark by default."""
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuses what contradicts itself."""
+        """Refuses contradictory keys."""
         super().model_post_init(context)
         if any(
             not isinstance(place, str) and len(place) != 2
@@ -315,7 +315,7 @@ class ExitsToCue(WalkCue):
 
 
 class TurnsToCue(TimedCue):
-    """A turn where one stands."""
+    """A turn on the spot."""
 
     verb: ClassVar[str] = "turns_to"
 
@@ -347,24 +347,24 @@ class PropCue(PlayCue):
     def model_post_init(self, context: Any, /) -> None:
         """Refuses several players."""
         if len(self.who) != 1 or self.who == ("all",):
-            found = "`all`" if self.who == ("all",) else f"{len(self.who)} players"
-            raise mistake(f"found {found}; needed: one player, who `{spelled(self.verb)}`")
+            named = "`all`" if self.who == ("all",) else f"{len(self.who)} players"
+            raise mistake(f"found {named}; needed: one player, who `{spelled(self.verb)}`")
 
 
 class GivesCue(PropCue):
-    """A prop changes hands."""
+    """A cue in which a prop changes hands."""
 
     verb: ClassVar[str] = "gives"
     keys_rule: ClassVar[str] = "`gives` has `to`, and only it"
 
     gives: Name
-    """A prop that hangs on its arm, `to` another, who comes up to take it."""
+    """A prop that hangs on its arm; the player `to` comes up and takes it."""
     to: Name
-    """The player who takes what is given."""
+    """Player that takes the prop."""
 
 
 class SitsOnCue(PropCue):
-    """A player sits down."""
+    """A cue in which a player sits down."""
 
     verb: ClassVar[str] = "sits_on"
 
@@ -373,7 +373,7 @@ class SitsOnCue(PropCue):
 
 
 class StandsUpFromCue(PropCue):
-    """A player stands up."""
+    """A cue in which a player stands up."""
 
     verb: ClassVar[str] = "stands_up_from"
 
@@ -382,32 +382,32 @@ class StandsUpFromCue(PropCue):
 
 
 class PutsDownCue(PropCue):
-    """A prop is put on something."""
+    """A cue in which a prop is put on an obstacle."""
 
     verb: ClassVar[str] = "puts_down"
     keys_rule: ClassVar[str] = "`puts down` has `onto`, and only it"
 
     puts_down: Name = Field(alias="puts down")
-    """A prop that hangs on its arm, `onto` something."""
+    """A prop that hangs on its arm and is put on `onto`."""
     onto: Name
-    """The obstacle on which a prop is put."""
+    """Obstacle on which the prop is put."""
 
 
 class PicksUpCue(PropCue):
-    """A prop is taken from where it stands."""
+    """A cue in which a prop is taken from the place where it stands."""
 
     verb: ClassVar[str] = "picks_up"
 
     picks_up: Name = Field(alias="picks up")
-    """A prop that stands somewhere."""
+    """A prop that stands on the stage."""
 
 
 class VerblessScoreCue(ScoreCue):
-    """A cue without a verb: only its unknown keys are read, which are mistakes."""
+    """A score's cue without a verb: only its unknown keys are read, and reported as mistakes."""
 
 
 class VerblessPlayCue(PlayCue):
-    """Likewise, of a play."""
+    """A play's cue without a verb."""
 
     who: Names = ("all",)
 

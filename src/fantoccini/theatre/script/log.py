@@ -1,4 +1,4 @@
-"""Log of a score or a play as it is compiled: mistakes, and changes."""
+"""Log of a script while it is compiled: mistakes, and changes."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from fantoccini.base.documents import Located, Mistakes
 from fantoccini.theatre.script.values import Spot
 
 LATE = 1e-6
-"""Lateness that is reported [s]."""
+"""Lateness above which a cue is reported [s]."""
 
 
 class ScriptLog:
-    """Mistakes of a script, and what of it is not compiled as it is written.
+    """Mistakes of a script, and deviations of the compiled result from its text.
 
     Attributes:
-        located: the file.
+        located: lines of the file.
         beat: duration of a beat [s].
-        mistakes: collects mistakes.
-        changes: what is not as it is written.
+        mistakes: collector of mistakes.
+        changes: deviations from the text.
 
     Args:
-        located: the file.
-        tempo: beats in a minute; None where times are in seconds.
+        located: lines of the file.
+        tempo: beats in a minute; None if times are in seconds.
     """
 
     def __init__(self, located: Located, tempo: float | None):
@@ -31,11 +31,11 @@ class ScriptLog:
         self.changes: list[Mistake] = []
 
     def change(self, spot: Spot, text: str) -> None:
-        """Records what is not as it is written."""
+        """Records a deviation from the text."""
         self.changes.append(self.located.problem(spot, text))
 
     def in_words(self, t: float, of_phrase: bool = False) -> str:
-        """A time of the script or of a phrase in words: ``on beat 4.00 (2.40 s)``."""
+        """Time of the script or of a phrase in words: ``on beat 4.00 (2.40 s)``."""
         end = " of the phrase" if of_phrase else ""
         if self._tempo is None:
             return f"at {t:.2f} s{end}"

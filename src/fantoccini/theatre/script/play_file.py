@@ -28,13 +28,13 @@ class MarkFile(Model):
     """A place on the stage."""
 
     at: tuple[Real, Real]
-    """x towards the audience, y to its right as it looks, which is stage left [m]."""
+    """x towards the audience, y to the audience's right, which is stage left [m]."""
     facing: Facing = 0.0
-    """Where one looks who stands there; towards the audience by default."""
+    """Direction of a player that stands there; towards the audience by default."""
 
 
 class SpaceFile(Model):
-    """The rectangle of the hands."""
+    """A rectangle that bounds the hands."""
 
     x: tuple[Real, Real]
     """[m]"""
@@ -42,23 +42,23 @@ class SpaceFile(Model):
     """[m]"""
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuses what has no inside."""
+        """Refuses empty intervals."""
         for key, (low, high) in (("x", self.x), ("y", self.y)):
             if not low < high:
                 raise mistake(f"found {key}: [{low:g}, {high:g}]; needed: the lower one first")
 
 
 class StageFile(Model):
-    """The stage: its marks, what stands on it, and what hands can do above it."""
+    """The stage: its marks, its obstacles, and bounds of the hands above it."""
 
     marks: dict[Name, MarkFile] = Field(default_factory=dict)
     """Name -> place."""
     space: SpaceFile | None = None
-    """Where the upper ends of the strings can be; anywhere by default."""
+    """Bounds of the upper ends of the strings; none by default."""
     speed: Size = 1.5
     """Largest speed of driven coordinates [m/s or rad/s]."""
     acceleration: Size = 12.0
-    """Largest acceleration of them [m/s^2 or rad/s^2]."""
+    """Largest acceleration of driven coordinates [m/s^2 or rad/s^2]."""
     clear: Size = 0.005
     """Distance that players, obstacles and strings keep [m]."""
     floor: Real = 0.0
@@ -71,30 +71,30 @@ class PlayerFile(Model):
     """A puppet of the cast."""
 
     puppet: str = "marionette"
-    """Its file beside this one, or the name of a bundled one."""
+    """File beside this one, or the name of a bundled puppet."""
     at: str | tuple[Real, Real]
     """The mark or place where it hangs at the start."""
     facing: Facing | None = None
-    """Where it looks at the start; as the mark says by default."""
+    """Direction at the start; that of the mark by default."""
     lift: Length = 0.025
     """Length by which all its strings are wound in, to hang clear of the floor [m]."""
     pose: dict[str, PoseValue] = Field(default_factory=dict)
-    """Start values that replace those of its file."""
+    """Start values that replace those of the puppet's file."""
 
 
 class PropFile(Model):
-    """A prop: what it is, and who has it or where it stands at the start."""
+    """A prop, with its holder or its place at the start."""
 
     like: Name | None = None
-    """A bundled prop; by default the one of its name."""
+    """Name of a bundled prop; the prop's own name by default."""
     shapes: tuple[AnyShape, ...] = ()
-    """Its solids, as in scene files, instead of those of a bundled one; its bottom is at z = 0."""
+    """Solids as in scene files, instead of those of a bundled prop; the bottom is at z = 0."""
     mass: Mass | None = None
-    """[kg], instead of the shapes' sum."""
+    """Mass, instead of the sum over the shapes [kg]."""
     handle: Size | None = None
     """Height of the bar by which it hangs on a forearm [m]."""
     seat: Size | None = None
-    """Height of the seat on which one sits down who looks along its x [m]."""
+    """Height of the seat; a sitter faces along the prop's x [m]."""
     held_by: Name | None = Field(None, alias="held by")
     """The player on whose forearm it hangs at the start."""
     side: Literal["left", "right"] = "right"
@@ -104,13 +104,13 @@ class PropFile(Model):
     on: Name | None = None
     """The obstacle on which it stands; the floor by default."""
     facing: Facing = 0.0
-    """Direction of its x."""
+    """Direction of its x axis."""
 
     def model_post_init(self, context: Any, /) -> None:
-        """Refuses what contradicts itself."""
+        """Refuses contradictory keys."""
         if (self.held_by is None) == (self.at is None and self.on is None):
-            found = "nothing" if self.held_by is None else "both"
-            raise mistake(f"found {found} of `held by` and a place; needed: one of them")
+            count_text = "nothing" if self.held_by is None else "both"
+            raise mistake(f"found {count_text} of `held by` and a place; needed: one of them")
         if self.held_by is None and "side" in self.model_fields_set:
             raise mistake("found `side` without `held by`; only what is held has it")
         if self.held_by is not None and "facing" in self.model_fields_set:
@@ -122,14 +122,14 @@ class PropFile(Model):
 
 
 class ActFile(Model):
-    """An act: it begins when all that came before has ended."""
+    """An act: it begins when everything before it has ended."""
 
     act: str
-    """Its name."""
+    """Name of the act."""
     after: NotNegative = 0.0
-    """Beats of pause before it."""
+    """Pause before it [beats]."""
     cues: Annotated[tuple[AnyPlayCue, ...], entries(1)]
-    """In the order in which they are told; each player does its own one after the other."""
+    """Cues in any order; those of one player follow each other in this order."""
 
 
 class PlayFile(Document):
@@ -138,20 +138,20 @@ class PlayFile(Document):
     kind: ClassVar = Kind("play", "a play has the keys `play`, `cast` and `acts`", words=WORDS)
 
     play: Name
-    """The play's name."""
+    """Name of the play."""
     about: str = ""
     """Description of the play."""
     tempo: Factor = 60.0
-    """Beats in a minute; a step of a walk takes one, or a part of one or several, near 0.6 s."""
+    """Beats in a minute. A step of a walk takes a beat, several or a part of one, near 0.6 s."""
     cast: Annotated[dict[Name, PlayerFile], Field(min_length=1)]
-    """Name -> puppet, and where it is at the start."""
+    """Name -> puppet and its start."""
     props: dict[Name, PropFile] = Field(default_factory=dict)
-    """Name -> prop, and who has it at the start."""
+    """Name -> prop and its start."""
     stage: StageFile = Field(default_factory=StageFile)
     """The stage."""
     times: dict[Name, NotNegative] = Field(default_factory=dict)
-    """Name -> beat from the play's beginning, as of a drum in the music."""
+    """Name -> beat from the play's beginning, for instance of a drum in the music."""
     acts: Annotated[tuple[ActFile, ...], entries(1)]
-    """One after the other."""
+    """Acts in order."""
     sound: SoundsFile = ()
     """A sound file, or several with the times at which they begin."""

@@ -1,4 +1,4 @@
-"""Files of scores and plays read: text to a checked file, with the line of every mistake."""
+"""Readers of score and play files that report the line of every mistake."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ FileT = TypeVar("FileT", ScoreFile, PlayFile)
 
 
 def read_script(kind: type[FileT], path: str | os.PathLike[str]) -> tuple[FileT, ScriptLog]:
-    """A score or a play as it is written, and its log, which knows the file and the beat.
+    """Script of a file, and its log, which knows the file and the beat.
 
     Args:
-        kind: of file.
-        path: of the file.
+        kind: class of the script.
+        path: path of the file.
 
     Raises:
-        FileError: with every mistake found and its location.
+        FileError: the file has mistakes; all of them are listed, with their lines.
     """
     file = read_document(path, kind)
     return file, ScriptLog(file.located, file.tempo)

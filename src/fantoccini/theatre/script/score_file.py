@@ -13,34 +13,34 @@ from fantoccini.theatre.script.values import Factor, Time
 
 
 class CaptionFile(Model):
-    """Words for a while."""
+    """A caption."""
 
     at: Time
-    """Time at which they appear."""
+    """Time at which it appears."""
     until: Time
-    """Time at which they go."""
+    """Time at which it disappears."""
     text: Annotated[str, Field(min_length=1)]
-    """The words."""
+    """Text of the caption."""
 
 
 class WaitFile(Model):
-    """Where a live performance waits for GO."""
+    """A time at which a live performance waits for GO."""
 
     at: Time
-    """When."""
+    """Time of the wait."""
     loop: Time | None = None
-    """Start of the part that is repeated until then; it stands still by default."""
+    """Start of the part that is repeated while it waits; without it, everything stands still."""
 
 
 class SoundFile(Model):
-    """A sound that is heard with the score."""
+    """A sound that accompanies the score."""
 
     file: str
     """A sound file in this file's folder."""
     at: Time = 0.0
     """Time at which it begins."""
     gain: Annotated[Positive, Field(le=100.0)] = 1.0
-    """Factor of its loudness."""
+    """Factor of the loudness."""
 
 
 def _wait(value: Any) -> Any:
@@ -67,23 +67,23 @@ class ScoreFile(Document):
     kind: ClassVar = Kind("score", "a score has the keys `score` and `lanes`", words=WORDS)
 
     score: Name
-    """The score's name."""
+    """Name of the score."""
     tempo: Factor | None = None
     """Beats in a minute; times are then in beats, otherwise in seconds."""
     lanes: Annotated[dict[str, tuple[AnyScoreCue, ...]], Field(min_length=1)]
     """Lane -> gestures, in order. Offsets of all lanes add up."""
     phrases: dict[Name, Cues] = Field(default_factory=dict)
-    """Name -> gestures in order, to be played like one; times count from its beginning."""
+    """Name -> gestures in order, played as one gesture; times count from its beginning."""
     marks: dict[Name, Time] = Field(default_factory=dict)
     """Name -> time."""
     waits: dict[Name, Annotated[WaitFile, _AS_WAIT]] = Field(default_factory=dict)
-    """Name -> when a live performance waits for GO."""
+    """Name -> time at which a live performance waits for GO."""
     speed: Size | dict[str, Size] = 1.0
     """Largest speed of driven coordinates, for all or by name [m/s or rad/s]."""
     acceleration: Size | dict[str, Size] = 6.0
-    """Largest acceleration, likewise [m/s^2 or rad/s^2]."""
+    """Largest acceleration of driven coordinates, for all or by name [m/s^2 or rad/s^2]."""
     captions: tuple[CaptionFile, ...] = ()
-    """Words and when they are to be read."""
+    """Captions with their times."""
     sound: SoundsFile = ()
     """A sound file, or several with the times at which they begin."""
     duration: Size | None = None

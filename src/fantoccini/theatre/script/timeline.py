@@ -15,22 +15,22 @@ from fantoccini.theatre.script.values import END, START, Spot, Time
 
 CueT = TypeVar("CueT", bound=CueFile)
 Moments = Mapping[str, float]
-"""Mark, ``start`` or ``end`` -> time [s]; of a mark of the file only ``""``."""
+"""Mark, ``start`` or ``end`` -> time [s]; ``""`` is the only key for a mark of the file."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cue(Generic[CueT]):
-    """A cue as it is written.
+    """A cue of a file, with its references.
 
     Attributes:
-        spot: where it is written.
-        index: its place in the file's order.
+        spot: keys that lead to it in the file.
+        index: index in the file's order.
         act: number of its act; 0 in a score.
-        given: what is written.
-        who: the players; in a score, its lane.
-        name: by which times refer to it; "" where nothing can.
-        known: its moments, by name.
-        before: the cues that its players do before.
+        given: entry of the file.
+        who: players; in a score, the lane.
+        name: name by which times refer to it; "" if none can.
+        known: names of its moments.
+        before: previous cues of its players.
     """
 
     spot: Spot
@@ -49,7 +49,7 @@ class Cue(Generic[CueT]):
 
     @property
     def times(self) -> list[tuple[Spot, Time]]:
-        """The times that it begins by, with their places."""
+        """Times that its beginning refers to, with their keys."""
         return [((*self.spot, *keys), time) for keys, time in self.given.start_times]
 
 
@@ -58,12 +58,12 @@ class Timeline(Generic[CueT]):
     """All cues of a script, and the meaning of its times.
 
     Attributes:
-        cues: in the file's order.
-        acts: (n,) numbers of the first cues of the acts, and of one after the last.
-        marks: places of the file's own marks.
+        cues: cues in the file's order.
+        acts: (n,) indices of the first cues of the acts, and the number of cues.
+        marks: keys of the file's own marks.
         names: meaning of names in times.
-        refs: where a time is written -> a number of beats, or what it refers to.
-        gos: place of a cue -> the cue before it in its act that waits for GO.
+        refs: keys of a time -> a number of beats, or a reference.
+        gos: keys of a cue -> the cue before it in its act that waits for GO.
         beat: duration of a beat [s].
     """
 
@@ -76,15 +76,15 @@ class Timeline(Generic[CueT]):
     beat: float
 
     def of_act(self, act: int) -> tuple[Cue[CueT], ...]:
-        """The cues of an act."""
+        """Cues of an act."""
         return self.cues[self.acts[act] : self.acts[act + 1]]
 
     def earlier(self, cue: Cue[CueT]) -> tuple[Cue[CueT], ...]:
-        """The cues of its act that are written before it."""
+        """Cues of its act that precede it in the file."""
         return self.cues[self.acts[cue.act] : cue.index]
 
     def needs(self, cue: Cue[CueT]) -> list[Spot]:
-        """Places of the cues and marks that must be placed before a cue."""
+        """Keys of the cues and marks that must be placed before a cue."""
         needs = [before.spot for before in cue.before]
         if cue.given.waits_for_go:
             needs += [earlier.spot for earlier in self.earlier(cue)]
@@ -94,7 +94,7 @@ class Timeline(Generic[CueT]):
         return needs + [ref.spot for ref in refs if isinstance(ref, Reference)]
 
     def graph(self, act: int | None = None) -> dict[Spot, list[Spot]]:
-        """Place of a cue or a mark -> those that come first; of one act or of all."""
+        """Keys of a cue or a mark -> keys of those before it, in one act or in all."""
         cues = self.cues if act is None else self.of_act(act)
         marks = {
             spot: [ref.spot] if isinstance(ref := self.refs[spot], Reference) else []
@@ -103,12 +103,12 @@ class Timeline(Generic[CueT]):
         return marks | {cue.spot: self.needs(cue) for cue in cues}
 
     def time(self, ref: Ref, start: float, placed: Mapping[Spot, Moments]) -> float:
-        """A time, once what it refers to is placed [s].
+        """Time of a reference whose cue or mark is placed [s].
 
         Args:
-            ref: the time.
-            start: of the act from which beats count [s].
-            placed: moments of what is placed.
+            ref: number of beats, or reference.
+            start: start of the act from which beats count [s].
+            placed: moments of placed cues and marks.
         """
         if not isinstance(ref, Reference):
             return start + ref * self.beat
@@ -116,7 +116,7 @@ class Timeline(Generic[CueT]):
         return (max(base, start) if ref.in_act else base) + ref.offset * self.beat
 
     def wanted(self, cue: Cue[CueT], start: float, placed: Mapping[Spot, Moments]) -> float:
-        """Wanted time of a cue or its mark of `on` [s]; by default when the previous ones end."""
+        """Wanted time of a cue or its mark in `on` [s]; the end of the cues before by default."""
         times = [self.time(self.refs[spot], start, placed) for spot, _ in cue.times]
         if not times:
             times = [placed[before.spot][END] for before in cue.before if before.act == cue.act]
@@ -135,14 +135,14 @@ class Timeline(Generic[CueT]):
         perform: Callable[[Cue[CueT], float], Moments],
         mark: Callable[[Spot, float], float] = lambda spot, t: t,
     ) -> None:
-        """Places the cues of an act, in the order of the times at which they are to be.
+        """Places the cues of an act, in the order of their wanted times.
 
         Args:
             act: number of the act.
-            start: of the act [s].
-            placed: moments of what is placed; those of the act are added.
-            perform: places one cue that is to be at a time [s], and gives its moments.
-            mark: gives the time of a mark of the file, from the one that is written [s].
+            start: start of the act [s].
+            placed: moments of placed cues and marks; those of the act are added.
+            perform: places a cue with its wanted time [s], and returns its moments.
+            mark: returns the time of a mark of the file, from its written time [s].
         """
         graph, of_spot = self.graph(act), {cue.spot: cue for cue in self.of_act(act)}
         waiting = {
@@ -182,14 +182,14 @@ def make_timeline(
     log: ScriptLog,
     special: Callable[[Cue[CueT], Spot, Time], Ref | None] = lambda cue, spot, time: None,
 ) -> Timeline[CueT]:
-    """The timeline of acts of cues; records mistakes in its times.
+    """Timeline of acts of cues; records mistakes in its times.
 
     Args:
-        acts: of the script, each with its cues in the file's order.
-        marks: place of a mark of the file -> its time.
+        acts: acts of the script, each with its cues in the file's order.
+        marks: keys of a mark of the file -> its time.
         log: collects mistakes.
-        special: reads the times of cues that refer neither to marks nor to moments of cues by
-            name; None for all others.
+        special: reads times of cues that refer neither to marks nor to moments of cues by name;
+            returns None for all others.
     """
     cues = tuple(cue for act in acts for cue in act)
     names = {str(spot[-1]): spot for spot in marks}

@@ -18,22 +18,22 @@ from fantoccini.theatre.script.values import Spot, Time
 
 _OFFSET = r"(?: *([-+]) *(\d+\.?\d*|\.\d+))?"
 _SHORT = NAME.replace("{0,63}", "{0,63}?")
-# A dash may belong to a name: what is a name as a whole is one.
+# A dash may belong to a name: a name that matches the whole text has precedence.
 _FORMS = [
     re.compile(rf"({name})(?:\.({name}(?: \d+)?))?{_OFFSET}", re.ASCII) for name in (NAME, _SHORT)
 ]
 
 
 class Timed(Protocol):
-    """A cue that times may refer to."""
+    """A cue to which times may refer."""
 
     @property
     def spot(self) -> Spot:
-        """Keys that lead to it."""
+        """Keys that lead to it in the file."""
 
     @property
     def name(self) -> str:
-        """Name by which times refer to it; "" where nothing can."""
+        """Name by which times refer to it; "" if none can."""
 
     @property
     def is_named(self) -> bool:
@@ -41,7 +41,7 @@ class Timed(Protocol):
 
     @property
     def known(self) -> tuple[str, ...]:
-        """Its moments, by name."""
+        """Names of its moments."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ class Reference:
     """A time by name.
 
     Attributes:
-        spot: where the mark or the cue is written.
-        moment: of the cue; "" of a mark.
-        offset: [beats].
-        in_act: a time in an earlier act counts as the start of the cue's own act.
+        spot: keys of the mark or the cue.
+        moment: moment of the cue; "" for a mark.
+        offset: offset [beats].
+        in_act: whether a time in an earlier act counts as the start of the cue's own act.
     """
 
     spot: Spot
@@ -69,8 +69,8 @@ class Times:
     """Meaning of names in the times of a script, or of a phrase of it.
 
     Args:
-        marks: mark of the file -> where it is written.
-        cues: all cues.
+        marks: mark of the file -> its keys.
+        cues: cues of the script or the phrase.
         log: collects mistakes.
     """
 
@@ -89,7 +89,7 @@ class Times:
                 self._own[cue.name] = cue
 
     def read(self, given: Time, spot: Spot) -> Ref:
-        """A time of the file: a number [beats] or what it refers to; 0 after a mistake."""
+        """Time of the file: a number [beats] or a reference; 0 after a mistake."""
         if not isinstance(given, str):
             return given
         matches = [match for form in _FORMS if (match := form.fullmatch(given.strip()))]
@@ -130,7 +130,7 @@ class Times:
         return 0.0
 
     def _the(self, name: str, spot: Spot) -> Timed | None:
-        """The one cue of a name."""
+        """The only cue of a name; None after a mistake."""
         if name in self._own:
             return self._own[name]
         first, *others = self._cues[name]
@@ -152,11 +152,11 @@ class Times:
 
 
 def circle(needs: Mapping[Spot, list[Spot]], located: Located) -> tuple[Spot, str] | None:
-    """A mistake where cues and marks wait for themselves; None where there is an order.
+    """A mistake if cues and marks wait for each other in a circle; None if there is an order.
 
     Args:
-        needs: place -> those that come first.
-        located: the file.
+        needs: keys of a cue or mark -> keys of those before it.
+        located: lines of the file.
     """
     try:
         TopologicalSorter(needs).prepare()

@@ -22,11 +22,11 @@ from fantoccini.theatre.script.cues import (
 from fantoccini.theatre.script.verbs import VERBS
 
 _VERBLESS = "<none>"
-"""Names no class: hints for unknown keys are then those of the whole union."""
+"""Name of no class: hints for unknown keys are then those of the whole union."""
 
 
 def _keys(cue: type[CueFile]) -> dict[str, str]:
-    """Keys of a cue as they are written -> the sentence on which cues have them."""
+    """Keys of a cue as they are written -> sentence about the cues that have them."""
     return {
         spelled(key): next(
             base.keys_rule
@@ -41,10 +41,10 @@ class _ByVerb:
     """Chooses a cue's class by its verb, and refuses keys of other verbs.
 
     Args:
-        kind: of cues: those of scores, or of plays.
-        verbless: such a cue without a verb.
-        none: phrase for the message on a cue without a verb.
-        needed: the verbs in words; a list of all by default.
+        kind: class of the cues: those of scores, or of plays.
+        verbless: class of such a cue without a verb.
+        none: phrase for the message about a cue without a verb.
+        needed: verbs in words; a list of all by default.
     """
 
     def __init__(self, kind: type[CueFile], verbless: type[CueFile], none: str, needed: str = ""):
@@ -56,7 +56,7 @@ class _ByVerb:
 
     @property
     def union(self) -> Any:
-        """The union, for a file."""
+        """Union of the classes, as a type of a file's field."""
         members: list[Any] = [Annotated[cue, Tag(_tag(cue))] for cue in self._keys]
         hidden: Any = SkipJsonSchema
         members.append(Annotated[hidden[self._verbless], Tag(_VERBLESS)])
@@ -64,23 +64,23 @@ class _ByVerb:
         return Annotated[either, Discriminator(self.tag), BeforeValidator(self.check)]
 
     def tag(self, data: Any) -> str:
-        """The tag of the cue's class."""
+        """Tag of the cue's class."""
         if isinstance(data, CueFile):
             return _tag(type(data))
         verbs = self._verbs(data) if isinstance(data, dict) else []
         return _tag(self._cues[verbs[0]]) if verbs else _VERBLESS
 
     def check(self, data: Any) -> Any:
-        """Refuses several verbs, keys of other verbs, and what a verb needs and does not have."""
+        """Refuses several verbs, keys of other verbs, and missing keys of the verb."""
         if not isinstance(data, dict):
             return data
-        given, verbs = {spelled(str(key)) for key in data}, self._verbs(data)
+        keys_present, verbs = {spelled(str(key)) for key in data}, self._verbs(data)
         known = {key for keys in self._keys.values() for key in keys}
         if len(verbs) > 1:
             both = " and ".join(f"`{verb}`" for verb in verbs)
             raise mistake(f"found both {both}; needed: one of {self._needed}")
         if not verbs:
-            if given <= known:
+            if keys_present <= known:
                 raise mistake(f"found {self._none}; needed: one of {self._needed}")
             return {key: value for key, value in data.items() if spelled(str(key)) not in known}
         cue = self._cues[verbs[0]]
@@ -92,17 +92,17 @@ class _ByVerb:
             raise mistake(f"found `{verbs[0]}` with `{key}`; {sentence}")
         for key, sentence in own.items():
             needed = cue.model_fields[key.replace(" ", "_")].is_required()
-            if needed and sentence and key not in given | {*verbs}:
+            if needed and sentence and key not in keys_present | {*verbs}:
                 raise mistake(f"found no `{key}`; {sentence}")
         return {key: value for key, value in data.items() if key not in strange}
 
     def _verbs(self, data: dict[Any, Any]) -> list[str]:
-        given = {spelled(str(key)) for key, value in data.items() if value is not None}
-        return [verb for verb in self._cues if verb in given]
+        keys_present = {spelled(str(key)) for key, value in data.items() if value is not None}
+        return [verb for verb in self._cues if verb in keys_present]
 
 
 def _tag(cue: type[CueFile]) -> str:
-    """The tag by which mistakes of a cue are assigned to its class."""
+    """Tag by which mistakes of a cue are assigned to its class."""
     return f"<{cue.__name__.lower()}>"
 
 

@@ -22,10 +22,10 @@ from fantoccini.base.documents import (
 )
 
 Spot = tuple[str | int, ...]
-"""Keys and indices that lead to a place of the file."""
+"""Keys and indices that lead to a part of the file."""
 
 START, END = "start", "end"
-"""Moments that every cue has, beside the marks of its gesture."""
+"""Moments that every cue has, in addition to the marks of its gesture."""
 
 DIRECTIONS = {"audience": 0.0, "left": 90.0, "back": 180.0, "right": -90.0}
 """Direction on the stage -> angle from the audience, which is along x [deg]."""
@@ -41,7 +41,7 @@ HOW: dict[str, dict[str, Any]] = {
     "twice": {"repeat": 2},
     "thrice": {"repeat": 3},
 }
-"""Word -> what it does to a gesture; factors multiply."""
+"""Word -> variation of a gesture; factors multiply."""
 
 _FACTORS = (1e-3, 1e3)
 """Least and largest factor of sizes, speeds and durations."""
@@ -112,7 +112,7 @@ def _word(value: str) -> str:
 Mark = Annotated[
     str, AfterValidator(_mark), WithJsonSchema({"type": "string", "pattern": f"^{_MARK}$"})
 ]
-"""A mark of a gesture; of those of one name the second is called `left 2`."""
+"""A mark of a gesture; `left 2` is the second one named `left`."""
 To = Annotated[
     tuple[float, float, float] | str,
     BeforeValidator(_to, json_schema_input_type=Place | str),
@@ -138,7 +138,7 @@ Facing = Annotated[
     SIZED,
     WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]}),
 ]
-"""An angle from the audience to the left, or `audience`, `left`, `right`, `back`, or a name."""
+"""Angle from the audience to the left, or `audience`, `left`, `right`, `back`, or a name."""
 Names = Annotated[
     tuple[Name, ...],
     BeforeValidator(_listed, json_schema_input_type=str | tuple[str, ...]),

@@ -1,4 +1,4 @@
-"""The verbs of scores and plays: what each needs, and the marks of what is made for it."""
+"""Verbs of scores and plays: the kinds of names they take, and the marks of their gestures."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ MeetingKind = Literal["hangs", "given", "put", "picked", "sits"]
 
 @dataclass(frozen=True)
 class Verb:
-    """A verb.
+    """Properties of a verb.
 
     Attributes:
-        cue: its cues.
-        called: name by which times refer to its cues; "" where that is the gesture's.
-        moves: ``strings``, the ``player``, or a ``thing`` as well.
-        names: key -> kind of what is named there: ``place``, ``direction``, ``player``, ``prop``,
+        cue: class of its cues.
+        called: name by which times refer to its cues; "" if that is the gesture's.
+        moves: scope of the motion: ``strings``, the ``player``, or a ``thing`` as well.
+        names: key -> kind of the name in it: ``place``, ``direction``, ``player``, ``prop``,
             ``seat`` or ``table``.
-        marks: of the gesture that is made for it.
-        meets: the kind of meeting in which players and props touch, by which it is verified.
-        located: what of a prop is measured in the run before: the ``place`` where it stands, or the
-            ``handle`` on a forearm.
+        marks: marks of its gesture.
+        meets: kind of the meeting in which players and props touch, which is then verified.
+        located: property of a prop that is measured in the run before: the ``place`` where it
+            stands, or the ``handle`` on a forearm.
     """
 
     cue: type[CueFile]
@@ -39,7 +39,7 @@ class Verb:
 
 
 ARRIVES = "arrives"
-"""Mark of a walk: its end."""
+"""Mark at the end of a walk."""
 
 _WALK = {"past": "place", "facing": "direction"}
 
@@ -91,5 +91,5 @@ VERBS: dict[str, Verb] = {
 
 
 def walks(given: CueFile) -> bool:
-    """True if a cue carries the players."""
+    """Whether a cue moves the players over the stage."""
     return VERBS[given.verb].moves == "player"

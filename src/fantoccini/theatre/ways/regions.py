@@ -1,4 +1,4 @@
-"""Parts of a stage seen from above: what is in the way, and where the hands reach.
+"""Parts of a stage seen from above: obstacles, and the space of the hands.
 
     distance of a point p from a box:  | max(|R^T (p - c)| - h, 0) |,   from a disk:  |p - c| - r
 
@@ -16,15 +16,15 @@ from fantoccini.base import Array, Mask
 from fantoccini.theatre.gestures import Complex
 
 _CORNERS = np.array([1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j])
-_CHAMFER = float(np.tan(np.pi / 8.0))
-"""Where a tangent half way round a corner leaves the parallels of the sides, over the radius."""
+_CHAMFER_SLOPE = float(np.tan(np.pi / 8.0))
+"""Distance between a side's end and the tangent half way round its corner, over the radius."""
 _DISK_CORNERS = 8
 _ROUNDING = 1e-9
-"""Places count as within a rectangle up to this [m]."""
+"""Distance outside of a rectangle up to which a place counts as inside [m]."""
 
 
 class Region(Protocol):
-    """A convex part of the stage that puppets stay clear of."""
+    """A convex part of the stage from which puppets keep clear."""
 
     @property
     def name(self) -> str:
@@ -33,19 +33,19 @@ class Region(Protocol):
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Its middle [m]."""
+        """Midpoint [m]."""
         ...
 
     def distance(self, points: Complex) -> Array:
-        """(...) from points (...) to its border; 0 or less within it [m]."""
+        """(...) distances of points (...) from its border; 0 or less inside [m]."""
         ...
 
     def distance_of_legs(self, first: Complex, last: Complex) -> Array:
-        """(...) least distance of straight legs (...) [m]."""
+        """(...) least distances of straight legs (...) [m]."""
         ...
 
     def corners(self, clearance: float) -> Complex:
-        """(n,) corners of a polygon around all that is nearer than the clearance [m]."""
+        """(n,) corners of a polygon around all points nearer than the clearance [m]."""
         ...
 
 
@@ -54,10 +54,10 @@ class Box:
     """A rectangle in any direction: a table, a wall.
 
     Attributes:
-        name: of what stands there.
+        name: name of the obstacle.
         centre: (x, y) [m].
         half: half its size along its own axes [m].
-        yaw: of its first axis from x, to the left [rad].
+        yaw: angle of its first axis from x, to the left [rad].
     """
 
     name: str
@@ -66,21 +66,21 @@ class Box:
     yaw: float = 0.0
 
     def distance(self, points: Complex) -> Array:
-        """(...) from points (...) to its border; 0 within it [m]."""
+        """(...) distances of points (...) from its border; 0 inside [m]."""
         return np.abs(_outside(self._own(points), complex(*self.half)))
 
     def distance_of_legs(self, first: Complex, last: Complex) -> Array:
-        """(...) least distance of straight legs (...) [m]."""
+        """(...) least distances of straight legs (...) [m]."""
         a, b, half = self._own(first), self._own(last), complex(*self.half)
-        found = np.minimum(np.abs(_outside(a, half)), np.abs(_outside(b, half)))
+        distance = np.minimum(np.abs(_outside(a, half)), np.abs(_outside(b, half)))
         for corner in _CORNERS.real * half.real + 1j * _CORNERS.imag * half.imag:
-            found = np.minimum(found, _from_leg(corner, a, b))
-        return np.where(_crosses(a, b, half), 0.0, found)
+            distance = np.minimum(distance, _from_leg(corner, a, b))
+        return np.where(_crosses(a, b, half), 0.0, distance)
 
     def corners(self, clearance: float) -> Complex:
-        """(8,) corners of a polygon around all that is nearer than the clearance [m]."""
-        # The rounded corners of what is too near, cut by tangents.
-        out = np.array([1.0 + 1j * _CHAMFER, _CHAMFER + 1j]) * clearance
+        """(8,) corners of a polygon around all points nearer than the clearance [m]."""
+        # The outline at the clearance has rounded corners; tangents cut them.
+        out = np.array([1.0 + 1j * _CHAMFER_SLOPE, _CHAMFER_SLOPE + 1j]) * clearance
         own = [
             complex(sign.real * (self.half[0] + x.real), sign.imag * (self.half[1] + x.imag))
             for sign in _CORNERS
@@ -97,9 +97,9 @@ class Disk:
     """A round part of the stage: a pillar, a well.
 
     Attributes:
-        name: of what stands there.
+        name: name of the obstacle.
         centre: (x, y) [m].
-        radius: [m].
+        radius: radius [m].
     """
 
     name: str
@@ -107,15 +107,15 @@ class Disk:
     radius: float
 
     def distance(self, points: Complex) -> Array:
-        """(...) from points (...) to its border; below 0 within it [m]."""
+        """(...) distances of points (...) from its border; below 0 inside [m]."""
         return np.abs(np.asarray(points) - complex(*self.centre)) - self.radius
 
     def distance_of_legs(self, first: Complex, last: Complex) -> Array:
-        """(...) least distance of straight legs (...) [m]."""
+        """(...) least distances of straight legs (...) [m]."""
         return _from_leg(complex(*self.centre), first, last) - self.radius
 
     def corners(self, clearance: float) -> Complex:
-        """(8,) corners of a polygon around all that is nearer than the clearance [m]."""
+        """(8,) corners of a polygon around all points nearer than the clearance [m]."""
         angles = 2.0 * np.pi / _DISK_CORNERS * np.arange(_DISK_CORNERS)
         out = (self.radius + clearance) / np.cos(np.pi / _DISK_CORNERS)
         return complex(*self.centre) + out * np.exp(1j * angles)
@@ -123,13 +123,13 @@ class Disk:
 
 @dataclass(frozen=True)
 class Rectangle:
-    """Where the hands reach: least and largest x and y of the middle [m]."""
+    """Bounds of the hands: least and largest x and y of the puppet's middle [m]."""
 
     low: tuple[float, float]
     high: tuple[float, float]
 
     def holds(self, points: Complex) -> Mask:
-        """(...) whether points (...) are within it."""
+        """(...) whether points (...) are inside."""
         p = np.asarray(points)
         return (
             (p.real >= self.low[0] - _ROUNDING)
@@ -139,20 +139,20 @@ class Rectangle:
         )
 
     def nearest(self, point: complex) -> complex:
-        """The place in it that is nearest to a point."""
+        """Place inside that is nearest to a point."""
         x, y = np.clip([point.real, point.imag], self.low, self.high)
         return complex(x, y)
 
 
 def _outside(own: Complex, half: complex) -> Complex:
-    """(...) from a box to points in its axes, each way."""
+    """(...) offsets of points in a box's axes from the box, along each axis."""
     return np.maximum(np.abs(own.real) - half.real, 0.0) + 1j * np.maximum(
         np.abs(own.imag) - half.imag, 0.0
     )
 
 
 def _from_leg(point: complex, first: Complex, last: Complex) -> Array:
-    """(...) distance of a point from straight legs."""
+    """(...) distances of a point from straight legs."""
     way, to = np.asarray(last) - first, point - np.asarray(first)
     square = np.maximum(np.abs(way) ** 2, np.finfo(float).tiny)
     s = np.clip((way.conj() * to).real / square, 0.0, 1.0)
@@ -160,7 +160,7 @@ def _from_leg(point: complex, first: Complex, last: Complex) -> Array:
 
 
 def _crosses(a: Complex, b: Complex, half: complex) -> Mask:
-    """(...) whether legs meet a box: the parts of them between its pairs of sides overlap."""
+    """(...) whether legs meet a box: their parts between its two pairs of sides overlap."""
     begin, end = np.zeros(np.shape(a)), np.ones(np.shape(a))
     inside = np.ones(np.shape(a), dtype=bool)
     for start, way, h in (
@@ -169,8 +169,8 @@ def _crosses(a: Complex, b: Complex, half: complex) -> Mask:
     ):
         moves = way != 0.0
         safe = np.where(moves, way, 1.0)
-        one, two = (-h - start) / safe, (h - start) / safe
-        begin = np.where(moves, np.maximum(begin, np.minimum(one, two)), begin)
-        end = np.where(moves, np.minimum(end, np.maximum(one, two)), end)
+        first, second = (-h - start) / safe, (h - start) / safe
+        begin = np.where(moves, np.maximum(begin, np.minimum(first, second)), begin)
+        end = np.where(moves, np.minimum(end, np.maximum(first, second)), end)
         inside &= moves | (np.abs(start) <= h)
     return inside & (begin <= end)

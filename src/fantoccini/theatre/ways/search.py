@@ -1,9 +1,9 @@
-"""The earliest way over a roadmap past those who move: A* over places and their free times.
+"""Earliest way over a roadmap past moving players: A* over places and their free intervals.
 
 A state is a place, the heading with which the puppet came, and the time until which the place
-stays free. Whoever comes there earlier in the same free time can wait, so that only the earliest
-arrival counts (safe-interval path planning, Phillips and Likhachev 2011). The heuristic is the
-rest of the way past what stands, turns included, so that without others nothing is searched.
+stays free. An earlier arrival in the same free interval can wait, so that only the earliest counts
+(safe-interval path planning, Phillips and Likhachev 2011). The heuristic is the cost of the rest
+of the way past standing obstacles, turns included; without other players no search is needed.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from fantoccini.base import Array, Indices
 from fantoccini.theatre.ways.roadmap import CORNER, GOAL, START, Roadmap, turns
 from fantoccini.theatre.ways.traffic import NEVER, Traffic
 
-_MOST = 20000
-"""States that are looked at before the search gives up."""
+_MAX_STATES = 20000
+"""Number of states examined before the search gives up."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class Leg:
     """A straight way between two points.
 
     Attributes:
-        to: the point.
+        to: index of the point at its end.
         turns: steps of turning before it.
-        departs: the step at which its first one begins, after the turns.
-        steps: how many.
+        departs: step at which it begins, after the turns.
+        steps: number of steps.
     """
 
     to: int
@@ -41,7 +41,7 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class _Visit:
-    """A stay at a point, from a step until one in which it is not free any more."""
+    """A stay at a point, from a step until the first one in which it is no longer free."""
 
     point: int
     heading: complex
@@ -54,7 +54,7 @@ class _Visit:
 
 @dataclass(eq=False)
 class _Onward:
-    """Where to go from a visit: points, the most promising first."""
+    """Legs from a visit that are still to be tried: end points, the most promising first."""
 
     visit: _Visit
     points: Indices
@@ -76,8 +76,8 @@ class Search:
     """A search from the start's heading, a unit number, to the goal.
 
     Attributes:
-        roadmap, traffic: what stands, and who moves.
-        looked: states looked at.
+        roadmap, traffic: standing obstacles and moving players.
+        looked: number of states examined.
     """
 
     roadmap: Roadmap
@@ -89,28 +89,28 @@ class Search:
     _best: dict[tuple[int, int], list[tuple[float, complex]]] = field(default_factory=dict)
 
     def run(self, heading: complex) -> list[Leg] | None:
-        """The legs of the earliest way; None when there is none."""
+        """Legs of the earliest way; None if there is none."""
         first = _Visit(START, heading, 0, self._until(START, 0), 0.0)
         if abs(self.roadmap.points[GOAL] - self.roadmap.points[START]) < 1e-9 and (
             first.until == NEVER
         ):
             return []
         self._go_on(first)
-        while self._queue and self.looked < _MOST:
+        while self._queue and self.looked < _MAX_STATES:
             self.looked += 1
-            f, _, one = heapq.heappop(self._queue)
-            if isinstance(one, _Onward):
-                self._depart(f, one)
+            f, _, entry = heapq.heappop(self._queue)
+            if isinstance(entry, _Onward):
+                self._depart(f, entry)
                 continue
-            visit = self._arrive(f, one)
+            visit = self._arrive(f, entry)
             if visit is not None:
                 if visit.point == GOAL and visit.until == NEVER:
                     return _legs(visit)
                 self._go_on(visit)
         return None
 
-    def _push(self, f: float, one: _Onward | _Arrival) -> None:
-        heapq.heappush(self._queue, (f, next(self._serial), one))
+    def _push(self, f: float, entry: _Onward | _Arrival) -> None:
+        heapq.heappush(self._queue, (f, next(self._serial), entry))
 
     def _until(self, point: int, step: int) -> int:
         if point not in self._stays:
@@ -132,7 +132,7 @@ class Search:
             self._push(float(f[order[0]]), onward)
 
     def _depart(self, f: float, onward: _Onward) -> None:
-        """Finds when the next leg can be walked, and leaves the others for later."""
+        """Queues the next leg at its earliest departure, and the other ones for later."""
         visit, k = onward.visit, int(onward.points[onward.next])
         j = visit.point
         onward.next += 1
@@ -145,7 +145,7 @@ class Search:
     def _send(
         self, f: float, cost: float, visit: _Visit, k: int, turned: int, since: int, at: int
     ) -> None:
-        """Queues the arrival by the first departure since a step; f, cost are those of ``at``."""
+        """Queues the arrival of the first departure since a step; f, cost are those of ``at``."""
         points, n = self.roadmap.points, int(self.roadmap.steps[visit.point, k])
         departs = self.traffic.departures(
             complex(points[visit.point]), complex(points[k]), n, since, visit.until
@@ -154,27 +154,27 @@ class Search:
             later = departs - at
             self._push(f + later, _Arrival(visit, Leg(k, turned, departs, n), cost + later))
 
-    def _arrive(self, f: float, one: _Arrival) -> _Visit | None:
-        """The visit with which a leg ends; None where an earlier one is as good."""
-        visit, leg, k = one.visit, one.leg, one.leg.to
+    def _arrive(self, f: float, arrival: _Arrival) -> _Visit | None:
+        """Visit at the end of a leg; None if an earlier one is as good."""
+        visit, leg, k = arrival.visit, arrival.leg, arrival.leg.to
         since = leg.departs + leg.steps
         until = self._until(k, since)
         if until != NEVER:
             later = max(leg.departs + 1, until + 1 - leg.steps)
-            self._send(f, one.cost, visit, k, leg.turns, later, leg.departs)
+            self._send(f, arrival.cost, visit, k, leg.turns, later, leg.departs)
         heading = complex(self.roadmap.units[visit.point, k])
         known = self._best.setdefault((k, until), [])
         if known:
             costs, headings = (np.array(x) for x in zip(*known, strict=True))
-            if np.any(costs + turns(headings, np.array(heading)) <= one.cost + 1e-12):
+            if np.any(costs + turns(headings, np.array(heading)) <= arrival.cost + 1e-12):
                 return None
-        known.append((one.cost, heading))
-        return _Visit(k, heading, since, until, one.cost, leg, visit)
+        known.append((arrival.cost, heading))
+        return _Visit(k, heading, since, until, arrival.cost, leg, visit)
 
 
 def _legs(visit: _Visit | None) -> list[Leg]:
-    found: list[Leg] = []
+    legs: list[Leg] = []
     while visit is not None and visit.leg is not None:
-        found.append(visit.leg)
+        legs.append(visit.leg)
         visit = visit.before
-    return found[::-1]
+    return legs[::-1]

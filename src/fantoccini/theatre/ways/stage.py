@@ -1,4 +1,4 @@
-"""A stage with all that stands and moves on it, as a puppet finds it that is to go somewhere."""
+"""The stage around a puppet that is to walk: obstacles and other players."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from fantoccini.theatre.ways.search import Leg, Search
 from fantoccini.theatre.ways.traffic import SAMPLE, Other, Traffic
 
 HORIZON = 120
-"""Most steps for which a puppet waits, at its start and on its way."""
+"""Largest number of steps for which a puppet waits, at its start and on its way."""
 CLOSER = 1e-5
-"""Distance by which passing players may be closer than their radii, between samples [m]."""
-_BESIDE_PATHS = 8
-"""Places of a path beside which there are places to make way to."""
+"""Amount by which two passing players may be closer than their radii, between samples [m]."""
+_PATH_POINTS = 8
+"""Number of points of a path that have places beside them where a puppet can make way."""
 _BESIDE_OTHERS = 2e-3
-"""Distance of places to turn from those who move, beside the clearance [m]: more than the clearance
-adds for the time between samples."""
-_CLEAR = 1.1
-"""Their distance from the path, over that at which two pass."""
+"""Distance of turning points from moving players, in addition to the clearance [m]; more than the
+clearance adds for the time between samples."""
+_ASIDE = 1.1
+"""Distance of the places beside a path from it, relative to that at which two players pass."""
 
 
 class Stage:
@@ -32,9 +32,9 @@ class Stage:
 
     Attributes:
         start, begin, step_time, longest_step, radius, blocked: see ``find_way``.
-        standing: what stands from the beginning on, others among it.
-        movers: the others who move.
-        space: where the middle must stay.
+        standing: obstacles, and players that do not move from the beginning on.
+        movers: players that move.
+        space: bounds of the puppet's middle.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Stage:
     # -- checks ------------------------------------------------------------------------------
 
     def too_near(self, place: complex, t: float) -> str | None:
-        """Names of obstacles and players too near to a place at a time [s]."""
+        """Name of an obstacle or player too near to a place at a time [s]; None if it is free."""
         for region in self.standing:
             if region.distance(np.array(place)) < self.radius - EDGE:
                 return region.name
@@ -68,7 +68,7 @@ class Stage:
         return None
 
     def is_free(self, places: Complex) -> Mask:
-        """(n,) whether nothing stands at places when all have come to rest."""
+        """(n,) whether places are free once all players have come to rest."""
         free = self.space.holds(places)
         for mover in self.at_last:
             free &= mover.distance(places) >= self.radius - EDGE
@@ -76,29 +76,31 @@ class Stage:
 
     @property
     def at_last(self) -> list[Region]:
-        """All obstacles once everybody has come to rest."""
+        """Obstacles and players once all players have come to rest."""
         return [*self.standing, *(mover.at_rest() for mover in self.movers)]
 
     def are_open(self, standing: Sequence[Region], first: Complex, last: Complex) -> Mask:
-        """(...) whether nothing of what stands is in straight legs (...)."""
+        """(...) whether straight legs (...) keep clear of standing obstacles."""
         free = np.ones(first.shape, dtype=bool)
         for region in standing:
             free &= region.distance_of_legs(first, last) >= self.radius - EDGE
         return free
 
     def is_clear(self, way: Way) -> bool:
-        """Whether a way keeps clear of everything, until all others stand."""
+        """Whether a way keeps clear of everything until all other players stand."""
         end = max([way.end, *(mover.last_motion() for mover in self.movers)])
         n = int(np.ceil((end - self.begin) / SAMPLE)) + 1
         t = np.linspace(self.begin, max(end, self.begin + SAMPLE), n + 1)
         xy, _ = way.footing(t)
         places = xy[:, 0] + 1j * xy[:, 1]
-        far = [region.distance(places) - self.radius for region in self.standing]
-        far += [np.abs(mover.at(t) - places) - self.radius - mover.radius for mover in self.movers]
-        return bool(np.all(self.space.holds(places))) and all(np.min(x) >= -CLOSER for x in far)
+        margins = [region.distance(places) - self.radius for region in self.standing]
+        margins += [
+            np.abs(mover.at(t) - places) - self.radius - mover.radius for mover in self.movers
+        ]
+        return bool(np.all(self.space.holds(places))) and all(np.min(x) >= -CLOSER for x in margins)
 
     def waits(self, way: Way) -> int:
-        """Steps for which the puppet waits before a way and on it."""
+        """Number of steps for which the puppet waits before a way and on it."""
         late = round((way.begin - self.begin) / self.step_time)
         return late + sum(step.stands for step in way.steps)
 
@@ -119,7 +121,7 @@ class Stage:
         )
 
     def way(self, goal: Footing, latest_begin: float) -> Way | None:
-        """The way that arrives first, however long it waits."""
+        """Way with the earliest arrival, however long it waits; None if there is none."""
         roadmap = self.roadmap(goal)
         ends = (self.start.place, goal.place)
         traffic = Traffic(self.movers, self.begin, self.step_time, self.radius, ends)
@@ -130,19 +132,19 @@ class Stage:
         return way if self.is_clear(way) else None
 
     def _places(self, ends: Complex) -> Complex:
-        """Where ways may turn, beside the corners of what stands."""
-        found = [ends]
+        """Turning points of ways: places beside players, their paths and spread over the stage."""
+        groups = [ends]
         for other in self.movers:
             pass_by = self.radius + other.radius
-            t = np.linspace(self.begin, other.last_motion(), _BESIDE_PATHS)
+            t = np.linspace(self.begin, other.last_motion(), _PATH_POINTS)
             path = other.at(t)
             along = np.gradient(path)
             aside = 1j * along / np.maximum(np.abs(along), np.finfo(float).tiny)
-            found += [path + side * _CLEAR * pass_by * aside for side in (-1.0, 1.0)]
+            groups += [path + side * _ASIDE * pass_by * aside for side in (-1.0, 1.0)]
             for place in (path[0], path[-1]):
                 disk = Disk(other.name, (place.real, place.imag), other.radius)
-                found.append(disk.corners(self.radius + _BESIDE_OTHERS))
-        places = np.concatenate(found)
+                groups.append(disk.corners(self.radius + _BESIDE_OTHERS))
+        places = np.concatenate(groups)
         seen = np.concatenate([places, *(region.corners(self.radius) for region in self.standing)])
         margin = 2.0 * self.radius
         low = np.array([seen.real.min() - margin, seen.imag.min() - margin])
@@ -152,16 +154,16 @@ class Stage:
         return np.concatenate([places, lattice(area)])
 
     def _walked(self, goal: Footing, roadmap: Roadmap, legs: list[Leg], latest: float) -> Way:
-        """The steps of legs; the first stands are a later beginning."""
+        """Way along legs; steps at its start that only stand are a later beginning instead."""
         steps: list[Step] = []
-        place, heading, now = self.start.place, self.start.heading, 0
+        place, heading, step_index = self.start.place, self.start.heading, 0
         for leg in legs:
             to = complex(roadmap.points[leg.to])
-            steps += [Step()] * (leg.departs - leg.turns - now)
+            steps += [Step()] * (leg.departs - leg.turns - step_index)
             turned = _turn(heading, float(np.angle(to - place)), leg.turns)
             steps += turned + [Step(abs(to - place) / leg.steps)] * leg.steps
             heading += sum(step.turn for step in turned)
-            place, now = to, leg.departs + leg.steps
+            place, step_index = to, leg.departs + leg.steps
         last = int(_turns(heading, goal.heading))
         steps += _turn(heading, goal.heading, last)
         patience = int(np.floor((latest - self.begin) / self.step_time + 1e-9))
@@ -177,6 +179,6 @@ def _turns(heading: float, to: float) -> float:
 
 
 def _turn(heading: float, to: float, n: int) -> list[Step]:
-    """A turn by the shorter side in n equal steps."""
+    """Steps of a turn in the shorter direction, n equal ones."""
     angle = float(np.angle(np.exp(1j * (to - heading))))
     return [Step(0.0, angle / n)] * n if n else []

@@ -1,8 +1,8 @@
-"""Others on the stage over time: when a place is free, and when a leg can be walked past them.
+"""Other players on the stage over time: free places, and departures of legs that meet nobody.
 
     free(p, t):  |p - o(t)| >= r + r_o   for every other, at samples at most 20 ms apart
 
-Time is counted in steps from the beginning on. After the last motion all of them stand.
+Time is counted in steps from the beginning. After the last motion all players stand.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from fantoccini.theatre.ways.regions import Disk
 SAMPLE = 0.02
 """Longest time between two checks of a motion [s]."""
 _MARGIN = 1e-3
-"""Beside those who move, for what happens between two samples [m]."""
-_MOVES = 1e-9
-"""Others who stay within this stand [m]."""
+"""Extra distance from moving players, for the time between two samples [m]."""
+_MIN_MOTION = 1e-9
+"""Smaller displacements count as standing [m]."""
 _COARSE = 8
 """The first of every so many samples is checked before the others."""
 NEVER = 1 << 40
-"""A step that never comes."""
+"""Step index that stands for no step."""
 
 
 @dataclass(frozen=True, eq=False)
 class Other:
-    """Someone else on the stage: a disk that stands before its first time and after its last.
+    """Another player on the stage: a disk that stands before its first time and after its last.
 
     Attributes:
-        name: of whom.
-        times: (T,) increasing [s].
+        name: name of the player.
+        times: (T,) increasing times [s].
         xy: (T, 2) places of the middle, in the scene's frame; straight between them [m].
-        radius: [m].
+        radius: radius of the player [m].
 
     Raises:
-        ValueError: the arrays do not fit each other.
+        ValueError: the shapes of the arrays do not match.
     """
 
     name: str
@@ -64,25 +64,25 @@ class Other:
         return np.asarray(x + 1j * y)
 
     def last_motion(self) -> float:
-        """When it stands for good [s]."""
-        moving = np.flatnonzero(np.any(np.abs(self.xy - self.xy[-1]) > _MOVES, axis=1))
+        """Time from which it stands for good [s]."""
+        moving = np.flatnonzero(np.any(np.abs(self.xy - self.xy[-1]) > _MIN_MOTION, axis=1))
         return float(self.times[moving[-1] + 1]) if len(moving) else -np.inf
 
     def at_rest(self) -> Disk:
-        """Where it stands after its last motion."""
+        """Disk at its place after its last motion."""
         return Disk(self.name, (float(self.xy[-1, 0]), float(self.xy[-1, 1])), self.radius)
 
 
 @dataclass(frozen=True, eq=False)
 class Traffic:
-    """Those who move, on a clock of steps.
+    """Moving players, in steps of the walking puppet.
 
     Attributes:
-        others: who move after the beginning.
+        others: players that move after the beginning.
         begin: [s].
-        step_time: [s].
-        radius: of the puppet [m].
-        ends: the puppet's start and goal: there others may be as near as their radii allow.
+        step_time: duration of a step [s].
+        radius: radius of the puppet [m].
+        ends: start and goal of the puppet; there others may be as near as their radii allow.
     """
 
     others: Sequence[Other]
@@ -93,31 +93,31 @@ class Traffic:
 
     @cached_property
     def parts(self) -> int:
-        """Samples of a step."""
+        """Number of samples of a step."""
         return int(np.ceil(self.step_time / SAMPLE - 1e-9))
 
     @cached_property
     def still_from(self) -> int:
-        """The first step from whose start on all stand."""
+        """First step from whose start on all players stand."""
         last = max((other.last_motion() for other in self.others), default=self.begin)
         return max(0, int(np.ceil((last - self.begin) / self.step_time - 1e-9)))
 
     @cached_property
     def _places(self) -> Complex:
-        """(others, n) places at the samples until all stand."""
+        """(others, n) places at the samples until all players stand."""
         n = self.still_from * self.parts
         t = np.linspace(self.begin, self.begin + self.still_from * self.step_time, n + 1)
         return np.array([other.at(t) for other in self.others]).reshape(-1, n + 1)
 
     @cached_property
-    def _least_squared(self) -> Array:
-        """(others,) squares of the distances to keep [m^2]."""
-        found = []
-        for one, places in zip(self.others, self._places, strict=True):
-            least = one.radius + self.radius
+    def _min_squared_distances(self) -> Array:
+        """(others,) squares of the least distances [m^2]."""
+        distances = []
+        for other, places in zip(self.others, self._places, strict=True):
+            distance = other.radius + self.radius
             near = min(abs(places[0] - self.ends[0]), abs(places[-1] - self.ends[1]))
-            found.append(max(least, min(least + _MARGIN, near)) - 1e-9)
-        return np.array(found) ** 2
+            distances.append(max(distance, min(distance + _MARGIN, near)) - 1e-9)
+        return np.array(distances) ** 2
 
     def stays(self, point: complex) -> Indices:
         """(still_from + 1,) first step at or after each one in which a place is not free."""
@@ -131,13 +131,13 @@ class Traffic:
         return until
 
     def departures(self, first: complex, last: complex, n: int, since: int, until: int) -> int:
-        """The first step from one to another at which n steps between places meet nobody.
+        """First step at which n steps from one place to another begin and meet nobody.
 
         Returns:
-            It, or NEVER.
+            The step, or NEVER.
         """
         way = np.asarray(first + (last - first) * _phase(n, self.parts), dtype=complex)
-        # Later than this all departures are alike: everybody stands.
+        # Later departures are all alike: everybody stands.
         final = min(until, max(since, self.still_from))
         if since > final:
             return NEVER
@@ -150,20 +150,20 @@ class Traffic:
         return NEVER
 
     def _meets_nobody(self, way: Complex, since: Indices, every: int) -> Mask:
-        """(n,) whether a way that begins at steps (n,) is free at every so many samples."""
+        """(n,) whether a way that begins at steps (n,) is free at every ``every``-th sample."""
         k = np.arange(0, len(way), every)
         index = np.minimum(since[:, None] * self.parts + k, self.still_from * self.parts)
         return np.asarray(self._free(self._places[:, index] - way[k]).all(axis=1))
 
     def _free(self, gaps: Complex) -> Mask:
         """(...) whether gaps (others, ...) are all large enough."""
-        least = self._least_squared.reshape(-1, *(1,) * (gaps.ndim - 1))
-        return np.all(gaps.real**2 + gaps.imag**2 >= least, axis=0)
+        min_squared = self._min_squared_distances.reshape(-1, *(1,) * (gaps.ndim - 1))
+        return np.all(gaps.real**2 + gaps.imag**2 >= min_squared, axis=0)
 
 
 @cache
 def _phase(n: int, parts: int) -> Array:
-    """(n parts + 1,) the part of a leg of n steps that is behind at its samples."""
+    """(n parts + 1,) share of a leg of n steps that is completed at its samples."""
     s = np.arange(parts) / parts
     ways = stepping.leg(n)
     return np.append(polynomial.evaluate(ways[:, None], s[None])[0].ravel(), 1.0)

@@ -1,10 +1,10 @@
-"""Ways of puppets over a stage, past what stands there and past each other.
+"""Ways of puppets over a stage, past obstacles and past each other.
 
     |p(t) - o(t)| >= r + r_o,   distance(p(t), region) >= r,   p(t) within the hands' space
 
 p is the middle of the puppet, r its radius, o those of others. A puppet turns on the spot, walks
-straight, and so on; it begins later, or stands, to let others pass. Where it is to be at the end,
-it stays: the place must be free from then on.
+straight, and so on; to let others pass it begins later, or stands. It stays at its goal, which must
+be free from then on.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from fantoccini.theatre.ways.stage import HORIZON, Stage
 from fantoccini.theatre.ways.traffic import Other
 
 _RINGS, _DIRECTIONS = np.arange(1, 101) * 0.02, 24
-"""Where a goal is moved to if it cannot be reached: distances [m], and how many directions."""
-_TRIES, _APART = 3, 0.2
-"""Other goals that are tried, and how far they are from each other [m]."""
-_AT_ONCE = 64
-"""Other goals that are looked at at once."""
+"""Alternative goals around one that cannot be reached: distances [m], number of directions."""
+_MAX_TRIES, _MIN_SPACING = 3, 0.2
+"""Number of alternative goals that are tried, and least distance between them [m]."""
+_BATCH = 64
+"""Number of alternative goals that are checked together."""
 
 
 def find_way(
@@ -43,26 +43,26 @@ def find_way(
     space: Rectangle | None = None,
     latest_begin: float | None = None,
 ) -> Way | NoWay:
-    """The way that arrives first; of those the shortest, of those the one with fewest turns.
+    """Way with the earliest arrival; among those the shortest, then the one with the fewest turns.
 
-    That is among ways over the corners of obstacles, places beside others and places spread over
-    the stage. Checked at samples 20 ms apart, until all others stand, two who pass are never
-    closer than their radii, but for 0.01 mm.
+    Ways lead over the corners of obstacles, places beside other players and places spread over
+    the stage. At samples 20 ms apart, until all others stand, two players that pass each other are
+    at most 0.01 mm closer than their radii.
 
     Args:
-        start, goal: from where to where.
+        start, goal: footings at its ends.
         begin: earliest time of the first step [s].
-        step_time: of each step [s].
-        longest_step: [m].
-        radius: of the puppet, its sway included [m].
-        blocked: convex parts of the stage to stay clear of.
-        others: who else is on the stage, at all times.
-        space: where the middle must stay; everywhere when not given.
-        latest_begin: until when it waits before its first step; later it stands, in steps that do
-            not move. When not given, ``begin`` [s].
+        step_time: duration of a step [s].
+        longest_step: longest step [m].
+        radius: radius of the puppet, including its sway [m].
+        blocked: convex parts of the stage to keep clear of.
+        others: other players on the stage, at all times.
+        space: bounds of the puppet's middle; none by default.
+        latest_begin: time until which it waits before its first step; later it waits in steps that
+            do not move; ``begin`` by default [s].
 
     Returns:
-        The way, or why there is none.
+        The way, or the reason why there is none.
 
     Raises:
         ValueError: a time or a length is not greater than 0.
@@ -74,11 +74,11 @@ def find_way(
         return trouble
     trouble = _at_the_goal(stage, goal)
     if trouble is None:
-        found = stage.way(goal, begin if latest_begin is None else latest_begin)
-        if found is not None and stage.waits(found) <= HORIZON:
-            return found
-        trouble = _between(stage, goal, found)
-        if found is not None:
+        way = stage.way(goal, begin if latest_begin is None else latest_begin)
+        if way is not None and stage.waits(way) <= HORIZON:
+            return way
+        trouble = _between(stage, goal, way)
+        if way is not None:
             return trouble
     return replace(trouble, nearest=_nearest(stage, goal))
 
@@ -121,37 +121,37 @@ def _between(stage: Stage, goal: Footing, late: Way | None) -> NoWay:
 
 
 def _walls(stage: Stage, roadmap: Roadmap) -> tuple[str, ...]:
-    """Whoever or whatever it is enough to take away; all things where none is enough."""
+    """Players or obstacles whose removal alone clears the way; all if there is none."""
     names = []
-    for k, one in enumerate(roadmap.standing):
+    for k, region in enumerate(roadmap.standing):
         if roadmap.reached(roadmap.open[:k] + roadmap.open[k + 1 :])[GOAL]:
-            names.append(one.name)
-    # Others are more easily sent away than walls.
+            names.append(region.name)
+    # Players are more easily sent away than walls.
     fixed = {region.name for region in stage.blocked}
     movable = [name for name in names if name not in fixed]
     return tuple(dict.fromkeys(movable or names or [region.name for region in roadmap.standing]))
 
 
 def _nearest(stage: Stage, goal: Footing) -> Footing | None:
-    """About the nearest footing to a goal to which there is a way."""
+    """Reachable footing about as near to a goal as possible; None after ``_MAX_TRIES`` failures."""
     tried: list[complex] = []
     for place in _free_places(stage, goal):
-        if any(abs(place - option) < _APART for option in tried):
+        if any(abs(place - option) < _MIN_SPACING for option in tried):
             continue
         footing = Footing(place.real, place.imag, goal.heading)
-        found = stage.way(footing, stage.begin)
-        if found is not None and stage.waits(found) <= HORIZON:
+        way = stage.way(footing, stage.begin)
+        if way is not None and stage.waits(way) <= HORIZON:
             return footing
         tried.append(place)
-        if len(tried) == _TRIES:
+        if len(tried) == _MAX_TRIES:
             break
     return None
 
 
 def _free_places(stage: Stage, goal: Footing) -> Iterator[complex]:
-    """Places where nothing stands at last, that are reached past all that stands."""
+    """Places that are free at the end and reached past everything that stands."""
     roadmap = stage.roadmap(stage.start)
-    # Past those who come as well, unless it would then be shut in: it can leave before.
+    # Players that come later count too, unless they shut the puppet in: it can leave before.
     standing = stage.at_last if stage.is_free(roadmap.points[:1])[0] else stage.standing
     first, last = np.broadcast_arrays(roadmap.points[:, None], roadmap.points)
     known = roadmap.points[roadmap.reached([stage.are_open(standing, first, last)])]
@@ -160,11 +160,11 @@ def _free_places(stage: Stage, goal: Footing) -> Iterator[complex]:
     places = np.concatenate([[stage.space.nearest(goal.place)], rings, known])
     places = places[stage.is_free(places)]
     places = places[np.argsort(np.round(np.abs(places - goal.place), 9), kind="stable")]
-    for k in range(0, len(places), _AT_ONCE):
-        some: Complex = places[k : k + _AT_ONCE]
-        first, last = np.broadcast_arrays(known[:, None], some)
+    for k in range(0, len(places), _BATCH):
+        batch: Complex = places[k : k + _BATCH]
+        first, last = np.broadcast_arrays(known[:, None], batch)
         seen = np.any(stage.are_open(standing, first, last), axis=0)
-        yield from (complex(place) for place in some[seen])
+        yield from (complex(place) for place in batch[seen])
 
 
 def _listed(names: Sequence[str]) -> str:
