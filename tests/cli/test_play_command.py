@@ -49,7 +49,7 @@ def test_a_play_that_holds_ends_with_0_and_tells_its_cue_times(played):
 def test_progress_tells_what_is_done(played):
     said = played.stderr.splitlines()
     assert said[0] == "casting"
-    for step in ("rehearsing", "looking for what touches", "simulating and measuring"):
+    for step in ("rehearsing", "looking for touches", "simulating and measuring"):
         assert any(line.startswith(step) for line in said)
 
 

@@ -97,11 +97,11 @@ def checked(
         faults.append(run.status.message)
     faults += jammed(marionette, run)
     if clearance < 0.0:
-        faults.append("something overlaps what it should keep off")
+        faults.append("a body or string overlaps a solid that it should keep off")
     if not distance <= plan.tolerance:
         faults.append(f"it ends {distance:.3g} from the goal")
     if goal.share is not None and share < goal.share:
-        faults.append(f"what it touches carries {share:.2g} of the weight, not {goal.share:.2g}")
+        faults.append(f"the touched solids carry {share:.2g} of the weight, not {goal.share:.2g}")
     fault = "; ".join(faults)
     return Check(not fault, distance, clearance, deviation, run, touches, share, fault)
 

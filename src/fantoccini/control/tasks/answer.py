@@ -10,7 +10,7 @@ class AnswerStatus(Outcome):
 
     SOLVED = "the residual of the conditions of optimality is below the tolerance"
     NARROW = "all spreads are narrow"
-    EXACT = "the plan ends within the tolerance and touches only what it may, in simulation too"
+    EXACT = "the plan ends within the tolerance and touches only allowed solids, in simulation too"
     REACHED = "it is there"
 
     SETTLED = "steps save hardly any cost any more; the residual is above the tolerance"

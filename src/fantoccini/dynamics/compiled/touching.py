@@ -138,7 +138,7 @@ def _solids(
                     puppet,
                     part.name,
                     f"{part.shape.file} is not convex, and touched nothing when "
-                    "the puppet was compiled; load it together with what it now touches",
+                    "the puppet was compiled; load it together with the solids that it touches now",
                 )
             records += [hull_solid(h, len(hulls) + k, part.link) for k, h in enumerate(own)]
             hulls += own

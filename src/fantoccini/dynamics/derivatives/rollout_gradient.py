@@ -156,7 +156,7 @@ class Rollout:
                 "down, so that the rollout has no gradient"
             )
         if numbers.slip > 0.0:
-            raise StateError("a winch slipped: slips are no part of what is differentiated")
+            raise StateError("a winch slipped: gradients do not include slips")
 
     def _refuse_edges(self) -> None:
         """Raises StateError if contact leaves a step without derivative."""

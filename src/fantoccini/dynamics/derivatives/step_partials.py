@@ -173,10 +173,10 @@ def linearise_steps(
     if options.method == "timestepping":
         return linearised(marionette, given, options, room=room).steps
     refuse_contact(marionette, "the method variational")
-    made = variational_partials(
+    partials = variational_partials(
         marionette, given.x, given.acc_K, given.u_D, given.p, given.dt, _threads(options)
     )
-    return _variational(marionette, made, given, options)
+    return _variational(marionette, partials, given, options)
 
 
 def _threads(options: StepOptions) -> int:
@@ -219,8 +219,8 @@ class StepInputs(NamedTuple):
         check_positive(dt=dt)
         t = marionette.coordinates
         widths = {"q_D": t.n_qD, "v_D": t.n_vD, "q_K": t.n_qK, "v_K": t.n_vK}
-        given = zip(widths.items(), motion, strict=True)
-        starts = {name: np.atleast_2d(vectors(name, a, width)) for (name, width), a in given}
+        parts = zip(widths.items(), motion, strict=True)
+        starts = {name: np.atleast_2d(vectors(name, a, width)) for (name, width), a in parts}
         acc = np.zeros((1, t.n_vK)) if acc_K is None else vectors("acc_K", acc_K, t.n_vK)
         acc = np.atleast_2d(acc)
         force = None if u_D is None else np.atleast_2d(vectors("u_D", u_D, t.n_vD))
@@ -275,11 +275,11 @@ def linearised(
     """Time steps of the time-stepper and their derivatives; see :func:`linearise_steps`."""
     x, along, dt, threads = given.x, given.along, given.dt, _threads(options)
     stepping = marionette.run_options(dt=dt, extrapolate=False)
-    made: LaneRecord | StepTouches
+    ends: LaneRecord | StepTouches
     if stepping.contacts is None:
-        touches, made = None, _time_steps(marionette, stepping, given, threads)
+        touches, ends = None, _time_steps(marionette, stepping, given, threads)
     else:
-        touches = made = step_touches(
+        touches = ends = step_touches(
             marionette.library,
             stepping,
             marionette.winches,
@@ -290,7 +290,7 @@ def linearised(
             given.p,
             threads,
         )
-    tension = made.tension
+    tension = ends.tension
     held = held_rows(marionette, tension)
     derivatives = marionette.libraries.step_derivatives.find(
         {name: x[name] for name in ("q_D", "v_D", "q_K")}
@@ -314,16 +314,16 @@ def linearised(
         if columns is not None:
             _chain_rotations(marionette, given.driven, columns)
     meant = x["v_D"] + dt * derivatives.acc_D
-    size = 1.0 + np.abs(made.v_D).max(axis=1, initial=0.0)
-    shortened = ~(np.abs(meant - made.v_D).max(axis=1, initial=0.0) <= SHORTENED * size)
+    size = 1.0 + np.abs(ends.v_D).max(axis=1, initial=0.0)
+    shortened = ~(np.abs(meant - ends.v_D).max(axis=1, initial=0.0) <= SHORTENED * size)
     none = np.zeros(len(held), dtype=np.int32)
     edges, n_points = (none, none) if touches is None else (touches.edges, touches.n_points)
-    ended = (made.status == Status.DONE.value) & ~shortened
+    ended = (ends.status == Status.DONE.value) & ~shortened
     steps = StepLinearisations(
-        q_D=made.q_D,
-        v_D=made.v_D,
-        q_K=made.q_K,
-        v_K=made.v_K,
+        q_D=ends.q_D,
+        v_D=ends.v_D,
+        q_K=ends.q_K,
+        v_K=ends.v_K,
         tension=tension,
         held=held,
         motion=derivatives.motion,
@@ -335,7 +335,7 @@ def linearised(
         coordinates=marionette.coordinates,
         _driven=given.driven,
     )
-    return Linearised(steps, made, shortened, derivatives.shares, derivatives.moved)
+    return Linearised(steps, ends, shortened, derivatives.shares, derivatives.moved)
 
 
 def held_rows(marionette: CompiledPuppet, tension: Array) -> MaskRows:

@@ -107,7 +107,7 @@ def _accepted(marionette: CompiledPuppet, start: State, resting_point: Equilibri
     if wrong := _rejection(marionette, start, resting_point):
         raise StateError(wrong)
     if marionette.overlaps(resting_point.x.q_D, resting_point.x.q_K):
-        raise StateError("hung from its strings alone it overlaps what it touches")
+        raise StateError("hung from its strings alone it overlaps solids that it touches")
     return resting_point.x
 
 

@@ -181,7 +181,7 @@ def _first(
 
 
 def _touches(stage: Stage, this_round: Round, tell: OnProgress) -> list[Touch]:
-    tell(Progress("looking for what touches", 0.97, 1.0))
+    tell(Progress("looking for touches", 0.97, 1.0))
     # The run has only the samples that are measured.
     run = together(stage.script.cast, this_round.runs, EVERY * SAMPLE)
     return touches(stage.script.cast, run, this_round.placement.meetings, every=1)
@@ -240,7 +240,7 @@ def _try_again(stage: Stage, results: Results, tell: OnProgress) -> Results:
             sizes = (1.0, *sizes)
         before = results.corrections
         for size in sizes:
-            tell(Progress("looking for what can be done", 0.95, 1.0))
+            tell(Progress("trying smaller sizes", 0.95, 1.0))
             corrections = before.setting("refused", spot, None).setting("smaller", spot, size)
             tried, holds = _holds(stage, replace(results, corrections=corrections), spot, tell)
             if holds and size == 1.0:
