@@ -23,6 +23,8 @@ from types import ModuleType
 import pytest
 from docs import architecture
 
+pytestmark = pytest.mark.medium
+
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "fantoccini"
 

@@ -9,6 +9,8 @@ from docs.gallery import PAGE, PERFORMANCES, PICTURES, PIECES, ROOT, page, perfo
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.medium
+
 
 def test_every_bundled_puppet_and_scene_has_its_piece():
     bundled = (*fan.puppets.names(), *fan.puppets.scenes())

@@ -15,6 +15,8 @@ from fantoccini.control.problems.problem_file import ProblemFile
 from fantoccini.control.tasks import Answer, AnswerStatus, ControlFile, load_task
 from fantoccini.control.tasks.schema import TaskFile
 
+pytestmark = pytest.mark.medium
+
 PACKAGE = Path(__file__).resolve().parents[1] / "src" / "fantoccini"
 SOLVERS = {"solve", "cho_factor", "cholesky"}
 ANSWERS = (fan.control.PlanResult, fan.control.Optimum, fan.control.ReachedPose, fan.control.Tuned)

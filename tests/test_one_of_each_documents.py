@@ -37,6 +37,8 @@ from fantoccini.base.documents import (
     without_unit,
 )
 
+pytestmark = pytest.mark.medium
+
 SOURCE = Path(fantoccini.__file__).parent
 LAYER = SOURCE / "base" / "documents"
 

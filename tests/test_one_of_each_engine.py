@@ -8,9 +8,12 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import fantoccini as fan
 from fantoccini.kernel.contract import LANE
+
+pytestmark = pytest.mark.medium
 
 PACKAGE = Path(fan.__file__).parent
 

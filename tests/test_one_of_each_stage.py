@@ -31,6 +31,8 @@ from fantoccini.theatre.plays.placing import Placement
 from fantoccini.theatre.plays.rounds import Results, Round
 from fantoccini.theatre.script import HOW, VERBS, CueFile, PlayFile, ScoreFile, Timeline, spelled
 
+pytestmark = pytest.mark.medium
+
 
 def models() -> Iterator[type[Model]]:
     """Every part of a file of the theatre."""

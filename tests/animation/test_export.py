@@ -14,7 +14,7 @@ from tests.plays.tiny import write_play
 import fantoccini as fan
 from fantoccini.theatre.perform import Performance
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 
 def test_an_unknown_ending_lists_the_known_ones(thrown: fan.Trajectory, tmp_path: Path) -> None:

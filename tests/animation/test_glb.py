@@ -21,7 +21,7 @@ from fantoccini.output.view.geometry import chain_points
 from fantoccini.output.view.shapes import link_solids
 from fantoccini.output.view.still import Still
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 TOLERANCE = 1e-5 + 1e-6
 """What the format promises, and single precision of a metre and of ten seconds at 1 m/s [m]."""

@@ -20,6 +20,8 @@ from tests.cli.command import fantoccini
 import fantoccini as fan
 from fantoccini.output.animation import formats
 
+pytestmark = pytest.mark.medium
+
 TOPICS = {
     "/tf": "foxglove.FrameTransforms",
     "/bodies": "foxglove.SceneUpdate",

@@ -15,6 +15,8 @@ from fantoccini.output.animation import formats
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Usd, UsdGeom, UsdShade  # noqa: E402
 
+pytestmark = pytest.mark.medium
+
 
 def opened(path: Path) -> Usd.Stage:
     return Usd.Stage.Open(str(path))

@@ -15,6 +15,8 @@ from tests.build.entries import answer, never
 from fantoccini.kernel import build
 from fantoccini.kernel.build import cache as cache_module
 
+pytestmark = pytest.mark.medium
+
 
 def test_an_entry_holds_the_library_the_info_and_the_sources(cache, key, source):
     told = []

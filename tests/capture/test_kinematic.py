@@ -14,6 +14,8 @@ from fantoccini.theatre.retarget import figure_of, retarget_clip
 from fantoccini.theatre.retarget.following import ACCELERATION, SPEED
 from fantoccini.theatre.retarget.retargeting import hangers, places_in
 
+pytestmark = pytest.mark.medium
+
 DT = 0.01
 PENDULUM = """
 puppet: led_pendulum

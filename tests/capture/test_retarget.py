@@ -24,7 +24,7 @@ from fantoccini.theatre.retarget.following import ACCELERATION, GROUPS, SPEED, F
 from fantoccini.theatre.retarget.mapping import PARTS, joints_of
 from fantoccini.theatre.retarget.placing import place
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 NAMES = (
     "Hips",

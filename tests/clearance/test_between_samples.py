@@ -10,6 +10,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.dynamics.clearance import Clearance, Path
 
+pytestmark = pytest.mark.medium
+
 CHAIN = """
 puppet: chain
 bodies:

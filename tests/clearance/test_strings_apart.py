@@ -21,6 +21,8 @@ from fantoccini.dynamics.clearance.segments import (
 from fantoccini.dynamics.clearance.string_pairs import string_pairs
 from fantoccini.output.view import rope
 
+pytestmark = pytest.mark.medium
+
 N_POINTS = 200
 """Points along strings that stand for them."""
 

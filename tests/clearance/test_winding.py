@@ -9,6 +9,8 @@ from numpy.testing import assert_allclose
 from clearance.balls import balls, carried, smooth
 from fantoccini.dynamics.clearance import StringMotion, StringsApart
 
+pytestmark = pytest.mark.medium
+
 
 def watched(t, low, high) -> StringMotion:
     """Strings between low and high (T, n, 3)."""

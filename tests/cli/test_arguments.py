@@ -18,6 +18,8 @@ from fantoccini.app.cli import doctor
 from fantoccini.app.cli_support.terminal import plain
 from fantoccini.base.errors import BuildError
 
+pytestmark = pytest.mark.medium
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

@@ -17,6 +17,8 @@ import fantoccini as fan
 from fantoccini.kernel.equations.printing import BOUNDS, Printable, decimal, printable
 from fantoccini.model.puppet import loads
 
+pytestmark = pytest.mark.medium
+
 GOLDEN = Path(__file__).parent / "golden"
 """What is printed of small puppets; FANTOCCINI_UPDATE=1 writes it anew, to be read by a person."""
 

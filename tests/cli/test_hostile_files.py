@@ -13,6 +13,8 @@ from tests.cli.command import fantoccini, mistake
 import fantoccini as fan
 from fantoccini.base.errors import FileError
 
+pytestmark = pytest.mark.medium
+
 _ARM = """\
 puppet: p
 bodies:

@@ -9,6 +9,8 @@ from tests.cli.command import fantoccini, mistake
 import fantoccini as fan
 from fantoccini.app.cli_support.terminal import Steps
 
+pytestmark = pytest.mark.medium
+
 CIRCLE = """\
 task: ring
 puppet: arm2d

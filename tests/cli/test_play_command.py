@@ -16,6 +16,8 @@ import fantoccini as fan
 from fantoccini.base.media import ffmpeg
 from fantoccini.output import reports
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory) -> Path:

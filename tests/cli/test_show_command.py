@@ -19,7 +19,7 @@ from tests.show.viewer import Viewer
 
 import fantoccini as fan
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 ROOT = Path(__file__).resolve().parents[2]
 

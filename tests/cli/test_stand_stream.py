@@ -31,6 +31,7 @@ from fantoccini.stand import (
 from fantoccini.stand.sending import REPEATED
 
 pytestmark = [
+    pytest.mark.medium,
     pytest.mark.long,
     pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals, no SIGINT"),
 ]

@@ -14,6 +14,8 @@ from fantoccini.kernel.codegen.straight import Table, pieces, program, together
 from fantoccini.model.puppet import load
 from harness import Model
 
+pytestmark = pytest.mark.medium
+
 STAGE = """
 scene: stage
 floor: 0

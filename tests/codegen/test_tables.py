@@ -14,6 +14,8 @@ from fantoccini import puppets
 from fantoccini.kernel.codegen.model import tables_text
 from fantoccini.kernel.codegen.straight import pieces, program
 
+pytestmark = pytest.mark.medium
+
 NAMES = ("arm2d", "arm3d", "crane", "marionette", "marionette_bar", "stand6", "string_pendulum")
 
 

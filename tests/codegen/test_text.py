@@ -17,6 +17,8 @@ from fantoccini.kernel.equations import derive
 from fantoccini.model.puppet import load
 from fantoccini.model.tree import grow
 
+pytestmark = pytest.mark.medium
+
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 
 OPERATIONS = {

@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from contact.bodies import stepped, thrown
 
+pytestmark = pytest.mark.medium
+
 
 def row_of_balls(n: int) -> fan.Marionette:
     """Balls of 5 cm in a row along x that touch, without gravity."""

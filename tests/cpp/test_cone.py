@@ -17,6 +17,8 @@ from scipy.optimize import lsq_linear
 
 from cpp.toolchain import SANITIZE, compile_program, run_program
 
+pytestmark = pytest.mark.medium
+
 Array = NDArray[np.float64]
 TOLERANCE = 1e-10
 NEVER = 1e250

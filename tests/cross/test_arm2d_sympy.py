@@ -11,6 +11,8 @@ from harness import Model, State, polynomial_input, start
 from oracles import arm2d_events
 from oracles.arm2d_sympy import Arm, model
 
+pytestmark = pytest.mark.medium
+
 KNOTS = {
     "ten events": (
         [

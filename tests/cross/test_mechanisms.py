@@ -11,7 +11,7 @@ import fantoccini as fan
 from harness import polynomial_input, start
 from oracles import mechanisms
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 
 def load(description: dict, folder):

@@ -12,7 +12,7 @@ from fantoccini.kernel.equations.energy import kinetic_energy
 from harness import Model
 from oracles.random_trees import description
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 CONTROLS = (
     {"type": "pd", "stiffness": 30.0, "damping": 2.0},

@@ -8,7 +8,7 @@ import scipy.linalg
 
 import fantoccini as fan
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 
 def test_a_turned_bar_rests_on_its_motor():

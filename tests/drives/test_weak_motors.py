@@ -13,7 +13,7 @@ import fantoccini as fan
 from fantoccini.app.cli_support.reporting import report
 from fantoccini.base.errors import SimulationError, Status
 
-pytestmark = [pytest.mark.own_puppets, pytest.mark.long]
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets, pytest.mark.long]
 
 HOIST = """
 puppet: hoist

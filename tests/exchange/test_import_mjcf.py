@@ -18,7 +18,7 @@ from fantoccini.output.exchange import Imported, import_model
 from harness import Model, State
 from oracles import random_models, random_trees
 
-pytestmark = [pytest.mark.own_puppets, pytest.mark.long]
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets, pytest.mark.long]
 
 ROUNDING = 1e-11
 """Of accelerations, over the largest."""

@@ -18,6 +18,8 @@ from fantoccini.output.exchange import Imported, import_model
 from harness import Model, State
 from oracles import random_models
 
+pytestmark = pytest.mark.medium
+
 ROUNDING = 1e-11
 """Of accelerations, over the largest."""
 

@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.dynamics.mujoco import mujoco_run
 
+pytestmark = pytest.mark.medium
+
 MIXED = """
 puppet: mixed
 bodies:

@@ -10,6 +10,8 @@ from fantoccini.base import polynomial, rotation
 from fantoccini.base.errors import InputError, StateError, UnknownNameError
 from fantoccini.theatre.gestures import gesture_names
 
+pytestmark = pytest.mark.medium
+
 TWINS = """
 puppet: twins
 bodies:

@@ -11,6 +11,8 @@ from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError
 from fantoccini.theatre.gestures import gesture_names, gesture_schema
 
+pytestmark = pytest.mark.medium
+
 GOOD = """\
 gesture: greet
 about: The right hand goes up.

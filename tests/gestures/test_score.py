@@ -17,6 +17,8 @@ from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError
 from fantoccini.theatre.script import is_score, score_schema
 
+pytestmark = pytest.mark.medium
+
 HEAD = """\
 score: number
 tempo: 100

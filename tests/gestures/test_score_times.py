@@ -8,6 +8,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.errors import FileError
 
+pytestmark = pytest.mark.medium
+
 NUMBER = """\
 score: number
 tempo: 100

@@ -13,6 +13,8 @@ import fantoccini as fan
 from fantoccini.lab.identification.judging import columns, doubts, from_before, leaning
 from fantoccini.lab.identification.unit_names import parameter_units
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture(scope="module")
 def good():

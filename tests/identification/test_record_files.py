@@ -22,6 +22,8 @@ from fantoccini.lab.identification.estimating import NoiseLevels
 from fantoccini.lab.identification.marking import find, missing_files, write_numbers
 from fantoccini.model.puppet.written import parameters
 
+pytestmark = pytest.mark.medium
+
 PLAIN = ARM.replace("{parameter: upper_mass, value: 0.13}", "0.13 # weighed badly").replace(
     "{parameter: lower_mass, value: 0.12}", "0.1"
 )

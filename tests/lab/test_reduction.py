@@ -26,6 +26,8 @@ from fantoccini.lab.reduction import (
 )
 from lab.toys import CART, HELD, LIFTED, RADIAL, TURNED, WINCH
 
+pytestmark = pytest.mark.medium
+
 
 def states(puppet, n=4, seed=1):
     return random_states(puppet, n, np.random.default_rng(seed))

@@ -10,7 +10,7 @@ from tests.harness import method_of
 
 import fantoccini as fan
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 G, N = 9.81, 6
 BOB = """

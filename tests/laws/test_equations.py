@@ -14,7 +14,7 @@ import pytest
 from harness import Model, State
 from oracles import mjcf, random_trees
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 SEEDS = range(300, 307)
 SCALAR = ("fixed", "revolute", "prismatic", "translation")

@@ -12,6 +12,8 @@ import pytest
 from harness import Model, State
 from oracles import random_trees
 
+pytestmark = pytest.mark.medium
+
 NORMAL = {"yz": 0, "xz": 1, "xy": 2}
 
 

@@ -7,6 +7,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.medium
+
 G = 9.81
 
 BOB = """

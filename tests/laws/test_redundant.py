@@ -18,7 +18,7 @@ import pytest
 import fantoccini as fan
 from fantoccini import Marionette, State, Trajectory
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 MASS = 0.7

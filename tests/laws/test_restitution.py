@@ -19,7 +19,7 @@ from fantoccini import Marionette, State, Trajectory
 from fantoccini.base.rotation import exp, multiply
 from fantoccini.dynamics.compiled import Evaluation
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 G = 9.81
 

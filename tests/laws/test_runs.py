@@ -11,6 +11,8 @@ from scipy.integrate import DOP853
 import fantoccini as fan
 from harness import Model, State, polynomial_input, start
 
+pytestmark = pytest.mark.medium
+
 TIGHT = {"method": fan.Event(rtol=1e-12, atol=1e-12)}
 
 TUMBLER = {

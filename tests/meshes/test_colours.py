@@ -22,6 +22,8 @@ from fantoccini.output.view.meshes import coloured
 from fantoccini.output.view.shapes import solid_of
 from fantoccini.output.view.silhouettes import mesh
 
+pytestmark = pytest.mark.medium
+
 RED, BLUE, GREEN = (0.5, 0.02, 0.03), (0.03, 0.05, 0.6), (0.04, 0.4, 0.1)
 """Linear."""
 

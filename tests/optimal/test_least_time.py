@@ -9,6 +9,8 @@ from tests.optimal.least_time_oracle import Problem, least_time
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.medium
+
 TOLERANCE = 1e-3
 """Relative distance from the other program's least time."""
 

@@ -9,7 +9,7 @@ from tests.optimal.small_crane import SMALL_CRANE
 
 import fantoccini as fan
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 LENGTH, WAY, MOST = 1.0, 0.05, 0.05
 

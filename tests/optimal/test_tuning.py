@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.control import AnswerStatus, Draws
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 LENGTH, AWAY = 0.5, 0.02
 

@@ -13,6 +13,8 @@ import fantoccini as fan
 from fantoccini.control.optimal import shooting
 from fantoccini.control.optimal.sqp import Filter
 
+pytestmark = pytest.mark.medium
+
 
 def task(small_crane: fan.Marionette, bounds: fan.control.Bounds, **options) -> fan.Task:
     given = {"duration": 1.0, "end": small_crane.rest({"line.x": 0.2}), "interval": 0.1} | options

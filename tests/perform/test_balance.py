@@ -12,6 +12,8 @@ from tests.show.toys import TOY
 import fantoccini as fan
 from fantoccini.base.errors import StateError, UnknownNameError
 
+pytestmark = pytest.mark.medium
+
 
 def kicked(arm: fan.Marionette, size: float = 2.0) -> fan.State:
     return arm.project(arm.rest().replace(v_D=size * np.array([0.6, -0.8])))

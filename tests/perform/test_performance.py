@@ -13,6 +13,8 @@ import fantoccini as fan
 from fantoccini.base import rotation
 from fantoccini.theatre.perform import reach
 
+pytestmark = pytest.mark.medium
+
 CRANES = """
 puppet: bridge
 bodies:

@@ -13,6 +13,8 @@ from tests.perform.before import arrays_before
 import fantoccini as fan
 from fantoccini.base import rotation
 
+pytestmark = pytest.mark.medium
+
 PARTS = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "acc_K")
 TABLES = ("tension", "limit_force", "taut", "ledger", "effort", "violation", "slip")
 

@@ -17,7 +17,7 @@ from fantoccini.base.errors import FileError
 from fantoccini.dynamics.clearance import Clearance, HalfSpace
 from fantoccini.kernel.runtime import ClearanceLibrary
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 KINDS = ("sphere", "capsule", "box")
 

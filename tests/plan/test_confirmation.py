@@ -23,6 +23,8 @@ from fantoccini.control.planning.plan_path import PlanPath
 from fantoccini.control.problems import Problem
 from fantoccini.control.tasks import StateArrays
 
+pytestmark = pytest.mark.medium
+
 DAMPED = fan.loads(fan.puppets.path("arm3d").read_text(encoding="utf-8").replace("2.0e-4", "0.2"))
 START = {"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1}
 RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}

@@ -7,7 +7,7 @@ import pytest
 import fantoccini as fan
 from damage import fuzz
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 
 def test_a_damaged_plan_is_a_located_error(tmp_path):

@@ -10,6 +10,8 @@ import fantoccini as fan
 from fantoccini.control.planning import EST2007, PolishStatus, Search, SearchOptions, solve
 from fantoccini.control.problems import OBJECTIVES, Objective, Problem, RolloutOptions
 
+pytestmark = pytest.mark.medium
+
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
 RAISED = {"shoulder.rotation": [0, -np.radians(80), 0], "elbow": np.radians(80)}

@@ -20,7 +20,7 @@ from fantoccini.control.problems import RolloutOptions
 from fantoccini.dynamics.clearance import Clearance
 from fantoccini.kernel.runtime import ClearanceLibrary
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.medium, pytest.mark.long]
 
 THICK = 0.1
 """Of the legs of the L, which are 0.4 long and lie along x and z; 0.2 across."""

@@ -15,6 +15,8 @@ from fantoccini.control.problems import Problem, RolloutOptions
 from fantoccini.control.problems.derivatives import segment_derivatives
 from fantoccini.control.tasks import Goal, StateArrays
 
+pytestmark = pytest.mark.medium
+
 ARM = fan.puppets.arm3d()
 START = ARM.rest({"hand.x": 0.3, "hand.length": 1.32, "shoulder.rotation": [0, 0, 0], "elbow": 0.1})
 FAR = {"elbow": 2.6}

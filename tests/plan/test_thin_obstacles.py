@@ -12,6 +12,8 @@ from fantoccini.control.planning import solve
 from fantoccini.control.problems import Problem, RolloutOptions
 from fantoccini.dynamics.clearance import Clearance
 
+pytestmark = pytest.mark.medium
+
 RADIUS = 0.005
 
 

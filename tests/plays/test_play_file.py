@@ -10,6 +10,8 @@ from fantoccini.base.documents.located import read_file
 from fantoccini.theatre.script import is_play
 from plays.conftest import HEAD, Plays
 
+pytestmark = pytest.mark.medium
+
 ACT = "acts:\n  - act: one\n    cues:\n      - {cue}\n"
 
 

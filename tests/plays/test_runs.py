@@ -14,6 +14,8 @@ from fantoccini.theatre.gestures.walking import steps
 from fantoccini.theatre.plays.settling import Swing, pause
 from plays.conftest import Plays
 
+pytestmark = pytest.mark.medium
+
 
 def test_players_together_move_as_in_a_run_of_the_whole_stage(plays: Plays):
     play = plays.compiled("{who: pierrot, does: wave}\n{who: columbine, does: clap, when: 1}")

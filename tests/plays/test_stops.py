@@ -16,6 +16,8 @@ from fantoccini.theatre.plays import check_play, compiling, runs
 from plays.conftest import Plays
 from plays.tiny import TOUCHES, write_play
 
+pytestmark = pytest.mark.medium
+
 TWICE = """\
       - {who: one, does: hop.yaml, when: 0.5}
       - {who: one, does: hop.yaml, when: 3, name: again}

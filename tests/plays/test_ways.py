@@ -19,6 +19,8 @@ from fantoccini.theatre.ways.regions import Box, Disk, Rectangle
 from fantoccini.theatre.ways.traffic import Other
 from fantoccini.theatre.ways.ways import find_way
 
+pytestmark = pytest.mark.medium
+
 SPACE = Rectangle((-1.5, -1.0), (1.5, 1.0))
 RADIUS, STEP_TIME, LONGEST = 0.15, 0.6, 0.08
 TABLE = Box("table", (0.0, 0.0), (0.2, 0.3), 0.3)

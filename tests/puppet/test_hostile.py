@@ -15,6 +15,8 @@ from fantoccini.base.documents.located import Located, read_located, validate
 from fantoccini.base.errors import FileError, InputError, PuppetError
 from fantoccini.model.puppet import Puppet, json_schema, load, loads
 
+pytestmark = pytest.mark.medium
+
 _ANCHORS = "abcdefghij"
 BOMB = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(
     f"{new}: &{new} [{', '.join(['*' + old] * 9)}]\n" for old, new in itertools.pairwise(_ANCHORS)

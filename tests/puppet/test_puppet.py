@@ -16,6 +16,8 @@ from fantoccini.base.documents import Orientation
 from fantoccini.base.documents.located import Located, validate
 from fantoccini.model.puppet import Body, Box, Joint, Puppet, json_schema, load, loads
 
+pytestmark = pytest.mark.medium
+
 ARM = """\
 puppet: arm
 gravity: [0, 0, {parameter: g, value: -9.81}]

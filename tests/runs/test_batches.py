@@ -10,6 +10,8 @@ import pytest
 import fantoccini as fan
 from fantoccini import Status
 
+pytestmark = pytest.mark.medium
+
 ARM = fan.puppets.arm2d()
 X0 = ARM.rest()
 END = 0.4

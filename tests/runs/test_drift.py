@@ -7,6 +7,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.medium
+
 SECONDS = 1000.0
 
 PENDULUM = """

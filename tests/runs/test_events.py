@@ -11,7 +11,7 @@ import fantoccini as fan
 from harness import start
 from oracles.string_pendulum import flight
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 LENGTH, MASS, GRAVITY = 0.7, 0.3, 9.81
 

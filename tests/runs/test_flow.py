@@ -8,6 +8,8 @@ from scipy import integrate
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.medium
+
 
 def test_rate_is_the_motion(arm_reference):
     """ydot = (N v, acc_D, power, dissipation): Eqs. 10 and 11 at the start."""

@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from fantoccini import Status
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 SWING = """
 puppet: short_swing

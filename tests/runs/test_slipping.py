@@ -7,7 +7,7 @@ import pytest
 
 import fantoccini as fan
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 MASS, GRAVITY, MOST = 1.0, 9.81, 20.0
 DROP = 0.5  # m that the weight falls before its string is taut

@@ -10,6 +10,8 @@ from fantoccini.dynamics.compiled import ActiveSet, Evaluation, check_start
 from fantoccini.model.puppet import loads
 from fantoccini.motion import State
 
+pytestmark = pytest.mark.medium
+
 FIXED = ("timestepping", "variational")
 
 

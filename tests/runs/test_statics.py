@@ -10,6 +10,8 @@ import fantoccini as fan
 from fantoccini.base import tangent
 from fantoccini.dynamics.equilibrium.support import falling
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.mark.parametrize("name", fan.puppets.names())
 def test_every_bundled_puppet_hangs_still(name):

@@ -5,6 +5,8 @@ import pytest
 
 import fantoccini as fan
 
+pytestmark = pytest.mark.medium
+
 CASES = [
     ("marionette", 15),
     ("marionette", 21),

@@ -5,7 +5,7 @@ import pytest
 
 import fantoccini as fan
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 PENDULUM = """
 puppet: pendulum

@@ -15,6 +15,8 @@ import fantoccini as fan
 from fantoccini.app.cli_support.reporting import undetermined_lines
 from fantoccini.stand import check_stand, loads_stand
 
+pytestmark = pytest.mark.medium
+
 METHODS = ("event", "timestepping", "variational")
 WEIGHT = 98.1
 

@@ -14,7 +14,7 @@ from fantoccini.model.puppet import Puppet, loads
 from fantoccini.model.scene import assembled, json_schema, load, loads as loads_scene
 from fantoccini.output.view.geometry import geometry_at
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 BODY = """
 puppet: {name}

@@ -7,7 +7,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.dynamics.clearance import Clearance
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 LAMP = """
 puppet: lamp

@@ -19,7 +19,7 @@ from fantoccini.app.pages.replay import ResampledRun
 from fantoccini.app.pages.server import Server
 from fantoccini.output.view.theme import LIGHT
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 RED = (192, 32, 32)
 

@@ -13,6 +13,8 @@ from fantoccini.app.live import stage as stage_module
 from fantoccini.app.live.stage import Stage
 from fantoccini.app.live.watched_file import INTERVAL
 
+pytestmark = pytest.mark.medium
+
 SCORE = """\
 score: short
 tempo: 60

@@ -16,6 +16,8 @@ from fantoccini.stand import axes_of, check_stand, remedies
 from fantoccini.stand.catches import impulses_of, max_impulse
 from fantoccini.stand.step_loss import lost_steps
 
+pytestmark = pytest.mark.medium
+
 G = 9.81
 
 

@@ -16,6 +16,8 @@ from fantoccini.output.view.geometry import geometry_of
 from fantoccini.output.view.theme import DARK
 from view.still_life import bundled, swinging
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.mark.parametrize("ending", ["mp4", "gif"])
 def test_frames_duration_and_size(tmp_path, swung, ending):

@@ -11,7 +11,7 @@ from fantoccini.app.cli.app import app
 from fantoccini.output.view import film, strip
 from fantoccini.output.view.geometry import geometry_of
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 BLOCK = """
 puppet: block
