@@ -40,7 +40,7 @@ def test_without_pyvista_the_error_says_how_to_get_it(tmp_path, swung, monkeypat
 
 def test_an_unknown_renderer_is_refused(tmp_path, swung):
     m, run = swung
-    with pytest.raises(ValueError, match="matplotlib, pyvista"):
+    with pytest.raises(ValueError, match="matplotlib or pyvista"):
         view.draw(m, run.state(0), tmp_path / "a.png", renderer="crayon")
 
 
