@@ -297,7 +297,7 @@ def test_edges_are_named(ball, box, balls):
     assert many.edges_of(2) == ()
     shoulder = {"a.z": 0.1, "b.z": 0.1 + 0.17 * 0.8, "b.x": 0.17 * 0.6}
     assert balls.linearise_step(balls.state(shoulder)).edges == (
-        "b|a: springs back if it is any faster, or is not the only one that touches first",
+        "b|a: springs back if any faster, or is not the only one that touches first",
     )
     x = balls.state(shoulder)
     many = balls.linearise_steps(x.q_D, x.v_D, x.q_K, x.v_K)
