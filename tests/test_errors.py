@@ -17,6 +17,8 @@ from fantoccini.base.documents.yaml_text import Unreadable
 from fantoccini.base.errors import FileError, Mistake, Status
 from fantoccini.theatre.cast.stops import CannotBegin, Stop
 
+pytestmark = pytest.mark.medium
+
 PROBLEMS = [Mistake("a.yaml", 3, "bodies[0].mass", "found -1"), Mistake("a.yaml", None, "", "no")]
 FACTS = {
     errors.MissingLibraryError: ("a film", "pyvista", "pyvista"),

@@ -8,6 +8,8 @@ from benchmarks.string_model import report
 from benchmarks.string_model.measure import measure
 from benchmarks.string_model.subject import ARM
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture(scope="module")
 def both():

@@ -15,6 +15,8 @@ from fantoccini.dynamics.equilibrium import input_warnings, warnings
 from fantoccini.dynamics.marionette import loads
 from fantoccini.model.tree import measure
 
+pytestmark = pytest.mark.medium
+
 ROOT = Path(__file__).resolve().parents[2]
 PERFORMANCES = {
     "conduct": "stand6",

@@ -7,6 +7,8 @@ from tests.cli.command import fantoccini, mistake
 
 from lab.toys import HELD
 
+pytestmark = pytest.mark.medium
+
 
 def test_prints_every_claim_with_evidence_and_an_answer():
     done = fantoccini("validate-reduction", "arm2d")

@@ -9,6 +9,8 @@ import fantoccini as fan
 from fantoccini.app.cli.simulate import suggest_faster
 from fantoccini.app.cli_support.arguments import SimulateArguments
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture(scope="module")
 def take(tmp_path_factory):

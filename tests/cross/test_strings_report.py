@@ -12,6 +12,8 @@ from benchmarks.strings.scenarios import GRAVITY, LENGTH, MASS, SECONDS
 import fantoccini as fan
 from oracles import point_mass_events
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture(scope="module")
 def chain():

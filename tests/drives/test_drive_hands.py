@@ -10,7 +10,7 @@ from drives.test_drives import BOB
 from fantoccini.base.errors import StateError
 from fantoccini.theatre.perform.hands import Hands
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 BAR = """
 puppet: bar

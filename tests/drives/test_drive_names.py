@@ -16,7 +16,7 @@ from fantoccini.model.tree import grow
 from fantoccini.motion import Input
 from fantoccini.motion.archive import table_from_json, table_to_json
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 
 def table(text: str):

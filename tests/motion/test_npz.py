@@ -20,6 +20,8 @@ from fantoccini.lab.sweeps.store import Store
 from fantoccini.motion import Input, Trajectory
 from fantoccini.theatre.perform import Recording
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture(scope="module")
 def files(arm, tmp_path_factory):

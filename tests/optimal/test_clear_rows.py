@@ -84,6 +84,12 @@ def test_obstacles_of_a_task_count_as_those_of_the_file_do(ball_arm: fan.Marione
     assert own.cost == of_file.cost and own.violation == of_file.violation
 
 
+def test_obstacles_of_a_task_are_kept_off_without_a_clearance(ball_arm: fan.Marionette):
+    """As a plan of the same task keeps off them."""
+    task = replace(lowering(ball_arm.with_obstacles([])), obstacles=ball_arm.puppet.obstacles)
+    assert np.min(Clearance(ball_arm).of(fan.optimise(task).run)) > -1e-3
+
+
 def test_values_and_derivatives_are_those_of_two_spheres(ball_arm: fan.Marionette):
     rows = ClearRows(ball_arm, 0.02, own_body=False)
     nodes = Nodes.still(ball_arm, ball_arm.rest().replace(q_D=np.array([0.9, -0.6])), 1.0, 2)

@@ -322,7 +322,7 @@ def test_what_has_no_motor_is_refused(hoist: fan.Marionette, tmp_path):
     with pytest.raises(fan.errors.StateError, match="bounds of forces, voltages"):
         fan.MPC(hoist, task, horizon=0.5, nodes=10)
     stage = HOIST.replace("bodies:", "floor: -1\ncontact: {friction: 0.3}\nbodies:")
-    with pytest.raises(fan.errors.StateError, match="voltages want a puppet without contact"):
+    with pytest.raises(fan.errors.StateError, match="voltages need a puppet without contact"):
         found(fan.loads(stage), voltage=12.0)
 
 

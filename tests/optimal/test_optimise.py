@@ -312,7 +312,7 @@ def test_what_is_not_differentiated_is_refused(small_crane: fan.Marionette):
     with pytest.raises(fan.errors.StateError, match="the winch of line may slip"):
         fan.optimise(fan.Task(winch, winch.rest(), 1.0, []))
     pushed = x0.replace(v_K=np.array([0.0, 0.1]))
-    with pytest.raises(fan.errors.StateError, match=r"line\.length is held, and moves"):
+    with pytest.raises(fan.errors.StateError, match=r"line\.length is held, but moves"):
         held = fan.control.Bounds(held=("line.length",))
         fan.optimise(fan.Task(small_crane, pushed, 1.0, [], bounds=held))
 

@@ -31,7 +31,7 @@ def task(small_crane: fan.Marionette, bounds: fan.control.Bounds, **options) -> 
         (fan.control.Bounds(joint={"bob.x": (-1.0, 0.1)}), r"bob\.x is 0\.2 at the end"),
         (
             fan.control.Bounds(held=("line.x",)),
-            r"line\.x is held, but the end is off its start by 0\.2",
+            r"line\.x is held, but its end differs from its start by 0\.2",
         ),
     ],
 )

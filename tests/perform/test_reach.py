@@ -7,6 +7,8 @@ import pytest
 
 from fantoccini.theatre.perform import reach
 
+pytestmark = pytest.mark.medium
+
 TICK, SPEED, ACCELERATION = 1 / 120, 1.5, 10.0
 
 

@@ -294,7 +294,7 @@ def test_a_plan_lasts_no_longer_than_its_task():
         found = fan.plan(
             fan.Task(ARM, HANGING, longest, end=end), seed=1, iterations=3000, time_limit=LIMIT
         )
-        assert found.duration <= longest[1]
+        assert found.duration <= longest[1] + 1e-9
         assert found.problem.fingerprint != usual.problem.fingerprint
     assert found and found.duration == usual.duration
 

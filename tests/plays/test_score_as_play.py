@@ -8,7 +8,7 @@ import pytest
 import fantoccini as fan
 from plays.tiny import write_play
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 SCORE = """\
 score: hops

@@ -7,6 +7,8 @@ import fantoccini as fan
 from fantoccini.dynamics.compiled import as_method
 from harness import bulge
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture(scope="module")
 def hanging(arm):

@@ -9,6 +9,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.kernel.runtime import Run
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.mark.parametrize("method", ["event", "timestepping"])
 def test_pieces_join_to_the_whole(arm, method):

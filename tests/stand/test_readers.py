@@ -15,6 +15,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from fantoccini.stand import gcode, grbl_settings, save_points, set_points
 
+pytestmark = pytest.mark.medium
+
 SEQUENCES = {"home": True, "slack": 0.01, "park": True}
 
 

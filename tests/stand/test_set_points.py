@@ -15,6 +15,8 @@ import fantoccini as fan
 from fantoccini.base.errors import FileError, StandError
 from fantoccini.stand import GrblMachine, gcode, grbl_settings, loads_stand, save_points, set_points
 
+pytestmark = pytest.mark.medium
+
 GENTLE = {"line.length": [(0.2, 0.8), (2.0, 0.5), (2.6, 0.5), (4.0, 0.75)]}
 ABLE = STAND.replace("TORQUE", "0.5").replace("speed: 1\n", "speed: 2\n")
 HOME = ABLE + "    home: {towards: min, at: 0.2, speed: 0.03}\n"

@@ -19,6 +19,8 @@ import pytest
 import fantoccini as fan
 from fantoccini.lab.sweeps import ray_executor
 
+pytestmark = pytest.mark.medium
+
 ray = pytest.importorskip("ray")
 
 

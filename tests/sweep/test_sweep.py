@@ -72,7 +72,7 @@ def test_a_failure_is_reported_and_stops_nothing(arm):
         ({"x": None}, "figure 'x' is None"),
         ({"x": [[1], [1, 2]]}, "figure 'x'"),
         ({3: 1.0}, "figure called 3"),
-        ({"k": 1.0}, "no varied value has"),
+        ({"k": 1.0}, "not that of a varied value"),
         ([1.0], "must return a dict"),
     ],
 )

@@ -21,6 +21,8 @@ from fantoccini.output import reports
 from fantoccini.output.reports import identified_plots
 from fantoccini.output.view.theme import RED
 
+pytestmark = pytest.mark.medium
+
 HOSTILE = """<script>alert('$x^$')</script>" onerror="alert(1)"""
 _VOID = {"meta", "img"}
 

@@ -16,6 +16,8 @@ from fantoccini.motion import Trajectory
 from fantoccini.output.view import notebook
 from view.still_life import bundled, swinging
 
+pytestmark = pytest.mark.medium
+
 MOST = 300_000
 """Characters of a display."""
 

@@ -21,7 +21,7 @@ from fantoccini.output.view.geometry import geometry_at, geometry_of
 from fantoccini.output.view.theme import DARK
 from view.still_life import StillLife, bundled, swinging
 
-pytestmark = pytest.mark.own_puppets
+pytestmark = [pytest.mark.medium, pytest.mark.own_puppets]
 
 HOSTILE = r"$\frac{_^ \input{x} <b>&amp; 100%"
 

@@ -15,6 +15,8 @@ from fantoccini.output.reports.timeline import fitted, timeline
 from fantoccini.output.view.stills import Stills
 from fantoccini.theatre.plays import clearances, overhead
 
+pytestmark = pytest.mark.medium
+
 
 class Page(HTMLParser):
     """Tables as lists of cells, tags with their attributes, and the words."""

@@ -145,8 +145,8 @@ def _summary(verification: Verification, compiling: float, verifying: float) -> 
     )
     worst = f"no cue is off by more than {1e3 * verification.worst:.0f} ms"
     broken = len(verification.faults)
-    holds = _count(broken, "fault") if broken else "the run meets every requirement"
-    write(f"{play.counts}; {worst}; {holds}")
+    verdict = _count(broken, "fault") if broken else "the run meets every requirement"
+    write(f"{play.counts}; {worst}; {verdict}")
     for reason in dict.fromkeys(verification.stepped):
         write(f"time steps of 0.25 ms were taken during contacts: {reason}")
 

@@ -24,7 +24,7 @@ def edit_take(
     Args:
         file: the recording.
         out: file for the edited recording; None only describes the recording.
-        trim: ``A:B``, seconds after its start; either may be missing.
+        trim: ``A:B``, seconds after the recording's start; either may be missing.
         smooth: time over which the hands' paths are averaged [s].
         stretch: factor on its duration.
         loop: number of repetitions.

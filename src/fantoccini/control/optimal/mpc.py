@@ -38,8 +38,8 @@ class MPCStatus(enum.Enum):
     """The outcome of an update."""
 
     IMPROVED = "a step of the program lowered the cost of the prediction"
-    KEPT = "no step lowered the cost; the inputs of the update before go on"
-    BRAKES = "no prediction arrives; the driven coordinates brake"
+    KEPT = "no step lowered the cost; the inputs of the previous update are kept"
+    BRAKES = "no prediction reaches its end; the driven coordinates brake"
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class MPCSettings:
     """Damping of the Hessian, in units of the cost."""
     price: float = 3.0
     """Price of a unit of violation of a row, in units of the cost."""
-    shares: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)
+    step_lengths: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)
     """Step lengths of the line search."""
-    kept: int = 32
+    history: int = 32
     """Number of updates whose inputs and durations are kept."""
 
 
@@ -112,7 +112,7 @@ class MPC:
         horizon: length of the horizon [s].
         nodes: see above.
         bounds, smooth: bounds and smoothness if no task is given.
-        weight: weight of every target, likewise [1/m^2 or 1/rad^2].
+        weight: weight of every target if no task is given [1/m^2 or 1/rad^2].
         dt: longest time step of predictions [s]; by default half an interval.
         deadline: time limit of an update [s]; by default the interval.
         threads: number of threads for derivatives.
@@ -148,6 +148,9 @@ class MPC:
             _check(task, marionette)
             tracks, bounds, smooth, x0 = task.tracks, task.bounds, task.smooth, task.x0
             obstacles = task.obstacles
+            if obstacles:
+                marionette, obstacles = task.world
+                self.marionette = marionette
         else:
             x0 = marionette.rest()
             tracks, obstacles = tracks_of(marionette, task, x0.t, 1.0, weight), ()
@@ -169,9 +172,9 @@ class MPC:
         self._max_acceleration = self._task.bounds.magnitudes(marionette, "acceleration")
         self._steps = ClampedSteps(marionette, dt, threads)
         self._solved_at = math.nan
-        self._predictions = Predictions(marionette, dt, len(SETTINGS.shares))
-        self._plans: deque[_Plan] = deque(maxlen=SETTINGS.kept)
-        self._update_times: deque[float] = deque(maxlen=SETTINGS.kept)
+        self._predictions = Predictions(marionette, dt, len(SETTINGS.step_lengths))
+        self._plans: deque[_Plan] = deque(maxlen=SETTINGS.history)
+        self._update_times: deque[float] = deque(maxlen=SETTINGS.history)
         self.status: MPCStatus | None = None
         self.prediction: Nodes | None = None
         self.cost, self.seconds = math.nan, 0.0
@@ -237,12 +240,12 @@ class MPC:
             accelerations[1:] = 0.0
             prediction = self._predictions.make(first, t, h, accelerations[None])[0]
         if first is None or prediction is None:
-            return self._end(MPCStatus.BRAKES, t, self._braking(x)[None], None, math.nan)
+            return self._record(MPCStatus.BRAKES, t, self._braking(x)[None], None, math.nan)
         objective = self._objective(prediction[0])
         nodes, cost, status = self._improved(objective, *prediction)
-        return self._end(status, t, nodes.acc_K, nodes, cost)
+        return self._record(status, t, nodes.acc_K, nodes, cost)
 
-    def _end(
+    def _record(
         self, status: MPCStatus, t: float, acc_K: Array, nodes: Nodes | None, cost: float
     ) -> Array:
         self.status, self.prediction, self.cost = status, nodes, cost
@@ -289,7 +292,7 @@ class MPC:
         cost_before = self._merit(objective, nodes, ends)
         if not np.all(np.isfinite(solution.u)):
             return nodes, cost_before, MPCStatus.KEPT
-        step_lengths = np.array(SETTINGS.shares)[:, None, None]
+        step_lengths = np.array(SETTINGS.step_lengths)[:, None, None]
         trials = np.clip(
             nodes.acc_K + step_lengths * solution.u, -self._max_acceleration, self._max_acceleration
         )

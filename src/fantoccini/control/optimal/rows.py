@@ -48,6 +48,8 @@ class Rows:
         self._forces = ForceRows(task, chosen, c)
         self._motors = MotorRows(task, chosen, c)
         clearance = task.bounds.clearance
+        if clearance is None and task.obstacles:
+            clearance = 0.0  # as plans do
         self.clear = None
         if clearance is not None:
             self.clear = ClearRows(marionette, clearance, task.bounds.own_body, task.obstacles)

@@ -31,6 +31,8 @@ class _Effort:
 
 
 _EFFORT = _Effort()
+_TIME_ERROR = 1e-9
+"""Rounding of the times of nodes, which are sums of intervals [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +221,7 @@ class Search:
         """Makes a polished plan the best if it is better; None if it does not hold."""
         tree, interval = self.tree, self.problem.rollouts.options.interval
         node = tree.add_segments(segments, np.zeros(1, dtype=int), interval)[-1]
-        if tree.time[node] > self.problem.longest or not self._confirmed(tree, node):
+        if tree.time[node] > self.problem.longest + _TIME_ERROR or not self._confirmed(tree, node):
             return None
         if tree.distance[self.best] > distance or tree.cost[node] < tree.cost[self.best]:
             self._adopt(tree, node)
@@ -261,7 +263,7 @@ class Search:
         if not len(planner_round.nodes):
             return
         new_nodes = slice(planner_round.nodes.start, planner_round.nodes.stop)
-        tree.distance[new_nodes][tree.time[new_nodes] > self.problem.longest] = np.inf
+        tree.distance[new_nodes][tree.time[new_nodes] > self.problem.longest + _TIME_ERROR] = np.inf
         node = _best(tree, planner_round.nodes, rollouts.stop_distance)
         at_goal = tree.distance[node] <= rollouts.stop_distance and tree.cost[node] <= tree.bound
         is_nearer = not self.arrived and tree.distance[node] < self.tree.distance[self.best]

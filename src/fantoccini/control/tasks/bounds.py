@@ -27,7 +27,7 @@ _TAUT_TENSION_SHARE = 1e-4
 _STATE_TOLERANCE = 1e-9
 """Allowed violation of bounds by a start or an end, for rounding [m, rad or their rates]."""
 _MAX_ROW_VIOLATION = 1e-3
-"""Violation of a string or limit above which no motion ends in a state [m, rad]."""
+"""Violation of a string or limit above which a state cannot be an end [m, rad]."""
 
 Interval: TypeAlias = tuple[float, float]
 
@@ -144,7 +144,7 @@ class Bounds:
         t = marionette.coordinates
         for name in self.held:
             if abs(x.v_K[_index("driven velocity", name, t.v_K)]) > _STATE_TOLERANCE:
-                raise StateError(f"{name} is held, and moves {when}")
+                raise StateError(f"{name} is held, but moves {when}")
         low, high = self.intervals(marionette)
         numbers = Nodes.still(marionette, x, 1.0, 1).numbers[0]
         for name, value, a, b in zip(number_names(t), numbers, low, high, strict=True):
@@ -161,8 +161,8 @@ class Bounds:
             index = first_driven + marionette.coordinates.v_K.index(name)
             if abs(change[index]) > _STATE_TOLERANCE:
                 raise StateError(
-                    f"{names[index]} is held, but the end is off its start by {change[index]:.6g}; "
-                    "let it move, or choose an end at its start"
+                    f"{names[index]} is held, but its end differs from its start by "
+                    f"{change[index]:.6g}; let it move, or choose an end that leaves it there"
                 )
         h = Evaluation.of(marionette, end).h
         violation = np.where(marionette.two_sided, np.abs(h), h)
@@ -181,7 +181,7 @@ class Bounds:
     def forces(self, marionette: Marionette) -> tuple[list[int], Array, Array]:
         """Indices of driven velocities with bounds of force, and the lowest and highest forces."""
         if self.force and marionette.contacts is not None:
-            raise StateError("bounds of forces want a puppet without contact")
+            raise StateError("bounds of forces need a puppet without contact")
         names = marionette.coordinates.v_K
         return _intervals("force", "driven velocity", self.force, names)
 
@@ -219,7 +219,7 @@ class Bounds:
                     f"the bound of {kind} of {name} is {cap!r}; it must be a number greater than 0"
                 )
         if bound and marionette.contacts is not None:
-            raise StateError(f"bounds of {kind}s want a puppet without contact")
+            raise StateError(f"bounds of {kind}s need a puppet without contact")
         return [drives[name] for name in bound], np.array(list(bound.values()), dtype=float)
 
 

@@ -54,7 +54,7 @@ class Case:
         return int(state[0] >> np.uint64(1))
 
     def with_marionette(self, marionette: Marionette | None) -> Case:
-        """The case with a puppet that has the case's parameters, and unused random numbers."""
+        """The case with a puppet that has the case's parameters, and fresh random numbers."""
         p = {
             name.removeprefix(PARAMETER): value
             for name, value in self.values.items()

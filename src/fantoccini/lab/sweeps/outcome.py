@@ -125,8 +125,8 @@ def as_figures(returned: Any, names: tuple[str, ...] = ()) -> dict[str, np.ndarr
     for name, value in returned.items():
         if not isinstance(name, str) or not name or name in names:
             raise TypeError(
-                f"the study returned a figure called {name!r}; the name must be a text that no "
-                f"varied value has ({', '.join(names) or 'there are none'})"
+                f"the study returned a figure called {name!r}; the name must be a text, and "
+                f"not that of a varied value ({', '.join(names) or 'there are none'})"
             )
         try:
             array = np.array(value)

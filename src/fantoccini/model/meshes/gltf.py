@@ -135,8 +135,8 @@ class _Reader:
         for primitive in primitives:
             accessor = primitive.get("indices", primitive["attributes"]["POSITION"])
             corners = self.accessors.count(accessor)
-            listed = primitive.get("mode", _TRIANGLES) == _TRIANGLES
-            self._count.add(corners // 3 if listed else max(corners - 2, 0))
+            is_list = primitive.get("mode", _TRIANGLES) == _TRIANGLES
+            self._count.add(corners // 3 if is_list else max(corners - 2, 0))
         if index not in self._meshes:
             self._meshes[index] = [self._primitive(p) for p in primitives]
         return self._meshes[index]
@@ -152,8 +152,8 @@ class _Reader:
         if len(faces) and int(faces.max()) >= len(vertices):
             raise ValueError("a triangle has a corner that does not exist")
         colours = self._colours(primitive, attributes, faces)
-        used, own = np.unique(faces, return_inverse=True)  # primitives may share vertices
-        return vertices[used], own.reshape(-1, 3), colours, self._lost(primitive)
+        used, renumbered = np.unique(faces, return_inverse=True)  # primitives may share vertices
+        return vertices[used], renumbered.reshape(-1, 3), colours, self._lost(primitive)
 
     def _lost(self, primitive: dict[str, Any]) -> frozenset[str]:
         if "material" not in primitive:

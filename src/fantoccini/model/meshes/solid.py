@@ -49,9 +49,9 @@ def facing_out(mesh: Any) -> Mask:
     shells = _Shells.of(mesh)
     if len(shells.volumes) > LIMITS.max_pieces:
         raise ValueError(f"it has more than {LIMITS.max_pieces} closed pieces")
-    whole = float(shells.volumes.sum()) < 0.0
-    volumes = -shells.volumes if whole else shells.volumes
-    turned = np.full(len(volumes), whole)
+    inverted = float(shells.volumes.sum()) < 0.0
+    volumes = -shells.volumes if inverted else shells.volumes
+    turned = np.full(len(volumes), inverted)
     for k in np.flatnonzero(volumes < 0.0):
         turned[k] ^= len(shells.around(int(k), volumes > 0.0)) == 0
     return np.asarray(turned[shells.label])
@@ -100,7 +100,7 @@ class _Shells:
         return cls(mesh, label, np.bincount(label, parts).astype(float), low, high)
 
     def around(self, k: int, among: Mask) -> Indices:
-        """Indices of the shells among ``among`` (k,) that contain shell ``k``."""
+        """Indices of the shells flagged in ``among`` that contain shell ``k``."""
         boxes = among & np.all((self.low <= self.low[k]) & (self.high >= self.high[k]), axis=1)
         boxes[k] = False
         enclosing = []

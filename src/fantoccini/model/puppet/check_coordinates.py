@@ -126,9 +126,9 @@ def _coordinates(parts: Parts) -> tuple[dict[str, str], set[str]]:
 
 
 def _pose_value(parts: Parts, path: Path, kind: str, value: Any) -> None:
-    turns = isinstance(value, list)
-    if turns != (kind == "rotation"):
-        needed = "a rotation vector or a quaternion w, x, y, z" if not turns else "a number"
+    is_list = isinstance(value, list)
+    if is_list != (kind == "rotation"):
+        needed = "a rotation vector or a quaternion w, x, y, z" if not is_list else "a number"
         parts.say(path, f"found {shown(value)}; needed: {needed}")
     elif isinstance(value, str) and kind != "revolute":
         parts.say(path, f"found {shown(value)}; needed: a number of metres, without a unit")

@@ -128,7 +128,7 @@ Motor = Annotated[Servo | DirectCurrent | StepperMotor, Field(discriminator="typ
 Control = Annotated[PD | ComputedTorque, Field(discriminator="type")]
 
 
-def _listed(value: Any) -> Any:
+def _as_list(value: Any) -> Any:
     if not isinstance(value, str | list | tuple):
         raise mistake(f"found {shown(value)}; needed: a driven coordinate, or a list of them")
     return [value] if isinstance(value, str) else value
@@ -142,7 +142,7 @@ def _not_empty(names: tuple[str, ...]) -> tuple[str, ...]:
 
 _Names = Annotated[
     tuple[str, ...],
-    BeforeValidator(_listed),
+    BeforeValidator(_as_list),
     AfterValidator(_not_empty),
     WithJsonSchema(
         {
@@ -176,7 +176,7 @@ class Drive(Model):
     """Controller that follows the command; without one only user forces move the rotor."""
 
     @model_validator(mode="after")
-    def _moves(self) -> Drive:
+    def _check_parts(self) -> Drive:
         if self.mass is None and self.inertia is None:
             raise mistake("needed: mass, inertia or both; otherwise leave the drive out")
         steps = isinstance(self.motor, StepperMotor)

@@ -112,7 +112,7 @@ def _name_clashes(scene: Scene, placements: list[_Placement]) -> list[Finding]:
 
 
 def _puppet(member: Member, at: tuple[str | int, ...], located: Located) -> Puppet:
-    """A member's puppet with both halves, in the member's pose, with its parameters."""
+    """A member's puppet, its mirror applied, in the member's pose, with its parameters."""
     puppet = member.puppet
     if isinstance(puppet, str):
         path = bundled(puppet) or located.folder / puppet
@@ -205,7 +205,7 @@ def _pairs(
         for placement in placements
     }
     known = {FLOOR, *(name for _, name in scene.names())}.union(*parts.values())
-    alone = parts if len(placements) == 1 else {}
+    parts_of = parts if len(placements) == 1 else {}
     pairs: list[dict[str, Any]] = []
     for i, pair in enumerate(rules.pairs):
         for k, name in enumerate(pair.between):
@@ -213,7 +213,7 @@ def _pairs(
                 text = f"no body, obstacle, prop or puppet is called {shown(name)}"
                 path = ("contact", "pairs", i, "between", k)
                 findings.append((path, text + nearest(name[:64], known)))
-        first, second = (alone.get(name, [name]) for name in pair.between)
+        first, second = (parts_of.get(name, [name]) for name in pair.between)
         pairs += [
             plain(pair) | {"between": [a, b]}
             for a, b in product(first, second)

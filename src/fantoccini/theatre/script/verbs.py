@@ -25,7 +25,7 @@ class Verb:
             ``seat`` or ``table``.
         marks: marks of its gesture.
         meets: kind of the meeting in which players and props touch, which is then verified.
-        located: property of a prop that is measured in the run before: the ``place`` where it
+        located: property of a prop that is measured in the previous run: the ``place`` where it
             stands, or the ``handle`` on a forearm.
     """
 
