@@ -148,7 +148,7 @@ def test_late_cues_are_judged_by_policies():
 
 
 def test_lines_are_led_to_motions_in_one_place():
-    """How long the way to a motion takes decides when it begins: `Line.add`, and free lanes."""
+    """The duration of the way to a motion sets its start: `Line.add`, and free lanes."""
     led = {name for name, tree in sources() if calls(tree, "lead_time")}
     assert {name for name in led if name.startswith(("plays/", "cast/", "gestures/"))} == {
         "gestures/performing.py"

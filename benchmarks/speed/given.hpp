@@ -16,7 +16,7 @@ inline std::vector<double> take(int n) {
 static std::vector<double> q_D, v_D, p, table, number, breaks, coef, base;
 static int n_segments;
 
-// Begins fixed steps of what was given; `contacts` may be null.
+// Begins fixed steps from the inputs read by take_all(); `contacts` may be null.
 template <class Run>
 void begin_steps(Run& run, const fan::ContactArrays* contacts, fan::Record<fan::Model>& out) {
   static const std::vector<double> no_slip(fan::room(fan::Model::n_strings), 0.0);
