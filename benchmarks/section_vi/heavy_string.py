@@ -20,7 +20,7 @@ from fantoccini.base.documents import Parameter
 from fantoccini.base.errors import FantocciniError
 from fantoccini.dynamics.compiled import Event
 from fantoccini.dynamics.simulation import simulate
-from fantoccini.lab.reduction import displaced
+from fantoccini.lab.reduction_states import displaced
 from fantoccini.model.puppet import Chain, Puppet, String
 from fantoccini.motion import State
 

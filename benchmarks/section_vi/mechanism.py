@@ -16,7 +16,7 @@ from fantoccini.base.arrays import Array
 from fantoccini.base.documents import Parameter
 from fantoccini.base.tangent import between
 from fantoccini.dynamics.marionette import Marionette
-from fantoccini.lab.reduction import drive, in_metres, mean_length, without_drives
+from fantoccini.lab.reduction_states import drive, in_metres, mean_length, without_drives
 from fantoccini.model.puppet import Chain, ComputedTorque, Drive, Puppet
 from fantoccini.motion import Input, State, Trajectory
 from fantoccini.motion.pieces import channel_names

@@ -10,18 +10,16 @@ import fantoccini as fan
 from fantoccini import puppets
 from fantoccini.base.errors import PuppetError
 from fantoccini.lab import reduction
-from fantoccini.lab.reduction import (
+from fantoccini.lab.reduction import kinetic_energy, symmetric_products, tracking
+from fantoccini.lab.reduction_states import (
     displaced,
     drive,
     fit_strings,
     in_metres,
-    kinetic_energy,
     mean_length,
     metric,
     random_states,
-    symmetric_products,
     taut_states,
-    tracking,
     without_drives,
 )
 from lab.toys import CART, HELD, LIFTED, RADIAL, TURNED, WINCH

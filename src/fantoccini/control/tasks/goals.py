@@ -9,11 +9,18 @@ from typing import TypeAlias
 import numpy as np
 
 from fantoccini.base import Array, ConfigD, ConfigK, StateError, UnknownNameError, rotation
+from fantoccini.control.tasks.goal_targets import (
+    Target,
+    checked_vector,
+    checked_weight,
+    coordinate_weights,
+    goal_coordinates,
+    interval,
+)
 from fantoccini.control.tasks.state_arrays import StateArrays
 from fantoccini.control.tasks.touches import Pair, Touches, pair_of
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.kernel.runtime import POINT, POSE, UNKNOWN, GoalNumbers
-from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State
 
 _MAX_CLOSED_GAP = 1e-5
@@ -23,9 +30,6 @@ _DRIVEN_WEIGHT = 1.0
 
 Distance = Callable[[StateArrays], Array]
 """States (...) -> distances (...); 0 at the goal."""
-
-Target = float | Sequence[float]
-"""A value, the ends of an interval, or a rotation of three or four numbers."""
 
 GoalLike: TypeAlias = "Goal | State | Mapping[str, Target] | Distance"
 """Any short form of a goal; see :meth:`Goal.of`."""
@@ -196,7 +200,7 @@ class Goal:
                 raise StateError("the goal is a state of another puppet")
             if not all(np.all(np.isfinite(a)) for a in (goal.q_D, goal.v_D, goal.q_K, goal.v_K)):
                 raise StateError("the goal is not finite")
-            weight = _weights(marionette, dict.fromkeys(_names(table), 1.0))
+            weight = coordinate_weights(marionette, dict.fromkeys(goal_coordinates(table), 1.0))
             numbers = GoalNumbers(
                 POSE,
                 goal.q_D,
@@ -207,7 +211,7 @@ class Goal:
                 speed_weight=speed_weight,
                 driven_weight=_DRIVEN_WEIGHT,
             )
-            return cls(marionette, ", ".join(_names(table)), numbers, q_K=goal.q_K)
+            return cls(marionette, ", ".join(goal_coordinates(table)), numbers, q_K=goal.q_K)
         if isinstance(goal, Mapping):
             return cls.pose(marionette, goal, speed_weight=speed_weight)
         if callable(goal):
@@ -243,7 +247,7 @@ class Goal:
             UnknownNameError: name that is not a dynamic coordinate, or has a weight but no value.
             StateError: value, interval or weight out of range.
         """
-        indices = _names(marionette.coordinates)
+        indices = goal_coordinates(marionette.coordinates)
         if not values:
             raise StateError("the pose names no coordinate")
         for name in values:
@@ -254,18 +258,18 @@ class Goal:
                 raise UnknownNameError("coordinate of the goal", name, list(values))
             if not 0.0 < weight < np.inf:
                 raise StateError(f"the weight of {name} is {weight}; it must be greater than 0")
-        ends = {name: _ends(name, value, indices[name][1]) for name, value in values.items()}
+        ends = {name: interval(name, value, indices[name][1]) for name, value in values.items()}
         low, high = (marionette.state({n: e[k] for n, e in ends.items()}).q_D for k in (0, 1))
         by_name = {name: float((weights or {}).get(name, 1.0)) for name in values}
         numbers = GoalNumbers(
             POSE,
             low,
             high,
-            _weights(marionette, by_name),
+            coordinate_weights(marionette, by_name),
             np.zeros(marionette.coordinates.n_vD),
             np.zeros(marionette.coordinates.n_vK),
-            speed_weight=_positive(speed_weight),
-            driven_weight=_positive(driven_weight),
+            speed_weight=checked_weight(speed_weight),
+            driven_weight=checked_weight(driven_weight),
         )
         return cls(marionette, ", ".join(values), numbers)
 
@@ -297,8 +301,8 @@ class Goal:
             StateError: point that is not three finite numbers, or an empty box.
         """
         table = marionette.coordinates
-        target, offset = _triple("place", place), _triple("at", at)
-        high = target if to is None else _triple("to", to)
+        target, offset = checked_vector("place", place), checked_vector("at", at)
+        high = target if to is None else checked_vector("to", to)
         if np.any(high < target):
             raise StateError(
                 f"the box from {place!r} to {to!r} is empty: `to` is its highest corner"
@@ -314,8 +318,8 @@ class Goal:
             offset,
             target,
             high,
-            _positive(speed_weight),
-            _positive(driven_weight),
+            checked_weight(speed_weight),
+            checked_weight(driven_weight),
         )
         return cls(marionette, f"{body} at {target.tolist()}", numbers)
 
@@ -390,7 +394,7 @@ class Goal:
             StateError: displacement that is not three finite numbers.
         """
         link = marionette.link_index(body)
-        place = marionette.poses(start.q_D, start.q_K)[link, :, 3] + _triple("way", by)
+        place = marionette.poses(start.q_D, start.q_K)[link, :, 3] + checked_vector("way", by)
         return cls.point(
             marionette, body, place.tolist(), speed_weight=speed_weight, driven_weight=driven_weight
         )
@@ -415,49 +419,7 @@ class Goal:
             *zeros,
             np.zeros(table.n_vD),
             np.zeros(table.n_vK),
-            speed_weight=_positive(speed_weight),
-            driven_weight=_positive(driven_weight),
+            speed_weight=checked_weight(speed_weight),
+            driven_weight=checked_weight(driven_weight),
         )
         return cls(marionette, "", numbers)
-
-
-def _ends(name: str, value: Target, is_rotation: bool) -> tuple[Target, Target]:
-    """The ends of the interval of a target."""
-    if is_rotation or isinstance(value, (float, int)) or np.ndim(value) == 0:
-        return value, value
-    if np.shape(value) != (2,):
-        raise StateError(f"{name}: found {value!r}; needed: a number or two")
-    low, high = value
-    if not low <= high:
-        raise StateError(f"{name}: {low} to {high}; the first end must not be above the second")
-    return low, high
-
-
-def _weights(marionette: Marionette, by_name: Mapping[str, float]) -> Array:
-    """(n_vD,) the weight of every coordinate, at its first velocity."""
-    table, weights = marionette.coordinates, np.zeros(marionette.coordinates.n_vD)
-    first = dict((*table.scalars_D, *table.quaternions_D))
-    for name, (q, _) in _names(table).items():
-        weights[first[q]] = by_name.get(name, 0.0)
-    return weights
-
-
-def _positive(speed_weight: float) -> float:
-    if not 0.0 <= speed_weight < np.inf:
-        raise StateError(f"a speed's weight is {speed_weight}; it must be at least 0 [s]")
-    return float(speed_weight)
-
-
-def _triple(label: str, vector: Sequence[float]) -> Array:
-    array = np.asarray(vector, dtype=float)
-    if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise StateError(f"a point's {label} is {vector!r}; needed: three numbers")
-    return array
-
-
-def _names(table: CoordinateTable) -> dict[str, tuple[int, bool]]:
-    """Names of dynamic coordinates -> (index in q_D, whether it is a quaternion)."""
-    indices = {table.q_D[q]: (q, False) for q, _ in table.scalars_D}
-    for q, _ in table.quaternions_D:
-        indices[table.q_D[q].rsplit(".", 1)[0] + ".rotation"] = (q, True)
-    return indices

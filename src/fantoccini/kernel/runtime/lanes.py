@@ -119,6 +119,7 @@ class LaneSteppers:
         winches: Array,
     ):
         self._dll, n = library.dll, len(record)
+        self._pool: ThreadPoolExecutor | None = None  # __del__ may follow an interrupt from here on
         self._threads = threads = max(1, min(threads, -(-n // library.width)))
         self._dll.fan_steppers_new.restype = ctypes.c_void_p
         made = self._dll.fan_steppers_new(ctypes.c_longlong(n), ctypes.c_int(threads))
@@ -132,7 +133,8 @@ class LaneSteppers:
             winches=np.minimum(winches, UNLIMITED),
             **{name: getattr(record, name) for name in _NAMES},
         )
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        if threads > 1:
+            self._pool = ThreadPoolExecutor(threads)
 
     def __del__(self) -> None:
         if getattr(self, "_handle", None):
