@@ -27,7 +27,9 @@ FOLDER = Path(__file__).resolve().parents[1]
 ROOTS = ("src", "docs", "examples", "tests", "benchmarks", ".ci")
 TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 
-_QUOTED = re.compile(r"```.*?```|``.*?``|`[^`]*`|https?://\S+|[^\s`]+\.(?:py|hpp|md|yaml)\b", re.DOTALL)
+_QUOTED = re.compile(
+    r"```.*?```|``.*?``|`[^`]*`|https?://\S+|[^\s`]+\.(?:py|hpp|md|yaml)\b", re.DOTALL
+)
 _CODE = re.compile(r"[;{}]\s*\n|#(include|define|if|pragma|undef)|\b(const|static|void)\b|::|</")
 _WORD = re.compile(r"(?<![\w.'/\\:#{<%=*^-])[a-z]{3,}(?:-[a-z]{3,})*(?![\w`(/}=^]|\.\w)")
 _ENTRY = re.compile(r"^ +[*\w]+(?:, [*\w]+)*: (?=[a-z])", re.MULTILINE)

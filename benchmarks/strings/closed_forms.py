@@ -30,8 +30,8 @@ def launches() -> Section:
         f"rtol = atol = {number(TIGHT, 1)}. A point mass ({MASS:g} kg, string {LENGTH:g} m) is "
         "launched from the bottom with v0^2 = k g L. It leaves its circle at the angle psi with "
         "sin(psi) = (k - 2)/3 above the middle and is caught at -3 psi. `grazing` is the part of "
-        "the speed that is lost in the catch: the smaller, the more an error in the flight moves "
-        "the catch."
+        "the speed that is lost in the catch: the smaller it is, the more an error in the flight "
+        "shifts the catch."
     )
     rows, times, impulses = [], [], []
     for k in LAUNCHES:
@@ -71,7 +71,7 @@ def launches() -> Section:
         rows.append([f"({x:g}, {z:g})", f"{t:.6f}", f"{impulse:.6f}"])
         rows[-1] += [number(times[-1]), number(impulses[-1])]
     head = ["from (m)", "catch (s)", "impulse (N s)", "error of the time (s)"]
-    out.parts.append(Table([*head, "of the impulse, relative"], rows))
+    out.parts.append(Table([*head, "error of the impulse, relative"], rows))
     out.marks = [
         Mark("times of transverse catches and releases, closed form (s)", max(times), 1e-11),
         Mark("impulses of transverse catches, closed form, relative", max(impulses), 1e-10),
@@ -104,13 +104,12 @@ def reeling() -> Section:
         "The pivot moves as X = 0.1 sin(4 t) m, the length is L = 0.8 + 0.2 sin(3 t) m, the "
         f"string stays taut ({tensions.min():.2f} to {tensions.max():.2f} N) and the pendulum "
         "obeys L a'' + 2 L' a' + g sin(a) + X'' cos(a) = 0. SciPy's DOP853 integrates that "
-        f"equation at 1e-13. Both are given the same {REELING_PIECES} quintic pieces, "
-        "which miss the sines by less than 1e-12 m; their breaks keep the steps short whatever the "
-        "tolerance. Largest differences at "
-        f"{len(times)} times over {SECONDS:g} s:",
-        Table(["rtol = atol", "place (m)", "velocity (m/s)", "tension (N)"], rows),
+        f"equation at 1e-13. Both use the same {REELING_PIECES} quintic pieces, which differ from "
+        "the sines by less than 1e-12 m; their breaks keep the steps short at every tolerance. "
+        f"Largest differences at {len(times)} times over {SECONDS:g} s:",
+        Table(["rtol = atol", "position (m)", "velocity (m/s)", "tension (N)"], rows),
     ]
-    out.marks = [Mark("reeled pendulum: place, velocity, tension (SI units)", worst, 1e-10)]
+    out.marks = [Mark("reeled pendulum: position, velocity, tension (SI units)", worst, 1e-10)]
     return out
 
 

@@ -108,16 +108,17 @@ def section() -> Section:
         ]
         for e in sorted(chosen, key=lambda e: list((*LOOKS, rivals.UNCLIPPED)).index(e.method))
     ]
-    out = Section("9. Two classical rivals")
+    out = Section("9. Two classical methods")
     out.parts = [
-        "The thrown pendulum of section 1 again. The penalty method makes the string a stiff "
-        "spring with a critical damper that acts while the string is too long. Baumgarte's "
-        "stabilisation makes its length obey hddot + 2 a hdot + a^2 h = 0 while it is too long, "
-        "with the tension clipped at 0, or not clipped, or with the catch as an impulse at the "
-        "step that first finds the string too long. These are the ways of constrained dynamics "
-        "in computer animation (Witkin, Baraff). They live in `benchmarks/strings/rivals.py`, are "
-        "stepped by RK4, and every step below shows the best of "
-        f"{len(STIFFNESS)} stiffnesses or {len(RATES)} rates, chosen by looking at the answer.",
+        "The motion is that of the thrown pendulum of section 1. The penalty method replaces the "
+        "string by a stiff spring with a critical damper that acts while the string is too long. "
+        "Baumgarte's stabilisation makes its length obey hddot + 2 a hdot + a^2 h = 0 while it "
+        "is too long, with the tension clipped at 0, or not clipped, or with the catch as an "
+        "impulse at the first step with a string that is too long. These are the methods of "
+        "constrained dynamics in computer animation (Witkin, Baraff). They are in "
+        "`benchmarks/strings/rivals.py`, use RK4, and every step below shows the best of "
+        f"{len(STIFFNESS)} stiffnesses or {len(RATES)} rates, chosen with knowledge of the "
+        "solution.",
         Table(
             [
                 "method",
@@ -131,8 +132,8 @@ def section() -> Section:
             rows,
         ),
         Picture("strings_rivals.png", "Error and stretch against evaluations of the model"),
-        f"The penalty method with steps of {number(STEPS[-1])} s, and how many of all settings "
-        "and steps were lost (not finite or beyond 1 km):",
+        f"The penalty method with steps of {number(STEPS[-1])} s, and the number of settings and "
+        "steps of each method that were lost (not finite or beyond 1 km):",
         *_settings(all_theirs),
         _seen(mine, all_theirs),
     ]
@@ -161,10 +162,10 @@ def _seen(mine: list[Entry], entries: list[Entry]) -> str:
     cheapest = min(event, key=lambda e: e.cost)
     ahead = "less" if cheapest.error < rival.error else "not less"
     return (
-        f"The rivals' smallest error is {number(rival.error)} ({rival.method}, {rival.setting}, "
-        f"steps of {number(rival.dt)} s, {rival.cost} evaluations). `event` at "
-        f"{cheapest.setting} has {number(cheapest.error)} with {cheapest.cost}: {ahead}. Computing "
-        "times are not compared, as the rivals are written in NumPy."
+        f"The smallest error of these methods is {number(rival.error)} ({rival.method}, "
+        f"{rival.setting}, steps of {number(rival.dt)} s, {rival.cost} evaluations). `event` at "
+        f"{cheapest.setting} has {number(cheapest.error)} with {cheapest.cost}: {ahead}. "
+        "Computing times are not compared, because these methods are written in NumPy."
     )
 
 

@@ -69,13 +69,13 @@ def section() -> Section:
     cases = [(scenarios.chain(), mujoco_peer.pendulum), (scenarios.arm_fall(), mujoco_peer.arm)]
     out = Section("1. Convergence through slack and taut")
     out.parts.append(
-        "Two motions of 5 s, string ends and lengths fixed so that MuJoCo can follow. "
-        "The error is the largest of all coordinates and velocities at the end "
-        "(m, m/s or rad, rad/s). MuJoCo runs with RK4; its strings are tendons with a limited "
-        "length. `default` leaves their softness alone, `stiffest` is the shortest time constant "
-        "that its safeguard allows (two steps) with the highest impedance, `overdamped` is that "
-        "with a damping ratio of 2 for 1. Evaluations are evaluations of the model: for `event` "
-        "14 a step and about 150 to find an event; 1 a time step; 4 a step of RK4."
+        "Two motions of 5 s, string ends and lengths fixed so that MuJoCo can follow. The error "
+        "is the largest of all coordinates and velocities at the end (m, m/s or rad, rad/s). "
+        "MuJoCo runs with RK4; its strings are tendons with a limited length. `default` keeps "
+        "their default softness, `stiffest` has the shortest time constant that its safeguard "
+        "allows (two steps) and the highest impedance, `overdamped` is `stiffest` with a damping "
+        "ratio of 2 (not 1). Evaluations count evaluations of the model: for `event` 14 per step "
+        "and about 150 to locate an event; 1 per time step; 4 per step of RK4."
     )
     found = {scenario.name: measure(scenario, make) for scenario, make in cases}
     for scenario, _ in cases:
@@ -114,8 +114,8 @@ def _how(scenario: Scenario) -> str:
     if scenario.exact == "closed form":
         return " (circle arcs by elliptic functions, flights by parabolas)"
     return (
-        "'s DOP853 at 1e-13, written apart from the package, events located by integrating; at "
-        f"1e-12 it ends {number(scenario.doubt)} elsewhere"
+        "'s DOP853 at 1e-13, written independently of the package, with events located by "
+        f"integration; at 1e-12 it ends {number(scenario.doubt)} elsewhere"
     )
 
 

@@ -117,7 +117,7 @@ def section() -> Section:
     out.parts = [
         "Undamped swings on taut strings, nothing driven. The drift is given in joules and "
         "relative to the energy of the swing (start less lowest point). `event` runs at default "
-        "tolerance and its lengths are looked at after every accepted step; `timestepping` every "
+        "tolerance and its lengths are checked after every accepted step; `timestepping` every "
         f"{SAVED:g} s.",
         Table(
             [

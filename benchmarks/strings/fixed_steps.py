@@ -16,9 +16,9 @@ def section() -> Section:
     """Violation, ledger residual and error of a pendulum and of the led arm."""
     out = Section("7. Time-stepping against its step")
     out.parts.append(
-        "The violation is the longest that a string was beyond its length, the residual the "
-        "largest that the ledger missed. Place and velocity are the errors at the end against "
-        "`event` at 1e-13. The orders are those between neighbouring rows."
+        "The violation is the largest excess of a string's length, the residual the largest of "
+        "the ledger. Position and velocity are the errors at the end against `event` at 1e-13. "
+        "Orders are computed between neighbouring rows."
     )
     for scenario, seconds in ((scenarios.chain(), 5.0), (scenarios.arm_led(), LED_SECONDS)):
         runs = [scenario.run(seconds, method="timestepping", dt=dt) for dt in STEPS]
@@ -34,7 +34,7 @@ def section() -> Section:
             for row, value, power in zip(rows, values, order(values, STEPS), strict=True):
                 row += [number(value), power]
         head = ["step (s)", "violation (m)", "order", "residual (J)", "order"]
-        head += ["place (m, rad)", "order", "velocity (m/s, rad/s)", "order"]
+        head += ["position (m, rad)", "order", "velocity (m/s, rad/s)", "order"]
         title = f"{scenario.name[0].upper()}{scenario.name[1:]}"
         out.parts += [f"### {title}: {seconds:g} s, {len(known.events)} events", Table(head, rows)]
     return out

@@ -93,8 +93,8 @@ def section() -> Section:
     head = ["method", "largest tension off m g (N)", "after 1 s", "its range after 1 s", "sag (m)"]
     out.parts += [
         f"A mass of {MASS:g} kg hangs at rest on its string for {REST_SECONDS:g} s. Its tension "
-        f"is m g = {WEIGHT:g} N. The sag is how far it has sunk below its length. Steps of "
-        f"{STEP * 1e3:g} ms where they are fixed; MuJoCo's settings are those of section 1.",
+        f"is m g = {WEIGHT:g} N. The sag is its displacement below the string's length. Fixed "
+        f"steps are {STEP * 1e3:g} ms; MuJoCo's settings are those of section 1.",
         Table(head, rows),
     ]
     exact = point_mass_events.simulate([DROP_X, 0.0, 0.0, 0.0], DROP_SECONDS, LENGTH, GRAVITY)
@@ -115,10 +115,10 @@ def section() -> Section:
     head = ["method", "stretch (mm)", "rebound (m/s)", "peak tension / m g"]
     out.parts += [
         f"The same mass is dropped {DROP_X:g} m beside its pivot and is caught after "
-        f"{t_catch:.3f} s. A massless string that does not stretch takes the radial speed at once: "
-        "no stretch, no rebound. In `event` the catch is an impulse, so that its peak tension is "
-        "that of the swing after it; in `timestepping` it is spread over two steps.",
-        Table([*head, f"error of place at {DROP_SECONDS:g} s (m)"], rows),
+        f"{t_catch:.3f} s. A massless string that does not stretch takes the radial speed at "
+        "once: no stretch, no rebound. In `event` the catch is an impulse, so the peak tension "
+        "is that of the swing after it; in `timestepping` the catch is spread over two steps.",
+        Table([*head, f"error of position at {DROP_SECONDS:g} s (m)"], rows),
         Picture("strings_rest.png", "Tension at rest, and stretch of the string in a catch"),
     ]
     _draw(resting, falling, t_catch)

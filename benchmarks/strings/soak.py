@@ -18,7 +18,7 @@ def section() -> Section:
         return out
     entries = json.loads(RESULT.read_text(encoding="utf-8"))
     out.parts = [
-        "Random puppets under random inputs, for as long as `make soak` was given.",
+        "Random puppets under random inputs, run by `make soak`.",
         Table(["entry", "value"], [[_words(k), _shown(v)] for k, v in entries.items()]),
     ]
     return out

@@ -52,15 +52,21 @@ def defaults() -> Section:
             Mark(f"default tolerance, {SECONDS:g} s: {scenario.name}", max(place, speed), BOUND)
         )
     out.parts = [
-        f"`fan.simulate(m, x0, inputs, t_end={SECONDS:g})` with nothing else given "
-        f"(rtol = atol = {number(DEFAULT, 1)}). `growth` is how many times larger a small change "
-        "of the start "
-        "is after the run: it belongs to the motion, not to the method, and no method can keep "
-        "more digits than it leaves. The reeled pendulum is that of section 3 with 25 quintic "
-        "pieces, given to both. The last column is the first tolerance that keeps both errors "
-        f"below {number(BOUND, 1)}.",
+        f"`fan.simulate(m, x0, inputs, t_end={SECONDS:g})` with default options (rtol = atol = "
+        f"{number(DEFAULT, 1)}). `growth` is the factor by which the run magnifies a small change "
+        "of the start: a property of the motion, not of the method, and a limit to the digits "
+        "that any method can keep. The reeled pendulum is that of section 3 with 25 quintic "
+        "pieces for both. The last column is the loosest tolerance that keeps both errors below "
+        f"{number(BOUND, 1)}.",
         Table(
-            ["motion", "events", "place (m, rad)", "velocity (m/s, rad/s)", "growth", "enough"],
+            [
+                "motion",
+                "events",
+                "position (m, rad)",
+                "velocity (m/s, rad/s)",
+                "growth",
+                "tolerance",
+            ],
             rows,
         ),
         *_many(),
@@ -94,9 +100,10 @@ def _many() -> list[str | Table]:
         shown = map(number, (np.median(errors), errors[int(0.9 * STARTS)], errors[-1]))
         rows.append([number(tolerance, 1), *shown, f"{np.sum(errors <= BOUND)} of {STARTS}"])
     return [
-        "A double pendulum is chaotic, so that one start says little. The same arm dropped from "
-        f"{STARTS} random slack poses (0 to {events} events), against its own run at 1e-13. At "
-        f"default tolerance {worse} of them have a larger error than the pose above:",
+        "A double pendulum is chaotic, so one start is not representative. The same arm is "
+        f"dropped from {STARTS} random slack poses (0 to {events} events) and compared with its "
+        f"own run at 1e-13. At default tolerance {worse} of them have a larger error than the "
+        "pose above:",
         Table(["rtol = atol", "median", "ninth tenth", "worst", f"below {number(BOUND, 1)}"], rows),
     ]
 
@@ -125,8 +132,9 @@ def ledger() -> Section:
     out = Section("8. The event ledger closes to the tolerance")
     fell = worst[0] / worst[-1]
     out.parts = [
-        "The ledger's residual is what kinetic and potential energy, the work of the inputs and "
-        f"the losses of catches leave unexplained: the largest over {SECONDS:g} s, in joules.",
+        "The ledger's residual is the part of the energy that kinetic and potential energy, the "
+        "work of the inputs and the losses of catches do not explain: the largest over "
+        f"{SECONDS:g} s, in joules.",
         Table(["rtol = atol", *(s.name for s in cases)], rows),
         f"From {number(TOLERANCES[0], 1)} to {number(TOLERANCES[-1], 1)} the largest residual "
         f"falls by a factor of {number(fell)}.",
