@@ -10,7 +10,7 @@ PACKAGE = ROOT / "src" / "fantoccini"
 PAGE = ROOT / "docs" / "architecture.md"
 PICTURE = ROOT / "docs" / "pictures" / "pipeline.svg"
 
-ROOMS = {
+PACKAGES = {
     "base": (
         "utilities for every other package",
         "errors, arrays, rotations, polynomials, files; "
@@ -28,7 +28,7 @@ ROOMS = {
     ),
     "kernel": (
         "from equations of motion to compiled functions",
-        "`contract`: what Python and C++ share; `equations`: symbolic; `codegen`: to C++; "
+        "`contract`: functions shared by Python and C++; `equations`: symbolic; `codegen`: to C++; "
         "`build`: compiler and cache; `runtime`: ctypes; `cpp`: integrators, impulses, solvers",
     ),
     "dynamics": (
@@ -47,7 +47,7 @@ ROOMS = {
         "gestures, motion capture, plays, live performance",
         "`script`: files of scores and plays, their cues, verbs and times; `gestures`: gestures, "
         "and scores that time them in beats; `capture`: BVH files; `retarget`: clips transferred "
-        "to puppets; `cast`: players, props; `ways`: path finding on the stage; `plays`: plays "
+        "to puppets; `cast`: players, props; `ways`: path planning on the stage; `plays`: plays "
         "compiled and verified; `perform`: live performance",
     ),
     "lab": (
@@ -72,7 +72,7 @@ ROOMS = {
         "`pages`: drawing and replay in the browser; `live`: pages with a live puppet",
     ),
 }
-"""The question that each room answers and its parts, in the order in which rooms import."""
+"""Purpose and contents of each package, in the order of imports."""
 
 WALKS = {
     "From a puppet file to its compiled library": (
@@ -119,13 +119,13 @@ WALKS = {
         (
             "theatre/plays/compiling.py",
             "load_play",
-            "places and simulates the cues, repeated until every requirement holds",
+            "places and simulates the cues, until every requirement holds",
         ),
         ("theatre/plays/placing.py", "place_cues", "cues get times, places and ways"),
         (
             "theatre/plays/runs.py",
             "runs_of",
-            "event-driven run of every company: puppets and props that may touch",
+            "event-driven run of each company: puppets and props that may touch one another",
         ),
         (
             "theatre/plays/verifying.py",
@@ -144,7 +144,7 @@ WALKS = {
         ("theatre/retarget/following.py", "follow_clip", "motions of the hands, and the run"),
     ),
 }
-"""Files in the order in which something passes through them, with the function or class there."""
+"""Files in the order of the flow of data, with a function or class of each."""
 
 
 @dataclass(frozen=True)
@@ -152,8 +152,8 @@ class Task:
     """An extension and the files it touches.
 
     Attributes:
-        title: what is added.
-        steps: (what to do, files relative to ``src/fantoccini``, or to the repository where they
+        title: name of the extension.
+        steps: (instruction, files relative to ``src/fantoccini``, or to the repository if they
             begin with a slash).
     """
 
@@ -202,7 +202,7 @@ TASKS = (
                 ("kernel/equations/system.py", "kernel/equations/rows.py"),
             ),
             (
-                "how a hand moves it, and the bounds of planned motions",
+                "its motion by a hand, and the bounds of planned motions",
                 ("theatre/perform/handle.py", "control/problems/feasible.py"),
             ),
             (
@@ -305,7 +305,7 @@ TASKS = (
         "a kind of file that users write",
         (
             ("its model, a `Document`", ("stand/stand_file.py",)),
-            ("the key that tells its kind", ("base/documents/document.py",)),
+            ("the key that identifies its kind", ("base/documents/document.py",)),
             ("its JSON Schema", ("app/cli/app.py",)),
         ),
     ),
@@ -313,9 +313,12 @@ TASKS = (
         "a verb of plays",
         (
             ("its keys, and their messages", ("theatre/script/cues.py",)),
-            ("what it needs, what it moves, and how it is verified", ("theatre/script/verbs.py",)),
+            (
+                "its requirements, the parts it moves, and its verification",
+                ("theatre/script/verbs.py",),
+            ),
             ("place it: a gesture or a walk, or with props", _PLACING),
-            ("its gesture, if it is no bundled one", ("theatre/plays/sitting.py",)),
+            ("its gesture, if it is not a bundled one", ("theatre/plays/sitting.py",)),
             ("check its run", ("theatre/plays/handled.py",)),
             ("describe it", ("/docs/plays.md",)),
         ),
@@ -334,7 +337,7 @@ TASKS = (
         ),
     ),
     Task(
-        "something that `fantoccini show` can open",
+        "a kind of file that `fantoccini show` opens",
         (
             ("recognise it", ("app/web/page.py",)),
             ("show it: live, or as a replay", ("app/live/live.py", "app/pages/replay.py")),
@@ -355,10 +358,7 @@ TASKS = (
     Task(
         "a page of the docs",
         (
-            (
-                "write it; link it from the README where it helps",
-                ("/docs/install.md", "/README.md"),
-            ),
+            ("write it; link it from the README", ("/docs/install.md", "/README.md")),
             ("place it in the navigation", ("/mkdocs.yml",)),
         ),
     ),
@@ -370,12 +370,14 @@ TASKS = (
         ),
     ),
 )
-"""Where a task names one file of several alike, it is the example to copy."""
+"""Extensions; if a folder has several similar files, the named file is the example to copy."""
 
 
 def page() -> str:
     """The text of docs/architecture.md."""
-    rooms = [f"| `{name}` | {asks} | {parts} |" for name, (asks, parts) in ROOMS.items()]
+    packages = [
+        f"| `{name}` | {purpose} | {contents} |" for name, (purpose, contents) in PACKAGES.items()
+    ]
     walks = []
     for title, steps in WALKS.items():
         path = " → ".join(f"`{file}` (`{name}`): {does}" for file, name, does in steps)
@@ -384,7 +386,9 @@ def page() -> str:
         f"| {task.title} | {'; '.join(f'{step}: {files(names)}' for step, names in task.steps)} |"
         for task in TASKS
     ]
-    return _TEXT.format(rooms="\n".join(rooms), walks="\n".join(walks), tasks="\n".join(tasks))
+    return _TEXT.format(
+        packages="\n".join(packages), walks="\n".join(walks), tasks="\n".join(tasks)
+    )
 
 
 def files(names: tuple[str, ...]) -> str:
@@ -404,7 +408,7 @@ which imports `output` when a method that draws (`run.plot()`) is called.
 
 | Package | Purpose | Contents |
 |---|---|---|
-{rooms}
+{packages}
 
 ![From the puppet file to a compiled library, from states and inputs to trajectories, and the
 packages built on them](pictures/pipeline.svg)
@@ -412,8 +416,8 @@ packages built on them](pictures/pipeline.svg)
 The integrators, the complementarity solver and the planner's rollouts are C++ templates in
 `kernel/cpp/fantoccini`, compiled for each puppet with its dimensions as constants. They advance one
 trajectory, or several at once in SIMD lanes. A folder there includes only from itself and from
-those before it: `math`, `solvers`, `model`, `collision`, `contact`, `runs`, `event`,
-`timestepping`, `variational`, `derivatives`, `search`, `interface`
+the folders before it in this list: `math`, `solvers`, `model`, `collision`, `contact`, `runs`,
+`event`, `timestepping`, `variational`, `derivatives`, `search`, `interface`
 (`tests/cpp/test_include_order.py`).
 
 ## Four paths through the code
@@ -422,13 +426,13 @@ Paths are relative to `src/fantoccini`.
 
 {walks}
 
-## What to touch to add something
+## Common extensions
 
 Paths are relative to `src/fantoccini`; those in `docs/` and `tests/`, `README.md` and `mkdocs.yml`
-to the repository. Where a folder has several similar files, the one named is the example to copy.
+to the repository. If a folder has several similar files, the named file is the example to copy.
 Every extension also needs a test, a line in `CHANGELOG.md` and a section in the docs.
 
-| To add | Touch |
+| To add | Change |
 |---|---|
 {tasks}
 """
@@ -448,9 +452,9 @@ def box(x: int, y: int, width: int, kind: str, name: str, *lines: str) -> str:
         f'<text x="{middle}" y="{top + 15 * (k + 1)}" class="s">{line}</text>'
         for k, line in enumerate(lines)
     )
-    look = f'fill="{FILLS[kind]}" stroke="{LINES[kind]}"'
+    style = f'fill="{FILLS[kind]}" stroke="{LINES[kind]}"'
     return (
-        f'<rect x="{x}" y="{y}" width="{width}" height="56" rx="6" {look}/>'
+        f'<rect x="{x}" y="{y}" width="{width}" height="56" rx="6" {style}/>'
         f'<text x="{middle}" y="{top}" class="n">{name}</text>{small}'
     )
 

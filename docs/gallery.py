@@ -1,4 +1,4 @@
-"""``python -m docs.gallery``: draws and films what is bundled, and writes docs/gallery.md."""
+"""``python -m docs.gallery``: draws and films the bundled puppets, and writes docs/gallery.md."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ class Piece:
         text: caption.
         inputs: name of the performance; None if nothing is driven.
         start: coordinates at the start that differ from the rest pose.
-        duration: of the motion [s].
-        part: interval that is filmed [s].
-        times: of the strip's poses [s].
+        duration: duration of the motion [s].
+        part: interval of the film [s].
+        times: times of the strip's poses [s].
         view: preset, or azimuth and elevation in degrees.
-        focus: of the film; ``bodies`` may crop strings.
-        theme: of the film; the strip has the other.
+        focus: framing of the film; ``bodies`` may crop strings.
+        theme: theme of the film; the strip has the other.
         size: width and height of the film [px].
         speed: seconds of motion per second of film.
-        dt: time step [s], where solids touch; None for event-driven.
+        dt: time step [s], for solids that touch; None for event-driven.
     """
 
     puppet: str
@@ -79,8 +79,8 @@ class Piece:
 PIECES = (
     Piece(
         "promenade",
-        "The marionette on a floor that carries it. Six times a string lifts a knee while the "
-        "other foot stands and pushes off. Then it stands, waves and nods.",
+        "The marionette walks on a floor. Six times a string lifts a knee while the other foot "
+        "pushes off. Then it stands, waves and nods.",
         duration=12.0,
         part=(0.8, 5.0),
         times=(0.0, 1.2, 1.7, 2.3, 2.9, 3.5, 4.6, 7.2, 9.7),
@@ -94,8 +94,8 @@ PIECES = (
     ),
     Piece(
         "stroll",
-        "The marionette on its control bar, dragged along and rolled from side to side by one "
-        "hand; the feet follow on the floor. `fantoccini show stroll` puts the bar into your hand.",
+        "The marionette walks on its control bar, which one hand drags and rolls from side to "
+        "side. With `fantoccini show stroll` you move the bar yourself.",
         duration=6.0,
         part=(0.4, 5.0),
         times=(0.0, 1.8, 2.4, 3.0),
@@ -110,7 +110,7 @@ PIECES = (
         "visit",
         "Two marionettes, a ball and a chair. Pierrot carries the ball by its frame on his arm. "
         "Columbine puts her hand through the frame and lifts it off his arm; then she sits down on "
-        "the chair with it, and both nod. Nothing holds the ball but what touches it.",
+        "the chair with it, and both nod. Only contact and friction hold the ball.",
         duration=12.0,
         part=(1.6, 9.8),
         times=(0.0, 3.6, 5.2, 6.6, 8.5, 9.0, 10.0),
@@ -147,9 +147,8 @@ PIECES = (
     ),
     Piece(
         "stand6",
-        "The paper's stand: winches at fixed places change the strings' lengths, nothing else "
-        "moves. Two strings to each hand conduct up, out and in; one string over two pulleys bends "
-        "both knees.",
+        "The paper's stand: only winches at fixed places change the strings' lengths. Two strings to "
+        "each hand conduct up, out and in; one string over two pulleys bends both knees.",
         duration=5.0,
         part=(0.2, 4.4),
         times=(0.0, 0.8, 1.2, 1.6, 3.0, 3.4),
@@ -159,7 +158,7 @@ PIECES = (
     Piece(
         "crane",
         "A load of a quarter of a tonne on one cable, hoisted, carried to one side and to the "
-        "other while it swings, and let down.",
+        "other while it swings, and lowered.",
         duration=10.0,
         part=(0.2, 9.6),
         times=(0.2, 3.4, 5.2, 6.9),
@@ -209,12 +208,12 @@ PLAYS = {
         (1.0, 33.6, 36.8, 39.6, 51.4, 59.4),
     ),
     "chase": (
-        "One player chases another round a table. Their ways are planned past the table and past "
+        "One player chases another round a table. Their paths are planned past the table and "
         "each other.",
         (1.0, 8.0, 14.0, 20.0, 26.0, 32.0),
     ),
     "trio": (
-        "Pierrot comes in and greets his friends; all three come forward and bow together.",
+        "Pierrot enters and greets his friends; all three come forward and bow together.",
         (1.0, 8.0, 16.0, 24.0, 31.0, 34.5),
     ),
 }
@@ -302,27 +301,27 @@ def draw_plan() -> None:
 def draw_number() -> None:
     """Writes the films of the number to music: as a picture, and with its sound."""
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
-        made = runpy.run_path(str(ROOT / NUMBER))
-        score, run = made["score"], made["found"].run
-        look = {"focus": "bodies", "theme": "dark", "captions": score.captions}
+        names = runpy.run_path(str(ROOT / NUMBER))
+        score, run = names["score"], names["found"].run
+        options = {"focus": "bodies", "theme": "dark", "captions": score.captions}
         view.film(
-            made["puppet"],
+            names["puppet"],
             run,
             PICTURES.parent / "number.mp4",
             fps=20.0,
             size=(240, 300),
             sounds=score.sounds,
-            **look,
+            **options,
         )
         part = run.resample(np.arange(9.4, 25.4, 0.25))
         view.film(
-            made["puppet"],
+            names["puppet"],
             part,
             PICTURES / "number.gif",
             fps=10.0,
             size=(192, 240),
             speed=2.5,
-            **look,
+            **options,
         )
 
 
@@ -342,7 +341,7 @@ def page() -> str:
         f"## A play: {name}\n\n{text} It is written in "
         f"[{_lines(name)} lines](../src/fantoccini/theatre/plays/repertory/{name}.yaml); see "
         f"[Plays](plays.md).\n\n![{name}: poses](pictures/gallery/{name}.png)\n\n[Film](pictures/"
-        f"{name}.mp4): all of it, {PACE:g} times as fast. The play:\n\n```\n"
+        f"{name}.mp4): the whole play, {PACE:g} times as fast. The play:\n\n```\n"
         f"fantoccini play {name} --out {name}.mp4\n```\n"
         for name, (text, _) in PLAYS.items()
     ]
@@ -356,7 +355,7 @@ def _lines(name: str) -> int:
 
 _HEAD = """# Gallery
 
-See here every bundled puppet and scene in motion, and the command that makes each film.
+After this page you know the bundled puppets, scenes and motions, and the commands that film them.
 `make gallery` draws the page without a GPU or a display. The colour of a string is its tension;
 grey is slack. Run the commands in the root of the repository; they film at full size. The motions
 are files in [`performances`](../src/fantoccini/model/puppets/performances), to read and change.
@@ -365,14 +364,14 @@ are files in [`performances`](../src/fantoccini/model/puppets/performances), to 
 _NUMBER = f"""## A number to music
 
 Half a minute, [written in 36 lines](../examples/20_number.yaml): the marionette marches, waves,
-claps, points, leaps and bows on the beats of music that [the example](../{NUMBER}) makes. It
-rehearses until its limbs are on the beat in the simulation; see [Gestures and
+claps, points, leaps and bows on the beats of music from [the example](../{NUMBER}). It
+rehearses until its limbs turn on the beat in the simulation; see [Gestures and
 scores](gestures.md).
 
 ![number: film](pictures/gallery/number.gif)
 
-Film: 9.4 to 25.4 s, 2.5 times as fast and silent. [All of it with its
-music](pictures/number.mp4); the number:
+Film: 9.4 to 25.4 s, 2.5 times as fast and silent. [The whole number with its
+music](pictures/number.mp4). The number:
 
 ```
 python {NUMBER}
@@ -382,11 +381,11 @@ python {NUMBER}
 _PLAN = """## A plan: arm3d_boxes
 
 The paper's planning problem: from hanging, past two boxes, to rest with the hand lifted. Dots are
-the nodes of the search tree, the line is the path taken; see [Planning](planning.md).
+the nodes of the search tree, the line is the path of the plan; see [Planning](planning.md).
 
 ![arm3d_boxes: film](pictures/gallery/arm3d_boxes.gif)
 
-![arm3d_boxes: tree, way and poses](pictures/gallery/arm3d_boxes.png)
+![arm3d_boxes: tree, path and poses](pictures/gallery/arm3d_boxes.png)
 
 ```
 fantoccini plan arm3d_boxes --improve 1 --picture plan.png --out plan.mp4

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.medium
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "fantoccini"
 
-ORDER = tuple(architecture.ROOMS)
+ORDER = tuple(architecture.PACKAGES)
 DRAWING = "base/drawing.py"
 """The one module that imports a later package, by name, when it is called."""
 

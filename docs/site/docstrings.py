@@ -1,4 +1,4 @@
-"""Docstrings as this project writes them -> Markdown that mkdocstrings reads."""
+"""Rewrites docstrings as Markdown for mkdocstrings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def split(match: re.Match[str]) -> str:
 
 
 def rewritten(text: str) -> str:
-    """The docstring's text as Markdown, with one entry for each argument."""
+    """Text of a docstring as Markdown, with one entry for each argument."""
     text = ROLE.sub(r"`\1`", text).replace("::\n\n", ":\n\n")
     head, mark, rest = text.partition("Args:")
     arguments, end, rest = rest.partition("\n\n")

@@ -1,4 +1,4 @@
-"""Pages of the executed examples: the source, what it prints and the pictures it writes."""
+"""Pages of the executed examples: source, printed output and pictures."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ PICTURES = (".png", ".svg", ".gif")
 
 @dataclass(frozen=True)
 class Executed:
-    """An example that has run.
+    """An executed example.
 
     Attributes:
-        file: its source.
-        output: what it printed.
-        files: what it wrote to ``out``.
+        file: source file.
+        output: printed output.
+        files: files written to ``out``.
     """
 
     file: Path
@@ -68,7 +68,7 @@ class Executed:
 
 
 def execute(file: Path) -> Executed:
-    """Runs an example in an empty folder, or takes the result that the cache holds.
+    """Runs an example in an empty folder, or returns its cached result.
 
     Raises:
         RuntimeError: The example failed; the message ends with its traceback.
@@ -90,7 +90,7 @@ def execute(file: Path) -> Executed:
 
 
 def key(file: Path) -> str:
-    """Hash of all that an example's result depends on: itself, its data, the package."""
+    """Hash of everything that determines an example's result: itself, its data, the package."""
     digest = hashlib.sha256(file.read_bytes())
     package = (path for path in (ROOT / "src").rglob("*") if "__pycache__" not in path.parts)
     for path in sorted([*FOLDER.glob("*.yaml"), *package]):
@@ -102,10 +102,14 @@ def key(file: Path) -> str:
 def index(examples: list[Executed]) -> str:
     """The list of all examples, each with its first picture."""
     cards = []
-    for one in examples:
-        picture = f"![{one.title}]({one.pictures[0].name})\n\n    " if one.pictures else ""
-        summary = " ".join(one.summary.split())
-        cards.append(f"-   {picture}**[{one.title}]({one.file.stem}.md)**\n\n    {summary}\n")
+    for example in examples:
+        picture = (
+            f"![{example.title}]({example.pictures[0].name})\n\n    " if example.pictures else ""
+        )
+        summary = " ".join(example.summary.split())
+        cards.append(
+            f"-   {picture}**[{example.title}]({example.file.stem}.md)**\n\n    {summary}\n"
+        )
     return (
         "# Examples\n\nPick the example nearest to your problem and change it. Each is one file "
         "that runs by itself; the output and the pictures were made when this site was built.\n\n"

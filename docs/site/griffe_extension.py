@@ -9,7 +9,7 @@ from griffe import Extension, Object
 
 
 class Docstrings(Extension):
-    """Hands each docstring on as Markdown."""
+    """Replaces each docstring by Markdown."""
 
     def on_object(self, *, obj: Object, **_: Any) -> None:
         if obj.docstring:

@@ -15,7 +15,7 @@ SOURCES = {page: file for file, page in PAGES.items()}
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
-    """Puts the generated pages where the navigation names their folders."""
+    """Replaces the folders of generated pages in the navigation by their pages."""
     files = sorted(path.stem for path in examples.FOLDER.glob("*.py"))
     pages = {
         "examples/": ["examples/index.md", *(f"examples/{stem}.md" for stem in files)],
@@ -38,9 +38,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for file, uri in PAGES.items():
         add(uri, (ROOT / file).read_text(encoding="utf-8"))
     executed = [examples.execute(file) for file in sorted(examples.FOLDER.glob("*.py"))]
-    for one in executed:
-        add(f"examples/{one.file.stem}.md", one.page())
-        for picture in one.pictures:
+    for example in executed:
+        add(f"examples/{example.file.stem}.md", example.page())
+        for picture in example.pictures:
             files.append(
                 File.generated(config, f"examples/{picture.name}", abs_src_path=str(picture))
             )

@@ -20,7 +20,7 @@ LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]*)(#[^)\s]*)?\)")
 
 
 def target(path: str) -> str | None:
-    """The page or picture of the site that shows a file of the repository; None where none does."""
+    """Page or picture of the site for a file of the repository; None if there is none."""
     if path in PAGES:
         return PAGES[path]
     if path == "examples":
@@ -43,9 +43,11 @@ def for_site(markdown: str, source: str) -> str:
         mark, text, file, anchor = match[1], match[2], match[3], match[4] or ""
         if not file or "://" in file:
             return match[0]
-        found = target(posixpath.normpath(posixpath.join(posixpath.dirname(source), file)))
-        if found is None:
+        linked = target(posixpath.normpath(posixpath.join(posixpath.dirname(source), file)))
+        if linked is None:
             return text
-        return f"{mark}[{text}]({posixpath.relpath(found, posixpath.dirname(page) or '.')}{anchor})"
+        return (
+            f"{mark}[{text}]({posixpath.relpath(linked, posixpath.dirname(page) or '.')}{anchor})"
+        )
 
     return LINK.sub(rewrite, markdown)

@@ -10,7 +10,7 @@ from docs.site.links import ROOT
 PACKAGE = ROOT / "src" / "fantoccini"
 
 TITLES = {
-    "dynamics": "Marionettes and what they do",
+    "dynamics": "Marionettes and their dynamics",
     "motion": "States, inputs, trajectories",
     "control": "Plans and optimal control",
     "theatre": "Gestures, plays and performances",
@@ -22,13 +22,13 @@ TITLES = {
     "kernel": "Equations",
     "base": "Errors",
 }
-"""The title of every room's page, in the order of the navigation."""
+"""Title of the page of each package, in the order of the navigation."""
 
 FIRST = ("Marionette", "load", "loads", "State", "Input", "Trajectory", "simulate", "Performance")
-"""Names that lead their page; the others follow as exported."""
+"""Names at the top of their pages; the others follow in the order of export."""
 
 ENUMERATIONS = ("AnswerStatus", "EventKind", "PolishStatus", "Status")
-"""Names whose members explain themselves, without a docstring each."""
+"""Enumerations whose members have no docstrings."""
 
 BUNDLED = (
     "arm2d",
@@ -52,11 +52,11 @@ MORE = {
     "dynamics": tuple(f"marionette.puppets.{name}" for name in BUNDLED),
     "kernel": ("equations.printing.printable",),
 }
-"""Further names that the guide uses."""
+"""Additional names that the guides use."""
 
 
 def stub(file: Path) -> dict[str, list[str]]:
-    """The names of a stub file by the package they come from; packages themselves left out."""
+    """Names of a stub file by their package, without the packages themselves."""
     names: dict[str, list[str]] = {}
     for node in ast.parse(file.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.ImportFrom) and node.module:
@@ -67,27 +67,27 @@ def stub(file: Path) -> dict[str, list[str]]:
 def paths() -> dict[str, list[str]]:
     """Canonical import paths of all documented names, by page."""
     first = stub(PACKAGE / "__init__.pyi")
-    found: dict[str, list[str]] = {}
-    for room in TITLES:
+    pages: dict[str, list[str]] = {}
+    for package in TITLES:
         modules = ("errors", "puppets")
-        names = [name for name in first.get(room, []) if name not in modules]
-        face = PACKAGE / room / "__init__.pyi"
+        names = [name for name in first.get(package, []) if name not in modules]
+        face = PACKAGE / package / "__init__.pyi"
         passed_on = stub(face).values() if face.exists() else ()
         rest = [name for names in passed_on for name in names if name not in modules]
-        found[room] = [
+        pages[package] = [
             f"fantoccini.{name}" for name in sorted(names, key=lambda name: name not in FIRST)
         ]
-        found[room] += [
-            f"fantoccini.{room}.{name}"
-            for name in (*rest, *MORE.get(room, ()))
+        pages[package] += [
+            f"fantoccini.{package}.{name}"
+            for name in (*rest, *MORE.get(package, ()))
             if name not in names
         ]
-    return found
+    return pages
 
 
-def page(room: str, names: list[str]) -> str:
-    """The reference of one room."""
-    parts = [f"# {TITLES[room]}\n"]
+def page(package: str, names: list[str]) -> str:
+    """Page of the reference for one package."""
+    parts = [f"# {TITLES[package]}\n"]
     for name in names:
         parts.append(f"::: {name}")
         if name.split(".")[-1] in ENUMERATIONS:
@@ -97,13 +97,13 @@ def page(room: str, names: list[str]) -> str:
 
 
 def index() -> str:
-    """The list of all documented names."""
+    """Index of all documented names."""
     lines = [
         "# API reference\n",
-        "Look up any public name. Import each by the path shown here; `import fantoccini as fan` "
-        "gives those without a package in their path.\n",
+        "Every public name, by the path from which to import it; `import fantoccini as fan` "
+        "gives the names without a package in their path.\n",
     ]
-    for room, names in paths().items():
-        links = ", ".join(f"[`{name}`]({room}.md#{name})" for name in names)
-        lines.append(f"## [{TITLES[room]}]({room}.md)\n\n{links}\n")
+    for package, names in paths().items():
+        links = ", ".join(f"[`{name}`]({package}.md#{name})" for name in names)
+        lines.append(f"## [{TITLES[package]}]({package}.md)\n\n{links}\n")
     return "\n".join(lines)
