@@ -147,8 +147,8 @@ PIECES = (
     ),
     Piece(
         "stand6",
-        "The paper's stand: only winches at fixed places change the strings' lengths. Two strings to "
-        "each hand conduct up, out and in; one string over two pulleys bends both knees.",
+        "The paper's stand: only winches at fixed places change the strings' lengths. Two strings "
+        "to each hand conduct up, out and in; one string over two pulleys bends both knees.",
         duration=5.0,
         part=(0.2, 4.4),
         times=(0.0, 0.8, 1.2, 1.6, 3.0, 3.4),

@@ -5,13 +5,13 @@ from __future__ import annotations
 from benchmarks.strings.report import Table
 
 FACTORISATION = (
-    "M_DD could be factored with the tree's sparsity (no fill-in), which takes operations with the "
-    "cube of a chain's length, or by the articulated-body recursion, which takes them in "
-    "proportion to the links. Operations of a whole evaluation, and of one product with the "
-    "inverse factor, before and after the recursion took the sparse factor's place (other savings "
-    "were made in the same days; the bodies are those above). The sparse factor's products are "
-    "cheaper in short chains, and for those the recursion costs up to an eighth more in a whole "
-    "evaluation; it is taken at every size, so that there is one way only."
+    "M_DD can be factorised with the tree's sparsity (no fill-in), with the cube of a chain's "
+    "length in operations, or by the articulated-body recursion, in proportion to the links. The "
+    "table counts the operations of a whole evaluation, and of one product with the inverse "
+    "factor, before and after the recursion replaced the sparse factor (with other savings of "
+    "the same days; the bodies are those above). In short chains the sparse factor's products "
+    "are cheaper, and the recursion costs up to an eighth more in a whole evaluation; it is used "
+    "at every size, to have a single method."
 )
 
 FACTORS = Table(
@@ -27,11 +27,11 @@ FACTORS = Table(
 )
 
 EVALUATION = (
-    "One event-driven evaluation of the marionette with all strings taut (drive, model, tensions), "
-    "`benchmarks/speed/scalar.cpp`; the shortest of 1,800 runs of 1,000 evaluations, all in "
-    "turns, on the machine below. A piece is a function of so many statements; values travel "
-    "between pieces through a work array, and inside a piece they are local. Before all this the "
-    "evaluation took 3.32 us."
+    "One event-driven evaluation of the marionette with all strings taut (drive, model, "
+    "tensions), `benchmarks/speed/scalar.cpp`; the shortest of 1,800 runs of 1,000 evaluations, "
+    "all variants in turn, on the machine below. A piece is a function of the given number of "
+    "statements; a work array passes values between pieces, and within a piece they are local. "
+    "Before these choices the evaluation took 3.32 us."
 )
 
 VARIANTS = Table(
@@ -48,6 +48,6 @@ VARIANTS = Table(
 )
 
 COMPILERS = (
-    "The chain of 100 DOF took the compilers 35.0 s together at -O2 and 26.1 s at -O1 (29 files, "
-    "none above 3.7 s), so -O2 is used at every size. Of these, 2 s to 4 s are the runtime."
+    "The chain of 100 DOF took the compilers 35.0 s in total at -O2 and 26.1 s at -O1 (29 files, "
+    "none above 3.7 s), so -O2 is used at every size. The runtime takes 2 s to 4 s of this time."
 )

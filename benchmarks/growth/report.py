@@ -59,7 +59,7 @@ def write(root: Path, sizes: Sequence[Size], body: int, missing: Sequence[str]) 
         "## More strings",
         _wrapped(_MORE_STRINGS.format(body=body)),
         _by_size(by_strings, "strings", "strings").markdown(),
-        "## What was chosen, and why",
+        "## Design choices",
         _wrapped(FACTORISATION),
         FACTORS.markdown(),
         _wrapped(EVALUATION),
@@ -68,9 +68,9 @@ def write(root: Path, sizes: Sequence[Size], body: int, missing: Sequence[str]) 
         "## Measured on",
         machine().markdown(),
         _wrapped(
-            f"{os.cpu_count()} processors, and a load of {os.getloadavg()[2]:.1f} in the last "
-            "quarter of an hour: a load above the number of processors means that others computed "
-            "too, and that the clock ran on. Written by `make growth-report`."
+            f"{os.cpu_count()} processors, with a load of {os.getloadavg()[2]:.1f} in the last "
+            "quarter of an hour: a load above the number of processors means that other programs "
+            "computed, too, which lengthens wall-clock times. Written by `make growth-report`."
         ),
     ]
     (root / "docs" / "growth.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
@@ -123,9 +123,9 @@ def _marks(sizes: Sequence[Size]) -> str:
         return "100 DOF were not measured."
     verdict = "met" if found.compile <= LONGEST else "**not met**"
     return _wrapped(
-        f"100 DOF compile in {found.compile:.1f} s by the clock; the mark is {LONGEST:g} s: "
-        f"{verdict}. The compilers' own time, {found.compile_cpu:.1f} s, divided by the processors "
-        f"is what an idle machine needs."
+        f"100 DOF compile in {found.compile:.1f} s; the limit is {LONGEST:g} s: {verdict}. The "
+        f"compilers' own time, {found.compile_cpu:.1f} s, divided by the number of processors is "
+        "the time on an idle machine."
     )
 
 
@@ -141,23 +141,23 @@ def _strings(size: Size) -> int:
     return size.strings
 
 
-_TITLE = {"chain": "A chain", "bushy": "A tree in which every body carries two"}
+_TITLE = {"chain": "A chain", "bushy": "A binary tree of bodies"}
 
 _OPENING = (
-    "See here how derivation, compilation, evaluation and memory grow with a puppet's size. The "
-    "puppets are capsules on damped hinges with three kinds of axes, one of them oblique, hung "
-    "from three strings with driven lengths: a chain, and a bushy tree. Exponents are slopes in "
-    f"the logarithms from {FITTED} DOF on.",
-    "`operations`: additions, products, roots and so on of one exact evaluation: the numbers from "
-    "which the accelerations and all tensions follow, the powers of the ledger and the limits "
-    "included. `derive`: processor time from the tree to the text. `compile`: by the clock, pieces "
-    "in parallel on all processors of a machine that others used too; `compilers`: their processor "
-    "time together. `evaluate`, `step`: one evaluation of an event-driven run and of a time step, "
-    "the shortest of many. `memory`: the most the process that derives, compiles and evaluates "
-    "took, Python and CasADi included; `compiler`: the most one compiler took.",
+    "After this page you know how derivation, compilation, evaluation and memory grow with a "
+    "puppet's size. The puppets are capsules on damped hinges with three kinds of axes, one of "
+    "them oblique, hung from three strings with driven lengths: a chain, and a bushy tree. "
+    f"Exponents are slopes in the logarithms from {FITTED} DOF on.",
+    "`operations`: additions, products, roots and so on of one exact evaluation of the "
+    "accelerations and all tensions, with the powers of the ledger and the limits. `derive`: "
+    "processor time from the tree to the source code. `compile`: wall-clock time, with pieces in "
+    "parallel on all processors of a shared machine; `compilers`: their total processor time. "
+    "`evaluate`, `step`: one evaluation of an event-driven run and of a time step, the shortest "
+    "of many. `memory`: peak of the process that derives, compiles and evaluates, with Python "
+    "and CasADi; `compiler`: peak of one compiler.",
 )
 
 _MORE_STRINGS = (
     "The bushy puppet of {body} DOF hung from more strings. G = A_D M^-1 A_D^T has the square of "
-    "their number as entries, and shows in the exponent from 30 strings on."
+    "their number as entries, which affects the exponent from 30 strings on."
 )
