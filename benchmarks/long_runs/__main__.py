@@ -59,21 +59,21 @@ def announced(what: str, table: Table) -> str:
 PAGE = """\
 # Long runs and large steps, measured
 
-See here how the [variational integrator](variational.md) compares with the other methods in energy,
-order and cost. `make long-runs-report` measures everything and writes this page.
+After this page you know how the [variational integrator](variational.md) compares with the other
+methods in energy, order and cost. `make long-runs-report` measures everything and writes this page.
 
 ## Energy
 
 The bundled marionette without damping and drag, its knees lifted until all seven strings pull. The
-slope is that of a straight line through the means of 40 stretches, with its standard error.
+slope is that of a straight line through the means of 40 intervals, with its standard error.
 
-A gentle swing (random velocities of 0.02 rad/s and m/s, less what the strings hold),
-{seconds:g} s. No string goes slack and no limit is met.
+A gentle swing (random velocities of 0.02 rad/s and m/s, projected onto the taut strings),
+{seconds:g} s. No string goes slack and no limit is reached.
 
 {gentle}
 
-What looks like a slope over 1,000 s of `variational` is a slow wave: over eight times as long it is
-{longer} of the mean kinetic energy a second. trep, on a comparable puppet, drifts by {drift:g} J
+The slope of `variational` over 1,000 s is part of a slow oscillation: over eight times as long it
+is {longer} of the mean kinetic energy a second. trep, on a comparable puppet, drifts by {drift:g} J
 within 10 s in steps of 10 ms.
 
 A vigorous swing (0.5), {strays:g} s: strings and limits catch, and every catch takes energy. The
@@ -87,11 +87,11 @@ The largest error of a configuration number against the event-driven motion at r
 
 {orders}
 
-Through many catches that nearly coincide: the marionette, lifted by 1 cm until all its strings are
-slack, is dropped; errors at 0.06 s. Which string catches first decides what the others get, and
-that takes steps shorter than the time between catches, here 0.1 ms and less: from there on the
-error is roughly of first order. Longer steps catch in another order, and what they are off by
-hardly depends on their length.
+The next table is for many catches that nearly coincide: the marionette, lifted by 1 cm until all
+its strings are slack, is dropped; errors at 0.06 s. The order of the catches determines the
+impulses, and steps resolve it if they are shorter than the time between catches, here 0.1 ms and
+less: from there on the error is roughly of first order. With longer steps the order of the catches
+differs, and the error hardly depends on the step.
 
 {catches}
 
@@ -104,17 +104,18 @@ A free body with a leg, over 100 s.
 ## Cost
 
 A step of the bundled marionette (25 degrees of freedom, seven strings, damped), processor time in
-compiled code, the least of five runs. trep's step took 150 to 850 us on such a puppet: the slowest
-of those at 10 ms here, {slowest} us, is {fast} to {slow} times as fast.
+compiled code, the shortest of five runs. trep's step took 150 to 850 us on such a puppet: the
+slowest of those at 10 ms here, {slowest} us, is {fast} to {slow} times as fast.
 
 {lanes}
 
 {cost}
 
-Over the degrees of freedom, chains of damped hinges on three strings. The operations of a
-correction grow with the links, not with their square. The longest chains' fastest modes, about
-2 sqrt(n g / l) or 200 rad/s for 100 links of 0.1 m, are hardly resolved in steps of 10 ms: there
-the mass matrix alone is a poor derivative, and steps take many corrections or are halved.
+The last table is for chains of damped hinges on three strings, by degrees of freedom. The
+operations of a correction grow with the number of links, not with its square. The longest chains'
+fastest modes, about 2 sqrt(n g / l) or 200 rad/s for 100 links of 0.1 m, are hardly resolved in
+steps of 10 ms: there the mass matrix alone is a poor derivative, and steps take many corrections or
+are halved.
 
 {growth}
 

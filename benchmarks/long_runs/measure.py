@@ -68,7 +68,7 @@ def energy(amplitude: float, seconds: float) -> Table:
             "slope of E / mean T [1/s]",
             "ledger residual [J]",
             "catches",
-            "overstepped [m]",
+            "violation [m]",
             "processor [s]",
         ],
         rows,
@@ -167,7 +167,7 @@ def momenta() -> Table:
             J = momentum_map(puppet, run)[:, kept]
             strays = number(np.ptp(J, axis=0).max())
             rows.append([name, f"{1e3 * dt:.3g}", number(np.abs(J[0]).max()), strays])
-    return Table(["body with a leg", "step [ms]", "largest momentum", "strays by"], rows)
+    return Table(["body with a leg", "step [ms]", "largest momentum", "deviation"], rows)
 
 
 def momentum_map(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
@@ -254,8 +254,8 @@ def growth() -> Table:
     return Table(
         [
             "DOF",
-            "operations a step",
-            "and a correction",
+            "operations per step",
+            "per correction",
             "variational, 2 ms [us]",
             "timestepping, 2 ms [us]",
             "variational, 10 ms [us]",
