@@ -162,20 +162,20 @@ def massive(reports: Sequence[SectionReport]) -> Table:
 TEXT = """\
 # Validity of the mixed model
 
-After this page you know when the paper's mixed model is valid, and how large its error is
-otherwise. The *mixed* model treats driven coordinates as inputs and leaves out the mechanism that
-moves them; Section VI of the paper ("Validity of mixed kinematic-dynamic modeling") gives the
-argument. Here it is compared with a *full* model that has a drive, as heavy as the puppet, on every
-driven coordinate: its dynamic coordinates are [q_D, q_M], those of the puppet and of the mechanism.
-Part (a) examines the equations, part (b) drives that follow their inputs exactly, part (c) drives
-of finite bandwidth and a string with mass.
+After this page you know when the paper's mixed model is valid, and the size of its error otherwise.
+The *mixed* model treats driven coordinates as inputs and omits the mechanism that moves them;
+Section VI of the paper ("Validity of mixed kinematic-dynamic modeling") gives the argument. Here it
+is compared with a *full* model, which has a drive as heavy as the puppet on every driven
+coordinate: its dynamic coordinates are [q_D, q_M], those of the puppet and of the mechanism. Part
+(a) examines the equations, part (b) drives that follow their inputs exactly, part (c) drives of
+finite bandwidth and a string with mass.
 
 `fantoccini validate-reduction FILE` checks part (a) for any puppet. `python -m
 benchmarks.section_vi FILE` measures all three. `make reports` regenerates this page.
 
 ## Results
 
-`boom` is a two-link arm on a driven carriage, its tip hung from a winch; the other puppets are
+`boom` is a two-link arm on a driven carriage, whose tip hangs from a winch; the other puppets are
 bundled. Differences are the largest of any coordinate at any time, in m or rad.
 
 {verdicts}
@@ -189,38 +189,38 @@ a string force f, and the error of the puppet is proportional to this lag. A str
 an error that no bandwidth removes. Two steps of the printed argument do not hold:
 
 - *"because the strings are massless, the inertia tensor is block diagonal"*: massless strings are
-  not enough. A joint that is driven and moves mass couples the blocks; and a block diagonal
-  tensor still needs M_DD to depend on q_D alone, or v_K enters the puppet's equations through
-  Coriolis forces.
+  not enough. A driven joint that moves mass couples the blocks; and even with a block diagonal
+  tensor, M_DD must depend on q_D alone, or v_K enters the puppet's equations through Coriolis
+  forces.
 - *"this allows us to address the constraints independently"*: with a taut string whose end moves,
   the symmetric products of the constrained connection lie outside the span, although the string
   has no mass.
 
 ## The structure, (a)
 
-A force on driven coordinate i accelerates along Y_i = M^-1 e_i. The paper asks <Y_i, Y_j> =
+A force on driven coordinate i accelerates along Y_i = M^-1 e_i. The paper requires <Y_i, Y_j> =
 nabla_Yi Y_j + nabla_Yj Y_i to lie in span{{Y_k}}. Forces on coordinates are gradients, Y_i = grad
 q_i, so
 
     <Y_i, Y_j> = grad (M^-1)_ij
 
-and the condition says: the driven block of M^-1, the inverse of M_KK - M_KD M_DD^-1 M_DK, does
-not change with q_D. In words: if the puppet's momentum M_DD v_D + M_DK v_K is zero, it stays
-zero under inertia alone, however the mechanism moves. The condition holds if M_DK = 0 and M_KK
+and the condition is that the driven block of M^-1, the inverse of M_KK - M_KD M_DD^-1 M_DK, does
+not change with q_D. Equivalently, if the puppet's momentum M_DD v_D + M_DK v_K is zero, it stays
+zero under inertia alone for every motion of the mechanism. The condition holds if M_DK = 0 and M_KK
 depends on q_K alone.
 
-With taut strings A = [A_D A_K] the same holds of X_i = P Y_i, P the projection on A v = 0, within
+With taut strings A = [A_D A_K] the same holds for X_i = P Y_i, P the projection on A v = 0, within
 the surface h = 0. For a bob of mass m on a string of length L at the angle theta, with drives of
 inertia J, the winch alone has
 
     T = (m L^2 thetadot^2 + (m + J) Ldot^2) / 2,    <X_L, X_L> = grad 1 / (m + J) = 0
 
-and a string's end that moves along x has
+and a string end that moves along x has
 
     <X_x, X_x> = grad 1 / (J + m sin^2 theta)
 
 which is not in span{{X_x}} = span{{grad x}}: the end's acceleration moves the bob, by A_K acc_K in
-Eq. 11, as M_DK acc_K would. The paper's model has that term: its inputs are accelerations (Eq. 12),
+Eq. 11, as M_DK acc_K would. The paper's model has this term: its inputs are accelerations (Eq. 12),
 with continuous velocities. The mixed model needs only a weaker condition: the drives can produce
 any acc_K. After elimination of the multipliers, acc_K = G u_K + ..., and G is regular if and only
 if no y has A_D^T y = 0 and A_K^T y != 0, that is, no set of tensions loads the drives without
@@ -233,18 +233,18 @@ smallest singular value of A_D, with rows of unit length in the metric M_DD^-1.
 
 {structure}
 
-A driven joint of the boom moves mass (M_DK is not 0). What fails: the metric is not block diagonal
-and nabla_vD v_D = 0 does not separate; M_DK acc_K acts on the puppet, and a jump of v_K sets it in
-motion by an impulse (with up to {share} % of the kinetic energy of the driven coordinate).
-Velocities are therefore not enough as inputs: their accelerations must be bounded. What holds: the
-mechanism is fully actuated, so it can follow every q_K(t) of bounded acceleration, and the mixed
-model with its term M_DK acc_K is exact.
+A driven joint of the boom moves mass (M_DK is not 0). Two claims fail: the metric is not block
+diagonal and nabla_vD v_D = 0 does not separate; M_DK acc_K acts on the puppet, and a jump of v_K
+gives it an impulse (with up to {share} % of the kinetic energy of the driven coordinate).
+Velocities are therefore not sufficient as inputs: their accelerations must be bounded. The main
+claim holds: the mechanism is fully actuated, so it can follow every q_K(t) of bounded acceleration,
+and the mixed model with its term M_DK acc_K is exact.
 
 ## Exact tracking, (b)
 
-The full model's drives are moved by the forces that the mixed model's inputs need, its `effort`
-and J acc_K, open loop, as functions of time, while every driven coordinate makes small smooth
-moves. Both models are run with the same method and settings.
+Every driven coordinate makes small smooth moves. The drives of the full model get the forces that
+the mixed model's inputs need, `effort` and J acc_K, open loop, as functions of time. Both models
+are run with the same method and settings.
 
 {exact}
 
@@ -253,8 +253,8 @@ moves. Both models are run with the same method and settings.
 ## Catches, (b)
 
 The puppet is tossed and falls into its strings. In the mixed model v_K is continuous at a catch,
-Eq. 15; a drive absorbs part of the impulse. The table gives the relative error of the
-mixed model's jump of v_D, in the norm of M_DD, for drives of 1 to 10,000 times the puppet's mass.
+Eq. 15; a drive absorbs part of the impulse. The table gives the relative error of the jump of v_D
+in the mixed model, in the norm of M_DD, for drives of 1 to 10,000 times the puppet's mass.
 
 {catches}
 
@@ -262,18 +262,18 @@ mixed model's jump of v_D, in the norm of M_DD, for drives of 1 to 10,000 times 
 
 ## Bandwidth, (c)
 
-Drives with computed-torque control, which knows the drive and not the strings, follow the same
-inputs. A pull of the strings leaves a lag of pull / (J w^2).
+Drives with computed-torque control, whose model contains the drive but not the strings, follow the
+same inputs. A pull of the strings causes a lag of pull / (J w^2).
 
 {bandwidth}
 
 ## A string with mass, (c)
 
 "However, we should emphasize that this is only true when the strings are assumed to be massless."
-The string that pulls most becomes a chain of three point masses between springs whose EA is
-20,000 times the puppet's weight. Its masses are coordinates that the mixed model does not have.
-The table compares displacements from rest with those of the massless mixed model. M_DK is that of a
-straight string of the same mass. Above some bandwidth the error no longer falls: the rest remains
+The string that pulls most becomes a chain of three point masses between springs whose EA is 20,000
+times the puppet's weight. Its masses are coordinates that the mixed model does not have. The table
+compares displacements from rest with those of the massless mixed model. M_DK is that of a straight
+string of the same mass. Above some bandwidth the error no longer falls: the remainder also occurs
 with exact tracking and is proportional to the mass of the string.
 
 {massive}
@@ -284,7 +284,8 @@ with exact tracking and is proportional to the mass of the string.
 
 ## Strings as chains
 
-Strings can be simulated as chains of masses and springs instead of constraints. This is the cost:
+Strings can be simulated as chains of masses and springs instead of constraints. This section
+measures the cost.
 
 {chains}
 
