@@ -29,11 +29,11 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
         whole, alone = taken[f"{who} step"], taken[f"{who} step_dynamics"]
         rows += [[name, *spread(whole)], ["of it, the generated equations alone", *spread(alone)]]
         ratio_rows.append([f"{name} / its equations", *spread(whole.over(alone), times)])
-        what = f"equations alone / {name} without contact (mark: 1/{MOST:g})"
+        what = f"equations alone / {name} without contact (target: 1/{MOST:g})"
         goals.append(Goal(what, alone.over(whole), 1.0 / MOST))
     text = (
-        f"The hanging marionette of [the page on speed](benchmarks.md), its inputs at rest, "
-        f"{CALLS} steps a turn, {turns} turns, by the processor's time."
+        "The hanging marionette of [the page on speed](benchmarks.md), its inputs at rest, "
+        f"{CALLS} steps per turn, {turns} turns, in processor time."
     )
     parts = [
         text,

@@ -38,11 +38,11 @@ def chapter(made: list[Pair], turns: int, trajectories: int) -> Chapter:
         goals.append(Goal(f"trajectories a second, ours / rollout, {subject.name}", ratio, FASTER))
     text = (
         f"Trajectories of {STEPS} steps of {shown(DT)}, {trajectories} of one marionette and half "
-        f"as many of two, each with small velocities of its own, on {THREADS} threads, in turns, "
-        f"{turns} of them, by the clock. Ours: one call of `fan.simulate_batch` in Python; MuJoCo: "
-        "`mujoco.rollout` with the fastest setting and a pool of threads. Lanes share the "
-        "equations, and those that stand also the law; lanes in which feet slide or something else "
-        "touches make their steps by themselves."
+        f"as many of two, each with different small velocities, on {THREADS} threads, in turn, "
+        f"{turns} times, in wall-clock time. Ours: one call of `fan.simulate_batch` in Python; "
+        "MuJoCo: `mujoco.rollout` with the fastest setting and a pool of threads. Lanes share "
+        "the evaluation of the equations, and standing lanes also the solution of the law; lanes "
+        "in which feet slide or other parts touch make their steps alone."
     )
     ratios = [[goal.what, *spread(goal.measured, times)] for goal in goals]
     table = Table(["trajectories a second", "median", "min", "max"], rows)

@@ -69,11 +69,11 @@ def chapter() -> Chapter:
         )
     text = (
         f"A pendulum that knocks on a wall {knocks} times in {number(DURATION)} s, with "
-        f"restitution {RESTITUTION}: errors at the end, against an event-driven run at 1e-13, "
-        "and the time of a run with all its samples. Variational steps, of second order "
-        "between knocks, would find the angle no better than time-stepping does: both have an "
-        "impact only within a step. They would have the energy better. Event-driven runs have "
-        "both at a tolerance. So `variational` refuses contact and names the other two."
+        f"restitution {RESTITUTION}: errors at the end, against an event-driven run at 1e-13, and "
+        "the time of a run with all its samples. Variational steps, of second order between "
+        "impacts, would not give a better angle than time-stepping, because both locate an "
+        "impact only to within a step; their energy would be better. Event-driven runs have both "
+        "to a tolerance. `variational` therefore refuses contact and names the other two."
     )
     header = ["method", "step", "angle [rad]", "energy [J]", "a run"]
     return Chapter(Section("6. Which methods", [text, Table(header, rows)]))

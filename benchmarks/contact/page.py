@@ -7,11 +7,11 @@ from ..speed.programs import flags
 from ..strings.report import Table, machine, wrapped
 
 OPENING = (
-    "Find here what [contact](contact.md) costs and how exact it is, compared with MuJoCo on the "
-    "same scenes. `make stage-report` measures everything in one run and writes this page. "
-    "Programs that are compared are timed in turns, and ratios are taken turn by turn, so the "
-    "ratios are more reliable than the times of this one machine. Every figure is the median, with "
-    "the minimum and the maximum."
+    "After this page you know the cost and the accuracy of [contact](contact.md), compared with "
+    "MuJoCo on the same scenes. `make stage-report` measures everything in one run and writes "
+    "this page. Compared programs are timed in turn, and ratios are computed turn by turn, so "
+    "the ratios are more reliable than the times of this one machine. Every figure is the "
+    "median, with the minimum and the maximum."
 )
 
 

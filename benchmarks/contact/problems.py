@@ -199,7 +199,7 @@ def siconos(problem: Problem, python: str, solver: str) -> Answer | None:
 
 def chapter(folder: Path | None, python: str | None) -> Chapter:
     """The section on the problems in a folder; without a folder, how to supply one."""
-    title = "7. Problems of others"
+    title = "7. Published problems"
     files = sorted([*folder.glob("*.dat"), *folder.glob("*.hdf5")]) if folder else []
     problems = [p for f in files if not f.name.startswith(OTHERS) and (p := parsed(f))]
     if not problems:
@@ -215,14 +215,15 @@ def chapter(folder: Path | None, python: str | None) -> Chapter:
         answers += [siconos(problem, python, s) if python else None for s in SOLVERS]
         rows.append([f"{problem.name}, {len(problem.mu)}", *map(_shown, answers)])
     text = (
-        "Contact problems that come with Siconos as its tests (`numerics/src/FrictionContact/test/"
-        "data`), some of the collection FCLIB as text and some (`*.hdf5`) in its own files; all "
-        f"that are in space, with at most {LARGEST} contacts. Iterations (of ours "
-        "those of Newton's method and rounds of the method of multipliers), the processor's time, "
-        "and the residual of the exact law, by one formula for all: the largest g |r - P(r - u/g)| "
-        f"relative to the largest |q|. All were asked for {number(TOLERANCE)}, by their own "
-        f"measure. `-`: no answer, or none in {SECONDS:g} s. Problems are solved from zero. M, in "
-        "some files symmetric to five digits only, is made symmetric for all."
+        "Contact problems from the tests of Siconos (`numerics/src/FrictionContact/test/data`), "
+        "some of the collection FCLIB as text and some (`*.hdf5`) in its own files: all "
+        f"three-dimensional problems with at most {LARGEST} contacts. The table gives the "
+        "iterations (for ours those of Newton's method and rounds of the method of multipliers), "
+        "the processor time, and the residual of the exact law, by one formula for all: the "
+        "largest g |r - P(r - u/g)| relative to the largest |q|. The tolerance was "
+        f"{number(TOLERANCE)}, by each solver's own measure. `-`: no solution, or none within "
+        f"{SECONDS:g} s. Problems are solved from zero. M, in some files symmetric to five digits "
+        "only, is symmetrised for all."
     )
     header = ["problem, contacts", "fantoccini", *(f"Siconos, {s}" for s in SOLVERS)]
     return Chapter(Section(title, [text, Table(header, rows)]))

@@ -175,20 +175,21 @@ def chapter() -> Chapter:
     text = (
         f"All with steps of {number(DT * 1e3)} ms. *Hard* is MuJoCo with contacts, strings and "
         "limits as hard as it permits: a time constant of two steps and an impedance of 0.9999. "
-        "Scenes are those of Le Lidec et al., "
-        "[arXiv 2304.06372](https://arxiv.org/abs/2304.06372), as far as a line can describe them, "
-        "and the standing marionette. The law asks for 0 in every row but these: the way to a stop "
-        "has the error of the step, v dt/2; and of a resting cube's four normal forces only their "
-        "sum and two moments are determined. The last two rows show how far they differ from a "
-        "quarter of the weight, and the friction added though nothing pulls the cube."
+        "Scenes are those of Le Lidec et al., [arXiv "
+        "2304.06372](https://arxiv.org/abs/2304.06372), as summarised in each row, and the "
+        "standing marionette. Every row is 0 for the exact law, with two exceptions: the "
+        "distance to a stop has the error of the step, v dt/2; and of a resting cube's four "
+        "normal forces only their sum and two moments are determined. The last two rows are "
+        "their largest difference from a quarter of the weight, and the friction without any "
+        "pull on the cube."
     )
     modulus = number(drake_scene.MODULUS * 1e-9)
     others = (
-        f"Drake's boxes are compliant hydroelastic ones of {modulus} GPa, as its point contact "
-        "gives a box on a plane one point alone; a patch has no points, and the marionette's "
-        "strings are not in it (`-`). Its SAP solves a convex relaxation, which lifts what slides; "
-        "*lagged* lifts less. Bullet is without its damping and sleep, otherwise as it comes. "
-        "Other engines were not run."
+        f"Drake's boxes are compliant (`hydroelastic`), of {modulus} GPa, because its point "
+        "contact has only one point for a box on a plane; such a patch has no points, and the "
+        "model has no marionette on strings (`-`). Its SAP solves a convex relaxation, which "
+        "lifts sliding bodies; *lagged* lifts them less. Bullet has no damping and no sleep, "
+        "otherwise default settings. Other engines were not run."
     )
     return Chapter(Section("5. The law", [text, Table(["", *runs], rows), others]))
 
@@ -319,13 +320,13 @@ def _energy(puppet: fan.Marionette, x: State, q: Array, v: Array) -> Array:
 
 SCENES: dict[str, Callable[[Callable[..., Course]], float]] = {
     "cube on a slope below the threshold: creep from 1 s to 5 s [m]": _creep,
-    "sliding cube: error of the way to its stop [m]": stopping_error,
-    "sliding cube: how far it lifts or sinks [m]": _lift,
+    "sliding cube: error of the distance to its stop [m]": stopping_error,
+    "sliding cube: vertical displacement [m]": _lift,
     "sliding cube: energy gained in all steps [J]": _gain,
-    "dragged cube: way at 95 % of what friction holds [m]": dragged_way,
+    "dragged cube: displacement at 95 % of the friction limit [m]": dragged_way,
     "stack of 1, 1 and 1000 kg: deepest overlap from 1 s to 2 s [m]": _stack,
     "standing marionette: deepest overlap from 1 s to 5 s [m]": sunk_depth,
-    "standing marionette: way of a foot from 1 s to 5 s [m]": _crept,
+    "standing marionette: displacement of a foot from 1 s to 5 s [m]": _crept,
     "resting cube: uneven normal forces, of its weight": _uneven,
     "resting cube: friction at rest, of its weight": _internal,
 }

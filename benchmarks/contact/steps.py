@@ -76,15 +76,15 @@ def chapters(made: list[Pair], turns: int, steps: int) -> list[Chapter]:
         what = f"a step of {pair.subject.name}, {points} points"
         goals.append(Goal(what, taken[_ours(pair)], LONGEST, False))
     text = (
-        f"A time step of {shown(DT)} from where the puppets stand when their strings have been let "
-        f"out, in turns, {turns} of them of {steps} steps each, by the processor's time. Ours: a "
-        "compiled C++ program with the library's flags that makes the steps of a run and saves "
-        "nothing; MuJoCo: one call of `mj_step` with elliptic cones and Newton's method, its "
-        "softness as it has it by itself. Ours is compiled for this processor, MuJoCo is the wheel "
-        "as it comes. MuJoCo's puppets lack the drag, the neck's spring and the limits of twists "
-        "that ours have. Ratios are taken turn by turn."
+        f"A time step of {shown(DT)} from the puppets' stance after their strings were let out, "
+        f"in turn, {turns} times {steps} steps each, in processor time. "
+        "Ours: a compiled C++ program with the library's flags that makes the steps of a run and "
+        "saves nothing; MuJoCo: one call of `mj_step` with elliptic cones and Newton's method, "
+        "and default softness. Ours is compiled for this processor, MuJoCo is the published "
+        "wheel. MuJoCo's puppets lack the drag, the neck's spring and the limits of twists of "
+        "ours. Ratios are computed turn by turn."
     )
-    table = Table(["who, what", "median", "min", "max"], rows)
+    table = Table(["program, work", "median", "min", "max"], rows)
     ratio_table = Table(["ratio", "median", "min", "max"], ratio_rows)
     parts = [text, table, ratio_table, _states(made)]
     first = Chapter(Section("1. Time steps", parts), goals)
@@ -119,9 +119,8 @@ def _settings(made: list[Pair]) -> Chapter:
             text = f"**{shown(seconds)}**" if seconds == least else shown(seconds)
             rows.append([f"{pair.subject.name}: {name}", text])
     text = (
-        f"The least of some bursts of MuJoCo {mujoco.__version__} decides which Jacobian is used "
-        "and whether constraints are split into islands; the setting in bold is the one that is "
-        "timed."
+        f"The fastest of some bursts of MuJoCo {mujoco.__version__} selects the Jacobian and "
+        "whether constraints are split into islands; the setting in bold is timed."
     )
     return Chapter(Section("2. MuJoCo's settings", [text, Table(["setting", "a step"], rows)]))
 

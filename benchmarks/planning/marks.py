@@ -41,7 +41,7 @@ class Mark:
 
 def marks_table(marks: Sequence[Mark]) -> Table:
     """All marks."""
-    return Table(["Figure", "measured", "mark", "met"], [m.row() for m in marks])
+    return Table(["Figure", "measured", "target", "met"], [m.row() for m in marks])
 
 
 def spread(values: Sequence[float], factor: float = 1.0) -> list[str]:

@@ -183,12 +183,12 @@ def chapter(peers: Peers, turns: int, budget: float) -> Chapter:
     text = (
         f"The two-link arm is dropped on its slack string; in {SECONDS:g} s it is caught "
         f"{problem.catches} times. Errors are the largest of angles and rates at the end, against "
-        "SciPy's DOP853 at 1e-13 with events found on their own (at 1e-12 it ends "
+        "SciPy's DOP853 at 1e-13 with events located independently (at 1e-12 it ends "
         f"{number(problem.doubt)} away). MuJoCo's runs are dense Newton, converged to 1e-14; "
-        "stiffest is a time constant of two steps, which is as short as its safeguard allows, and "
-        "an impedance of 0.9999. Its best settings are given steps down to "
-        f"{number(FINER[-1])} s as long as a run takes no more than {number(budget)} s. Times are "
-        "of the processor; ours have the whole call of `fan.simulate` in them."
+        "stiffest is a time constant of two steps, the shortest that its safeguard allows, and "
+        "an impedance of 0.9999. Its best settings are run with steps down to "
+        f"{number(FINER[-1])} s while a run takes at most {number(budget)} s. Times are processor "
+        "times; ours include the whole call of `fan.simulate`."
     )
     parts: list = [text]
     reached = False
@@ -250,8 +250,8 @@ def _words(peer: MuJoCo, best: Run, taken: dict[str, Samples], tolerance: float)
     else:
         reached = (
             f"does not reach {number(GOAL)}: its best is {number(best.error)} ({run}) and takes "
-            f"{theirs}, {ratio} ours, so that the ratio is more than that"
+            f"{theirs}, {ratio} ours, a lower bound of the ratio"
         )
     return (
-        f"MuJoCo {peer.version} {reached}, which is {ours} at a tolerance of {number(tolerance)}."
+        f"MuJoCo {peer.version} {reached}; ours takes {ours} at a tolerance of {number(tolerance)}."
     )

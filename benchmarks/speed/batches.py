@@ -66,12 +66,12 @@ def chapter(peers: Peers, turns: int, trajectories: int) -> Chapter:
         if name.startswith("MuJoCo")
     ]
     text = (
-        f"{trajectories} trajectories of {STEPS} steps of {number(DT * 1e3)} ms, each with a swing "
-        f"of its own, in turns, {turns} of them, by the clock. Ours come from one call of "
-        "`fan.simulate` in Python, with all that it checks and the last state of every trajectory "
-        "kept; `mujoco.rollout` runs the fastest setting of Euler with a pool of threads that was "
-        "made before, and keeps every state, which it cannot help. Simulated seconds a second on "
-        "one core are those of the row with one thread."
+        f"{trajectories} trajectories of {STEPS} steps of {number(DT * 1e3)} ms, each with a "
+        f"different swing, in turn, {turns} times, in wall-clock time. Ours come from one call of "
+        "`fan.simulate` in Python, with all its checks, and keep the last state of every "
+        "trajectory; `mujoco.rollout` runs the fastest setting of Euler with an existing pool of "
+        "threads, and always keeps every state. Simulated seconds a second on one core are those "
+        "of the row with one thread."
     )
     table = Table(["trajectories a second", "median", "min", "max"], rows)
     goals = [

@@ -22,18 +22,18 @@ WORKS = {
 CALLS = 10_000
 
 BY_HAND = (
-    "Looked at by hand, lanes of 8 with AVX-512, g++ 12.2 (not measured anew with this page): a "
+    "An analysis by hand of lanes of 8 with AVX-512, g++ 12.2 (not measured with this page): a "
     "lane's equations are 3,968 vector operations in 9,400 instructions, with 2,660 loads and "
-    "1,371 stores of whole cache lines (1,198 since constants are written once), for some 210 "
-    "values are alive at a time and the processor has 32 registers. A loop of two loads, one "
+    "1,371 stores of whole cache lines (1,198 since constants are written once), because about "
+    "210 values are live at a time and the processor has 32 registers. A loop of two loads, one "
     "fused product and one store takes 2.5 cycles here, 3.4 where the addresses agree in their "
-    "last 12 bits, which lines 64 to a page often do: the stores alone are worth 3,000 of the "
-    "5,300 cycles that the equations take with all their results in the first-level cache. With "
-    "results and work arrays folded onto a few lines (and wrong values) they take 0.79 of their "
-    "time; each piece of them called over and over 0.90: neither the cache nor the fetching of "
-    "instructions is the larger part. Bundles of 4 take 1.24 times as long a lane. Without gain: "
-    "-O3, -fno-math-errno, -fno-trapping-math, other lengths of pieces, scheduling on and off, "
-    "statements in an order chosen for short lives."
+    "last 12 bits, as is frequent with 64 cache lines per page: the stores alone account for "
+    "3,000 of the 5,300 cycles that the equations take with all their results in the first-level "
+    "cache. With results and work arrays folded onto a few lines (and wrong values) they take "
+    "0.79 of their time; with each piece called repeatedly, 0.90: neither the cache nor "
+    "instruction fetch dominates. Bundles of 4 take 1.24 times as long per lane. No gain came "
+    "from -O3, -fno-math-errno, -fno-trapping-math, other lengths of pieces, scheduling on and "
+    "off, and an order of statements for short lifetimes."
 )
 
 
@@ -59,8 +59,8 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
         for work in ("evaluate", "step", "lane step")
     }
     text = [
-        "The same state as in section 2, by the processor's time. What no change outside the "
-        "equations can go below is the time of the generated functions themselves: "
+        "The same state as in section 2, in processor time. The generated functions alone are a "
+        "lower bound for every change outside the equations: "
         + ", ".join(
             f"{100 * shares[work].median:.0f} % of {what}"
             for work, what in (
@@ -69,14 +69,13 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
                 ("lane step", "a lane's time step"),
             )
         )
-        + ". The rest is the inputs' polynomials, the rows' factor and its solution, the forces "
-        "put together, the new configuration and the books.",
+        + ". The rest is the inputs' polynomials, the rows' factor and its solution, the sum of "
+        "the forces, the new configuration and the ledger.",
         Table(["work", "median", "min", "max", "operations", "an operation"], rows),
-        f"A lane by itself makes {times(real_time.median)} real time; were the equations all "
-        f"there is, {times(limit.median)}. `fan.simulate` adds its checks, the inputs, which "
-        "differ from lane to lane, and limits that are near in some lanes only "
-        f"(a step of {shown(DT)} is one of {counts['step_dynamics']} operations and "
-        f"{counts['columns']} more for limits).",
+        f"A lane alone makes {times(real_time.median)} real time; with the equations alone, "
+        f"{times(limit.median)}. `fan.simulate` adds its checks, the inputs, which differ from "
+        f"lane to lane, and limits that are near in some lanes only (a step of {shown(DT)} is one "
+        f"of {counts['step_dynamics']} operations and {counts['columns']} more for limits).",
         BY_HAND,
     ]
-    return Chapter(Section("8. What bounds them", text))
+    return Chapter(Section("8. Lower bounds", text))

@@ -104,4 +104,4 @@ def goals_table(chapters: list[Chapter]) -> Table:
             cells = spread(goal.measured, write)
         met = {True: "yes", False: "**no**", None: "not measured"}[goal.met]
         rows.append([goal.what, *cells, mark, met])
-    return Table(["Figure", "median", "min", "max", "mark", "met"], rows)
+    return Table(["Figure", "median", "min", "max", "target", "met"], rows)

@@ -7,11 +7,11 @@ from .figures import Chapter, goals_table
 from .peers import Peers
 
 OPENING = (
-    "Find here the speed of fantoccini compared with MuJoCo, Pinocchio and Drake on the same "
-    "puppet. `make bench` installs them from the extra `bench`, measures everything in one run and "
-    "writes this page. Programs that are compared are timed in turns, and ratios are taken turn by "
-    "turn, so the ratios are more reliable than the times of this one machine. Every figure is the "
-    "median, with the minimum and the maximum."
+    "After this page you know the speed of fantoccini compared with MuJoCo, Pinocchio and Drake "
+    "on the same puppet. `make bench` installs them from the extra `bench`, measures everything "
+    "in one run and writes this page. Compared programs are timed in turn, and ratios are "
+    "computed turn by turn, so the ratios are more reliable than the times of this one machine. "
+    "Every figure is the median, with the minimum and the maximum."
 )
 
 

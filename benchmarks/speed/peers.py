@@ -120,21 +120,20 @@ def chapter(peers: Peers) -> Chapter:
     header = ["peer", "version", "accelerations apart", "strings apart", "same puppet"]
     speed, limits = float(np.abs(swinging().v_D).max()), len(marionette().tree.limits)
     text = (
-        "All simulate the bundled `marionette`: 25 DOF, 7 strings, all taut, hanging and swinging "
-        f"gently (velocities up to {number(speed)} m/s or rad/s), the upper ends still. The peers "
-        "get it as MJCF: the same masses, inertia, joints and damping; strings are tendons with a "
-        "limited length in MuJoCo and distances in Drake. Pinocchio's constrained dynamics knows "
-        "points and frames that meet, no distances, so it is measured without strings. What the "
-        "peers are spared: the costume's drag and the neck's spring, which none of them has in the "
-        f"same form, the {limits} limits of the joints, and strings that move. What is timed of "
-        "ours has all of them."
+        "All programs simulate the bundled `marionette`: 25 DOF, 7 strings, all taut, hanging "
+        f"and swinging gently (velocities up to {number(speed)} m/s or rad/s), with fixed upper "
+        "ends. The other programs read it as MJCF: the same masses, inertia, joints and damping; "
+        "strings are tendons with a limited length in MuJoCo and distances in Drake. Pinocchio's "
+        "constrained dynamics has no distance constraints, so it is measured without strings. "
+        "The other programs do not compute the costume's drag and the neck's spring, which they "
+        f"do not have in the same form, the {limits} limits of the joints, and moving strings. "
+        "Ours computes all of them."
     )
     proof = (
-        "Before anything is timed, unconstrained accelerations at random states are compared, "
-        f"relative to the largest; beyond {number(SAME)} the comparison is void. So are, up to "
-        f"{number(CLOSE)}, MuJoCo's tensions of the hanging puppet, its strings as hard as they "
-        "can be, relative to the weight; and how far a string of Drake's is from its length after "
-        "half a second [m]."
+        "Before the measurement, models are compared: unconstrained accelerations at random "
+        f"states, relative to the largest, must agree to {number(SAME)}. MuJoCo's tensions of the "
+        "hanging puppet with its hardest strings, relative to the weight, and the length error "
+        f"of Drake's strings after half a second [m] must be within {number(CLOSE)}."
     )
     return Chapter(Section("1. The same puppet", [text, proof, Table(header, rows)]))
 

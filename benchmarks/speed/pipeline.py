@@ -103,8 +103,8 @@ def chapter(runs: int) -> Chapter:
     ]
     rows = [[goal.what, *spread(goal.measured)] for goal in goals]
     text = (
-        f"The bundled marionette by the clock, {runs} times each (half as often compiled): what "
-        "happens once on a machine, once in a program, and at every run."
+        f"Wall-clock times for the bundled marionette, {runs} times each (compilation half as "
+        "often): operations once per machine, once per program, and at every run."
     )
     return Chapter(
         Section("7. From import to performance", [text, Table(["", "median", "min", "max"], rows)]),

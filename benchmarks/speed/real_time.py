@@ -58,9 +58,9 @@ def chapter(turns: int) -> Chapter:
         f"A performance of {SECONDS:g} s in which the upper ends of the marionette's strings sway "
         "by 5 cm to both sides and a hand is lifted by 4 cm; the strings stay taut "
         f'({len(found.events)} events). `fan.simulate` with `method="event"` and tolerances of '
-        f"{number(TOLERANCE)} takes {shown(taken.median)} by the clock ({times(rate.median)} real "
-        f"time) and ends {number(q)} (coordinates) and {number(v)} (velocities) from where a "
-        "tolerance of 1e-13 ends."
+        f"{number(TOLERANCE)} takes {shown(taken.median)} ({times(rate.median)} real "
+        f"time) and ends {number(q)} (coordinates) and {number(v)} (velocities) from the end of a "
+        "run with a tolerance of 1e-13."
     )
     what = f"event-driven run of a gentle {SECONDS:g} s at {number(TOLERANCE)}, times real time"
     return Chapter(Section("6. Real time", [text]), [Goal(what, rate, MARK)])

@@ -48,18 +48,17 @@ def chapters(peers: Peers, scalar: Program, turns: int, steps: int) -> list[Chap
         Goal("one constrained evaluation", taken[OURS["evaluate"]], EVALUATION_MARK, False)
     )
     text = (
-        f"One evaluation or step, in turns, {turns_of_steps} of them ({turns} of Pinocchio and "
-        f"Drake). Steps are of {shown(DT)}. Times are "
-        "of the processor, so that waiting for it does not count. Every burst starts at the same "
-        f"state and makes {steps} steps or {EVALUATIONS} evaluations: ours in a compiled C++ "
-        "program with the library's flags, MuJoCo's in one call of `mj_step` with `nstep`, "
-        "Drake's in one call of `AdvanceTo`. Pinocchio and Drake's derivative are called from "
-        "Python in a loop, so that about half a microsecond of each call is the call itself. Ours "
-        "is compiled for this processor, the peers are wheels as they come. Our "
-        "RK4 step is four evaluations with all tensions, combined, without projection. Ratios are "
-        "taken turn by turn."
+        f"One evaluation or step, in turn, {turns_of_steps} of them ({turns} of Pinocchio and "
+        f"Drake). Steps are of {shown(DT)}. Times are processor times, which exclude waiting. "
+        f"Every burst starts at the same state and makes {steps} steps or {EVALUATIONS} "
+        "evaluations: ours in a compiled C++ program with the library's flags, MuJoCo's in one "
+        "call of `mj_step` with `nstep`, Drake's in one call of `AdvanceTo`. Pinocchio and "
+        "Drake's derivative are called from Python in a loop, so about half a microsecond of "
+        "each call is overhead. Ours is compiled for this processor, the others are the "
+        "published wheels. Our RK4 step is four evaluations with all tensions, combined, without "
+        "projection. Ratios are computed turn by turn."
     )
-    table = Table(["who, what", "median", "min", "max"], rows)
+    table = Table(["program, work", "median", "min", "max"], rows)
     ratio_table = Table(["ratio", "median", "min", "max"], ratios)
     return [
         Chapter(Section("2. Evaluations and steps", [text, table, ratio_table]), goals),
@@ -142,11 +141,11 @@ def _settings(peers: Peers) -> Chapter:
         rows.append(cells)
     versions_text = [f"MuJoCo {peer.version}" for peer in versions]
     text = (
-        "Contacts are off, as are sensors and energies, which the model does not ask for; strings "
-        "are as soft as MuJoCo has them by itself. The least of some bursts decides which solver, "
-        "which Jacobian, and whether constraints are split into islands: the setting in bold is "
-        "the one that section 2 times. A setting whose end lies elsewhere than that of dense "
-        "Newton is left out."
+        "Contacts are off, and so are sensors and energies, which the model does not request; "
+        "strings have MuJoCo's default softness. The fastest of some bursts selects the solver, "
+        "the Jacobian, and whether constraints are split into islands: section 2 uses the "
+        "setting in bold. A setting whose final state differs from that of dense Newton is "
+        "excluded."
     )
     table = Table(["integrator", "setting", *versions_text], rows)
     return Chapter(Section("3. MuJoCo's settings", [text, table if rows else "Not installed."]))

@@ -92,8 +92,8 @@ Each string is {mass:g} g of polyester cord with EA = {EA:g} N and a damping of 
 unless the table gives another EA; the ratio of damping to EA is the same everywhere. The hands move
 in the same way in every model, from each model's own rest. *Fastest* and *slowest* are the absolute
 values of the eigenvalues of the linearised motion at rest. The *largest step* is the longest step
-with which `timestepping` keeps the hand within 5 mm of the model's own event-driven motion and loses
-or gains less than 0.1 J; its processor time for a simulated second is that at half this step.
+with which `timestepping` keeps the hand within 5 mm of the model's own event-driven motion and
+loses or gains less than 0.1 J; its processor time for a simulated second is that at half this step.
 `event` runs at
 rtol = atol = {rtol:g}. The *stretch* is the largest extension of any string. The
 *hand error* is the largest distance between the hand and that of the massless model, at 301 times.
@@ -110,6 +110,6 @@ On eight pieces of cord the arm's fastest motion is {stiffer} times as fast as o
 The largest step of `timestepping` is smaller by a factor of {step}, and a simulated second takes
 {stepping} times as long; `event` takes {event} times as long. In return the model includes the
 stretch and weight of the cord, which move the hand by up to {error} mm. Softer chains are cheaper
-and stretch more. With chains of {last} pieces the marionette's event-driven run takes {slower} times
-as long as on constraints.
+and stretch more. With chains of {last} pieces the marionette's event-driven run takes {slower}
+times as long as on constraints.
 """
