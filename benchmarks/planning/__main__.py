@@ -12,9 +12,9 @@ from . import absorbed, own, peers
 from .marks import Mark, marks_table
 
 OPENING = (
-    "See here how fast plans are found, how good they are, and whether they hold in other "
-    "simulations. `make bench-plan` measures everything in one run and writes this page. All seeds "
-    "from 0 on count."
+    "After this page you know the search times of plans, their quality, and whether they hold in "
+    "other simulations. `make bench-plan` measures everything in one run and writes this page. "
+    "Seeds are numbered from 0, and none is left out."
 )
 
 

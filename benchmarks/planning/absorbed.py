@@ -19,10 +19,10 @@ def chapter(seeds: int) -> tuple[Section, list[Mark]]:
     rows = feedback.measure(problem, range(seeds))
     section = Section("Plans in MuJoCo, and feedback")
     section.parts += [
-        f"{seeds} plans of `arm3d_boxes`, improved for half a second, are made again in MuJoCo "
-        "(RK4, steps of 1 ms): open loop, and with the regulator of `plan.feedback()`, asked once "
-        "a segment. Then kicked: all joint velocities at the start are changed, together by so "
-        "much.",
+        f"{seeds} plans of `arm3d_boxes`, improved for half a second, are repeated in MuJoCo "
+        "(RK4, steps of 1 ms): open loop, and with the regulator of `plan.feedback()`, evaluated "
+        "once per segment. A kick changes all joint velocities at the start; the table gives its "
+        "norm.",
         Table(
             ["", "within the tolerance", "and touch nothing"],
             [[r.name, f"{r.within} of {r.runs}", f"{r.clear} of {r.runs}"] for r in rows],
@@ -39,10 +39,10 @@ def chapter(seeds: int) -> tuple[Section, list[Mark]]:
     rows_slack = events.compared(events.slack_plans(slack), 6, events.SIZES[1:], engines)
     bell, taken = events.bell(6)
     section.parts += [
-        f"Where strings go slack: {slack} such plans, improved for time alone, 6 kicks of each "
-        "size; gains by time, and by the mode that the puppet is in.",
+        f"The next table is for strings that go slack: {slack} such plans, improved for time "
+        "alone, 6 kicks of each size; gains by time, and by the active set of the puppet.",
         Table(events.HEAD, [row.cells() for row in rows_slack]),
-        f"The full marionette's bell, whose law takes {taken:.1f} s to make:",
+        f"The full marionette's bell, whose law is computed in {taken:.1f} s:",
         Table(events.HEAD, [row.cells() for row in bell]),
     ]
     closed = next(r for r in rows if r.name == "feedback, MuJoCo")

@@ -83,7 +83,7 @@ HEAD = [
     "(95 %)",
     "median distance",
     "(95 %)",
-    "nearer / farther than by time",
+    "nearer / farther than gains by time",
 ]
 
 

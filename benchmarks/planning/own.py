@@ -33,10 +33,10 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
     """Times of first plans of ``arm3d_boxes``, and whether they hold."""
     section = Section("First plans of `arm3d_boxes`")
     section.parts.append(
-        "Times in ms over all seeds: of everything (reading nothing, but checking the start, "
-        "placing the obstacles, finding the equilibrium and its regulator, and the search), of the "
-        "search alone, which is what another seed of the same problem takes, and of the search "
-        "without its confirmation by the event-driven method."
+        "Times in ms over all seeds: of everything (checking the start, placing the obstacles, "
+        "computing the equilibrium and its regulator, and the search, without reading files), of "
+        "the search alone, which is the time for another seed of the same problem, and of the "
+        "search without its event-driven confirmation."
     )
     rows, held, marks = [], [], []
     for tolerance, (median, most, found) in ASKED.items():
@@ -88,7 +88,7 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
         )
         name = f"tolerance {tolerance:g}: "
         marks += [
-            Mark(name + "found within 1 s", share(there), found, "%", True),
+            Mark(name + "plan within 1 s", share(there), found, "%", True),
             Mark(name + "median, everything", 1e3 * float(np.median(whole)), median, "ms"),
             Mark(name + "median, search", 1e3 * float(np.median(alone)), median, "ms"),
             Mark(name + "99 %, everything", 1e3 * float(np.quantile(whole, 0.99)), most, "ms"),
@@ -99,10 +99,10 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
         Table(["tolerance", "of", "median", "90 %", "99 %", "greatest", "found"], rows)
     )
     section.parts.append(
-        "Made again: motion by motion to the last bit, by the event-driven method "
-        f"(rtol {RTOL:g}) and with half the step; a plan arrives when it ends within the tolerance "
-        "and touches nothing. The gap is the largest difference of a joint at a node from the "
-        "event-driven run, its median over all plans."
+        "Plans are repeated segment by segment to the last bit, by the event-driven method (rtol "
+        f"{RTOL:g}) and with half the step; a plan arrives if it ends within the tolerance and "
+        "touches nothing. The gap is the largest difference of a joint at a node from the "
+        "event-driven run (median over all plans)."
     )
     section.parts.append(
         Table(["tolerance", "replay", "event-driven", "half step", "gap", "duration"], held)
@@ -121,9 +121,10 @@ def boxes_matter(seeds: int) -> tuple[Section, list[Mark]]:
     ]
     section = Section("Whether the boxes matter")
     section.parts.append(
-        f"Of {seeds} first plans without the boxes, {sum(through)} pass through where they stood."
+        f"Of {seeds} first plans without the boxes, {sum(through)} pass through the positions of "
+        "the boxes."
     )
-    return section, [Mark("pass through the boxes' places", share(through), 90.0, "%", True)]
+    return section, [Mark("pass through the boxes' positions", share(through), 90.0, "%", True)]
 
 
 def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
@@ -147,27 +148,27 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
         curve.append([f"{seconds:g} s", *(f"{x:.3f}" for x in np.quantile(best, [0.5, 0.1, 0.9]))])
     section = Section("Better plans within a second")
     section.parts += [
-        "Duration of the shortest plan relative to the first plan's, after a further search in new "
-        "trees whose plans must cost less (a catch costs 3 s): median, and the middle 80 %.",
+        "Duration of the shortest plan relative to the first plan's, after a further search in "
+        "new trees whose plans must cost less (a catch costs 3 s): median and central 80 %.",
         Table(["after", "median", "10 %", "90 %"], curve),
-        f"Then it is polished. Over {seeds} seeds the plan at the end lasts "
+        f"Then the plan is polished. Over {seeds} seeds the final plan lasts "
         f"{np.median([p.duration for p in plans]):.2f} s (first: "
         f"{np.median([p.curve[0][2] for p in plans]):.2f} s) and ends "
         f"{np.median([p.distance for p in plans]):.1e} from the goal (medians); "
         f"{share([c.arrives for c in events]):.0f} % arrive event-driven, at "
         f"{np.median([c.distance for c in events]):.2g}, and {share(peers):.0f} % in MuJoCo, open "
-        f"loop. The string never goes slack on {share(held):.0f} % of them; the squares of what "
-        f"accelerations change come to {np.median(rough):.3g} m^2/s^4 (median; a first plan's: "
-        f"{np.median(_first_roughness(problem, seeds)):.3g}). The string alone needs 1.92 s: it is "
-        "wound in by 0.837 m at 0.5 m/s, and 0.25 s go into speeding up and slowing down at "
-        "2 m/s^2.",
+        f"loop. The string never goes slack on {share(held):.0f} % of them; the sum of squared "
+        f"changes of acceleration is {np.median(rough):.3g} m^2/s^4 (median; a first plan's: "
+        f"{np.median(_first_roughness(problem, seeds)):.3g}). The string alone needs 1.92 s: it "
+        "is wound in by 0.837 m at 0.5 m/s, and 0.25 s are for accelerating and braking at 2 "
+        "m/s^2.",
     ]
     seconds = [p.seconds for p in plans]
     return section, [
         Mark("improved: end within 1e-3 of the goal", share(near), 100.0, "%", True),
         Mark("improved: median duration relative to the first plan's", np.median(ratios), 0.6, ""),
         Mark("improved: tensions at least 0", share(active), 100.0, "%", True),
-        Mark("improved: median seconds in all", float(np.median(seconds)), 1.0, "s"),
+        Mark("improved: median total time", float(np.median(seconds)), 1.0, "s"),
     ]
 
 
@@ -214,9 +215,9 @@ def full_marionette(seeds: int) -> tuple[Section, list[Mark]]:
         )
     section = Section("The full marionette (`marionette_bell`)")
     section.parts += [
-        "25 degrees of freedom, 7 strings, 21 driven coordinates: a hand is raised past a lamp and "
-        "touches a bell, and no string that pulls goes slack. Reading and preparing, and the "
-        "search with its confirmation by the event-driven method.",
+        "25 degrees of freedom, 7 strings, 21 driven coordinates: a hand is raised past a lamp "
+        "and touches a bell, and no string that pulls goes slack. Times are for reading and "
+        "preparing, and for the search with its event-driven confirmation.",
         Table(
             [
                 "seed",

@@ -34,17 +34,17 @@ def section(seeds: int, limit: float) -> Section:
     if not whole or not easy:
         return Section("Compared with OMPL", ["OMPL was not installed."])
     text = (
-        f"`arm3d_boxes` at tolerance 0.25, {seeds} seeds, {limit:g} s for each. OMPL's segments "
-        f"are ours: constant accelerations for {LOOKS[0]} to {LOOKS[1]} looks of 20 ms; its states "
-        "are propagated by our compiled time-stepper, or by MuJoCo with steps as long, and "
-        "clearances, ranges, speeds and slack strings are checked in the same way. One thread, as "
-        "OMPL's control planners have no more. The last column is the ratio of the median search "
-        "time to that of `explore`. A search without a plan counts with its time limit, so if "
-        "fewer than half found one, the true ratio is larger."
+        f"`arm3d_boxes` at tolerance 0.25, {seeds} seeds, {limit:g} s for each. OMPL uses our "
+        f"segments: constant accelerations for {LOOKS[0]} to {LOOKS[1]} checks of 20 ms; its "
+        "states are propagated by our compiled time-stepper, or by MuJoCo with equal steps, and "
+        "clearances, ranges, speeds and slack strings are checked in the same way. One thread is "
+        "used, because OMPL's control planners have only one. The last column is the ratio of "
+        "the median search time to that of `explore`. A search without a plan counts with its "
+        "time limit, so the true ratio is larger if fewer than half found a plan."
     )
     more = (
         "The same arm, start and goal without the boxes, with a string that may go slack, and at "
-        "twice the tolerance, where OMPL's planners find plans too:"
+        "twice the tolerance, for which OMPL's planners also find plans:"
     )
     return Section("Compared with OMPL", [text, Table(HEADER, whole), more, Table(HEADER, easy)])
 
