@@ -19,7 +19,7 @@ MISSING = 3
 """Exit code of a run without OMPL."""
 
 
-HEADER = ["planner", "propagator", "found", "median [s]", "nearest, median", "to ours"]
+HEADER = ["planner", "propagator", "plans", "median [s]", "nearest, median", "ratio"]
 
 
 def section(seeds: int, limit: float) -> Section:

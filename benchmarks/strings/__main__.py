@@ -24,8 +24,8 @@ OPENING = (
     "After this page you know the accuracy of fantoccini for strings that go slack and snap "
     "taut, compared with closed forms, with independent integrations by SciPy at 1e-13, with "
     "MuJoCo and with two classical methods. Errors are absolute and in SI units unless stated "
-    "otherwise. `event` and `timestepping` are the methods of `fan.simulate`; see [what is "
-    "computed](physics.md). `make strings-report` measures everything and writes this page."
+    "otherwise. `event` and `timestepping` are the methods of `fan.simulate`; see [Physics and "
+    "methods](physics.md). `make strings-report` measures everything and writes this page."
 )
 
 
