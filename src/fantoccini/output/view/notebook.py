@@ -77,7 +77,7 @@ def _still_of(run: Trajectory) -> Still | None:
     still = Still(run.puppet, tree)
     spans = [
         np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
-        for points in still.string_points(run.q_D[:1], run.q_K[:1])
+        for points in still.string_points(run.q_D[:1], run.q_K[:1]).values()
     ]
     gaps = np.array(spans).reshape(-1) - still.string_lengths(run.q_D[:1], run.q_K[:1])[0]
     slip = 0.0 if run.slip is None else run.slip.values[0]

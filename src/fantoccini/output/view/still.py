@@ -49,7 +49,7 @@ class Still:
         spans = np.array(
             [
                 np.linalg.norm(np.diff(points[0], axis=0), axis=1).sum()
-                for points in self.string_points(np.nan_to_num(q_D), np.nan_to_num(q_K))
+                for points in self.string_points(np.nan_to_num(q_D), np.nan_to_num(q_K)).values()
             ]
         )
         for span, string in zip(spans, strings, strict=True):
@@ -63,13 +63,13 @@ class Still:
         """(T, n_links, 3, 4) link poses, for (T, n_qD) and (T, n_qK) or one of each."""
         return link_poses(self.tree.links, np.atleast_2d(q_D), np.atleast_2d(q_K), self.number)
 
-    def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
-        """(T, n_points, 3) points of the path of each string [m]."""
+    def string_points(self, q_D: Array, q_K: Array) -> dict[str, Array]:
+        """String -> (T, n_points, 3) points of its path [m]."""
         poses = self.poses(q_D, q_K)
-        return [
-            np.stack([place(poses, point, self.number) for point in string.points], axis=1)
+        return {
+            string.name: np.stack([place(poses, p, self.number) for p in string.points], axis=1)
             for string in self.tree.strings
-        ]
+        }
 
     def string_lengths(self, q_D: Array, q_K: Array) -> Array:
         """(T, n_strings) lengths [m], for (T, n_qD) and (T, n_qK) or one of each."""
