@@ -113,11 +113,12 @@ def _puppet_tables(m: Marionette) -> list[Element | None]:
         (string.name, _end(m, string, 0), _end(m, string, -1), _length(m, string))
         for string in m.tree.strings
     ]
+    q_K = Still(m.puppet, m.tree).start().q_K
     starts = [
-        (row.name, "just taut" if np.isnan(start) else f"{start:.4g} {row.unit.strip('1')}")
+        (row.name, f"{q_K[row.index]:.4g} {row.unit.strip('1')}{taut}")
         for row in table.rows
         if row.role == "driven"
-        for start in [float(table.start_K[row.index])]
+        for taut in [", just taut" if np.isnan(table.start_K[row.index]) else ""]
     ]
     values = zip(m.tree.parameters, (f"{value:.6g}" for value in m.p), strict=True)
     return [

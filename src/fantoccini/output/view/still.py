@@ -12,6 +12,7 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.base.documents import Number, Parameter
+from fantoccini.dynamics.equilibrium import initial_state
 from fantoccini.model.puppet import Puppet
 from fantoccini.model.tree import Tree, link_poses, place, placed
 from fantoccini.motion import State
@@ -54,6 +55,7 @@ class Still:
         )
         for span, string in zip(spans, strings, strict=True):
             string.just_reaches(span, q_D, q_K)
+        initial_state.put_commands(self.tree.drives, (), q_D, q_K)
         taut = np.zeros(self.tree.n_rows, dtype=bool)
         lengths = self.string_lengths(q_D, q_K)[0]
         taut[: len(strings)] = spans >= lengths * (1.0 - 1e-3)
