@@ -139,11 +139,10 @@ def straight_coupling(mechanism: Mechanism, x: State, name: str, mass: float) ->
     M_DK = m/6 J_A^T J_S.
     """
     mixed, step = mechanism.mixed, _DIFFERENCE_STEP
-    index = [s.name for s in mixed.tree.strings].index(name)
 
     def ends(move: Array) -> Array:
         y = displaced(mixed, x, move)
-        return mixed.string_points(y.q_D, y.q_K)[index][[0, -1]].ravel()
+        return mixed.string_points(y.q_D, y.q_K)[name][[0, -1]].ravel()
 
     n_vD = mixed.coordinates.n_vD
     n = n_vD + mixed.coordinates.n_vK

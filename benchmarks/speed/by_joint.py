@@ -68,7 +68,7 @@ def packed(tree: Tree, rates: dict[str, list[float]]) -> Array:
 def strings(marionette: Marionette, x: State) -> list[Anchored]:
     """All strings of a puppet, each from one body to one place that does not move."""
     found = []
-    places = marionette.string_points(x.q_D, x.q_K)
+    places = marionette.string_points(x.q_D, x.q_K).values()
     lengths = marionette.string_lengths(x.q_D, x.q_K)
     for row, points, length in zip(marionette.tree.strings, places, lengths, strict=True):
         first, _ = row.points

@@ -130,7 +130,7 @@ def test_taut_strings_are_straight_and_end_where_they_hang(
     player, still, t = Player(greeting_glb), still_of(greeting), np.linspace(0.0, 10.0, 97)
     run = greeting.resample(t)
     size = 1.35
-    for name, points in zip(run.tension.names, still.string_points(run.q_D, run.q_K), strict=True):
+    for name, points in still.string_points(run.q_D, run.q_K).items():
         rings = player.vertices(name, t).reshape(len(t), -1, 3, 3).mean(axis=2)
         ends = rings[:, [0, -1]] - points[:, [0, -1]] @ UP.T
         assert np.abs(ends).max() < 1e-5 + 2e-6, name
@@ -154,7 +154,7 @@ def test_slack_strings_sag_as_threads_of_their_length(
     slack = ~run.taut.flags("head")
     assert slack.sum() > 5
     lengths = still.string_lengths(run.q_D, run.q_K)[:, place]
-    points = still.string_points(run.q_D, run.q_K)[place]
+    points = still.string_points(run.q_D, run.q_K)["head"]
     rings = player.vertices("head", t).reshape(len(t), -1, 3, 3).mean(axis=2)
     for k in np.flatnonzero(slack):
         curve = rope.hanging(*points[k], lengths[k], 400) @ UP.T

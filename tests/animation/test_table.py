@@ -49,7 +49,7 @@ def test_poses_and_ends_of_strings_follow(greeting: fan.Trajectory, tmp_path: Pa
         q = np.roll(pose[:, 3:], -1, axis=1)
         assert np.abs(Rotation.from_quat(q).as_matrix() - link[..., :3]).max() < 1e-12
         assert np.abs(np.diff(q, axis=0)).max() < 0.5, "the sign does not flip"
-    points = still.string_points(run.q_D, run.q_K)
+    points = still.string_points(run.q_D, run.q_K).values()
     for string, path in zip(still.tree.strings, points, strict=True):
         for which, end in (("start", path[:, 0]), ("end", path[:, -1])):
             columns = [f"{which}:{string.name}.{x}" for x in "xyz"]

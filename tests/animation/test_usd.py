@@ -70,7 +70,7 @@ def test_strings_end_on_their_bodies_and_sag(greeting: fan.Trajectory, tmp_path:
     for k, string in enumerate(still.tree.strings):
         curve = UsdGeom.BasisCurves(stage.GetPrimAtPath(f"/marionette/{string.name}"))
         points = np.array([curve.GetPointsAttr().Get(code) for code in range(201)])
-        ends = still.string_points(run.q_D, run.q_K)[k]
+        ends = list(still.string_points(run.q_D, run.q_K).values())[k]
         assert np.abs(points[:, [0, -1]] - ends[:, [0, -1]]).max() < 1e-6
         drawn = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
         # A polyline of 16 pieces is a little shorter than its curve, most at a fold.

@@ -115,7 +115,7 @@ def test_strings_are_vertical_above_poses_near_the_clip(conduct):
     table = conduct.marionette.coordinates
     times = np.minimum(made.times[::20], made.inputs.end)
     q_K, _, _ = made.inputs.evaluate(times)
-    points = conduct.marionette.string_points(made.q_D[::20], q_K)
+    points = conduct.marionette.string_points(made.q_D[::20], q_K).values()
     for string, path in zip(conduct.marionette.tree.strings, points, strict=True):
         low, high = path[:, 0], path[:, -1]
         np.testing.assert_allclose(low[:, :2], high[:, :2], atol=0.01)  # of the smoothing

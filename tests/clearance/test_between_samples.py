@@ -52,7 +52,7 @@ def wild(rng: np.random.Generator, n: int, slack: float) -> Path:
         q_D.append(chained.integrate(q_D[-1], rng.uniform(-0.5, 0.5, len(x.v_D))))
         q_K.append(q_K[-1] + rng.uniform(-0.2, 0.2, len(x.q_K)))
     q_D, q_K = np.array(q_D), np.array(q_K)
-    (points,) = chained.string_points(q_D, q_K)
+    (points,) = chained.string_points(q_D, q_K).values()
     spans = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
     q_K[:, list(chained.coordinates.q_K).index("s.length")] = spans * (1.0 + slack)
     rates = tuple(

@@ -58,7 +58,8 @@ def wandering(seed: int, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
             q[:, [n for n, found in enumerate(names) if found.endswith(name)]] += up
     for place in table.quaternions_D:
         q_D[:, place] /= np.linalg.norm(q_D[:, place], axis=1, keepdims=True)
-    for string, path in zip(stage.tree.strings, stage.string_points(q_D, q_K), strict=True):
+    paths = stage.string_points(q_D, q_K)
+    for string, path in zip(stage.tree.strings, paths.values(), strict=True):
         span = np.linalg.norm(path[:, 1] - path[:, 0], axis=1)
         q_K[:, string.driven_length[0]] = span * (1.0 + slack * np.sin(3.0 * t) ** 2)
     return q_D, q_K, t
@@ -68,7 +69,7 @@ def wandering(seed: int, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarr
 def expected(seed: int, slack: float) -> dict[tuple[str, str], np.ndarray]:
     """(T,) distances by names, with strings and boxes as clouds of points."""
     stage, (q_D, q_K, t) = scene(), wandering(seed, slack)
-    lengths, places = stage.string_lengths(q_D, q_K), stage.string_points(q_D, q_K)
+    lengths, places = stage.string_lengths(q_D, q_K), stage.string_points(q_D, q_K).values()
     clouds = {
         string.name: np.array([rope.path(place[k], lengths[k, n], N_POINTS) for k in range(len(t))])
         for n, (string, place) in enumerate(zip(stage.tree.strings, places, strict=True))

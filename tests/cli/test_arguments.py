@@ -27,6 +27,7 @@ COMMANDS = (
     "check",
     "schema",
     "info",
+    "rest",
     "equations",
     "export",
     "import",

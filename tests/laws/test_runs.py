@@ -207,7 +207,7 @@ def test_at_rest_the_strings_carry_the_weight(name, cradle, request):
         model.table.v_D.index({"cradle": "rod.z", "marionette": "torso.z"}[name]), 0
     ]
     pull = 0.0
-    points = marionette.string_points(x0.q_D, x0.q_K)
+    points = marionette.string_points(x0.q_D, x0.q_K).values()
     for string, tension in zip(points, run.tension.values[0], strict=True):
         last, end = string[-2], string[-1]
         pull += tension * (end - last)[2] / np.linalg.norm(end - last)

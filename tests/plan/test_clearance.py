@@ -372,7 +372,7 @@ def test_slack_strings_keep_clear_along_their_hanging_curve():
     for _ in range(40):
         turn = rng.normal(size=3) * 0.4
         x = arm.state({"elbow": rng.uniform(0.2, 2.0), "shoulder.rotation": turn})
-        reach = np.linalg.norm(np.diff(arm.string_points(x.q_D, x.q_K)[0], axis=0))
+        reach = np.linalg.norm(np.diff(arm.string_points(x.q_D, x.q_K)["hand"], axis=0))
         states.append(x.replace(q_K=[*x.q_K[:2], reach * (1.0 + rng.uniform(0.0, 0.5))]))
     beads = [
         {"name": f"b{k}", "type": "sphere", "radius": 0.01, "at": at.tolist()}
@@ -381,7 +381,7 @@ def test_slack_strings_keep_clear_along_their_hanging_curve():
     clear, without = (Clearance(arm, beads, strings=s) for s in (True, False))
     differs = 0
     for x in states:
-        a, b = arm.string_points(x.q_D, x.q_K)[0]
+        a, b = arm.string_points(x.q_D, x.q_K)["hand"]
         thread = rope.hanging(a, b, float(x.q_K[2]), 4000)
         nearest = min(np.min(np.linalg.norm(thread - bead["at"], axis=1)) - 0.01 for bead in beads)
         wanted = min(float(without.of(x)), float(nearest))

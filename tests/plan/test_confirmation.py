@@ -122,7 +122,7 @@ def test_what_is_hidden_between_looks_is_found(boxes):
     fast = float(first[np.argmax(np.abs(run.resample(first).v_K[:, 0]))])
     between = run.at(fast + 0.5 * boxes.rollouts.options.interval)
     bead = {"name": "bead", "type": "sphere", "radius": 1.2e-3}
-    middle = np.mean(arm.string_points(between.q_D, between.q_K)[0], axis=0)
+    middle = np.mean(arm.string_points(between.q_D, between.q_K)["hand"], axis=0)
     asked = Problem(arm, boxes.start, boxes.goal, [bead | {"at": middle.tolist()}], tolerance=0.25)
     seen = asked.rollouts.clearance.of(run.resample(first))
     assert seen.min() > 0.0

@@ -139,7 +139,7 @@ def test_goals_of_other_kinds():
     hand = fan.plan(ARM, ARM.rest(), up, tolerance=0.03, iterations=20_000)
     assert hand
     end = hand.trajectory.state(-1)
-    tip = ARM.string_points(end.q_D, end.q_K)[0][0]
+    tip = ARM.string_points(end.q_D, end.q_K)["hand"][0]
     assert np.linalg.norm(tip - [0.35, 0.05, 0.0]) < 0.03 + 1e-6
 
     def left(rows: StateArrays):

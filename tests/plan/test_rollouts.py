@@ -187,7 +187,7 @@ def test_distances_from_goals():
     assert whole == pytest.approx([0.0, lacks], abs=1e-12), "17.4: a state's velocities count"
     tip = Goal.point(ARM, "lower", [0.1, 0.0, -0.5], at=[0, 0, -0.3], to=[0.2, 0.1, -0.4])
     for x, d in zip(states, tip.distance(rows(*states)), strict=True):
-        place = ARM.string_points(x.q_D, x.q_K)[0][0]
+        place = ARM.string_points(x.q_D, x.q_K)["hand"][0]
         nearest = np.clip(place, [0.1, 0.0, -0.5], [0.2, 0.1, -0.4])
         assert d == pytest.approx(np.linalg.norm(place - nearest), abs=1e-12)
 

@@ -39,7 +39,7 @@ def test_a_string_is_slack_for_a_while_and_snaps_taut(run):
 
 def test_taut_strings_keep_their_lengths(marionette, run):
     lengths = marionette.string_lengths(run.q_D, run.q_K)
-    points = marionette.string_points(run.q_D, run.q_K)
+    points = marionette.string_points(run.q_D, run.q_K).values()
     paths = np.stack([np.sum(np.linalg.norm(np.diff(p, axis=1), axis=2), axis=1) for p in points])
     stretch = paths.T - lengths
     assert np.max(np.abs(stretch[run.taut.values])) < 1e-10

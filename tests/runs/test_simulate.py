@@ -172,7 +172,7 @@ def test_effort_is_what_the_hand_feels(arm, hanging):
     """At rest a string pulls its end down with its tension, and resists being shortened."""
     run = fan.simulate(arm, hanging, t_end=0.1)
     tension = run.tension["hand"][0]
-    end, tip = arm.string_points(run.q_D, run.q_K)[0][0][::-1]
+    end, tip = arm.string_points(run.q_D, run.q_K)["hand"][0][::-1]
     along = (end - tip) / np.linalg.norm(end - tip)
     assert run.effort["hand.length"][0] == pytest.approx(-tension, rel=1e-12)
     assert run.effort["hand.x"][0] == pytest.approx(tension * along[0], rel=1e-10)

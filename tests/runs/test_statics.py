@@ -30,7 +30,7 @@ def test_vertical_string_forces_carry_the_weight(name):
     _, tension = puppet.forward_dynamics(x)
     lift = 0.0
     for force, points, string in zip(
-        tension, puppet.string_points(x.q_D, x.q_K), puppet.tree.strings, strict=False
+        tension, puppet.string_points(x.q_D, x.q_K).values(), puppet.tree.strings, strict=False
     ):
         # What a string does to the points that hang from the puppet's own bodies.
         for k, point in enumerate(string.points):

@@ -37,7 +37,7 @@ def swinging(marionette: StillLife, duration: float = 1.0, rows: int = 41) -> Tr
     n = len(tree.strings)
     taut, tension = np.ones((rows, n), dtype=bool), np.zeros((rows, n))
     for k, (string, points) in enumerate(
-        zip(tree.strings, marionette.string_points(q_D, q_K), strict=True)
+        zip(tree.strings, marionette.string_points(q_D, q_K).values(), strict=True)
     ):
         spare = 0.2 * np.maximum(0.0, np.sin(4.0 * t)) if k % 3 == 2 else 0.0 * t
         if string.length_index is not None:

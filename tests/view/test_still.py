@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,9 @@ def test_poses_points_and_lengths_are_those_of_the_compiled_model(name):
     compiled = getattr(fan.puppets, name)()
     plain, q = still(compiled), moved(compiled, 3)
     assert np.allclose(plain.poses(*q), compiled.poses(*q), atol=1e-12)
-    for ours, theirs in zip(plain.string_points(*q), compiled.string_points(*q), strict=True):
+    for ours, theirs in zip(
+        plain.string_points(*q).values(), compiled.string_points(*q).values(), strict=True
+    ):
         assert np.allclose(ours, theirs, atol=1e-12)
     assert np.allclose(plain.string_lengths(*q), compiled.string_lengths(*q), atol=1e-12)
 
@@ -63,3 +67,16 @@ def test_pictures_take_the_present_values_of_parameters():
     solids = [s for s in geometry.solids if s.link == 0 and len(np.unique(s.points)) > 1]
     reaches = [s.points[1, 2] for s in solids]
     assert -2.0 in reaches
+
+
+def test_commands_of_drives_are_where_their_coordinates_are():
+    text = """
+    puppet: p
+    bodies: [{name: b, joint: {type: translation, axes: [z]}, mass: 1}]
+    strings: [{name: s, path: [{body: b}, {world: [0, 0, 1]}], length: driven}]
+    pose: {b.z: 0.2}
+    drives: [{on: s.length, mass: 1.5, control: {type: pd, stiffness: 9, damping: 1}}]
+    """
+    puppet = fan.loads(textwrap.dedent(text))
+    start = Still(puppet.puppet, puppet.tree).start()
+    assert start.q_K == pytest.approx([0.8]) and start.q_D == pytest.approx([0.2, 0.8])

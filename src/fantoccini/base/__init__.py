@@ -51,6 +51,7 @@ from fantoccini.base.media import MediaError, ffmpeg, sound_duration, sound_inpu
 from fantoccini.base.polynomial import N_COEF, shifted
 from fantoccini.base.progress import OnProgress, Progress, progress_bar, reporting
 from fantoccini.base.rotation import exp, multiply
+from fantoccini.base.short_repr import ShortRepr
 from fantoccini.base.tangent import moved
 from fantoccini.base.vectors import cross, perpendicular, unit
 
@@ -81,6 +82,7 @@ __all__ = [
     "Progress",
     "PuppetError",
     "Quaternion",
+    "ShortRepr",
     "SimulationError",
     "StandError",
     "StateError",

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fantoccini.base import Array, Quaternion, Times, polynomial, rotation
+from fantoccini.base import Array, Quaternion, ShortRepr, Times, polynomial, rotation
 
 SAME_TIME = 1e-9
 """Largest difference of equal times [s]."""
@@ -23,8 +23,8 @@ _MAX_ITERATIONS, _MAX_CHANGE = 20, 1e-13
 """Ends of the iteration for rotation splines; the change is relative to 1 rad/s + the speed."""
 
 
-@dataclass(frozen=True, eq=False)
-class Channel:
+@dataclass(frozen=True, eq=False, repr=False)
+class Channel(ShortRepr):
     """Pieces of one coordinate (or of several), and its constant values before and after them.
 
     Attributes:

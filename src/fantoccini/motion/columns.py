@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import DTypeLike
 
-from fantoccini.base import Array, Mask, UnknownNameError, frozen
+from fantoccini.base import Array, Mask, ShortRepr, UnknownNameError, frozen
 
 
-@dataclass(frozen=True, eq=False)
-class Columns:
+@dataclass(frozen=True, eq=False, repr=False)
+class Columns(ShortRepr):
     """Columns with names: ``run.tension["hand"]`` is the column (T,) called ``hand``.
 
     Attributes:
@@ -36,6 +37,9 @@ class Columns:
                 f"(T, {len(self.names)})"
             )
         object.__setattr__(self, "values", values)
+
+    def __array__(self, dtype: DTypeLike = None, copy: bool | None = None) -> Array:
+        return np.array(self.values, dtype=dtype, copy=copy)
 
     def __getitem__(self, name: str) -> Array:
         if name not in self.names:

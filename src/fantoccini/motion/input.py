@@ -327,7 +327,9 @@ class Input:
             t: scalar or (...) times [s].
 
         Returns:
-            q_K (..., n_qK), v_K (..., n_vK), acc_K (..., n_vK).
+            q_K (..., n_qK), v_K (..., n_vK), acc_K (..., n_vK). Coordinates that the input does
+            not name hold still where the run starts: q_K is NaN for them until
+            ``inputs.bound(x0.q_K)`` sets that place.
         """
         t = floats(t)
         i, s, held = pieces.located(self.breaks, t.ravel())

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from fantoccini.base import Array, Times, UnknownNameError, VecK, frozen, polynomial
+from fantoccini.base import Array, ShortRepr, Times, UnknownNameError, VecK, frozen, polynomial
 from fantoccini.base.documents import Mistakes
 from fantoccini.motion import channel, pieces, reading
 from fantoccini.motion.input import Input
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 _SIDES = {"above": 1.0, "below": -1.0}
 
 
-@dataclass(frozen=True, eq=False)
-class InputDerivative:
+@dataclass(frozen=True, eq=False, repr=False)
+class InputDerivative(ShortRepr):
     """dq_K(t)/ds, the derivative of inputs with respect to a number s: piecewise quintic, C^1.
 
     It is constant before the first and after the last break.

@@ -16,6 +16,7 @@ from fantoccini.base import (
     ConfigD,
     ConfigK,
     MaskRows,
+    ShortRepr,
     StateError,
     UnknownNameError,
     VecD,
@@ -175,8 +176,8 @@ def _finite_time(t: float) -> float:
     return time
 
 
-@dataclass(frozen=True, eq=False)
-class States:
+@dataclass(frozen=True, eq=False, repr=False)
+class States(ShortRepr):
     """n states at one time, as arrays with a leading axis.
 
     Attributes:

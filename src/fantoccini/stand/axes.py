@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fantoccini.base import Array, Times, interpolate, nearest
+from fantoccini.base import Array, ShortRepr, Times, interpolate, nearest
 from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import Input, Trajectory
 from fantoccini.stand.axis_rank import factors, listed
@@ -86,8 +86,8 @@ class Axis:
         return -1 if self.file.reversed else 1
 
 
-@dataclass(frozen=True, eq=False)
-class AxisMotion:
+@dataclass(frozen=True, eq=False, repr=False)
+class AxisMotion(ShortRepr):
     """Positions of all axes over time; T samples, n axes.
 
     Attributes:
@@ -111,8 +111,8 @@ class AxisMotion:
         return self.position[:, k], self.velocity[:, k], self.acceleration[:, k]
 
 
-@dataclass(frozen=True, eq=False)
-class AxisMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class AxisMap(ShortRepr):
     """The axes of a stand, and the driven coordinates that they move.
 
     Attributes:

@@ -148,6 +148,31 @@ def info(
 
 
 @app.command()
+def rest(
+    file: File,
+    start: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="Value of a driven coordinate, or start of the search for a dynamic one: 0.3, "
+            "'30 deg', NAME.rotation=w,x,y,z; repeatable.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="Write a picture (.png, .svg, .pdf).")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find the state in which a puppet hangs still: lengths, tensions, what is slack, what touches.
+
+    Exits with 2 if there is none. The last lines are the first ones of a CSV of inputs.
+    """
+    from fantoccini.app.cli.rest import describe_rest
+
+    describe_rest(file, start or [], out, quiet)
+
+
+@app.command()
 def equations(
     file: File, latex: Annotated[bool, typer.Option("--latex", help="Print LaTeX.")] = False
 ) -> None:

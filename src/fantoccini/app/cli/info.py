@@ -11,6 +11,7 @@ from fantoccini.kernel.build import describe
 from fantoccini.kernel.codegen import operations
 from fantoccini.model.puppet import bundled_files
 from fantoccini.model.tree import WORLD, DriveRow, LimitRow, StringRow
+from fantoccini.output.view import Still
 
 _WINCH = ("restitution", "max_tension", "rewind_speed")
 """Columns of the strings' table that are shown only if a string has them."""
@@ -76,7 +77,8 @@ def describe_puppet(file: str) -> None:
             for link, rotor in zip(tree.links, rotors, strict=True)
         ],
     )
-    starts = {"dynamic": coordinates.start_D, "driven": coordinates.start_K}
+    taut = Still(puppet.puppet, tree).start()
+    starts = {"dynamic": (coordinates.start_D, taut.q_D), "driven": (coordinates.start_K, taut.q_K)}
     table(
         "Coordinates",
         ("name", "role", "unit", "start>"),
@@ -85,7 +87,7 @@ def describe_puppet(file: str) -> None:
                 c.name,
                 c.role,
                 c.unit,
-                "" if c.index is None else _start(float(starts[c.role][c.index])),
+                "" if c.index is None else _start(*(float(q[c.index]) for q in starts[c.role])),
             )
             for c in coordinates.rows
         ],
@@ -156,8 +158,9 @@ def _compiled(file: str) -> str:
     return "compiled"
 
 
-def _start(value: float) -> str:
-    return "just taut" if value != value else number(value)
+def _start(value: float, taut: float) -> str:
+    """A start value; a length that the file does not give makes its string just taut."""
+    return f"{number(taut)}, just taut" if value != value else number(value)
 
 
 def _value(value: Number | None) -> str:

@@ -18,6 +18,7 @@ from .error_handling import (
     CommandGroup as CommandGroup,
 )
 from .files import (
+    PICTURES as PICTURES,
     check_folder as check_folder,
     check_new_folder as check_new_folder,
     check_output as check_output,

@@ -76,7 +76,7 @@ def scene_of_state(
     return SceneState(
         t=state.t,
         poses=poses,
-        points=[np.asarray(p) for p in marionette.string_points(state.q_D, state.q_K)],
+        points=[np.asarray(p) for p in marionette.string_points(state.q_D, state.q_K).values()],
         lengths=lengths + state.slip if len(state.slip) else lengths,
         taut=state.taut[:n],
         tension=None if tension is None else np.asarray(tension)[:n],

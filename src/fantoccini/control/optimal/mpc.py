@@ -15,6 +15,7 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NoReturn
 
 import numpy as np
 
@@ -122,6 +123,12 @@ class MPC:
             slip.
         UnknownNameError: unknown name.
     """
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "an MPC cannot be pickled or copied: its predictions run in the compiled library; "
+            "make one with the same arguments, which starts without earlier inputs"
+        )
 
     def __init__(
         self,

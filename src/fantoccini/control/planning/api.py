@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any, Unpack
 
-from fantoccini.base import StateError
+from fantoccini.base import StateError, nearest
 from fantoccini.control.planning.options import SearchKeywords, SearchOptions
 from fantoccini.control.planning.planners import Planner
 from fantoccini.control.planning.result import PlanResult
@@ -18,6 +19,8 @@ from fantoccini.dynamics.marionette import Marionette
 from fantoccini.model.puppet import Obstacle
 from fantoccini.motion import State
 
+_TASK_OPTIONS = ("rollouts",)
+_PROBLEM_OPTIONS = tuple(inspect.signature(Problem).parameters)[3:]
 _POLISHED_DISTANCE = 1e-3
 """Distance from the goal at which polished plans must end, while plans are improved."""
 
@@ -59,8 +62,11 @@ def plan(
         StateError, UnknownNameError, FileError: ill-defined problem, or a string that is too short
             for the start.
         ValueError: number out of range, or an unknown planner or objective.
+        TypeError: unknown option.
     """
     search = SearchOptions(planner, time_limit, iterations, improve, confirm, objective, seed)
+    takes = _TASK_OPTIONS if isinstance(marionette, Task) else _PROBLEM_OPTIONS
+    _refuse_unknown("plan", options, (*takes, *SearchKeywords.__annotations__))
     if isinstance(marionette, Task):
         if start is not None or goal is not None or obstacles:
             raise StateError("plan: a task has its start, end and obstacles; give no others")
@@ -78,11 +84,14 @@ def solve(
     Args:
         problem: the planning problem.
         options: options of the search.
-        short: the same options as keywords: ``solve(problem, seed=1)``.
+        short: the same options as keywords, ``solve(problem, seed=1)``: planner, time_limit,
+            iterations, improve, confirm, objective, seed.
 
     Raises:
         ValueError: number out of range, an unknown planner or objective, or options given twice.
+        TypeError: unknown option.
     """
+    _refuse_unknown("solve", short, SearchKeywords.__annotations__)
     if options is not None and short:
         raise ValueError(f"give either options or {', '.join(short)}, not both")
     options = options or SearchOptions(**short)
@@ -93,3 +102,9 @@ def solve(
             distance = min(_POLISHED_DISTANCE, problem.rollouts.stop_distance)
             search.improve(options.improve, distance)
     return PlanResult.of(search)
+
+
+def _refuse_unknown(call: str, options: Iterable[str], allowed: Iterable[str]) -> None:
+    for name in options:
+        if name not in allowed:
+            raise TypeError(f"{call}() takes no option {name!r}{nearest(name, allowed)}")

@@ -24,6 +24,7 @@ from fantoccini.base import (
     Array,
     Indices,
     MaskRows,
+    ShortRepr,
     StateError,
     Status,
     check_positive,
@@ -71,8 +72,8 @@ Push = Callable[[float], Array]
 """Time -> (n_vD,) forces on the dynamic coordinates [N or N m]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Followed:
+@dataclass(frozen=True, eq=False, repr=False)
+class Followed(ShortRepr):
     """The result of a closed-loop rollout of a plan.
 
     Attributes:
@@ -112,8 +113,8 @@ class Followed:
         return cls(t, state_arrays, acceleration, distance, clearance, bool(arrives), status)
 
 
-@dataclass(frozen=True, eq=False)
-class Feedback:
+@dataclass(frozen=True, eq=False, repr=False)
+class Feedback(ShortRepr):
     """The feedback law that follows a plan. Made by :meth:`along`.
 
     Attributes:

@@ -327,7 +327,7 @@ class PlanResult(Answer):
             pose = marionette.poses(q_D, q_K)[:, numbers.link]
             return pose[..., 3] + pose[..., :3] @ numbers.at
         if marionette.tree.strings:
-            return marionette.string_points(q_D, q_K)[-1][:, 0]
+            return list(marionette.string_points(q_D, q_K).values())[-1][:, 0]
         return marionette.poses(q_D, q_K)[:, -1, :, 3]
 
     def feedback(self, **options: Any) -> Feedback:

@@ -185,6 +185,9 @@ class Problem:
             self.rollouts.funnels, self.note = laws.funnels, laws.note
             self.equilibrium = laws.equilibrium
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _problem_of, (self.task, self.objective, self.rollouts.options)
+
     @property
     def _out_of_touch(self) -> str:
         """The reason why the goal's prop or touch is out of reach."""
@@ -291,3 +294,8 @@ def _start_violation(start: State, rollouts: Rollouts, touches: Touches) -> str:
         if abs(start.v_K[k]) > bounds.speed[k]:
             return f"{name} starts at {start.v_K[k]:g}, faster than its bound {bounds.speed[k]:g}"
     return ""
+
+
+def _problem_of(task: Task, objective: Objective, options: RolloutOptions) -> Problem:
+    """The problem of a task; pickles call it."""
+    return Problem.of(task, objective=objective, rollouts=options)

@@ -8,7 +8,15 @@ from typing import TypeAlias
 
 import numpy as np
 
-from fantoccini.base import Array, ConfigD, ConfigK, StateError, UnknownNameError, rotation
+from fantoccini.base import (
+    Array,
+    ConfigD,
+    ConfigK,
+    ShortRepr,
+    StateError,
+    UnknownNameError,
+    rotation,
+)
 from fantoccini.control.tasks.goal_targets import (
     Target,
     checked_vector,
@@ -35,8 +43,8 @@ GoalLike: TypeAlias = "Goal | State | Mapping[str, Target] | Distance"
 """Any short form of a goal; see :meth:`Goal.of`."""
 
 
-@dataclass(frozen=True, eq=False)
-class Goal:
+@dataclass(frozen=True, eq=False, repr=False)
+class Goal(ShortRepr):
     """A distance that a plan reduces below a tolerance.
 
         d(x) = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|,

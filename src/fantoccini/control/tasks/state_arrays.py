@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array
+from fantoccini.base import Array, ShortRepr
 from fantoccini.kernel.runtime import STATE
 from fantoccini.motion import State
 
 
-@dataclass(frozen=True, eq=False)
-class StateArrays:
+@dataclass(frozen=True, eq=False, repr=False)
+class StateArrays(ShortRepr):
     """Many states of a puppet, as arrays with the same leading axes.
 
     Attributes:

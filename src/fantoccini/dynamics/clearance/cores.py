@@ -182,7 +182,7 @@ def _pieces(marionette: Marionette, q_D: Array, q_K: Array) -> tuple[Array, Arra
     """Ends (n, 2, T, 3) of pieces and lengths (n, T) of slack ones, 0 of straight ones [m]."""
     ends, lengths = [], []
     of_strings = marionette.string_lengths(q_D, q_K)
-    paths = marionette.string_points(q_D, q_K)
+    paths = marionette.string_points(q_D, q_K).values()
     for string, points, length in zip(marionette.tree.strings, paths, of_strings.T, strict=True):
         spans = np.linalg.norm(np.diff(points, axis=1), axis=2)
         whole = spans.sum(axis=1)

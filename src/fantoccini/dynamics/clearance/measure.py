@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, Indices
+from fantoccini.base import Array, Indices, StateError
 from fantoccini.dynamics.clearance import solids
 from fantoccini.dynamics.clearance.between import Places, advance
 from fantoccini.dynamics.clearance.meshes import Meshes
@@ -277,7 +277,7 @@ class Clearance:
         q_D, q_K = np.asarray(q_D, dtype=float), np.asarray(q_K, dtype=float)
         table = self.marionette.coordinates
         if (q_D.shape[-1:], q_K.shape[-1:]) != ((table.n_qD,), (table.n_qK,)):
-            raise ValueError(
+            raise StateError(
                 f"q_D and q_K have the shapes {q_D.shape} and {q_K.shape}; they must end in "
                 f"{table.n_qD} and {table.n_qK}"
             )

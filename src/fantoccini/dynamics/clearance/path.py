@@ -146,7 +146,7 @@ class Path:
         marionette = self.marionette
         lengths = marionette.string_lengths(self.q_D, self.q_K)
         slack = np.zeros(lengths.shape, dtype=bool)
-        for i, points in enumerate(marionette.string_points(self.q_D, self.q_K)):
+        for i, points in enumerate(marionette.string_points(self.q_D, self.q_K).values()):
             span = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
             wire = marionette.tree.strings[i].wire
             slack[:, i] = (lengths[:, i] > span * MIN_SLACK) & (not wire)

@@ -7,7 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, MaskRows, Times, check_not_negative, check_positive
+from fantoccini.base import (
+    Array,
+    Indices,
+    MaskRows,
+    StateError,
+    Times,
+    check_not_negative,
+    check_positive,
+)
 from fantoccini.dynamics.clearance import solids
 from fantoccini.dynamics.clearance.blocks import search
 from fantoccini.dynamics.clearance.cores import Cores
@@ -105,19 +113,19 @@ class StringsApart:
             t: (T,) times, not decreasing [s].
 
         Raises:
-            ValueError: the arrays have other shapes, no samples, or numbers that are not finite;
+            StateError: the arrays have other shapes, no samples, or numbers that are not finite;
                 or times decrease.
         """
         q_D, q_K, t = (np.asarray(x, dtype=float) for x in (q_D, q_K, t))
         table = self.marionette.coordinates
         shapes = (len(t), table.n_qD), (len(t), table.n_qK)
         if (q_D.shape, q_K.shape) != shapes or t.ndim != 1 or not len(t):
-            raise ValueError(
+            raise StateError(
                 f"q_D, q_K and t have the shapes {q_D.shape}, {q_K.shape} and {t.shape}; they must "
                 f"be (T, {table.n_qD}), (T, {table.n_qK}) and (T,), with T of at least 1"
             )
         if not all(np.isfinite(x).all() for x in (q_D, q_K, t)) or np.any(np.diff(t) < 0.0):
-            raise ValueError("q_D, q_K and t must be finite, and t must not decrease")
+            raise StateError("q_D, q_K and t must be finite, and t must not decrease")
         path = Path(self.marionette, t, q_D, q_K)
         return StringMotion(t, self._cores(q_D, q_K), self._pairs, path, self._cores)
 

@@ -352,11 +352,12 @@ class CompiledPuppet:
         flat = self.library.evaluate("poses", q_D=q_D, q_K=q_K, p=self.p).poses.swapaxes(-1, -2)
         return np.swapaxes(flat.reshape(*flat.shape[:-1], 4, 3), -1, -2)
 
-    def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
-        """World positions of every string's points: per string (..., n_points, 3) [m]."""
+    def string_points(self, q_D: Array, q_K: Array) -> dict[str, Array]:
+        """String -> (..., n_points, 3) positions of its points in the world [m]."""
         counts = [len(s.points) for s in self.tree.strings]
         points = self.library.evaluate("points", q_D=q_D, q_K=q_K, p=self.p).points
-        return np.split(points.swapaxes(-1, -2), np.cumsum(counts)[:-1], axis=-2) if counts else []
+        parts = np.split(points.swapaxes(-1, -2), np.cumsum(counts)[:-1], axis=-2)
+        return dict(zip((s.name for s in self.tree.strings), parts, strict=False))
 
     def effort(
         self,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fantoccini.base import Array, StateError, floats
 
 
-def vector(name: str, values: Array | None, n: int) -> Array:
+def vector(name: str, values: ArrayLike | None, n: int) -> Array:
     """Finite numbers (n,), zeros for None; anything else is a StateError."""
     if values is None:
         return np.zeros(n)
@@ -16,7 +17,7 @@ def vector(name: str, values: Array | None, n: int) -> Array:
     return vectors(name, values, n)
 
 
-def vectors(name: str, values: Array, n: int) -> Array:
+def vectors(name: str, values: ArrayLike, n: int) -> Array:
     """Finite numbers (..., n); anything else is a StateError."""
     try:
         array = floats(values)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, UnknownNameError
+from fantoccini.base import Array, Indices, ShortRepr, UnknownNameError
 from fantoccini.dynamics.compiled import CompiledPuppet, Evaluation, forward_dynamics, vector
 from fantoccini.dynamics.derivatives.contact_rows import HeldPoint, PointMode
 from fantoccini.dynamics.derivatives.contact_state import FrozenModes, resting, touches
@@ -28,8 +28,8 @@ from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State
 
 
-@dataclass(frozen=True, eq=False)
-class Partials:
+@dataclass(frozen=True, eq=False, repr=False)
+class Partials(ShortRepr):
     """Derivatives of one quantity, with a row for each of its entries.
 
     Attributes:
@@ -56,8 +56,8 @@ class Partials:
         return cls(*np.split(columns, np.cumsum(list(widths))[:-1], axis=1))
 
 
-@dataclass(frozen=True, eq=False)
-class Linearisation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Linearisation(ShortRepr):
     """A puppet's accelerations and tensions near a state, with a fixed active set.
 
     As a linear system in z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq, around a motion::

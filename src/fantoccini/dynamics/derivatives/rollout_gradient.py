@@ -14,6 +14,7 @@ modes beside the strings and limits, as in
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from fantoccini.base import (
     Array,
     Indices,
     MaskRows,
+    ShortRepr,
     SimulationError,
     StateError,
     Status,
@@ -36,8 +38,8 @@ from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pair_name
 
 
-@dataclass(frozen=True, eq=False)
-class RolloutGradient:
+@dataclass(frozen=True, eq=False, repr=False)
+class RolloutGradient(ShortRepr):
     """The gradient of a scalar cost of a rollout.
 
     Attributes:
@@ -56,8 +58,8 @@ class RolloutGradient:
     p: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Rollout:
+@dataclass(frozen=True, eq=False, repr=False)
+class Rollout(ShortRepr):
     """n time steps from a state, with nodes 0 to n.
 
     n is the number of steps requested or, with ``throw=False``, the number taken, ``steps``.
@@ -94,6 +96,12 @@ class Rollout:
     _run: GradientRun
     _driven: tuple[DrivenStep, ...]
     _pairs: tuple[str, ...]
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "a Rollout cannot be pickled or copied: its gradient needs the steps that the compiled "
+            "library keeps; store q_D, v_D, q_K and v_K, or make it again with marionette.rollout"
+        )
 
     @property
     def sharp(self) -> MaskRows:

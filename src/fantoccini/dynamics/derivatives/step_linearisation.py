@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import ARRIVED, Array, SimulationError, StateError, Status
+from fantoccini.base import ARRIVED, Array, ShortRepr, SimulationError, StateError, Status
 from fantoccini.dynamics.compiled import CompiledPuppet, Screws, Touch, integrate, vector
 from fantoccini.dynamics.derivatives.contact_rows import ContactMode, ContactRows, HeldPoint
 from fantoccini.dynamics.derivatives.driven_step import DrivenStep
@@ -24,8 +24,8 @@ from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import State, pair_name
 
 
-@dataclass(frozen=True, eq=False)
-class StepLinearisation:
+@dataclass(frozen=True, eq=False, repr=False)
+class StepLinearisation(ShortRepr):
     """One step of the time-stepper and its derivatives, with the active set of the step.
 
     As a discrete system in z = (dq_D, dv_D, dq_K, dv_K), with tangent vectors dq::

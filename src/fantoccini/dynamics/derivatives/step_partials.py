@@ -20,7 +20,7 @@ from typing import Literal, NamedTuple, TypedDict
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, MaskRows, StateError, Status, check_positive
+from fantoccini.base import Array, Indices, MaskRows, ShortRepr, StateError, Status, check_positive
 from fantoccini.dynamics.compiled import CompiledPuppet, refuse_contact, vectors
 from fantoccini.dynamics.derivatives.driven_step import DrivenStep
 from fantoccini.dynamics.derivatives.variational_partials import (
@@ -44,8 +44,8 @@ AT_CAP = 1.0 - 1e-9
 """Share of a string's largest tension from which it counts as slipping."""
 
 
-@dataclass(frozen=True, eq=False)
-class StepLinearisations:
+@dataclass(frozen=True, eq=False, repr=False)
+class StepLinearisations(ShortRepr):
     """n time steps and their derivatives, as in :class:`StepLinearisation`.
 
     Attributes:

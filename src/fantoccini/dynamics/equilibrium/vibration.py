@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, StateError
+from fantoccini.base import Array, ShortRepr, StateError
 from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.dynamics.derivatives import HeldPoint, SmallMotions, motion_at
 from fantoccini.dynamics.equilibrium.equilibrium import ACCEPTANCE
@@ -40,8 +40,8 @@ class Tolerances:
 TOLERANCES = Tolerances()
 
 
-@dataclass(frozen=True, eq=False)
-class Mode:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mode(ShortRepr):
     """One vibration mode, or an aperiodic one.
 
     Attributes:
@@ -77,8 +77,8 @@ class Mode:
         return (0.0 - self.s.real) / abs(self.s) if self.s else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Modes:
+@dataclass(frozen=True, eq=False, repr=False)
+class Modes(ShortRepr):
     """The modes of a puppet at rest: oscillations from the slowest on, then aperiodic modes.
 
     ``print(modes)`` writes a table.

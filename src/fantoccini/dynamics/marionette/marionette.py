@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fantoccini.base import Array, output
 from fantoccini.dynamics.compiled import (
@@ -208,7 +209,7 @@ class Marionette(CompiledPuppet):
         pose[:3] = self.poses(x.q_D, x.q_K)[self.link_index(body)]
         return pose
 
-    def wrench_forces(self, x: State, wrenches: Mapping[str, Array]) -> Array:
+    def wrench_forces(self, x: State, wrenches: Mapping[str, ArrayLike]) -> Array:
         """Forces u_D (n_vD,) of wrenches on bodies, to pass as user forces [N or N m].
 
         Args:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fantoccini.base import Array, OnProgress, Progress, reporting
+from fantoccini.base import Array, OnProgress, Progress, StateError, reporting
 from fantoccini.dynamics.compiled import (
     CompiledPuppet,
     Method,
@@ -118,7 +118,7 @@ def simulate_batch(
     n = max(len(states), len(items), len(p))
     if not {len(states), len(items), len(p)} <= {1, n}:
         several = f" and {len(p)} values of parameters" if len(p) > 1 else ""
-        raise ValueError(
+        raise StateError(
             f"{len(states)} states and {len(items)} inputs{several} do not go together; give equal "
             "numbers of both, or a single one"
         )
@@ -261,7 +261,7 @@ def _parts(
         shape = (n, n_times, widths[name])
         part = out[name] if name in out else np.empty(shape, dtype=kind)
         if part.shape != shape or part.dtype != kind or not part.flags.c_contiguous:
-            raise ValueError(
+            raise StateError(
                 f"out[{name!r}] is {part.dtype} of shape {part.shape}; it must be a C-contiguous "
                 f"{kind} array of shape {shape}"
             )

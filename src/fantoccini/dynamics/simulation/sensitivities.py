@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fantoccini.base import Array, InputError, Mistake, Times, check_positive, floats
+from fantoccini.base import Array, InputError, Mistake, ShortRepr, Times, check_positive, floats
 from fantoccini.dynamics.compiled import bind_input
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.dynamics.simulation.input_piece import InputChanges
@@ -21,8 +21,8 @@ SAME_ROTATION = 1e-12
 """Largest 1 - |cos(angle / 2)| of orientations that count as equal: rounding."""
 
 
-@dataclass(frozen=True, eq=False)
-class RunSensitivity:
+@dataclass(frozen=True, eq=False, repr=False)
+class RunSensitivity(ShortRepr):
     """Derivatives of the state of an event-driven run, at some of its times.
 
     A record has the derivatives of (dq_D, dv_D) at ``t``, with tangent vectors dq_D: a scalar adds,

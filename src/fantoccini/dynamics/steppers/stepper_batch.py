@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from fantoccini.base import (
     Array,
     Indices,
     MaskRows,
+    StateError,
     Status,
     UnknownNameError,
     check_positive,
@@ -39,7 +41,11 @@ _STATE = ("q_D", "v_D", "q_K", "v_K", "slip")
 
 
 class _Engine(Protocol):
-    """Advances the runs of a lane record."""
+    """Advances the runs of a lane record; a checkpoint is its memory beyond the record."""
+
+    def checkpoint(self) -> Any: ...
+
+    def restore(self, checkpoint: Any) -> None: ...
 
     def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None: ...
 
@@ -89,7 +95,7 @@ class StepperBatch:
         n = whole("n", n, least=1)
         for what, count in counts.items():
             if count not in (1, n):
-                raise ValueError(f"found {count} {what} for {n} runs; give one, or {n}")
+                raise StateError(f"found {count} {what} for {n} runs; give one, or {n}")
         self.marionette, self.method, self._n = marionette, chosen.name, n
         options = marionette.run_options(**chosen.options)
         threads = default_threads() if threads is None else whole("threads", threads, least=1)
@@ -100,15 +106,42 @@ class StepperBatch:
         self.slip, self.books, self.violation = record.slip, record.books, record.violation
         self.status = record.status
         self._starts, self._parameters = states, p
-        self._options = options
-        self._engine = self._engine_of(options, threads)
+        self._options, self._threads = options, threads
+        self._engine = self._new_engine()
         self.reset()
 
-    def _engine_of(self, options: RunOptions, threads: int) -> _Engine:
+    def _new_engine(self) -> _Engine:
+        options, threads, record = self._options, self._threads, self._record
         if self.method != "timestepping":
-            return _Runs(self.marionette, self.method, options, self._record, self.t, threads)
+            return _Runs(self.marionette, self.method, options, record, self.t, threads)
         library = self.marionette.libraries.lanes
-        return LaneSteppers(library, self._record, threads, options, self.marionette.winches)
+        return LaneSteppers(library, record, threads, options, self.marionette.winches)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The engine's memory belongs to its library, which returns it as bytes.
+        state = {name: x for name, x in vars(self).items() if name != "_engine"}
+        return state | {"_memory": (self._library_key, self._engine.checkpoint())}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        state = dict(state)
+        library, memory = state.pop("_memory")
+        self.__dict__.update(state)
+        self._engine = self._new_engine()
+        if library == self._library_key:
+            self._engine.restore(memory)
+        else:
+            self._record.fresh[:] = True
+
+    def __copy__(self) -> Self:
+        """An independent batch: the arrays of a batch are written in place."""
+        return copy.deepcopy(self)
+
+    @property
+    def _library_key(self) -> str:
+        libraries = self.marionette.libraries
+        if self.method == "timestepping":
+            return libraries.lanes.key
+        return libraries.library_of(self.method).key
 
     def __len__(self) -> int:
         return self._n
@@ -247,6 +280,14 @@ class _Runs:
         self._steppers: list[Stepper | None] = [None] * len(t)
         self._pool = ThreadPoolExecutor(threads)
 
+    def checkpoint(self) -> list[Stepper | None]:
+        """The steppers; see :meth:`restore`."""
+        return self._steppers
+
+    def restore(self, checkpoint: list[Stepper | None]) -> None:
+        """Continues with the steppers of a checkpoint."""
+        self._steppers = checkpoint
+
     def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None:
         def one(i: int) -> None:
             self._begin(i)
@@ -304,7 +345,7 @@ def _of(states: States, runs: NDArray[np.intp]) -> States:
 
 
 def _rows(name: str, values: NDArray[T], n: int) -> NDArray[T]:
-    """Values (n, ...) or (1, ...); ValueError for other numbers of rows."""
+    """Values (n, ...) or (1, ...); StateError for other numbers of rows."""
     if len(values) not in (1, n):
-        raise ValueError(f"{name} has {len(values)} rows; it must have 1 or {n}")
+        raise StateError(f"{name} has {len(values)} rows; it must have 1 or {n}")
     return values

@@ -30,6 +30,7 @@ class BatchLibrary:
     Attributes:
         width: trajectories that are advanced together, in lanes.
         sizes: of the puppet.
+        key: of its folder in the cache; unique to puppet, compiler and version.
 
     Args:
         loaded: a library of lanes, or the puppet's own, which advances one at a time.
@@ -37,6 +38,7 @@ class BatchLibrary:
 
     def __init__(self, loaded: Loaded):
         self.dll, self.width, self.sizes = loaded.dll, loaded.width, loaded.sizes
+        self.key = loaded.path.parent.name
         self.dll.fan_batch_new.restype = ctypes.c_void_p
         self.dll.fan_batch_done.restype = ctypes.c_double
         for name in ("free", "stop", "done", "work"):

@@ -143,6 +143,28 @@ class LaneSteppers:
             self._dll.fan_steppers_free(self._handle)
             self._handle = ctypes.c_void_p()
 
+    def checkpoint(self) -> bytes:
+        """The state of all trajectories beyond the record's arrays, for :meth:`restore`."""
+        kept = ctypes.create_string_buffer(self._memory(None, None))
+        self._memory(kept, None)
+        return kept.raw
+
+    def restore(self, checkpoint: bytes) -> None:
+        """Continues as the steppers of a checkpoint, of the same library and number, did.
+
+        Raises:
+            ValueError: checkpoint of another size.
+        """
+        size = self._memory(None, None)
+        if len(checkpoint) != size:
+            raise ValueError(f"the checkpoint has {len(checkpoint)} bytes; these take {size}")
+        self._memory(None, checkpoint)
+
+    def _memory(self, out: Any, source: bytes | None) -> int:
+        call = self._dll.fan_steppers_memory
+        call.restype = ctypes.c_longlong
+        return int(call(self._handle, out, source))
+
     def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None:
         """Advances all trajectories that still run; those marked ``fresh`` begin anew first.
 

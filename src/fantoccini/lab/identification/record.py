@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fantoccini.base import Array, StateError, UnknownNameError, check_positive
+from fantoccini.base import Array, ShortRepr, StateError, UnknownNameError, check_positive
 from fantoccini.base.documents import read_file
 from fantoccini.dynamics.compiled import refuse_contact
 from fantoccini.dynamics.marionette import Marionette
@@ -72,8 +72,8 @@ def check_span(t: Array, inputs: Input, share: float) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Record:
+@dataclass(frozen=True, eq=False, repr=False)
+class Record(ShortRepr):
     """Measurements of a puppet in motion, and its unknowns.
 
     Attributes:

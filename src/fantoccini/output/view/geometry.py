@@ -277,7 +277,7 @@ def _geometry(
 ) -> Geometry:
     tree, puppet = _with_values(marionette.tree, marionette.number), marionette.puppet
     poses = np.asarray(marionette.poses(q_D, q_K))
-    points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K))
+    points = tuple(np.asarray(p) for p in marionette.string_points(q_D, q_K).values())
     springs = spring_ends(tree, poses)
     chains, pulls = chain_points(tree, poses), chain_pulls(marionette, tree, poses, q_D, q_K)
     solids = link_solids(tree)

@@ -77,7 +77,7 @@ def _still_of(run: Trajectory) -> Still | None:
     still = Still(run.puppet, tree)
     spans = [
         np.linalg.norm(np.diff(points, axis=1), axis=2).sum(axis=1)
-        for points in still.string_points(run.q_D[:1], run.q_K[:1])
+        for points in still.string_points(run.q_D[:1], run.q_K[:1]).values()
     ]
     gaps = np.array(spans).reshape(-1) - still.string_lengths(run.q_D[:1], run.q_K[:1])[0]
     slip = 0.0 if run.slip is None else run.slip.values[0]
@@ -113,11 +113,12 @@ def _puppet_tables(m: Marionette) -> list[Element | None]:
         (string.name, _end(m, string, 0), _end(m, string, -1), _length(m, string))
         for string in m.tree.strings
     ]
+    q_K = Still(m.puppet, m.tree).start().q_K
     starts = [
-        (row.name, "just taut" if np.isnan(start) else f"{start:.4g} {row.unit.strip('1')}")
+        (row.name, f"{q_K[row.index]:.4g} {row.unit.strip('1')}{taut}")
         for row in table.rows
         if row.role == "driven"
-        for start in [float(table.start_K[row.index])]
+        for taut in [", just taut" if np.isnan(table.start_K[row.index]) else ""]
     ]
     values = zip(m.tree.parameters, (f"{value:.6g}" for value in m.p), strict=True)
     return [

@@ -12,6 +12,7 @@ import numpy as np
 
 from fantoccini.base import Array
 from fantoccini.base.documents import Number, Parameter
+from fantoccini.dynamics.equilibrium import initial_state
 from fantoccini.model.puppet import Puppet
 from fantoccini.model.tree import Tree, link_poses, place, placed
 from fantoccini.motion import State
@@ -49,11 +50,12 @@ class Still:
         spans = np.array(
             [
                 np.linalg.norm(np.diff(points[0], axis=0), axis=1).sum()
-                for points in self.string_points(np.nan_to_num(q_D), np.nan_to_num(q_K))
+                for points in self.string_points(np.nan_to_num(q_D), np.nan_to_num(q_K)).values()
             ]
         )
         for span, string in zip(spans, strings, strict=True):
             string.just_reaches(span, q_D, q_K)
+        initial_state.put_commands(self.tree.drives, (), q_D, q_K)
         taut = np.zeros(self.tree.n_rows, dtype=bool)
         lengths = self.string_lengths(q_D, q_K)[0]
         taut[: len(strings)] = spans >= lengths * (1.0 - 1e-3)
@@ -63,13 +65,13 @@ class Still:
         """(T, n_links, 3, 4) link poses, for (T, n_qD) and (T, n_qK) or one of each."""
         return link_poses(self.tree.links, np.atleast_2d(q_D), np.atleast_2d(q_K), self.number)
 
-    def string_points(self, q_D: Array, q_K: Array) -> list[Array]:
-        """(T, n_points, 3) points of the path of each string [m]."""
+    def string_points(self, q_D: Array, q_K: Array) -> dict[str, Array]:
+        """String -> (T, n_points, 3) points of its path [m]."""
         poses = self.poses(q_D, q_K)
-        return [
-            np.stack([place(poses, point, self.number) for point in string.points], axis=1)
+        return {
+            string.name: np.stack([place(poses, p, self.number) for p in string.points], axis=1)
             for string in self.tree.strings
-        ]
+        }
 
     def string_lengths(self, q_D: Array, q_K: Array) -> Array:
         """(T, n_strings) lengths [m], for (T, n_qD) and (T, n_qK) or one of each."""

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fantoccini.base import Array, Indices, StateError, Times, UnknownNameError, frozen
+from fantoccini.base import Array, Indices, ShortRepr, StateError, Times, UnknownNameError, frozen
 
 _UNITS = {"cm": 0.01, "m": 1.0, "inches": 0.0254, "mm": 0.001, "CMU": 0.0254 / 0.45}
 """Units of captured people, with their sizes [m]; the last is that of the CMU database."""
@@ -25,8 +25,8 @@ _MIN_STANDING_EXTENT = 0.9
 """Smallest extent along the vertical of a standing skeleton, relative to its rest pose."""
 
 
-@dataclass(frozen=True)
-class Skeleton:
+@dataclass(frozen=True, repr=False)
+class Skeleton(ShortRepr):
     """A tree of joints.
 
     Attributes:

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstring>
 #include <memory>
 #include <new>
 
@@ -43,6 +44,15 @@ class LaneStepper {
   void begin(const StepperArrays& arrays) {
     arrays_ = arrays;
     next_.store(0);
+  }
+
+  // Writes the memory of all bundles to `out`, or reads it from `from`, written by steppers of the
+  // same library and number; either may be null. Returns its size in bytes.
+  long long remember(unsigned char* out, const unsigned char* from) {
+    const long long size = n_bundles_ * size_;
+    if (out) std::memcpy(out, memory_.get(), size);
+    if (from) std::memcpy(memory_.get(), from, size);
+    return size;
   }
 
   // Advances bundles until none are left.
@@ -166,4 +176,8 @@ class LaneStepper {
   }                                                                                       \
   FAN_EXPORT void fan_steppers_work(void* all, int worker) {                              \
     static_cast<__VA_ARGS__*>(all)->work(worker);                                         \
+  }                                                                                       \
+  FAN_EXPORT long long fan_steppers_memory(                                               \
+      void* all, unsigned char* out, const unsigned char* from) {                         \
+    return static_cast<__VA_ARGS__*>(all)->remember(out, from);                           \
   }

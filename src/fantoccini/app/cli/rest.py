@@ -1,0 +1,96 @@
+"""``fantoccini rest``: the state in which a puppet hangs still."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from fantoccini.app.cli_support import (
+    PICTURES,
+    Steps,
+    check_output,
+    fail,
+    marionette,
+    read_values,
+    table,
+    write,
+)
+from fantoccini.base import StateError
+from fantoccini.dynamics.marionette import Marionette
+from fantoccini.dynamics.simulation import simulate
+from fantoccini.motion import State, Trajectory
+
+_RUN_DURATION = 1e-3
+"""Duration of the run whose first sample has the tensions and contact forces at rest [s]."""
+_RAD = {"rad": 180.0 / np.pi}
+
+
+def describe_rest(file: str, start: list[str], out: Path | None, quiet: bool) -> None:
+    """Prints lengths, tensions, coordinates and contact forces at rest, and draws the puppet.
+
+    Args:
+        file: FILE argument.
+        start: NAME=VALUE settings, which fix driven coordinates and start the search.
+        out: picture to write.
+        quiet: print no progress.
+    """
+    if out is not None:
+        check_output(out, PICTURES, "--out")
+    values = read_values(start)
+    with Steps(quiet) as steps:
+        puppet = marionette(file, steps.named)
+        steps.step("searching the state of rest")
+        try:
+            x = puppet.rest(values)
+        except StateError as error:
+            fail(str(error), file)
+        run = simulate(puppet, x, t_end=x.t + _RUN_DURATION)
+        if out is not None:
+            from fantoccini.output import draw
+
+            steps.step(f"drawing {out}")
+            draw(puppet, x, out, tension=run.tension.values[0])
+    _print_strings(puppet, x, run)
+    _print_coordinates(puppet, x)
+    _print_contacts(run)
+    names, q_K = puppet.coordinates.q_K, x.q_K
+    if names:
+        write("a CSV of inputs that begins here has these first lines:")
+        write(",".join(("t", *names)))
+        write(",".join(("0", *(f"{value:.9g}" for value in q_K))))
+
+
+def _print_strings(puppet: Marionette, x: State, run: Trajectory) -> None:
+    lengths = puppet.string_lengths(x.q_D, x.q_K)
+    lines = []
+    for i, (name, points) in enumerate(puppet.string_points(x.q_D, x.q_K).items()):
+        span = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+        slack = 1e3 * max(0.0, float(lengths[i]) - span)
+        state = "taut" if run.taut.values[0, i] else f"slack by {slack:.1f} mm"
+        lines.append((name, f"{lengths[i]:.6f}", f"{run.tension.values[0, i]:.4f}", state))
+    table("Strings", ("name", "length [m]>", "tension [N]>", ""), lines)
+
+
+def _print_coordinates(puppet: Marionette, x: State) -> None:
+    values = {"dynamic": x.q_D, "driven": x.q_K}
+    lines = []
+    for row in puppet.coordinates.rows:
+        if row.index is not None:
+            value = float(values[row.role][row.index])
+            degrees = f"{value * _RAD[row.unit]:.2f} deg" if row.unit in _RAD else ""
+            lines.append((row.name, row.role, f"{value:z.6f}", row.unit, degrees))
+    table("Coordinates", ("name", "role", "value>", "unit", ""), lines)
+
+
+def _print_contacts(run: Trajectory) -> None:
+    if run.contact is None:
+        return
+    points = run.contact
+    lines = []
+    for k, names in enumerate(points.names):
+        chosen = (points.sample == 0) & (points.pair == k)
+        if np.any(chosen):
+            force = np.linalg.norm(points.force[chosen].sum(axis=0))
+            lines.append((" on ".join(names), f"{force:.4f}", int(np.sum(chosen))))
+    table("Contacts", ("pair", "force [N]>", "points>"), lines)
