@@ -17,6 +17,7 @@ from fantoccini.base import Array
 from fantoccini.base.documents import Finding, Parameter
 from fantoccini.dynamics.compiled import CompiledPuppet
 from fantoccini.dynamics.equilibrium.initial_state import put_commands
+from fantoccini.dynamics.equilibrium.sides import sides
 from fantoccini.dynamics.equilibrium.support import falling, falls
 from fantoccini.model.puppet import Body, Cone, String, has_mass, shape_inertia
 from fantoccini.model.tree import Size, link_inertia, measure, path_lengths
@@ -41,6 +42,8 @@ class Usual:
     max_angle: float = 2.0 * math.pi + 1e-9  # Limit, rest or start of a joint [rad]: one turn
     string_length: Range = (0.05, 10.0)
     """Length of a string over its path in the start pose, and over the puppet's size."""
+    max_slack: float = 0.5
+    """Slack of a string in the start pose, over its path or the puppet's size."""
     grams: Range = (0.05, 5.0)  # Usual densities as numbers in g/cm^3
 
     max_reach: float = 5.0  # Distance from the start, over the size of the puppet on its strings
@@ -69,6 +72,13 @@ def warnings(marionette: CompiledPuppet, data: Any = None) -> list[Finding]:
         *checks.bodies(),
         *checks.joints(),
         *checks.strings(),
+        *sides(
+            marionette.puppet,
+            marionette.tree,
+            size.poses,
+            float(np.linalg.norm(size.lengths)),
+            marionette.number,
+        ),
     ]
 
 
@@ -205,6 +215,9 @@ class _Checks:
             elif length < USUAL.string_length[0] * path:
                 text = f"found {length:.4g} m; in the start pose its path measures {path:.3g} m"
                 yield place, f"{text}: is it in other units, or is a point misplaced?"
+            elif length - path > USUAL.max_slack * max(path, largest):
+                text = f"found {length:.4g} m; in the start pose its path measures {path:.3g} m"
+                yield place, f"{text}: it is slack by {length - path:.3g} m"
 
     def _length(self, i: int, string: String) -> tuple[Path, float | None]:
         """Place and length in the start pose; None for a string that just reaches."""

@@ -1,0 +1,94 @@
+"""Plausibility of the two halves of a puppet: strings without a twin, parts on the wrong side.
+
+A part is paired with another if a word in its name, ``left``, is replaced by ``right`` there; in a
+file with a mirror, the words are the mirror's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from fantoccini.base import Array
+from fantoccini.base.documents import Finding, Number
+from fantoccini.model.puppet import Puppet, String, twin_name
+from fantoccini.model.tree import Tree, link_inertia
+
+_WORDS = ("left", "right")
+MAX_OVERLAP = 1e-3
+"""Largest distance of twins that lie in one another, relative to the puppet's size."""
+MIN_OFFSET = 0.02
+"""Smallest distance of twins by which their sides are told, relative to the puppet's size."""
+
+
+def sides(
+    puppet: Puppet, tree: Tree, poses: Array, size: float, number: Callable[[Number], float]
+) -> Iterator[Finding]:
+    """Findings on the halves of a puppet.
+
+    Args:
+        puppet: the puppet as its file describes it.
+        tree: its tree, with twins.
+        poses: (n_links, 3, 4) poses of the links in the file's pose.
+        size: size of the puppet [m].
+        number: value of a number of the puppet.
+    """
+    mirror = puppet.mirror
+    words = _WORDS if mirror is None else (mirror.from_, mirror.to)
+    yield from _twins(puppet, words, _centres(tree, poses, number), size)
+    for i, string in enumerate(puppet.strings):
+        if text := _wrong_string(string, words, mirrored=mirror is not None):
+            yield ("strings", i, "name"), text
+
+
+def _centres(tree: Tree, poses: Array, number: Callable[[Number], float]) -> dict[str, Array]:
+    """Body with mass -> (3,) centre of mass in the world."""
+    centres = {}
+    for link, pose in zip(tree.links, poses, strict=True):
+        mass, centre, _ = link_inertia(link, number)
+        if mass > 0.0:
+            centres[link.name] = pose[:, :3] @ centre + pose[:, 3]
+    return centres
+
+
+def _twins(
+    puppet: Puppet, words: tuple[str, str], centres: dict[str, Array], size: float
+) -> Iterator[Finding]:
+    """Twins that lie in one another, and those whose sides are the other way round."""
+    offsets: dict[int, Array] = {}
+    for i, body in enumerate(puppet.bodies):
+        twin = twin_name(body.name, *words)
+        if twin == body.name or not {body.name, twin} <= {*centres}:
+            continue
+        offset = centres[body.name] - centres[twin]
+        if np.linalg.norm(offset) < MAX_OVERLAP * size:
+            text = f"found {body.name} and {twin} in one another: move the joint off the middle"
+            yield ("bodies", i, "joint"), text
+        else:
+            offsets[i] = offset
+    if not offsets:
+        return
+    axis = int(np.argmax(np.sum(np.abs(list(offsets.values())), axis=0)))
+    along = {i: float(offset[axis]) for i, offset in offsets.items()}
+    side = np.sign(sum(along.values()))
+    for i, distance in along.items():
+        if distance * side < -MIN_OFFSET * size:
+            text = f"found {puppet.bodies[i].name} on the side of the parts named {words[1]}"
+            yield ("bodies", i, "joint"), f"{text}, which the others named {words[0]} are not"
+
+
+def _wrong_string(string: String, words: tuple[str, str], mirrored: bool) -> str:
+    """A remark on a string whose name does not go with its bodies; empty if there is none."""
+    bodies = [end.body for end in string.path if end.body]
+    sides_of = {word for word in words for body in bodies if word in body}
+    if len(sides_of) != 1:
+        return ""
+    (side,) = sides_of
+    (other,) = set(words) - sides_of
+    if other in string.name:
+        return f"found {string.name!r} for a string that holds {bodies[0]}: is it on that side?"
+    if mirrored and side == words[0] and side not in string.name:
+        text = f"found {string.name!r} without {side!r}, though the string holds {bodies[0]}: "
+        return text + f"only names with {side!r} have twins"
+    return ""
