@@ -1,10 +1,10 @@
-// Derivatives of the contact points of a pair: central differences of sixth order of the narrow
-// phase at fixed features.
+// Derivatives of the contact points of a pair: sixth-order central differences of the narrow phase
+// at fixed features.
 //
-// Gap, point and normal are functions of the poses of both links that move along with both, so that
-// the derivatives by a twist of the first link say all. The step is the largest that agrees with a
-// smaller one: solids that lie flat have points that are smooth over a small tilt only. Lengths are
-// in units of the pair's size.
+// Gap, point and normal are functions of the poses of both links and move with a common motion of
+// both, so the derivatives by a twist of the first link are sufficient. The step is the largest
+// whose result agrees with that of a smaller one: points of solids that lie flat are smooth only
+// over a small tilt. Lengths are in units of the pair's size.
 #pragma once
 
 #include "fantoccini/collision/poses.hpp"
@@ -15,18 +15,18 @@ namespace fan {
 struct TouchDifferenceTolerances {
   static constexpr int n_steps = 6;
   static constexpr double steps[n_steps] = {1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6};
-  // Agreement of derivatives at two steps: above rounding at the smallest.
+  // Agreement of derivatives at two steps; above the rounding error of the smallest step.
   static constexpr double agreement = 1e-7;
-  // m: least size of a pair; that of planes and meshes, which have none.
+  // m: lower bound of a pair's size; size of planes and meshes, which have none.
   static constexpr double least_size = 1e-4, flat_size = 0.1;
-  // Steps by which a pair may part while it is differenced.
+  // Steps by which a pair may part during differencing.
   static constexpr double reach = 20.0;
 };
 
 template <class Model>
 class TouchDifferences {
  public:
-  // The points of a pair with a gap below `margin`, at the poses (n_links, 12) of all links.
+  // Finds the points of a pair with a gap below `margin`, at the poses (n_links, 12) of all links.
   void take(const ContactArrays& in, int pair, const double* poses, double margin) {
     in_ = &in;
     pair_ = pair;
@@ -45,15 +45,15 @@ class TouchDifferences {
     for (int s = 0; s < Tolerance::n_steps; ++s) made_[s] = false;
   }
 
-  // Gap, place and normal of a feature (7,); null where the pair has no such point.
+  // Gap, point and normal of a feature (7,); null if the pair has no such point.
   const double* at(int feature) const {
     for (int k = 0; k < max_touches; ++k)
       if (base_[k * width] == feature) return base_ + k * width + 1;
     return nullptr;
   }
 
-  // (7, 6) their derivatives by a twist of the first link about the world's origin, linear before
-  // angular; whether they exist.
+  // Derivatives (7, 6) of these by a twist of the first link about the world's origin, linear
+  // before angular. Returns whether they exist.
   bool find(int feature, double* by) {
     const double none[42] = {}, *last = nullptr;
     bool smooth = false;
@@ -92,7 +92,7 @@ class TouchDifferences {
     return half > 0.0 ? half : x.radius;
   }
 
-  // The differences of all points at step s.
+  // Computes the differences of all points at step s.
   void make(int s) {
     if (made_[s]) return;
     made_[s] = true;
@@ -120,8 +120,8 @@ class TouchDifferences {
     }
   }
 
-  // The first link's pose after a twist of size x about about_: along an axis for j < 3, else round
-  // it.
+  // The first link's pose after a twist of size x about `about_`: along an axis for j < 3, else
+  // around it.
   void moved(double x, int j, double* out) const {
     for (int i = 0; i < 12; ++i) out[i] = first_[i];
     if (j < 3) {
@@ -139,13 +139,13 @@ class TouchDifferences {
     out[9 + b] = about_[b] + (s * ra + c * rb);
   }
 
-  // From units of the size, about about_.
+  // Converts from units of the size, about `about_`.
   void to_origin(const double* local, double* by) const {
     for (int c = 0; c < 7; ++c) {
       const double unit = c < 4 ? size_ : 1.0;
       double linear[3], turn[3];
       for (int j = 0; j < 3; ++j) linear[j] = by[6 * c + j] = unit * local[6 * c + j] / size_;
-      // A turn about the origin moves what is at `about` by w x about.
+      // A rotation about the origin moves the point `about_` by w x about_.
       cross(about_, linear, turn);
       for (int j = 0; j < 3; ++j) by[6 * c + 3 + j] = unit * local[6 * c + 3 + j] + turn[j];
     }

@@ -1,5 +1,5 @@
-// Exact distances between points, segments and boxes, for any Real, without branches that depend on
-// one. Capsules and spheres are segments with a radius, which the caller subtracts.
+// Exact distances between points, segments and boxes, for any Real, without branches on one.
+// Capsules and spheres are segments with a radius, which the caller subtracts.
 #pragma once
 
 #include <initializer_list>
@@ -10,10 +10,10 @@
 namespace fan {
 
 struct DistanceTolerances {
-  static constexpr double min_length = 1e-12;       // m: shorter segments count as points
+  static constexpr double min_length = 1e-12;  // m: shorter segments count as points
   static constexpr double min_determinant = 1e-12;  // sin^2 of an angle: parallel below it
-  static constexpr double min_axis_square = 1e-8;   // sin^2 of two edges' angle: no axis below it
-  static constexpr double far = 1e30;               // m or m^2: beyond every distance
+  static constexpr double min_axis_square = 1e-8;  // sin^2 of two edges' angle: no axis below it
+  static constexpr double far = 1e30;  // m or m^2: larger than every distance
 };
 
 template <class Real>
@@ -61,9 +61,10 @@ FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const 
   return sqrt(least);
 }
 
-// Where the segment a to b is nearest to a box about the origin, from 0 at a to 1 at b. Half the
-// derivative of the squared distance along the segment is increasing and piecewise linear, with
-// breaks where the segment crosses a face's plane: its zero lies between the two nearest breaks.
+// Parameter of the point of the segment a to b nearest to a box about the origin: 0 at a, 1 at b.
+// Half the derivative of the squared distance along the segment is increasing and piecewise linear,
+// with breaks where the segment crosses a face's plane: its zero lies between the two nearest
+// breaks.
 template <class Real>
 FAN_FN Real nearest_to_box(const Real* a, const Real* b, const double* half) {
   using std::abs;
@@ -112,7 +113,7 @@ FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
 }
 
 // A lower bound of a box's distance from another about the origin, by separating axes: the widest
-// gap along face normals and products of edges. Negative where they overlap, then minus the depth.
+// gap along face normals and products of edges. For boxes that overlap it is minus the depth.
 template <class Real>
 FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, const double* other) {
   using std::abs;

@@ -1,22 +1,22 @@
 // Contact points of a hull with a sphere, a capsule or an ellipsoid, in the hull's axes.
 //
-// A capsule is treated as it is by a box (box_capsule.hpp). The gap of an ellipsoid along a unit
-// vector is n . c - h_1(n) - h_2(n), as in ellipsoid.hpp; its greatest value is found among
-// the normals of facets and the best directions against single edges, each with the reach of the
-// whole hull, so that what is found holds the solids apart. Where an edge runs deep through the
-// ellipsoid, a facet takes its place.
+// A capsule is treated as with a box (box_capsule.hpp). The gap of an ellipsoid along a unit vector
+// is n . c - h_1(n) - h_2(n), as in ellipsoid.hpp; its greatest value is sought among the normals
+// of facets and the best directions against single edges, each with the support function of the
+// whole hull, so that the result separates the solids. Where an edge runs deep through the
+// ellipsoid, a facet replaces it.
 #pragma once
 
 #include "fantoccini/collision/hull_pair.hpp"
 
 namespace fan {
 
-// The ends of a core's part that lies above a facet, in the hull's axes; see FaceClip. Outside the
-// hull, `nearest` are the nearest points.
+// The ends of the part of a core that lies above a facet, in the hull's axes; see FaceClip. For
+// cores outside the hull, `nearest` are the nearest points.
 struct FacetClip {
   static constexpr int core_end = -1, nearest_points = -2;
   PointPair ends[2];
-  int bound[2] = {core_end, core_end};  // what each end is at: a side of the facet, or these
+  int bound[2] = {core_end, core_end};  // of each end: a side of the facet, or one of these
   bool found = true;
 
   FAN_FN FacetClip(
@@ -58,7 +58,7 @@ struct FacetClip {
   }
 };
 
-// The way out of a hull for a core that meets it; see WayOut.
+// Direction in which a core that meets a hull leaves it; see WayOut.
 struct WayOutOfHull {
   double normal[3], gap = -DistanceTolerances::far;
   int facet = 0, edge = -1;
@@ -114,8 +114,8 @@ FAN_FN void touch_hull_inside(const PlacedHull& hull, const Core& core, double a
   to.add(end, q, out.normal, 0);
 }
 
-// The nearest points of a core and a hull, in the hull's axes, anew from what they lie on: exact,
-// and smooth while that does not change.
+// The nearest points of a core and a hull, in the hull's axes, computed again from the features on
+// which they lie: exact, and smooth while these do not change.
 struct CoreAndHull {
   CorePart part;
   HullFeature of;
@@ -141,7 +141,7 @@ struct CoreAndHull {
     aim(pair, normal);
   }
 
-  // A region of its own for every combination of parts and features. The middle of a core that lies
+  // A region number for every combination of parts and features. The middle of a core that lies
   // along a facet has no point of its own there.
   FAN_FN int region() const {
     const bool lasts =
@@ -182,7 +182,7 @@ FAN_FN void touch_hull_outside(
     double n[3];
     copy3(normal, n);
     aim(end, n);
-    // Where it lies flat, the end is the same wherever the nearest points are.
+    // Of a core that lies flat, the end does not depend on the nearest points.
     const bool flat = on_facet >= 1.0 && clip.bound[k] != FacetClip::nearest_points;
     const int bound = flat ? max_hull_vertices * facet + clip.bound[k] + 1 : -1;
     to.add(end.p, end.q, n, k, flat ? -2 - bound : 9 * (region % lasting_regions) + shape);
@@ -192,7 +192,8 @@ FAN_FN void touch_hull_outside(
 constexpr double no_turn[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 constexpr double no_shift[3] = {0.0, 0.0, 0.0};
 
-// A sphere or capsule x and a hull: feature 0, and 1 where two points are needed.
+// Adds the points of a sphere or capsule x and a hull: feature 0, and 1 where two points are
+// needed.
 FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull, Touches& to) {
   const PlacedHull local{*hull.hull, no_turn, no_shift};
   double ends[6];
@@ -217,7 +218,7 @@ FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull,
 class EllipsoidHullGap {
  public:
   double normal[3], gap = -DistanceTolerances::far;
-  HullFeature of;  // what the hull's point is on
+  HullFeature of;  // feature of the hull's point
 
   // Ends early where the gap is certainly `enough`.
   FAN_FN EllipsoidHullGap(
@@ -243,7 +244,7 @@ class EllipsoidHullGap {
     copy3(n, normal);
   }
 
-  // Finds the vertex that is the hull's point nearest to the ellipsoid's middle, if one is.
+  // Finds the vertex that is the hull's point nearest to the ellipsoid's middle, if there is one.
   FAN_FN void find_nearest_vertex() {
     bool beside[max_hull_vertices] = {};
     for (int e = 0; e < hull_.hull.n_edges; ++e) {
@@ -260,9 +261,9 @@ class EllipsoidHullGap {
       if (!beside[i]) nearest_ = i;
   }
 
-  // The best direction against one edge, if one of its normals or those of its ends may be better.
-  // Where the ellipsoid's middle has its nearest point elsewhere, it is highest over an end along a
-  // normal of some edge there.
+  // Tries the best direction against one edge, if one of its normals or those of its ends may be
+  // better. If the ellipsoid's middle has its nearest point elsewhere, its height is greatest over
+  // an end, along a normal of an edge there.
   FAN_FN void try_edge(int e) {
     const EdgeAt edge(hull_, e, no_shift);
     double w[3], p[3];
@@ -299,7 +300,7 @@ class EllipsoidHullGap {
   int nearest_ = -1;
 };
 
-// An ellipsoid x and a hull: feature 0.
+// Adds the point of an ellipsoid x and a hull: feature 0.
 FAN_FN void touch_hull_by_ellipsoid(const PlacedSolid& x, const PlacedSolid& hull, Touches& to) {
   const PlacedHull local{*hull.hull, no_turn, no_shift};
   double middle[3], centre[3], axes[9], p[3], q[3];

@@ -1,5 +1,4 @@
-// The contact points of one pair at many poses of its first solid's link: what derivatives of
-// contact are differenced from.
+// Contact points of one pair at many poses of its first solid's link, for differences of contact.
 #pragma once
 
 #include "fantoccini/collision/touch.hpp"
@@ -11,8 +10,8 @@ struct TouchPoses {
   static constexpr int width = 8;  // numbers of a point: feature, gap, point, normal
 
   // Points (n, max_touches, width) with a gap below `margin` at poses (n, 12) of the first solid's
-  // link and one (12,) of the second's, in the order of their features; those that are missing have
-  // the feature -1. A pose is R column by column, then the origin.
+  // link and one (12,) of the second's, in the order of their features; missing points have the
+  // feature -1. A pose is R column by column, then the origin.
   static void find(
       const ContactArrays& in, int pair, int n, const double* poses, const double* other,
       double margin, double* out) {
