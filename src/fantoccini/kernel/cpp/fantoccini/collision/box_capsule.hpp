@@ -12,11 +12,11 @@
 namespace fan {
 
 struct BoxTolerances {
-  static constexpr double core = 1e-10;  // m: a core this near meets the box
+  static constexpr double core = 1e-10;       // m: a core this near meets the box
   static constexpr double edge_share = 0.95;  // an edge wins below this share of a face's depth
-  static constexpr double same_face = 1e-4;  // relative to the size: flat below it
+  static constexpr double same_face = 1e-4;   // relative to the size: flat below it
   static constexpr double same_slope = 1e-5;  // likewise, of heights
-  static constexpr double rounding = 1e-9;  // relative to the size
+  static constexpr double rounding = 1e-9;    // relative to the size
 };
 
 // Sign of a coordinate: 1 or -1.

@@ -12,7 +12,7 @@ namespace fan {
 struct ClearanceTolerances {
   static constexpr double rounding = 1e-9;  // m: margin of bounds; depth of solids that touch
   static constexpr double min_slack = 1.0 + 1e-6;  // length over span above which a string sags
-  static constexpr double far = 1e30;  // m: no distance measured
+  static constexpr double far = 1e30;              // m: no distance measured
 };
 
 // Loads lanes first, first + 1, ... of rows (n, width). Lanes beyond the last row repeat it.
@@ -44,7 +44,7 @@ class Clearance {
 
   Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
   JointPaths<Model, Real> moves;  // about the configuration; see `measure`
-  Real least, which;  // clearance and number of its pair: see `measure`
+  Real least, which;              // clearance and number of its pair: see `measure`
   Real lower;                     // lower bound of all distances on the path given by `moves`
 
   // A link's pose at the last measurement: R by columns, then r.

@@ -10,10 +10,10 @@
 namespace fan {
 
 struct DistanceTolerances {
-  static constexpr double min_length = 1e-12;  // m: shorter segments count as points
+  static constexpr double min_length = 1e-12;       // m: shorter segments count as points
   static constexpr double min_determinant = 1e-12;  // sin^2 of an angle: parallel below it
-  static constexpr double min_axis_square = 1e-8;  // sin^2 of two edges' angle: no axis below it
-  static constexpr double far = 1e30;  // m or m^2: larger than every distance
+  static constexpr double min_axis_square = 1e-8;   // sin^2 of two edges' angle: no axis below it
+  static constexpr double far = 1e30;               // m or m^2: larger than every distance
 };
 
 template <class Real>

@@ -18,11 +18,11 @@
 namespace fan {
 
 struct EllipsoidTolerances {
-  static constexpr double slope = 1e-14;  // relative to the size: end of the ascent
+  static constexpr double slope = 1e-14;     // relative to the size: end of the ascent
   static constexpr double rounding = 1e-15;  // relative to the size: of the gap
   static constexpr double min_reach = 1e-9;  // relative to the size: of flat ellipsoids across
-  static constexpr int max_climbs = 60;  // Newton steps; about 6 are usual
-  static constexpr int max_halvings = 30;  // of a step that does not ascend
+  static constexpr int max_climbs = 60;      // Newton steps; about 6 are usual
+  static constexpr int max_halvings = 30;    // of a step that does not ascend
 };
 
 // Solves A x = b for a symmetric positive definite A (3, 3). Returns whether A is. A is changed.

@@ -8,8 +8,8 @@
 //
 // Spheres and capsules have a point of their core nearest to a facet, an edge or a vertex; the
 // region then says which. Inside their features these are the points that touches() finds. Trial
-// states of an integrator, and states over which rates are differenced, lie beyond: the gap of a
-// feature continues smoothly there.
+// states of an integrator, and states of finite differences, lie beyond: the gap of a feature
+// continues smoothly there.
 #pragma once
 
 #include "fantoccini/collision/narrow_phase.hpp"

@@ -11,9 +11,9 @@ constexpr int max_hull_edges = 3 * max_hull_vertices;  // by Euler's formula
 constexpr int max_hull_facets = 2 * max_hull_vertices;
 
 struct HullTolerances {
-  static constexpr double meeting = 1e-10;  // m: cores nearer than this meet
-  static constexpr double progress = 1e-14;  // relative to the squared distance: end of the search
-  static constexpr double rounding = 1e-9;  // relative to the size: heights that count as equal
+  static constexpr double meeting = 1e-10;    // m: cores nearer than this meet
+  static constexpr double progress = 1e-14;   // relative to the squared distance: end of the search
+  static constexpr double rounding = 1e-9;    // relative to the size: heights that count as equal
   static constexpr double flat_area = 1e-20;  // of squared sides: triangles without area
   static constexpr double above = 1e-6;  // relative to the size: lower by this, a corner counts
   static constexpr int max_turns = 100;  // of the search for nearest points; 5 to 20 are usual

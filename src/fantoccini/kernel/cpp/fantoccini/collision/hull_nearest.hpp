@@ -58,7 +58,7 @@ class NearestOfClouds {
   using Tol = HullTolerances;
   PointPair pair{};  // the nearest points
   double normal[3];  // from the second to the first; undefined for clouds that meet
-  double distance;  // m; 0 where they meet, `enough` where they are certainly that far apart
+  double distance;   // m; 0 where they meet, `enough` where they are certainly that far apart
   bool meet = false, far = false;
 
   FAN_FN NearestOfClouds(const Cloud& x, const Cloud& y, double enough)

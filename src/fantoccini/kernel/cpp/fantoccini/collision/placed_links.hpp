@@ -42,10 +42,10 @@ class PlacedLinks {
   // Of the current lane.
   const double *poses, *screw_D, *screw_K, *v_D, *v_K;
   Twist twist[room(L)];
-  double speed[room(L)];  // m/s: upper bound over all points of a link's solids
-  Solid placed[room(B)];  // in the world, of links with is_placed
+  double speed[room(L)];                 // m/s: upper bound over all points of a link's solids
+  Solid placed[room(B)];                 // in the world, of links with is_placed
   Ball ball[room(B)], ball_of[room(L)];  // around solids, and around all solids of a link
-  Ball around[room(L)];  // likewise, in the link's frame
+  Ball around[room(L)];                  // likewise, in the link's frame
   bool is_placed[room(L)];
 
   // Finds the solids of every link and the ball around all of them.

@@ -15,10 +15,10 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 struct TouchTolerances {
-  static constexpr double tiny = 1e-12;  // m: cores nearer than this have no direction
-  static constexpr double lying = 0.005;  // sin of an angle below which solids lie flat
-  static constexpr double crossing = 0.05;  // sin of an angle above which one point is enough
-  static constexpr double leaving = 1e-12;  // relative to a unit vector: less is rounding
+  static constexpr double tiny = 1e-12;       // m: cores nearer than this have no direction
+  static constexpr double lying = 0.005;      // sin of an angle below which solids lie flat
+  static constexpr double crossing = 0.05;    // sin of an angle above which one point is enough
+  static constexpr double leaving = 1e-12;    // relative to a unit vector: less is rounding
   static constexpr double min_overlap = 0.1;  // of the shorter segment, for two full points
 };
 
@@ -27,8 +27,8 @@ struct Touch {
   double point[3];   // world, midway between the two surfaces [m]
   double normal[3];  // unit, world, from the second solid towards the first
   double gap;        // m: distance of the surfaces along the normal; negative: depth
-  int feature;  // number of the point within the pair: the same from step to step
-  int region;  // changes where the surfaces continue with another curvature
+  int feature;       // number of the point within the pair: the same from step to step
+  int region;        // changes where the surfaces continue with another curvature
 };
 
 // Regions of a point of two edges. CROSSING: its normal is their product. ALONG: they are nearly

@@ -1,5 +1,5 @@
-// The problem of the contacts of a time step, lane by lane: their rows, beside those of the strings
-// and limits that take part, their bounds, and the restitutions that add no energy.
+// The problem of the contacts of a time step, lane by lane: their rows, those of the strings and
+// limits that take part, their bounds, and restitutions that add no energy.
 #pragma once
 
 #include "fantoccini/contact/columns.hpp"
@@ -22,7 +22,7 @@ class ContactProblem {
 
   Real residual = Real(0.0);  // of the law, in the last step
 
-  // Nothing is known of the columns of points.
+  // Discards the columns of all points.
   FAN_FN void begin() { columns_.begin(); }
 
   // Point i is another one in some lane.
@@ -30,9 +30,9 @@ class ContactProblem {
 
   FAN_FN const ContactColumns<Model, Real>& columns() const { return columns_; }
 
-  // The columns of the points that take part in some lane, and their products with the rows that
-  // may pull: those that pulled before, or close without impulses. The others take part where the
-  // impulses found would close them.
+  // Computes the columns of the points that take part in some lane, and their products with the
+  // rows that may pull: those that pulled before, or close without impulses. Other rows take part
+  // if the impulses would close them.
   FAN_FN void make_columns(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Mask* near, const Real* guess) {
@@ -61,7 +61,7 @@ class ContactProblem {
     }
   }
 
-  // Lets all points take part in lane 0, and the rows that did, after the step is solved.
+  // Includes all points in lane 0, and the rows that took part, after the step is solved.
   FAN_FN void take_all(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
     Mask none[room(M)];
@@ -76,12 +76,12 @@ class ContactProblem {
     sort(state, 0, rows, none);
   }
 
-  // Groups that were sorted; the points of the group at hand.
+  // Number of sorted groups; points of the current group.
   FAN_FN int groups() const { return groups_.n; }
   FAN_FN int points() const { return n_triple_; }
   FAN_FN int point(int k) const { return triple_[k]; }
 
-  // The problem of a group of lane 0, with the impulses that were found; false where it has no
+  // Restores the problem of a group of lane 0, with its impulses. Returns false if it has no
   // points.
   FAN_FN bool restore(const State& state, int group, const RowSystem<Model, Real>& rows) {
     choose(group);
@@ -95,7 +95,7 @@ class ContactProblem {
     return true;
   }
 
-  // The problem that was solved or restored last.
+  // The problem that was last solved or restored.
   FAN_FN const ConeProblem<M + 3 * C>& cone() const { return cone_; }
 
   // Solves lane l with the restitutions, times the largest common factor with which they add no
@@ -137,7 +137,7 @@ class ContactProblem {
   }
 
   // G, b and mu of lane l's problem. Three numbers are written as a register of four, whose last
-  // the next ones replace.
+  // entry the next ones overwrite.
   FAN_FN void write(const State& state, int l, const RowSystem<Model, Real>& rows) {
     cone_.resize(n_single_, n_triple_);
     for (int i = 0; i < n_single_; ++i) cone_.b[i] = lane_of(rows.problem.b[single_[i]], l);
@@ -170,9 +170,9 @@ class ContactProblem {
       }
   }
 
-  // Whether the impulses of lane l add energy, apart from the work of what drives the solids:
+  // Whether the impulses of lane l add energy, apart from the work of driven solids:
   //   sum of x . (before - G x / 2) < 0,   G x the change of hdot
-  // by more than the residual of the law leaves open.
+  // by more than the residual of the law allows.
   FAN_FN bool adds(
       const State& state, int l, const RowSystem<Model, Real>& rows, const Real* before,
       const Real* found) const {
@@ -209,7 +209,7 @@ class ContactProblem {
     return lost < -(left_open > rounding ? left_open : rounding);
   }
 
-  // Solves lane l, until no row is left that the impulses would close.
+  // Solves lane l, until the impulses close no further row.
   FAN_FN bool solve(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
       double cap, Real* found, Real* s) {
@@ -220,7 +220,7 @@ class ContactProblem {
   }
 
   // s of the rows that take part in lane l and may not pull; those that would close may pull from
-  // now on. Whether there are any.
+  // now on. Returns whether there are any.
   FAN_FN bool closes_more(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* found,
       Real* s) {
@@ -269,9 +269,8 @@ class ContactProblem {
     return solved;
   }
 
-  // Solves the rows and points chosen. Where bodies are wedged in, friction may hold them wherever
-  // they are, so that gaps cannot close and overlaps cannot part within the step: points then only
-  // have to stop.
+  // Solves for the chosen rows and points. Friction may hold wedged bodies in place, so that gaps
+  // cannot close and overlaps cannot part within the step: points then only have to stop.
   FAN_FN bool solve_group(
       State& state, int l, const RowSystem<Model, Real>& rows, const Real* guess, double cap,
       Real* found, Real* s) {
@@ -332,7 +331,7 @@ class ContactProblem {
     groups_.count();
   }
 
-  // Whether a solution is found that is accepted; where the law has none, with rows that yield.
+  // Whether a solution is accepted; if the law has none, with compliant rows.
   FAN_FN bool has_solution() {
     bool solved = cone_.solve() || cone_.residual <= Tolerance::accepted_residual;
     for (const double share : Tolerance::softness)

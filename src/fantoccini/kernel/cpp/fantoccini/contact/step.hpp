@@ -4,12 +4,12 @@
 //   x_t = -mu x_n u_t/|u_t| where u_t != 0                    (Signorini, Coulomb;
 //   solvers/cone.hpp)
 //
-// with u the velocity of the first solid against the second after the step, x the impulse on the
-// first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
-// restitution e leaves with u_n+ = -e u_n- at least, unless the forces of one step would take the
-// rebound back, from where it touches (timestepping/touching_step.hpp). With friction, or unequal
-// e, that may add energy; all are then scaled down until none is added. Of one trajectory; for
-// bundles of lanes see lanes.hpp.
+// with u the velocity of the first solid relative to the second after the step, x the impulse on
+// the first. As for strings, overlapping solids part at most at the recovery speed. A new contact
+// with restitution e leaves with at least u_n+ = -e u_n-, unless the forces of one step would
+// reverse the rebound, from where it touches (timestepping/touching_step.hpp). With friction, or
+// unequal e, that may add energy; all are then scaled down until none is added. For one trajectory;
+// for bundles of lanes see lanes.hpp.
 #pragma once
 
 #include "fantoccini/contact/patches.hpp"
@@ -39,11 +39,11 @@ class ContactStep {
   Push push[width][room(C)];
   Real violation, work, impact, friction;  // depth; energies of the step
   Real residual = Real(0.0);               // of the law, in the last step
-  double early = 0.0;  // m: largest gap across which something springs back; of one trajectory
+  double early = 0.0;  // m: largest gap across which a point rebounds; of one trajectory
 
   bool looks_ahead = true;  // whether points that roll are to stop in the middle of a step
 
-  // The points that the last step looked at.
+  // The points considered in the last step.
   const Points& candidates() const { return state_.points; }
 
   // Whether patches hold in the last step.
@@ -51,7 +51,7 @@ class ContactStep {
 
   bool too_many(int lane) const { return state_.points.too_many[lane]; }
 
-  // Nothing has touched anything yet.
+  // Starts without any contact.
   FAN_FN void begin(const ContactArrays& in) {
     state_.points.begin(in);
     rolling_.begin(in);
@@ -69,10 +69,11 @@ class ContactStep {
     memory.keep_of_lanes(state_.points.too_many);
   }
 
-  // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
+  // Points at rest that push count as having pushed for long; all others are discarded.
   FAN_FN void take_as_resting() { n[0] = keep_resting(push[0], n[0]); }
 
-  // Takes what pushed in the step before, and the list of near pairs; and what becomes of them.
+  // Loads the points that pushed in the previous step and the list of near pairs; give() stores
+  // them after the step.
   template <class Near>
   FAN_FN void take(const Push* pushes, int n_pushes, const Near& near) {
     n[0] = n_pushes;
@@ -87,8 +88,8 @@ class ContactStep {
     return n[0];
   }
 
-  // Finds the points of a step of length dt, which moves on for `left` with its velocities, and
-  // their speeds without impulses; eval is that of the step.
+  // Finds the points of a step dt, which continues for `left` with its velocities, and their speeds
+  // without impulses. `eval` is that of the step.
   FAN_FN void find(
       const ContactArrays& in, const Evaluation<Model, Real>& eval, const Real* q_D,
       const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double left,
@@ -138,11 +139,11 @@ class ContactStep {
     if (state_.is_before_known) state_.know_aims();
   }
 
-  // Whether something springs back, of one trajectory.
+  // Whether a point rebounds, of one trajectory.
   FAN_FN bool springs_back() const { return state_.points.most > 0 && state_.bounces[0]; }
 
-  // After which time the first of the points that spring back touches, and the next one, later by
-  // more than `same` [s]; unbounded where there is none.
+  // Time until the first of the rebounding points touches, and until the next one, later by more
+  // than `same` [s]; unbounded if there is none.
   struct Touches {
     double first, second;
   };
@@ -156,7 +157,7 @@ class ContactStep {
     return found;
   }
 
-  // Whether a new point that does not spring back closes before a time t [s].
+  // Whether a new point that does not rebound closes before a time t [s].
   bool closes_before(double t) const {
     for (int i = 0; i < state_.points.n[0]; ++i)
       if (state_.steps[0][i] == 0 && state_.rebound[0][i] == 0.0 && state_.near[0][i] &&
@@ -166,14 +167,15 @@ class ContactStep {
     return false;
   }
 
-  // Whether what would spring back is to close its gap only.
+  // With `held`, points that would rebound only close their gaps.
   void hold_back(bool held) { state_.holds_back = held; }
 
-  // After which time something that would spring back is struck by what the impulses have made fast
-  // in the step [s]; unbounded for nothing.
+  // Time until a point that would rebound is struck by a link that impulses of the step have
+  // accelerated [s]; unbounded if there is none.
   FAN_FN double struck_again() const { return struck_again_; }
 
-  // Adds what pushed in earlier parts of a step to what pushes at its end; of one trajectory.
+  // Adds points that pushed in earlier parts of a step to those that push at its end; of one
+  // trajectory.
   void join(const Push* earlier, int n_earlier) {
     for (int k = 0; k < n_earlier; ++k) {
       int place = 0;
@@ -188,8 +190,8 @@ class ContactStep {
     is_joined_ = true;
   }
 
-  // Looks again where impulses have made links faster, by acc over the step from v_D, than the
-  // margins of find() allow for, and adds the points that would be passed; whether there are any.
+  // Searches again where impulses have accelerated links, by acc over the step from v_D, beyond the
+  // margins of find(). Adds the points that would be passed. Returns whether there are any.
   FAN_FN bool look_again(
       const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
       double dt, double recovery_speed, const Mask& idle) {
@@ -234,7 +236,7 @@ class ContactStep {
     return true;
   }
 
-  // Adds the points that would be passed at the velocity v; whether there are any.
+  // Adds the points that would be passed at the velocity v. Returns whether there are any.
   FAN_FN bool watch(const Real* v) {
     bool more = false;
     Rates rates(state_.points, v);
@@ -252,11 +254,11 @@ class ContactStep {
     return more;
   }
 
-  // Solves for the impulses of the points and of the gathered rows that take part, in the lanes in
-  // which points do; the rows' problem holds their bounds, and then their impulses x and s. near
-  // tells which rows take part; a lane to which none were added since keeps its solution. `guess`
-  // (n_rows) are impulses of the rows to begin with, `before` is the gathered rows' hdot after the
-  // step without impulses.
+  // Solves for the impulses of the points and of the gathered rows that take part, in lanes with
+  // points. The rows' problem contains their bounds, then their impulses x and s. `near` marks the
+  // rows that take part; a lane without additions since the last solve keeps its solution. `guess`
+  // (n_rows) are initial impulses of the rows, `before` is the gathered rows' hdot after the step
+  // without impulses.
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, const Real* before, double cap, Mask& settled) {
@@ -303,7 +305,7 @@ class ContactStep {
     patches_.add(w);
   }
 
-  // What the impulses take from hdot of gathered row a.
+  // Reduction of hdot of gathered row a by the impulses.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     Real sum = Real(0.0);
     for (int i = 0; i < state_.points.most; ++i) {
@@ -315,8 +317,8 @@ class ContactStep {
     return sum;
   }
 
-  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
-  // 0.
+  // Energies of the step, and the points that push at its end. Returns 1 in lanes with an impact,
+  // else 0.
   FAN_FN Real account() {
     Real struck = Real(0.0);
     for (int l = 0; l < width; ++l)
@@ -339,8 +341,8 @@ class ContactStep {
     return struck;
   }
 
-  // What pushes at the end of the step as it is reported: where points share what they carry, the
-  // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
+  // Reported pushes at the end of the step: where redundant points share a force, the impulses of
+  // least norm. For one trajectory, not for lanes. Returns their number.
   int shared(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       ContactShare<M + 3 * C>& share, Push* out) {
@@ -366,8 +368,8 @@ class ContactStep {
   }
 
  private:
-  // Notes when a point that closes at this speed by the impulses of the step is struck and would
-  // spring back, unless that is at once.
+  // Records when a point with this closing speed by the impulses of the step is struck and would
+  // rebound, unless that is immediately.
   void note_struck(int l, int i, double closing) {
     const auto& point = state_.points.point[l][i];
     const bool is_new = state_.steps[l][i] == 0 && state_.rebound[l][i] == 0.0;
@@ -377,7 +379,7 @@ class ContactStep {
     struck_again_ = fmin(struck_again_, point.gap / closing);
   }
 
-  // When point i of one trajectory touches, at the speed at which it closes.
+  // Time until point i of one trajectory touches, at its closing speed.
   double touch_time(int i) const {
     return state_.points.point[0][i].gap / lane_of(state_.hdot[3 * i], 0);
   }
@@ -388,7 +390,7 @@ class ContactStep {
     return !state_.held[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
   }
 
-  // Adds point i of lane l as it pushes with the impulse x to a list, in order.
+  // Adds point i of lane l, with the impulse x, to a list, in order.
   FAN_FN void add_push(int l, int i, const double* x, Push* list, int& n_list) const {
     const auto& from = state_.points.point[l][i];
     int place = n_list++;
@@ -412,7 +414,7 @@ class ContactStep {
     }
   }
 
-  // Adds what the friction of point i takes, at the velocity after the step.
+  // Adds the energy taken by the friction of point i, at the velocity after the step.
   FAN_FN void book_friction(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(state_.x[d], l);
@@ -421,8 +423,8 @@ class ContactStep {
     }
   }
 
-  // The same in a step with an impact, whose impulses also act where solids rest: each takes what
-  // it takes at the mean of the velocities before and after the step.
+  // Likewise in a step with an impact, whose impulses also act on resting solids: each takes energy
+  // at the mean of the velocities before and after the step.
   FAN_FN void book_impact(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(state_.x[d], l), end = state_.after(l, d);
@@ -437,11 +439,11 @@ class ContactStep {
   RollingPoints<Model, Real> rolling_;
   ContactPatches<Model, Real> patches_;
   ContactProblem<Model, Real> problem_;
-  int looks_ = 0;  // how often was looked again
+  int looks_ = 0;  // number of further searches
   double struck_again_ = unbounded;
   bool is_joined_ = false;  // whether `push` has earlier parts of the step
-  // Of each lane's last solve in the step: how many rows and points took part, whether it went
-  // well; impulses and s of the rows.
+  // Of each lane's last solve in the step: number of rows and points that took part, success;
+  // impulses and s of the rows.
   int solved_with_[width];
   bool well_[width];
   Real row_x_[room(M)], row_s_[room(M)];
