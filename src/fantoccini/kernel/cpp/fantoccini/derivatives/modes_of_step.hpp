@@ -1,5 +1,5 @@
-// The points that push in a step, held in their modes beside the strings and limits, and what that
-// makes of the step's derivatives.
+// The points that push in a step, held in their modes together with the strings and limits, and
+// their effect on the step's derivatives.
 #pragma once
 
 #include "fantoccini/contact/push.hpp"
@@ -14,10 +14,11 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 struct ModesOfStepTolerances {
-  // Force that is shared otherwise, relative to the largest, to see whether motions depend on it.
+  // Redistributed force, relative to the largest, to test whether motions depend on the
+  // distribution.
   static constexpr double shift = 0.1;
-  // Change of a derivative by which it depends on that, relative to the largest by its quantity,
-  // and derivatives by one quantity that are rounding, relative to the largest of all.
+  // Relative change of a derivative that counts as such a dependence, and derivatives that are
+  // rounding, relative to the largest of all.
   static constexpr double depends = 1e-6, rounding = 1e-8;
 };
 
@@ -52,8 +53,8 @@ class ModesOfStep {
     partials_.begin(screws_, v_D, v_next, rate, by_p_, dt_);
   }
 
-  // Changes of the gap of the point that touches first of those that spring back, as
-  // ContactPartials has them; null where there is none.
+  // Changes of the gap of the first rebounding point that touches, as in ContactPartials; null if
+  // there is none.
   const double* touch_by() {
     const int i = first_touch(point_, n_);
     return i < 0 ? nullptr : partials_.gap_by(point_[i]);
@@ -61,7 +62,7 @@ class ModesOfStep {
 
   // Finds dt dacc and, unless null, writes the changes `pull` of the tensions and `shares` of the
   // points' multipliers, with the held rows and their changes `rate_by` and the changes `force` of
-  // the residual, all in bundles. Returns why these are no derivatives.
+  // the residual, all in bundles. Returns the reason if there are no derivatives.
   int solve(
       const Eval& eval, const RowSystem<Model, double>& rows, const Columns& columns, Wide* force,
       const Wide* rate_by, Wide* pull, Wide* shares) {
@@ -86,7 +87,7 @@ class ModesOfStep {
   // dt dacc, in bundles.
   Wide* found() { return found_; }
 
-  // Multipliers of all points.
+  // Number of multipliers of all points.
   int n_shares() const { return system_.n_rows - n_held_; }
 
  private:
@@ -116,7 +117,7 @@ class ModesOfStep {
       for (int k = 0; k < N; ++k) Columns::at(force, N, place(c), k) += by_[c * N + k];
   }
 
-  // Where a column of ContactPartials is among those of the step: q_D, v_D, q_K, dq_K/dt, and p
+  // Index of a column of ContactPartials among those of the step: q_D, v_D, q_K, dq_K/dt, and p
   // last.
   int place(int c) const {
     if (c < N) return c;
@@ -142,8 +143,8 @@ class ModesOfStep {
     }
   }
 
-  // Whether the motion depends on how redundant points share their force: shares that do nothing,
-  // `idle`, are added to it.
+  // Whether the motion depends on the distribution of force among redundant points: shares `idle`,
+  // without effect on the step, are added.
   bool depends(const Eval& eval, Wide* force, const double* idle) {
     for (int c = 0; c < Partials::n_columns; ++c)
       for (int k = 0; k < N; ++k) Columns::at(force, N, place(c), k) -= by_[c * N + k];

@@ -1,4 +1,4 @@
-// First time steps from many states, with what touches in them (step_modes.hpp).
+// First time steps from many states, with their contacts (step_modes.hpp).
 #pragma once
 
 #include <new>
@@ -16,7 +16,7 @@ class StepTouches {
   static constexpr int P = Model::n_p, S = Model::n_strings, M = Model::n_rows;
   static constexpr int C = Model::n_contacts, L = Model::n_links, E = N + K;
 
-  // Node i of the arrays.
+  // Computes node i of the arrays.
   void find(const TouchingStepArrays& in, long long i) {
     step(in, i);
     begin(in, i, trajectory_.at.touching.delay);
@@ -40,7 +40,7 @@ class StepTouches {
     in.delay[i] = delay;
   }
 
-  // The inputs where a step begins, and those where it ends.
+  // Inputs at the start and at the end of a step.
   struct Ends {
     using Inputs = typename TimeSteppingTrajectory<Model, double>::Inputs;
     Inputs now, then;
@@ -95,8 +95,8 @@ class StepTouches {
   StepContact found_[room(C)];
 };
 
-// The C interface of StepTouches: the nodes [first, last) of the arrays; 1 where there was no
-// memory, else 0.
+// The C interface of StepTouches: the nodes [first, last) of the arrays; returns 1 if memory is
+// exhausted, else 0.
 template <class Model>
 int find_step_touches(const TouchingStepArrays& in, long long first, long long last) {
   if constexpr (Model::n_contacts > 0) {
