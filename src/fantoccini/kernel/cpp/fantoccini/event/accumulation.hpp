@@ -1,13 +1,14 @@
 // Accumulations of catches (Zeno): strings that share a body are caught in turn, each catch
 // loosening the others, at intervals that shrink geometrically. The sequence ends where a loosened
-// row is slower than max_rest_speed (attempts.hpp) and is held; this recognises such a sequence.
+// row is slower than max_rest_speed (attempts.hpp) and is held. This class recognises such a
+// sequence.
 #pragma once
 
 namespace fan {
 
 struct Accumulation {
-  static constexpr int kept = 6;  // catches: five intervals, four of which follow one of them
-  static constexpr double max_ratio = 0.98;  // of an interval that has shrunk to the one before it
+  static constexpr int kept = 6;  // catches: five intervals, four of which follow another
+  static constexpr double max_ratio = 0.98;  // of successive intervals that shrink
 
   double times[kept] = {};
   int n = 0;
@@ -29,7 +30,7 @@ struct Accumulation {
     return true;
   }
 
-  // When catches whose intervals go on to shrink as the last two have would end.
+  // Limit of the catch times if the intervals keep shrinking as the last two did.
   double limit() const {
     const double last = times[n - 1] - times[n - 2], before = times[n - 2] - times[n - 3];
     return times[n - 1] + last * last / (before - last);

@@ -23,7 +23,7 @@ class EventBatch {
   static constexpr int event_capacity =
       1024 > 4 * EventRun<Model>::events_per_step ? 1024 : 4 * EventRun<Model>::events_per_step;
   static constexpr int contact_capacity = row_capacity * Model::n_contacts;
-  static constexpr long long steps_per_report = 200;  // between two looks at the pool
+  static constexpr long long steps_per_report = 200;  // between two checks of the pool
 
   void run(Pool& pool, long long who) {
     const BatchArrays& in = pool.arrays;
@@ -47,8 +47,8 @@ class EventBatch {
     run.tell_blame(status, blame_of<Model>(in, who));
   }
 
-  // Copies the samples at the requested times to their rows. Of several at one time the last one
-  // stays, which is that after the event.
+  // Copies the samples at the requested times to their rows. Of several samples at one time the
+  // last, after the event, remains.
   void hand_over(const BatchArrays& in, long long who, Row& out) {
     for (long long i = 0; i < out.n_samples; ++i) {
       const double* row = out.samples + i * Layout::width;
@@ -67,7 +67,7 @@ class EventBatch {
 
   std::optional<EventRun<Model>> run_;
   double rows_[row_capacity * Layout::width], events_[event_capacity * EventLayout::width];
-  double contacts_[room(contact_capacity * ContactLayout::width)];  // not handed over
+  double contacts_[room(contact_capacity * ContactLayout::width)];  // not copied to the results
   long long caught_ = 0, released_ = 0, row_ = 0;
 };
 

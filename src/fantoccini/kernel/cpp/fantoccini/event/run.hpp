@@ -1,6 +1,5 @@
-// The event-driven run: adaptive steps of the flow with the active set frozen, stopped where a
-// tension falls through zero (release), a slack row closes (catch), or a winch begins or ends to
-// slip.
+// The event-driven run: adaptive steps of the flow with frozen active set, stopped where a tension
+// falls through zero (release), a slack row closes (catch), or a winch begins or ends to slip.
 #pragma once
 
 #include "fantoccini/event/detector.hpp"
@@ -49,8 +48,8 @@ struct EventRun {
       status = flow.project(flow.t, flow.y);
     }
     if (status == RUNNING) {
-      // Held rows may move by up to max_rest_speed. They are stopped where possible; the ledger
-      // starts after that.
+      // Held rows may move by up to max_rest_speed. They are stopped if possible; the ledger starts
+      // after that.
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       instants.refresh();
@@ -68,7 +67,7 @@ struct EventRun {
     return status;
   }
 
-  // The same where solids touch.
+  // Likewise if solids touch.
   Status start_in_contact(Record<Model>& out) {
     step_size = flow.opt.first_step;
     flow.motors.begin(flow.y, flow.q_K, flow.p);
@@ -81,7 +80,7 @@ struct EventRun {
     return status;
   }
 
-  // Tells of the winches that slip.
+  // Writes events of the winches that slip.
   void tell_slips(Record<Model>& out) {
     for (int r = 0; r < S; ++r)
       if (flow.row_state[r] == SLIPPING) instants.writer.note(out, SLIP, r, 0.0, flow.slip_rate[r]);
@@ -96,7 +95,7 @@ struct EventRun {
 
   RunProgress progress() const { return {n_steps, flow.t, 0.0}; }
 
-  // By row and watched drive, its share of the blame for how the run has ended.
+  // By row and watched drive, its share in the cause of the run's status.
   void tell_blame(Status status, double* out) const {
     flow.motors.blame(status, 0, instants.blame, out);
   }
@@ -120,7 +119,7 @@ struct EventRun {
       // A break at the end of this run is handled when the run continues.
       at_break_ = flow.t >= smooth;
     }
-    // A row that closes at the very end is caught, so that a run can begin at the last state.
+    // A row that closes exactly at the end is caught, so that a run can begin at the last state.
     if (closes()) {
       if (!out.room_for(rows_per_step, events_per_step)) return RUNNING;
       const Status status = instants.instant(out);
@@ -129,8 +128,8 @@ struct EventRun {
     return flow.motors.verdict(0);
   }
 
-  // Handles a break of the inputs at the present time, and finds until when the flow is smooth,
-  // `end`.
+  // Handles a break of the inputs at the present time, and finds `end`, until which the flow is
+  // smooth.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
     if (instants.writer.n_events >= flow.opt.max_events ||
@@ -156,7 +155,7 @@ struct EventRun {
     return RUNNING;
   }
 
-  // Writes the present state, wherever the flow was evaluated last.
+  // Writes the present state, independent of the flow's latest evaluation.
   void emit_present(Record<Model>& out) {
     instants.refresh();
     instants.writer.emit(out);
@@ -173,7 +172,7 @@ struct EventRun {
   }
 
  protected:
-  // Sets where the run begins, and its options.
+  // Sets the start of the run, and its options.
   void set(const StartArrays& from) {
     flow.opt = from.options;
     flow.drive.set(from.input);
@@ -188,9 +187,10 @@ struct EventRun {
     n_save = from.n_save;
   }
 
-  // When a driven length runs out in the inputs' present piece; computed once for each piece.
+  // Time at which a driven length runs out in the inputs' present piece; computed once for each
+  // piece.
   double runs_out() {
-    if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have yet to begin
+    if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have not begun
     if (looked_at_ != flow.drive.segment() || flow.t < looked_from_) {
       looked_at_ = flow.drive.segment();
       looked_from_ = flow.t;
@@ -261,7 +261,7 @@ struct EventRun {
       const double found = guards.suspicious(s);
       if (found <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
       const double at = guards.locate(found);
-      // Friction's direction is kept beyond where a point stops: a step that ends before may be
+      // Friction's direction is kept beyond a point's stop: a step that ends before it may be
       // worse.
       if (flow.contacts.holds() && !(flow.error(at) <= 1.0)) {
         s = Tolerance::min_factor * at;
@@ -282,7 +282,7 @@ struct EventRun {
     return false;
   }
 
-  // The status of a step below the clock's resolution, whose trial has left the flow where it may.
+  // Status of a step below the clock's resolution; its trial may have left the flow anywhere.
   Status too_small() {
     instants.refresh();
     return flow.contacts.jamming(flow) ? NO_UNIQUE_MOTION : STEP_TOO_SMALL;
@@ -341,8 +341,8 @@ struct EventRun {
     return flow.motors.gone ? RUNAWAY : RUNNING;
   }
 
-  // Evaluates the present state anew, with the friction of slow points ahead; or with none where
-  // that would end a mode.
+  // Evaluates the present state again, with the friction of slow points ahead; without slow points
+  // if that would end a mode.
   void look_ahead() {
     for (;;) {
       instants.refresh();
@@ -351,7 +351,7 @@ struct EventRun {
     }
   }
 
-  // Writes the samples within the step; the status is that of the first one that fails.
+  // Writes the samples within the step. Returns the status of the first that fails.
   Status save_inside(double s, double new_t, Record<Model>& out) {
     flow.prepare_dense(s);
     const double t0 = flow.t;
@@ -375,7 +375,7 @@ struct EventRun {
   }
 
   bool at_break_ = false;
-  // Of runs_out(): the piece it was computed for, from which time on, when, and whose length.
+  // Cache of runs_out(): the piece and its start, the time, and the row.
   int looked_at_ = -1, emptying_ = -1;
   double looked_from_ = 0.0, empty_at_ = unbounded;
 };
