@@ -1,4 +1,4 @@
-// A run of fixed steps of one trajectory: driven by an input, written row by row.
+// A run of one trajectory with fixed steps: driven by an input, written row by row.
 #pragma once
 
 #include "fantoccini/contact/events.hpp"
@@ -15,7 +15,7 @@ class GridRun {
  public:
   using Model = typename Trajectory::Model;
 
-  // The argument is there for interface/run.hpp and has no meaning here.
+  // The argument exists for interface/run.hpp and has no meaning here.
   explicit GridRun(bool = false) {}
 
   Status start(const StartArrays& from, Record<Model>& out) {
@@ -59,7 +59,7 @@ class GridRun {
     }
   }
 
-  // New inputs, and a new step grid, from here on.
+  // Starts new inputs and a new step grid at the present time.
   void set_input(const InputArrays& input) {
     drive_.set(input);
     trajectory_.restart(drive_);
@@ -85,16 +85,16 @@ class GridRun {
   static constexpr int S = Model::n_strings, M = Model::n_rows;
   static constexpr bool touches = Trajectory::touches;
   static constexpr int C = touches ? Model::n_contacts : 0;
-  static constexpr int most_events =  // of a step
+  static constexpr int most_events =  // per step
       2 * M + S + 2 * Model::n_watched + 1 + ContactEvents<C>::most;
 
-  // Writes what is due after a step, while there is room.
+  // Writes the rows due after a step, while there is space.
   struct Writer {
     GridRun& run;
     Record<Model>& out;
     double t_end;
     long long budget;
-    Status ended = DONE;  // at the end of the grid; else why it was left
+    Status ended = DONE;  // at the end of the grid; else the reason for leaving it
 
     bool ready(const StepCount& count) {
       if (budget-- <= 0 || !out.room_for(2, most_events)) ended = RUNNING;

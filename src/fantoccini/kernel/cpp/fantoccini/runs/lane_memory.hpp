@@ -1,4 +1,4 @@
-// What a bundle of lanes remembers, written to memory and read from it member by member.
+// The memory of a bundle of lanes, written to and read from bytes member by member.
 #pragma once
 
 #include <cstring>
@@ -9,8 +9,8 @@
 
 namespace fan {
 
-// Keeps the members of a bundle in `place`, or takes them from there; counts their bytes if there
-// is no place. Only the lanes in `lanes` change.
+// Writes the members of a bundle to `place`, or reads them from there; without a place, counts
+// their bytes. Only the lanes in `lanes` change.
 template <class Real>
 class LaneMemory {
  public:
@@ -41,7 +41,7 @@ class LaneMemory {
 
   long long size() const { return size_; }
 
-  static constexpr int alignment = 64;  // of every member, as vectors need it
+  static constexpr int alignment = 64;  // of every member, for vectors
 
  private:
   template <class Member, int n>

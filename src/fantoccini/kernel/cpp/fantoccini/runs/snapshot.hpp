@@ -1,4 +1,4 @@
-// The whole state of a run except its inputs, as bytes: a run that restores them gives the same
+// The whole state of a run except its inputs, as bytes: a run that restores it gives the same
 // results to the last bit.
 #pragma once
 
@@ -7,9 +7,9 @@
 
 namespace fan {
 
-// Writes members one after the other to `out`, or reads them from `from`; counts their bytes.
-// Pointers in them (into the run's own arrays) are invalid when read; runs set them again before
-// they use them.
+// Writes members one after another to `out`, or reads them from `from`; counts their bytes.
+// Pointers in them (into the run's own arrays) are invalid after reading; runs set them again
+// before use.
 class Snapshot {
  public:
   Snapshot(unsigned char* out, const unsigned char* from) : out_(out), from_(from) {}

@@ -1,13 +1,13 @@
-// A hanging pose, and how it follows the driven coordinates and the parameters u:
+// A hanging pose, and its derivatives by the driven coordinates and the parameters, u:
 //
 //   r(q_D, q_K, p, T) = g + A_D^T T = 0,   h = 0 where a row pulls, T = 0 elsewhere
 //
 //   (r_q  A^T) (dq_D)     (r_u)
 //   ( A    0 ) ( dT )  = -(h_u) du
 //
-// over the rows that pull, solved with B = r_q + A^T R A, which is positive definite for a large R
-// exactly where V has a minimum on the rows (Nocedal and Wright, Numerical Optimization,
-// section 17.3).
+// over the pulling rows, solved with B = r_q + A^T R A, which is positive definite for a large R
+// exactly if V has a minimum on the rows (Nocedal and Wright, Numerical Optimization, section
+// 17.3).
 #pragma once
 
 #include <cmath>
@@ -23,11 +23,11 @@ struct HangingTolerances {
   static constexpr double penalty = 100.0;     // R, relative to the stiffness along the row
   static constexpr double neutral = 1e-12;     // raise of the diagonal: a pose may turn freely
   static constexpr double dependent = 1e-11;   // pivot below which a row depends on others
-  static constexpr double last_move = 1e-7;    // Newton move that is the last [rad or m]
-  static constexpr double max_move = 0.3;      // the longest
+  static constexpr double last_move = 1e-7;    // last Newton move [rad or m]
+  static constexpr double max_move = 0.3;      // longest move [likewise]
   static constexpr double min_tension = 1e-9;  // relative to the weight: rounding
   static constexpr int rounds = 40;            // of Newton's method
-  static constexpr double max_gap = 1e-9;      // likewise [m or rad]
+  static constexpr double max_gap = 1e-9;      // rounding [m or rad]
 };
 
 template <class Model>
@@ -44,13 +44,13 @@ class Hanging {
   double weight = 1.0;
   const unsigned char* may_change = nullptr;  // (M,) rows that may begin or cease to pull
 
-  // dq_D (column u at u * NP) and dT (at u * M, of rows that pull; of others dh) by u.
+  // dq_D (column u at u * NP) and dT (at u * M, of pulling rows; of others dh) by u.
   double by_u[room(U) * NP], row_by_u[room(U * M)];
   double h[room(M)];
   bool stable = false;
 
-  // A round of Newton's method, which is not made: move of q_D, row_move of T where a row pulls and
-  // of h elsewhere. False where the equations have no solution.
+  // Computes one Newton step without taking it: `move` of q_D, `row_move` of T for pulling rows and
+  // of h for others. Returns false if the equations have no solution.
   double move[NP], row_move[room(M)];
   bool aim() {
     Call<Model, double>::hanging(at.q_D, at.q_K, at.tension, at.p, found_);
@@ -68,7 +68,7 @@ class Hanging {
     return true;
   }
 
-  // Newton's method, and rows that begin or cease to pull; false where it does not converge.
+  // Newton's method, with rows that begin or cease to pull. Returns false if it does not converge.
   bool balance() {
     for (int change = 0; change <= 2 * M + 2; ++change) {
       if (!settle()) return false;
@@ -77,7 +77,7 @@ class Hanging {
     return false;
   }
 
-  // Factorises the equations at the last evaluation, for other rows that pull.
+  // Factorises the equations at the last evaluation, after a change of the pulling rows.
   bool factorise() {
     gather();
     double top = 0.0;
@@ -99,7 +99,7 @@ class Hanging {
     return false;
   }
 
-  // by_u and row_by_u of what is chosen.
+  // by_u and row_by_u of the chosen coordinates and parameters.
   void differentiate(const int* chosen, int n_chosen) {
     for (int c = 0; c < n_chosen; ++c) {
       const int u = chosen[c];
@@ -120,7 +120,7 @@ class Hanging {
  private:
   double A(int row, int k) const { return found_.A_D[k * M + row]; }
 
-  // The rows that pull, one after the other.
+  // Lists the pulling rows.
   void gather() {
     n_ = 0;
     for (int j = 0; j < M; ++j) {
@@ -146,7 +146,7 @@ class Hanging {
     return false;
   }
 
-  // Lets go the row that pushes most, or else holds the one that is passed most.
+  // Releases the row with the largest push, or else holds the one with the largest violation.
   bool change_row() {
     int worst = -1;
     double most = Tolerance::min_tension * weight;

@@ -1,4 +1,4 @@
-// The poses of a search for places: written one after the other, and read again by later ones.
+// The poses of a search for places: written in order, and read by later ones.
 #pragma once
 
 #include <cmath>
@@ -17,8 +17,8 @@ struct ReachPoses {
 
   const ReachArrays* in = nullptr;
 
-  // The place before the i-th that is nearest to it among the last ones with a pose, the latest of
-  // equals; -1 where there is none.
+  // The nearest of the last places before the i-th that have a pose, the latest of equals; -1 if
+  // there is none.
   long long nearest(long long i) const {
     const int size = 3 * in->n_targets;
     long long best = -1;

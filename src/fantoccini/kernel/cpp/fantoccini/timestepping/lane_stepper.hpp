@@ -1,8 +1,8 @@
-// Trajectories of fixed steps that are advanced piece by piece, in bundles of lanes, each with its
-// own parameters, under accelerations and forces that are held over a piece (StepperArrays).
+// Trajectories with fixed steps that are advanced piece by piece, in bundles of lanes, each with
+// its own parameters, under constant accelerations and forces over a piece (StepperArrays).
 //
-// Between pieces a bundle is what its lanes remember and the caller's arrays: every worker has one
-// trajectory of its own, in which it advances bundle after bundle.
+// Between pieces a bundle exists as the memory of its lanes and the caller's arrays: every worker
+// has one trajectory, with which it advances bundle after bundle.
 #pragma once
 
 #include <atomic>
@@ -22,7 +22,7 @@ class LaneStepper {
  public:
   static constexpr int width = Traits<Real>::width;
 
-  // Whether there was memory for n trajectories and this many workers.
+  // Allocates n trajectories and this many workers. Returns whether there was memory.
   bool make(long long n, int workers) {
     n_bundles_ = (n + width - 1) / width;
     LaneMemory<Real> count(Memory::COUNT, nullptr, Real(0.0) < Real(1.0));
@@ -39,7 +39,7 @@ class LaneStepper {
     return memory_ != nullptr;
   }
 
-  // A piece for work(); the arrays must live until all workers are done.
+  // Sets a piece for work(); the arrays must live until all workers are done.
   void begin(const StepperArrays& arrays) {
     arrays_ = arrays;
     next_.store(0);
@@ -127,7 +127,7 @@ class LaneStepper {
       take_lane(bundle.q_D(), NQ, l, in.q_D + who * NQ);
       take_lane(bundle.v_D(), N, l, in.v_D + who * N);
       take_lane(bundle.slip(), S, l, in.slip + who * S);
-      // A lane that has stopped keeps its inputs, too.
+      // A stopped lane also keeps its inputs.
       if (lane_of(bundle.runs(), l)) {
         take_lane(inputs.q_K, Model::n_qK, l, in.q_K + who * Model::n_qK);
         take_lane(inputs.v_K, NK, l, in.v_K + who * NK);

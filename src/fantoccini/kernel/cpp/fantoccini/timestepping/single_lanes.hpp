@@ -1,6 +1,6 @@
-// Lanes of a bundle that make a step of their own, as a single trajectory does: those whose
-// contacts are not solved in all lanes at once (contact/lanes.hpp). A lane is then where it was
-// before the bundle's step, of which nothing else of it is kept.
+// Lanes of a bundle that make a step as a single trajectory does: those whose contacts are not
+// solved in all lanes at once (contact/lanes.hpp). Such a lane restarts from its state before the
+// bundle's step, of which nothing else is used.
 #pragma once
 
 #include "fantoccini/contact/lanes.hpp"
@@ -30,7 +30,7 @@ class SingleLanes {
     for (int r = 0; r < M; ++r) fast[r] = Real(0.0) > Real(1.0);
   }
 
-  // Remembers the lanes as they are before a step.
+  // Saves the lanes' state before a step.
   FAN_FN void save(const Many& at) {
     for (int k = 0; k < N; ++k) {
       acc_[0][k] = at.accs_[at.acc_at_][k];

@@ -1,8 +1,8 @@
-// Improves the first guess of a step by extrapolating the errors of the guesses before it.
+// Extrapolates the errors of previous first guesses to improve that of a step.
 //
 // A guess from the forces at the node has an error e_k of order dt^3, which changes little from
 // step to step: e_k is estimated as 0, as e_k-1, along the straight line or the parabola through
-// the last ones, by whichever would have estimated e_k-1 best. Written for any Real.
+// the last ones, whichever would have estimated e_k-1 best. Written for any Real.
 #pragma once
 
 #include "fantoccini/math/manifold.hpp"
@@ -40,7 +40,7 @@ class Extrapolation {
       for (int j = 0; j < kept; ++j) x[k] += of[j] * past_[j][k];
   }
 
-  // Takes the error of the guess for a step of length dt in these lanes.
+  // Stores the error of the guess for a step of length dt in these lanes.
   FAN_FN void learn(const Real& dt, const Real* lacked, const Mask& lanes) {
     using std::abs;
     forget(lanes && abs(dt - dt_) > same_step * dt);
@@ -61,7 +61,7 @@ class Extrapolation {
       least = select(better, off[order], least);
       best = select(better, Real(double(order)), best);
     }
-    // The first error is repeated: there is none before it to compare with.
+    // The first error is repeated: there is none before it for comparison.
     best = select(n_ > Real(0.5), best, Real(1.0));
     best_ = select(lanes, best, best_);
     n_ = select(lanes && n_ < Real(double(kept)), n_ + 1.0, n_);
@@ -73,12 +73,12 @@ class Extrapolation {
 
  private:
   static constexpr int kept = 3;             // past errors: up to a parabola
-  static constexpr double same_step = 1e-6;  // relative difference up to which steps count as equal
+  static constexpr double same_step = 1e-6;  // relative difference of steps that count as equal
   static constexpr double weights[kept][kept] = {
       {1.0, 0.0, 0.0}, {2.0, -1.0, 0.0}, {3.0, -3.0, 1.0}};
   Real past_[kept][room(n)];  // the latest first
-  Real n_;                    // how many of them count
-  Real best_;                 // how many of them the next guess uses
+  Real n_;                    // number of valid ones
+  Real best_;                 // number of those used by the next guess
   Real dt_;                   // s
 };
 

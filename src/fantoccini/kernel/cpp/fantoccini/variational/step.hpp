@@ -1,19 +1,20 @@
-// The variational integrator: discrete Euler-Lagrange by the midpoint rule, strings one-sided,
+// The variational integrator: discrete Euler-Lagrange by the midpoint rule, one-sided strings,
 //
 //   p_k - A_D(q_k)^T Lambda = p_k(xi),   h(q_k+1) <= 0 complementary to Lambda >= 0
 //
-// with p_k(xi), p_k+1, q_k+1 and h by the generated midpoint_rule (equations/variational.py). It
-// makes lengths hold at every node; the velocities there are those of node.hpp.
+// with p_k(xi), p_k+1, q_k+1 and h from the generated midpoint_rule (equations/variational.py).
+// Lengths hold at every node; the velocities there are those of node.hpp.
 //
 // The step is solved for y = F^-T p at q_k, where F^T F = M_DD + dt/2 damping of the joints. The
-// derivative of p_k(xi) is F^T F / dt but for terms of relative size dt times a velocity, so that
+// derivative of p_k(xi) is F^T F / dt except for terms of relative size dt times a velocity, so
+// that
 //
 //   z = y - F^-T p_k(xi) - W Lambda,   h / dt + W^T z <= 0 complementary to Lambda >= 0,
 //   xi <- xi + dt F^-1 z
 //
 // is nearly Newton's iteration and needs no derivative; Broyden's updates correct the difference.
 //
-// Written for any Real: lanes step together, each by a step of its own length.
+// Written for any Real: lanes step together, each with its own step length.
 #pragma once
 
 #include "fantoccini/variational/broyden.hpp"
@@ -27,20 +28,20 @@ struct VariationalTolerances {
   static constexpr double momentum_residual = 1e-12;
   // The same for a step whose residual no longer shrinks,
   static constexpr double stalled_residual = 1e-10;
-  // that is, whose |z|^2 is more than this share of the round before.
+  // that is, whose |z|^2 exceeds this share of the previous round's.
   static constexpr double stalled_share = 0.1;
-  // m or rad: rounding of a row's height. Over dt it is a speed that |z| may have, too,
+  // m or rad: rounding of a row's height. Over dt it is a speed that |z| may also have,
   static constexpr double height_rounding = 1e-14;
   // for rows with at least this share of G's largest diagonal entry: others hardly move anything.
   static constexpr double moving_row = 1e-6;
-  // m or rad by which a solved step may overstep a row.
+  // m or rad: largest violation of a row in a solved step.
   static constexpr double violation = 1e-11;
-  // rad (of xi) by which a coordinate may turn in one step: wider steps gain energy.
+  // rad (of xi): largest turn of a coordinate in one step; larger steps gain energy.
   static constexpr double max_turn_per_step = 1.0;
-  // rad by which a string may swing in one step: the same.
+  // rad: largest swing of a string in one step, likewise.
   static constexpr double max_swing_per_step = 0.7;
   static constexpr int max_corrections = 30;
-  // kg m^2/s^2: |z|^2 from which on a step has diverged.
+  // kg m^2/s^2: |z|^2 above which a step has diverged.
   static constexpr double diverged = 1e30;
 };
 
@@ -59,7 +60,7 @@ struct VariationalStep {
   };
 
   Node here;
-  double least = negligible;  // kg m^2/s^2: least |y|^2 that residuals are relative to
+  double least = negligible;  // kg m^2/s^2: lower bound of the |y|^2 that residuals are relative to
   Lead lead;
   Inputs coming;  // at the end of the step
   // Of the last step, in the lanes that made it.
@@ -69,14 +70,14 @@ struct VariationalStep {
   Real work, loss, impact, slip_loss;
   long long n_corrections = 0;
 
-  // How far a row is beyond its bound at the end of the step last found, and its impulse.
+  // Violation of a row's bound at the end of the last solved step, and its impulse.
   FAN_FN Real overstep(int r) const {
     using std::abs;
     return r < S && Model::wire[r] ? Real(abs(trial_.h[r])) : trial_.h[r];
   }
   FAN_FN Real found_impulse(int r) const { return trial_.lambda[r]; }
 
-  // Begins at q_D, v_D, slip and the inputs of `here`, with steps of length dt to come.
+  // Begins at q_D, v_D, slip and the inputs of `here`, before steps of length dt.
   FAN_FN void begin(const Real& dt) {
     const Mask no = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {
@@ -97,8 +98,8 @@ struct VariationalStep {
     here.settle();
   }
 
-  // Looks for the step of length dt in the lanes `wanted`, and returns those in which it was found.
-  // The state stays as it is.
+  // Solves the step of length dt in the lanes `wanted`. Returns the solved lanes. The state is
+  // unchanged.
   FAN_FN Mask solve(const Real& dt, const Mask& wanted) {
     using std::abs;
     here.expect(select(wanted, dt, here.ahead));
@@ -174,9 +175,9 @@ struct VariationalStep {
     return solved && !lost;
   }
 
-  // Whether the step that was found resolves how its strings swing. A string of length L under
-  // tension turns by the angle dt sqrt(tension G / L), with tension = 2 Lambda / dt, as half of the
-  // impulse acts at each end.
+  // Whether the solved step resolves the swing of its strings. A string of length L under tension
+  // turns by the angle dt sqrt(tension G / L), with tension = 2 Lambda / dt, as half of the impulse
+  // acts at each end.
   FAN_FN Mask resolves(const Real& dt) const {
     using std::abs;
     const auto& rows = here.firm.rows;
@@ -193,7 +194,7 @@ struct VariationalStep {
   }
 
   // By row of `firm`, the closing speed that impulses have to remove in a step of length dt. The
-  // step that was found is kept.
+  // solved step is kept.
   FAN_FN void demand(const Real& dt, Real* b) {
     const TrialStep<Model, Real> found = trial_;
     auto& rows = here.firm.rows;
@@ -209,7 +210,7 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) lacked_[k] = lacked[k];
   }
 
-  // Makes the step of length dt that was found, in the lanes `goes`.
+  // Makes the solved step of length dt, in the lanes `goes`.
   FAN_FN void accept(const Real& dt, const Mask& goes) {
     Real before[room(N)], coupled[room(N)], lost[room(M)];
     Mask was_taut[room(M)];
@@ -266,7 +267,7 @@ struct VariationalStep {
 
  private:
   // Adds the residual of the momenta at the node to those at the end, so that conserved momenta are
-  // kept to rounding, whatever residual the iteration leaves.
+  // kept to rounding whatever the residual of the iteration.
   FAN_FN void balance() {
     Real v[room(N)], still[room(NK)], lacks[room(N)];
     here.firm.eval.back(left_, v);
@@ -275,7 +276,7 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) trial_.after[k] += lacks[k];
   }
 
-  // |z|^2 that rounding of the rows' heights may cause: divided by a short step it is a speed.
+  // |z|^2 from rounding of the rows' heights: divided by a short step it is a speed.
   FAN_FN Real rounding(const Real& dt) const {
     const auto& rows = here.firm.rows;
     const Real speed = Tolerance::height_rounding / dt;
@@ -292,8 +293,8 @@ struct VariationalStep {
     return speed * speed * most;
   }
 
-  // The first xi: dt times the velocities that the forces at the node and mu, for Lambda, give
-  // half-way, corrected by the extrapolated errors of such guesses.
+  // The first xi: dt times the velocities half-way by the forces at the node and mu, for Lambda,
+  // corrected by the extrapolated errors of such guesses.
   FAN_FN void first_guess(const Real& dt) {
     const auto& on = here.exact;
     Real w[room(N)], pull[room(M)];
@@ -312,7 +313,7 @@ struct VariationalStep {
     for (int i = 0; i < S; ++i) trial_.h[i] -= trial_.slip_next[i];
   }
 
-  // The lanes in which no row is overstepped at the end of the step, whether it takes part or not.
+  // Lanes in which no row is violated at the end of the step, whether it takes part or not.
   FAN_FN Mask held() const {
     using std::abs;
     const auto& rows = here.firm.rows;
@@ -328,7 +329,8 @@ struct VariationalStep {
     return all;
   }
 
-  // Adds the limits that the step would overstep to the rows that take part; whether there are any.
+  // Adds the limits that the step would violate to the rows that take part. Returns whether there
+  // are any.
   FAN_FN bool join(const Mask& lanes) {
     bool more = false;
     for (int r = S; r < M; ++r) {
@@ -363,7 +365,7 @@ struct VariationalStep {
     here.exact.rows.gather_more(here.exact.eval, here.guess, list, n);
   }
 
-  // A winch at its largest tension slips by the length that its string lacks.
+  // A winch at its largest tension slips by the missing length of its string.
   FAN_FN void give_way() {
     const auto& rows = here.firm.rows;
     for (int i = 0; i < S; ++i) trial_.slips[i] = Real(0.0) > Real(1.0);
@@ -380,8 +382,8 @@ struct VariationalStep {
   }
 
   TrialStep<Model, Real> trial_;
-  Real left_[room(N)];    // z of the step that was found
-  Real lacked_[room(N)];  // the guess of xi without extrapolation; in accept(), the error of it
+  Real left_[room(N)];    // z of the solved step
+  Real lacked_[room(N)];  // the guess of xi without extrapolation; in accept(), its error
   Extrapolation<N, Real> extrapolation_;
   Broyden<N, Real> quick_;
 };

@@ -1,5 +1,5 @@
 // A trajectory of the variational integrator: follows the inputs, halves steps that do not
-// converge, keeps the ledger and sets the status. Written for any Real, with the interface of
+// converge, computes the ledger and sets the status. Written for any Real, with the interface of
 // runs/stepping.hpp: every lane halves its own step, and waits for the others at the end of the
 // whole one.
 #pragma once
@@ -16,9 +16,9 @@ struct StepHalvingTolerances {
   // Smallest part of a step that is tried; a step that fails there stops the run.
   static constexpr double smallest_part = 1.0 / 4096.0;
   // Parts down to this are halved if only inaccurate (VariationalStep::resolves); smaller ones are
-  // made.
+  // accepted.
   static constexpr double smallest_accurate_part = 1.0 / 512.0;
-  // s: the impulse of a catch, and impulses it causes, may be the tension cap over this time.
+  // s: bound of the impulse of a catch, and of impulses it causes: the tension cap over this time.
   static constexpr double blow_time = NodeTolerances::max_impulse_time;
 };
 
@@ -40,7 +40,7 @@ struct VariationalTrajectory {
   Options opt;
   Real t;  // s
   Real work, damping, impact, slip_loss, worst_violation;
-  Real status;  // a Status: RUNNING, or what has stopped the trajectory
+  Real status;  // a Status: RUNNING, or the reason for the trajectory's stop
   double blame[width][room(M)];
   // Of the last whole step.
   Real pull[room(M)];  // N or N m: mean tensions
@@ -101,11 +101,11 @@ struct VariationalTrajectory {
     motors.begin(q_D(), inputs().q_K, p());
   }
 
-  // To be called after its bytes were read (runs/snapshot.hpp): pointers among them are not its
-  // own.
+  // Call it after its bytes were read (runs/snapshot.hpp): pointers among them are invalid.
   void attach(const ContactArrays* solids) { opt.contacts = solids; }
 
-  // Takes new inputs from here on. The momenta stay, so the driven velocities must be continuous.
+  // Sets new inputs from here on. The momenta are unchanged, so the driven velocities must be
+  // continuous.
   template <class Drive>
   void restart(Drive& drive) {
     drive.start(t, node().now);
@@ -160,7 +160,7 @@ struct VariationalTrajectory {
 
   Mask runs() const { return status < Real(RUNNING + 0.5); }
 
-  // Rows that the last whole step has caught and let go.
+  // Rows that the last whole step has caught and released.
   Mask caught(int r) const { return blow_[r] > Real(0.0); }
   Mask released(int r) const { return !at.here.taut[r] && (was_[r] || caught(r)); }
   Real catch_impulse(int r, double) const { return blow_[r]; }
@@ -168,7 +168,7 @@ struct VariationalTrajectory {
   Mask slip_ended(int i) const { return slipped_[i] && !slips_[i]; }
 
  private:
-  // Looks for a part of length dt in some lanes; returns those in which it was found.
+  // Solves a part of length dt in some lanes. Returns the solved lanes.
   template <class Drive>
   Mask look(Drive& drive, const Real& dt, const Mask& lanes) {
     drive.force(Real(t + 0.5 * dt), at.lead.u_D);
@@ -181,7 +181,7 @@ struct VariationalTrajectory {
     return at.solve(dt, lanes);
   }
 
-  // Makes the part that was found.
+  // Makes the solved part.
   void take(const Real& dt, const Real& end, const Mask& lanes, Real* impulse) {
     at.accept(dt, lanes);
     t = select(lanes, end, t);
@@ -201,7 +201,7 @@ struct VariationalTrajectory {
   }
 
   // Checks the state after a part of a step. The cap applies to the mean tension over a whole step:
-  // in a short part, the rest of a catch just before would look like a tension.
+  // in a short part, the rest of a previous catch would look like a tension.
   void judge(const Real& dt, const Mask& lanes) {
     using std::abs;
     const Real far = squares<NQ>(node().q_D) + squares<N>(node().v_D);
@@ -247,7 +247,8 @@ struct VariationalTrajectory {
     for (int i = 0; i < S; ++i) blame[lane][i] = lane_of(is_empty(i, in), lane) ? 1.0 : 0.0;
   }
 
-  // The status of a lane for which even the shortest part was not found; sets its rows' blame.
+  // The status of a lane for which even the shortest part has no solution; sets its rows'
+  // attribution.
   Status reason(int lane, const Real& parts) {
     for (int j = 0; j < NK; ++j)
       if (!(fabs(lane_of(at.coming.v_K[j], lane)) < max_state_norm)) return NOT_FINITE;
@@ -291,9 +292,9 @@ struct VariationalTrajectory {
   }
 
   // Of the last whole step.
-  Real blow_[room(M)];                      // N s or N m s: impulses of rows that were caught
+  Real blow_[room(M)];                      // N s or N m s: impulses of caught rows
   Mask was_[room(M)];                       // rows that were taut before it
-  Mask slips_[room(S)], slipped_[room(S)];  // winches that slip in it, and in the one before
+  Mask slips_[room(S)], slipped_[room(S)];  // winches that slip in it, and in the previous one
 };
 
 }  // namespace fan
