@@ -6,7 +6,7 @@
 // changes of position P, normal n and gap by the twist of the first link relative to the second,
 // the total change is
 //
-// a . dP + b . dn + c dh + wrenches . changes of the twists after and before the step and at z
+//   a . dP + b . dn + c dh + wrenches . changes of the twists after and before the step and at z
 //
 // with h the gap, so that every velocity that moves a link adds a few products.
 #pragma once

@@ -1,6 +1,6 @@
 // The columns of a step's derivatives in bundles, one column per lane:
 //
-// by q_D, v_D, q_K | v_K | acc_K | u_D if requested, p
+//   by q_D, v_D, q_K | v_K | acc_K | u_D if requested, p
 //
 // Every group begins with a new bundle: columns by v_K and acc_K then lie in the same lanes. Lanes
 // without a column hold zeros.

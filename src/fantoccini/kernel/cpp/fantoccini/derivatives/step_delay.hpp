@@ -2,8 +2,7 @@
 // touch, after t, with
 //
 //   dq' = Exp(-t v) dq + J_r(t v) t dv + v dt,   likewise for q_K' by its rate,
-//   dq' = Exp(-t v) dq + J_r(t v) t dv + v dt,   so for q_K' by its rate,
-// 0 = d(gap) at q',   from which dt follows.
+//   0 = d(gap) at q',   from which dt follows.
 #pragma once
 
 #include "fantoccini/contract.hpp"

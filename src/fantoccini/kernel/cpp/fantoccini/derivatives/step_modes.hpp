@@ -1,7 +1,7 @@
 // Contacts of a completed time step: each point that pushes in its mode, the derivatives of its
 // position, and conditions on the edge between two modes.
 //
-// u_n+ >= w,  w = min(-gap/dt, recovery speed) or -e u_n of a new contact that rebounds
+//   u_n+ >= w,  w = min(-gap/dt, recovery speed) or -e u_n of a new contact that rebounds
 //
 // at the start, or at the touch of a rebounding point. The derivative of a mode is that of the step
 // where the law holds strictly: points that push have a force, sticking ones stay inside their

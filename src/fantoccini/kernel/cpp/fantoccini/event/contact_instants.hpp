@@ -2,7 +2,7 @@
 // choice of the modes that follow.
 //
 //   hdot+ = hdot- - G Lambda, hdot_n+ <= -e hdot_n-, complementary, Lambda in Coulomb's cones
-// hddot = hddot_0 - G x,    hddot_n <= 0, complementary, x in the cones, where hdot_n = 0;
+//   hddot = hddot_0 - G x,    hddot_n <= 0, complementary, x in the cones, where hdot_n = 0;
 //   x_T = mu x_n d of points that slide already (solvers/cone.hpp)
 //
 // A string on a slipping winch takes no impulse: while hdot > 0 its winch slips, and its tension is

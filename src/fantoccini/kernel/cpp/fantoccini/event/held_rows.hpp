@@ -1,7 +1,7 @@
 // All rows held at an instant of an event-driven run, strings and limits before three of every
 // point, and the forces along them,
 //
-// hddot - G y = 0 along the held directions,   G = W^T W,   W = F^-T A_D^T
+//   hddot - G y = 0 along the held directions,   G = W^T W,   W = F^-T A_D^T
 //
 // Friction of a sliding point has the direction of hdot_T, which turns at the rate mu x_n G /
 // |hdot_T|, without bound as the point slows down. For a slow point it has the direction d that

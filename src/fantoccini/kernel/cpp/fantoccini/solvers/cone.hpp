@@ -1,6 +1,6 @@
 // Impulses of strings and of contacts with exact Coulomb friction, at one instant:
 //
-// s = G x - b      (G symmetric, positive semi-definite, often singular: redundant contacts)
+//   s = G x - b      (G symmetric, positive semi-definite, often singular: redundant contacts)
 //
 // Single rows (strings, limits):  lower <= x <= upper,  s >= 0 where x = lower,  s <= 0 where
 // x = upper,  s = 0 between. Contacts of three rows, the normal n and two tangents T:
