@@ -52,12 +52,12 @@ FAN_FN Core edge_towards(const double* direction, const double* half, int k) {
 // that stands on the face's edge keeps its foot.
 struct FaceClip {
   PointPair ends[2];
-  bool found;
+  bool exists;
 
   FAN_FN FaceClip(const Core& core, const double* half, int face, double side, double nearest)
       : ends{} {
     double low = 0.0, high = core.length;
-    found = true;
+    exists = true;
     for (int k = 0; k < 3; ++k) {
       if (k == face) continue;
       if (fabs(core.u[k]) > DistanceTolerances::min_length) {
@@ -65,10 +65,10 @@ struct FaceClip {
         low = fmax(low, middle - reach);
         high = fmin(high, middle + reach);
       } else {
-        found = found && fabs(core.a[k]) <= half[k];
+        exists = exists && fabs(core.a[k]) <= half[k];
       }
     }
-    found = found && low <= high;
+    exists = exists && low <= high;
     for (int k = 0; k < 2; ++k) {
       along3(core.a, k == 0 ? fmin(low, nearest) : fmax(high, nearest), core.u, ends[k].p);
       for (int c = 0; c < 3; ++c)
@@ -102,15 +102,15 @@ struct WayOut {
         n[c] *= side;
         reach += half[c] * fabs(n[c]);
       }
-      const double found = fabs(height) - reach;
-      if (found > BoxTolerances::edge_share * by_face) take(n, found, k, true);
+      const double axis_gap = fabs(height) - reach;
+      if (axis_gap > BoxTolerances::edge_share * by_face) take(n, axis_gap, k, true);
     }
   }
 
  private:
-  FAN_FN void take(const double* n, double found, int k, bool edge) {
-    if (!(found > gap)) return;
-    gap = found;
+  FAN_FN void take(const double* n, double axis_gap, int k, bool edge) {
+    if (!(axis_gap > gap)) return;
+    gap = axis_gap;
     axis = k;
     by_edge = edge;
     for (int c = 0; c < 3; ++c) normal[c] = n[c];
@@ -124,7 +124,7 @@ FAN_FN void touch_box_inside(const Core& core, const double* half, double at, To
     return to.add(pair.p, pair.q, out.normal, 0);
   }
   const FaceClip face(core, half, out.axis, out.normal[out.axis], at);
-  if (face.found) {
+  if (face.exists) {
     for (int k = 0; k < (core.length > 0.0 ? 2 : 1); ++k)
       to.add(face.ends[k].p, face.ends[k].q, out.normal, k);
     return;
@@ -146,7 +146,7 @@ FAN_FN void touch_box_outside(
   copy3(normal, tilt);
   tilt[face] = 0.0;
   const FaceClip clip(core, half, face, side, at);
-  const double on_face = clip.found && core.length > 0.0 ? flatness(length3(tilt)) : 0.0;
+  const double on_face = clip.exists && core.length > 0.0 ? flatness(length3(tilt)) : 0.0;
   const Overlap on_edge(core, edge_towards(normal, half, edge));
   const CorePart part = at <= 0.0 ? FIRST_END : at >= core.length ? SECOND_END : MIDDLE;
   const int shape = 3 * (3 * stretch_of(on_face) + stretch_of(on_edge.flat)) + part;

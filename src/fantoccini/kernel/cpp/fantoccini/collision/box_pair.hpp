@@ -24,9 +24,9 @@ struct BoxAxis {
   int x_axis = -1, y_axis = -1;  // of a face, or of both edges
 
   FAN_FN void take(const double* n, double centre, double reach, double scale, int i, int j) {
-    const double found = (fabs(centre) - reach) * scale;
-    if (!(found > gap)) return;
-    gap = found;
+    const double axis_gap = (fabs(centre) - reach) * scale;
+    if (!(axis_gap > gap)) return;
+    gap = axis_gap;
     x_axis = i;
     y_axis = j;
     for (int k = 0; k < 3; ++k) normal[k] = side_of(centre) * scale * n[k];

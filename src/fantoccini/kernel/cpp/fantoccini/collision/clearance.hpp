@@ -183,8 +183,8 @@ class Clearance {
         piece.a[c] = curve.points[3 * k + c];
         piece.b[c] = curve.points[3 * (k + 1) + c];
       }
-      const Real found = measured(piece, other, counts && needed, limit);
-      nearest = select(found < nearest, found, nearest);
+      const Real distance = measured(piece, other, counts && needed, limit);
+      nearest = select(distance < nearest, distance, nearest);
     }
     return select(needed, nearest, chord);
   }
@@ -272,16 +272,17 @@ class Clearance {
   template <class Other>
   FAN_FN Real
   measured(const Placed<Real>& x, const Other& y, const Mask& counts, const Real& limit) const {
-    Real found = between(x, y);
-    if (x.mesh < 0 && y.mesh < 0) return found;
-    const auto needed = counts && found < limit;
-    if (!any(needed)) return found;
+    Real distance = between(x, y);
+    if (x.mesh < 0 && y.mesh < 0) return distance;
+    const auto needed = counts && distance < limit;
+    if (!any(needed)) return distance;
     for (int l = 0; l < Traits<Real>::width; ++l) {
       if (!lane_of(needed, l)) continue;
       Solid first{}, second{};
-      lane_of(found, l) = exact_(in_lane(x, l, first), in_lane(y, l, second)) - x.radius - y.radius;
+      lane_of(distance, l) =
+          exact_(in_lane(x, l, first), in_lane(y, l, second)) - x.radius - y.radius;
     }
-    return found;
+    return distance;
   }
 
   FAN_FN static const Solid* in_lane(const Solid& standing, int, Solid&) { return &standing; }
@@ -304,23 +305,23 @@ class Clearance {
   // Distance of a moving solid from a moving or standing one; a mesh counts as the box around it.
   template <class Other>
   FAN_FN Real between(const Placed<Real>& x, const Other& y) const {
-    const double swollen = x.radius + y.radius;
-    if (y.kind == HALF_SPACE) return above(x, y) - Real(swollen);
+    const double total_radius = x.radius + y.radius;
+    if (y.kind == HALF_SPACE) return above(x, y) - Real(total_radius);
     if (x.kind == SEGMENT && y.kind == SEGMENT) {
       Real a[3], b[3];
       for (int c = 0; c < 3; ++c) {
         a[c] = Real(y.a[c]);
         b[c] = Real(y.b[c]);
       }
-      return between_segments(x.a, x.b, a, b) - Real(swollen);
+      return between_segments(x.a, x.b, a, b) - Real(total_radius);
     }
     Real a[3], b[3];
     if (x.kind == SEGMENT) {
       into(y.R, y.a, x.a, a);
       into(y.R, y.a, x.b, b);
-      const Real bound = at_least(a, b, y.half) - Real(swollen);
+      const Real bound = at_least(a, b, y.half) - Real(total_radius);
       if (!any(!(bound > Real(enough_) + spread_))) return bound;
-      return parted(segment_to_box(a, b, y.half)) - Real(swollen);
+      return parted(segment_to_box(a, b, y.half)) - Real(total_radius);
     }
     if (y.kind == SEGMENT) {
       Real from[3], to[3];
@@ -330,15 +331,15 @@ class Clearance {
       }
       into(x.R, x.a, from, a);
       into(x.R, x.a, to, b);
-      return parted(segment_to_box(a, b, x.half)) - Real(swollen);
+      return parted(segment_to_box(a, b, x.half)) - Real(total_radius);
     }
     Real axes[9];
     into(y.R, y.a, x.a, a);
     for (int j = 0; j < 3; ++j) turn(y.R, x.R + 3 * j, axes + 3 * j);
     const Real bound = box_to_box(a, axes, x.half, y.half);
-    const auto needed = bound > Real(0.0) && bound - Real(swollen) < most();
-    if (!any(needed)) return bound - Real(swollen);
-    return select(needed, between_boxes(a, axes, x.half, y.half), bound) - Real(swollen);
+    const auto needed = bound > Real(0.0) && bound - Real(total_radius) < most();
+    if (!any(needed)) return bound - Real(total_radius);
+    return select(needed, between_boxes(a, axes, x.half, y.half), bound) - Real(total_radius);
   }
 
   // Solids that touch count as overlapping, however little.

@@ -42,7 +42,7 @@ class TouchDifferences {
     for (; n < max_touches && base_[n * width] >= 0.0; ++n)
       for (int c = 0; c < 3; ++c) about_[c] += base_[n * width + 2 + c];
     for (int c = 0; c < 3; ++c) about_[c] /= n > 0 ? n : 1;
-    for (int s = 0; s < Tolerance::n_steps; ++s) made_[s] = false;
+    for (int s = 0; s < Tolerance::n_steps; ++s) computed_[s] = false;
   }
 
   // Gap, point and normal of a feature (7,); null if the pair has no such point.
@@ -61,8 +61,8 @@ class TouchDifferences {
     while (k < max_touches && base_[k * width] != feature) ++k;
     for (int s = 0; s < Tolerance::n_steps && k < max_touches && !smooth; ++s) {
       make(s);
-      if (!kept_[s][k]) continue;
-      const double* own = found_[s][k];
+      if (!agrees_[s][k]) continue;
+      const double* own = differences_[s][k];
       if (last) {
         double apart = 0.0, most = 1.0;
         for (int i = 0; i < 42; ++i) {
@@ -94,8 +94,8 @@ class TouchDifferences {
 
   // Computes the differences of all points at step s.
   void make(int s) {
-    if (made_[s]) return;
-    made_[s] = true;
+    if (computed_[s]) return;
+    computed_[s] = true;
     const double h = Tolerance::steps[s];
     for (int o = 0; o < n_offsets; ++o)
       for (int j = 0; j < 6; ++j) moved(h * offsets[o], j, poses_ + 12 * (6 * o + j));
@@ -103,15 +103,15 @@ class TouchDifferences {
         *in_, pair_, 6 * n_offsets, poses_, second_, margin_ + Tolerance::reach * h * size_,
         touches_);
     for (int k = 0; k < max_touches; ++k) {
-      double* out = found_[s][k];
+      double* out = differences_[s][k];
       for (int i = 0; i < 42; ++i) out[i] = 0.0;
-      kept_[s][k] = base_[k * width] >= 0.0;
-      for (int p = 0; p < 6 * n_offsets && kept_[s][k]; ++p) {
+      agrees_[s][k] = base_[k * width] >= 0.0;
+      for (int p = 0; p < 6 * n_offsets && agrees_[s][k]; ++p) {
         const double* own = touches_ + p * max_touches * width;
         int m = 0;
         while (m < max_touches && own[m * width] != base_[k * width]) ++m;
-        kept_[s][k] = m < max_touches;
-        for (int c = 0; c < 7 && kept_[s][k]; ++c) {
+        agrees_[s][k] = m < max_touches;
+        for (int c = 0; c < 7 && agrees_[s][k]; ++c) {
           const double unit = c < 4 ? 1.0 / size_ : 1.0;
           const double change = own[m * width + 1 + c] - base_[k * width + 1 + c];
           out[6 * c + p % 6] += weights[p / 6] / h * unit * change;
@@ -157,8 +157,8 @@ class TouchDifferences {
   const double *first_ = nullptr, *second_ = nullptr;
   double base_[max_touches * width], poses_[12 * 6 * n_offsets];
   double touches_[6 * n_offsets * max_touches * width];
-  bool made_[Tolerance::n_steps], kept_[Tolerance::n_steps][max_touches];
-  double found_[Tolerance::n_steps][max_touches][42];
+  bool computed_[Tolerance::n_steps], agrees_[Tolerance::n_steps][max_touches];
+  double differences_[Tolerance::n_steps][max_touches][42];
 };
 
 }  // namespace fan

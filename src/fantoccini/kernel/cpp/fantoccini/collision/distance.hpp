@@ -122,8 +122,8 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
   for (int i = 0; i < 9; ++i) size[i] = abs(R[i]);
   Real widest = Real(-DistanceTolerances::far);
   const auto gap = [&](const Real& apart, const Real& reach) {
-    const Real found = abs(apart) - reach;
-    widest = select(found > widest, found, widest);
+    const Real axis_gap = abs(apart) - reach;
+    widest = select(axis_gap > widest, axis_gap, widest);
   };
   // R holds the axes of the first box, column by column.
   FAN_UNROLL for (int k = 0; k < 3; ++k)
@@ -142,8 +142,8 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
     const Real scale = Real(1.0) / sqrt(select(crossed, square, Real(1.0)));
     const Real reach = other[k1] * size[3 * j + k2] + other[k2] * size[3 * j + k1] +
                        half[j1] * size[3 * j2 + k] + half[j2] * size[3 * j1 + k];
-    const Real found = (abs(centre[k1] * x1 + centre[k2] * x2) - reach) * scale;
-    widest = select(crossed && found > widest, found, widest);
+    const Real axis_gap = (abs(centre[k1] * x1 + centre[k2] * x2) - reach) * scale;
+    widest = select(crossed && axis_gap > widest, axis_gap, widest);
   }
   return widest;
 }
@@ -156,7 +156,9 @@ between_boxes(const Real* centre, const Real* R, const double* half, const doubl
   using std::abs;
   using std::sqrt;
   Real least = Real(DistanceTolerances::far);
-  const auto nearer = [&](const Real& found) { least = select(found < least, found, least); };
+  const auto nearer = [&](const Real& candidate) {
+    least = select(candidate < least, candidate, least);
+  };
   for (const double x : {-other[0], other[0]})
     for (const double y : {-other[1], other[1]})
       for (const double z : {-other[2], other[2]}) {

@@ -131,9 +131,9 @@ class GapClimb {
   }
 
   FAN_FN bool take_if_higher(const double* m, double least) {
-    const Reaches found = reaches_along(m);
-    if (!(found.gap >= at_.gap + least)) return false;
-    at_ = found;
+    const Reaches reaches = reaches_along(m);
+    if (!(reaches.gap >= at_.gap + least)) return false;
+    at_ = reaches;
     copy3(m, n);
     return true;
   }
@@ -168,13 +168,13 @@ class GapClimb {
   // Holds components that the step would return across the fold they are on. Returns whether there
   // are any.
   FAN_FN bool hold_back(const double* step) {
-    bool found = false;
+    bool any_held = false;
     for (int k = 0; k < 3; ++k) {
       if (!(half_[k] > 0.0) || held_[k] || n[k] != 0.0 || side_[k] * step[k] > 0.0) continue;
-      held_[k] = found = true;
+      held_[k] = any_held = true;
       slope_[k] = 0.0;
     }
-    return found;
+    return any_held;
   }
 
   // Takes one step. Returns whether the next may ascend further.
@@ -243,15 +243,15 @@ FAN_FN void touch_ellipsoid(const PlacedSolid& x, const PlacedSolid& y, Touches&
   for (int j = 0; j < 3; ++j) into_axes(R, x.R + 3 * j, axes + 3 * j);
   const double own[] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
   const EllipsoidReach first(axes, x.half), second(own, y.half);
-  const GapClimb found(
+  const GapClimb climb(
       first, is_ellipsoid(y) ? &second : nullptr, half, centre, to.margin + to.y_radius);
   double local[3], p[3], q[3], normal[3];
-  found.point_of_first(local);
+  climb.point_of_first(local);
   out_of_axes(R, local, p);
   along3(y_at, 1.0, p, p);
-  out_of_axes(R, found.n, normal);
-  along3(p, -found.gap(), normal, q);
-  to.add(p, q, normal, 0, y.kind == BOX ? region_of_box(found.n) : 0);
+  out_of_axes(R, climb.n, normal);
+  along3(p, -climb.gap(), normal, q);
+  to.add(p, q, normal, 0, y.kind == BOX ? region_of_box(climb.n) : 0);
 }
 
 }  // namespace fan

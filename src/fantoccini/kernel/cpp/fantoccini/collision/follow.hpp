@@ -308,12 +308,12 @@ FAN_FN bool follow_segment(
   into_frame(y, x.a, ends);
   into_frame(y, x.b, ends + 3);
   const Core core(ends, ends + 3);
-  const bool found =
+  const bool exists =
       second == OF_BOX
           ? follow_core(y.half, core, feature, region, to, holds)
           : follow_core(PlacedHull{*y.hull, no_turn, no_shift}, core, feature, region, to, holds);
-  if (found) place_touches(y, 0, to);
-  return found;
+  if (exists) place_touches(y, 0, to);
+  return exists;
 }
 
 // Solids in the order of `touching`.

@@ -40,9 +40,9 @@ struct PlacedHull {
     int best = 0;
     reach = -DistanceTolerances::far;
     for (int i = 0; i < hull.n_vertices; ++i) {
-      const double found = dot3(hull.vertices + 3 * i, n);
-      if (found > reach) {
-        reach = found;
+      const double projection = dot3(hull.vertices + 3 * i, n);
+      if (projection > reach) {
+        reach = projection;
         best = i;
       }
     }
@@ -63,9 +63,9 @@ struct PlacedHull {
     int best = hull.around[hull.around_begins[vertex]];
     double most = -2.0;
     for (int k = hull.around_begins[vertex]; k < hull.around_begins[vertex + 1]; ++k) {
-      const double found = dot3(local_normal(hull.around[k]), n);
-      if (found > most) {
-        most = found;
+      const double projection = dot3(local_normal(hull.around[k]), n);
+      if (projection > most) {
+        most = projection;
         best = hull.around[k];
       }
     }
@@ -87,8 +87,8 @@ struct PlacedHull {
   // The edge between two facets, or -1.
   FAN_FN int edge_between(int f, int g) const {
     for (int k = 0; k < n_corners(f); ++k) {
-      const int* found = edge(side(f, k));
-      if (found[2] == g || found[3] == g) return side(f, k);
+      const int* ends = edge(side(f, k));
+      if (ends[2] == g || ends[3] == g) return side(f, k);
     }
     return -1;
   }
@@ -142,7 +142,7 @@ struct HullSpot {
 // directions fixed to the facet, and the lowest if it is lower. The choice is unchanged by small
 // motions of the solids.
 template <class Spot>
-FAN_FN int few_spots(Spot* spots, int n, int room, double size) {
+FAN_FN int pick_spots(Spot* spots, int n, int room, double size) {
   if (n <= room) return n;
   // Directions of a regular polygon, rotated so that few are perpendicular to an edge.
   constexpr double begin = 0.2345, turn = 6.283185307179586;
@@ -153,9 +153,9 @@ FAN_FN int few_spots(Spot* spots, int n, int room, double size) {
     int best = 0;
     double reach = -DistanceTolerances::far;
     for (int i = 0; i < n; ++i) {
-      const double found = u * spots[i].at[0] + v * spots[i].at[1];
-      if (!(found > reach + HullTolerances::above * size)) continue;
-      reach = found;
+      const double projection = u * spots[i].at[0] + v * spots[i].at[1];
+      if (!(projection > reach + HullTolerances::above * size)) continue;
+      reach = projection;
       best = i;
     }
     kept[best] = true;
@@ -193,16 +193,16 @@ FAN_FN void touch_plane_by_hull(const PlacedHull& x, const PlacedSolid& plane, T
     used[i] = true;
     spots[n++] = HullSpot{{dot3(p, axes + 3), dot3(p, axes + 6)}, -dot3(p, down), i};
   }
-  n = few_spots(spots, n, max_touches, x.hull.outer);
+  n = pick_spots(spots, n, max_touches, x.hull.outer);
   // Vertices that are not of the facet are higher.
   const double most = to.margin + to.x_radius + to.y_radius - origin;
   while (n < max_touches) {
     int next = -1;
     double height = most;
     for (int i = 0; i < x.hull.n_vertices; ++i) {
-      const double found = -dot3(x.local(i), down);
-      if (used[i] || !(found < height)) continue;
-      height = found;
+      const double projection = -dot3(x.local(i), down);
+      if (used[i] || !(projection < height)) continue;
+      height = projection;
       next = i;
     }
     if (next < 0) break;

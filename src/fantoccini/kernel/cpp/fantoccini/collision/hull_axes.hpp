@@ -58,7 +58,7 @@ struct EdgeAt {
   }
 
   // The greatest height above the edge of a point at w from it, along normals of the edge.
-  FAN_FN double most_height(const double* w) const {
+  FAN_FN double max_height(const double* w) const {
     const double a = dot3(left, w), b = dot3(right, w), cosine = dot3(left, right);
     if (!(a > cosine * b && b > cosine * a)) return fmax(a, b);
     const double along = dot3(u, w);
@@ -82,19 +82,19 @@ class HullEdges {
       const EdgeAt edge(y, e, y.at);
       double w[3];
       difference3(x_at, edge.p, w);
-      if (edge.most_height(w) - x.hull.inner > least) kept[n++] = edge;
+      if (edge.max_height(w) - x.hull.inner > least) kept[n++] = edge;
     }
     if (n == 0) return;
     for (int e = 0; e < x.hull.n_edges; ++e) {
       const EdgeAt edge(x, e, y.at);
       double w[3];
       difference3(origin, edge.p, w);
-      if (!(edge.most_height(w) - y.hull.inner > best.gap)) continue;
+      if (!(edge.max_height(w) - y.hull.inner > best.gap)) continue;
       for (int k = 0; k < n; ++k) take(edge, kept[k]);
     }
   }
 
-  FAN_FN bool found() const { return best.first >= 0; }
+  FAN_FN bool has_pair() const { return best.first >= 0; }
 
  private:
   FAN_FN void take(const EdgeAt& a, const EdgeAt& b) {

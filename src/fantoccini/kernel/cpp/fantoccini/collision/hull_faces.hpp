@@ -111,7 +111,7 @@ class HullPolygon {
     add_corners(true);
     for (int i = 0; i < low_.n; ++i) add_crossings(i);
     add_corners(false);
-    n = few_spots(spots, n, max_touches, size);
+    n = pick_spots(spots, n, max_touches, size);
   }
 
   // The point of a vertex on the lower facet, the one above it, and the normal, upwards, in the

@@ -20,9 +20,9 @@ struct Cloud {
     int best = 0;
     double most = dot3(points, n_local);
     for (int i = 1; i < n; ++i) {
-      const double found = dot3(points + 3 * i, n_local);
-      if (found > most) {
-        most = found;
+      const double projection = dot3(points + 3 * i, n_local);
+      if (projection > most) {
+        most = projection;
         best = i;
       }
     }

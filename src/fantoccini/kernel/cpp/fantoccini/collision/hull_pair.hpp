@@ -142,9 +142,9 @@ FAN_FN void touch_deepest(
 
 FAN_FN void touch_hulls(const PlacedHull& x, const PlacedHull& y, Touches& to) {
   using Tol = BoxTolerances;
-  const double swollen = to.x_radius + to.y_radius;
-  const NearestOfClouds nearest(cloud_of(x), cloud_of(y), to.margin + swollen);
-  if (nearest.far || nearest.distance - swollen >= to.margin) return;
+  const double total_radius = to.x_radius + to.y_radius;
+  const NearestOfClouds nearest(cloud_of(x), cloud_of(y), to.margin + total_radius);
+  if (nearest.far || nearest.distance - total_radius >= to.margin) return;
   const HullAxis of_x = widest_facet(x, y, -1.0), of_y = widest_facet(y, x, 1.0);
   const double same = Tol::same_face * fmin(x.hull.outer, y.hull.outer);
   const bool by_x = of_x.gap > of_y.gap + same;
@@ -154,7 +154,7 @@ FAN_FN void touch_hulls(const PlacedHull& x, const PlacedHull& y, Touches& to) {
     return;
   }
   const HullEdges edges(x, y, fmax(Tol::edge_share * face.gap, face.gap + same));
-  if (edges.found()) return touch_hull_edges(x, y, edges.best, to);
+  if (edges.has_pair()) return touch_hull_edges(x, y, edges.best, to);
   if (!touch_facets(x, y, face, by_x, 0.0, to)) touch_deepest(x, y, face, by_x, to);
 }
 

@@ -15,7 +15,7 @@ struct NearPairsTolerances {
   // Slack, relative to the mean radius of the links' balls.
   static constexpr double slack = 0.3;
   // Shortest life of a useful list [steps], and steps without a list after a shorter one.
-  static constexpr int least_life = 3, wait = 8;
+  static constexpr int min_life = 3, wait = 8;
 };
 
 template <int n_links, int capacity>
@@ -29,7 +29,7 @@ class NearPairs {
   // Discards the list.
   FAN_FN void forget() {
     known_ = false;
-    life_ = Tolerance::least_life;
+    life_ = Tolerance::min_life;
     wait_ = 0;
   }
 
@@ -59,11 +59,11 @@ class NearPairs {
   FAN_FN const double* centre(int link) const { return at_[link]; }
 
   // Counts one more step for which the list was valid.
-  FAN_FN void serve() { ++life_; }
+  FAN_FN void count_step() { ++life_; }
 
   // Whether to make a list now.
   FAN_FN bool is_due() {
-    if (known_ && life_ < Tolerance::least_life) wait_ = Tolerance::wait;
+    if (known_ && life_ < Tolerance::min_life) wait_ = Tolerance::wait;
     known_ = false;
     return wait_ == 0 || --wait_ == 0;
   }

@@ -144,12 +144,12 @@ class PlacedLinks {
 
   // Finds the points of pair k, whose solids are placed, with a gap below a margin. Returns their
   // number.
-  FAN_FN int touch(const ContactArrays& in, int k, double margin, Touch* found) {
+  FAN_FN int touch(const ContactArrays& in, int k, double margin, Touch* out_touches) {
     const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
     const Solid &x = placed[a], &y = b < B ? placed[b] : in.solids[b];
     if (b < B ? is_far(ball[a], ball[b], margin) : is_far(ball[a], y, margin)) return 0;
     if (are_far(x, y, margin)) return 0;
-    return touches(x, y, margin, found);
+    return touches(x, y, margin, out_touches);
   }
 
   // Lists the pairs that are nearer than the slack.
@@ -167,8 +167,8 @@ class PlacedLinks {
       if (!is_placed[a]) place_link(in, a);
       if (b >= 0 && !is_placed[b]) place_link(in, b);
       for (; k < end; ++k) {
-        Touch found[max_touches];
-        if (touch(in, k, slack, found) > 0) near.add(k);
+        Touch out_touches[max_touches];
+        if (touch(in, k, slack, out_touches) > 0) near.add(k);
       }
     }
   }

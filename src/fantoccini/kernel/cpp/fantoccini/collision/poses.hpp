@@ -21,14 +21,14 @@ struct TouchPoses {
       if (b.link >= 0) place_solid(b, other, other + 9, second);
       for (int i = 0; i < n; ++i, poses += 12) {
         place_solid(a, poses, poses + 9, first);
-        Touch found[max_touches];
-        const int n_found = touches(first, second, margin, found);
+        Touch touch[max_touches];
+        const int n_touches = touches(first, second, margin, touch);
         for (int k = 0; k < max_touches; ++k, out += width) {
-          out[0] = k < n_found ? found[k].feature : -1.0;
-          if (k >= n_found) continue;
-          out[1] = found[k].gap;
-          copy3(found[k].point, out + 2);
-          copy3(found[k].normal, out + 5);
+          out[0] = k < n_touches ? touch[k].feature : -1.0;
+          if (k >= n_touches) continue;
+          out[1] = touch[k].gap;
+          copy3(touch[k].point, out + 2);
+          copy3(touch[k].normal, out + 5);
         }
       }
     }

@@ -17,7 +17,7 @@ struct ContactColumns {
   Triple<Real> W[room(C)][room(N)];
   Triple<Real> across[room(C)][room(M)];  // products with the gathered rows that were crossed
 
-  FAN_FN void begin() { made_ = 0; }
+  FAN_FN void begin() { n_computed_ = 0; }
 
   // Discards the columns of point i, which is another one in some lane.
   FAN_FN void renew(int i) { has_[i] = false; }
@@ -25,24 +25,24 @@ struct ContactColumns {
   // Computes the columns of the points i < n with some[i], from their rows of A_D.
   FAN_FN void make(
       const Evaluation<Model, Real>& eval, const Triple<Real> (*row)[room(N)], const Moved* moved,
-      const bool* some, int n) {
+      const bool* needed, int n) {
     for (int i = 0; i < n; ++i) {
-      if (i >= made_) has_[i] = false;
-      if (some[i] && !has_[i]) {
+      if (i >= n_computed_) has_[i] = false;
+      if (needed[i] && !has_[i]) {
         push(eval.L, row[i], moved[i], W[i]);
         for (int j = 0; j <= i; ++j)
           if (j == i || has_[j]) multiply(i, j, moved);
-        for (int j = i + 1; j < made_; ++j)
+        for (int j = i + 1; j < n_computed_; ++j)
           if (has_[j]) multiply(j, i, moved);
       }
-      has_[i] = has_[i] || some[i];
+      has_[i] = has_[i] || needed[i];
     }
-    made_ = n;
+    n_computed_ = n;
   }
 
   // Computes the products of all columns with gathered row a.
   FAN_FN void cross(const RowSystem<Model, Real>& rows, int a, const Moved* moved) {
-    for (int i = 0; i < made_; ++i) {
+    for (int i = 0; i < n_computed_; ++i) {
       if (!has_[i]) continue;
       if (rows.is_apart(a, moved[i])) across[i][a].clear();
       else across[i][a] = moved[i].along(W[i], rows.column[a]);
@@ -97,7 +97,7 @@ struct ContactColumns {
 
   static constexpr int all_links = -1;
 
-  int made_ = 0;
+  int n_computed_ = 0;
   bool has_[room(C)];  // whether a point's columns are computed
   Triple<Real> G_[room(C)][room(C)][3];
 };

@@ -22,16 +22,16 @@ class ContactEvents {
   static constexpr int most = 3 * capacity;  // per step
 
   // Records the meetings at the start, without events.
-  void begin(const ContactArrays& in, const ContactPush* push, int n) { look(in, push, n); }
+  void begin(const ContactArrays& in, const ContactPush* push, int n) { collect(in, push, n); }
 
   // Writes the changes since the last call; `row` is the row of the first meeting.
   template <class Record>
-  void tell(
+  void write(
       const ContactArrays& in, const ContactPush* push, int n, double t, int row, Record& out) {
     const int n_before = n_;
     Meeting before[room(capacity)];
     for (int i = 0; i < n_; ++i) before[i] = meeting_[i];
-    look(in, push, n);
+    collect(in, push, n);
     for (int i = 0; i < n_before; ++i)
       if (!known(before[i].which, meeting_, n_))
         out.event(t, LIFT, row + before[i].which, 0.0, 0.0);
@@ -55,7 +55,7 @@ class ContactEvents {
   };
 
   // Collects the meetings of the points that push.
-  void look(const ContactArrays& in, const ContactPush* push, int n) {
+  void collect(const ContactArrays& in, const ContactPush* push, int n) {
     n_ = 0;
     for (int i = 0; i < n; ++i) {
       const int which = in.meetings[push[i].pair];

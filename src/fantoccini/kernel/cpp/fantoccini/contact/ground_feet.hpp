@@ -29,7 +29,7 @@ class GroundFeet {
     Mask rested;  // as in ContactPush; this and the following ones from the last completed step
     Real steps, impulse[3];
     Mask rests;  // likewise, of this step
-    Real found[3];
+    Real next_impulse[3];
   };
 
   // A solid that may stand on the ground, alone or with others of its link.
@@ -88,7 +88,7 @@ class GroundFeet {
       for (Point& p : foot[known_[j]].point) p.pushes.set(l, false);
     for (int i = 0; i < n_push; ++i) {
       const int own = in.pairs[2 * push[i].pair];
-      know(own);
+      list_foot(own);
       Point& to = foot[own].point[push[i].feature];
       to.pushes.set(l, true);
       to.rested.set(l, push[i].rested);
@@ -105,7 +105,7 @@ class GroundFeet {
   }
 
   // Writes the points that pushed in lane l in order, all at rest. Returns their number.
-  FAN_FN int give(int l, Push* push) const {
+  FAN_FN int hand_over(int l, Push* push) const {
     int n_push = 0;
     each_push(l, [&](const Foot& from, int feature) {
       const Point& p = from.point[feature];
@@ -155,11 +155,11 @@ class GroundFeet {
   // Adds a point in these lanes. Features of a solid come in order.
   FAN_FN void add(int solid, int feature, const Real* at, const Real& gap, const Mask& lanes) {
     Foot& own = foot[solid];
-    if (know(solid)) {
+    if (list_foot(solid)) {
       own.n = 0;
       own.carried = Real(0.0) > Real(1.0);
     }
-    if (own.n == 0) found[n++] = solid;
+    if (own.n == 0) with_points[n++] = solid;
     Point& to = own.point[feature];
     own.listed[own.n++] = feature;
     to.here = lanes;
@@ -181,7 +181,7 @@ class GroundFeet {
         p.steps +=
             select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
         p.steps = select(closes(p), Real(1.0), p.steps);
-        for (int c = 0; c < 3; ++c) p.impulse[c] = p.found[c];
+        for (int c = 0; c < 3; ++c) p.impulse[c] = p.next_impulse[c];
         some = some || p.pushes;
       }
       if (any(some)) known_[n_known++] = known_[j];
@@ -195,12 +195,12 @@ class GroundFeet {
   }
 
   Foot foot[B];
-  double frame[9];      // the ground's normal, and two tangents
-  int n = 0, found[B];  // feet with points in some lane
+  double frame[9];            // the ground's normal, and two tangents
+  int n = 0, with_points[B];  // feet with points in some lane
 
  private:
   // Lists a foot that may have pushed. Returns whether it was not listed.
-  FAN_FN bool know(int solid) {
+  FAN_FN bool list_foot(int solid) {
     for (int j = 0; j < n_known_; ++j)
       if (known_[j] == solid) return false;
     known_[n_known_++] = solid;

@@ -50,7 +50,7 @@ class GroundLanes {
     for (int r = 0; r < M; ++r) system_.joins[r] = system_.leaves[r] = Real(0.0) > Real(1.0);
     system_.dt = dt;
     for (int j = 0; j < feet.n; ++j) {
-      Foot& own = feet.foot[feet.found[j]];
+      Foot& own = feet.foot[feet.with_points[j]];
       const Real* twist = links.twist(own.link);
       Mask takes_part = Real(0.0) > Real(1.0);
       for (int i = 0; i < own.n; ++i) {
@@ -95,7 +95,7 @@ class GroundLanes {
   }
 
   // Impulse and s of row r in the solution.
-  FAN_FN const Real& impulse(int r) const { return found_[r]; }
+  FAN_FN const Real& impulse(int r) const { return impulse_[r]; }
   FAN_FN const Real& s(int r) const { return s_[r]; }
 
   // w <- w - W x over the feet.
@@ -118,7 +118,7 @@ class GroundLanes {
   FAN_FN bool watch(const Links& links, const Real* v, Mask& failed) {
     bool more = false;
     for (int j = 0; j < feet.n; ++j) {
-      Foot& own = feet.foot[feet.found[j]];
+      Foot& own = feet.foot[feet.with_points[j]];
       Mask rest = Real(0.0) > Real(1.0);
       for (int i = 0; i < own.n; ++i) {
         const Point& p = own.point[own.listed[i]];
@@ -164,14 +164,14 @@ class GroundLanes {
     for (int k = 0; k < N; ++k) taken_[k] = Real(0.0);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      found_[r] = Real(0.0);
+      impulse_[r] = Real(0.0);
       s_[r] = -rows.problem.b[a];
       would_push_[r] = closes_[r] = Real(0.0) > Real(1.0);
     }
     residual = exchanged_ = Real(0.0);
     struck_ = Real(0.0) > Real(1.0);
     for (int j = 0; j < feet.n; ++j) {
-      Foot& own = feet.foot[feet.found[j]];
+      Foot& own = feet.foot[feet.with_points[j]];
       for (int i = 0; i < own.n; ++i) own.point[own.listed[i]].would_pull = Real(0.0) > Real(1.0);
     }
     Mask held = stands;
@@ -186,7 +186,7 @@ class GroundLanes {
     bool more = false;
     if (!any(some)) return more;
     for (int j = 0; j < feet.n; ++j) {
-      Foot& own = feet.foot[feet.found[j]];
+      Foot& own = feet.foot[feet.with_points[j]];
       for (int i = 0; i < own.n; ++i) {
         Point& p = own.point[own.listed[i]];
         const Mask leaves = p.would_pull && p.joins && some;
@@ -297,14 +297,15 @@ class GroundLanes {
       s_[r] = select(good, select(system_.pulls[a], Real(0.0), Real(-system_.speed[a])), s_[r]);
     }
     for (int i = 0; i < system_.n_single; ++i) {
-      Real& to = found_[rows.row[system_.single[i]]];
+      Real& to = impulse_[rows.row[system_.single[i]]];
       to = select(good && system_.has[i], system_.y[i], to);
     }
     for (int p = 0; p < system_.n_feet; ++p)
       for (int j = 0; j < system_.patch[p].n(); ++j) {
         Point& to = system_.patch[p].point(j);
         for (int c = 0; c < 3; ++c)
-          to.found[c] = select(good && to.joins, system_.patch[p].impulse(j)[c], to.found[c]);
+          to.next_impulse[c] =
+              select(good && to.joins, system_.patch[p].impulse(j)[c], to.next_impulse[c]);
       }
   }
 
@@ -313,7 +314,7 @@ class GroundLanes {
   Real solved_near_;                            // rows that took part in the last solve
   Real taken_[room(N)], exchanged_;             // of the feet: - W x, and half_exchanged()
   Mask struck_;                                 // lanes with an impact
-  Real found_[room(M)], s_[room(M)];            // of the rows
+  Real impulse_[room(M)], s_[room(M)];          // of the rows
   Mask would_push_[room(M)], closes_[room(M)];  // lanes in which a row does so in the last solution
 };
 

@@ -69,7 +69,7 @@ class GroundSystem {
     }
     size_ = n_single;
     for (int j = 0; j < feet.n; ++j) {
-      const int which = feet.found[j];
+      const int which = feet.with_points[j];
       if (tree_[which] != tree) continue;
       Foot& own = feet.foot[which];
       Mask takes_part = Real(0.0) > Real(1.0);

@@ -13,7 +13,7 @@ class ContactGroups {
 
   // Starts a step: contacts have not joined groups yet.
   FAN_FN void begin() {
-    if (!known_) learn();
+    if (!known_) number_trees();
     for (int k = 0; k < n_trees_; ++k) {
       group_[k] = k;
       is_used_[k] = false;
@@ -56,7 +56,7 @@ class ContactGroups {
   static constexpr int L = Model::n_links;
 
   // Numbers the trees, each a group of velocities. Rows without velocities may belong to any.
-  FAN_FN void learn() {
+  FAN_FN void number_trees() {
     known_ = true;
     for (int k = 0; k < N; ++k) tree_[k] = k;
     const auto connect = [&](const int* begin, const int* entry) {

@@ -129,14 +129,14 @@ class ContactLanes {
   }
 
   // Hands the contacts of a lane that is apart to a step of its own, and takes them back.
-  FAN_FN void give(int l, ContactStep<Model, double>& to) {
+  FAN_FN void hand_over(int l, ContactStep<Model, double>& to) {
     to.take(push_[l], n_[l], links_.near(l));
   }
   FAN_FN void take(int l, ContactStep<Model, double>& from) {
-    n_[l] = from.give(push_[l], links_.near(l));
+    n_[l] = from.hand_over(push_[l], links_.near(l));
     too_many_[l] = from.too_many(0);
     lane_of(residual, l) = from.residual;
-    links_.learn(l);
+    links_.read_list(l);
   }
 
  private:
@@ -144,7 +144,7 @@ class ContactLanes {
   FAN_FN void leave(const Mask& lanes) {
     if (!any(lanes)) return;
     for (int l = 0; l < width; ++l)
-      if (lane_of(lanes && !fresh_, l)) n_[l] = ground_.feet.give(l, push_[l]);
+      if (lane_of(lanes && !fresh_, l)) n_[l] = ground_.feet.hand_over(l, push_[l]);
     ground_.leave(lanes);
     apart = apart || lanes;
   }
@@ -153,7 +153,7 @@ class ContactLanes {
   FAN_FN void list_pushes() {
     auto& feet = ground_.feet;
     for (int l = 0; l < width; ++l)
-      if (lane_of(feet.kept, l)) n_[l] = feet.give(l, push_[l]);
+      if (lane_of(feet.kept, l)) n_[l] = feet.hand_over(l, push_[l]);
     feet.kept = Real(0.0) > Real(1.0);
   }
 

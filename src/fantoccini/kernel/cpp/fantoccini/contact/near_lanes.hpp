@@ -66,7 +66,7 @@ class NearLanes {
         if (lane_of(near, l) && touches_in(in, k, lane_of(margin, l), l)) alone.set(l, false);
     }
     for (int l = 0; l < width; ++l)
-      if (lane_of(alone, l)) near_[l].serve();
+      if (lane_of(alone, l)) near_[l].count_step();
     return alone;
   }
 
@@ -76,14 +76,14 @@ class NearLanes {
     links_.move();
     links_.place();
     links_.list_near(in, near_[l], slack_);
-    learn(l);
+    read_list(l);
   }
 
   // The list of near pairs of lane l, which a step of that lane alone may replace.
   FAN_FN Near& near(int l) { return near_[l]; }
 
   // Reads the list of lane l, which may have been replaced.
-  FAN_FN void learn(int l) {
+  FAN_FN void read_list(int l) {
     known_.set(l, near_[l].is_known());
     is_listed_anew_ = true;
     for (int link = 0; link < L && near_[l].is_known(); ++link) {
@@ -225,10 +225,10 @@ class NearLanes {
   // Whether pair k has points in lane l.
   FAN_FN bool touches_in(const ContactArrays& in, int k, double margin, int l) {
     const int first = in.pairs[2 * k], second = in.pairs[2 * k + 1];
-    Touch found[max_touches];
+    Touch near_touch[max_touches];
     place_in(in, first, l);
     if (in.solids[second].link >= 0) place_in(in, second, l);
-    return links_.touch(in, k, margin, found) > 0;
+    return links_.touch(in, k, margin, near_touch) > 0;
   }
 
   // The middle of a solid in the world.

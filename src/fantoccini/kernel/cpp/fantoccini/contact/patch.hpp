@@ -216,7 +216,7 @@ class ContactPatch {
       return weight[0] >= 0.0 && weight[1] >= 0.0;
     }
     int round[max_touches];
-    go_round(round);
+    sort_around(round);
     // Vectors from c; twice the areas of the triangles of c and an edge.
     double e[max_touches + 2][2], area[max_touches + 1], sum = 0.0;
     for (int j = 0; j < n; ++j)
@@ -242,7 +242,7 @@ class ContactPatch {
   }
 
   // Order of the points around the middle.
-  FAN_FN void go_round(int* round) const {
+  FAN_FN void sort_around(int* round) const {
     const auto is_upper = [&](int i) {
       return d_[i][1] > 0.0 || (d_[i][1] == 0.0 && d_[i][0] > 0.0);
     };

@@ -44,7 +44,7 @@ class ContactPatches {
   bool holds_some() const { return any_held_; }
 
   // Removes all patches.
-  FAN_FN void let_go(State& state) {
+  FAN_FN void remove_all(State& state) {
     any_held_ = false;
     state.held_residual = 0.0;
     for (int i = 0; i < state.points.most; ++i) state.held[i] = false;
@@ -54,17 +54,17 @@ class ContactPatches {
   // Solves the groups that stick. Returns whether nothing else takes part.
   FAN_FN bool hold(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
-      const Mask* near, const Real* guess, double cap, Real* found, Real* s) {
-    let_go(state);
+      const Mask* near, const Real* guess, double cap, Real* row_impulses, Real* s) {
+    remove_all(state);
     if (state.bounces[0]) return false;
     for (int a = 0; a < rows.n; ++a) {
-      found[a] = Real(0.0);
+      row_impulses[a] = Real(0.0);
       s[a] = -rows.problem.b[a];
     }
     sort_all(state, rows, near);
     bool all = true;
     for (int g = 0; g < groups_.n; ++g)
-      all = sticks_[g] && hold_group(state, g, eval, rows, guess, cap, found, s) && all;
+      all = sticks_[g] && hold_group(state, g, eval, rows, guess, cap, row_impulses, s) && all;
     return all;
   }
 
@@ -118,7 +118,8 @@ class ContactPatches {
 
   FAN_FN bool hold_group(
       State& state, int group, const Evaluation<Model, Real>& eval,
-      const RowSystem<Model, Real>& rows, const Real* guess, double cap, Real* found, Real* s) {
+      const RowSystem<Model, Real>& rows, const Real* guess, double cap, Real* row_impulses,
+      Real* s) {
     const bool holds = list_points(state, group) && list_rows(group, rows, guess) &&
                        solve_held(state, eval, rows, guess) && share_out(state, cap);
     for (int p = 0; p < n_; ++p)
@@ -127,7 +128,7 @@ class ContactPatches {
         state.held[i] = holds;
         if (!holds) state.wait[0][i] = Tolerance::wait;
       }
-    if (holds) take(state, rows, found, s);
+    if (holds) take(state, rows, row_impulses, s);
     return holds;
   }
 
@@ -327,18 +328,18 @@ class ContactPatches {
   }
 
   // Stores the solution.
-  FAN_FN void take(State& state, const RowSystem<Model, Real>& rows, Real* found, Real* s) {
+  FAN_FN void take(State& state, const RowSystem<Model, Real>& rows, Real* row_impulses, Real* s) {
     for (int k = 0; k < N; ++k) taken_[k] = any_held_ ? taken_[k] + w_[k] : w_[k];
     any_held_ = true;
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i], r = rows.row[a];
-      found[a] = y_[i];
+      row_impulses[a] = y_[i];
       s[a] = Real(0.0);
       state.row_held[r] = state.pulls[0][r] = true;
     }
     for (int i = 0; i < n_rest_; ++i) {
       const int a = rest_[i];
-      found[a] = Real(0.0);
+      row_impulses[a] = Real(0.0);
       s[a] = -speed_[a];
       state.row_held[rows.row[a]] = true;
     }

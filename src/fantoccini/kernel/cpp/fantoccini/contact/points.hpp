@@ -71,7 +71,7 @@ class ContactPoints {
     pose(in, q_D, v_D, q_K, v_K, p);
     for (int k = 0; k < in.n_pairs; ++k) {
       n[0] = 0;
-      look(in, k, margin, 0);
+      search_pair(in, k, margin, 0);
       for (int i = 0; i < n[0]; ++i)
         if (i == 0 || point[0][i].gap < gaps[k]) gaps[k] = point[0][i].gap;
     }
@@ -104,7 +104,7 @@ class ContactPoints {
       links_.move();
       links_.place();
       for (int i = 0; i < L; ++i) lane_of(speed_at_start_[i], l) = links_.speed[i];
-      look_at_near(in, dt, l);
+      search_near_pairs(in, dt, l);
       recall(l);
       if (n[l] > most) most = n[l];
     }
@@ -135,7 +135,7 @@ class ContactPoints {
       links_.load(l, v_D, v_K);
       links_.move();
       links_.place();
-      look_at_all(in, dt, l);
+      search_all_pairs(in, dt, l);
       if (n[l] > most) most = n[l];
     }
     for (int i = most_before; i < most; ++i) clear(i);
@@ -225,9 +225,9 @@ class ContactPoints {
   }
 
   // Adds the points of pair k to those of lane l.
-  FAN_FN void look(const ContactArrays& in, int k, double margin, int l) {
+  FAN_FN void search_pair(const ContactArrays& in, int k, double margin, int l) {
     place_pair(in, k);
-    look_at_placed(in, k, margin, l);
+    search_placed_pair(in, k, margin, l);
   }
 
   // Places the solids of both links of a pair.
@@ -285,15 +285,16 @@ class ContactPoints {
 
  private:
   // Finds the points of lane l among the pairs that are near, or among all.
-  FAN_FN void look_at_near(const ContactArrays& in, double dt, int l) {
+  FAN_FN void search_near_pairs(const ContactArrays& in, double dt, int l) {
     auto& near = near_[l];
     double margin[room(L)];
     for (int i = 0; i < L; ++i)
       margin[i] = 0.5 * Tolerance::margin + Tolerance::travel * dt * links_.speed[i];
     if (!near.holds(links_.poses, links_.ball_of, margin, slack_)) {
-      if (!near.is_due()) return look_at_all(in, dt, l);
+      if (!near.is_due()) return search_all_pairs(in, dt, l);
       links_.list_near(in, near, slack_);
-      if (!near.holds(links_.poses, links_.ball_of, margin, slack_)) return look_at_all(in, dt, l);
+      if (!near.holds(links_.poses, links_.ball_of, margin, slack_))
+        return search_all_pairs(in, dt, l);
     }
     for (int j = 0; j < near.n; ++j) {
       const int k = near.pair[j], a = in.solids[in.pairs[2 * k]].link;
@@ -301,12 +302,12 @@ class ContactPoints {
       if (!links_.is_placed[a]) links_.place_link(in, a);
       if (b >= 0 && !links_.is_placed[b]) links_.place_link(in, b);
       const double speed = links_.speed[a] + (b < 0 ? 0.0 : links_.speed[b]);
-      look_at_placed(in, k, Tolerance::margin + Tolerance::travel * dt * speed, l);
+      search_placed_pair(in, k, Tolerance::margin + Tolerance::travel * dt * speed, l);
     }
   }
 
   // Finds the points of lane l.
-  FAN_FN void look_at_all(const ContactArrays& in, double dt, int l) {
+  FAN_FN void search_all_pairs(const ContactArrays& in, double dt, int l) {
     for (int g = 0, k = 0; g < in.n_groups; ++g) {
       const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
       const double speed = links_.speed[a] + (b < 0 ? 0.0 : links_.speed[b]);
@@ -319,21 +320,21 @@ class ContactPoints {
       }
       if (!links_.is_placed[a]) links_.place_link(in, a);
       if (b >= 0 && !links_.is_placed[b]) links_.place_link(in, b);
-      for (; k < end; ++k) look_at_placed(in, k, margin, l);
+      for (; k < end; ++k) search_placed_pair(in, k, margin, l);
     }
   }
 
   // Adds the points of pair k, whose links' solids are placed, to those of lane l.
-  FAN_FN void look_at_placed(const ContactArrays& in, int k, double margin, int l) {
-    Touch found[max_touches];
-    const int n_found = links_.touch(in, k, margin, found);
-    for (int i = 0; i < n_found; ++i) {
-      if (passing_within_ > 0.0 && !joins(in, k, found[i], l)) continue;
+  FAN_FN void search_placed_pair(const ContactArrays& in, int k, double margin, int l) {
+    Touch near_touch[max_touches];
+    const int n_near = links_.touch(in, k, margin, near_touch);
+    for (int i = 0; i < n_near; ++i) {
+      if (passing_within_ > 0.0 && !joins(in, k, near_touch[i], l)) continue;
       if (n[l] == C) {
         too_many[l] = true;
         return;
       }
-      put(k, found[i], point[l][n[l]], n[l] > 0 ? &point[l][n[l] - 1] : nullptr);
+      put(k, near_touch[i], point[l][n[l]], n[l] > 0 ? &point[l][n[l] - 1] : nullptr);
       ++n[l];
     }
   }

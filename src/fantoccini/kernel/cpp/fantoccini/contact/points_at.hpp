@@ -35,21 +35,21 @@ class ContactPointsAt {
   }
 
   // Finds the points with a gap below `margin` at the current poses.
-  void look_within(const ContactArrays& in, double margin) {
+  void search(const ContactArrays& in, double margin) {
     points_.n[0] = 0;
     points_.too_many[0] = false;  // a trial state of an integrator may have had too many
     for (int g = 0, k = 0; g < in.n_groups; ++g) {
       const int end = in.groups[3 * g + 2];
       if (links().separation(in, g) >= margin) k = end;
-      for (; k < end; ++k) points_.look(in, k, margin, 0);
+      for (; k < end; ++k) points_.search_pair(in, k, margin, 0);
     }
     points_.most = points_.n[0];
   }
 
   // Likewise those of one pair.
-  void look_at_pair(const ContactArrays& in, int pair, double margin) {
+  void search_one_pair(const ContactArrays& in, int pair, double margin) {
     points_.n[0] = 0;
-    points_.look(in, pair, margin, 0);
+    points_.search_pair(in, pair, margin, 0);
   }
 
   // Index of the point with a feature of a pair, and with a region if it is lasting, or -1. If no
@@ -58,20 +58,20 @@ class ContactPointsAt {
   int find_feature(const ContactArrays& in, int pair, int feature, int region, bool* holds) {
     *holds = true;
     for (int i = 0; i < n(); ++i)
-      if (is_one(point(i), pair, feature, region) && touches_there(i)) return i;
+      if (matches(point(i), pair, feature, region) && touches_there(i)) return i;
     const int a = in.pairs[2 * pair], b = in.pairs[2 * pair + 1];
     points_.place_pair(in, pair);
-    Touch found;
+    Touch touch;
     if (n() == C) return -1;
     const Solid &x = links().placed[a], &y = b < Points::B ? links().placed[b] : in.solids[b];
-    if (!follow_touch(x, y, feature, region, &found, holds)) return -1;
-    Points::put(pair, found, points_.point[0][n()]);
+    if (!follow_touch(x, y, feature, region, &touch, holds)) return -1;
+    Points::put(pair, touch, points_.point[0][n()]);
     return n();
   }
 
   // Whether a point has a feature of a pair, and a region if it is lasting.
   template <class Any>
-  static bool is_one(const Any& point, int pair, int feature, int region) {
+  static bool matches(const Any& point, int pair, int feature, int region) {
     return point.pair == pair && point.feature == feature &&
            (point.region == region || (point.region < lasting_regions && region < lasting_regions));
   }

@@ -36,15 +36,15 @@ class ContactProblem {
   FAN_FN void make_columns(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Mask* near, const Real* guess) {
-    bool some[room(C)];
+    bool needed[room(C)];
     for (int i = 0; i < state.points.most; ++i) {
-      some[i] = false;
+      needed[i] = false;
       for (int l = 0; l < width; ++l)
-        some[i] = some[i] || (i < state.points.n[l] && state.takes_part(l, i));
+        needed[i] = needed[i] || (i < state.points.n[l] && state.takes_part(l, i));
     }
     for (int i = 0; i < state.points.most; ++i)
-      if (some[i]) state.points.need_row(*state.in, i);
-    columns_.make(eval, state.points.row, state.points.moved, some, state.points.most);
+      if (needed[i]) state.points.need_row(*state.in, i);
+    columns_.make(eval, state.points.row, state.points.moved, needed, state.points.most);
     const auto& problem = rows.problem;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
@@ -102,16 +102,16 @@ class ContactProblem {
   // energy.
   FAN_FN bool bounce(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
-      const Real* before, double cap, Real* found, Real* s) {
+      const Real* before, double cap, Real* row_impulses, Real* s) {
     cone_.quick = true;
     const auto adds_with = [&](double factor) {
       state.scale[l] = factor;
       state.set_rebounds(l);
-      return !solve(state, l, rows, near, guess, cap, found, s) ||
-             adds(state, l, rows, before, found);
+      return !solve(state, l, rows, near, guess, cap, row_impulses, s) ||
+             adds(state, l, rows, before, row_impulses);
     };
-    const bool solved = solve(state, l, rows, near, guess, cap, found, s);
-    if (!state.bounces[l] || !adds(state, l, rows, before, found)) return solved;
+    const bool solved = solve(state, l, rows, near, guess, cap, row_impulses, s);
+    if (!state.bounces[l] || !adds(state, l, rows, before, row_impulses)) return solved;
     double least = 0.0, most = state.scale[l];
     for (int k = 0; k < Tolerance::halvings; ++k) {
       const double factor = 0.5 * (least + most);
@@ -119,7 +119,7 @@ class ContactProblem {
     }
     state.scale[l] = least;
     state.set_rebounds(l);
-    return solve(state, l, rows, near, guess, cap, found, s);
+    return solve(state, l, rows, near, guess, cap, row_impulses, s);
   }
 
  private:
@@ -130,10 +130,10 @@ class ContactProblem {
   // Chooses the rows and points of one group.
   FAN_FN void choose(int group) {
     n_single_ = n_triple_ = 0;
-    for (int i = 0; i < n_some_rows_; ++i)
-      if (groups_.at(some_rows_[i].group) == group) single_[n_single_++] = some_rows_[i].which;
-    for (int i = 0; i < n_some_; ++i)
-      if (groups_.at(some_[i].group) == group) triple_[n_triple_++] = some_[i].which;
+    for (int i = 0; i < n_row_members_; ++i)
+      if (groups_.at(row_members_[i].group) == group) single_[n_single_++] = row_members_[i].which;
+    for (int i = 0; i < n_members_; ++i)
+      if (groups_.at(members_[i].group) == group) triple_[n_triple_++] = members_[i].which;
   }
 
   // G, b and mu of lane l's problem. Three numbers are written as a register of four, whose last
@@ -175,7 +175,7 @@ class ContactProblem {
   // by more than the residual of the law allows.
   FAN_FN bool adds(
       const State& state, int l, const RowSystem<Model, Real>& rows, const Real* before,
-      const Real* found) const {
+      const Real* row_impulses) const {
     constexpr int stride = Complementarity<Real, M>::N;
     double lost = 0.0, exchanged = 0.0, impulse = 0.0, fastest = 0.0;
     const auto add = [&](double x, double own, double asked) {
@@ -185,14 +185,14 @@ class ContactProblem {
       fastest = fabs(asked) > fastest ? fabs(asked) : fastest;
     };
     for (int a = 0; a < rows.n; ++a) {
-      if (lane_of(found[a], l) == 0.0) continue;
+      if (lane_of(row_impulses[a], l) == 0.0) continue;
       double change = 0.0;
       for (int b = 0; b < rows.n; ++b)
-        change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
+        change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(row_impulses[b], l);
       for (int d = 0; d < 3 * state.points.n[l]; ++d)
         if (state.takes_part(l, d / 3))
           change += 2.0 * lane_of(columns_.across[d / 3][a][d % 3], l) * lane_of(state.x[d], l);
-      add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change,
+      add(lane_of(row_impulses[a], l), lane_of(before[a], l) - 0.5 * change,
           lane_of(rows.problem.b[a], l));
     }
     for (int d = 0; d < 3 * state.points.n[l]; ++d) {
@@ -212,18 +212,18 @@ class ContactProblem {
   // Solves lane l, until the impulses close no further row.
   FAN_FN bool solve(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
-      double cap, Real* found, Real* s) {
-    bool solved = solve_groups(state, l, rows, near, guess, cap, found, s);
-    while (closes_more(state, l, rows, near, found, s))
-      solved = solve_groups(state, l, rows, near, guess, cap, found, s);
+      double cap, Real* row_impulses, Real* s) {
+    bool solved = solve_groups(state, l, rows, near, guess, cap, row_impulses, s);
+    while (closes_more(state, l, rows, near, row_impulses, s))
+      solved = solve_groups(state, l, rows, near, guess, cap, row_impulses, s);
     return solved;
   }
 
   // s of the rows that take part in lane l and may not pull; those that would close may pull from
   // now on. Returns whether there are any.
   FAN_FN bool closes_more(
-      State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* found,
-      Real* s) {
+      State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near,
+      const Real* row_impulses, Real* s) {
     int rest[room(M)], n_rest = 0;
     for (int a = 0; a < rows.n; ++a)
       if (lane_of(near[rows.row[a]], l) && !state.pulls[l][rows.row[a]] &&
@@ -232,7 +232,7 @@ class ContactProblem {
     if (n_rest == 0) return false;
     Real w[room(N)], taken[room(M)];  // - W x
     for (int k = 0; k < N; ++k) w[k] = Real(0.0);
-    for (int a = 0; a < rows.n; ++a) taken[a] = -found[a];
+    for (int a = 0; a < rows.n; ++a) taken[a] = -row_impulses[a];
     rows.add(taken, w);
     for (int i = 0; i < state.points.n[l]; ++i)
       if (state.takes_part(l, i)) columns_.take(i, state.x + 3 * i, state.points.moved[i], w);
@@ -251,10 +251,10 @@ class ContactProblem {
   // Solves lane l, group by group.
   FAN_FN bool solve_groups(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
-      double cap, Real* found, Real* s) {
+      double cap, Real* row_impulses, Real* s) {
     for (int a = 0; a < rows.n; ++a) {
       if (state.row_held[rows.row[a]]) continue;
-      lane_of(found[a], l) = 0.0;
+      lane_of(row_impulses[a], l) = 0.0;
       lane_of(s[a], l) = -lane_of(rows.problem.b[a], l);
     }
     sort(state, l, rows, near);
@@ -262,7 +262,7 @@ class ContactProblem {
     bool solved = true;
     for (int g = 0; g < groups_.n; ++g) {
       choose(g);
-      solved = solve_group(state, l, rows, guess, cap, found, s) && solved;
+      solved = solve_group(state, l, rows, guess, cap, row_impulses, s) && solved;
       if (!(cone_.residual <= worst)) worst = cone_.residual;
     }
     lane_of(residual, l) = worst;
@@ -273,7 +273,7 @@ class ContactProblem {
   // cannot close and overlaps cannot part within the step: points then only have to stop.
   FAN_FN bool solve_group(
       State& state, int l, const RowSystem<Model, Real>& rows, const Real* guess, double cap,
-      Real* found, Real* s) {
+      Real* row_impulses, Real* s) {
     auto& problem = cone_;
     const auto& from = rows.problem;
     for (int i = 0; i < n_single_; ++i) {
@@ -301,7 +301,7 @@ class ContactProblem {
       solved = has_solution();
     }
     for (int i = 0; i < n_single_; ++i) {
-      lane_of(found[single_[i]], l) = problem.x[i];
+      lane_of(row_impulses[single_[i]], l) = problem.x[i];
       lane_of(s[single_[i]], l) = problem.s[i];
     }
     for (int i = 0; i < n_triple_; ++i)
@@ -316,18 +316,18 @@ class ContactProblem {
   FAN_FN void sort(
       const State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near) {
     groups_.begin();
-    n_some_ = 0;
+    n_members_ = 0;
     for (int i = 0; i < state.points.n[l]; ++i) {
       if (!state.takes_part(l, i)) continue;
       const int* pair = state.in->pairs + 2 * state.points.point[l][i].pair;
       const int a = state.in->solids[pair[0]].link, b = state.in->solids[pair[1]].link;
-      some_[n_some_++] = {i, groups_.joined(a, b)};
+      members_[n_members_++] = {i, groups_.joined(a, b)};
     }
-    n_some_rows_ = 0;
+    n_row_members_ = 0;
     for (int a = 0; a < rows.n; ++a)
       if (lane_of(near[rows.row[a]], l) && state.pulls[l][rows.row[a]] &&
           !state.row_held[rows.row[a]])
-        some_rows_[n_some_rows_++] = {a, groups_.of_row(rows.row[a])};
+        row_members_[n_row_members_++] = {a, groups_.of_row(rows.row[a])};
     groups_.count();
   }
 
@@ -341,12 +341,12 @@ class ContactProblem {
   }
 
   ContactColumns<Model, Real> columns_;
-  ConeProblem<M + 3 * C> cone_;         // of one group,
-  int single_[room(M)], n_single_ = 0;  // with these gathered rows
-  int triple_[room(C)], n_triple_ = 0;  // and these points
-  ContactGroups<Model> groups_;         // of the lane that was solved last
-  int n_some_ = 0, n_some_rows_ = 0;    // points and rows that take part
-  Member some_[room(C)], some_rows_[room(M)];
+  ConeProblem<M + 3 * C> cone_;            // of one group,
+  int single_[room(M)], n_single_ = 0;     // with these gathered rows
+  int triple_[room(C)], n_triple_ = 0;     // and these points
+  ContactGroups<Model> groups_;            // of the lane that was solved last
+  int n_members_ = 0, n_row_members_ = 0;  // points and rows that take part
+  Member members_[room(C)], row_members_[room(M)];
 };
 
 }  // namespace fan

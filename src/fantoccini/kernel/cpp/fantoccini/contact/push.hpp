@@ -14,7 +14,7 @@ struct ContactStepTolerances {
   // m/s: speed above which a point that pushes slides; above the effect of the residual.
   static constexpr double sliding_speed = 1e-9;
   // Largest number of further searches in a step, for points that struck links would pass.
-  static constexpr int looks = 8;
+  static constexpr int max_searches = 8;
   // Steps of an impact: the first ends where the solids touch, the second stops them.
   static constexpr int steps_of_impact = 2;
   // m/s: closing speed of a point that pushes across a gap, above which it will be stopped in the

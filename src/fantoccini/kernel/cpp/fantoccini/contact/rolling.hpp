@@ -22,7 +22,7 @@ class RollingPoints {
   static constexpr double ahead = 0.5;       // of a step
   static constexpr double of_normals = 0.5;  // of the required rate
 
-  bool some = false;  // whether anything rolls in the step
+  bool any_rolls = false;  // whether anything rolls in the step
 
   FAN_FN void begin(const ContactArrays& in) {
     middle_.begin(in);
@@ -35,12 +35,12 @@ class RollingPoints {
   FAN_FN void ask(
       State& state, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, double dt) {
-    some = false;
+    any_rolls = false;
     const auto& points = state.points;
-    for (int i = 0; i < points.n[0] && may_; ++i) some = some || is_rolling(state, i);
+    for (int i = 0; i < points.n[0] && may_; ++i) any_rolls = any_rolls || is_rolling(state, i);
     if (may_)
       for (Real& drift : state.drift) drift = Real(0.0);
-    if (!some) return;
+    if (!any_rolls) return;
     Real q[room(Model::n_qD)], q_in[room(Model::n_qK)];
     retract<typename Model::Dynamic>(q_D, v_D, ahead * dt, q);
     retract<typename Model::Driven>(q_K, v_K, ahead * dt, q_in);

@@ -56,7 +56,7 @@ struct ContactState {
   }
 
   // Computes `before` of all points.
-  FAN_FN void know_before(const Evaluation<Model, Real>& eval) {
+  FAN_FN void compute_before(const Evaluation<Model, Real>& eval) {
     Real dv[room(N)];
     unhindered(eval, dv);
     typename Points::Rates free(points, dv);
@@ -68,7 +68,7 @@ struct ContactState {
   }
 
   // Computes b of all points.
-  FAN_FN void know_aims() {
+  FAN_FN void compute_required() {
     for (int i = 0; i < points.most; ++i) {
       b[3 * i] = before[3 * i] + asked[i];
       for (int d = 1; d < 3; ++d) b[3 * i + d] = before[3 * i + d] + drift[3 * i + d];
@@ -77,8 +77,8 @@ struct ContactState {
 
   FAN_FN void need_before(const Evaluation<Model, Real>& eval) {
     if (is_before_known) return;
-    know_before(eval);
-    know_aims();
+    compute_before(eval);
+    compute_required();
   }
 
   // Whether all points pushed in the previous step, or others of their pairs did, or they stay away

@@ -72,8 +72,8 @@ class ContactStep {
   // Points at rest that push count as having pushed for long; all others are discarded.
   FAN_FN void take_as_resting() { n[0] = keep_resting(push[0], n[0]); }
 
-  // Loads the points that pushed in the previous step and the list of near pairs; give() stores
-  // them after the step.
+  // Loads the points that pushed in the previous step and the list of near pairs; hand_over()
+  // stores them after the step.
   template <class Near>
   FAN_FN void take(const Push* pushes, int n_pushes, const Near& near) {
     n[0] = n_pushes;
@@ -82,7 +82,7 @@ class ContactStep {
     state_.points.too_many[0] = false;
   }
   template <class Near>
-  FAN_FN int give(Push* pushes, Near& near) {
+  FAN_FN int hand_over(Push* pushes, Near& near) {
     for (int i = 0; i < n[0]; ++i) pushes[i] = push[0][i];
     near = state_.points.near();
     return n[0];
@@ -112,8 +112,8 @@ class ContactStep {
     }
     for (int r = 0; r < M; ++r) row_x_[r] = row_s_[r] = Real(0.0);
     problem_.begin();
-    looks_ = 0;
-    struck_again_ = unbounded;
+    n_searches_ = 0;
+    next_strike_ = unbounded;
     is_joined_ = false;
     for (int l = 0; l < width; ++l) {
       for (int r = 0; r < M; ++r) state_.pulls[l][r] = false;
@@ -121,7 +121,7 @@ class ContactStep {
       state_.scale[l] = 1.0;
       solved_with_[l] = 0;
     }
-    patches_.let_go(state_);
+    patches_.remove_all(state_);
     if (state_.points.most == 0) return;
     for (int i = 0; i < state_.points.most; ++i) {
       const Triple<Real> start = state_.points.rate(i, v_D);
@@ -134,13 +134,13 @@ class ContactStep {
     for (int i = 0; i < state_.points.n[0]; ++i) state_.ask(0, i, recovery_speed);
     if (looks_ahead) rolling_.ask(state_, q_D, v_D, q_K, v_K, p, dt);
     state_.is_before_known = !state_.all_pushed();
-    if (state_.is_before_known) state_.know_before(eval);
+    if (state_.is_before_known) state_.compute_before(eval);
     for (int i = 0; i < state_.points.n[0]; ++i) state_.aim(0, i);
-    if (state_.is_before_known) state_.know_aims();
+    if (state_.is_before_known) state_.compute_required();
   }
 
   // Whether a point rebounds, of one trajectory.
-  FAN_FN bool springs_back() const { return state_.points.most > 0 && state_.bounces[0]; }
+  FAN_FN bool has_rebound() const { return state_.points.most > 0 && state_.bounces[0]; }
 
   // Time until the first of the rebounding points touches, and until the next one, later by more
   // than `same` [s]; unbounded if there is none.
@@ -148,13 +148,13 @@ class ContactStep {
     double first, second;
   };
   Touches touches(double same) const {
-    Touches found{unbounded, unbounded};
+    Touches times{unbounded, unbounded};
     for (int i = 0; i < state_.points.n[0]; ++i)
-      if (state_.rebound[0][i] != 0.0) found.first = fmin(found.first, touch_time(i));
+      if (state_.rebound[0][i] != 0.0) times.first = fmin(times.first, touch_time(i));
     for (int i = 0; i < state_.points.n[0]; ++i)
-      if (state_.rebound[0][i] != 0.0 && touch_time(i) > found.first + same)
-        found.second = fmin(found.second, touch_time(i));
-    return found;
+      if (state_.rebound[0][i] != 0.0 && touch_time(i) > times.first + same)
+        times.second = fmin(times.second, touch_time(i));
+    return times;
   }
 
   // Whether a new point that does not rebound closes before a time t [s].
@@ -172,7 +172,7 @@ class ContactStep {
 
   // Time until a point that would rebound is struck by a link that impulses of the step have
   // accelerated [s]; unbounded if there is none.
-  FAN_FN double struck_again() const { return struck_again_; }
+  FAN_FN double next_strike() const { return next_strike_; }
 
   // Adds points that pushed in earlier parts of a step to those that push at its end; of one
   // trajectory.
@@ -196,8 +196,8 @@ class ContactStep {
       const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
       double dt, double recovery_speed, const Mask& idle) {
     const Mask lanes = !idle && state_.points.outruns(acc, dt);
-    if (!any(lanes) || looks_ == Tolerance::looks) return false;
-    ++looks_;
+    if (!any(lanes) || n_searches_ == Tolerance::max_searches) return false;
+    ++n_searches_;
     Real v[room(N)];
     int known[width];
     const int most = state_.points.most;
@@ -224,7 +224,7 @@ class ContactStep {
         state_.ask(l, i, recovery_speed);
         state_.aim(l, i);
         lane_of(state_.b[3 * i], l) += lane_of(state_.asked[i], l);
-        note_struck(l, i, lane_of(then(i)[0], l));
+        record_strike(l, i, lane_of(then(i)[0], l));
       }
     return true;
   }
@@ -247,7 +247,7 @@ class ContactStep {
         const double closing = lane_of(now, l) + lane_of(state_.asked[i], l);
         if (!(closing > Tolerance::passing_speed)) continue;
         state_.near[l][i] = more = true;
-        note_struck(l, i, lane_of(now, l));
+        record_strike(l, i, lane_of(now, l));
         ++state_.chosen[l];
       }
     }
@@ -262,24 +262,25 @@ class ContactStep {
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, const Real* before, double cap, Mask& settled) {
-    Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
+    Real row_impulses[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
     Real n_near = Real(0.0);
     for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
     for (int l = 0; l < width; ++l) taking_part[l] = state_.chosen[l] + int(lane_of(n_near, l));
     bool held = false;  // all of it by patches
-    if (state_.chosen[0] != 0 && taking_part[0] != solved_with_[0] && !rolling_.some)
-      held = patches_.hold(state_, eval, rows, near, guess, cap, found, s);
+    if (state_.chosen[0] != 0 && taking_part[0] != solved_with_[0] && !rolling_.any_rolls)
+      held = patches_.hold(state_, eval, rows, near, guess, cap, row_impulses, s);
     if (!held) state_.need_before(eval);
     if (!held) problem_.make_columns(state_, eval, rows, near, guess);
     for (int l = 0; l < width; ++l) {
       if (state_.chosen[l] == 0) continue;
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
-        well_[l] = held || problem_.bounce(state_, l, rows, near, guess, before, cap, found, s);
+        well_[l] =
+            held || problem_.bounce(state_, l, rows, near, guess, before, cap, row_impulses, s);
         lane_of(residual, l) = held ? state_.held_residual : lane_of(problem_.residual, l);
         for (int a = 0; a < rows.n; ++a) {
-          lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
+          lane_of(row_x_[rows.row[a]], l) = lane_of(row_impulses[a], l);
           lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);
         }
       }
@@ -333,8 +334,8 @@ class ContactStep {
               lane_of(state_.x[3 * i + 2], l)};
           add_push(l, i, x, push[l], pushes);
           if (state_.rebound[l][i] != 0.0) early = fmax(early, state_.points.point[l][i].gap);
-          if (lane_of(struck, l) > 0.5) book_impact(l, i);
-          else book_friction(l, i);
+          if (lane_of(struck, l) > 0.5) add_impact_loss(l, i);
+          else add_friction_loss(l, i);
         }
       n[l] = pushes;
     }
@@ -346,13 +347,13 @@ class ContactStep {
   int shared(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       ContactShare<M + 3 * C>& share, Push* out) {
-    int found = 0, n_out = 0;
-    for (int i = 0; i < state_.points.n[0]; ++i) found += lane_of(state_.x[3 * i], 0) > 0.0;
-    if (state_.chosen[0] == 0 || found != n[0] || is_joined_) {
+    int n_pushing = 0, n_out = 0;
+    for (int i = 0; i < state_.points.n[0]; ++i) n_pushing += lane_of(state_.x[3 * i], 0) > 0.0;
+    if (state_.chosen[0] == 0 || n_pushing != n[0] || is_joined_) {
       for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
       return n[0];
     }
-    patches_.let_go(state_);
+    patches_.remove_all(state_);
     state_.need_before(eval);
     problem_.take_all(state_, eval, rows);
     for (int g = 0; g < problem_.groups(); ++g) {
@@ -370,13 +371,13 @@ class ContactStep {
  private:
   // Records when a point with this closing speed by the impulses of the step is struck and would
   // rebound, unless that is immediately.
-  void note_struck(int l, int i, double closing) {
+  void record_strike(int l, int i, double closing) {
     const auto& point = state_.points.point[l][i];
     const bool is_new = state_.steps[l][i] == 0 && state_.rebound[l][i] == 0.0;
     if (!is_new || !state_.is_before_known || !(state_.rebound_of(l, i, closing) > 0.0)) return;
     if (!(point.gap > Tolerance::same_touch * state_.whole * closing)) return;
     if (!(point.gap < state_.left * closing)) return;
-    struck_again_ = fmin(struck_again_, point.gap / closing);
+    next_strike_ = fmin(next_strike_, point.gap / closing);
   }
 
   // Time until point i of one trajectory touches, at its closing speed.
@@ -415,7 +416,7 @@ class ContactStep {
   }
 
   // Adds the energy taken by the friction of point i, at the velocity after the step.
-  FAN_FN void book_friction(int l, int i) {
+  FAN_FN void add_friction_loss(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(state_.x[d], l);
       lane_of(work, l) += x * lane_of(state_.points.rate_K[i][d - 3 * i], l);
@@ -425,7 +426,7 @@ class ContactStep {
 
   // Likewise in a step with an impact, whose impulses also act on resting solids: each takes energy
   // at the mean of the velocities before and after the step.
-  FAN_FN void book_impact(int l, int i) {
+  FAN_FN void add_impact_loss(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(state_.x[d], l), end = state_.after(l, d);
       const double rubs = d == 3 * i || state_.strikes(l, i) ? 0.0 : x * end;
@@ -439,8 +440,8 @@ class ContactStep {
   RollingPoints<Model, Real> rolling_;
   ContactPatches<Model, Real> patches_;
   ContactProblem<Model, Real> problem_;
-  int looks_ = 0;  // number of further searches
-  double struck_again_ = unbounded;
+  int n_searches_ = 0;  // number of further searches
+  double next_strike_ = unbounded;
   bool is_joined_ = false;  // whether `push` has earlier parts of the step
   // Of each lane's last solve in the step: number of rows and points that took part, success;
   // impulses and s of the rows.

@@ -149,9 +149,9 @@ class FlowDerivatives {
   void find(int from, int n, double t, double h) {
     constexpr int width = Traits<Wide>::width;
     for (int first = from; first < from + n; first += width) {
-      const int some = from + n - first < width ? from + n - first : width;
-      linear_.differentiate(points_.get() + first, some, in_.p);
-      for (int stage = first; stage < first + some; ++stage) {
+      const int n_states = from + n - first < width ? from + n - first : width;
+      linear_.differentiate(points_.get() + first, n_states, in_.p);
+      for (int stage = first; stage < first + n_states; ++stage) {
         change_inputs(t + dop853::C[stage] * h);
         linear_.find(
             stage - first, points_[stage], inputs_.data(), by_state_.data() + stage * in_state,
@@ -270,9 +270,9 @@ class FlowDerivatives {
     Real five = Real(0.0), three = Real(0.0);
     for (int i = 0; i < dop853::stages; ++i)
       if (dop853::E3[i] != 0.0) {
-        const Real one = rate(i);
-        five += dop853::E5[i] * one;
-        three += dop853::E3[i] * one;
+        const Real stage_rate = rate(i);
+        five += dop853::E5[i] * stage_rate;
+        three += dop853::E3[i] * stage_rate;
       }
     const Real a = abs(from), b = abs(to);
     const Real scale = 1.0 / (in_.atol + in_.rtol * select(a > b, a, b));

@@ -65,11 +65,11 @@ class LinearFlow {
   void look_at(const double* powers, int n) {
     for (int first = 0; first < n_inputs_; first += width)
       for (int r = 0; r < 3 * K; ++r) {
-        bool some = false;
+        bool changes = false;
         for (int k = 0; k < n; ++k)
           for (int l = first; l < first + width && l < n_inputs_; ++l)
-            some |= powers[(k * n_changes + r) * row_ + l] != 0.0;
-        if (some) moving_[first / width].push_back(r);
+            changes |= powers[(k * n_changes + r) * row_ + l] != 0.0;
+        if (changes) moving_[first / width].push_back(r);
       }
   }
 

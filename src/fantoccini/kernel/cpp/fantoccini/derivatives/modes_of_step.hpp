@@ -74,7 +74,7 @@ class ModesOfStep {
     }
     assemble(eval, force);
     const bool jams = !system_.factorise();
-    solve(eval, force, found_, pull, shares);
+    solve(eval, force, solution_, pull, shares);
     if (jams) return JAMS;
     bool slides = false;
     for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
@@ -85,7 +85,7 @@ class ModesOfStep {
   }
 
   // dt dacc, in bundles.
-  Wide* found() { return found_; }
+  Wide* solution() { return solution_; }
 
   // Number of multipliers of all points.
   int n_shares() const { return system_.n_rows - n_held_; }
@@ -128,7 +128,7 @@ class ModesOfStep {
   }
 
   // dt dacc and, unless null, the changes `pull` of the tensions and `shares` of the multipliers.
-  void solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull, Wide* shares) {
+  void solve(const Eval& eval, const Wide* force, Wide* solution, Wide* pull, Wide* shares) {
     for (int b = 0; b < columns_->n_bundles; ++b) {
       if (!Columns::acts(b)) continue;
       const Wide* rate = rate_ + b * R;
@@ -137,7 +137,7 @@ class ModesOfStep {
       Model::forth_of(eval.L, x, w);
       system_.solve(w, rate, y);
       Model::back_of(eval.L, w, x);
-      for (int k = 0; k < N; ++k) found[b * N + k] = dt_ * x[k];
+      for (int k = 0; k < N; ++k) solution[b * N + k] = dt_ * x[k];
       for (int a = 0; pull && a < n_held_; ++a) pull[b * M + a] = y[a];
       for (int a = 0; shares && a < n_shares(); ++a) shares[b * 3 * C + a] = y[n_held_ + a];
     }
@@ -156,7 +156,7 @@ class ModesOfStep {
     for (int b = 0; b < columns_->n_bundles; ++b) {
       size[b] = Wide(0.0);
       if (!Columns::acts(b)) continue;
-      for (int k = 0; k < N; ++k) size[b] = maximum(fabs(found_[b * N + k]), size[b]);
+      for (int k = 0; k < N; ++k) size[b] = maximum(fabs(solution_[b * N + k]), size[b]);
       all = maximum(size[b], all);
     }
     double most = 0.0;
@@ -165,7 +165,7 @@ class ModesOfStep {
       if (!Columns::acts(b)) continue;
       const Wide bound = Tolerance::depends * maximum(size[b], Wide(Tolerance::rounding * most));
       for (int k = 0; k < N; ++k)
-        if (any(fabs(other_[b * N + k] - found_[b * N + k]) > bound)) return true;
+        if (any(fabs(other_[b * N + k] - solution_[b * N + k]) > bound)) return true;
     }
     return false;
   }
@@ -178,7 +178,7 @@ class ModesOfStep {
   Partials partials_;
   ModeSystem<R, C, N> system_;
   double change_[3][room(Partials::n_columns)], by_[room(Partials::n_columns * N)];
-  Wide rate_[room(Columns::most * R)], found_[room(Columns::most * N)];  // in bundles
+  Wide rate_[room(Columns::most * R)], solution_[room(Columns::most * N)];  // in bundles
   Wide other_[room(Columns::most * N)];
 };
 

@@ -142,9 +142,9 @@ class RolloutGradient {
 
     bool ready(const StepCount& count) {
       const long long k = count.made;
-      const bool steady = all.run_.at.steady, steadier = all.run_.at.steadier;
+      const bool steady = all.run_.at.steady, was_steady = all.run_.at.was_steady;
       in.ahead[2 * k] = steady ? 0.5 * in.options.dt : 0.0;
-      in.ahead[2 * k + 1] = steady && steadier ? 0.25 * in.options.dt : 0.0;
+      in.ahead[2 * k + 1] = steady && was_steady ? 0.25 * in.options.dt : 0.0;
       return true;
     }
 
@@ -241,7 +241,7 @@ class RolloutGradient {
       pull[r] = y[a] / dt;
       pull_h[r] = size < dt * in.options.recovery_speed ? pull[r] / dt : 0.0;
     }
-    meant(in, k, v_next);
+    equation_velocity(in, k, v_next);
     Call<Model, double>::step_back(
         delay_.q_D(), v, v_ahead_, v_next, in.acc_D + k * N, delay_.q_K(), in.rate + k * K,
         in.mean + k * K, in.tension + k * M, z, pull, pull_h, dt, in.p, to);
@@ -275,7 +275,7 @@ class RolloutGradient {
 
   // v+ by the equations of step k. It differs from the rollout's if the step was cut short; the
   // caller checks that.
-  void meant(const GradientArrays& in, long long k, double* v_next) const {
+  void equation_velocity(const GradientArrays& in, long long k, double* v_next) const {
     for (int j = 0; j < N; ++j) v_next[j] = in.v_D[k * N + j] + in.options.dt * in.acc_D[k * N + j];
   }
 
@@ -283,7 +283,7 @@ class RolloutGradient {
   bool take_contacts(const GradientArrays& in, long long k) {
     if constexpr (touches) {
       double v_next[room(N)];
-      meant(in, k, v_next);
+      equation_velocity(in, k, v_next);
       return contacts_.take(in, k, v_next);
     }
     return false;

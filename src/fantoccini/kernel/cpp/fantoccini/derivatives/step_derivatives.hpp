@@ -155,7 +155,7 @@ class StepDerivatives {
       in.edges[i] |= modes_.solve(
           eval_, rows_, columns, change_, rate_by_, pull ? pull_ : nullptr,
           in.shares ? shares_ : nullptr);
-      return modes_.found();
+      return modes_.solution();
     }
     return nullptr;
   }

@@ -64,7 +64,7 @@ class StepModes {
     before_.make(screws_, v_D_, rate_);
     after_.make(screws_, run.state().v_D, rate_);
     still_ = Tolerance::speed * fmax(1.0, fmax(before_.fastest(), after_.fastest()));
-    run.at.eval.back(run.at.eval.w0, kick_);
+    run.at.eval.back(run.at.eval.w0, free_acc_);
     double reach = 0.0;
     for (int k = 0; k < n; ++k) reach = fmax(reach, push_[k].gap);
     const double margin = fmax(Tolerance::margin, Tolerance::spare * reach);
@@ -73,7 +73,7 @@ class StepModes {
         differences_.take(*solids_, push_[k].pair, poses_, margin);
       note(hold(push_[k], out[k]), push_[k].pair);
     }
-    look_at_open(run.at.contacts.candidates(), n, out);
+    check_open_points(run.at.contacts.candidates(), n, out);
     if (run.at.touching.parts && n > 0) note(LEAVES_LAW, out[0].pair);
     int n_first = 0;
     for (int k = 0; k < n; ++k) n_first += out[k].bounces > 0.0 && out[k].gap > -Tolerance::gap;
@@ -186,7 +186,7 @@ class StepModes {
     out.closes = out.bounces = 0.0;
     if (fabs(u_n - parting) <= rounding) {
       if (parting < recovery_speed_) out.closes = 1.0 / dt_;
-      const double gain = dt_ * along(out.links, out.at, out.normal, kick_);
+      const double gain = dt_ * along(out.links, out.at, out.normal, free_acc_);
       return e > 0.0 && fabs(-e * speed - fmax(parting, -gain)) <= rounding ? MAY_REBOUND : 0;
     }
     if (!(e > 0.0) || !(fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
@@ -196,7 +196,7 @@ class StepModes {
 
   // Points that close without force, except where those that push close them anyway.
   template <class Points>
-  void look_at_open(const Points& points, int n, const StepContact* held) {
+  void check_open_points(const Points& points, int n, const StepContact* held) {
     bool spanned = false;
     const double left = fmax(dt_ - delay_.time, TouchingStepTolerances::least_left * dt_);
     for (int i = 0; i < points.n[0]; ++i) {
@@ -316,7 +316,7 @@ class StepModes {
   Twists before_, after_;
   const ContactArrays* solids_;
   const double *q_D_, *v_D_, *q_K_, *rate_, *p_;
-  double dt_, recovery_speed_, reference_force_, still_, kick_[room(N)];
+  double dt_, recovery_speed_, reference_force_, still_, free_acc_[room(N)];
   double poses_[12 * L], screws_[room(6 * E)];
   double high_[12 * L + 6 * E], low_[12 * L + 6 * E], change_[12 * L + 6 * E];
 };

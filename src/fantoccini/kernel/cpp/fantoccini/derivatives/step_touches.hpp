@@ -23,11 +23,11 @@ class StepTouches {
     int edges = 0, n = 0;
     modes_.pair_edges = in.pair_edges + i * in.n_pairs;
     if (Status(int(trajectory_.status)) == RUNNING) {
-      n = modes_.find(trajectory_, in.reference_force, found_);
+      n = modes_.find(trajectory_, in.reference_force, contacts_);
       edges = modes_.edges;
       if (n > in.room) edges = CROWDED, n = 0;
     }
-    for (int k = 0; k < n; ++k) in.points[i * in.room + k] = found_[k];
+    for (int k = 0; k < n; ++k) in.points[i * in.room + k] = contacts_[k];
     in.n_points[i] = n;
     in.edges[i] = edges;
     write(in, i);
@@ -92,7 +92,7 @@ class StepTouches {
 
   TimeSteppingTrajectory<Model, double> trajectory_;
   StepModes<Model> modes_;
-  StepContact found_[room(C)];
+  StepContact contacts_[room(C)];
 };
 
 // The C interface of StepTouches: the nodes [first, last) of the arrays; returns 1 if memory is
@@ -100,10 +100,10 @@ class StepTouches {
 template <class Model>
 int find_step_touches(const TouchingStepArrays& in, long long first, long long last) {
   if constexpr (Model::n_contacts > 0) {
-    auto* made = new (std::nothrow) StepTouches<Model>();
-    if (!made) return 1;
-    for (long long i = first; i < last; ++i) made->find(in, i);
-    delete made;
+    auto* touches = new (std::nothrow) StepTouches<Model>();
+    if (!touches) return 1;
+    for (long long i = first; i < last; ++i) touches->find(in, i);
+    delete touches;
   }
   return 0;
 }

@@ -7,16 +7,16 @@
 namespace fan {
 
 struct Accumulation {
-  static constexpr int kept = 6;  // catches: five intervals, four of which follow another
+  static constexpr int n_catches = 6;  // catches: five intervals, four of which follow another
   static constexpr double max_ratio = 0.98;  // of successive intervals that shrink
 
-  double times[kept] = {};
+  double times[n_catches] = {};
   int n = 0;
 
   // Adds the time of a catch.
   void watch(double t) {
-    if (n == kept) {
-      for (int i = 1; i < kept; ++i) times[i - 1] = times[i];
+    if (n == n_catches) {
+      for (int i = 1; i < n_catches; ++i) times[i - 1] = times[i];
       --n;
     }
     times[n++] = t;
@@ -24,8 +24,8 @@ struct Accumulation {
 
   // Whether each of the last four intervals between catches is shorter than the one before it.
   bool shrinking() const {
-    if (n < kept) return false;
-    for (int i = 2; i < kept; ++i)
+    if (n < n_catches) return false;
+    for (int i = 2; i < n_catches; ++i)
       if (!(times[i] - times[i - 1] < max_ratio * (times[i - 1] - times[i - 2]))) return false;
     return true;
   }

@@ -50,7 +50,7 @@ struct ClosedRowTolerances {
 };
 
 struct Attempt {
-  double stillness;     // |hdot| up to which rows are at rest, as max_rest_speed
+  double rest_speed;    // |hdot| up to which rows are at rest, as max_rest_speed
   double ahead;         // length of the implicit step [s]; 0 for none
   double gain;          // largest energy added by holding, relative to the weight times 1 m
   double disagreement;  // of the rates of redundant held rows, as strict_rest_speed

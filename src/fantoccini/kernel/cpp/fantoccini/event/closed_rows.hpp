@@ -115,8 +115,8 @@ struct ClosedRows {
     f.settle_slip(f.t);
     for (int r = 0; r < M; ++r) f.row_state[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
-    const double still = how.stillness * speed_scale(f);
-    const double hop_time = Tolerance::max_rest_hop * (how.stillness / Tolerance::max_rest_speed);
+    const double still = how.rest_speed * speed_scale(f);
+    const double hop_time = Tolerance::max_rest_hop * (how.rest_speed / Tolerance::max_rest_speed);
     double own[room(S)];
     for (int i = 0; i < S; ++i) own[i] = f.slip[i];
     if (ahead > 0.0) {
@@ -208,7 +208,7 @@ struct ClosedRows {
     for (int a = 0; a < n; ++a) {
       const bool held = f.row_state[list[a]] == HELD;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-      if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, f.lack(list[a]));
+      if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, f.violation(list[a]));
       else add_row(f, a, f.rows.hdot[a], unbounded, held ? Set::BASIC : Set::LOW);
     }
     const Status settled = settle(f);

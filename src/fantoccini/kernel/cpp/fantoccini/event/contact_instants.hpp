@@ -71,7 +71,7 @@ class ContactInstants {
   }
 
   bool is_struck(const F& f, int c) const {
-    return f.contacts.points.at[c].mode == PARTED && f.contacts.points.found[c] &&
+    return f.contacts.points.at[c].mode == PARTED && f.contacts.points.exists[c] &&
            f.contacts.points.hdot[3 * c] > Tolerance::striking_speed * speed_scale(f);
   }
 
@@ -149,7 +149,7 @@ class ContactInstants {
       }
     }
     for (int c = 0; c < held.points.n; ++c)
-      if (held.points.found[c] && fabs(held.points.hdot[3 * c]) <= still)
+      if (held.points.exists[c] && fabs(held.points.hdot[3 * c]) <= still)
         rest.point[rest.n_points++] = c;
     begin(f, rest.single, rest.n_single, rest.point, rest.n_points);
     for (int i = 0; i < rest.n_single; ++i) {
@@ -208,7 +208,7 @@ class ContactInstants {
       const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
       const double least = (1.0 - Tolerance::at_cone) * cone.mu[i] * x[0];
       begins[i] = !slides_[i] && size > 0.0 && size >= least;
-      if (begins[i]) give(f, rest, i, x[1] / size, x[2] / size);
+      if (begins[i]) set_direction(f, rest, i, x[1] / size, x[2] / size);
       more = more || begins[i];
     }
     for (int k = 0; more; ++k) {
@@ -220,7 +220,7 @@ class ContactInstants {
         if (!begins[i] || size <= idle) continue;
         const double* d = given_ + 2 * i;
         if (-(s[1] * d[0] + s[2] * d[1]) >= Tolerance::opposed * size) continue;
-        give(f, rest, i, -s[1] / size, -s[2] / size);
+        set_direction(f, rest, i, -s[1] / size, -s[2] / size);
         more = true;
       }
     }
@@ -228,7 +228,7 @@ class ContactInstants {
   }
 
   // Sets the direction of friction at point i of those at rest, in its tangents.
-  void give(F& f, const Rest& rest, int i, double p, double q) {
+  void set_direction(F& f, const Rest& rest, int i, double p, double q) {
     slides_[i] = true;
     given_[2 * i] = p;
     given_[2 * i + 1] = q;
@@ -316,8 +316,8 @@ class ContactInstants {
     const double none = Tolerance::no_force * most, idle = Tolerance::at_rest * scale;
     for (int i = 0; i < rest.n_single; ++i) {
       const int r = f.rows.row[rest.single[i]];
-      const bool most_of_winch = cone.x[i] >= cone.upper[i] - Tolerance::at_largest * most;
-      if (most_of_winch && (strained[r] || cone.s[i] < -idle)) next[r] = SLIPPING;
+      const bool max_of_winch = cone.x[i] >= cone.upper[i] - Tolerance::at_largest * most;
+      if (max_of_winch && (strained[r] || cone.s[i] < -idle)) next[r] = SLIPPING;
       else if (f.rows.two_sided[rest.single[i]] || cone.x[i] > (loose[r] ? none : 0.0))
         next[r] = HELD;
       else if (!loose[r] && cone.s[i] <= idle) next[r] = IDLE;

@@ -27,7 +27,7 @@ struct Detector {
   double blame[room(M)];  // by row, 0 to 1
 
   // The status at the flow's latest evaluation, which must be that of its present state.
-  Status look(const F& f) {
+  Status check(const F& f) {
     for (int j = 0; j < F::N; ++j)
       if (!is_finite(f.acc[j])) return broken(f);
     // Inputs that are NaN make heights NaN; such rows count as slack, and the motion stays finite.

@@ -30,7 +30,7 @@ struct FlowTolerances {
   static constexpr double parting_acceleration = 1e-8;
   // Pivot of a held row, relative to the largest diagonal entry of G, below which the held rows are
   // chosen again among the redundant ones.
-  static constexpr double frail_pivot = 1e-4;
+  static constexpr double dependent_pivot = 1e-4;
   // m: scale of shorter strings.
   static constexpr double min_row_scale = Constants::least_length;
   // Largest number of refinements of the held rows' tensions: nearly dependent rows lose digits.
@@ -79,7 +79,7 @@ struct Flow {
     drive.evaluate(at, q_K, v_K, acc_K, u_D);
     eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, p);
     motors.measure(state, q_K, p);
-    let_out(at);
+    add_slips(at);
     int list[room(M)], n = 0;
     for (int r = 0; r < M; ++r) {
       tension[r] = apart[r] = 0.0;
@@ -117,7 +117,7 @@ struct Flow {
   // Violation of a taut row's condition at the latest evaluation: a held row's tension relative to
   // the weight, a slipping row's speed in m/s, a redundant row's hddot relative to hddot_scale.
   // Undefined for slack rows, whose condition is on the height.
-  double lack(int r) const {
+  double violation(int r) const {
     if (r < S && Model::wire[r]) return -1.0;
     if (row_state[r] == HELD) {
       const double below = -tension[r];
@@ -140,7 +140,7 @@ struct Flow {
   double weight() const { return (1.0 / Constants::tension_cap) * opt.tension_cap; }
 
   // Whether the held rows are so nearly dependent that a redundant row should replace one of them.
-  bool frail() const {
+  bool nearly_dependent() const {
     if (contacts.active()) return false;
     constexpr int stride = Complementarity<double, M>::N;
     bool redundant = false;
@@ -155,7 +155,7 @@ struct Flow {
       const double pivot = rows.problem.pivot(a);
       if (pivot < least) least = pivot;
     }
-    return redundant && least < Tolerance::frail_pivot * top;
+    return redundant && least < Tolerance::dependent_pivot * top;
   }
 
   // Acceleration with which row r's winch brakes while it winds back, at the latest evaluation.
@@ -216,7 +216,8 @@ struct Flow {
 
   double k[dop853::all_stages][NY];
   double end[NY], end_rate[NY];  // state at the end of the trial step, and its rate
-  double stage_lack[dop853::stages][room(GUARDS)];  // from stage 1 on; of slack rows the height
+  double stage_violation[dop853::stages]
+                        [room(GUARDS)];  // from stage 1 on; of slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
   void stages(double s) {
@@ -225,10 +226,10 @@ struct Flow {
       combine(dop853::A[i], i, s, at);
       evaluate(t + dop853::C[i] * s, at, k[i]);
       for (int r = 0; r < M; ++r) {
-        stage_lack[i][r] = taut(r) ? lack(r) : eval.height(r);
+        stage_violation[i][r] = taut(r) ? violation(r) : eval.height(r);
       }
-      for (int d = 0; d < D; ++d) stage_lack[i][M + d] = motors.excess(d);
-      for (int g = ALL; g < GUARDS; ++g) stage_lack[i][g] = contacts.guard_of(*this, g - ALL);
+      for (int d = 0; d < D; ++d) stage_violation[i][M + d] = motors.excess(d);
+      for (int g = ALL; g < GUARDS; ++g) stage_violation[i][g] = contacts.guard_of(*this, g - ALL);
     }
     combine(dop853::B, dop853::stages, s, end);
     normalise_all<typename Model::Dynamic>(end);
@@ -403,7 +404,7 @@ struct Flow {
   }
 
   // Converts h, hdot and gamma to the length L + slip.
-  void let_out(double at) {
+  void add_slips(double at) {
     for (int i = 0; i < S; ++i) {
       if (row_state[i] == SLIPPING) {
         slip_now[i] = eval.h[i];

@@ -23,7 +23,7 @@ struct HeldContactTolerances {
   static constexpr double margin = 1e-3;
   // m: overlap above which a point that has just parted touches again, and distance at which one
   // without force no longer rests.
-  static constexpr double caught = 1e-13, strayed = 1e-11;
+  static constexpr double caught = 1e-13, max_rest_distance = 1e-11;
   // m: rounding of a gap.
   static constexpr double rounding = 1e-15;
   // m: gap above which a parted point is open.
@@ -53,10 +53,10 @@ class FollowedPoints {
   using Points = ContactPointsAt<Model>;
 
   struct Contact {
-    int pair, feature, region;  // identity, as in ContactPoints::is_one
+    int pair, feature, region;  // identity, as in ContactPointsAt::matches
     ContactMode mode;
     bool moving;      // slides faster than Tolerance::stopped
-    bool told;        // its sliding is among the events
+    bool reported;    // its sliding is among the events
     bool fresh;       // touches since this instant
     bool leaves;      // it rebounds at this instant
     double along[3];  // of friction on the first solid where it slides, in the world
@@ -79,7 +79,7 @@ class FollowedPoints {
   double lawful[room(3 * C)], after_lawful[room(3 * C)];         // likewise, at the end of modes
   double overlap = -unbounded, closing = 0.0;  // of the deepest point: overlap and closing speed
   double safe = unbounded;  // s: time within which no solid passes through another
-  bool found[room(C)];      // whether a point exists there
+  bool exists[room(C)];     // whether a point exists there
   double point[room(C)][3], frame[room(C)][9];
   // Of the rows: A_D, A_K v_K, and gamma.
   double row[room(3 * C)][room(N)], rate_K[room(3 * C)], gamma[room(3 * C)] = {};
@@ -88,17 +88,17 @@ class FollowedPoints {
   // Evaluates all near points at a state; f's evaluation, except for accelerations, must be that of
   // the state.
   template <class F>
-  void look(const F& f, const double* q_D, const double* v_D) {
+  void search(const F& f, const double* q_D, const double* v_D) {
     points_.pose(*in, q_D, v_D, f.q_K, f.v_K, f.p);
-    points_.look_within(*in, Tolerance::margin);
+    points_.search(*in, Tolerance::margin);
     too_many = points_.too_many();
     safe = points_.safe_time(*in);
     overlap = -Tolerance::margin;
     closing = 0.0;
     for (int c = 0; c < n; ++c) {
-      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, found + c);
+      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, exists + c);
       known_[c] = i >= 0;
-      found[c] = found[c] && known_[c];
+      exists[c] = exists[c] && known_[c];
       if (known_[c]) take(i, c, v_D);
     }
     for (int i = 0; i < points_.n(); ++i) {
@@ -118,11 +118,11 @@ class FollowedPoints {
 
   // Drops parted points that have opened, and fixes the directions that sliding ones keep across
   // zero in the next step. The latest evaluation must be that of the present state.
-  void anchor() {
+  void update_directions() {
     int kept = 0;
     for (int c = 0; c < n; ++c) {
-      if (at[c].mode == PARTED && (!found[c] || gap[c] > Tolerance::open_gap)) continue;
-      if (at[c].mode == SLIDING && found[c] && along(c) > 0.0 &&
+      if (at[c].mode == PARTED && (!exists[c] || gap[c] > Tolerance::open_gap)) continue;
+      if (at[c].mode == SLIDING && exists[c] && along(c) > 0.0 &&
           sliding_speed(c) > 2.0 * Tolerance::stopped) {
         at[c].moving = true;
         direction(c, at[c].along);
@@ -143,15 +143,16 @@ class FollowedPoints {
       if (from.gap > most || place(from) >= 0 || !points_.touches_there(i)) continue;
       full = n == C;
       if (full) break;
-      bool told = false;
-      for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
+      bool reported = false;
+      for (int c = 0; c < n; ++c)
+        reported = reported || (meet(at[c].pair, from.pair) && at[c].reported);
       at[n++] = {
           from.pair,
           from.feature,
           from.region,
           PARTED,
           false,
-          told,
+          reported,
           true,
           false,
           {0.0, 0.0, 0.0},
@@ -165,7 +166,7 @@ class FollowedPoints {
     }
     if (more) {
       sort();
-      look(f, q_D, v_D);
+      search(f, q_D, v_D);
     }
     too_many = too_many || full;
   }
@@ -284,7 +285,7 @@ class FollowedPoints {
     const double v_D[room(N)] = {}, v_K[room(NK)] = {};
     near_.pose(*in, q_D, v_D, f.q_K, v_K, f.p);
     for (int c = 0, pair = -1; c < n; ++c) {
-      if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
+      if (at[c].pair != pair) near_.search_one_pair(*in, pair = at[c].pair, Tolerance::margin);
       bool holds;
       const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
       out[3 * c] = i < 0 ? 0.0 : -near_.point(i).gap;
@@ -330,7 +331,7 @@ class FollowedPoints {
         if (!all[c]) continue;
         if (at[c].pair != pair) {
           pair = at[c].pair;
-          near_.look_at_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
+          near_.search_one_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
         }
         bool holds;
         const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
@@ -371,7 +372,7 @@ class FollowedPoints {
 
   int place(const typename Points::Point& point) const {
     for (int c = 0; c < n; ++c)
-      if (Points::is_one(at[c], point.pair, point.feature, point.region)) return c;
+      if (Points::matches(at[c], point.pair, point.feature, point.region)) return c;
     return -1;
   }
 
@@ -394,7 +395,7 @@ class FollowedPoints {
   void copy(int c, int to) {
     if (c == to) return;
     at[to] = at[c];
-    found[to] = found[c];
+    exists[to] = exists[c];
     known_[to] = known_[c];
     gap[to] = gap[c];
     region_[to] = region_[c];

@@ -89,16 +89,17 @@ struct Guards {
       const double wound_in =
           (-flow.slip_now[r] - WinchTolerances::max_length_error) / flow.row_scale(r) -
           Tolerance::caught_height;
-      const double slow = flow.lack(r) - (armed[r] ? 0.0 : Tolerance::min_speed);
+      const double slow = flow.violation(r) - (armed[r] ? 0.0 : Tolerance::min_speed);
       return slow > wound_in ? slow : wound_in;
     }
     // A row may begin the step slightly beyond its bound: only the excess counts.
     const double over = (flow.eval.height(r) - already(r)) / flow.row_scale(r);
     if (flow.taut(r)) {
-      const double lack = flow.lack(r) - Tolerance::negligible_tension;
+      const double violation = flow.violation(r) - Tolerance::negligible_tension;
       // A redundant row moves with the held ones, except for the error of their near dependence.
-      const double strays = flow.row_state[r] == HELD ? lack : over - FlowTolerances::closed_gap;
-      return lack > strays ? lack : strays;
+      const double overlap =
+          flow.row_state[r] == HELD ? violation : over - FlowTolerances::closed_gap;
+      return violation > overlap ? violation : overlap;
     }
     return over - (armed[r] ? 0.0 : Tolerance::caught_height);
   }
@@ -130,7 +131,7 @@ struct Guards {
         return true;
       if (flow.row_state[r] != SLIPPING) continue;
       const bool beyond = flow.slip_now[r] < -WinchTolerances::max_length_error;
-      if (flow.lack(r) > (beyond ? 0.0 : Tolerance::min_speed)) return true;
+      if (flow.violation(r) > (beyond ? 0.0 : Tolerance::min_speed)) return true;
     }
     return false;
   }
@@ -188,7 +189,7 @@ struct Guards {
     else if (r < M) worst = Tolerance::negligible_tension + Tolerance::min_speed;
     double at = 0.0;
     for (int i = 1; i < dop853::stages; ++i) {
-      const double over = flow.stage_lack[i][r];
+      const double over = flow.stage_violation[i][r];
       if (over > worst && dop853::C[i] < 1.0) {
         worst = over;
         at = dop853::C[i] * s;

@@ -41,7 +41,7 @@ class HeldContacts {
   template <class F>
   bool look_near(const F& f, const double* q_D, const double* v_D) {
     if (!points.in) return false;
-    points.look(f, q_D, v_D);
+    points.search(f, q_D, v_D);
     return active();
   }
 
@@ -73,7 +73,7 @@ class HeldContacts {
       for (int d = 0; d < 3; ++d)
         reference[rows.n_single + 3 * c + d] = dot3(points.frame[c] + 3 * d, points.at[c].force);
     double known[room(R)], asked[room(R)];
-    let_slip(f, known, asked);
+    find_slipping(f, known, asked);
     rows.find_forces(points, f, asked, reference);
     for (int a = 0; a < rows.n_single; ++a) rows.y[a] += known[a];
     friction = 0.0;
@@ -104,13 +104,13 @@ class HeldContacts {
   double guard(const F& f, int c) const {
     const Contact& own = points.at[c];
     if (own.mode == PARTED) return -1.0;
-    if (!points.found[c]) return 1.0;
+    if (!points.exists[c]) return 1.0;
     const int i = 3 * c;
     if (own.mode == RESTING) {
       const double parts =
           fabs(points.after[i]) / f.hddot_scale() - Tolerance::parting_acceleration;
-      const double strays = fabs(points.gap[c]) - own.over - Tolerance::strayed;
-      return parts > strays ? parts : strays;
+      const double shift = fabs(points.gap[c]) - own.over - Tolerance::max_rest_distance;
+      return parts > shift ? parts : shift;
     }
     const double forces = excess(f, c, points.x + 3 * c);
     if (own.mode == STICKING || points.in->friction[own.pair] == 0.0) return forces;
@@ -181,7 +181,7 @@ class HeldContacts {
   template <class F>
   bool jamming(const F& f) const {
     for (int c = 0; c < points.n; ++c) {
-      if (points.at[c].mode != SLIDING || !points.found[c]) continue;
+      if (points.at[c].mode != SLIDING || !points.exists[c]) continue;
       if (rows.influence(points, c) < Tolerance::jamming_influence) return true;
       if (fabs(points.x[3 * c]) > Tolerance::jamming_force * f.weight()) return true;
     }
@@ -284,7 +284,7 @@ class HeldContacts {
     bool needed = false;
     for (int c = 0; c < points.n; ++c) {
       const bool is_held = points.at[c].mode == STICKING || points.at[c].mode == SLIDING;
-      needed = needed || (is_held && points.found[c] && breaks(f, c));
+      needed = needed || (is_held && points.exists[c] && breaks(f, c));
     }
     for (int a = 0; a < rows.n_single; ++a) {
       const int r = f.rows.row[a];
@@ -293,7 +293,7 @@ class HeldContacts {
     }
     if (!needed) return;
     double known[room(R)], asked[room(R)];
-    let_slip(f, known, asked);
+    find_slipping(f, known, asked);
     int of[room(R)], n_own = 0, n_points = 0;
     bool slides[room(C)];
     double along[2 * room(C)];
@@ -339,7 +339,7 @@ class HeldContacts {
 
   // Tensions of the strings whose winches slip, `known`, and hddot with these alone, `hddot`.
   template <class F>
-  void let_slip(const F& f, double* known, double* hddot) const {
+  void find_slipping(const F& f, double* known, double* hddot) const {
     for (int i = 0; i < rows.n; ++i) {
       known[i] = 0.0;
       hddot[i] = rows.hddot[i];

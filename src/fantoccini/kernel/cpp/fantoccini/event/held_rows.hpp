@@ -107,7 +107,7 @@ class HeldRows {
       any = any || own.slow;
       own.slow = false;
       const double speed = points.sliding_speed(c), mu = points.in->friction[own.pair];
-      if (own.mode != SLIDING || !points.found[c] || mu == 0.0 || !(speed > Tolerance::stopped))
+      if (own.mode != SLIDING || !points.exists[c] || mu == 0.0 || !(speed > Tolerance::stopped))
         continue;
       const double *d = direction[c], *A = points.after + 3 * c + 1;
       const double onward = d[0] * A[0] + d[1] * A[1], across = d[0] * A[1] - d[1] * A[0];
@@ -159,10 +159,10 @@ class HeldRows {
     list_unknowns(points, f, true, true);
     directed.solve(G, n, asked, reference, y);
     if (!turns) return;
-    Turn turn = FURTHER;
-    for (int k = 0; turn == FURTHER && k < Slow::turns; ++k)
+    Turn turn = CONTINUE;
+    for (int k = 0; turn == CONTINUE && k < Slow::turns; ++k)
       turn = turn_slow(points, f, asked, reference);
-    if (turn == THERE) return;
+    if (turn == CONVERGED) return;
     // No such directions: those of the present velocities.
     for (int c = 0; c < points.n; ++c)
       if (points.at[c].mode == SLIDING)
@@ -172,7 +172,7 @@ class HeldRows {
   }
 
  private:
-  enum Turn { THERE, FURTHER, NOT_THERE };
+  enum Turn { CONVERGED, CONTINUE, FAILED };
 
   // Whether friction at point c has a later direction of hdot_T: it begins to slide, or is slow.
   bool looks_ahead(const Points& points, int c) const {
@@ -226,7 +226,7 @@ class HeldRows {
         onward += d[k] * then;
       }
       const double none = Slow::negligible_influence * own_influence(c, -d[1], d[0]);
-      if (onward < -none * push) return NOT_THERE;  // it stops
+      if (onward < -none * push) return FAILED;  // it stops
       slow[n_slow] = c;
       firm[n_slow] = fmax(onward / push, none);
       goal[n_slow++] = rate * (d[0] * points.hdot[3 * c + 2] - d[1] * points.hdot[3 * c + 1]);
@@ -244,13 +244,13 @@ class HeldRows {
       const double push = points.in->friction[points.at[c].pair] * y[first_of(c)];
       const double turn = directed.size_of(first + s);
       double* d = direction[c];
-      if (!(push > 0.0)) return NOT_THERE;
+      if (!(push > 0.0)) return FAILED;
       most = fmax(most, fabs(turn / push));
       const double turned[2] = {push * d[0] - turn * d[1], push * d[1] + turn * d[0]};
       for (int k = 0; k < 2; ++k) d[k] = turned[k];
       make_unit(d);
     }
-    return most > Slow::turned ? FURTHER : THERE;
+    return most > Slow::turned ? CONTINUE : CONVERGED;
   }
 
   double W_[room(3 * C)][room(N)];

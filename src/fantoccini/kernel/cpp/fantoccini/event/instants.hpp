@@ -188,7 +188,7 @@ struct EventInstants {
           loose[c] = loose[c] && !struck[c] && !(contact_instants.point_impulse[c] > 0.0);
           strained[c] = false;
         }
-        writer.tell_touches(struck, out);
+        writer.write_touches(struck, out);
         refresh();
       }
       flow.grip();
@@ -208,7 +208,7 @@ struct EventInstants {
       // The corrections of the start are not the run's.
       if (!starts) writer.impact += energy - (flow.total_energy() - given());
       for (int r = 0; r < M; ++r)
-        if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
+        if (next[r] == SLIPPING) guards.armed[r] = flow.violation(r) < -GuardTolerances::min_speed;
       share_forces();
       held.points.accept_overlaps();
       bool changed = any_struck;
@@ -217,13 +217,13 @@ struct EventInstants {
         changed = changed || next[r] != s.before[r];
         if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
       }
-      changed = starts || writer.tell_modes(touched, struck, out) || changed;
+      changed = starts || writer.write_modes(touched, struck, out) || changed;
       if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
         out.event(fmin(accumulation.limit(), until), ACCUMULATION, -1, 0.0, stopped);
         ++writer.n_events;
         accumulation.forget();
       }
-      anchor(out);
+      update_directions(out);
       guards.remember();
       if (changed) writer.emit(out);
       return held.points.too_many ? TOO_MANY_CONTACTS : RUNNING;
@@ -231,23 +231,25 @@ struct EventInstants {
   }
 
   // Follows the directions of sliding points, and writes events of pairs that have begun to slide.
-  void anchor(Record<Model>& out) {
+  void update_directions(Record<Model>& out) {
     if constexpr (F::touches) {
       auto& held = flow.contacts;
       if (!held.active()) return;
       if (held.redistributed) held.points.keep_forces(flow);
       held.redistributed = false;
       auto& points = held.points;
-      points.anchor();
+      points.update_directions();
       for (int c = 0; c < points.n; ++c) {
         auto& own = points.at[c];
-        if (own.told || own.mode != SLIDING || !own.moving || points.in->friction[own.pair] == 0.0)
+        if (own.reported || own.mode != SLIDING || !own.moving ||
+            points.in->friction[own.pair] == 0.0)
           continue;
         bool first = true;
         for (int b = 0; b < points.n; ++b)
-          first = first && !(points.at[b].told && points.meet(points.at[b].pair, own.pair));
-        own.told = true;
-        if (first) writer.tell(out, own.since, SLIDE, own.pair, 0.0, points.sliding_speed(c));
+          first = first && !(points.at[b].reported && points.meet(points.at[b].pair, own.pair));
+        own.reported = true;
+        if (first)
+          writer.write_contact_event(out, own.since, SLIDE, own.pair, 0.0, points.sliding_speed(c));
       }
     }
   }
@@ -314,7 +316,7 @@ struct EventInstants {
     for (int r = 0; r < M; ++r) {
       writer.write_changes(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
-      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
+      if (next[r] == SLIPPING) guards.armed[r] = flow.violation(r) < -GuardTolerances::min_speed;
       // A string that rebounds will soon be open; one that has lost its tension may stay at its
       // bound.
       if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);

@@ -61,7 +61,7 @@ struct EventRun {
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     if (status == RUNNING) status = watch();
     else instants.accuse(instants.closed_rows.blame);
-    tell_slips(out);
+    write_slips(out);
     instants.writer.emit(out);
     skip_saved();
     return status;
@@ -73,7 +73,7 @@ struct EventRun {
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     for (int r = 0; r < M; ++r) instants.closed_rows.blame[r] = 0.0;
     Status status = instants.contact_instant(out, Tolerance::touching_at_start, true);
-    tell_slips(out);
+    write_slips(out);
     if (status != RUNNING) instants.writer.emit(out);
     if (status == RUNNING) status = watch();
     skip_saved();
@@ -81,7 +81,7 @@ struct EventRun {
   }
 
   // Writes events of the winches that slip.
-  void tell_slips(Record<Model>& out) {
+  void write_slips(Record<Model>& out) {
     for (int r = 0; r < S; ++r)
       if (flow.row_state[r] == SLIPPING) instants.writer.note(out, SLIP, r, 0.0, flow.slip_rate[r]);
   }
@@ -90,13 +90,13 @@ struct EventRun {
   void set_input(const InputArrays& input) {
     flow.drive.set(input);
     at_break_ = true;
-    looked_at_ = -1;
+    cached_segment_ = -1;
   }
 
   RunProgress progress() const { return {n_steps, flow.t, 0.0}; }
 
   // By row and watched drive, its share in the cause of the run's status.
-  void tell_blame(Status status, double* out) const {
+  void write_attribution(Status status, double* out) const {
     flow.motors.blame(status, 0, instants.blame, out);
   }
 
@@ -148,7 +148,7 @@ struct EventRun {
     if (rewound < *end) *end = rewound > flow.t ? rewound : flow.t;
     const double emptied = runs_out();
     if (emptied <= flow.t) {
-      for (int r = 0; r < M; ++r) instants.blame[r] = r == emptying_ ? 1.0 : 0.0;
+      for (int r = 0; r < M; ++r) instants.blame[r] = r == empty_row_ ? 1.0 : 0.0;
       return LENGTH_NOT_POSITIVE;
     }
     if (emptied < *end) *end = emptied;
@@ -191,21 +191,21 @@ struct EventRun {
   // piece.
   double runs_out() {
     if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have not begun
-    if (looked_at_ != flow.drive.segment() || flow.t < looked_from_) {
-      looked_at_ = flow.drive.segment();
-      looked_from_ = flow.t;
-      empty_at_ = flow.emptied(unbounded, &emptying_);
+    if (cached_segment_ != flow.drive.segment() || flow.t < cached_from_) {
+      cached_segment_ = flow.drive.segment();
+      cached_from_ = flow.t;
+      empty_time_ = flow.emptied(unbounded, &empty_row_);
     }
-    return empty_at_;
+    return empty_time_;
   }
 
   // The detector's status of the present state.
   Status watch() {
-    const Status status = detector.look(flow);
+    const Status status = detector.check(flow);
     if (status == RUNNING) return status;
     // A string may be wedged in with the points that friction jams.
-    const bool bursts = status == TENSION_CAP && step_size < Tolerance::min_failing_step;
-    if (bursts && flow.contacts.jamming(flow)) return NO_UNIQUE_MOTION;
+    const bool wedged = status == TENSION_CAP && step_size < Tolerance::min_failing_step;
+    if (wedged && flow.contacts.jamming(flow)) return NO_UNIQUE_MOTION;
     instants.accuse(detector.blame);
     return status;
   }
@@ -258,9 +258,9 @@ struct EventRun {
         continue;
       }
       flow.contacts.redistribute(flow);
-      const double found = guards.suspicious(s);
-      if (found <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
-      const double at = guards.locate(found);
+      const double crossing = guards.suspicious(s);
+      if (crossing <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
+      const double at = guards.locate(crossing);
       // Friction's direction is kept beyond a point's stop: a step that ends before it may be
       // worse.
       if (flow.contacts.holds() && !(flow.error(at) <= 1.0)) {
@@ -308,7 +308,7 @@ struct EventRun {
     stuck = moved > Tolerance::standstill ? 0 : stuck + 1;
     for (int r = 0; r < M; ++r) {
       const double h = flow.eval.height(r);
-      if (flow.row_state[r] == SLIPPING && flow.lack(r) < -GuardTolerances::min_speed)
+      if (flow.row_state[r] == SLIPPING && flow.violation(r) < -GuardTolerances::min_speed)
         guards.armed[r] = true;
       if (flow.taut(r)) continue;
       if (h < -GuardTolerances::open_gap * flow.row_scale(r)) guards.armed[r] = true;
@@ -319,7 +319,7 @@ struct EventRun {
     flow.motors.tell(flow.t, out);
     instants.writer.n_events += out.n_events - before;
     const bool event = guards.worst() > 0.0;
-    Status seen = flow.frail() && !event ? instants.another_basis(out) : RUNNING;
+    Status seen = flow.nearly_dependent() && !event ? instants.another_basis(out) : RUNNING;
     if (seen == RUNNING) seen = watch();
     if (seen == RUNNING) seen = saved;
     if (seen != RUNNING) return seen;
@@ -327,7 +327,7 @@ struct EventRun {
     if constexpr (F::touches)
       ahead =
           flow.contacts.active() && !event && flow.contacts.rows.choose_slow(flow.contacts.points);
-    instants.anchor(out);
+    instants.update_directions(out);
     if constexpr (F::touches) {
       if (ahead) look_ahead();
       if (flow.contacts.points.too_many) return TOO_MANY_CONTACTS;
@@ -376,8 +376,8 @@ struct EventRun {
 
   bool at_break_ = false;
   // Cache of runs_out(): the piece and its start, the time, and the row.
-  int looked_at_ = -1, emptying_ = -1;
-  double looked_from_ = 0.0, empty_at_ = unbounded;
+  int cached_segment_ = -1, empty_row_ = -1;
+  double cached_from_ = 0.0, empty_time_ = unbounded;
 };
 
 }  // namespace fan

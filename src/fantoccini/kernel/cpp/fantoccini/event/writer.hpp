@@ -74,7 +74,8 @@ struct EventWriter {
     ++n_events;
   }
 
-  void tell(Record<Model>& out, double t, EventCode kind, int pair, double impulse, double speed) {
+  void write_contact_event(
+      Record<Model>& out, double t, EventCode kind, int pair, double impulse, double speed) {
     out.event(t, kind, M + F::D + flow.contacts.points.in->meetings[pair], impulse, speed);
     event_rate.note(flow.t, -1);
     ++n_events;
@@ -89,7 +90,7 @@ struct EventWriter {
   }
 
   // Writes the impacts of the points that struck, one event for every two solids.
-  void tell_touches(const bool* struck, Record<Model>& out) {
+  void write_touches(const bool* struck, Record<Model>& out) {
     auto& points = flow.contacts.points;
     for (int c = 0; c < points.n; ++c) {
       if (!is_first(c)) continue;
@@ -102,34 +103,34 @@ struct EventWriter {
         if (struck[b] && own > speed) speed = own;
         any_struck = any_struck || struck[b];
       }
-      if (any_struck) tell(out, flow.t, TOUCH, points.at[c].pair, impulse, speed);
+      if (any_struck) write_contact_event(out, flow.t, TOUCH, points.at[c].pair, impulse, speed);
     }
   }
 
   // Writes the events of solids that touched without an impact, parted, or came to stick. Returns
   // whether there are any.
-  bool tell_modes(const bool* touched, const bool* struck, Record<Model>& out) {
+  bool write_modes(const bool* touched, const bool* struck, Record<Model>& out) {
     auto& points = flow.contacts.points;
     bool changed = false;
     for (int c = 0; c < points.n; ++c) {
       if (!is_first(c)) continue;
-      bool before = false, now = false, hit = false, told = false, slides = false;
+      bool before = false, now = false, hit = false, reported = false, slides = false;
       for (int b = c; b < points.n; ++b) {
         auto& own = points.at[b];
         if (!points.meet(own.pair, points.at[c].pair)) continue;
         before = before || touched[b];
         now = now || own.mode != PARTED;
         hit = hit || struck[b];
-        told = told || own.told;
+        reported = reported || own.reported;
         slides = slides || own.mode == SLIDING;
         // A point that has come to rest and slides on begins to slide again.
-        if (!own.moving) own.told = false;
+        if (!own.moving) own.reported = false;
       }
       const int pair = points.at[c].pair;
-      if (!before && now && !hit) tell(out, flow.t, TOUCH, pair, 0.0, 0.0);
-      if ((before || hit) && !now) tell(out, flow.t, LIFT, pair, 0.0, 0.0);
-      if (now && told && !slides) tell(out, flow.t, STICK, pair, 0.0, 0.0);
-      changed = changed || before != now || hit || told;
+      if (!before && now && !hit) write_contact_event(out, flow.t, TOUCH, pair, 0.0, 0.0);
+      if ((before || hit) && !now) write_contact_event(out, flow.t, LIFT, pair, 0.0, 0.0);
+      if (now && reported && !slides) write_contact_event(out, flow.t, STICK, pair, 0.0, 0.0);
+      changed = changed || before != now || hit || reported;
     }
     return changed;
   }

@@ -52,15 +52,16 @@ void put_end(
 
 // Destination of the attribution of trajectory i's status.
 template <class Model>
-double* blame_of(const BatchArrays& in, long long i) {
+double* attribution_of(const BatchArrays& in, long long i) {
   return in.blame + i * (Model::n_rows + Model::n_watched);
 }
 
-// Writes `width` numbers, read by `value(k)`, as row `row` of trajectory `who`.
+// Writes `width` numbers, read by `value(k)`, as row `row` of trajectory `index`.
 template <class Value>
 void put_part(
-    const BatchArrays& in, int part, int width, long long who, long long row, const Value& value) {
-  const long long first = (who * in.n_samples + row) * width;
+    const BatchArrays& in, int part, int width, long long index, long long row,
+    const Value& value) {
+  const long long first = (index * in.n_samples + row) * width;
   if (part == Part::taut) {
     unsigned char* out = static_cast<unsigned char*>(in.parts[part]) + first;
     for (int k = 0; k < width; ++k) out[k] = value(k) != 0.0;
@@ -70,12 +71,12 @@ void put_part(
   }
 }
 
-// Writes a sample as row `row` of trajectory `who`; `from` points behind the sample's time.
+// Writes a sample as row `row` of trajectory `index`; `from` points behind the sample's time.
 template <class Model>
-void put_row(const BatchArrays& in, long long who, long long row, const double* from) {
+void put_row(const BatchArrays& in, long long index, long long row, const double* from) {
   for (int part = 0; part < Part::n; ++part) {
     const int width = part_width<Model>(part);
-    if (in.parts[part]) put_part(in, part, width, who, row, [&](int k) { return from[k]; });
+    if (in.parts[part]) put_part(in, part, width, index, row, [&](int k) { return from[k]; });
     from += width;
   }
 }

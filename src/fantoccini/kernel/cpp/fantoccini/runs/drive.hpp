@@ -38,8 +38,8 @@ class Drive {
 
   // The first break after t, or `none` when there is none.
   double next_break(double t, double none) const {
-    const auto found = std::upper_bound(breaks_.begin(), breaks_.end(), t);
-    return found == breaks_.end() ? none : *found;
+    const auto next = std::upper_bound(breaks_.begin(), breaks_.end(), t);
+    return next == breaks_.end() ? none : *next;
   }
 
   // The last chosen piece: its number, start, end and polynomials.
@@ -98,8 +98,8 @@ class Drive {
   void choose(double t, Phase phase) {
     const bool changes = phase != phase_;
     phase_ = phase;
-    const auto found = std::upper_bound(breaks_.begin(), breaks_.end(), t);
-    const int before = int(found - breaks_.begin()) - 1;
+    const auto next = std::upper_bound(breaks_.begin(), breaks_.end(), t);
+    const int before = int(next - breaks_.begin()) - 1;
     const int segment = before < 0 ? 0 : (before >= n_ ? n_ - 1 : before);
     if (segment != segment_) enter(segment);
     else if (changes) number();

@@ -177,7 +177,7 @@ class LaneBatch {
       const double violation = lane_of(bundle_.worst_violation, l);
       const BatchEnd end{status, reached_[l], violation, caught_[l], released_[l]};
       put_end<Model>(in, first_ + l, end, l, bundle_.q_D(), bundle_.v_D());
-      tell_blame(bundle_, status, l, blame_of<Model>(in, first_ + l));
+      write_attribution(bundle_, status, l, attribution_of<Model>(in, first_ + l));
     }
   }
 

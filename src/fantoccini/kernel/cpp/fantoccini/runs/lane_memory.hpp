@@ -24,7 +24,7 @@ class LaneMemory {
   // Bundles, masks and arrays of them.
   template <class... Members>
   FAN_FN void keep(Members&... members) {
-    (one(members), ...);
+    (exchange_member(members), ...);
   }
 
   // An array with an entry for each lane.
@@ -45,14 +45,14 @@ class LaneMemory {
 
  private:
   template <class Member, int n>
-  FAN_FN void one(Member (&members)[n]) {
-    for (Member& member : members) one(member);
+  FAN_FN void exchange_member(Member (&members)[n]) {
+    for (Member& member : members) exchange_member(member);
   }
 
-  FAN_FN void one(Real& member) { exchange(member); }
+  FAN_FN void exchange_member(Real& member) { exchange(member); }
 
   template <class M, class = std::enable_if_t<std::is_same_v<M, Mask> && !std::is_same_v<M, Real>>>
-  FAN_FN void one(M& member) {
+  FAN_FN void exchange_member(M& member) {
     exchange(member);
   }
 

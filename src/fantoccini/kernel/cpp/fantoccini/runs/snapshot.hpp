@@ -16,14 +16,14 @@ class Snapshot {
 
   template <class... Members>
   void keep(Members&... members) {
-    (one(members), ...);
+    (copy(members), ...);
   }
 
   long long size() const { return size_; }
 
  private:
   template <class Member>
-  void one(Member& member) {
+  void copy(Member& member) {
     static_assert(std::is_trivially_copyable_v<Member>, "kept as bytes");
     void* place = &member;
     if (out_) std::memcpy(out_ + size_, place, sizeof(Member));

@@ -39,9 +39,9 @@ FAN_FN void make_steps(Trajectory& trajectory, Drive& drive, const Grid& grid) {
   struct {
     bool ready(const StepCount&) const { return true; }
     void record(const StepCount&, bool) const {}
-  } nobody;
+  } no_recorder;
   StepCount count{0.0, grid.dt};
-  make_steps(trajectory, drive, grid, count, nobody);
+  make_steps(trajectory, drive, grid, count, no_recorder);
 }
 
 // Sets the start of a lane of a trajectory.
@@ -65,7 +65,7 @@ Status verdict(const Trajectory& trajectory, int lane, Status ended = DONE) {
 
 // By row and watched drive, its share in the cause of a lane's status (n_rows + n_watched,).
 template <class Trajectory>
-void tell_blame(const Trajectory& trajectory, Status status, int lane, double* out) {
+void write_attribution(const Trajectory& trajectory, Status status, int lane, double* out) {
   trajectory.motors.blame(status, lane, trajectory.blame[lane], out);
 }
 

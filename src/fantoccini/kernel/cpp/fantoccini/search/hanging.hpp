@@ -53,11 +53,11 @@ class Hanging {
   // of h for others. Returns false if the equations have no solution.
   double move[NP], row_move[room(M)];
   bool aim() {
-    Call<Model, double>::hanging(at.q_D, at.q_K, at.tension, at.p, found_);
-    for (int j = 0; j < M; ++j) h[j] = found_.h[j];
+    Call<Model, double>::hanging(at.q_D, at.q_K, at.tension, at.p, values_);
+    for (int j = 0; j < M; ++j) h[j] = values_.h[j];
     if (!factorise()) return false;
     double first[room(N)], second[room(M)];
-    for (int k = 0; k < N; ++k) first[k] = -found_.r[k];
+    for (int k = 0; k < N; ++k) first[k] = -values_.r[k];
     for (int a = 0; a < n_; ++a) second[a] = -h[rows_[a]];
     solve(first, second, move, pull_);
     for (int j = 0; j < M; ++j) {
@@ -81,7 +81,7 @@ class Hanging {
   bool factorise() {
     gather();
     double top = 0.0;
-    for (int k = 0; k < N; ++k) top = maximum(fabs(found_.r_q[k * N + k]), top);
+    for (int k = 0; k < N; ++k) top = maximum(fabs(values_.r_q[k * N + k]), top);
     if (!(top < unbounded)) return false;
     top = maximum(top, 1e-12 * weight);
     for (double shift = 0.0; shift < 1e4; shift = shift > 0.0 ? 10.0 * shift : 1e-4) {
@@ -103,8 +103,8 @@ class Hanging {
   void differentiate(const int* chosen, int n_chosen) {
     for (int c = 0; c < n_chosen; ++c) {
       const int u = chosen[c];
-      const double* r_u = u < K ? found_.r_qK + u * N : found_.r_p + (u - K) * N;
-      const double* h_u = u < K ? found_.A_K + u * M : found_.h_p + (u - K) * M;
+      const double* r_u = u < K ? values_.r_qK + u * N : values_.r_p + (u - K) * N;
+      const double* h_u = u < K ? values_.A_K + u * M : values_.h_p + (u - K) * M;
       double *x = by_u + u * NP, *row = row_by_u + u * M, first[room(N)], second[room(M)];
       for (int k = 0; k < N; ++k) first[k] = -r_u[k];
       for (int a = 0; a < n_; ++a) second[a] = -h_u[rows_[a]];
@@ -118,7 +118,7 @@ class Hanging {
   }
 
  private:
-  double A(int row, int k) const { return found_.A_D[k * M + row]; }
+  double A(int row, int k) const { return values_.A_D[k * M + row]; }
 
   // Lists the pulling rows.
   void gather() {
@@ -168,14 +168,14 @@ class Hanging {
     for (int i = 0; i < N; ++i)
       for (int j = i / 4 * 4; j < B_.stride; ++j)
         B_.A[i * B_.stride + j] =
-            j < N ? 0.5 * (found_.r_q[j * N + i] + found_.r_q[i * N + j]) : 0.0;
+            j < N ? 0.5 * (values_.r_q[j * N + i] + values_.r_q[i * N + j]) : 0.0;
     for (int a = 0; a < n_; ++a) {
       const double* row = pulling_ + a * NP;
       double size = 0.0, stiff = 0.0;
       for (int k = 0; k < N; ++k) {
         const double own = row[k] * row[k];
         size += own;
-        stiff += own * (fabs(found_.r_q[k * N + k]) + 1e-3 * top);
+        stiff += own * (fabs(values_.r_q[k * N + k]) + 1e-3 * top);
       }
       penalty_[a] = size > 0.0 ? Tolerance::penalty * stiff / (size * size) : 0.0;
       for (int i = 0; i < N; ++i) {
@@ -186,7 +186,7 @@ class Hanging {
     }
     for (int k = 0; k < N; ++k)
       B_.A[k * (B_.stride + 1)] +=
-          Tolerance::neutral * top + shift * (fabs(found_.r_q[k * N + k]) + 0.01 * top);
+          Tolerance::neutral * top + shift * (fabs(values_.r_q[k * N + k]) + 0.01 * top);
   }
 
   void schur() {
@@ -225,7 +225,7 @@ class Hanging {
   struct {
     double r[room(N)], h[room(M)], r_q[room(N * N)], r_qK[room(N * K)], r_p[room(N * P)];
     double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)];
-  } found_;
+  } values_;
   int n_ = 0, rows_[room(M)];
   double penalty_[room(M)], pulling_[room(M) * NP], Z_[room(M) * NP], pull_[padded(room(M))];
   DenseLdl<N> B_;

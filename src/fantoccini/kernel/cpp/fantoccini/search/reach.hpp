@@ -103,7 +103,7 @@ class Reach {
   int pushed(long long i, int end, int& count) {
     const auto kept = hang_.at;
     const double before = cost_.value;
-    bool some = false;
+    bool any_shortened = false;
     for (int j = 0; j < M; ++j) {
       const int v = in->lengths[j];
       if (v < 0 || !in->moved[v]) continue;
@@ -111,9 +111,9 @@ class Reach {
       const double shorter = length - Tolerance::push + (hang_.at.held[j] ? 0.0 : hang_.h[j]);
       if (shorter < in->low[v] || shorter > in->high[v]) continue;
       length = shorter;
-      some = true;
+      any_shortened = true;
     }
-    if (!some) return end;
+    if (!any_shortened) return end;
     if (hang_.balance()) {
       const int other = search(i, count);
       if (cost_.value < before && passed_ <= Tolerance::passed) return other;
@@ -149,25 +149,26 @@ class Reach {
     const auto kept = hang_.at;
     int changes[room(M)] = {}, end = int(ReachEnd::STALLED);
     longest_ = Tolerance::first_step;
-    look(i);
+    evaluate(i);
     const double before = cost_.value;
     ahead_ = true;
     for (int taken = 0; taken < in->max_iterations && end == int(ReachEnd::STALLED); ++taken) {
       if (!hang_.aim()) break;
       hang_.differentiate(chosen_, n_);
-      cost_.look(i, chosen_, n_, hang_.move);
+      cost_.evaluate(i, chosen_, n_, hang_.move);
       if (!step(Tolerance::damping_ahead)) break;
       ++count;
       double off = 0.0;
       for (int k = 0; k < N; ++k) off = maximum(fabs(hang_.move[k]), off);
-      const bool little = promised() < Tolerance::little * cost_.value && off < Tolerance::hangs;
+      const bool little =
+          predicted_decrease() < Tolerance::little * cost_.value && off < Tolerance::hangs;
       const double size = advance();
       if ((!flip(changes) && size < in->tolerance) || little) end = int(ReachEnd::NEAREST);
     }
     ahead_ = false;
     const bool hangs = hang_.balance();
     if (hangs) {
-      look(i);
+      evaluate(i);
       passed_ = passed();
     }
     if (!hangs || cost_.value > before) {  // the steps diverged
@@ -239,7 +240,7 @@ class Reach {
     longest_ = Tolerance::first_step;
     for (; taken < in->max_iterations; ++taken) {
       if (fresh) {
-        look(i);
+        evaluate(i);
         passed_ = passed();
       }
       fresh = false;
@@ -249,7 +250,7 @@ class Reach {
         break;
       }
       const bool feasible = step(damping);
-      const double gain = promised(), left = std::sqrt(2.0 * cost_.value);
+      const double gain = predicted_decrease(), left = std::sqrt(2.0 * cost_.value);
       const double least = Tolerance::least_gain * in->tolerance * maximum(left, in->tolerance);
       if (!(gain > least) && passed_ <= Tolerance::passed && damping <= 1e-2) {
         if (change_row(changes)) {
@@ -269,7 +270,7 @@ class Reach {
       for (double x : price_) price = maximum(2.0 * fabs(x), price);
       const bool hangs = move();
       if (hangs) {
-        look(i);
+        evaluate(i);
         passed_ = passed();
       }
       if (hangs && cost_.value + price * passed_ < cost + price * beyond) {
@@ -280,7 +281,7 @@ class Reach {
         continue;
       }
       if (!hang_at(kept)) break;
-      look(i);
+      evaluate(i);
       passed_ = passed();
       end = hangs ? int(ReachEnd::STALLED) : int(ReachEnd::TIPS);
       damping = maximum(10.0 * damping, 1e-4);
@@ -292,9 +293,9 @@ class Reach {
   }
 
   // The cost, and its derivatives by the chosen variables.
-  void look(long long i) {
+  void evaluate(long long i) {
     hang_.differentiate(chosen_, n_);
-    cost_.look(i, chosen_, n_);
+    cost_.evaluate(i, chosen_, n_);
   }
 
   // The step within the bounds. Returns false if they contradict one another.
@@ -318,36 +319,37 @@ class Reach {
 
   // Adds the bounds that the step violates. Returns whether there are any.
   bool bound() {
-    constexpr double far = 1e299;
-    bool some = false;
+    constexpr double unlimited = 1e299;
+    bool any_added = false;
     double row[room(U)];
     for (int a = 0; a < n_; ++a) {
       const int u = chosen_[a];
       if (u < K && driven_q_[u] < 0) continue;
       for (int b = 0; b < n_; ++b) row[b] = a == b;
       const double now = u < K ? hang_.at.q_K[driven_q_[u]] : hang_.at.p[u - K];
-      some |= qp_.add(u, row, in->low[u] - now, in->high[u] - now, 1e-12);
+      any_added |= qp_.add(u, row, in->low[u] - now, in->high[u] - now, 1e-12);
     }
     for (int j = 0; j < M; ++j) {
       for (int a = 0; a < n_; ++a) row[a] = hang_.row_by_u[chosen_[a] * M + j];
       const double moved = ahead_ ? hang_.row_move[j] : 0.0;
       const double T = hang_.at.tension[j] + moved;
       const bool held = hang_.at.held[j];
-      const double low = held ? in->tension_low[j] - T : -far;
+      const double low = held ? in->tension_low[j] - T : -unlimited;
       const double high = held ? in->tension_high[j] - T : -hang_.h[j] - moved;
-      some |= qp_.add(U + j, row, low, high, held ? 1e-10 * in->weight : 1e-11);
+      any_added |= qp_.add(U + j, row, low, high, held ? 1e-10 * in->weight : 1e-11);
     }
     for (int k = 0; k < N; ++k) {
-      if (joint_q_[k] < 0 || (in->joint_low[k] < -far && in->joint_high[k] > far)) continue;
+      if (joint_q_[k] < 0 || (in->joint_low[k] < -unlimited && in->joint_high[k] > unlimited))
+        continue;
       for (int a = 0; a < n_; ++a) row[a] = hang_.by_u[chosen_[a] * NP + k];
       const double q = hang_.at.q_D[joint_q_[k]] + (ahead_ ? hang_.move[k] : 0.0);
-      some |= qp_.add(U + M + k, row, in->joint_low[k] - q, in->joint_high[k] - q, 1e-11);
+      any_added |= qp_.add(U + M + k, row, in->joint_low[k] - q, in->joint_high[k] - q, 1e-11);
     }
-    return some;
+    return any_added;
   }
 
   // Decrease of the cost by the step in the linear model.
-  double promised() const {
+  double predicted_decrease() const {
     double gain = 0.0;
     for (int a = 0; a < n_; ++a) {
       double sum = cost_.g[a];
@@ -389,17 +391,17 @@ class Reach {
 
   // Winds slack strings in until they are just taut: their lengths then move the pose.
   bool tighten() {
-    bool some = false;
+    bool any_wound = false;
     for (int j = 0; j < M; ++j) {
       const int v = in->lengths[j];
       if (v < 0 || hang_.at.held[j] || !in->may_change[j] || !in->moved[v]) continue;
       double& length = hang_.at.q_K[driven_q_[v]];
       if (length + hang_.h[j] < in->low[v]) continue;
       length += hang_.h[j];
-      hang_.at.held[j] = some = true;
+      hang_.at.held[j] = any_wound = true;
       hang_.at.tension[j] = 0.0;
     }
-    return some && hang_.balance();
+    return any_wound && hang_.balance();
   }
 
   // Violation of the bounds of tensions (relative to the weight), joints and rows.

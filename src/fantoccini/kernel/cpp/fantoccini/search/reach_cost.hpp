@@ -29,7 +29,7 @@ class ReachCost {
 
   // The positions of the targets' points, the cost, and its derivatives by the chosen variables;
   // with `move`, to first order after a move of q_D.
-  void look(long long i, const int* chosen, int n, const double* move = nullptr) {
+  void evaluate(long long i, const int* chosen, int n, const double* move = nullptr) {
     chosen_ = chosen;
     n_ = n;
     const auto& at = hang_.at;

@@ -13,7 +13,7 @@ struct ReachPoses {
   using Hang = Hanging<Model>;
   static constexpr int NQ = Hang::NQ, KQ = Hang::KQ, P = Hang::P, M = Hang::M;
 
-  static constexpr long long most_looked_at = 2000;
+  static constexpr long long max_searched = 2000;
 
   const ReachArrays* in = nullptr;
 
@@ -23,7 +23,7 @@ struct ReachPoses {
     const int size = 3 * in->n_targets;
     long long best = -1;
     double least = INFINITY;
-    for (long long k = i - 1; k >= 0 && k >= i - most_looked_at; --k) {
+    for (long long k = i - 1; k >= 0 && k >= i - max_searched; --k) {
       if (in->status[k] != int(ReachEnd::REACHED) && in->status[k] != int(ReachEnd::NEAREST))
         continue;
       double sum = 0.0;

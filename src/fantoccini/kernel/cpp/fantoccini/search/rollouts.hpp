@@ -68,7 +68,7 @@ class Rollouts {
   // Assigns rollouts to free lanes. Returns false if none is left. Lanes without one repeat
   // another's state.
   bool fill(const RolloutArrays& in, RolloutProgress& progress) {
-    int some = -1;
+    int occupied = -1;
     for (int l = 0; l < width; ++l) {
       if (rollout_[l] >= 0 && rollout_[l] > reached(progress)) rollout_[l] = -1;
       if (rollout_[l] < 0) {
@@ -84,14 +84,14 @@ class Rollouts {
               in);
         }
       }
-      if (rollout_[l] >= 0) some = l;
+      if (rollout_[l] >= 0) occupied = l;
     }
-    if (some < 0) return false;
+    if (occupied < 0) return false;
     for (int l = 0; l < width; ++l) {
       if (rollout_[l] >= 0) continue;
       each_part(
           [&](Real* x, int n, const double*, double*) {
-            for (int k = 0; k < n; ++k) lane_of(x[k], l) = lane_of(x[k], some);
+            for (int k = 0; k < n; ++k) lane_of(x[k], l) = lane_of(x[k], occupied);
           },
           in);
     }
@@ -291,7 +291,7 @@ class Rollouts {
     clearance_.include_excess(to, to + NQ);
     clearance_.measure(*in.solids, placed_.data(), asked > Real(0.5), in.margin, true);
     Real unsure = Real(0.0);
-    bool some = false;
+    bool any_uncertain = false;
     for (int l = 0; l < width; ++l) {
       if (lane_of(asked, l) < 0.5 || passed_[l]) continue;
       const double least = lane_of(clearance_.least, l), lower = lane_of(clearance_.lower, l);
@@ -302,9 +302,9 @@ class Rollouts {
       passed_[l] = !(least >= in.margin) || (last && !(lower >= 0.0));
       if (last || passed_[l]) continue;
       lane_of(unsure, l) = 1.0;
-      some = true;
+      any_uncertain = true;
     }
-    if (!some) return;
+    if (!any_uncertain) return;
     check_between(in, from, middle, unsure, halvings + 1);
     check_between(in, middle, to, unsure, halvings + 1);
   }

@@ -193,21 +193,21 @@ class ClampedStages {
       anew = anew || first || i <= last;
       if (!anew) {
         pulled_ = r.from_later;
-        r.hand_on(i, gradient_.data());
-        r.hand_back(i);
+        r.stage_gradient(i, gradient_.data());
+        r.state_gradient(i);
         if (i >= room || (careful ? holds(i, before) : keeps(i))) continue;
         anew = true;
         r.from_later = pulled_;
       }
       ++in.stages;
       if (i == N_ - 1) r.begin();
-      r.hand_on(i, gradient_.data());
+      r.stage_gradient(i, gradient_.data());
       r.gather(i);
       if (careful) choose(i, before, x);
       else std::copy_n(wanted_.begin() + size_t(i) * k_, k_, modes_.begin() + size_t(i) * k_);
       bind(i, before);
       if (!r.eliminate(i)) return false;
-      r.hand_back(i);
+      r.state_gradient(i);
     }
     return true;
   }
@@ -344,7 +344,7 @@ class ClampedStages {
         const double u = x[n_z_ + j] - (1.0 - share) * row_of(steps_, i)[n_z_ + j];
         x[n_z_ + j] = std::min(std::max(u, low_[j].value), high_[j].value);
       }
-      riccati_.moved_on(i, before, x);
+      riccati_.propagate(i, before, x);
     }
     return share == 1.0 && !elastic_changes() && right;
   }

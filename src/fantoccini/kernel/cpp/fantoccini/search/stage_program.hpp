@@ -137,7 +137,7 @@ class StageProgramSolver {
     StageRiccati& r = riccati_;
     for (int i = 0; i < r.N; ++i) {
       double* x = row_of(x_, i);
-      r.moved_on(i, i ? x - r.ld : nullptr, x);
+      r.propagate(i, i ? x - r.ld : nullptr, x);
       for (int a = 0; a < r.n_z; ++a) x[a] += row_of(e_, i)[a];
     }
     std::fill(r.diagonal.begin(), r.diagonal.end(), 0.0);
@@ -396,7 +396,7 @@ class StageProgramSolver {
     std::vector<double> h(r.ld);
     for (int i = r.N - 1; i >= 0; --i) {
       double* p = row_of(costate_, i);
-      r.pulled_back(i, p, h.data());
+      r.multiply_transposed(i, p, h.data());
       for (int a = r.n_z; a < r.n_x; ++a) most = std::max(most, std::fabs(p[a] + h[a]));
       for (int a = 0; a < r.n_z && i; ++a) p[a - r.ld] += h[a];
     }

@@ -30,7 +30,7 @@ struct StageRiccati {
   int n_squares = 0;
   std::vector<StageLaw> laws;      // (N, k), the first n_laws of a stage
   std::vector<int> n_laws;         // (N,)
-  std::vector<double> from_later;  // (ld,) left by hand_on and hand_back
+  std::vector<double> from_later;  // (ld,) left by stage_gradient and state_gradient
 
   // Sets the sizes of all arrays; padding is 0 afterwards. May throw std::bad_alloc. With `n` rows
   // of squares there is no H. `keeps` stores the data of factorise(last).
@@ -235,30 +235,30 @@ struct StageRiccati {
       double* x = dx + size_t(i) * ld;
       const double* before = i ? x - ld : nullptr;
       best_inputs(i, before, x);
-      moved_on(i, before, x);
+      propagate(i, before, x);
     }
   }
 
   // Gradients of the cost to go at all stages, for best_inputs and slope.
   void pull_back(const double* gradient) {
     for (int i = N - 1; i >= 0; --i) {
-      hand_on(i, gradient);
-      hand_back(i);
+      stage_gradient(i, gradient);
+      state_gradient(i);
     }
   }
 
-  // Gradient of the cost to go by stage i's state and inputs, after hand_back(i + 1).
-  void hand_on(int i, const double* gradient) {
+  // Gradient of the cost to go by stage i's state and inputs, after state_gradient(i + 1).
+  void stage_gradient(int i, const double* gradient) {
     double *p = p_.data(), *h = h_.data(), *y = y_of(i);
     const double* own = gradient + size_t(i) * ld;
     for (int j = 0; j < ld; ++j) p[j] = own[j] + (i < N - 1 ? from_later[j] : 0.0);
-    pulled_back(i, p, h);
+    multiply_transposed(i, p, h);
     for (int a = 0; a < k; ++a) y[a] = h[n_z + a] + p[n_z + a];
     for (int j = 0; j < ld; ++j) from_later[j] = j < n_z ? h[j] : 0.0;
   }
 
   // The same by its state only, for inputs that are optimal or follow their laws.
-  void hand_back(int i) {
+  void state_gradient(int i) {
     double* p = from_later.data();
     const double *L = L_.data() + size_t(i) * k * ld_k, *Y = gain_root(i);
     double* y = y_of(i);
@@ -338,7 +338,7 @@ struct StageRiccati {
   }
 
   // Computes z_{i+1} = A z_i + B u_i in x, which has u_i; z_i is 0 if `before` is null.
-  void moved_on(int i, const double* before, double* x) {
+  void propagate(int i, const double* before, double* x) {
     double* from = p_.data();
     for (int j = 0; j < n_z; ++j) from[j] = before ? before[j] : 0.0;
     for (int j = n_z; j < ld; ++j) from[j] = j < n_x ? x[j] : 0.0;
@@ -353,7 +353,7 @@ struct StageRiccati {
   }
 
   // h = (A B)^T p, over (z_i, u_i).
-  void pulled_back(int i, const double* p, double* h) {
+  void multiply_transposed(int i, const double* p, double* h) {
     for (int j = 0; j < ld; ++j) h[j] = 0.0;
     const double* row = M_of(i);
     int r = 0;

@@ -83,7 +83,7 @@ struct Complementarity {
   // The pivot of row i in the factor; the row must be active in some lane.
   FAN_FN Real pivot(int i) const {
     int c = 0;
-    while (some_[c] != i) ++c;
+    while (rows_[c] != i) ++c;
     return pivots_[c];
   }
 
@@ -123,7 +123,7 @@ struct Complementarity {
       factorise_as_needed(eps);
       first_solution<leading>();
       Real scale = Real(0.0), count = Real(0.0);
-      Mask below[N], above[N], wrong[N], some = Real(0.0) > Real(1.0);
+      Mask below[N], above[N], wrong[N], any_wrong = Real(0.0) > Real(1.0);
       rows<leading>([&](auto i) FAN_INLINE { scale = maximum(Real(abs(x[i])), scale); });
       const Real slack = tolerance * scale;
       residuals<leading>(raised_);
@@ -134,10 +134,10 @@ struct Complementarity {
         const Mask freed = (high[i] && sum > tolerance * terms) ||
                            (!active[i] && !high[i] && sum < -tolerance * terms);
         wrong[i] = below[i] || above[i] || freed;
-        some = some || wrong[i];
+        any_wrong = any_wrong || wrong[i];
       });
-      solved = !some;
-      if (!any(some)) break;
+      solved = !any_wrong;
+      if (!any(any_wrong)) break;
       for (int i = 0; i < n; ++i) count += select(wrong[i], Real(1.0), Real(0.0));
       const Mask better = count < fewest;
       fewest = select(better, count, fewest);
@@ -225,10 +225,10 @@ struct Complementarity {
   template <int first>
   FAN_FN void choose() {
     largest_ = Real(Tolerance::smallest_diagonal);
-    n_some_ = first;
+    n_rows_ = first;
     rows<first>([&](auto j) FAN_INLINE {
-      if (j < first) some_[j] = j;
-      else if (any(active[j])) some_[n_some_++] = j;
+      if (j < first) rows_[j] = j;
+      else if (any(active[j])) rows_[n_rows_++] = j;
       else return;
       const Real own = select(active[j], at_with<first>(j, j), Real(0.0));
       largest_ = maximum(own, largest_);
@@ -253,10 +253,10 @@ struct Complementarity {
         factor_[d * N + c] = part;
       });
     });
-    for (int c = 0; c < n_some_; ++c) {
+    for (int c = 0; c < n_rows_; ++c) {
       const int begin = c < first ? first : c;
-      for (int d = begin; d < n_some_; ++d) {
-        Real sum = entry<first>(some_[d], some_[c]);
+      for (int d = begin; d < n_rows_; ++d) {
+        Real sum = entry<first>(rows_[d], rows_[c]);
         for (int k = 0; k < c; ++k) sum -= factor_[c * N + k] * factor_[k * N + d];
         if (d == c) take_pivot<first>(c, sum, low);
         else take_entry(c, d, sum);
@@ -273,19 +273,19 @@ struct Complementarity {
   }
 
   template <int first>
-  FAN_ALWAYS_INLINE void take_pivot(int c, const Real& found, const Real& low) {
+  FAN_ALWAYS_INLINE void take_pivot(int c, const Real& value, const Real& low) {
     // A redundant row leaves rounding here; the floor keeps the factor finite.
-    const int j = some_[c];
+    const int j = rows_[c];
     const Real floor = raise_ * Tolerance::pivot_floor[0] +
                        at_with<first>(j, j) * Tolerance::pivot_floor[1] + Tolerance::pivot_floor[2];
-    pivots_[c] = maximum(found, floor);
+    pivots_[c] = maximum(value, floor);
     inverse_[c] = Real(1.0) / pivots_[c];
     loose_ = loose_ || (active[j] && pivots_[c] < low);
   }
 
-  FAN_ALWAYS_INLINE void take_entry(int c, int d, const Real& found) {
-    factor_[c * N + d] = found;
-    factor_[d * N + c] = found * inverse_[c];
+  FAN_ALWAYS_INLINE void take_entry(int c, int d, const Real& value) {
+    factor_[c * N + d] = value;
+    factor_[d * N + c] = value * inverse_[c];
   }
 
   // r <- (active block)^-1 r, the first rows in straight-line code.
@@ -293,16 +293,16 @@ struct Complementarity {
   FAN_FN void substitute_with(Real* r) const {
     Real y[N];
     unrolled<0, first>([&](auto c) FAN_INLINE { y[c] = r[c]; });
-    for (int c = first; c < n_some_; ++c) y[c] = r[some_[c]];
+    for (int c = first; c < n_rows_; ++c) y[c] = r[rows_[c]];
     unrolled<0, first>([&](auto c) FAN_INLINE {
       unrolled<c + 1, first>([&](auto d) FAN_INLINE { y[d] -= factor_[d * N + c] * y[c]; });
     });
-    for (int d = first; d < n_some_; ++d)
+    for (int d = first; d < n_rows_; ++d)
       for (int c = 0; c < d; ++c) y[d] -= factor_[d * N + c] * y[c];
-    for (int c = n_some_ - 1; c >= first; --c) {
+    for (int c = n_rows_ - 1; c >= first; --c) {
       y[c] *= inverse_[c];
       for (int d = 0; d < c; ++d) y[d] -= factor_[d * N + c] * y[c];
-      r[some_[c]] = y[c];
+      r[rows_[c]] = y[c];
     }
     unrolled<0, first>([&](auto c) FAN_INLINE { y[c] *= inverse_[c]; });
     unrolled<0, first>([&](auto i) FAN_INLINE {
@@ -315,13 +315,13 @@ struct Complementarity {
   template <int first>
   FAN_FN void first_solution() {
     Real known[N];
-    Mask some = Real(0.0) > Real(1.0);
+    Mask any_bound = Real(0.0) > Real(1.0);
     rows<first>([&](auto i) FAN_INLINE {
       known[i] = select(active[i], Real(0.0), select(high[i], upper[i], lower[i]));
-      some = some || known[i] != Real(0.0);
+      any_bound = any_bound || known[i] != Real(0.0);
       x[i] = select(active[i], b[i], Real(0.0));
     });
-    if (any(some))
+    if (any(any_bound))
       for (int j = 0; j < n; ++j)
         if (any(known[j] != Real(0.0)))
           for (int i = 0; i < n; ++i)
@@ -383,7 +383,7 @@ struct Complementarity {
   Mask loose_, raised_;
   bool standing_ = false;     // whether there is a factor to reuse
   Mask factored_[N];          // active rows of the factor
-  int some_[N], n_some_ = 0;  // rows of the factor, in order
+  int rows_[N], n_rows_ = 0;  // rows of the factor, in order
   // These rows' block is L D L^T with ones on L's diagonal: L below the diagonal, D L^T above it
   // except for the first rows of solve(). A row that is not active in a lane is that of the unit
   // matrix there.

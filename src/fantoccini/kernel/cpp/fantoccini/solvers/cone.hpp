@@ -78,12 +78,12 @@ struct ConeProblem : private ConeIsland<capacity> {
       is_taken_[i] = false;
     }
     bool solved = true;
-    const bool one = is_one_island();
-    if (one) {
+    const bool is_single = is_one_island();
+    if (is_single) {
       solved = solve_one(*this, yielding);
       worst = speed;
     }
-    for (int i = 0; i < n && !one; ++i) {
+    for (int i = 0; i < n && !is_single; ++i) {
       if (is_taken_[i]) continue;
       collect(i);
       fill();
@@ -99,20 +99,20 @@ struct ConeProblem : private ConeIsland<capacity> {
   }
 
   // Solves an island with an addition to G's diagonal; s and speed exclude that.
-  FAN_FN bool solve_one(Island& one, double yielding) {
+  FAN_FN bool solve_one(Island& island, double yielding) {
     double held[N];
     if (yielding > 0.0)
-      for (int i = 0; i < one.n; ++i) {
-        held[i] = one.G[i * (one.stride + 1)];
-        one.G[i * (one.stride + 1)] += yielding;
+      for (int i = 0; i < island.n; ++i) {
+        held[i] = island.G[i * (island.stride + 1)];
+        island.G[i * (island.stride + 1)] += yielding;
       }
-    const bool solved = one.solve(quick);
+    const bool solved = island.solve(quick);
     if (yielding > 0.0) {
-      for (int i = 0; i < one.n; ++i) one.G[i * (one.stride + 1)] = held[i];
-      one.measure();
+      for (int i = 0; i < island.n; ++i) island.G[i * (island.stride + 1)] = held[i];
+      island.measure();
     }
-    iterations += one.iterations;
-    rounds += one.rounds;
+    iterations += island.iterations;
+    rounds += island.rounds;
     return solved;
   }
 
@@ -148,7 +148,7 @@ struct ConeProblem : private ConeIsland<capacity> {
 
   // Lists in own_ the rows of the island of row `first`, in order, with all rows of a contact.
   FAN_FN void collect(int first) {
-    int found[N], n_found = 0;
+    int reached[N], n_reached = 0;
     bool is_own[N];
     for (int i = 0; i < n; ++i) is_own[i] = false;
     const auto add = [&](int i) {
@@ -156,7 +156,7 @@ struct ConeProblem : private ConeIsland<capacity> {
       const int begin = single ? i : i - (i - n_single) % 3;
       for (int j = begin; j < begin + (single ? 1 : 3); ++j) {
         is_own[j] = is_taken_[j] = true;
-        found[n_found++] = j;
+        reached[n_reached++] = j;
       }
     };
     add(first);
@@ -164,11 +164,11 @@ struct ConeProblem : private ConeIsland<capacity> {
     int rest[N];
     for (int j = 0; j < n; ++j)
       if (!is_taken_[j]) rest[left++] = j;
-    for (int done = 0; done < n_found && left > 0;) {
+    for (int done = 0; done < n_reached && left > 0;) {
       double influence[N];  // of all listed rows: 0 where there is none
       for (int j = 0; j < n; ++j) influence[j] = 0.0;
-      for (; done < n_found; ++done) {
-        const double* row = G + found[done] * stride;
+      for (; done < n_reached; ++done) {
+        const double* row = G + reached[done] * stride;
         for (int j = 0; j < n; ++j) influence[j] += fabs(row[j]);
       }
       int kept = 0;

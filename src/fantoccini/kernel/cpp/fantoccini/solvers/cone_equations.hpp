@@ -71,8 +71,8 @@ struct ConeEquations : ConeLaw {
       for (int j = 0; j < n; ++j) sum += fabs(G[i * stride + j] * x[j]);
       most = larger(most, sum);
     }
-    const double found = Tolerance::rounding_of_sum * most / larger(scale_, negligible);
-    return found < Tolerance::largest_rounding ? found : Tolerance::largest_rounding;
+    const double relative = Tolerance::rounding_of_sum * most / larger(scale_, negligible);
+    return relative < Tolerance::largest_rounding ? relative : Tolerance::largest_rounding;
   }
 
   FAN_FN bool is_given(int c) const { return slides && slides[c]; }
@@ -280,11 +280,11 @@ struct ConeEquations : ConeLaw {
     for (int i = 0; i < n; ++i) held[i] = x[i];
     for (int a = 0; a < m_; ++a) z[a] = -s[row_[a]];
     for (int k = 0; k < n_mixed_; ++k) {
-      const Mixed& one = mixed_[k];
-      const double *w = one.direction, *own = x + row_[one.unknown];
-      if (!one.is_normal)
-        z[one.unknown] = -w[1] * (s[row_[one.unknown] + 1] + one.own * own[1]) -
-                         w[2] * (s[row_[one.unknown] + 2] + one.own * own[2]);
+      const Mixed& mixed = mixed_[k];
+      const double *w = mixed.direction, *own = x + row_[mixed.unknown];
+      if (!mixed.is_normal)
+        z[mixed.unknown] = -w[1] * (s[row_[mixed.unknown] + 1] + mixed.own * own[1]) -
+                           w[2] * (s[row_[mixed.unknown] + 2] + mixed.own * own[2]);
     }
     substitute(z);
     add_unknowns(z, x);
@@ -298,9 +298,10 @@ struct ConeEquations : ConeLaw {
   // y <- y + contribution of the unknowns z to x.
   FAN_FN void add_unknowns(double* z, double* y) const {
     for (int k = 0; k < n_mixed_; ++k) {
-      const Mixed& one = mixed_[k];
-      for (int j = 0; j < 3; ++j) y[row_[one.unknown] + j] += z[one.unknown] * one.direction[j];
-      z[one.unknown] = 0.0;
+      const Mixed& mixed = mixed_[k];
+      for (int j = 0; j < 3; ++j)
+        y[row_[mixed.unknown] + j] += z[mixed.unknown] * mixed.direction[j];
+      z[mixed.unknown] = 0.0;
     }
     for (int a = 0; a < m_; ++a) y[row_[a]] += z[a];
   }

@@ -126,9 +126,9 @@ struct ConeIsland : ConeEquations<capacity> {
       double tried = 1.0;
       for (int j = 0; j < Tolerance::halvings && !(best <= before * scale_); ++j) {
         tried *= 0.5;
-        const double found = take(tried);
-        if (best <= found) continue;
-        best = found;
+        const double value = take(tried);
+        if (best <= value) continue;
+        best = value;
         part = tried;
       }
       if (tried != part) take(part);

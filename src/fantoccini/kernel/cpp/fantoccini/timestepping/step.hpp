@@ -46,17 +46,17 @@ struct TimeStep {
   Evaluation<Model, Real> eval;
   Rows rows;
   // Whether lanes may make separate steps, for their contacts.
-  static constexpr bool some_singly = touches && (Traits<Real>::width > 1);
+  static constexpr bool separate_lanes = touches && (Traits<Real>::width > 1);
   using Contacts =
-      std::conditional_t<some_singly, ContactLanes<Model, Real>, ContactStep<Model, Real>>;
+      std::conditional_t<separate_lanes, ContactLanes<Model, Real>, ContactStep<Model, Real>>;
   std::conditional_t<touches, Contacts, NoContacts> contacts;
-  std::conditional_t<touches && !some_singly, TouchingStep<Model>, NoTouchingStep> touching;
+  std::conditional_t<touches && !separate_lanes, TouchingStep<Model>, NoTouchingStep> touching;
   const ContactArrays* solids = nullptr;  // null: no contacts
   double whole = 0.0;                     // s: the run's step; the last one may be shorter
   bool forced = true;                     // otherwise u_D is 0
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
   // Whether the next step may extrapolate the last one, and whether the last one did.
-  Mask steady = Real(0.0) > Real(1.0), steadier = steady;
+  Mask steady = Real(0.0) > Real(1.0), was_steady = steady;
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];     // rows that pulled in the last step; to be set by set_row()
   Mask pulled[room(M)];   // the same, except for rows that the first step of a run catches
@@ -68,18 +68,18 @@ struct TimeStep {
   Mask settled;                       // whether the last step's complementarity was solved
   Mask idle = Real(0.0) > Real(1.0);  // lanes that have stopped: no row takes part in them
   // Whether a row has ever been violated by more than stirred_violation.
-  Mask stirred = Real(0.0) > Real(1.0);
+  Mask was_violated = Real(0.0) > Real(1.0);
 
   // Sets the options of a run and starts without any contact.
   FAN_FN void ready(const Options& options) {
     extrapolates = options.extrapolate != 0;
     whole = options.dt;
     solids = options.contacts;
-    some_near_ = limits_pull_ = limits_pulled_ = true;
+    limits_near_ = limits_pull_ = limits_pulled_ = true;
     if constexpr (touches)
       if (solids) contacts.begin(*solids);
-    if constexpr (touches && !some_singly) contacts.looks_ahead = extrapolates;
-    if constexpr (some_singly)
+    if constexpr (touches && !separate_lanes) contacts.looks_ahead = extrapolates;
+    if constexpr (separate_lanes)
       if (solids) singles_.ready(options);
   }
 
@@ -90,7 +90,7 @@ struct TimeStep {
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
       const Real* p, Real* q_next, Real* v_next) {
-    if constexpr (some_singly)
+    if constexpr (separate_lanes)
       if (solids) singles_.save(*this);
     const auto begin = [&](auto* q, auto* v, auto* q_in, double part, double left) {
       begin_step(q, v, q_in, v_K, acc_K, u_D, part, left, recovery_speed, winches, p);
@@ -100,11 +100,11 @@ struct TimeStep {
       const double most = cap * (dt / part);
       return respond(v, v_K, u_D, part, recovery_speed, most, winches, may_part, v_next);
     };
-    if constexpr (touches && !some_singly)
+    if constexpr (touches && !separate_lanes)
       if (solids) return touching.step(*this, begin, end, q_D, v_D, q_K, v_K, dt, q_next, v_next);
     end(v_D, dt, false);
     retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
-    if constexpr (some_singly)
+    if constexpr (separate_lanes)
       if (any(apart()))
         singles_.step(
             *this, apart(), q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery_speed, cap, winches, p,
@@ -119,14 +119,15 @@ struct TimeStep {
 
   // The same for row r in the last step of lanes that made it separately.
   FAN_FN Mask closed_fast_singly(int r) const {
-    if constexpr (some_singly) return singles_.fast[r] && apart();
+    if constexpr (separate_lanes) return singles_.fast[r] && apart();
     else return Real(0.0) > Real(1.0);
   }
 
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
     memory.keep(
-        accs_[acc_at_], accs_[1 - acc_at_], steady, steadier, stirred, tension, taut, pulled, held);
+        accs_[acc_at_], accs_[1 - acc_at_], steady, was_steady, was_violated, tension, taut, pulled,
+        held);
     if constexpr (touches) contacts.remember(memory);
   }
 
@@ -156,7 +157,7 @@ struct TimeStep {
 
   // Lanes that make the step separately.
   FAN_FN Mask apart() const {
-    if constexpr (some_singly) return solids ? contacts.apart : Real(0.0) > Real(1.0);
+    if constexpr (separate_lanes) return solids ? contacts.apart : Real(0.0) > Real(1.0);
     else return Real(0.0) > Real(1.0);
   }
 
@@ -174,11 +175,11 @@ struct TimeStep {
     violation =
         maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
     for (int i = 0; i < S; ++i) violation = maximum(overstep(i), violation);
-    stirred = stirred || violation > Real(Tolerance::stirred_violation);
+    was_violated = was_violated || violation > Real(Tolerance::limiting_violation);
     if constexpr (touches)
       if (solids) {
         const auto& in = *solids;
-        if constexpr (some_singly)
+        if constexpr (separate_lanes)
           contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
         else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, left, whole, recovery_speed, idle);
         violation = select(contacts.violation > violation, contacts.violation, violation);
@@ -191,7 +192,7 @@ struct TimeStep {
     Real v_ahead[room(N)];
     const Real *a = acc(), *before = accs_[1 - acc_at_];
     const Real half = select(steady, Real(0.5 * dt), Real(0.0));
-    const Real quarter = select(steady && steadier, Real(0.25 * dt), Real(0.0));
+    const Real quarter = select(steady && was_steady, Real(0.25 * dt), Real(0.0));
     each<N>([&](int k)
                 FAN_INLINE { v_ahead[k] = v_D[k] + (half * a[k] + quarter * (a[k] - before[k])); });
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
@@ -214,16 +215,16 @@ struct TimeStep {
       gather(v_D);
       pull(dt, recovery_speed, cap, winches, change);
     }
-    if constexpr (touches && !some_singly)
-      if (may_part && contacts.struck_again() < unbounded) return false;
-    give_way(winches, cap, dt);
+    if constexpr (touches && !separate_lanes)
+      if (may_part && contacts.next_strike() < unbounded) return false;
+    update_slips(winches, cap, dt);
     const Mask caught = account(v_D, change, u_D, dt);
     Real* acc = accs_[1 - acc_at_];
     each<N>([&](int k) FAN_INLINE { acc[k] = change[k] * (1.0 / dt); });
     acc_at_ = 1 - acc_at_;
-    steadier = steady;
+    was_steady = steady;
     steady = !caught;
-    const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
+    const Real most = select(was_violated, Real(1.0), Real(Tolerance::initial_factor));
     const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);
     steady = steady && !braked;
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
@@ -234,8 +235,8 @@ struct TimeStep {
   FAN_FN void wind(const Winches<S>& winches, double dt) {
     Mask out = Real(0.0) > Real(1.0);
     for (int i = 0; i < S; ++i) out = out || slip[i] != Real(0.0);
-    gives_way_ = winches.some_slip || any(out);
-    if (!gives_way_) return;
+    may_slip_ = winches.some_slip || any(out);
+    if (!may_slip_) return;
     for (int i = 0; i < S; ++i) {
       winding_[i] = winches.winding(i, slip[i], dt);
       eval.h[i] -= slip[i];
@@ -245,17 +246,17 @@ struct TimeStep {
 
   // Adds to the slips: with Lambda at its winch's bound, -s > 0 is the speed at which a string
   // slips.
-  FAN_FN void give_way(const Winches<S>& winches, double cap, double dt) {
+  FAN_FN void update_slips(const Winches<S>& winches, double cap, double dt) {
     slip_loss = Real(0.0);
     for (int i = 0; i < S; ++i) slips[i] = Real(0.0) > Real(1.0);
-    if (!gives_way_) return;
+    if (!may_slip_) return;
     for (int i = 0; i < S; ++i) slip_rate_[i] = winding_[i];
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       if (!winches.slips(r) || winches.max_tension[r] >= cap) continue;
-      const Mask gives = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
-      slips[r] = gives;
-      slip_rate_[r] -= select(gives, rows.problem.s[a], Real(0.0));
+      const Mask slipping = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
+      slips[r] = slipping;
+      slip_rate_[r] -= select(slipping, rows.problem.s[a], Real(0.0));
       slip_loss -= pull_[a] * slip_rate_[r];
     }
     // The last step of unwinding ends at 0 up to rounding.
@@ -271,13 +272,13 @@ struct TimeStep {
     Real rate[room(M - S)];
     eval.limit_rates(v_D, rate);
     const auto ahead = [&](int i) FAN_INLINE { return Real(eval.h_limit[i] + dt * rate[i]); };
-    if (!limits_pull_ && !some_near_ &&
-        !any(largest_of<M - S>(ahead) > Real(-Tolerance::surely_not)))
+    if (!limits_pull_ && !limits_near_ &&
+        !any(largest_of<M - S>(ahead) > Real(-Tolerance::safe_distance)))
       return;
-    some_near_ = false;
+    limits_near_ = false;
     for (int i = 0; i < M - S; ++i) {
       near_[S + i] = here && (taut[S + i] || ahead(i) > Real(0.0));
-      some_near_ = some_near_ || any(near_[S + i]);
+      limits_near_ = limits_near_ || any(near_[S + i]);
     }
   }
 
@@ -291,12 +292,12 @@ struct TimeStep {
     const PositionTerm<Real> term(dt, whole, recovery_speed);
     const auto closing = [&](int i) FAN_INLINE { return Real(rate[i] + term(eval.h_limit[i])); };
     bool more = false;
-    if (any(largest_of<M - S>(closing) > Real(-Tolerance::surely_not)))
+    if (any(largest_of<M - S>(closing) > Real(-Tolerance::safe_distance)))
       for (int i = 0; i < M - S; ++i) {
         const Mask passes = !away() && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
         if (!any(passes)) continue;
         near_[S + i] = near_[S + i] || passes;
-        some_near_ = more = true;
+        limits_near_ = more = true;
       }
     if constexpr (touches)
       if (solids) more = contacts.watch(v) || more;
@@ -308,19 +309,19 @@ struct TimeStep {
       const Real* v_D, const Real* change, const Real* v_K, double dt, double recovery_speed) {
     if constexpr (touches)
       if (!solids) return false;
-      else if constexpr (some_singly) return contacts.look_again(change, dt);
+      else if constexpr (separate_lanes) return contacts.look_again(change, dt);
       else return contacts.look_again(eval, v_D, change, v_K, dt, recovery_speed, idle);
     else return false;
   }
 
   FAN_FN void gather(const Real* v_D) {
     int list[room(M)];
-    rows.gather_others(eval, v_D, list, some_rows(list));
+    rows.gather_others(eval, v_D, list, list_rows(list));
   }
 
   // Lists the rows that take part in some lane. Returns their number.
-  FAN_FN int some_rows(int* list) const {
-    if (some_near_) return rows_in_some_lane<Model>(near_, list);
+  FAN_FN int list_rows(int* list) const {
+    if (limits_near_) return rows_in_some_lane<Model>(near_, list);
     for (int r = 0; r < S; ++r) list[r] = r;
     return S;
   }
@@ -378,7 +379,7 @@ struct TimeStep {
   FAN_FN void touch(double dt, double cap) {
     Real guess[room(M)];
     for (int r = 0; r < M; ++r) guess[r] = tension[r] * dt;
-    if constexpr (some_singly) contacts.settle(eval, rows, near_, guess, dt * cap, settled);
+    if constexpr (separate_lanes) contacts.settle(eval, rows, near_, guess, dt * cap, settled);
     else contacts.settle(eval, rows, near_, guess, before_, dt * cap, settled);
   }
 
@@ -408,7 +409,7 @@ struct TimeStep {
       some_caught = some_caught || fresh[r];
     }
     if (any(some_caught))
-      for (int a = 0; a < rows.n; ++a) book_catch(a, fresh[rows.row[a]]);
+      for (int a = 0; a < rows.n; ++a) add_catch_loss(a, fresh[rows.row[a]]);
     for (int r = 0; r < (limits ? M : S); ++r) {
       held[r] = taut[r] && pulled[r];
       pulled[r] = taut[r];
@@ -420,13 +421,13 @@ struct TimeStep {
         work += contacts.work;
         impact += contacts.impact;
         friction = contacts.friction;
-        if constexpr (!some_singly) violation = maximum(violation, Real(contacts.early));
+        if constexpr (!separate_lanes) violation = maximum(violation, Real(contacts.early));
       }
     return some_caught;
   }
 
   // Adds the energy of the catch of gathered row a in the lanes `caught`.
-  FAN_FN void book_catch(int a, const Mask& caught) {
+  FAN_FN void add_catch_loss(int a, const Mask& caught) {
     if (!any(caught)) return;
     Real after = before_[a];
     for (int b = 0; b < rows.n; ++b) after += rows.problem.at(a, b) * pull_[b];
@@ -438,11 +439,11 @@ struct TimeStep {
     impact -= select(caught, Real(pull_[a] * lost), Real(0.0));
   }
 
-  std::conditional_t<some_singly, SingleLanes<Model, Real>, NoContacts> singles_;
+  std::conditional_t<separate_lanes, SingleLanes<Model, Real>, NoContacts> singles_;
   Real accs_[2][room(N)] = {};                      // of the last two steps
   int acc_at_ = 0;                                  // index of that of the last one
-  bool gives_way_ = false;                          // whether a string slips in some lane, or may
-  bool some_near_ = true;                           // whether a limit may take part in some lane
+  bool may_slip_ = false;                           // whether a string slips in some lane, or may
+  bool limits_near_ = true;                         // whether a limit may take part in some lane
   bool limits_pull_ = true, limits_pulled_ = true;  // in the last two steps
   Real winding_[room(S)], slip_rate_[room(S)];
   Mask near_[room(M)];    // lanes in which the row takes part in this step

@@ -47,7 +47,7 @@ class TouchingStep {
       const double* q_K, const double* v_K, double dt, double* q_next, const double* v_next) {
     delay = 0.0;
     parts = false;
-    if (!at.contacts.springs_back()) {
+    if (!at.contacts.has_rebound()) {
       if (end(v_D, dt, true)) return retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
       begin(q_D, v_D, q_K, dt, dt);
     }
@@ -64,9 +64,9 @@ class TouchingStep {
     clear();
     loss_ = at.eval.loss;
     double left = dt;
-    for (int made = 1;; ++made) {
+    for (int n_parts = 1;; ++n_parts) {
       const auto [first, second] = at.contacts.touches(ContactStepTolerances::same_touch * dt);
-      const bool may_part = made < Tolerance::max_parts;
+      const bool may_part = n_parts < Tolerance::max_parts;
       double part = left;
       if (may_part && second < left) {
         part = 0.5 * (fmax(first, 0.0) + second);
@@ -84,7 +84,7 @@ class TouchingStep {
       } else if (
           delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
           !end(v_, part, may_part)) {
-        part = delay + 0.5 * at.contacts.struck_again();
+        part = delay + 0.5 * at.contacts.next_strike();
         begin(q_, v_, q_K_, part, part);
         delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
         end(v_, part, false);
@@ -99,7 +99,7 @@ class TouchingStep {
       start(q_next, v_next, q_K_touch_);
       begin(q_, v_, q_K_, left, left);
     }
-    tell(at, v_D, v_next, dt);
+    set_step(at, v_D, v_next, dt);
   }
 
   // Whether a slack string, a limit that does not push or a contact that does not rebound closes
@@ -118,7 +118,7 @@ class TouchingStep {
     return at.contacts.closes_before(t);
   }
 
-  struct Books {
+  struct Totals {
     double work, impact, slip_loss, friction;
   };
 
@@ -133,7 +133,7 @@ class TouchingStep {
   template <class Step, class Begin>
   double go_to_touch(Step& at, const Begin& begin, const double* v_K, double part, double small) {
     double t = 0.0;
-    for (int k = 0; k < Tolerance::newton_steps && at.contacts.springs_back(); ++k) {
+    for (int k = 0; k < Tolerance::newton_steps && at.contacts.has_rebound(); ++k) {
       const double next = fmin(fmax(t + at.contacts.touches(0.0).first, 0.0), part);
       if (!(fabs(next - t) > small)) break;
       t = next;
@@ -145,7 +145,7 @@ class TouchingStep {
   }
 
   void clear() {
-    books_ = {0.0, 0.0, 0.0, 0.0};
+    totals_ = {0.0, 0.0, 0.0, 0.0};
     for (int r = 0; r < M; ++r) impulse_[r] = 0.0;
     for (int i = 0; i < S; ++i) slips_[i] = false;
     settled_ = true;
@@ -156,10 +156,10 @@ class TouchingStep {
   // Adds a completed part.
   template <class Step>
   void add(Step& at, double part) {
-    books_.work += at.work;
-    books_.impact += at.impact;
-    books_.slip_loss += at.slip_loss;
-    books_.friction += at.friction;
+    totals_.work += at.work;
+    totals_.impact += at.impact;
+    totals_.slip_loss += at.slip_loss;
+    totals_.friction += at.friction;
     for (int r = 0; r < M; ++r) impulse_[r] += at.tension[r] * part;
     for (int i = 0; i < S; ++i) slips_[i] = slips_[i] || at.slips[i];
     settled_ = settled_ && at.settled;
@@ -172,11 +172,11 @@ class TouchingStep {
 
   // Leaves in `at` the whole step, which was made in parts.
   template <class Step>
-  void tell(Step& at, const double* v_D, const double* v_next, double dt) const {
-    at.work = books_.work;
-    at.impact = books_.impact;
-    at.slip_loss = books_.slip_loss;
-    at.friction = books_.friction;
+  void set_step(Step& at, const double* v_D, const double* v_next, double dt) const {
+    at.work = totals_.work;
+    at.impact = totals_.impact;
+    at.slip_loss = totals_.slip_loss;
+    at.friction = totals_.friction;
     for (int r = 0; r < M; ++r) at.tension[r] = impulse_[r] * (1.0 / dt);
     for (int i = 0; i < S; ++i) at.slips[i] = slips_[i];
     at.settled = settled_;
@@ -190,7 +190,7 @@ class TouchingStep {
   double q_[room(NQ)], v_[room(N)], q_K_[room(QK)];  // at the start of a part
   double q_touch_[room(NQ)], q_K_touch_[room(QK)];   // at its touch
   // Of the completed parts.
-  Books books_;
+  Totals totals_;
   double impulse_[room(M)], violation_, residual_, loss_;
   bool slips_[room(S)], settled_;
   ContactPush pushed_[room(C)];

@@ -104,7 +104,7 @@ struct VariationalNode {
   FAN_FN Mask closed(int r) const { return height(r) > Real(-Tolerance::closed_gap); }
 
   // Whether a row is a string whose winch slips.
-  FAN_FN bool gives(int r) const { return winches.slips(r) && winches.max_tension[r] < cap; }
+  FAN_FN bool winch_slips(int r) const { return winches.slips(r) && winches.max_tension[r] < cap; }
 
   // Bounds of the rows' impulses. A slipping winch's is that of half a step: the other half acts at
   // the step's other end.
@@ -113,7 +113,7 @@ struct VariationalNode {
     for (int a = 0; a < on.rows.n; ++a) {
       const int r = on.rows.row[a];
       const Real most = Real(Tolerance::max_impulse_time * cap);
-      problem.upper[a] = gives(r) ? Real((0.5 * winches.max_tension[r]) * dt) : most;
+      problem.upper[a] = winch_slips(r) ? Real((0.5 * winches.max_tension[r]) * dt) : most;
       problem.lower[a] = on.rows.two_sided[a] ? Real(-most) : Real(0.0);
     }
   }

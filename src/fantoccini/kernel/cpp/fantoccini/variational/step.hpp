@@ -62,7 +62,7 @@ struct VariationalStep {
   Node here;
   double least = negligible;  // kg m^2/s^2: lower bound of the |y|^2 that residuals are relative to
   Lead lead;
-  Inputs coming;  // at the end of the step
+  Inputs next_inputs;  // at the end of the step
   // Of the last step, in the lanes that made it.
   Real acc[room(N)];      // (v+ - v) / dt
   Real impulse[room(M)];  // Lambda + mu
@@ -75,7 +75,7 @@ struct VariationalStep {
     using std::abs;
     return r < S && Model::wire[r] ? Real(abs(trial_.h[r])) : trial_.h[r];
   }
-  FAN_FN Real found_impulse(int r) const { return trial_.lambda[r]; }
+  FAN_FN Real solved_impulse(int r) const { return trial_.lambda[r]; }
 
   // Begins at q_D, v_D, slip and the inputs of `here`, before steps of length dt.
   FAN_FN void begin(const Real& dt) {
@@ -167,7 +167,7 @@ struct VariationalStep {
       for (int k = 0; k < N; ++k)
         trial_.xi[k] += select(solved || lost, Real(0.0), Real(dt * moved[k]));
     }
-    give_way();
+    update_slips();
     for (int k = 0; k < N; ++k)
       if (Model::turns[k])
         solved = solved && abs(trial_.xi[k]) < Real(Tolerance::max_turn_per_step);
@@ -184,7 +184,7 @@ struct VariationalStep {
     Mask all = Real(0.0) < Real(1.0);
     for (int a = 0; a < rows.n && rows.row[a] < S; ++a) {
       const int r = rows.row[a];
-      const Real length = string_length<Model, Real>(r, here.q_D, coming.q_K);
+      const Real length = string_length<Model, Real>(r, here.q_D, next_inputs.q_K);
       const Real own = rows.problem.G[a * Node::Problem::N + a];
       const Real square = 2.0 * dt * abs(trial_.lambda[r]) * own;
       constexpr double most = Tolerance::max_swing_per_step * Tolerance::max_swing_per_step;
@@ -196,18 +196,18 @@ struct VariationalStep {
   // By row of `firm`, the closing speed that impulses have to remove in a step of length dt. The
   // solved step is kept.
   FAN_FN void demand(const Real& dt, Real* b) {
-    const TrialStep<Model, Real> found = trial_;
+    const TrialStep<Model, Real> solved_trial = trial_;
     auto& rows = here.firm.rows;
-    Real z[room(N)], lacked[room(N)];
-    for (int k = 0; k < N; ++k) lacked[k] = lacked_[k];
+    Real z[room(N)], guess_error[room(N)];
+    for (int k = 0; k < N; ++k) guess_error[k] = guess_error_[k];
     first_guess(dt);
     evaluate(dt);
     here.firm.forth(trial_.before, z);
     for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
     rows.along(z, b);
     for (int a = 0; a < rows.n; ++a) b[a] += trial_.h[rows.row[a]] / dt;
-    trial_ = found;
-    for (int k = 0; k < N; ++k) lacked_[k] = lacked[k];
+    trial_ = solved_trial;
+    for (int k = 0; k < N; ++k) guess_error_[k] = guess_error[k];
   }
 
   // Makes the solved step of length dt, in the lanes `goes`.
@@ -231,7 +231,7 @@ struct VariationalStep {
       const Real coming_v = trial_.xi[k] * (2.0 * rate) - here.v_D[k];
       here.guess[k] = select(goes, coming_v, here.guess[k]);
       here.momentum[k] = select(goes, trial_.after[k], here.momentum[k]);
-      lacked_[k] = trial_.xi[k] - lacked_[k];
+      guess_error_[k] = trial_.xi[k] - guess_error_[k];
     }
     for (int i = 0; i < NQ; ++i) here.q_D[i] = select(goes, trial_.q_next[i], here.q_D[i]);
     for (int r = 0; r < M; ++r) here.lambda[r] = select(goes, trial_.lambda[r], here.lambda[r]);
@@ -242,7 +242,7 @@ struct VariationalStep {
       slips[i] = trial_.slips[i];
     }
     here.since = select(goes, dt, here.since);
-    here.now.keep(coming, goes);
+    here.now.keep(next_inputs, goes);
     here.settle();
     here.account(here.mu, true, work, lost);
     work += 0.5 * dt * here.exact.eval.power0;
@@ -253,7 +253,7 @@ struct VariationalStep {
       acc[k] = select(goes, (here.v_D[k] - before[k]) * rate, acc[k]);
     }
     impact = slip_loss = Real(0.0);
-    extrapolation_.learn(dt, lacked_, goes);
+    extrapolation_.store_error(dt, guess_error_, goes);
     Mask changes = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {
       impulse[r] += here.mu[r];
@@ -302,14 +302,14 @@ struct VariationalStep {
     for (int a = 0; a < on.rows.n; ++a) pull[a] = -here.mu[on.rows.row[a]];
     on.rows.add(pull, w);
     on.eval.back(w, trial_.xi);
-    for (int k = 0; k < N; ++k) lacked_[k] = trial_.xi[k] *= dt;
+    for (int k = 0; k < N; ++k) guess_error_[k] = trial_.xi[k] *= dt;
     extrapolation_.add(dt, trial_.xi);
   }
 
   FAN_FN void evaluate(const Real& dt) {
     Call<Model, Real>::midpoint_rule(
-        here.q_D, trial_.xi, lead.q_mid, lead.v_mid, lead.acc_mid, coming.q_K, lead.u_D, dt, here.p,
-        trial_);
+        here.q_D, trial_.xi, lead.q_mid, lead.v_mid, lead.acc_mid, next_inputs.q_K, lead.u_D, dt,
+        here.p, trial_);
     for (int i = 0; i < S; ++i) trial_.h[i] -= trial_.slip_next[i];
   }
 
@@ -323,8 +323,8 @@ struct VariationalStep {
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Real beyond = rows.two_sided[a] ? Real(abs(trial_.h[r])) : trial_.h[r];
-      const Mask gives = rows.problem.high[a] && Node::in_all(here.gives(r));
-      all = all && (!here.near[r] || gives || beyond < Real(Tolerance::violation));
+      const Mask slipping = rows.problem.high[a] && Node::in_all(here.slipping(r));
+      all = all && (!here.near[r] || slipping || beyond < Real(Tolerance::violation));
     }
     return all;
   }
@@ -366,12 +366,12 @@ struct VariationalStep {
   }
 
   // A winch at its largest tension slips by the missing length of its string.
-  FAN_FN void give_way() {
+  FAN_FN void update_slips() {
     const auto& rows = here.firm.rows;
     for (int i = 0; i < S; ++i) trial_.slips[i] = Real(0.0) > Real(1.0);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      if (!here.gives(r)) continue;
+      if (!here.winch_slips(r)) continue;
       trial_.slips[r] = rows.problem.high[a] && trial_.h[r] > Real(0.0);
       Real& next = trial_.slip_next[r];
       const Real before = next;
@@ -382,8 +382,8 @@ struct VariationalStep {
   }
 
   TrialStep<Model, Real> trial_;
-  Real left_[room(N)];    // z of the solved step
-  Real lacked_[room(N)];  // the guess of xi without extrapolation; in accept(), its error
+  Real left_[room(N)];         // z of the solved step
+  Real guess_error_[room(N)];  // the guess of xi without extrapolation; in accept(), its error
   Extrapolation<N, Real> extrapolation_;
   Broyden<N, Real> quick_;
 };
