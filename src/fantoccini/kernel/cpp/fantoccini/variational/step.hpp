@@ -323,7 +323,7 @@ struct VariationalStep {
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Real beyond = rows.two_sided[a] ? Real(abs(trial_.h[r])) : trial_.h[r];
-      const Mask slipping = rows.problem.high[a] && Node::in_all(here.slipping(r));
+      const Mask slipping = rows.problem.high[a] && Node::in_all(here.winch_slips(r));
       all = all && (!here.near[r] || slipping || beyond < Real(Tolerance::violation));
     }
     return all;
