@@ -1,6 +1,6 @@
 """Writes ten clips of a person as BVH files, for tests and measurements without downloads.
 
-    python -m benchmarks.capture.clips FOLDER [cmu | mixamo | lafan1 ...]
+    python -m benchmarks.capture.clips FOLDER [CONVENTION ...]
 
 The motions of :mod:`benchmarks.capture.motions` with the names, units, frame rates and rest poses
 of three common kinds of skeletons. Real files differ in the lengths of the limbs.
@@ -261,7 +261,7 @@ def write(folder: Path, convention: str = "cmu") -> list[Path]:
 
     Args:
         folder: destination, created if necessary.
-        convention: "cmu", "mixamo" or "lafan1".
+        convention: one of CONVENTIONS.
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{name}.bvh" for name in MOTIONS]

@@ -57,7 +57,7 @@ class Problem:
         return self.file.name.removesuffix(".dat").removesuffix(".hdf5")
 
     def text(self) -> str:
-        """In Siconos's text format, M by blocks."""
+        """The problem in Siconos's text format, M by blocks."""
         n = len(self.mu)
         blocks = self.M.reshape(n, 3, n, 3).swapaxes(1, 2)
         there = np.any(blocks != 0.0, axis=(2, 3))

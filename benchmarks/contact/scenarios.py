@@ -322,7 +322,7 @@ SCENES: dict[str, Callable[[Callable[..., Course]], float]] = {
     "sliding cube: error of the way to its stop [m]": stopping_error,
     "sliding cube: how far it lifts or sinks [m]": _lift,
     "sliding cube: energy gained in all steps [J]": _gain,
-    "dragged cube: way at 95 % of what friction holds [m]": dragged_way,
+    "dragged cube: way at 95 % of the friction limit [m]": dragged_way,
     "stack of 1, 1 and 1000 kg: deepest overlap from 1 s to 2 s [m]": _stack,
     "standing marionette: deepest overlap from 1 s to 5 s [m]": sunk_depth,
     "standing marionette: way of a foot from 1 s to 5 s [m]": _crept,

@@ -116,9 +116,9 @@ def _states(subject_pairs: list[Pair]) -> Table:
 def _settings(subject_pairs: list[Pair]) -> Chapter:
     rows = []
     for pair in subject_pairs:
-        least = min(pair.tried.values())
+        shortest = min(pair.tried.values())
         for name, seconds in pair.tried.items():
-            text = f"**{shown(seconds)}**" if seconds == least else shown(seconds)
+            text = f"**{shown(seconds)}**" if seconds == shortest else shown(seconds)
             rows.append([f"{pair.subject.name}: {name}", text])
     text = (
         f"The least of some bursts of MuJoCo {mujoco.__version__} decides which Jacobian is used "

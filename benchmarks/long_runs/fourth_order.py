@@ -5,7 +5,7 @@ variational form: a parabola through q_k, q_mid, q_k+1, the action by Simpson's 
 
     L_d = dt (L_k + 4 L_mid + L_k+1) / 6
 
-order four, with positive substeps, strings held at q_mid and q_k+1 by impulses at q_k and q_mid
+order four, with positive time steps, strings held at q_mid and q_k+1 by impulses at q_k and q_mid
 (Marsden and West, Discrete mechanics and variational integrators, 2001, section 2.6). Both are
 solved by a Newton iteration whose matrix is made once a step. A correction takes one evaluation of
 L's gradient by the midpoint rule and three by the other; these evaluations are the cost.

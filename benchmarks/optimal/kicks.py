@@ -88,7 +88,8 @@ def main() -> None:
         last, rms = np.array(rows).T
         print(
             f"{name:10} {np.sum(last < ARRIVAL_DISTANCE)} of {len(last)} arrive; "
-            f"medians: in the last half second at most {1e3 * np.median(last):.2g} mm away, {1e3 * np.median(rms):.2g} mm RMS"
+            f"medians: in the last half second at most {1e3 * np.median(last):.2g} mm away, "
+            f"{1e3 * np.median(rms):.2g} mm RMS"
         )
     seconds = np.array(taken)
     print(

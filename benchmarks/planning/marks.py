@@ -45,7 +45,7 @@ def marks_table(marks: Sequence[Mark]) -> Table:
 
 
 def spread(values: Sequence[float], factor: float = 1.0) -> list[str]:
-    """Median, 90 % and 99 % quantiles, maximum."""
+    """Median, 90 %, 99 %, maximum."""
     scaled = factor * np.array(values)
     parts = (*np.quantile(scaled, [0.5, 0.9, 0.99]), scaled.max())
     return [f"{x:.3g}" for x in parts]

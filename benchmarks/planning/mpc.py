@@ -29,9 +29,9 @@ from fantoccini.motion import State
 from .feedback import OF_EACH, STEP, advanced, follow, kicked
 
 INTERVAL = 0.02
-"""Of MPC [s]."""
+"""Interval of MPC [s]."""
 HORIZON = 2.0
-"""Of MPC [s]."""
+"""Horizon of MPC [s]."""
 ALONG, AT_END = 0.2, 10.0
 """Factors of weights along a plan, and from its end on."""
 LATER = 1.0

@@ -156,8 +156,8 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
         f"{np.median([p.distance for p in plans]):.1e} from the goal (medians); "
         f"{share([c.arrives for c in events]):.0f} % arrive event-driven, at "
         f"{np.median([c.distance for c in events]):.2g}, and {share(peers):.0f} % in MuJoCo, open "
-        f"loop. The string never goes slack on {share(held):.0f} % of them; the squares of what "
-        f"accelerations change come to {np.median(rough):.3g} m^2/s^4 (median; a first plan's: "
+        f"loop. The string never goes slack on {share(held):.0f} % of them; the squared changes "
+        f"of accelerations sum to {np.median(rough):.3g} m^2/s^4 (median; a first plan's: "
         f"{np.median(_first_roughness(problem, seeds)):.3g}). The string alone needs 1.92 s: it is "
         "wound in by 0.837 m at 0.5 m/s, and 0.25 s go into speeding up and slowing down at "
         "2 m/s^2.",
