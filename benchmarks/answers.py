@@ -27,25 +27,25 @@ def tasks(names: Sequence[str]) -> None:
 
 
 def plans(name: str, seeds: int, polished: bool) -> None:
-    """Prints how many seeds find a plan, and a hash of the durations and inputs of all.
+    """Prints the number of seeds with a plan, and a hash of all durations and inputs.
 
     Args:
-        name: of the problem.
-        seeds: their number.
-        polished: whether the plans are brought to the goal.
+        name: name of the problem.
+        seeds: number of seeds.
+        polished: whether the plans are polished.
     """
     problem = fan.control.load_problem(name)
-    digest, found, total = hashlib.sha256(), 0, 0.0
+    digest, n_plans, total = hashlib.sha256(), 0, 0.0
     for seed in range(seeds):
         plan = solve(problem, seed=seed, iterations=20_000, time_limit=600.0)
-        found += bool(plan)
+        n_plans += bool(plan)
         if polished:
             plan = plan.polish(1e-3, seconds=0.0)
         total += plan.duration
         digest.update(np.ascontiguousarray(plan.acceleration).tobytes())
         digest.update(repr((plan.status.name, plan.duration, plan.tried)).encode())
     text = digest.hexdigest()[:16]
-    print(f"{name}: {found} of {seeds} found, {total!r} s in all, {text}")
+    print(f"{name}: {n_plans} of {seeds} found, {total!r} s in all, {text}")
 
 
 def main() -> None:
@@ -53,12 +53,12 @@ def main() -> None:
     parser.add_argument("what", choices=("tasks", "plans", "polished"))
     parser.add_argument("names", nargs="+")
     parser.add_argument("--seeds", type=int, default=50)
-    given = parser.parse_args()
-    if given.what == "tasks":
-        tasks(given.names)
+    arguments = parser.parse_args()
+    if arguments.what == "tasks":
+        tasks(arguments.names)
     else:
-        for name in given.names:
-            plans(name, given.seeds, given.what == "polished")
+        for name in arguments.names:
+            plans(name, arguments.seeds, arguments.what == "polished")
 
 
 if __name__ == "__main__":

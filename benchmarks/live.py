@@ -1,8 +1,8 @@
-"""Prints how fast a puppet in hands is simulated, how soon it answers, and what a page costs.
+"""Prints the speed of a performed puppet's simulation, its latency, and the cost of a page.
 
     python -m benchmarks.live
 
-Nothing here is a test: machines differ, and so do their neighbours.
+This is not a test: machines and their load differ.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ import fantoccini as fan
 
 PUPPETS = ("marionette", "marionette_bar", "arm3d", "promenade", "stroll", "visit")
 SECONDS = 2.0
-"""Performed for every figure [s]."""
+"""Duration of the performance for every figure [s]."""
 ROUNDS = 5
 MOVES = 40
 
 
-def dragged(live: fan.Performance, homes: dict, rng: np.random.Generator, far: float) -> None:
-    """Every handle is wanted somewhere else about its home, up to ``far`` away [m]."""
+def dragged(live: fan.Performance, homes: dict, rng: np.random.Generator, reach: float) -> None:
+    """Moves the target of every handle to a random place up to ``reach`` from its home [m]."""
     for name, (position, _) in homes.items():
-        live.move(name, position + far * rng.uniform(-1.0, 1.0, size=3))
+        live.move(name, position + reach * rng.uniform(-1.0, 1.0, size=3))
 
 
-def real_time_factors(name: str, far: float) -> tuple[float, float]:
-    """Seconds performed in a second, the hands wanted elsewhere 60 times a second; the best.
+def real_time_factors(name: str, reach: float) -> tuple[float, float]:
+    """Speed relative to real time, with new targets 60 times per second; the best.
 
     By the clock, and by the processor's time, which neighbours disturb less.
     """
@@ -48,7 +48,7 @@ def real_time_factors(name: str, far: float) -> tuple[float, float]:
     for _ in range(ROUNDS):
         begun = time.perf_counter(), time.process_time()
         for _ in range(round(60 * SECONDS)):
-            dragged(live, homes, rng, far)
+            dragged(live, homes, rng, reach)
             live.advance(1 / 60)
         ended = time.perf_counter(), time.process_time()
         rates.append([SECONDS / (b - a) for a, b in zip(begun, ended, strict=True)])
@@ -57,7 +57,7 @@ def real_time_factors(name: str, far: float) -> tuple[float, float]:
 
 
 def answer(name: str) -> float:
-    """Median time from a drag to a state that it has changed, while the puppet is alive [s]."""
+    """Median time from a drag to a changed state, while the puppet is alive [s]."""
     live, rng = fan.Performance(getattr(fan.puppets, name)()), np.random.default_rng(0)
     stop = threading.Event()
 
@@ -88,7 +88,7 @@ def answer(name: str) -> float:
 
 @contextlib.contextmanager
 def looked_at(url: str) -> Iterator[None]:
-    """Meanwhile a headless Chromium, where there is one, looks at a page."""
+    """Opens a page in a headless Chromium meanwhile, if there is one."""
     if missing():
         yield
         return
@@ -98,7 +98,7 @@ def looked_at(url: str) -> Iterator[None]:
 
 
 def puppeteer(url: str, handle: str, orders: Connection) -> None:
-    """A viewer in a process of its own: drags a handle about, in a second's circle or by a jerk."""
+    """A viewer in a separate process that drags a handle in circles of one second, or jerks it."""
     with Viewer(url) as viewer:
         until(lambda: handle in viewer.poses, "the handle is there")
         home = np.array(viewer.poses[handle])
@@ -124,9 +124,9 @@ def puppeteer(url: str, handle: str, orders: Connection) -> None:
 
 
 def page_cost(name: str) -> tuple[float, float, float]:
-    """Updates sent each second, share of a core that the server takes, time from a drag to a state.
+    """Updates sent per second, the server's share of a core, time from a drag to a state.
 
-    One viewer drags the first handle all the time, and a browser looks on.
+    One viewer drags the first handle continuously, and a browser shows the page.
     """
     puppet = getattr(fan.puppets, name)()
     with fan.show(puppet, port=0, browser=False, wait=False) as page, looked_at(page.url):
@@ -164,7 +164,7 @@ def main() -> None:
     print("times real time by the clock (by the processor's time); drag to changed state")
     table = Table("puppet", "dragged 5 cm", "thrown 10 m", "answer")
     for name in PUPPETS:
-        factors = (real_time_factors(name, far) for far in (0.05, 10.0))
+        factors = (real_time_factors(name, reach) for reach in (0.05, 10.0))
         cells = (f"{clock:.1f} ({processor:.1f})" for clock, processor in factors)
         table.add_row(name, *cells, f"{1000 * answer(name):.1f} ms")
     Console().print(table)

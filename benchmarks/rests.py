@@ -3,7 +3,7 @@
     python -m benchmarks.rests before.npz arm2d crane marionette
     python -m benchmarks.rests after.npz arm2d crane marionette --against before.npz
 
-Lengths and ends of strings are up to 10 % or 0.1 m off, and the puppets begin turned anyhow.
+Lengths and ends of strings are up to 10 % or 0.1 m off, and the puppets begin in random rotations.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ def main() -> None:
     parser.add_argument("names", nargs="+")
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--against")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     rests = {}
-    for name in given.names:
+    for name in arguments.names:
         puppet = getattr(fan.puppets, name)()
-        for seed in range(given.seeds):
+        for seed in range(arguments.seeds):
             try:
                 rests[f"{name}-{seed}"] = puppet.rest(begun(puppet, seed)).q_D
             except fan.errors.StateError:
                 rests[f"{name}-{seed}"] = np.zeros(0)
-    np.savez(given.out, **rests)
-    found = sum(len(q_D) > 0 for q_D in rests.values())
-    print(f"{found} of {len(rests)} rests found")
-    if given.against is None:
+    np.savez(arguments.out, **rests)
+    n_found = sum(len(q_D) > 0 for q_D in rests.values())
+    print(f"{n_found} of {len(rests)} rests found")
+    if arguments.against is None:
         return
-    before = np.load(given.against)
+    before = np.load(arguments.against)
     for name, q_D in rests.items():
         if len(q_D) != len(before[name]):
-            print(f"{name}: found by one only")
+            print(f"{name}: found by only one")
         elif (away := np.max(np.abs(q_D - before[name]), initial=0.0)) > 0.0:
             print(f"{name}: {away:.3g} apart")
 

@@ -22,14 +22,14 @@ import fantoccini as fan
 SMALL = ("arm2d", "arm3d", "crane", "string_pendulum")
 PUPPETS = (*SMALL, "stand6", "marionette", "promenade")
 METHODS = ("event", "timestepping", "variational")
-"""The last one knows no contact."""
+"""The last one does not support contact."""
 SAMPLES = ("t", "q_D", "v_D", "acc_D", "q_K", "v_K", "tension", "taut", "slip")
 ENDS = ("q_D", "v_D", "q_K", "v_K", "slip", "tension", "taut", "books", "violation", "status")
 Parts = Iterator[tuple[str, list[object]]]
 
 
 def arrays(result: object, names: tuple[str, ...]) -> list[object]:
-    """The arrays of those names that a result has."""
+    """The arrays of a result with these names, if it has them."""
     return [x for x in (getattr(result, name, None) for name in names) if x is not None]
 
 
@@ -78,8 +78,8 @@ def steps(puppet: fan.Marionette, x0: fan.State) -> Parts:
     cost = np.ones((len(acc) + 1, table.n_vD))
     yield "gradient", arrays(rollout.gradient(q_D=cost), ("q_D", "v_D", "q_K", "acc_K", "p"))
     nodes = [np.repeat(x[None], 3, axis=0) for x in (x0.q_D, x0.v_D, x0.q_K, x0.v_K)]
-    made = puppet.linearise_steps(*nodes, acc[:3], forces=True)
-    yield "linearised steps", arrays(made, ("q_D", "v_D", "A", "B", "tension"))
+    linearised = puppet.linearise_steps(*nodes, acc[:3], forces=True)
+    yield "linearised steps", arrays(linearised, ("q_D", "v_D", "A", "B", "tension"))
 
 
 def plans(puppet: fan.Marionette, x0: fan.State) -> Parts:
@@ -87,12 +87,12 @@ def plans(puppet: fan.Marionette, x0: fan.State) -> Parts:
     aim = puppet.rest({"hand.length": float(x0["hand.length"]) - 0.1})
     for seed in range(3):
         plan = fan.plan(puppet, x0, aim, seed=seed, time_limit=60.0, iterations=300)
-        found = [plan.tree.time, plan.states.q_D, plan.tree.looks, plan.acceleration]
-        yield f"plan {seed} {bool(plan)}", found
+        parts = [plan.tree.time, plan.states.q_D, plan.tree.looks, plan.acceleration]
+        yield f"plan {seed} {bool(plan)}", parts
 
 
 def main() -> None:
-    """Prints a line for each result, or the error that it ended with."""
+    """Prints a line for each result, or its error."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("puppets", nargs="*", default=PUPPETS)
     warnings.simplefilter("ignore")

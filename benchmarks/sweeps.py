@@ -1,8 +1,8 @@
-"""Prints how many cases a second a sweep runs: on threads, and on Ray where it is installed.
+"""Prints the rate of cases of a sweep: on threads, and on Ray if it is installed.
 
     python -m benchmarks.sweeps
 
-Nothing here is a test: machines differ, and so do their neighbours.
+This is not a test: machines and their load differ.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ import fantoccini as fan
 from fantoccini.theatre.perform import demo
 
 ROUNDS = 8
-"""Sweeps for every figure; the fastest is printed, the one that neighbours disturbed least."""
+"""Number of sweeps for every figure; the fastest, the least disturbed, is printed."""
 
 
 def nothing(case: fan.lab.Case) -> dict:
-    """What handing out a case costs."""
+    """An empty study: the overhead of a case."""
     return {"x": case["k"]}
 
 
@@ -43,7 +43,7 @@ def long(case: fan.lab.Case) -> dict:
 
 
 def cases_per_second(study, n: int, puppet, start, **options) -> float:
-    """The fastest of some sweeps of n cases [1/s]."""
+    """Rate of the fastest of several sweeps of n cases [1/s]."""
     over = {"start": [start], "k": range(n)} if start else {"k": range(n)}
     rates = []
     for _ in range(ROUNDS):

@@ -35,7 +35,7 @@ print(f"lift: {run.status.message}; tension up to {run.tension['hand'].max():.3f
 work, residual = run.ledger["work"][-1], np.abs(run.ledger["residual"]).max()
 print(f"work of the winch: {work:.4f} J; the energy ledger closes to {residual:.0e} J")
 
-# Pushed upwards the arm flies free of its string, which then snaps taut (Eqs. 13-15).
+# Pushed upwards, the arm flies free of its string, which then snaps taut (Eqs. 13-15).
 thrown = fan.simulate(arm, x0.replace(v_D=[2.0, 0.5]), t_end=2.0)
 for event in thrown.events:
     print(f"{event.t:.4f} s: {event.name} {event.kind}, impulse {event.impulse:.4f} N s")

@@ -1,4 +1,4 @@
-"""Run the bundled marionette's performance: it greets, steps and bows, 25 DOF on seven strings.
+"""Run the bundled marionette's performance: 25 DOF on seven strings greet, step and bow.
 
 Writes out/greeting.png (poses), out/greeting_plot.png (tensions, modes, energy) and
 out/greeting.csv. ``fantoccini demo`` makes a film of the same run.
@@ -20,11 +20,11 @@ x0, inputs, duration = performance(puppet)
 print(puppet)
 run = fan.simulate(puppet, x0, inputs, duration)
 
-print(f"{'string':<16}{'least':>8}{'most':>8}{'slack':>9}  catches")
+print(f"{'string':<16}{'min':>8}{'max':>8}{'slack':>9}  catches")
 for name, s in run.summary()["tension"].items():
     print(f"{name:<16}{s['min']:6.2f} N{s['max']:6.2f} N{s['slack']:7.2f} s  {s['catches']}")
 
-# Every event is there; the hardest catches are those that an audience hears.
+# The run has every event; the audience hears the hardest catches.
 catches = [event for event in run.events if event.kind == "catch"]
 for event in sorted(catches, key=lambda e: e.impulse)[-3:]:
     print(f"{event.t:7.4f} s: {event.name} caught with {1000 * event.impulse:.1f} mN s")

@@ -13,17 +13,17 @@ from fantoccini.output import view
 out = Path("out")
 out.mkdir(exist_ok=True)
 
-# A mistake in the file is reported with its line; this one spells a parent wrongly.
+# A mistake in the file, such as this misspelled parent, is reported with its line.
 file = Path(__file__).parent / "bird.yaml"
-wrong = out / "wrong_bird.yaml"
-wrong.write_text(file.read_text().replace("parent: body", "parent: bodi"))
+misspelled = out / "wrong_bird.yaml"
+misspelled.write_text(file.read_text().replace("parent: body", "parent: bodi"))
 try:
-    fan.load(wrong)
+    fan.load(misspelled)
 except fan.errors.PuppetError as error:
     print(error)
-wrong.unlink()
+misspelled.unlink()
 
-bird = fan.load(file)  # the first time it is derived and compiled, later it comes from a cache
+bird = fan.load(file)  # derived and compiled once, then read from a cache
 print(bird)
 print("driven:", ", ".join(bird.coordinates.q_K))
 x0 = bird.rest()

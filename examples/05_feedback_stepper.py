@@ -1,6 +1,6 @@
 """Close a feedback loop: hold a hand at its height while the end of the string moves sideways.
 
-A control law receives the state and returns the winch's acceleration, 100 times a second. Without
+A control law receives the state and returns the winch's acceleration 100 times per second. Without
 it the hand rises and falls with the string's end. Writes out/feedback.csv.
 """
 
@@ -30,17 +30,17 @@ HEIGHT = hand(x0)[0]
 
 
 def wander(x: fan.State) -> dict[str, float]:
-    """The string's end goes to and fro once in 2 s [m/s^2]; the winch stands still."""
+    """Moves the string's end back and forth with a period of 2 s [m/s^2]; the winch is at rest."""
     return {"hand.x": 0.8 * np.cos(np.pi * x.t)}
 
 
 def hold(x: fan.State) -> dict[str, float]:
-    """The same, and a hand that is too high or rises has its string let out."""
+    """Likewise, and lets out string if the hand is too high or rises."""
     z, rate = hand(x)
     return wander(x) | {"hand.length": 400.0 * (z - HEIGHT) + 40.0 * rate}
 
 
-for name, law in (("winch still", wander), ("feedback", hold)):
+for name, law in (("winch at rest", wander), ("feedback", hold)):
     stepper = arm.stepper(x0, method=fan.TimeStepping(dt=0.001))
     states = stepper.run(t_end=4.0, law=law, rate=100)
     errors = [abs(hand(x)[0] - HEIGHT) for x in states]

@@ -1,6 +1,6 @@
 """Pull a load farther than its strings reach, without and with a slipping winch.
 
-Without one no motion exists: the run stops and names the strings. With one the winch lets out the
+Without it no motion exists: the run stops and names the strings. With it the winch lets out the
 missing length and takes it back. Writes out/winch.png.
 """
 
@@ -28,7 +28,7 @@ try:
     fan.simulate(stiff, stiff.rest(), fan.Input.waypoints(stiff, PULL))
 except fan.errors.SimulationError as error:
     print(f"without a slipping winch: {error}")
-    print(f"  kept: {len(error.trajectory)} rows; to blame: {', '.join(error.trajectory.blamed)}")
+    print(f"  {len(error.trajectory)} samples; cause: {', '.join(error.trajectory.blamed)}")
 
 winch = fan.loads(LOAD.format(winch=", max_tension: 30, rewind_speed: 0.3"))
 pull = fan.Input.waypoints(winch, PULL)

@@ -1,6 +1,6 @@
-"""Sweep a grid: how fast may a winch lift the arm, over speeds, masses and a noisy start?
+"""Sweep a grid: a winch lifts the arm at several speeds, masses and noisy starts.
 
-A sweep runs a study for every case, on all cores; with on="ray" the same call runs on a cluster. It
+A sweep runs a study for every case on all cores, or with on="ray" on a cluster. It
 stores its cases in a folder and resumes after an interruption. Writes out/sweep.csv and
 out/sweep.png.
 """
@@ -30,13 +30,13 @@ def lifted(case: fan.lab.Case) -> dict:
     }
 
 
-over = {"p:m2": [0.05, 0.08, 0.12], "seconds": [0.1, 0.2, 0.3, 0.5, 0.8]}
-asked = {"puppet": fan.puppets.arm2d(), "seeds": 6, "store": out / "sweep"}
-result = fan.sweep(lifted, over, **asked)
+grid = {"p:m2": [0.05, 0.08, 0.12], "seconds": [0.1, 0.2, 0.3, 0.5, 0.8]}
+settings = {"puppet": fan.puppets.arm2d(), "seeds": 6, "store": out / "sweep"}
+result = fan.sweep(lifted, grid, **settings)
 print(result)
 
-again = fan.sweep(lifted, over, **asked)
-print("read back, nothing run:", np.array_equal(result["end"], again["end"]))
+again = fan.sweep(lifted, grid, **settings)
+print("same results from the store, without a run:", np.array_equal(result["end"], again["end"]))
 
 peak = result["peak"]  # (masses, seconds, repetitions)
 for mass, row in zip(result.axes["p:m2"], peak.mean(axis=2), strict=True):
@@ -45,7 +45,7 @@ for mass, row in zip(result.axes["p:m2"], peak.mean(axis=2), strict=True):
 slow = fan.lab.Trial(
     t_end=1.0, inputs={"hand.length": [(0, 0.8), (0.8, 0.6)]}, keep=["max energy:work"]
 )
-drawn = fan.sweep(slow, puppet=asked["puppet"], draw={"p:m2": (0.05, 0.12)}, seeds=20)
+drawn = fan.sweep(slow, puppet=settings["puppet"], draw={"p:m2": (0.05, 0.12)}, seeds=20)
 work = drawn["max energy:work"]
 print(f"slowly, with a mass drawn 20 times: {work.min():.3f} to {work.max():.3f} J of work")
 

@@ -15,13 +15,13 @@ out.mkdir(exist_ok=True)
 problem = fan.control.load_problem("arm3d_boxes")
 plan = fan.control.solve(problem, seed=3)
 print(plan)
-better = plan.grow(0.4).polish(1e-3)
-again = better.verify(method="event")
+polished = plan.grow(0.4).polish(1e-3)
+verified = polished.verify(method="event")
 print(
-    f"better: {better.duration:.2f} s, {better.distance:.1e} from the goal; with located events "
-    f"{again.distance:.1e}, {1e3 * again.clearance:.1f} mm from the boxes"
+    f"polished: {polished.duration:.2f} s, {polished.distance:.1e} from the goal; with located "
+    f"events {verified.distance:.1e}, {1e3 * verified.clearance:.1f} mm from the boxes"
 )
-better.plot(out / "plan_arm.png")
+polished.plot(out / "plan_arm.png")
 
 bell = fan.control.solve(fan.control.load_problem("marionette_bell"), seed=4)
 print(bell)

@@ -1,6 +1,6 @@
 """Play a puppet from Python: move its hands, record, replay and edit the performance.
 
-The control bar of the marionette is moved and tilted as a hand would, then thrown farther than the
+The control bar of the marionette is moved and tilted like a hand's, then thrown farther than the
 puppet can follow. Writes out/performance.npz, out/encore.npz and out/performance.png.
 """
 
@@ -33,12 +33,12 @@ again = read.replay()
 print("replayed to the last bit:", np.array_equal(again.q_D, recording.trajectory.q_D))
 event = fan.simulate(read.marionette, read.start, read.inputs)
 apart = np.max(np.abs(event.resample(again.t).q_D - again.q_D))
-print(f"event-driven the same hands give the same motion to {apart:.1e}")
+print(f"event-driven simulation of the same hands differs by {apart:.1e}")
 
 encore = recording.trimmed(0.3, 2.4).smoothed(0.15).stretched(1.5)
 encore.save(out / "encore.npz")
-top = [np.max(r.trajectory.tension.values) for r in (recording, encore)]
-print(f"largest tension {top[0]:.1f} N; trimmed, smoothed and slower {top[1]:.1f} N")
+peaks = [np.max(r.trajectory.tension.values) for r in (recording, encore)]
+print(f"largest tension {peaks[0]:.1f} N; trimmed, smoothed and slower {peaks[1]:.1f} N")
 
 figures = fan.Performance(fan.puppets.marionette())
 figures.move("hand_left", figures.place("hand_left")[0] + np.array([10.0, 0.0, 0.0]))

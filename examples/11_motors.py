@@ -1,7 +1,7 @@
-"""Drive a winch with a stepper motor: strong enough, and too weak to keep step.
+"""Drive a winch with a stepper motor: one that is strong enough, and one that loses steps.
 
 The kinematic model moves the string exactly. Here a rotor with a gear and a drum winds it, and the
-holding torque decides whether the arm follows. A weak motor lifts the arm and drops it, pole by
+holding torque decides whether the arm follows. A weak motor lifts the arm and drops it pole by
 pole. Writes out/motors.png.
 """
 
@@ -26,8 +26,8 @@ stand = fan.loads(mixed.puppet.to_yaml() + WINCH)
 
 LIFT = {"hand.length": [(0, 0.8), (0.6, 0.55), (1.0, 0.55), (1.6, 0.8)]}
 ideal = fan.simulate(mixed, mixed.rest({"hand.length": 0.8}), fan.Input.waypoints(mixed, LIFT))
-wanted = ideal.q_K[:, ideal.coordinates.q_K.index("hand.length")]
-print(f"told: the string from {wanted[0]:.2f} m to {wanted.min():.2f} m and back")
+command = ideal.q_K[:, ideal.coordinates.q_K.index("hand.length")]
+print(f"command: the string from {command[0]:.2f} m to {command.min():.2f} m and back")
 for torque in (0.05, 0.018):
     arm = stand.with_parameters({"torque": torque})
     x0 = arm.rest({"hand.length": 0.8})

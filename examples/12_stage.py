@@ -34,7 +34,7 @@ DOWN = {
 
 
 def main() -> None:
-    """Let the puppet down onto the crate, and look at what carries it."""
+    """Lets the puppet down onto the crate, and prints the forces that carry it."""
     OUT.mkdir(exist_ok=True)
     stage = fan.loads(STAGE)
     x0 = stage.project(stage.state({"torso.z": 0.35}))

@@ -1,6 +1,6 @@
-"""Plans that touch: a hand onto a table, past a post, and a crate pushed 10 cm further.
+"""Plans with contact: a hand onto a table, past a post, and a crate pushed by 10 cm.
 
-Everything else is kept off. Writes out/touch.png and out/push.png. See docs/planning.md.
+All other contacts are excluded. Writes out/touch.png and out/push.png. See docs/planning.md.
 """
 
 from pathlib import Path
@@ -12,10 +12,10 @@ OUT = Path("out")
 
 
 def arm(height: float, link: tuple[float, float], wrist: float, sleeve: float) -> dict:
-    """An arm of two links on two strings that are wound in and out.
+    """An arm of two links on two driven strings.
 
     Args:
-        height: of the shoulder [m].
+        height: height of the shoulder [m].
         link: x and z of each link's end, from its joint [m].
         wrist, sleeve: lengths of the strings [m].
     """
@@ -47,7 +47,7 @@ def arm(height: float, link: tuple[float, float], wrist: float, sleeve: float) -
 
 
 def touch() -> None:
-    """Hold the arm out over a table, and lay the hand down on it."""
+    """Plans a motion of the arm, held out over a table, that lays the hand on it."""
     table = {"name": "table", "type": "box", "size": [0.2, 0.3, 0.02], "at": [0.4, 0, 0.4]}
     post = {"name": "post", "type": "box", "size": [0.04, 0.3, 0.1], "at": [0.45, 0, 0.46]}
     held = arm(0.6, (0.2, 0.0), 0.6, 0.6) | {"contact": True, "obstacles": [table]}
@@ -62,7 +62,7 @@ def touch() -> None:
 
 
 def push() -> None:
-    """Push a crate along the floor."""
+    """Plans a push of a crate along the floor."""
     hung = arm(0.55, (0.0, -0.25), 1.2, 0.95)
     crate = {"type": "box", "size": [0.08, 0.12, 0.16], "mass": 0.05}
     scene = fan.Scene.model_validate(
@@ -85,7 +85,7 @@ def push() -> None:
 
 
 def main() -> None:
-    """Make both plans."""
+    """Makes both plans."""
     OUT.mkdir(exist_ok=True)
     touch()
     push()

@@ -1,4 +1,4 @@
-"""A ball is caught by a bowl, and a ring by a peg: meshes with dents touch as convex pieces.
+"""A bowl catches a ball, and a peg a ring: dented meshes touch as convex pieces.
 
 Writes out/dented.yaml, out/bowl.obj, out/ring.obj and out/dented.png. See docs/contact.md.
 """
@@ -33,7 +33,7 @@ pose: {ball.x: 0.05, ball.y: 0.01, ball.z: 0.25, ring.x: 0.29, ring.z: 0.15}
 
 
 def main() -> None:
-    """Write the meshes, let go of ball and ring, and look at where they stay."""
+    """Writes the meshes, releases ball and ring, and prints where they come to rest."""
     OUT.mkdir(exist_ok=True)
     turn = np.linspace(0.0, np.pi / 2, 4)
     outer, inner = (

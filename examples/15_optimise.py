@@ -18,5 +18,5 @@ crane.plot(out / "optimal_crane.png")
 
 circle = fan.optimise(fan.control.load_task("circle"), tolerance=1e-3)
 off = 1e3 * circle.rms()["forearm_right"]
-print(f"circle: {off:.2f} mm from it, {circle.iterations} iterations, KKT {circle.kkt:.1e}")
+print(f"circle: {off:.2f} mm RMS error, {circle.iterations} iterations, KKT {circle.kkt:.1e}")
 circle.plot(out / "optimal_circle.png")

@@ -1,7 +1,7 @@
-"""Where can the marionette's hand go with its own string alone, and what stops it?
+"""Find the places that the marionette's hand reaches with its own string, and its limits.
 
-Writes out/reach.csv: how near the hand comes to places ever higher above it, and the tension of its
-string there.
+Writes out/reach.csv: the distance of the hand from places at increasing heights above it, and the
+tension of its string there.
 """
 
 from pathlib import Path
@@ -20,13 +20,13 @@ pose = puppet.pose(start, "forearm_right")
 place = pose[:3, 3] + pose[:3, :3] @ hand[1]
 
 held = tuple(name for name in puppet.coordinates.v_K if not name.startswith("hand_right"))
-higher = np.linspace(0.0, 0.6, 61)
-above = place + higher[:, None] * [0.0, 0.0, 1.0]
-found = fan.reach(puppet, {hand: above}, start, bounds=fan.control.Bounds(held=held))
+heights = np.linspace(0.0, 0.6, 61)
+above = place + heights[:, None] * [0.0, 0.0, 1.0]
+reached = fan.reach(puppet, {hand: above}, start, bounds=fan.control.Bounds(held=held))
 
-print(found)
-print(f"straight up it rises by {100 * higher[found.reached][-1]:.0f} cm")
-print(found[-1].summary())
+print(reached)
+print(f"straight up it rises by {100 * heights[reached.reached][-1]:.0f} cm")
+print(reached[-1].summary())
 string = [s.name for s in puppet.tree.strings].index("hand_right")
-table = np.column_stack([higher, found.distance, found.tension[:, string]])
+table = np.column_stack([heights, reached.distance, reached.tension[:, string]])
 np.savetxt(out / "reach.csv", table, fmt="%.6g", delimiter=",", header="higher,distance,tension")

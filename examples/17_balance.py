@@ -1,8 +1,8 @@
-"""Hands that balance the marionette while somebody pushes it.
+"""Balance the marionette by its hands while it is pushed.
 
-A push of a tenth of a second sends the torso forward. Hands that stay where they are let it swing;
+A push of 0.1 s sends the torso forward. Hands at rest let it swing;
 hands under model predictive control (fan.theatre.Balance) bring it back. In the browser:
-`fantoccini show marionette --balance`. Writes out/balance.png, how far the torso is away.
+`fantoccini show marionette --balance`. Writes out/balance.png, the torso's distance over time.
 """
 
 from pathlib import Path
@@ -32,7 +32,7 @@ for balanced in (False, True):
         away.append(1e3 * np.linalg.norm(puppet.pose(x, "torso")[:3, 3] - home))
         if x.t > 1.5:
             speed = max(speed, float(np.linalg.norm(x.v_D)))
-    name = "hands that balance" if balanced else "hands that stay"
+    name = "hands that balance" if balanced else "hands at rest"
     axes.plot(t, away, label=name)
     print(f"{name}: {away[-1]:.0f} mm away after {t[-1]:g} s, at most {speed:.2f} rad/s by then")
     if law is not None:

@@ -1,7 +1,7 @@
-"""A walk of the marionette whose feet hardly slip, and numbers of a motion found by trial.
+"""Walk the marionette with little slip of its feet, and tune the parameters of its gait.
 
-`Gait` makes steps of some numbers. From a gait that slips, `fan.tune` draws others around it,
-simulates them many at once and moves to the best; more generations would go on.
+`Gait` makes steps from parameters. From a gait that slips, `fan.tune` draws others around it,
+simulates them in a batch and moves to the best; more generations would improve it further.
 Writes out/walk.png.
 """
 
@@ -23,7 +23,7 @@ x0, method = stage.rest(), fan.TimeStepping(dt=1e-3)
 
 
 def slip(run: fan.Trajectory) -> float:
-    """The way of the heels along the floor while they are on it, a step [m]."""
+    """Distance that the heels slide along the floor, per step [m]."""
     poses, way = stage.poses(run.q_D, run.q_K), 0.0
     for side in ("left", "right"):
         shin = poses[:, stage.link_index(f"shin_{side}")]
@@ -43,7 +43,7 @@ stiff = replace(shipped, sway=0.0, apart=0.0, lower=2e-3)
 print(f"shipped: {1e3 * slip(walk(shipped)):.2f} mm a step")
 print(f"without sway, knees not apart: {1e3 * slip(walk(stiff)):.2f} mm a step")
 
-found = fan.tune(
+tuned = fan.tune(
     stage,
     lambda v: replace(stiff, **v).inputs(stage, STEPS, x0),
     {"sway": (0.0, 0.004), "apart": (0.0, 0.008), "lower": (0.002, 0.001)},
@@ -53,7 +53,7 @@ found = fan.tune(
     save_every=5,
     draws=Draws(runs=16, generations=4),
 )
-print(f"after {len(found.curve)} generations: {1e3 * found.cost:.2f} mm a step")
-print(", ".join(f"{name} {value:.4f}" for name, value in found.values.items()))
+print(f"after {len(tuned.curve)} generations: {1e3 * tuned.cost:.2f} mm a step")
+print(", ".join(f"{name} {value:.4f}" for name, value in tuned.values.items()))
 times = [shipped.duration * k for k in (1.0, 1.25, 1.5, 2.0, 6.0, 11.0)]
 view.strip(stage, walk(shipped), out / "walk.png", times=times)

@@ -1,7 +1,7 @@
-"""A number for the marionette: gestures on the beats of a score, in lanes that add up.
+"""Play a score with the marionette: gestures on the beats, in lanes that add up.
 
-The knees march in fours while the right hand waves, the left one points, and it bows on the last
-beat. What cannot be played as it is written is printed with its line. Writes out/number.png.
+The knees march in fours while the right hand waves and the left one points; it bows on the last
+beat. Changes of the score that were necessary are printed with their lines. Writes out/number.png.
 """
 
 from pathlib import Path

@@ -1,6 +1,6 @@
 """Half a minute to music: the marionette marches, waves, claps, leaps and bows on the beat.
 
-The music is made here; the number is 20_number.yaml, with a gesture of its own, 20_clap.yaml. The
+This program makes the music; the score is 20_number.yaml, with its own gesture, 20_clap.yaml. The
 puppet rehearses until its limbs are on the beat in the simulation. Writes out/number.wav,
 out/number.mp4 and out/number.png.
 """
@@ -15,9 +15,9 @@ import fantoccini as fan
 from fantoccini.output import view
 
 RATE, BEAT, BEATS = 44100, 60.0 / 86.0, 43
-CHORDS = ["C", "C", "F", "G", "C", "Am", "F", "G", "F", "G", "C"]  # a bar each
+CHORDS = ["C", "C", "F", "G", "C", "Am", "F", "G", "F", "G", "C"]  # one per bar
 ROOTS = {"C": 48, "F": 53, "G": 55, "Am": 57}  # MIDI numbers
-MELODY = (  # (beats, MIDI number), a bar each; 0 rests
+MELODY = (  # beats, MIDI number; bars are separated by commas; 0 is a rest
     "1 72 1 76 2 79, 1 76 .5 74 .5 76 2 72, 1 77 .5 76 .5 77 1 81 1 77, 1 79 1 74 2 71,"
     "1 72 1 76 1 79 1 84, 1 81 .5 79 .5 81 2 76, 1 77 1 76 1 74 1 72, 2 74 1 71 1 67,"
     "1 77 1 81 1 84 1 81, 1 83 .5 81 .5 79 1 77 1 74, 3 72"
@@ -37,7 +37,7 @@ def tone(number: float, seconds: float, harmonics: tuple[float, ...], decay: flo
 
 
 def music() -> np.ndarray:
-    """(n,) samples."""
+    """The samples of the music (n,)."""
     out = np.zeros(int(RATE * BEATS * BEAT))
     noise = np.random.default_rng(0).normal(size=RATE)
 
@@ -81,15 +81,15 @@ puppet = fan.puppets.marionette()
 score = fan.load_score(puppet, out / "number.yaml")
 for change in score.changes:
     print(change)
-found = fan.theatre.rehearse(score, rounds=36)
-print(found)
+rehearsal = fan.theatre.rehearse(score, rounds=36)
+print(rehearsal)
 for cue in score.cues:
-    late = [f"{one.mark} {1e3 * one.seconds:.0f} ms" for one in found.late if one.cue is cue]
+    late = [f"{m.mark} {1e3 * m.seconds:.0f} ms" for m in rehearsal.late if m.cue is cue]
     if late:
         print(f"{cue.gesture} on beat {cue.start / score.beat:.1f}: late at", ", ".join(late))
 view.film(
     puppet,
-    found.run,
+    rehearsal.run,
     out / "number.mp4",
     size=(480, 600),
     fps=25,
@@ -99,4 +99,4 @@ view.film(
     sounds=score.sounds,
 )
 times = [score.beat * beat for beat in (4, 15, 21, 26, 34, 38)]
-view.strip(puppet, found.run, out / "number.png", times=times, focus="bodies")
+view.strip(puppet, rehearsal.run, out / "number.png", times=times, focus="bodies")

@@ -1,7 +1,7 @@
-"""A play for three: who does what, where and when, compiled and measured.
+"""Compile a play for three, and measure when its cues are seen.
 
-Prints when every cue is seen, and why one cannot be done: it asks Columbine to stand where the
-table is. Then a strip of pictures. Writes out/play.png.
+Prints the time at which every cue is seen, and why one is impossible: Columbine would stand where
+the table is. Writes a strip of pictures, out/play.png.
 """
 
 from pathlib import Path
@@ -36,8 +36,8 @@ out.mkdir(exist_ok=True)
 play = fan.load_play(out / "play.yaml", progress=lambda at: print(f"{at.share:4.0%} {at.what}"))
 for change in play.changes:
     print(change)
-found = fan.theatre.verify_play(play)
-for one in found.cues:
-    print(f"{one.cue.words}: {one.who} at {one.seen:.2f} s, {1e3 * one.late:+.0f} ms")
-print(play, found, sep="\n")
-view.strip(play.marionette, found.run, out / "play.png", times=[0.0, 3.0, 7.0, 10.0])
+check = fan.theatre.verify_play(play)
+for cue in check.cues:
+    print(f"{cue.cue.words}: {cue.who} at {cue.seen:.2f} s, {1e3 * cue.late:+.0f} ms")
+print(play, check, sep="\n")
+view.strip(play.marionette, check.run, out / "play.png", times=[0.0, 3.0, 7.0, 10.0])

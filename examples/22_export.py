@@ -1,6 +1,6 @@
-"""A motion leaves: the crane carries a load, as an animation for other programs.
+"""Export a motion: the crane carries a load, as an animation for other programs.
 
-Writes out/crane.glb, which any viewer of glTF plays, and prints what is in it.
+Writes out/crane.glb, which any glTF viewer plays, and prints its contents.
 """
 
 import json

@@ -1,7 +1,7 @@
-"""Will this stand do it? The paper's six winches, with motors that are strong enough and too weak.
+"""Check a stand: the paper's six winches, with motors that are strong enough and too weak.
 
-The puppet conducts. A check says how much of every motor is left, and which one loses steps first;
-for the weak ones it computes what would help and simulates a slower tempo, at which the puppet
+The puppet conducts. A check gives every motor's margin and the one that loses steps first;
+for the weak ones it computes remedies and simulates a slower tempo, at which the puppet
 moves differently. Writes out/strong.html and out/weak.html.
 """
 
@@ -33,6 +33,6 @@ weak = fan.stand.check_stand(loads_stand(text), run, puppet)
 print(weak.summary())
 for line in (*lost_lines(weak), *remedies(weak)):
     print(line)
-found = slower(weak)
-print("slower:", found[1])
-reports.stand_report(weak, out / "weak.html", found)
+slower_run = slower(weak)
+print("slower:", slower_run[1])
+reports.stand_report(weak, out / "weak.html", slower_run)

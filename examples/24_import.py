@@ -1,7 +1,7 @@
-"""A model comes in: a doll in MJCF becomes a puppet, and its limited tendons become strings.
+"""Import a model: a doll in MJCF becomes a puppet, and its limited tendons become strings.
 
-Writes out/doll.xml, the model; out/doll.yaml, the puppet; and out/doll.png, how it swings. Prints
-what the puppet does not have.
+Writes out/doll.xml, the model; out/doll.yaml, the puppet; and out/doll.png, its swing. Prints
+the features that were not imported.
 """
 
 from pathlib import Path
@@ -48,9 +48,9 @@ DOLL = """<mujoco model="doll">
 out = Path("out")
 out.mkdir(exist_ok=True)
 (out / "doll.xml").write_text(DOLL)
-made = fan.import_model(out / "doll.xml")
-made.save(out / "doll.yaml", force=True)
-for note in made.report:
+imported = fan.import_model(out / "doll.xml")
+imported.save(out / "doll.yaml", force=True)
+for note in imported.report:
     print(note)
 
 doll = fan.load(out / "doll.yaml")

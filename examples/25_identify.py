@@ -1,9 +1,9 @@
-"""What does this arm weigh, and how late is the camera? A record of its motion tells.
+"""Identify an arm's masses and the camera's delay from a record of its motion.
 
-An arm is simulated with other numbers than its file has, and filmed with noise, gaps and a delay.
-The record finds its numbers again. Without a force it cannot tell the masses' scale; with the
-string's tension it can. Writes out/record.csv, the report out/record.html, and out/next.csv, the
-motion that would tell more.
+An arm is simulated with other parameters than in its file, and filmed with noise, gaps and a delay.
+Identification recovers them from the record. Without a force the masses' scale is unknown; the
+string's tension determines it. Writes out/record.csv, the report out/record.html, and
+out/next.csv, the most informative next motion.
 """
 
 from dataclasses import replace
@@ -73,11 +73,11 @@ write_table({"time": t} | columns | {"hand.tension": tension}, out / "record.csv
 record = fan.lab.Record(arm, played, t, columns, markers, tuple(truth), find_delay=True)
 print("markers:", *fan.identify(record).combinations)
 weighed = replace(record, columns=columns | {"hand.tension": tension})
-found = fan.identify(weighed)
-reports.identified_report(found, out / "record.html")
-for name in found.names:
-    low, high = found.interval(name)
+identified = fan.identify(weighed)
+reports.identified_report(identified, out / "record.html")
+for name in identified.names:
+    low, high = identified.interval(name)
     print(f"{name:18s} {low:.5g} to {high:.5g}, truth {truth.get(name, 0.025):.5g}")
 best = fan.lab.suggest_motion(weighed, duration=8.0, reach=0.1, draws=1)
-print("would tell most:", best[0].name, f"{best[0].gain:.0f} bits")
+print("most informative motion:", best[0].name, f"{best[0].gain:.0f} bits")
 best[0].save(out / "next.csv")

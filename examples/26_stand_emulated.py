@@ -1,8 +1,8 @@
-"""From runs to motors: the three bundled stands, each on an emulated controller.
+"""Stream runs to motors: the three bundled stands, each on an emulated controller.
 
 Set points of a run go to a controller that counts steps: as G-code to an emulated GRBL for the six
 winches and the desk-top stand, as OSC packets in real time to emulated motors for the 21 steppers
-(ten seconds). Then the puppet is simulated again, hung from where the motors really were. Writes
+(ten seconds). Then the puppet is simulated again, hung from the motors' actual positions. Writes
 out/six_winches.gcode, out/desktop6.gcode and out/gantry21.cfg, a macro for Klipper.
 """
 
@@ -22,7 +22,7 @@ from fantoccini.stand import (
     udp_sender,
 )
 
-RATE = 25.0  # motors are read so often for the new run: between steps they do not jerk
+RATE = 25.0  # Hz, readings of the motors for the new run; slow enough to smooth their steps
 
 out = Path("out")
 out.mkdir(exist_ok=True)
@@ -43,10 +43,10 @@ def on_grbl(points):
 
 
 def over_a_network(points):
-    """The same of motors that packets send, at the times of the set points."""
+    """Likewise for motors driven by packets, at the times of the set points."""
     with Receiver(points.map.stand, points.controller, "127.0.0.1", 0) as motors:
         with udp_sender(*motors.address) as send:
-            done = send_points(points, send, latest=1.0)  # nothing real hangs on these motors
+            done = send_points(points, send, latest=1.0)  # these motors carry no load
         time.sleep(0.1)
     print(f"  {done.sent} packets, the latest {1e3 * done.latest:.1f} ms late")
     t, k = np.unique(np.round(done.times, 9), return_index=True)
@@ -54,12 +54,12 @@ def over_a_network(points):
 
 
 def again(puppet, run, points, t, p):
-    """How far the puppet is from its run on the motors' positions (T, n) at times t [mm]."""
-    given = dict(zip(points.map.names, points.map.coordinates_of(p).T, strict=True))
+    """Largest distance of the puppet's links from the run, on motor positions (T, n) [mm]."""
+    columns = dict(zip(points.map.names, points.map.coordinates_of(p).T, strict=True))
     names = run.coordinates.q_K
-    given |= {n: np.full(len(t), run.q_K[0, names.index(n)]) for n in points.map.held}
-    start = puppet.rest({name: float(x[0]) for name, x in given.items()})
-    moved = fan.simulate(puppet, start, fan.Input.samples(puppet, t, given), float(t[-1]))
+    columns |= {n: np.full(len(t), run.q_K[0, names.index(n)]) for n in points.map.held}
+    start = puppet.rest({name: float(x[0]) for name, x in columns.items()})
+    moved = fan.simulate(puppet, start, fan.Input.samples(puppet, t, columns), float(t[-1]))
     at = np.linspace(0.0, float(t[-1]), 1001)
     first, second = (
         puppet.poses(r.resample(at).q_D, r.resample(at).q_K)[..., 3] for r in (run, moved)
@@ -77,12 +77,12 @@ for side, sign in (("left", 1.0), ("right", -1.0)):
     sideways = [(t, sign * y) for t, y in zip(times, wave, strict=True)]
     waves[f"hand_{side}.y"] = [(0.3, sign * 0.14), *sideways, (4.6, sign * 0.14)]
 
-for stand, puppet, given, duration, kind, ending in (
+for stand, puppet, inputs, duration, kind, ending in (
     ("six_winches", stand6, performance(stand6, "conduct"), 5.0, "fluidnc", "gcode"),
     ("desktop6", marionette, fan.Input.waypoints(marionette, waves), 5.0, None, "gcode"),
     ("gantry21", marionette, performance(marionette, "greeting"), 10.0, "osc", "cfg"),
 ):
-    run = fan.simulate(puppet, puppet.rest(), given, duration)
+    run = fan.simulate(puppet, puppet.rest(), inputs, duration)
     print(fan.stand.check_stand(stand, run, puppet).summary())
     points = fan.stand.set_points(stand, run, puppet, controller=kind)
     t, p = over_a_network(points) if kind == "osc" else on_grbl(points)

@@ -4,9 +4,9 @@
 
 The baseline is that of Yamane, Hodgins and Brown (benchmarks/capture/kinematic.py): without
 feed-forward, with that of pendulums of the strings' lengths, with that of a swing identified by
-steps in the simulator, and this with the lag of the paper's live filter, scored with the constant
-delay that suits it best. "hanging" plays the hands of the nearest hanging poses as they are: it
-knows of balance, and nothing of motion.
+steps in the simulator, and the latter with the lag of the paper's live filter, scored with the
+best constant delay. "hanging" plays the hands of the nearest hanging poses as they are: it
+accounts for balance, but not for motion.
 
 Errors above those of the nearest hanging poses, root mean squares in per cent of the puppet's
 height, of event-driven runs. "width" is the largest standard deviation of the smoothing with which
@@ -35,7 +35,7 @@ from fantoccini.theatre.retarget.following import eased, errors_of, report_of
 LAG = 0.2
 """T of the paper's filter 1/(T s + 1)^3 [s]."""
 DELAYS = np.arange(0.0, 1.2, 0.02)
-"""With which a run that lags is scored [s]."""
+"""Delays for which a lagging run is scored [s]."""
 LABELS = ("kinematics", "+ nominal", "+ identified", "+ lag", "hanging", "follow_clip")
 
 
@@ -55,7 +55,7 @@ def measured(
 
 
 def hanging(clip: Retargeted) -> fan.Input:
-    """The hands of the nearest hanging poses, smoothed as those that follow_clip is given."""
+    """The hands of the nearest hanging poses, smoothed as the inputs of follow_clip."""
     t = eased(clip.t)
     times = np.arange(0.0, t[-1], 0.01)
     q_K = gaussian_filter1d(CubicSpline(t, clip.reach.q_K)(times), 3.5, axis=0, mode="nearest")
@@ -68,7 +68,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--convention", default="lafan1")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     puppet = fan.puppets.marionette()
     swing = identify_swing(puppet, figure_of(puppet, puppet.rest()), puppet.rest())
     print("swing at lengths of", *(f"{length:.2f}" for length in swing.lengths), "m")
@@ -91,12 +91,12 @@ def main() -> None:
     }
 
     def show(clip: str, label: str, report: tuple[PartError, ...], remark: str) -> None:
-        above = [100.0 * one.above for one in report]
+        above = [100.0 * part.above for part in report]
         tables.setdefault(label, []).append(above)
         print(f"{clip:14} {label:14}" + "".join(f"{x:7.1f}" for x in above), remark, flush=True)
 
     with tempfile.TemporaryDirectory() as folder:
-        for path in given.files or write(Path(folder), given.convention):
+        for path in arguments.files or write(Path(folder), arguments.convention):
             clip = retarget_clip(puppet, fan.theatre.load_bvh(path))
             for label, (feed_forward, lag) in variants.items():
                 motion = kinematic_inputs(clip, feed_forward, lag=lag)

@@ -1,9 +1,9 @@
-"""Writes ten clips of a person as BVH files, so that nothing need be fetched to test or measure.
+"""Writes ten clips of a person as BVH files, for tests and measurements without downloads.
 
-    python -m benchmarks.capture.clips FOLDER [cmu | mixamo | lafan1 ...]
+    python -m benchmarks.capture.clips FOLDER [CONVENTION ...]
 
 The motions of :mod:`benchmarks.capture.motions` with the names, units, frame rates and rest poses
-of three kinds of skeletons that are in use. Real files differ in the lengths of the limbs.
+of three common kinds of skeletons. Real files differ in the lengths of the limbs.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ class Joint:
     """A joint of a skeleton.
 
     Attributes:
-        name: in the file.
+        name: name in the file.
         parent: its name; empty for the root.
-        place: where it is in the T pose [m].
-        part: of the body, which it turns.
-        frame: (3, 3) its axes in the T pose, as columns: what counts as unturned.
+        place: position in the T pose [m].
+        part: part of the body that it turns.
+        frame: (3, 3) its axes in the T pose, as columns; the reference of rotations.
         end: the end of a chain in the T pose [m], if one ends here.
     """
 
@@ -42,13 +42,13 @@ class Joint:
 
 @dataclass(frozen=True)
 class Convention:
-    """How a kind of file is written.
+    """Format of a kind of file.
 
     Attributes:
-        joints: parents first.
-        unit: of lengths [m].
-        rate: frames a second.
-        t_pose: the first frame is a T pose, whatever follows.
+        joints: joints, parents first.
+        unit: unit of lengths [m].
+        rate: frames per second.
+        t_pose: whether the first frame is a T pose.
     """
 
     joints: tuple[Joint, ...]
@@ -118,21 +118,21 @@ Head Neck head head head
 
 
 def _rows(table: str) -> list[tuple[str, str, str, str, str, int]]:
-    """Rows of a table, those of both sides with the side."""
-    made: list[tuple[str, str, str, str, str, int]] = []
+    """Rows of a table, with the side for those of both sides."""
+    both_sides: list[tuple[str, str, str, str, str, int]] = []
     for row in filter(None, table.splitlines()):
         words = [*row.split(), ""][:5]
         for side in (0, 1) if "*" in row or "+" in row else (0,):
             name, parent, place, part, end = (
                 word.replace("*", SIDES[side]).replace("+", SIDES[side][0]) for word in words
             )
-            made.append((name, parent.strip("-"), place, part, end, side))
-    return made
+            both_sides.append((name, parent.strip("-"), place, part, end, side))
+    return both_sides
 
 
 def _joints(table: str, prefix: str = "") -> list[Joint]:
-    """The joints of a table in the order of a file, with frames along the world's axes."""
-    found = [
+    """The joints of a table in file order, with frames along the world's axes."""
+    unordered = [
         Joint(
             prefix + name,
             parent and prefix + parent,
@@ -145,13 +145,13 @@ def _joints(table: str, prefix: str = "") -> list[Joint]:
     ]
 
     def below(joint: Joint) -> list[Joint]:
-        return [joint, *(d for c in found if c.parent == joint.name for d in below(c))]
+        return [joint, *(d for c in unordered if c.parent == joint.name for d in below(c))]
 
-    return below(found[0])
+    return below(unordered[0])
 
 
 def _cmu() -> Convention:
-    """Bruce Hahne's conversion of CMU's data base: legs apart by 20 degrees when nothing turns."""
+    """Bruce Hahne's conversion of CMU's database: legs apart by 20 degrees without rotations."""
     joints = []
     for joint in _joints(_CMU):
         apart = 20.0 * joint.part.startswith(("thigh", "shin", "foot", "toes"))
@@ -163,7 +163,7 @@ def _cmu() -> Convention:
 def _lafan1() -> Convention:
     """LAFAN1: every bone lies along its own x axis."""
     joints = _joints(_LAFAN1)
-    made: list[Joint] = []
+    bones: list[Joint] = []
     for joint in joints:
         below = [j.place for j in joints if j.parent == joint.name]
         upright = joint.part in ("hips", "spine", "spine1", "chest", "neck", "head")
@@ -172,15 +172,15 @@ def _lafan1() -> Convention:
         elif upright:
             along, third = np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
         else:
-            along = below[0] - joint.place if below else made[-1].frame[:, 0]
+            along = below[0] - joint.place if below else bones[-1].frame[:, 0]
             third = np.array([0.0, 1.0, 0.0] if "arm" in joint.part else [1.0, 0.0, 0.0])
         first = along / np.linalg.norm(along)
         second = np.cross(third, first)
         second /= np.linalg.norm(second)
-        made.append(
+        bones.append(
             replace(joint, frame=np.stack([first, second, np.cross(first, second)], axis=1))
         )
-    return Convention(tuple(made), 0.01, 30.0)
+    return Convention(tuple(bones), 0.01, 30.0)
 
 
 CONVENTIONS = {
@@ -194,7 +194,7 @@ def clip(name: str, convention: str) -> str:
     """The text of a BVH file.
 
     Args:
-        name: of the motion, one of MOTIONS.
+        name: name of the motion, one of MOTIONS.
         convention: one of CONVENTIONS.
     """
     kind = CONVENTIONS[convention]
@@ -219,7 +219,7 @@ def clip(name: str, convention: str) -> str:
 
 
 def _angles(turn: Array) -> Array:
-    """(T, 3) angles about z, y and x whose rotations follow each other [deg], also at y = 90."""
+    """(T, 3) angles of successive rotations about z, y and x [deg], also at y = 90."""
     z = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
     c, s = np.cos(z), np.sin(z)
     y = np.arctan2(-turn[:, 2, 0], c * turn[:, 0, 0] + s * turn[:, 1, 0])
@@ -228,7 +228,7 @@ def _angles(turn: Array) -> Array:
 
 
 def _hierarchy(kind: Convention) -> str:
-    """The joints, with the offsets that they have in their parents' frames."""
+    """The joints, with their offsets in their parents' frames."""
     placed = {joint.name: joint for joint in kind.joints}
     lines: list[str] = []
 
@@ -260,8 +260,8 @@ def write(folder: Path, convention: str = "cmu") -> list[Path]:
     """The paths of the ten clips, written as FOLDER/NAME.bvh.
 
     Args:
-        folder: made if there is none.
-        convention: "cmu", "mixamo" or "lafan1".
+        folder: destination, created if necessary.
+        convention: one of CONVENTIONS.
     """
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{name}.bvh" for name in MOTIONS]

@@ -1,10 +1,10 @@
-"""Prints how near the marionette comes to ten clips, and how long it takes to find out.
+"""Prints the marionette's errors in following ten clips, and the computing time.
 
     python -m benchmarks.capture.follow [CLIP.bvh ...] [--convention lafan1]
 
 Without files, the clips are the project's own (benchmarks/capture/clips.py). Errors are root mean
 squares, in per cent of the puppet's height: of the hanging poses nearest to the clip ("reach"), and
-by how much those of the event-driven run are above them.
+the excess of the event-driven run's errors over them.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", type=Path)
     parser.add_argument("--convention", default="lafan1")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     puppet = fan.puppets.marionette()
     with tempfile.TemporaryDirectory() as folder:
-        files = given.files or write(Path(folder), given.convention)
+        files = arguments.files or write(Path(folder), arguments.convention)
         print(
             f"{'clip':14} {'length':>6} {'poses/s':>8} {'time':>6}   hands       head        "
             "feet        trunk      speed acceleration"
@@ -41,15 +41,15 @@ def main() -> None:
             clip = fan.theatre.load_bvh(path)
             retarget_clip(puppet, clip)
             begun = time.thread_time()
-            found = retarget_clip(puppet, clip)
-            rate = len(found.t) / (time.thread_time() - begun)
+            retargeted = retarget_clip(puppet, clip)
+            rate = len(retargeted.t) / (time.thread_time() - begun)
             begun = time.perf_counter()
             followed = follow_clip(puppet, clip)
             taken = time.perf_counter() - begun
-            height = found.figure.height
+            height = retargeted.figure.height
             errors = "  ".join(
-                f"{100 * one.reach / height:4.1f} + {100 * one.above:3.1f}"
-                for one in followed.report
+                f"{100 * part.reach / height:4.1f} + {100 * part.above:3.1f}"
+                for part in followed.report
             )
             print(
                 f"{path.stem:14} {clip.duration:5.1f}s {rate:8.0f} {taken:5.1f}s  {errors}  "

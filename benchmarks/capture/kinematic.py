@@ -1,21 +1,21 @@
 """Kinematic inputs: motions of the hands from inverse kinematics, with no simulation.
 
-The baseline that :func:`follow_clip` is measured against: K. Yamane, J. K. Hodgins and H. B. Brown,
+The baseline for :func:`follow_clip`: K. Yamane, J. K. Hodgins and H. B. Brown,
 "Controlling a marionette with human motion capture data", ICRA 2003. Inverse kinematics over the
 puppet's pose, with its strings taut and vertical:
 
     min over q_D of  sum_i w_i |x_i(q_D) - x_i,clip|^2 + w_V V(q_D) / (m g),   limits h(q_D) <= 0
     upper end: straight above the tie,   length = height of the upper end above the tie
 
-V takes parts that nothing holds as low as they go. The upper ends of the hands' strings then pass
+V lowers parts that nothing holds as far as possible. The upper ends of the hands' strings then pass
 through the inverse of the hands' swing (:mod:`benchmarks.capture.swing`).
 
-What differs from the paper: poses are found at the level of places, with weights in place of two
+Differences from the paper: poses are found from positions, with weights instead of two
 priorities of velocities; all strings' upper ends move, not only those of the hands, and all strings
 are vertical; the clip is placed as in :func:`retarget_clip`, not by a similarity for each frame;
 motors do not lag; the feed-forward acts on the upper ends, not on the markers before inverse
-kinematics; and it has no lag of its own unless ``lag`` is given, since the clip is known
-beforehand. Like the paper's it takes hands to hang as far to a side as their upper ends.
+kinematics; and it has no lag unless ``lag`` is given, since the clip is known
+beforehand. Like the paper's, it assumes that hands hang vertically below their upper ends.
 """
 
 from __future__ import annotations
@@ -45,19 +45,19 @@ from fantoccini.theatre.retarget.retargeting import (
 _POTENTIAL = 1e-3
 """w_V [m]."""
 _LIMIT = 1.0
-"""Weight of limits that are broken."""
+"""Weight of violated limits."""
 _DAMPING = 1e-4
-"""Of a step to the next pose: what nothing else moves stays."""
+"""Weight of a step to the next pose: free parts stay."""
 _FIRST, _NEXT = 200, 6
-"""Iterations for the first frame, and for each after it, from the one before."""
+"""Iterations for the first frame, and for each later one, from the previous."""
 _NUDGE = 1e-6
-"""Of finite differences [rad or m]."""
+"""Step of finite differences [rad or m]."""
 _DT = 0.01
 """Time step of the inputs [s]."""
 _SETTLE = 6.0
-"""Lags for which the inputs go on after the clip's end."""
+"""Number of lags for which the inputs continue after the clip's end."""
 _WIDTH, _WIDER = 0.035, 1.1
-"""Standard deviation of the smoothing [s], and by how much it grows until bounds hold."""
+"""Standard deviation of the smoothing [s], and its growth factor until bounds hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +66,12 @@ class KinematicMotion:
 
     Attributes:
         retargeted: the clip; its hanging poses are only used for the state at the start.
-        times: (n,) of the poses, as far apart as the clip's frames [s].
+        times: (n,) times of the poses, with the interval of the clip's frames [s].
         q_D: (n, n_qD) poses.
-        errors: part -> (n,) distance of the poses from where the part is to be then [m].
+        errors: part -> (n,) distance of the poses from the part's target [m].
         inputs: the motion of the hands.
         widths: string -> standard deviation of the smoothing with which bounds hold [s].
-        t: (T,) times in the run of the clip's frames, as of :class:`Followed` [s].
+        t: (T,) times of the clip's frames in the run, as in :class:`Followed` [s].
     """
 
     retargeted: Retargeted
@@ -84,7 +84,7 @@ class KinematicMotion:
 
     @property
     def start(self) -> State:
-        """Where the puppet hangs at rest at the begin of the inputs."""
+        """The state in which the puppet hangs at rest at the start of the inputs."""
         clip = self.retargeted
         q_K = self.inputs.evaluate(clip.start.t)[0]
         return clip.marionette.rest(clip.start.replace(q_K=q_K))
@@ -105,14 +105,14 @@ def kinematic_inputs(
 
     Args:
         retargeted: the clip.
-        feed_forward: True for pendulums of the string's length, a = L/g and b = 0; a swing that was
-            identified (:func:`identify_swing`); False for none.
-        lag: T of 1/(T s + 1)^3 on the paths of all parts, which the paper needs to run live, with
+        feed_forward: True for pendulums of the string's length, a = L/g and b = 0; an
+            identified swing (:func:`identify_swing`); False for none.
+        lag: T of 1/(T s + 1)^3 on the paths of all parts, which the paper needs for live use, with
             T = 0.2 s; the puppet is then late by about 3 T [s].
         speed, acceleration: bounds of the driven coordinates [m/s, m/s^2].
 
     Raises:
-        StateError: a clip of one frame, or bounds within which its strings cannot follow at all.
+        StateError: the clip has one frame, or its strings cannot follow within the bounds.
     """
     check_positive(speed=speed, acceleration=acceleration, **({"lag": lag} if lag else {}))
     if len(retargeted.t) < 2:
@@ -128,14 +128,15 @@ def kinematic_inputs(
         wanted = _lagging(wanted, frame / lag)
     q_D = poses_near(retargeted, wanted)
     poses = marionette.poses(q_D, np.broadcast_to(start.q_K, (len(q_D), len(start.q_K))))
-    found = places_in(figure, poses)
+    positions = places_in(figure, poses)
     errors = {
-        part: np.linalg.norm(found[part] - wanted[:, i], axis=1) for i, part in enumerate(WEIGHTS)
+        part: np.linalg.norm(positions[part] - wanted[:, i], axis=1)
+        for i, part in enumerate(WEIGHTS)
     }
     frames = {part: poses[:, marionette.link_index(body)] for part, body in figure.bodies.items()}
     times = _DT * np.arange(int(np.ceil(at[-1] / _DT - 1e-9)) + 1, dtype=float)
     above = straight_up(figure, frames, start)
-    hands = [one.name for one in hand_strings(figure, start)]
+    hands = [string.name for string in hand_strings(figure, start)]
     columns: dict[str, Array] = {}
     widths = {}
     for string in hangers(figure, start):
@@ -145,8 +146,8 @@ def kinematic_inputs(
         path = CubicSpline(at, np.stack([above[name] for name in names], axis=1))
         values = path(np.minimum(times, at[-1]))
         ahead = _leader(string, feed_forward, marionette) if string.name in hands else None
-        made, widths[string.name] = _bounded(values, ahead, times, speed, acceleration)
-        columns.update(zip(names, made.T, strict=True))
+        smooth_path, widths[string.name] = _bounded(values, ahead, times, speed, acceleration)
+        columns.update(zip(names, smooth_path.T, strict=True))
     inputs = Input.samples(marionette, start.t + times, columns).called(retargeted.clip.name)
     return KinematicMotion(retargeted, at, q_D, errors, inputs, widths, t)
 
@@ -160,25 +161,25 @@ def _leader(
     g = marionette.weight / marionette.mass
 
     def ahead(values: Array) -> Array:
-        made, length = values.copy(), values[:, -1]
+        ends, length = values.copy(), values[:, -1]
         for i, (name, axis) in enumerate(string.ends.items()):
             if abs(axis[2]) < 1e-6:  # hands swing only horizontally
-                made[:, i] = (
+                ends[:, i] = (
                     feed_forward.lead(name, values[:, i], length, _DT)
                     if isinstance(feed_forward, Swing)
                     else lead(values[:, i], _DT, length / g)
                 )
-        return made
+        return ends
 
     return ahead
 
 
 def _lagging(values: Array, h: float) -> Array:
     """(T, ...) behind a lag 1/(T s + 1), with a time step of h T."""
-    made, kept = values.copy(), np.exp(-h)
-    for i in range(1, len(made)):
-        made[i] = kept * made[i - 1] + (1.0 - kept) * values[i]
-    return made
+    filtered, decay = values.copy(), np.exp(-h)
+    for i in range(1, len(filtered)):
+        filtered[i] = decay * filtered[i - 1] + (1.0 - decay) * values[i]
+    return filtered
 
 
 def _bounded(
@@ -188,16 +189,16 @@ def _bounded(
     speed: float,
     acceleration: float,
 ) -> tuple[Array, float]:
-    """(T, n) smooth paths within bounds, and how wide they are smoothed [s]."""
+    """(T, n) smooth paths within bounds, and the width of their smoothing [s]."""
     width = _WIDTH
     fine = np.linspace(times[0], times[-1], 4 * len(times))
     while width < 10.0 + times[-1]:
-        made = gaussian_filter1d(values, width / _DT, axis=0, mode="nearest")
-        made = made if ahead is None else ahead(made)
-        spline = CubicSpline(times, made, bc_type="clamped")
+        smoothed = gaussian_filter1d(values, width / _DT, axis=0, mode="nearest")
+        smoothed = smoothed if ahead is None else ahead(smoothed)
+        spline = CubicSpline(times, smoothed, bc_type="clamped")
         fits = np.abs(spline(fine, 1)).max() <= speed
         if fits and np.abs(spline(times, 2)).max() <= acceleration:
-            return made, width
+            return smoothed, width
         width *= _WIDER
     raise StateError(
         f"kinematic_inputs: a string cannot follow within {speed:g} m/s and {acceleration:g} m/s^2"
@@ -205,11 +206,11 @@ def _bounded(
 
 
 def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
-    """(n, n_qD) poses nearest to places, each found from the one before.
+    """(n, n_qD) poses nearest to places, each starting from the previous.
 
     Args:
         retargeted: the clip.
-        wanted: (n, parts, 3) where the parts of WEIGHTS are to be [m].
+        wanted: (n, parts, 3) targets of the parts of WEIGHTS [m].
     """
     marionette, figure = retargeted.marionette, retargeted.figure
     n, n_strings = marionette.coordinates.n_vD, len(marionette.tree.strings)
@@ -232,9 +233,9 @@ def poses_near(retargeted: Retargeted, wanted: Array) -> Array:
             J.T @ J + _DAMPING * np.eye(n), J.T @ r[0] + 0.5 * _POTENTIAL * slope
         )
 
-    q, found = marionette.rest().q_D, []
+    q, pose_list = marionette.rest().q_D, []
     for i, target in enumerate(wanted):
         for _ in range(_NEXT if i else _FIRST):
             q = marionette.integrate(q, step(q, target))
-        found.append(q)
-    return np.stack(found)
+        pose_list.append(q)
+    return np.stack(pose_list)

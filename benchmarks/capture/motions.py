@@ -1,6 +1,6 @@
 """Ten motions of a person of 1.7 m who stands, moves and stands again.
 
-A motion sets a few functions of time: the place of the hips, turns of pelvis, spine and head,
+A motion sets a few functions of time: the position of the hips, turns of pelvis, spine and head,
 wrists as seen from the shoulders, and balls of the feet; elbows and knees follow from the lengths
 of the limbs. In metres, y up: the person looks along +z and has its left at +x.
 """
@@ -19,7 +19,7 @@ from fantoccini.base.arrays import Array
 
 SIDES = ("Left", "Right")
 OUT = np.array([1.0, -1.0])
-"""Which way is outwards along x, a side."""
+"""Outward direction along x, by side."""
 
 POINTS = {
     "hips": (0.0, 0.93, 0.0),
@@ -44,7 +44,7 @@ POINTS = {
 }
 """Places of the joints in the T pose, for the left side [m]."""
 STANDING = 0.925
-"""Height of the hips of somebody who stands [m]."""
+"""Height of the hips of a standing person [m]."""
 
 
 def point(name: str, side: int = 0) -> Array:
@@ -61,7 +61,7 @@ ARM = length("shoulder", "elbow") + length("elbow", "wrist")
 
 
 class Pose:
-    """What a motion sets, at times t; first axes of two are left and right.
+    """Variables of a motion at times t; first axes of length two are left and right.
 
     Attributes:
         hips: (T, 3) place [m].
@@ -89,9 +89,9 @@ def arm(forward: Array | float, out: Array | float, reach: Array | float, side: 
     """(T, 3) wrist from the shoulder: a hanging arm lifted forward and out [deg].
 
     Args:
-        forward: 0 hangs, 90 points forward, 180 up.
-        out: 0 is in the plane of the chest's side, 90 straight out.
-        reach: part of the arm's length at which the wrist is.
+        forward: angle: 0 down, 90 forward, 180 up.
+        out: angle: 0 in the plane of the chest's side, 90 straight out.
+        reach: distance of the wrist, relative to the arm's length.
         side: 0 left, 1 right.
     """
     forward, out, reach = np.broadcast_arrays(np.radians(forward), np.radians(out), reach)
@@ -102,7 +102,7 @@ def arm(forward: Array | float, out: Array | float, reach: Array | float, side: 
 
 
 def smooth(u: Array | float) -> Array:
-    """From 0 at u = 0 to 1 at u = 1, with two derivatives that vanish at both."""
+    """A step from 0 at u = 0 to 1 at u = 1, with two vanishing derivatives at both."""
     return polynomial.minimum_jerk(np.clip(u, 0.0, 1.0))[0]
 
 
@@ -112,7 +112,7 @@ def between(t: Array, start: float, stop: float, ramp: float) -> Array:
 
 
 def moved(place: Array, other: Array, part: Array) -> Array:
-    """From one path to another by parts of the way."""
+    """Interpolation from one path to another."""
     return place + part[..., None] * (other - place)
 
 
@@ -155,10 +155,10 @@ def curtsey(t: Array, pose: Pose) -> None:
 
 
 class Steps(NamedTuple):
-    """A gait: its phase, 1 a cycle of two steps, how much of it is made, and the way gone [m]."""
+    """A gait: its phase, 1 per cycle of two steps, its amplitude, and the distance covered [m]."""
 
     phase: Array
-    made: Array
+    share: Array
     way: Array
 
 
@@ -174,18 +174,18 @@ def stepped(
     hang: float = 0.0,
     duty: float = 0.6,
 ) -> Steps:
-    """Sets hips and feet of a gait: a foot that is down does not move but for its heel.
+    """Sets hips and feet of a gait: of a foot on the ground only the heel moves.
 
     Args:
         t: times [s].
-        pose: to set.
-        cadence: cycles a second.
-        stride: way of a cycle [m].
+        pose: pose to set.
+        cadence: cycles per second.
+        stride: distance per cycle [m].
         lift: height of left and right ball in the swing [m].
         push: angle of the heel when the foot leaves [deg].
-        knee: how far the foot comes forward in the swing, beside the stride [m].
+        knee: forward motion of the foot in the swing, in addition to the stride [m].
         hang: angle of the foot in the swing [deg].
-        duty: part of the cycle in which a foot is down.
+        duty: share of the cycle in which a foot is on the ground.
     """
     front = 0.38 * duty
     phase = cadence * (t - 0.6)
@@ -193,24 +193,24 @@ def stepped(
     grid = np.linspace(min(phase[0], -2.0) - 2.0, phase[-1] + 2.0, 4000)
     rate = stride * between(grid, 0.0, last, 1.5)
     way = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2.0 * np.diff(grid))])
-    made, gone = between(phase, 0.0, last, 1.0), np.interp(phase, grid, way)
+    share, gone = between(phase, 0.0, last, 1.0), np.interp(phase, grid, way)
     for side, offset in enumerate((0.25, 0.75)):
         cycle = phase + offset + front
         count = np.floor(cycle)
         down = cycle - count
         u = np.clip((down - duty) / (1.0 - duty), 0.0, 1.0)
         here, there = (np.interp(count + k - offset, grid, way) for k in (0, 1))
-        hop = made * np.sin(np.pi * u) ** 2
+        hop = share * np.sin(np.pi * u) ** 2
         pose.balls[side, :, 2] += here + (there - here) * u**2 * (3.0 - 2.0 * u) + knee * hop
         pose.balls[side, :, 1] += lift[side] * hop
         leaving = smooth((down - duty + 0.3) / 0.4) * (1.0 - smooth((u - 0.15) / 0.7))
-        pose.heels[side] = push * made * leaving + hang * hop
+        pose.heels[side] = push * share * leaving + hang * hop
     pose.hips[:, 2] += gone
-    return Steps(phase, made, gone)
+    return Steps(phase, share, gone)
 
 
 def swung(pose: Pose, steps: Steps, middle: float, swing: float, reach: float) -> None:
-    """Sets arms that swing against the legs [deg]."""
+    """Sets arms that swing opposite to the legs [deg]."""
     for side, sign in enumerate((1.0, -1.0)):
         turn = sign * np.cos(2.0 * np.pi * steps.phase)
         forward = 4.0 + steps.made * (middle - 4.0 + swing * turn)
@@ -221,11 +221,11 @@ def swung(pose: Pose, steps: Steps, middle: float, swing: float, reach: float) -
 def walk(t: Array, pose: Pose) -> None:
     """A walk of 1.2 m/s at 120 steps a minute."""
     steps = stepped(t, pose, 1.0, 1.2, (0.07, 0.07), 52.0)
-    angle, made = 2.0 * np.pi * steps.phase, steps.made
-    pose.hips[:, 1] -= made * (0.04 + 0.018 * np.cos(2.0 * angle))
-    pose.hips[:, 0] -= made * 0.02 * np.sin(angle)
-    pose.pelvis[:, 2], pose.spine[:, 2] = 6.0 * made * np.cos(angle), -11.0 * made * np.cos(angle)
-    pose.pelvis[:, 1], pose.spine[:, 0] = 2.0 * made * np.sin(angle), 3.0 * made
+    angle, share = 2.0 * np.pi * steps.phase, steps.made
+    pose.hips[:, 1] -= share * (0.04 + 0.018 * np.cos(2.0 * angle))
+    pose.hips[:, 0] -= share * 0.02 * np.sin(angle)
+    pose.pelvis[:, 2], pose.spine[:, 2] = 6.0 * share * np.cos(angle), -11.0 * share * np.cos(angle)
+    pose.pelvis[:, 1], pose.spine[:, 0] = 2.0 * share * np.sin(angle), 3.0 * share
     swung(pose, steps, 2.0, 21.0, 0.965)
 
 
@@ -244,46 +244,46 @@ def march(t: Array, pose: Pose) -> None:
 def zombie(t: Array, pose: Pose) -> None:
     """A lurching walk with both arms stretched forward; the right leg drags."""
     steps = stepped(t, pose, 0.6, 0.62, (0.07, 0.02), 22.0, duty=0.68)
-    angle, made = 2.0 * np.pi * steps.phase, steps.made
-    pose.hips[:, 1] -= made * (0.04 - 0.02 * np.sin(angle))
-    pose.hips[:, 2] += made * 0.03 * np.sin(2.0 * angle)
-    pose.hips[:, 0] -= made * 0.045 * np.sin(angle)
-    pose.pelvis[:, 1] = made * 4.0 * np.sin(angle)
-    pose.spine[:] = made[:, None] * np.stack(
+    angle, share = 2.0 * np.pi * steps.phase, steps.made
+    pose.hips[:, 1] -= share * (0.04 - 0.02 * np.sin(angle))
+    pose.hips[:, 2] += share * 0.03 * np.sin(2.0 * angle)
+    pose.hips[:, 0] -= share * 0.045 * np.sin(angle)
+    pose.pelvis[:, 1] = share * 4.0 * np.sin(angle)
+    pose.spine[:] = share[:, None] * np.stack(
         [14.0 + 4.0 * np.sin(2.0 * angle), 9.0 * np.sin(angle + 0.6), 6.0 * np.cos(angle)], axis=-1
     )
-    pose.head[:, 0], pose.head[:, 1] = -8.0 * made, made * (14.0 + 6.0 * np.sin(angle))
+    pose.head[:, 0], pose.head[:, 1] = -8.0 * share, share * (14.0 + 6.0 * np.sin(angle))
     for side, height in enumerate((94.0, 82.0)):
         sway = 5.0 * np.sin(2.0 * angle + 1.5 * side)
-        forward = 4.0 + made * (height - 4.0 + sway)
-        pose.wrists[side] = arm(forward, 9.0 - 5.0 * made, 0.975 - 0.01 * made, side)
+        forward = 4.0 + share * (height - 4.0 + sway)
+        pose.wrists[side] = arm(forward, 9.0 - 5.0 * share, 0.975 - 0.01 * share, side)
 
 
 def dance(t: Array, pose: Pose) -> None:
     """The hips sway from side to side while the arms wave low, then high."""
-    made, high = between(t, 0.5, 8.5, 1.2), smooth((t - 3.8) / 1.4)
+    share, high = between(t, 0.5, 8.5, 1.2), smooth((t - 3.8) / 1.4)
     angle = 2.0 * np.pi * 0.8 * (t - 0.5)
-    side_to_side = made * np.sin(angle)
+    side_to_side = share * np.sin(angle)
     pose.balls[..., 0] += OUT[:, None] * 0.07 * smooth((t - 0.2) / 1.0) * smooth((8.8 - t) / 1.0)
     for side in (0, 1):
-        free = made * np.clip(-OUT[side] * np.sin(angle), 0.0, None) ** 3
+        free = share * np.clip(-OUT[side] * np.sin(angle), 0.0, None) ** 3
         pose.heels[side] = 26.0 * free
     pose.hips[:, 0] += 0.085 * side_to_side
-    pose.hips[:, 1] -= made * (0.045 - 0.02 * np.cos(2.0 * angle))
-    pose.pelvis[:, 1], pose.pelvis[:, 2] = 5.0 * side_to_side, 8.0 * made * np.cos(angle)
-    pose.spine[:, 1], pose.spine[:, 2] = -12.0 * side_to_side, -14.0 * made * np.cos(angle)
+    pose.hips[:, 1] -= share * (0.045 - 0.02 * np.cos(2.0 * angle))
+    pose.pelvis[:, 1], pose.pelvis[:, 2] = 5.0 * side_to_side, 8.0 * share * np.cos(angle)
+    pose.spine[:, 1], pose.spine[:, 2] = -12.0 * side_to_side, -14.0 * share * np.cos(angle)
     pose.head[:, 1] = 7.0 * side_to_side
     for side in (0, 1):
         wave_ = np.sin(angle + 0.9 * OUT[side])
-        out = 9.0 + made * (51.0 + 85.0 * high + (20.0 - 8.0 * high) * wave_)
-        forward = 4.0 + made * (24.0 + 12.0 * np.cos(angle) * OUT[side])
-        bent = 0.975 - made * (0.09 - 0.05 * wave_)
+        out = 9.0 + share * (51.0 + 85.0 * high + (20.0 - 8.0 * high) * wave_)
+        forward = 4.0 + share * (24.0 + 12.0 * np.cos(angle) * OUT[side])
+        bent = 0.975 - share * (0.09 - 0.05 * wave_)
         pose.wrists[side] = arm(forward * np.cos(np.radians(out)), out, bent, side)
 
 
 def jumping_jack(t: Array, pose: Pose) -> None:
-    """Jumping jacks at 60 a minute, each of two jumps of 10 cm."""
-    made = between(t, 0.5, 7.5, 1.0)
+    """Jumping jacks at 60 per minute, each of two jumps of 10 cm."""
+    share = between(t, 0.5, 7.5, 1.0)
     height, flight, hop = 0.10, 2.0 * np.sqrt(2.0 * 0.10 / 9.81), 0.5
     when = t - 0.5
     count = np.floor(when / hop)
@@ -291,22 +291,22 @@ def jumping_jack(t: Array, pose: Pose) -> None:
     contact = hop - flight
     dip = 4.0 * height * contact / (np.pi * flight)  # as fast as the fall where the feet touch
     air = np.clip((u - contact) / flight, 0.0, 1.0)
-    above = made * 4.0 * height * air * (1.0 - air)
-    below = made * dip * np.sin(np.pi * np.clip(u / contact, 0.0, 1.0))
-    apart = made * np.where(count % 2 == 0, smooth(air), 1.0 - smooth(air))
-    pose.hips[:, 1] += above - below - made * 0.03
+    above = share * 4.0 * height * air * (1.0 - air)
+    below = share * dip * np.sin(np.pi * np.clip(u / contact, 0.0, 1.0))
+    apart = share * np.where(count % 2 == 0, smooth(air), 1.0 - smooth(air))
+    pose.hips[:, 1] += above - below - share * 0.03
     pose.balls[..., 0] += OUT[:, None] * 0.19 * apart
     pose.balls[..., 1] += 0.9 * above
-    pose.heels[:] = 32.0 * made * np.sin(np.pi * air) ** 2
+    pose.heels[:] = 32.0 * share * np.sin(np.pi * air) ** 2
     pose.spine[:, 0] = 300.0 * below**2
-    lifted = made * (1.0 - np.cos(2.0 * np.pi * when)) / 2.0
+    lifted = share * (1.0 - np.cos(2.0 * np.pi * when)) / 2.0
     for side in (0, 1):
         pose.wrists[side] = arm(4.0 * (1.0 - lifted), 9.0 + 156.0 * lifted, 0.975, side)
     pose.elbows[..., 1] = -0.1
 
 
 def sit(t: Array, pose: Pose) -> None:
-    """Sits down on a chair that is not there, and gets up."""
+    """Sits down on an imaginary chair, and gets up."""
     down, lean = between(t, 0.5, 7.5, 2.0), between(t, 0.4, 2.7, 1.1) + between(t, 5.3, 7.6, 1.1)
     pose.hips += down[:, None] * (0.0, -0.42, 0.0)
     pose.hips[:, 2] -= 0.40 * np.sin(np.pi / 2.0 * down)
@@ -319,7 +319,7 @@ def sit(t: Array, pose: Pose) -> None:
 
 def conduct(t: Array, pose: Pose) -> None:
     """Both arms beat four in a bar at 90 beats a minute, as mirror images."""
-    made = between(t, 0.4, 8.6, 1.1)
+    share = between(t, 0.4, 8.6, 1.1)
     # Wrists from the shoulders, at the beats and half-way between: down, in, out, up.
     beats = np.array(
         [
@@ -337,11 +337,11 @@ def conduct(t: Array, pose: Pose) -> None:
     pattern = CubicSpline(np.arange(9.0), beats, bc_type="periodic")
     path = pattern(np.mod((t - 0.6) * 3.0, 8.0))  # two knots a beat, 1.5 beats a second
     for side in (0, 1):
-        pose.wrists[side] = moved(pose.wrists[side], path * (OUT[side], 1.0, 1.0), made)
+        pose.wrists[side] = moved(pose.wrists[side], path * (OUT[side], 1.0, 1.0), share)
     pose.elbows[:] = OUT[:, None] * (0.6, 0.0, 0.0) + (0.0, -0.9, -0.35)
-    pulse = made * np.cos(2.0 * np.pi * 1.5 * (t - 0.6))
-    pose.head[:, 0], pose.hips[:, 1] = 4.0 * pulse, pose.hips[:, 1] - 0.006 * made + 0.004 * pulse
-    pose.spine[:, 0], pose.spine[:, 2] = 2.0 * made, 3.0 * made * np.sin(2.0 * np.pi * 0.375 * t)
+    pulse = share * np.cos(2.0 * np.pi * 1.5 * (t - 0.6))
+    pose.head[:, 0], pose.hips[:, 1] = 4.0 * pulse, pose.hips[:, 1] - 0.006 * share + 0.004 * pulse
+    pose.spine[:, 0], pose.spine[:, 2] = 2.0 * share, 3.0 * share * np.sin(2.0 * np.pi * 0.375 * t)
 
 
 MOTIONS: dict[str, tuple[float, Callable[[Array, Pose], None]]] = {
@@ -373,18 +373,18 @@ def bent(target: Array, pole: Array, upper: float, lower: float) -> tuple[Array,
         upper: length of the part at the root [m].
         lower: length of the other [m].
     """
-    far = np.linalg.norm(target, axis=1, keepdims=True)
-    along = target / far
-    far = np.minimum(far, 0.9995 * (upper + lower))
+    distance = np.linalg.norm(target, axis=1, keepdims=True)
+    along = target / distance
+    distance = np.minimum(distance, 0.9995 * (upper + lower))
     side = pole - np.sum(pole * along, axis=1, keepdims=True) * along
     side /= np.linalg.norm(side, axis=1, keepdims=True)
-    part = (upper**2 - lower**2 + far**2) / (2.0 * far)
+    part = (upper**2 - lower**2 + distance**2) / (2.0 * distance)
     middle = part * along + np.sqrt(np.maximum(upper**2 - part**2, 0.0)) * side
-    return middle / upper, (far * along - middle) / lower, np.cross(side, along)
+    return middle / upper, (distance * along - middle) / lower, np.cross(side, along)
 
 
 def laid(rest: Array, rest_axis: Array, now: Array, axis: Array) -> Array:
-    """(T, 3, 3) rotations that lay a direction and a hinge's axis on others."""
+    """(T, 3, 3) rotations that map a direction and a hinge's axis to others."""
     before = np.stack([rest, rest_axis, np.cross(rest, rest_axis)], axis=-1)
     after = np.stack([now, axis, np.cross(now, axis)], axis=-1)
     return after @ before.T

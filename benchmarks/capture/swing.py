@@ -1,4 +1,4 @@
-"""Swing of hands below the upper ends of their strings, and the feed-forward that takes it out.
+"""Swing of hands below the upper ends of their strings, and the feed-forward that cancels it.
 
 K. Yamane, J. K. Hodgins and H. B. Brown, "Controlling a marionette with human motion capture
 data", ICRA 2003, sec. 6: a hand at y is a pendulum below the upper end at x, along each horizontal
@@ -26,21 +26,21 @@ from fantoccini.theatre.retarget.mapping import SIDES
 from fantoccini.theatre.retarget.retargeting import Hanger, hangers, places_in
 
 _STEP, _RISE, _LONG = 0.02, 0.1, 3.0
-"""Size of a step [m], how long it takes, and how long the hand is watched [s]."""
+"""Size of a step [m], its duration and that of the observation [s]."""
 _DT = 1e-3
 """Time step of identification [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """How hands swing, by driven coordinate of an upper end.
+    """Swing of hands, by driven coordinate of an upper end.
 
     Attributes:
-        lengths: (n,) of the hand's string, increasing [m].
+        lengths: (n,) lengths of the hand's string, increasing [m].
         a: coordinate -> (n,) [s^2].
         b: coordinate -> (n,) [s].
-        gain: coordinate -> (n,) of the hand's way to its upper end's at rest. The feed-forward
-            takes it as 1, as in the paper.
+        gain: coordinate -> (n,) static gain from its upper end to the hand. The feed-forward
+            assumes 1, as in the paper.
     """
 
     lengths: Array
@@ -49,28 +49,28 @@ class Swing:
     gain: Mapping[str, Array]
 
     def lead(self, name: str, y: Array, length: Array, dt: float) -> Array:
-        """(T,) the upper end with which a hand goes along y; see :func:`lead`.
+        """(T,) path of the upper end for a hand that moves along y; see :func:`lead`.
 
-        The outputs of the filters for each length are added, with weights by the present one.
+        The sum of the filters' outputs for each length, with weights by the present length.
 
         Args:
-            name: of the coordinate.
+            name: name of the coordinate.
             y: (T,) path of the hand along its axis [m].
-            length: (T,) of the string [m].
+            length: (T,) length of the string [m].
             dt: time step [s].
         """
-        made = np.zeros_like(y)
-        for i, one in enumerate(np.eye(len(self.lengths))):
-            share = np.interp(length, self.lengths, one)
-            made += share * lead(y, dt, self.a[name][i], self.b[name][i])
-        return made
+        led = np.zeros_like(y)
+        for i, weights in enumerate(np.eye(len(self.lengths))):
+            share = np.interp(length, self.lengths, weights)
+            led += share * lead(y, dt, self.a[name][i], self.b[name][i])
+        return led
 
 
 def lead(y: Array, dt: float, a: Array | float, b: float = 0.0) -> Array:
     """u = y + a w with b dw/dt + w = d2y/dt2: K(s) = (a s^2 + b s + 1)/(b s + 1).
 
     This is the inverse of the pendulum itself. It looks ahead by a time step; the paper's filter,
-    which runs live, has a lag of 1/(0.2 s + 1)^3 besides.
+    for live use, has a lag of 1/(0.2 s + 1)^3 in addition.
 
     Args:
         y: (T,) path, at rest at both ends [m].
@@ -81,16 +81,16 @@ def lead(y: Array, dt: float, a: Array | float, b: float = 0.0) -> Array:
     before, after = np.concatenate([y[:1], y[:-1]]), np.concatenate([y[1:], y[-1:]])
     w = (before - 2.0 * y + after) / dt**2
     if b > 0.0:
-        kept, last = np.exp(-dt / b), 0.0
+        decay, last = np.exp(-dt / b), 0.0
         for i, value in enumerate(w):
-            last = w[i] = kept * last + (1.0 - kept) * value
+            last = w[i] = decay * last + (1.0 - decay) * value
     return np.asarray(y + a * w)
 
 
 def hand_strings(figure: Figure, start: State) -> list[Hanger]:
     """Strings from forearms to upper ends that move."""
     arms = [f"forearm_{side}" for side in SIDES]
-    return [one for one in hangers(figure, start) if one.part in arms and one.ends and one.length]
+    return [h for h in hangers(figure, start) if h.part in arms and h.ends and h.length]
 
 
 def identify_swing(
@@ -100,11 +100,11 @@ def identify_swing(
 
     Args:
         marionette: the puppet.
-        figure: it as a person.
-        start: where it hangs.
-        lengths: of the hand's string, increasing [m].
+        figure: the puppet as a person.
+        start: its hanging state.
+        lengths: lengths of the hand's string, increasing [m].
     """
-    found: dict[str, list[Array]] = {}
+    fits: dict[str, list[Array]] = {}
     for string in hand_strings(figure, start):
         q = marionette.coordinates.q_K.index(string.length)
         for length in lengths:
@@ -112,8 +112,8 @@ def identify_swing(
             q_K[q] = length
             x0 = marionette.rest(start.replace(q_K=q_K))
             for name, axis in string.ends.items():
-                found.setdefault(name, []).append(_fit(marionette, figure, x0, string, name, axis))
-    rows = {name: np.stack(values, axis=1) for name, values in found.items()}
+                fits.setdefault(name, []).append(_fit(marionette, figure, x0, string, name, axis))
+    rows = {name: np.stack(values, axis=1) for name, values in fits.items()}
     gain, a, b = ({name: row[i] for name, row in rows.items()} for i in range(3))
     return Swing(np.array(lengths), a, b, gain)
 
@@ -121,7 +121,7 @@ def identify_swing(
 def _fit(
     marionette: Marionette, figure: Figure, x0: State, string: Hanger, name: str, axis: Array
 ) -> Array:
-    """(3,) gain, a and b, of the mean of steps both ways."""
+    """(3,) gain, a and b, from the mean of steps in both directions."""
     from scipy.optimize import least_squares  # slow to import
     from scipy.signal import lsim
 

@@ -16,8 +16,8 @@ from .page import page
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Writes docs/contact-measured.md.")
-    parser.add_argument("--quick", action="store_true", help="two turns, for a look; no page")
-    parser.add_argument("--turns", type=int, default=15, help="of what is compared (default 15)")
+    parser.add_argument("--quick", action="store_true", help="two turns and no page")
+    parser.add_argument("--turns", type=int, default=15, help="turns per comparison (default 15)")
     parser.add_argument("--problems", type=Path, help="folder of problems as Siconos writes them")
     parser.add_argument("--siconos", help="interpreter that has Siconos")
     options = parser.parse_args()
@@ -25,21 +25,24 @@ def main() -> None:
     turns = 2 if quick else max(1, options.turns)
     began = time.perf_counter()
 
-    def told(name: str, chapters: list[Chapter]) -> list[Chapter]:
+    def reported(name: str, chapters: list[Chapter]) -> list[Chapter]:
         print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)
         return chapters
 
-    made = steps.pairs(turns, 500)
-    chapters = told("steps", steps.chapters(made, turns, 500 if quick else 2000))
-    few = max(2, turns // 3)
-    chapters += told("batches", [batches.chapter(made, few, 64 if quick else 512)])
-    with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as other:
-        scalar = compiled("scalar", Path(one))
-        lanes = compiled("lanes", Path(other), lane_source())
-        chapters += told("alone", [alone.chapter(scalar, lanes, turns)])
-    chapters += told("scenarios", [scenarios.chapter()])
-    chapters += told("methods", [methods.chapter()])
-    chapters += told("problems", [problems.chapter(options.problems, options.siconos)])
+    pairs = steps.pairs(turns, 500)
+    chapters = reported("steps", steps.chapters(pairs, turns, 500 if quick else 2000))
+    n_batch_turns = max(2, turns // 3)
+    chapters += reported("batches", [batches.chapter(pairs, n_batch_turns, 64 if quick else 512)])
+    with (
+        tempfile.TemporaryDirectory() as scalar_folder,
+        tempfile.TemporaryDirectory() as lanes_folder,
+    ):
+        scalar = compiled("scalar", Path(scalar_folder))
+        lanes = compiled("lanes", Path(lanes_folder), lane_source())
+        chapters += reported("alone", [alone.chapter(scalar, lanes, turns)])
+    chapters += reported("scenarios", [scenarios.chapter()])
+    chapters += reported("methods", [methods.chapter()])
+    chapters += reported("problems", [problems.chapter(options.problems, options.siconos)])
     text = page(chapters)
     if quick:
         print(text)

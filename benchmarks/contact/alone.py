@@ -8,17 +8,19 @@ from ..speed.programs import Program, words
 from ..speed.subject import swinging
 from ..strings.report import Section, Table
 
-MOST = 1.7
-"""How many times its equations a step may take."""
+MAX_RATIO = 1.7
+"""Largest time of a step, relative to its equations."""
 
 WHO = {"scalar": "a time step", "lanes": "a time step of a lane"}
 
 
 def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
     """Steps over equations, scalar and in lanes."""
-    programs, given = {"scalar": scalar, "lanes": lanes}, words([swinging()])
+    programs, start_words = {"scalar": scalar, "lanes": lanes}, words([swinging()])
     actions = {
-        (who, work): lambda who=who, work=work: programs[who].run(given, work, 1, CALLS).seconds[0]
+        (who, work): lambda who=who, work=work: (
+            programs[who].run(start_words, work, 1, CALLS).seconds[0]
+        )
         for who in WHO
         for work in ("step", "step_dynamics")
     }
@@ -29,8 +31,8 @@ def chapter(scalar: Program, lanes: Program, turns: int) -> Chapter:
         whole, alone = taken[f"{who} step"], taken[f"{who} step_dynamics"]
         rows += [[name, *spread(whole)], ["of it, the generated equations alone", *spread(alone)]]
         ratio_rows.append([f"{name} / its equations", *spread(whole.over(alone), times)])
-        what = f"equations alone / {name} without contact (target: 1/{MOST:g})"
-        goals.append(Goal(what, alone.over(whole), 1.0 / MOST))
+        what = f"equations alone / {name} without contact (target: 1/{MAX_RATIO:g})"
+        goals.append(Goal(what, alone.over(whole), 1.0 / MAX_RATIO))
     text = (
         "The hanging marionette of [the page on speed](benchmarks.md), its inputs at rest, "
         f"{CALLS} steps per turn, {turns} turns, in processor time."

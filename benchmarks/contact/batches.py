@@ -18,10 +18,10 @@ STEPS = 100
 FASTER = 20.0
 
 
-def chapter(made: list[Pair], turns: int, trajectories: int) -> Chapter:
-    """Rates and their ratios, of the subjects that stand."""
+def chapter(pairs: list[Pair], turns: int, trajectories: int) -> Chapter:
+    """Rates and their ratios, for the standing subjects."""
     rows, goals = [], []
-    for pair in made[:2]:
+    for pair in pairs[:2]:
         subject, n = pair.subject, trajectories // len(pair.subject.members)
         states = [subject.pushed(seed) for seed in range(n)]
         _rate(subject, states[:8])  # compiles the lanes
@@ -51,7 +51,7 @@ def chapter(made: list[Pair], turns: int, trajectories: int) -> Chapter:
 
 
 def _rate(subject: Subject, states: list) -> float:
-    """Trajectories a second; the inputs hold still."""
+    """Trajectories per second, with constant inputs."""
     start = time.perf_counter()
     fan.simulate_batch(
         subject.marionette,

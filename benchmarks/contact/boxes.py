@@ -1,4 +1,4 @@
-"""The scenes that engines without our strings are given: free boxes over a floor."""
+"""Scenes for engines without strings: free boxes over a floor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fantoccini.model.puppet import Box
 
 
 class Unlike(Exception):
-    """An engine cannot represent a scene, or does not provide the quantity that is measured."""
+    """An engine cannot represent a scene, or lacks the measured quantity."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def boxes_of(marionette: Marionette) -> Boxes:
     """The boxes of a puppet of free boxes over a floor.
 
     Raises:
-        Unlike: it is another one.
+        Unlike: it is another puppet.
     """
     puppet = marionette.puppet
     rules = puppet.touching

@@ -23,7 +23,7 @@ class BulletScene:
     """A world of our free bodies, each one box; without damping and sleep.
 
     Args:
-        marionette: whose bodies are free, with a box each, and have one friction with everything.
+        marionette: puppet of free bodies with one box each and one coefficient of friction.
         dt: step [s].
 
     Raises:
@@ -70,7 +70,7 @@ class BulletScene:
             self.client.resetBaseVelocity(body, list(linear), list(rate))
 
     def push(self, force: float) -> None:
-        """A force along x on the first body from now on [N]."""
+        """Applies a force along x to the first body from now on [N]."""
         self._force = force
 
     def state(self) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ MODULUS = 1e9
 """Hydroelastic modulus of every box [Pa]: ten times that of hard rubber."""
 
 APPROXIMATIONS = {"SAP": "kSap", "lagged": "kLagged"}
-"""Drake's contact models: SAP lifts what slides, lagged does so less."""
+"""Drake's contact models: SAP lifts sliding bodies, lagged lifts them less."""
 
 
 def is_there() -> bool:
@@ -31,7 +31,7 @@ class DrakeScene:
     """A plant of our free bodies, each one box, and the simulator that steps it.
 
     Args:
-        marionette: whose bodies are free, with a box each, and have one friction with everything.
+        marionette: puppet of free bodies with one box each and one coefficient of friction.
         dt: step [s].
         approximation: a value of ``APPROXIMATIONS``.
 
@@ -106,7 +106,7 @@ class DrakeScene:
         self.simulator.Initialize()
 
     def push(self, force: float) -> None:
-        """A force along x on the first body [N]."""
+        """Applies a force along x to the first body [N]."""
         port = self.plant.get_applied_generalized_force_input_port()
         u = np.zeros(self.plant.num_velocities())
         u[self.bodies[0].floating_velocities_start_in_v() + 3] = force

@@ -1,7 +1,7 @@
-"""Section 6: variational steps with impacts, compared with the two methods that know contact.
+"""Section 6: variational steps with impacts, compared with the two methods with contact.
 
-A pendulum knocks on a wall and springs back. Where a step ends behind the wall, variational steps
-are given the impact there, as any fixed step of theirs would have it somewhere within the step.
+A pendulum hits a wall and rebounds. If a step ends behind the wall, the impact is applied there
+to variational steps, since any fixed step has it somewhere within.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..speed.figures import Chapter
 from ..strings.report import Section, Table, number
 
 DURATION = 10.0
-"""[s]; fourteen knocks."""
+"""Duration [s]; fourteen impacts."""
 
 RESTITUTION = 0.9
 STEPS = (0.004, 0.002, 0.001, 0.0005)
@@ -82,7 +82,7 @@ def chapter() -> Chapter:
 def whole_run(
     walled: fan.Marionette, free: fan.Marionette, method: fan.Event | fan.TimeStepping
 ) -> tuple[float, float, int, float]:
-    """Angle and energy at the end, the number of knocks, and the time of the run [s]."""
+    """Angle and energy at the end, the number of impacts, and the time of the run [s]."""
     start = walled.state()
     began = time.perf_counter()
     run = fan.simulate(walled, start, t_end=DURATION, method=method)
@@ -93,7 +93,7 @@ def whole_run(
 
 
 def variational_run(free: fan.Marionette, dt: float) -> tuple[float, float]:
-    """Angle and energy at the end, of variational steps that are given their impacts."""
+    """Angle and energy at the end, of variational steps with added impacts."""
     x = free.state()
     stepper = free.stepper(x, method=fan.Variational(dt=dt))
     for _ in range(round(DURATION / dt)):
@@ -107,8 +107,8 @@ def variational_run(free: fan.Marionette, dt: float) -> tuple[float, float]:
 
 def _energy(free: fan.Marionette, x: State) -> float:
     at = {"q_D": x.q_D[None], "v_D": x.v_D[None], "q_K": x.q_K[None], "v_K": x.v_K[None]}
-    found = free.library.evaluate("energy", **at, p=free.p)
-    return float(np.sum(found.T + found.V))
+    energies = free.library.evaluate("energy", **at, p=free.p)
+    return float(np.sum(energies.T + energies.V))
 
 
 def _ms(seconds: float) -> str:

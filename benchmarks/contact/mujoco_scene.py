@@ -1,4 +1,4 @@
-"""A scene in MuJoCo: the puppet's MJCF with solids that touch, elliptic cones, Newton's method."""
+"""A scene in MuJoCo: the puppet's MJCF with contact, elliptic cones, Newton's method."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ HARD = {"solref": (2.0, 1.0), "solimp": (0.9999, 0.9999, 0.001, 0.5, 2.0)}
 """Contacts and limits as hard as MuJoCo permits: time constant in steps, damping; impedance."""
 
 FLOOR_SIZE = 5.0
-"""Half edge of the floor's picture; the plane itself has no end [m]."""
+"""Half edge of the drawn floor; the plane itself is infinite [m]."""
 
 
 @dataclass
@@ -39,8 +39,8 @@ class MuJoCoScene:
 
     Attributes:
         model, data: MuJoCo's.
-        q_D, v_D: place in ``qpos`` and ``qvel`` of each of our coordinates.
-        settings: the one of ``SETTINGS`` in force.
+        q_D, v_D: index in ``qpos`` and ``qvel`` of each of our coordinates.
+        settings: the active one of ``SETTINGS``.
     """
 
     model: mujoco.MjModel
@@ -51,13 +51,13 @@ class MuJoCoScene:
 
     @classmethod
     def of(cls, marionette: Marionette, still: Array, dt: float, hard: bool = False) -> MuJoCoScene:
-        """A scene whose driven coordinates hold still.
+        """A scene with constant driven coordinates.
 
         Args:
-            marionette: whose solids touch.
+            marionette: puppet with contact.
             still: (n_qK,) driven coordinates.
             dt: step [s].
-            hard: contacts, strings and limits as hard as MuJoCo permits, instead of its defaults.
+            hard: whether contacts, strings and limits are as hard as MuJoCo permits.
         """
         model = mujoco.MjModel.from_xml_string(text_of(marionette, still))
         option = model.opt
@@ -80,7 +80,7 @@ class MuJoCoScene:
         return cls(model, mujoco.MjData(model), q, v)
 
     def choose(self, settings: dict) -> None:
-        """Puts one of ``SETTINGS`` in force."""
+        """Applies one of ``SETTINGS``."""
         option = self.model.opt
         option.jacobian = getattr(mujoco.mjtJacobian, f"mjJAC_{settings['jacobian'].upper()}")
         island = int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
@@ -90,16 +90,16 @@ class MuJoCoScene:
         self.settings = settings
 
     def put(self, x: State) -> None:
-        """At a state."""
+        """Sets the state."""
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[self.q_D], self.data.qvel[self.v_D] = x.q_D, x.v_D
 
     def step(self, n: int) -> None:
-        """Some steps."""
+        """Makes n steps."""
         mujoco.mj_step(self.model, self.data, n)
 
     def burst(self, x: State, n: int, warm_up: int) -> float:
-        """Seconds of the processor for a step, after a warm-up from the same state."""
+        """Processor time of a step [s], after a warm-up from the same state."""
         self.put(x)
         self.step(warm_up)
         self.put(x)
@@ -111,16 +111,16 @@ class MuJoCoScene:
         return took / n
 
     def find_fastest(self, x: State, n: int, tries: int) -> dict[str, float]:
-        """Times all settings, and keeps the fastest: setting -> least seconds of a step."""
-        least = dict.fromkeys(range(len(SETTINGS)), math.inf)
+        """Times all settings, and keeps the fastest: setting -> shortest time of a step [s]."""
+        shortest = dict.fromkeys(range(len(SETTINGS)), math.inf)
         for _, (i, settings) in itertools.product(range(tries), enumerate(SETTINGS)):
             self.choose(settings)
-            least[i] = min(least[i], self.burst(x, n, n // 4))
-        self.choose(SETTINGS[min(least, key=lambda i: least[i])])
-        return {name_of(SETTINGS[i]): seconds for i, seconds in least.items()}
+            shortest[i] = min(shortest[i], self.burst(x, n, n // 4))
+        self.choose(SETTINGS[min(shortest, key=lambda i: shortest[i])])
+        return {name_of(SETTINGS[i]): seconds for i, seconds in shortest.items()}
 
     def trajectories(self, states: list[State], steps: int, threads: int) -> float:
-        """Seconds of a rollout from some states on so many threads."""
+        """Time of a rollout from several states on several threads [s]."""
         full = mujoco.mjtState.mjSTATE_FULLPHYSICS
         start = np.empty((len(states), mujoco.mj_stateSize(self.model, full)))
         for row, x in zip(start, states, strict=True):
@@ -138,7 +138,7 @@ class MuJoCoScene:
 
     @property
     def points(self) -> int:
-        """How many contacts carry something."""
+        """Number of contacts with a force."""
         self.forward()
         return sum(self.force(i)[0] > 0.0 for i in range(self.data.ncon))
 
@@ -149,7 +149,7 @@ class MuJoCoScene:
         return max([0.0, *(-float(d) for d in self.data.contact.dist)])
 
     def forward(self) -> None:
-        """Forces at the present state."""
+        """Computes the forces at the present state."""
         mujoco.mj_forward(self.model, self.data)
 
     def force(self, contact: int) -> Array:
@@ -165,7 +165,7 @@ def name_of(settings: dict) -> str:
 
 
 def text_of(marionette: Marionette, still: Array | None) -> str:
-    """MJCF of the puppet with the solids that may touch; bodies that never do are excluded."""
+    """MJCF of the puppet with the solids that may touch; other bodies are excluded."""
     root = ElementTree.fromstring(mjcf(marionette, still))
     option = root.find("option")
     option.remove(option.find("flag"))
@@ -216,21 +216,21 @@ def _geom(body: ElementTree.Element, shape: Shape, friction: str) -> None:
         flat = np.concatenate([np.ravel(n) for n in numbers])
         return " ".join(repr(float(x)) for x in flat)
 
-    given = {"friction": friction, "condim": "3"}
+    attributes = {"friction": friction, "condim": "3"}
     match shape:
         case Capsule():
-            given |= {"type": "capsule", "fromto": words(shape.from_, shape.to)}
-            given["size"] = words(shape.radius)
+            attributes |= {"type": "capsule", "fromto": words(shape.from_, shape.to)}
+            attributes["size"] = words(shape.radius)
         case Sphere():
-            given |= {"type": "sphere", "pos": words(shape.at), "size": words(shape.radius)}
+            attributes |= {"type": "sphere", "pos": words(shape.at), "size": words(shape.radius)}
         case Ellipsoid():
-            given |= {"type": "ellipsoid", "pos": words(shape.at), "size": words(shape.radii)}
+            attributes |= {"type": "ellipsoid", "pos": words(shape.at), "size": words(shape.radii)}
         case Box():
-            given |= {"type": "box", "pos": words(shape.at)}
-            given["size"] = words(np.asarray(shape.size) / 2)
+            attributes |= {"type": "box", "pos": words(shape.at)}
+            attributes["size"] = words(np.asarray(shape.size) / 2)
         case _:
             raise TypeError(f"{type(shape).__name__} has no counterpart here")
     if isinstance(shape, Ellipsoid | Box) and shape.orientation is not None:
         R = np.asarray(shape.orientation.matrix)
-        given["xyaxes"] = words(R[:, 0], R[:, 1])
-    _add(body, "geom", **given)
+        attributes["xyaxes"] = words(R[:, 0], R[:, 1])
+    _add(body, "geom", **attributes)

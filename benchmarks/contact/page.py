@@ -17,8 +17,8 @@ OPENING = (
 
 def page(chapters: list[Chapter]) -> str:
     """All of it as Markdown."""
-    made = machine(("numpy", "casadi", "mujoco"))
-    table = Table(made.header, [*made.rows, ["compiler's flags", " ".join(flags())]])
+    computer = machine(("numpy", "casadi", "mujoco"))
+    table = Table(computer.header, [*computer.rows, ["compiler's flags", " ".join(flags())]])
     parts = [
         "# Contact, measured",
         wrapped(OPENING),

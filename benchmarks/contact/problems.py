@@ -1,4 +1,4 @@
-"""Section 6: problems of others, solved by ours and by Siconos.
+"""Section 6: published problems, solved by our solver and by Siconos.
 
 u = M r + q,   0 <= u_n, 0 <= r_n, u_n r_n = 0,   |r_t| <= mu r_n,   r_t = -mu r_n u_t / |u_t|
 """
@@ -22,17 +22,17 @@ from ..strings.report import Section, Table, number
 
 HERE = Path(__file__).resolve().parent
 LARGEST = 300
-"""Contacts of the largest problem that is solved."""
+"""Largest number of contacts of a problem."""
 
 TOLERANCE = 1e-10
 SOLVERS = {"NSN_AC": 1000, "NSGS": 10000}
-"""Siconos's solver -> the most iterations."""
+"""Siconos's solver -> largest number of iterations."""
 
 OTHERS = ("GFC3D_Ex", "GFC3D_One", "GFC3D_TwoRods1.", "RFC3D", "GRFC3D")
-"""How names of problems in another form begin: with the bodies' equations, or rolling."""
+"""Prefixes of problems in another form: with the bodies' equations, or rolling."""
 
 SECONDS = 60.0
-"""For one problem and solver."""
+"""Time limit for one problem and solver [s]."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Problem:
     """A problem of n contacts.
 
     Attributes:
-        file: where it was read.
+        file: file of the problem.
         M: (3n, 3n), symmetric.
         q: (3n,).
         mu: (n,).
@@ -53,11 +53,11 @@ class Problem:
 
     @property
     def name(self) -> str:
-        """That of the file."""
+        """Name of the file."""
         return self.file.name.removesuffix(".dat").removesuffix(".hdf5")
 
     def text(self) -> str:
-        """In Siconos's text format, M by blocks."""
+        """The problem in Siconos's text format, M by blocks."""
         n = len(self.mu)
         blocks = self.M.reshape(n, 3, n, 3).swapaxes(1, 2)
         there = np.any(blocks != 0.0, axis=(2, 3))
@@ -109,15 +109,15 @@ class Answer:
 
 
 def parsed(file: Path) -> Problem | None:
-    """A problem of contacts in space; None if it is another one."""
+    """A problem of contacts in space; None for other problems."""
     if file.suffix != ".hdf5":
         return _parsed_text(file)
     from .fclib import arrays
 
-    found = arrays(file)
-    if found is None or not 0 < len(found[2]) <= LARGEST:
+    parts = arrays(file)
+    if parts is None or not 0 < len(parts[2]) <= LARGEST:
         return None
-    M, q, mu = found
+    M, q, mu = parts
     return Problem(file, 0.5 * (M + M.T), q, mu)
 
 

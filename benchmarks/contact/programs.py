@@ -25,11 +25,11 @@ class Burst:
     """The output of the program.
 
     Attributes:
-        seconds: of the processor for one step, one number a time.
-        points: that push at the end.
+        seconds: processor time of one step, for each repetition [s].
+        points: number of points that push at the end.
         force: sum of the normal forces there [N].
-        depth: of the deepest overlap there [m].
-        residual: of the law there.
+        depth: deepest overlap there [m].
+        residual: residual of the law there.
     """
 
     seconds: tuple[float, ...]
@@ -54,7 +54,7 @@ class Program:
     dt: float
 
     def run(self, x: State, work: str, times: int, count: int) -> Burst:
-        """Times some steps from a state; the inputs hold still."""
+        """Times steps from a state, with constant inputs."""
         *seconds, points, force, depth, residual = self.numbers(x, work, str(times), str(count))
         return Burst(tuple(seconds), int(points), force, depth, residual)
 
@@ -76,7 +76,7 @@ class Program:
 
 
 def _solids(puppet: Marionette) -> list[Sequence[float]]:
-    """What touches what, as the program reads it."""
+    """Solids and pairs that may touch, in the program's format."""
     contacts = puppet.contacts
     if contacts is None:
         return [[0]] * 6
@@ -92,12 +92,12 @@ def _solids(puppet: Marionette) -> list[Sequence[float]]:
 
 @functools.cache
 def _folder() -> tempfile.TemporaryDirectory:
-    """Lives as long as Python."""
+    """A folder that lives as long as Python."""
     return tempfile.TemporaryDirectory()
 
 
 def compiled(marionette: Marionette, dt: float, source: Path = HERE / "stage.cpp") -> Program:
-    """A scene in a program, compiled as its library is."""
+    """A scene's program, compiled like its library."""
     folder = Path(tempfile.mkdtemp(dir=_folder().name))
     for file, text in marionette.libraries.source_files().files.items():
         Path(folder, file).write_text(text, encoding="utf-8")

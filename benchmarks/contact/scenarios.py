@@ -1,7 +1,7 @@
-"""Section 5: how well the law of contact holds on scenes of a published comparison.
+"""Section 5: residuals of the contact law on scenes of a published comparison.
 
 Le Lidec, Jallet, Montaut, Laptev, Schmid and Carpentier, *Contact Models in Robotics: a Comparative
-Analysis* (arXiv 2304.06372), as far as the scenes can be described in a line; and the standing
+Analysis* (arXiv 2304.06372), where one line describes the scene; and the standing
 marionette.
 """
 
@@ -55,8 +55,8 @@ class Course:
     Attributes:
         t: (n,) times [s].
         q, v: (n, n_qD), (n, n_vD) in our order.
-        normal: list of (m,) normal forces of the points [N]; empty where an engine has no points.
-        tangent: list of (m,) sizes of the tangential forces [N]; likewise.
+        normal: list of (m,) normal forces of the points [N]; empty for an engine without points.
+        tangent: list of (m,) magnitudes of the tangential forces [N]; likewise.
         depth: (n,) deepest overlap [m].
         energy: (n,) kinetic and potential [J].
     """
@@ -75,7 +75,7 @@ Push = Callable[[float], float]
 
 
 def ours(puppet: fan.Marionette, x: State, t_end: float, push: Push | None = None) -> Course:
-    """Time-stepping."""
+    """A time-stepping run."""
     stepper = puppet.stepper(x, method=fan.TimeStepping(dt=DT))
     layout, n = puppet.sample_layout, puppet.coordinates.n_vD
     rows, normal, tangent, depth = [], [], [], []
@@ -96,7 +96,7 @@ def ours(puppet: fan.Marionette, x: State, t_end: float, push: Push | None = Non
 
 
 def _points(puppet: fan.Marionette, stepper: Stepper) -> ContactPoints:
-    """Those of the last sample."""
+    """The contact points of the last sample."""
     rows = stepper.contacts[stepper.contacts[:, 0] == len(stepper.samples) - 1]
     return contact_points(rows, puppet.contacts.names)
 
@@ -104,7 +104,7 @@ def _points(puppet: fan.Marionette, stepper: Stepper) -> ContactPoints:
 def theirs(
     puppet: fan.Marionette, x: State, t_end: float, hard: bool, push: Push | None = None
 ) -> Course:
-    """MuJoCo's Euler with elliptic cones and Newton's method."""
+    """A run of MuJoCo's Euler method with elliptic cones and Newton's method."""
     scene = MuJoCoScene.of(puppet, x.q_K, DT, hard)
     scene.put(x)
     data, rows, normal, tangent, depth = scene.data, [], [], [], []
@@ -130,7 +130,7 @@ def boxes(
     t_end: float,
     push: Push | None = None,
 ) -> Course:
-    """An engine that has no strings.
+    """A run of an engine without strings.
 
     Raises:
         Unlike: the scene is not one of boxes over a floor.
@@ -151,7 +151,7 @@ def boxes(
 
 
 def engines() -> dict[str, Callable[..., Course]]:
-    """A run of every engine that is there."""
+    """The run function of every installed engine."""
     runs: dict[str, Callable[..., Course]] = {
         "fantoccini": ours,
         "MuJoCo": functools.partial(theirs, hard=False),
@@ -195,12 +195,12 @@ def chapter() -> Chapter:
 
 
 def _cell(measure: Callable[[Callable[..., Course]], float], run: Callable[..., Course]) -> str:
-    """A figure, or a dash where an engine cannot have it."""
+    """A figure, or a dash if an engine does not provide it."""
     try:
-        found = measure(run)
+        value = measure(run)
     except Unlike:
         return "-"
-    return number(found)
+    return number(value)
 
 
 def cube(mu: float, slope: float = 0.0, height: float = 0.5 * SIDE) -> fan.Marionette:
@@ -210,7 +210,7 @@ def cube(mu: float, slope: float = 0.0, height: float = 0.5 * SIDE) -> fan.Mario
 
 
 def _sliding(puppet: fan.Marionette, speed: float) -> State:
-    """On the floor, with a speed along x."""
+    """A state on the floor, with a speed along x."""
     x = puppet.state()
     v = x.v_D.copy()
     v[puppet.coordinates.v_D.index("cube.x")] = speed
@@ -219,36 +219,36 @@ def _sliding(puppet: fan.Marionette, speed: float) -> State:
 
 def _creep(run: Callable[..., Course]) -> float:
     puppet = cube(0.6, slope=0.5)
-    made = run(puppet, puppet.state(), 5.0)
-    return float(np.abs(made.q[-1, 0] - made.q[999, 0]))
+    course = run(puppet, puppet.state(), 5.0)
+    return float(np.abs(course.q[-1, 0] - course.q[999, 0]))
 
 
 def stopping_error(run: Callable[..., Course]) -> float:
     mu, speed = 0.3, 1.0
     puppet = cube(mu)
-    made = run(puppet, _sliding(puppet, speed), 1.0)
-    return abs(float(made.q[-1, 0]) - speed**2 / (2.0 * mu * G))
+    course = run(puppet, _sliding(puppet, speed), 1.0)
+    return abs(float(course.q[-1, 0]) - speed**2 / (2.0 * mu * G))
 
 
 def _lift(run: Callable[..., Course]) -> float:
     puppet = cube(0.3)
-    made = run(puppet, _sliding(puppet, 1.0), 0.3)
-    return float(np.abs(made.q[:, 2] - 0.5 * SIDE).max())
+    course = run(puppet, _sliding(puppet, 1.0), 0.3)
+    return float(np.abs(course.q[:, 2] - 0.5 * SIDE).max())
 
 
 def _gain(run: Callable[..., Course]) -> float:
     puppet = cube(0.3)
-    made = run(puppet, _sliding(puppet, 1.0), 1.0)
-    return float(np.maximum(np.diff(made.energy), 0.0).sum())
+    course = run(puppet, _sliding(puppet, 1.0), 1.0)
+    return float(np.maximum(np.diff(course.energy), 0.0).sum())
 
 
 def dragged_way(run: Callable[..., Course]) -> float:
-    """The cube is pulled ever harder; its way when 95 % of what friction holds is reached."""
+    """Distance of a pulled cube when the force reaches 95 % of the friction limit."""
     mu, t_end = 0.5, 1.0
     puppet = cube(mu)
-    most = mu * MASS * G
-    made = run(puppet, puppet.state(), t_end, push=lambda t: 0.95 * most * t / t_end)
-    return float(np.abs(made.q[-1, 0]))
+    limit_force = mu * MASS * G
+    course = run(puppet, puppet.state(), t_end, push=lambda t: 0.95 * limit_force * t / t_end)
+    return float(np.abs(course.q[-1, 0]))
 
 
 def _stack(run: Callable[..., Course]) -> float:
@@ -263,24 +263,24 @@ def _stack(run: Callable[..., Course]) -> float:
         "puppet: stack\nfloor: 0\ncontact: {friction: 0.5}\n"
         f"bodies:\n{bodies}\npose: {{{pose}}}\n"
     )
-    made = run(puppet, puppet.state(), 2.0)
-    return float(made.depth[1000:].max())
+    course = run(puppet, puppet.state(), 2.0)
+    return float(course.depth[1000:].max())
 
 
 def _uneven(run: Callable[..., Course]) -> float:
     puppet = cube(0.5)
-    made = run(puppet, puppet.state(), 1.0)
-    if not made.normal:
+    course = run(puppet, puppet.state(), 1.0)
+    if not course.normal:
         raise Unlike("it has no points")
-    return float(np.abs(made.normal[-1] - 0.25 * MASS * G).max() / (MASS * G))
+    return float(np.abs(course.normal[-1] - 0.25 * MASS * G).max() / (MASS * G))
 
 
 def _internal(run: Callable[..., Course]) -> float:
     puppet = cube(0.5)
-    made = run(puppet, puppet.state(), 1.0)
-    if not made.normal:
+    course = run(puppet, puppet.state(), 1.0)
+    if not course.normal:
         raise Unlike("it has no points")
-    return float(made.tangent[-1].sum() / (MASS * G))
+    return float(course.tangent[-1].sum() / (MASS * G))
 
 
 def _feet(run: Callable[..., Course]) -> Course:
@@ -302,11 +302,11 @@ def sunk_depth(run: Callable[..., Course]) -> float:
 
 
 def _crept(run: Callable[..., Course]) -> float:
-    """How far a foot goes in the last four of five seconds."""
-    made = _feet(run)
+    """Distance that a foot moves in the last four of five seconds."""
+    course = _feet(run)
     places = []
     for k in (999, -1):
-        x = _stood(made.q[k], made.v[k])
+        x = _stood(course.q[k], course.v[k])
         places.append([_standing_peer().pose(x, name)[:2, 3] for name in FEET])
     return float(np.linalg.norm(np.subtract(*places), axis=1).max())
 
@@ -314,8 +314,8 @@ def _crept(run: Callable[..., Course]) -> float:
 def _energy(puppet: fan.Marionette, x: State, q: Array, v: Array) -> Array:
     """(n,) kinetic and potential energy by our equations."""
     still = {"q_K": np.tile(x.q_K, (len(q), 1)), "v_K": np.zeros((len(q), len(x.v_K)))}
-    found = puppet.library.evaluate("energy", q_D=q, v_D=v, **still, p=puppet.p)
-    return np.asarray(found.T + found.V)
+    energies = puppet.library.evaluate("energy", q_D=q, v_D=v, **still, p=puppet.p)
+    return np.asarray(energies.T + energies.V)
 
 
 SCENES: dict[str, Callable[[Callable[..., Course]], float]] = {

@@ -16,24 +16,24 @@ from .programs import Program, compiled
 from .subject import DT, HEAP, ONE, TWO, Subject
 
 FASTER = 4.0
-"""How much faster than mj_step one marionette on its feet is to be."""
+"""Target speed-up over mj_step for one marionette on its feet."""
 
 LONGEST = 20e-6
 """The longest step of two marionettes [s]."""
 
 SETTLING = 2.0
-"""Before MuJoCo's points and overlaps are looked at [s]."""
+"""Time before MuJoCo's points and overlaps are read [s]."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A subject, ours and MuJoCo's.
+    """A subject, in our program and in MuJoCo.
 
     Attributes:
-        subject: what is simulated.
-        program: ours.
-        peer: MuJoCo's, with the fastest setting in force.
-        tried: setting -> the least seconds of a step.
+        subject: simulated scene.
+        program: our program.
+        peer: MuJoCo's scene, with the fastest setting.
+        tried: setting -> shortest time of a step [s].
     """
 
     subject: Subject
@@ -44,7 +44,7 @@ class Pair:
 
 def pairs(turns: int, steps: int) -> list[Pair]:
     """All subjects, compiled, with MuJoCo's fastest settings."""
-    made, programs = [], {}
+    subject_pairs, programs = [], {}
     for subject in (ONE, TWO, HEAP):
         members = len(subject.members)
         if members not in programs:
@@ -52,14 +52,16 @@ def pairs(turns: int, steps: int) -> list[Pair]:
         program = Program(programs[members].path, subject.marionette, DT)
         x = subject.standing
         peer = MuJoCoScene.of(fan.Marionette(subject.peers_puppet), x.q_K, DT)
-        made.append(Pair(subject, program, peer, peer.find_fastest(x, steps, max(3, turns // 3))))
-    return made
+        subject_pairs.append(
+            Pair(subject, program, peer, peer.find_fastest(x, steps, max(3, turns // 3)))
+        )
+    return subject_pairs
 
 
-def chapters(made: list[Pair], turns: int, steps: int) -> list[Chapter]:
-    """Times, ratios, marks, and what was tried of MuJoCo."""
+def chapters(subject_pairs: list[Pair], turns: int, steps: int) -> list[Chapter]:
+    """Times, ratios, marks, and MuJoCo's settings."""
     actions: dict[str, Callable[[], float]] = {}
-    for pair in made:
+    for pair in subject_pairs:
         actions[_ours(pair)] = lambda pair=pair: pair.program.run(
             pair.subject.standing, "step", 1, steps
         ).seconds[0]
@@ -67,11 +69,11 @@ def chapters(made: list[Pair], turns: int, steps: int) -> list[Chapter]:
             pair.subject.standing, steps, steps // 4
         )
     taken = in_turns(actions, turns)
-    ratios = {p.subject.name: taken[_theirs(p)].over(taken[_ours(p)]) for p in made}
+    ratios = {p.subject.name: taken[_theirs(p)].over(taken[_ours(p)]) for p in subject_pairs}
     rows = [[name, *spread(samples)] for name, samples in taken.items()]
     ratio_rows = [[f"mj_step / ours, {n}", *spread(r, times)] for n, r in ratios.items()]
     goals = [Goal(f"mj_step / ours, {ONE.name}", ratios[ONE.name], FASTER)]
-    for pair in made[1:]:
+    for pair in subject_pairs[1:]:
         points = pair.program.run(pair.subject.standing, "step", 1, 10).points
         what = f"a step of {pair.subject.name}, {points} points"
         goals.append(Goal(what, taken[_ours(pair)], LONGEST, False))
@@ -86,15 +88,15 @@ def chapters(made: list[Pair], turns: int, steps: int) -> list[Chapter]:
     )
     table = Table(["program, work", "median", "min", "max"], rows)
     ratio_table = Table(["ratio", "median", "min", "max"], ratio_rows)
-    parts = [text, table, ratio_table, _states(made)]
+    parts = [text, table, ratio_table, _states(subject_pairs)]
     first = Chapter(Section("1. Time steps", parts), goals)
-    return [first, _settings(made)]
+    return [first, _settings(subject_pairs)]
 
 
-def _states(made: list[Pair]) -> Table:
-    """What both hold up: that they simulate the same."""
+def _states(subject_pairs: list[Pair]) -> Table:
+    """Contact forces of both programs, which show that they simulate the same scene."""
     rows = []
-    for pair in made:
+    for pair in subject_pairs:
         burst = pair.program.run(pair.subject.standing, "step", 1, 1000)
         pair.peer.put(pair.subject.standing)
         pair.peer.step(round(SETTLING / DT))
@@ -111,12 +113,12 @@ def _states(made: list[Pair]) -> Table:
     return Table(header, rows)
 
 
-def _settings(made: list[Pair]) -> Chapter:
+def _settings(subject_pairs: list[Pair]) -> Chapter:
     rows = []
-    for pair in made:
-        least = min(pair.tried.values())
+    for pair in subject_pairs:
+        shortest = min(pair.tried.values())
         for name, seconds in pair.tried.items():
-            text = f"**{shown(seconds)}**" if seconds == least else shown(seconds)
+            text = f"**{shown(seconds)}**" if seconds == shortest else shown(seconds)
             rows.append([f"{pair.subject.name}: {name}", text])
     text = (
         f"The fastest of some bursts of MuJoCo {mujoco.__version__} selects the Jacobian and "

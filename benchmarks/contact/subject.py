@@ -1,4 +1,4 @@
-"""What is simulated: the bundled marionette on a floor, alone and in company, on loose strings."""
+"""Simulated scenes: one or two bundled marionettes on a floor, on loose strings."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from fantoccini.model.puppet import Puppet
 from fantoccini.motion import State
 
 DT = 0.002
-"""Step of everything that is timed [s]."""
+"""Step of all timed runs [s]."""
 
 FRICTION = 0.6
 
 _AT_REST = {"lowered": 1.0, "still": 8.0}
-"""Times at which the strings have been let out, and at which the puppets stand still [s]."""
+"""Times at which the strings are let out, and at which the puppets are at rest [s]."""
 
 _PUSH = 0.02
-"""Size of the velocities that tell trajectories apart [m/s or rad/s]."""
+"""Magnitude of the velocities that distinguish trajectories [m/s or rad/s]."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A scene and how far its strings are let out.
+    """A scene and the length by which its strings are let out.
 
     Attributes:
-        name: on the page.
-        members: name of a puppet -> its place on the floor [m].
-        down: how far its strings let every puppet down from where it hangs [m].
+        name: name on the page.
+        members: name of a puppet -> its position on the floor [m].
+        down: distance by which every puppet is let down from its hanging pose [m].
     """
 
     name: str
@@ -53,7 +53,7 @@ class Subject:
 
     @functools.cached_property
     def standing(self) -> State:
-        """Where it stands when the strings have been let out."""
+        """The state in which it stands after the strings are let out."""
         stage = self.marionette
         x = stage.project(stage.state())
         lengths = [f"{s.name}.length" for s in stage.tree.strings]
@@ -67,16 +67,16 @@ class Subject:
         return run.state(len(run) - 1).replace(t=0.0)
 
     def pushed(self, seed: int) -> State:
-        """The same with a small velocity of everything that moves."""
+        """The standing state with small random velocities."""
         x = self.standing
         return x.replace(v_D=_PUSH * np.random.default_rng(seed).normal(size=len(x.v_D)))
 
     @functools.cached_property
     def peers_puppet(self) -> Puppet:
-        """The scene without what not all peers have in the same form: drag, the neck's spring,
+        """The scene without features that peers lack or define otherwise: drag, the neck's spring,
         limits of twists.
 
-        The peers get this one; our own timings are of the whole scene.
+        The peers get this one; our own timings are of the full scene.
         """
         puppet = self.marionette.puppet.expanded()
         spared = dict.fromkeys(("spring", "twist"))

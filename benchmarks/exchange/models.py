@@ -68,7 +68,7 @@ MENAGERIE = tuple(
     for name in ("universal_robots_ur5e/ur5e", "robotiq_2f85/2f85")
 )
 MODELS = (*GYMNASIUM, *SUITE, *MENAGERIE)
-"""Package and path in it."""
+"""Packages and paths in them."""
 
 STATES = 5
 """Random states of each model."""
@@ -76,13 +76,13 @@ STATES = 5
 
 @dataclass(frozen=True)
 class Agreement:
-    """How well a model's accelerations agree.
+    """Agreement of a model's accelerations.
 
     Attributes:
         model: entry of :data:`MODELS`.
-        n_v: velocities.
+        n_v: number of velocities.
         error: largest difference over the largest acceleration, over all states.
-        off: what was off in MuJoCo because the report names it.
+        off: features switched off in MuJoCo because the report lists them.
     """
 
     model: str
@@ -98,10 +98,10 @@ def path_of(model: str) -> Path:
         ModuleNotFoundError: its package is not installed.
     """
     package, _, rest = model.partition("/")
-    found = find_spec(package)
-    if found is None or not found.submodule_search_locations:
+    spec = find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(f"{package} is not installed")
-    return Path(found.submodule_search_locations[0]) / rest
+    return Path(spec.submodule_search_locations[0]) / rest
 
 
 def agreement(model: str, states: int = STATES) -> Agreement:
@@ -113,7 +113,7 @@ def agreement(model: str, states: int = STATES) -> Agreement:
 
 
 def switched_off(m: mujoco.MjModel) -> Iterator[str]:
-    """Switches off constraints, and what reports name; yields words for the latter."""
+    """Switches off constraints and features that reports list; yields names of the latter."""
     disable = mujoco.mjtDisableBit
     for flag in ("CONTACT", "LIMIT", "ACTUATION", "FRICTIONLOSS", "EQUALITY"):
         m.opt.disableflags |= int(getattr(disable, f"mjDSBL_{flag}"))
@@ -170,15 +170,15 @@ def compare(imported: Imported, m: mujoco.MjModel, states: int) -> float:
             "v_ahead": d.qvel[v],
         }
         dynamics = equations["dynamics"]
-        found = dynamics(**{name: values[name] for name in dynamics.name_in()})
-        acc = np.array(equations["back"](found["L"], found["w0"])).ravel()
+        terms = dynamics(**{name: values[name] for name in dynamics.name_in()})
+        acc = np.array(equations["back"](terms["L"], terms["w0"])).ravel()
         worst = max(worst, float(np.abs(acc - d.qacc[v]).max()))
         largest = max(largest, float(np.abs(d.qacc[v]).max()))
     return worst / largest
 
 
 def places(imported: Imported, m: mujoco.MjModel, table: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Places in qpos and qvel of the puppet's dynamic coordinates."""
+    """Indices in qpos and qvel of the puppet's dynamic coordinates."""
     q, v = {}, {}
     suffix = {
         "mjJNT_FREE": ("x y z qw qx qy qz", "x y z wx wy wz"),
@@ -186,10 +186,10 @@ def places(imported: Imported, m: mujoco.MjModel, table: Any) -> tuple[np.ndarra
     }
     for j, name in enumerate(imported.joints):
         kind = mujoco.mjtJoint(int(m.jnt_type[j])).name
-        for found, first, k in ((q, m.jnt_qposadr[j], 0), (v, m.jnt_dofadr[j], 1)):
+        for indices, first, k in ((q, m.jnt_qposadr[j], 0), (v, m.jnt_dofadr[j], 1)):
             ends = suffix[kind][k].split() if kind in suffix else [""]
             for i, end in enumerate(ends):
-                found[f"{name}.{end}" if end else name] = int(first) + i
+                indices[f"{name}.{end}" if end else name] = int(first) + i
     return np.array([q[n] for n in table.q_D]), np.array([v[n] for n in table.v_D])
 
 

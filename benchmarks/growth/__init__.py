@@ -1,1 +1,1 @@
-"""How derivation, compilation, evaluation and memory grow with a puppet: docs/growth.md."""
+"""Growth of derivation, compilation, evaluation and memory with a puppet's size: docs/growth.md."""

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DOF = (5, 10, 25, 50, 100, 200)
 STRINGS = (1, 3, 10, 30, 100)
 BODY = 25
-"""Degrees of freedom of the puppet that is hung from more and more strings."""
+"""Degrees of freedom of the puppet with increasing numbers of strings."""
 
 SIZES = [
     *(("bushy", BODY, n) for n in STRINGS if n != 3),
@@ -26,24 +26,24 @@ SIZES = [
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Writes docs/growth.md and its picture.")
-    parser.add_argument("--kept", type=Path, help="file of measurements to go on from")
-    kept = parser.parse_args().kept
-    found = [Size(**row) for row in json.loads(kept.read_text())] if kept and kept.exists() else []
+    parser.add_argument("--kept", type=Path, help="file of measurements to continue from")
+    file = parser.parse_args().kept
+    sizes = [Size(**row) for row in json.loads(file.read_text())] if file and file.exists() else []
     for kind, dof, strings in SIZES:
-        if any((s.kind, s.dof, s.strings) == (kind, dof, strings) for s in found):
+        if any((s.kind, s.dof, s.strings) == (kind, dof, strings) for s in sizes):
             continue
         command = [sys.executable, "-m", "benchmarks.growth.measure", kind, str(dof), str(strings)]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-        found.append(Size(**json.loads(done.stdout)))
-        print(found[-1], flush=True)
-        if kept:
-            kept.write_text(json.dumps([vars(size) for size in found], indent=1))
-    report.write(ROOT, found, BODY, missing(found))
+        sizes.append(Size(**json.loads(done.stdout)))
+        print(sizes[-1], flush=True)
+        if file:
+            file.write_text(json.dumps([vars(size) for size in sizes], indent=1))
+    report.write(ROOT, sizes, BODY, missing(sizes))
 
 
-def missing(found: list[Size]) -> list[str]:
+def missing(sizes: list[Size]) -> list[str]:
     """The sizes that were not measured, in words."""
-    there = {(s.kind, s.dof, s.strings) for s in found}
+    there = {(s.kind, s.dof, s.strings) for s in sizes}
     return [f"{k}, {n} DOF, {m} strings" for k, n, m in SIZES if (k, n, m) not in there]
 
 

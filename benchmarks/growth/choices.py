@@ -1,4 +1,4 @@
-"""What was measured once, to choose: text of docs/growth.md with its figures."""
+"""Measurements made once, for choices: text of docs/growth.md with its figures."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Measures one puppet of a size, in a process of its own, and prints what it found as JSON.
+"""Measures one puppet of a size, in a separate process, and prints the result as JSON.
 
-``python -m benchmarks.growth`` runs it; ``python -m benchmarks.growth.measure chain 25 3`` does by
-itself.
+``python -m benchmarks.growth`` runs it, as does ``python -m benchmarks.growth.measure chain 25 3``
+on its own.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ CALLS, REPEATS = 50, 400
 
 @dataclass(frozen=True)
 class Size:
-    """What a puppet of a size costs.
+    """Costs of a puppet of a size.
 
     Attributes:
         kind, dof, strings: the puppet.
@@ -37,9 +37,9 @@ class Size:
         compile: seconds of the clock to compile the pieces in parallel, and the link.
         compile_cpu: seconds of processor time that the compilers took together.
         evaluate: microseconds of one exact evaluation, the shortest of many.
-        step: the same of the evaluation of a time step.
-        memory: most memory of the process [MB].
-        compiler_memory: most memory of one compiler [MB].
+        step: likewise for the evaluation of a time step.
+        memory: peak memory of the process [MB].
+        compiler_memory: peak memory of one compiler [MB].
     """
 
     kind: str
@@ -93,7 +93,7 @@ def measure(kind: str, dof: int, strings: int) -> Size:
 
 
 class Watch:
-    """Looks from time to time how much memory the compilers below a folder have taken.
+    """Samples the memory of the compilers that run below a folder.
 
     The system's own account of children begins with the memory of their parent, and so does a child
     until it runs its own program.
@@ -123,7 +123,7 @@ class Watch:
 
 
 def _most_memory(process: str) -> float:
-    """The most memory that a process has taken [MB]."""
+    """Peak memory of a process [MB]."""
     with open(f"/proc/{process}/status", encoding="ascii", errors="replace") as lines:
         words = next((line.split() for line in lines if line.startswith("VmHWM")), ["", "0"])
     return float(words[1]) / 1e3
@@ -140,13 +140,13 @@ def evaluation(puppet: fan.Marionette, library: Library, function: str) -> float
         "acc_K": table.n_vK,
         "u_D": table.n_vD,
     }
-    given = {name: np.tile(0.3 * rng.normal(size=n), (CALLS, 1)) for name, n in widths.items()}
+    arguments = {name: np.tile(0.3 * rng.normal(size=n), (CALLS, 1)) for name, n in widths.items()}
     if function == "step_dynamics":
-        given |= {"v_ahead": given["v_D"], "dt": np.zeros(CALLS)}
+        arguments |= {"v_ahead": arguments["v_D"], "dt": np.zeros(CALLS)}
     took = []
     for _ in range(REPEATS):
         start = time.perf_counter()
-        library.evaluate(function, **given, p=puppet.p)
+        library.evaluate(function, **arguments, p=puppet.p)
         took.append(time.perf_counter() - start)
     return 1e6 * min(took) / CALLS
 

@@ -17,9 +17,9 @@ def described(kind: str, dof: int, strings: int) -> dict:
     """A puppet's description, with the keys of a puppet file.
 
     Args:
-        kind: of ``SHAPES``.
+        kind: one of ``SHAPES``.
         dof: bodies, each on a damped hinge; the axes take turns, one of them oblique.
-        strings: evenly over the bodies, the last body first, with driven lengths.
+        strings: number of strings with driven lengths, spread over the bodies from the last.
     """
     parent = SHAPES[kind]
     bodies = [

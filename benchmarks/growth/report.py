@@ -1,4 +1,4 @@
-"""The page and the picture of what was measured."""
+"""The page and the picture of the measurements."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FITTED = 25
 """Degrees of freedom from which an exponent is fitted."""
 _MEGABYTES = (50, 70, 100, 150, 200, 300, 400)
 LONGEST = 60.0
-"""What compiling 100 degrees of freedom is to stay below [s]."""
+"""Target for compiling 100 degrees of freedom [s]."""
 
 
 def write(root: Path, sizes: Sequence[Size], body: int, missing: Sequence[str]) -> None:
@@ -84,9 +84,9 @@ def exponent(sizes: Sequence[Size], by: str, figure: str) -> float:
 
 
 def draw(file: Path, by_dof: dict[str, list[Size]]) -> None:
-    """A panel a figure, both axes logarithmic."""
+    """A panel for each figure, both axes logarithmic."""
     with plt.rc_context(STYLE):
-        made, axes = plt.subplots(2, 3, figsize=(10, 5.6), layout="constrained")
+        fig, axes = plt.subplots(2, 3, figsize=(10, 5.6), layout="constrained")
         for panel, figure in zip(axes.flat, DRAWN, strict=True):
             for kind, sizes in by_dof.items():
                 x, y = [s.dof for s in sizes], [getattr(s, figure) for s in sizes]
@@ -105,8 +105,8 @@ def draw(file: Path, by_dof: dict[str, list[Size]]) -> None:
             panel.margins(y=0.18)
         for panel in axes[-1]:
             panel.set_xlabel("degrees of freedom")
-        made.savefig(file)
-        plt.close(made)
+        fig.savefig(file)
+        plt.close(fig)
 
 
 def _by_size(sizes: Sequence[Size], by: str, heading: str) -> Table:
@@ -118,13 +118,13 @@ def _by_size(sizes: Sequence[Size], by: str, heading: str) -> Table:
 
 
 def _marks(sizes: Sequence[Size]) -> str:
-    found = next((s for s in sizes if s.dof == 100), None)
-    if found is None:
+    size = next((s for s in sizes if s.dof == 100), None)
+    if size is None:
         return "100 DOF were not measured."
-    verdict = "met" if found.compile <= LONGEST else "**not met**"
+    verdict = "met" if size.compile <= LONGEST else "**not met**"
     return _wrapped(
-        f"100 DOF compile in {found.compile:.1f} s; the limit is {LONGEST:g} s: {verdict}. The "
-        f"compilers' own time, {found.compile_cpu:.1f} s, divided by the number of processors is "
+        f"100 DOF compile in {size.compile:.1f} s; the limit is {LONGEST:g} s: {verdict}. The "
+        f"compilers' own time, {size.compile_cpu:.1f} s, divided by the number of processors is "
         "the time on an idle machine."
     )
 

@@ -1,4 +1,4 @@
-"""Synthetic records: event-driven runs of a puppet with other numbers, seen by noisy cameras."""
+"""Synthetic records: event-driven runs of a puppet with other parameters, seen by noisy cameras."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ RATE = 60.0
 
 @dataclass(frozen=True)
 class Case:
-    """A puppet whose numbers are to be found.
+    """A puppet with unknown parameters.
 
     Attributes:
-        puppet: with the guessed numbers.
-        truth: label -> true number: parameters, ``coordinate offset``, ``marker.at.axis``, delay.
-        markers: as they are guessed to sit.
+        puppet: puppet with guessed parameters.
+        truth: label -> true value: parameters, ``coordinate offset``, ``marker.at.axis``, delay.
+        markers: markers with guessed positions.
         signed: parameters that may be negative.
         tensions: strings whose tension is recorded.
-        beat, reach: of the waypoints of the motion [s], [m].
+        beat, reach: interval and range of the waypoints of the motion [s], [m].
     """
 
     puppet: fan.Marionette
@@ -40,8 +40,8 @@ def motion(case: Case, duration: float, seed: int) -> fan.Input:
     x0, rng = case.puppet.rest(), np.random.default_rng(seed)
     times, points = np.arange(0.0, duration - 1e-9, case.beat), {}
     for q, name in enumerate(case.puppet.coordinates.q_K):
-        far = case.reach * (0.6 if name.endswith(".length") else 1.0)
-        values = x0.q_K[q] + far * rng.uniform(-1.0, 1.0, len(times))
+        amplitude = case.reach * (0.6 if name.endswith(".length") else 1.0)
+        values = x0.q_K[q] + amplitude * rng.uniform(-1.0, 1.0, len(times))
         values[[0, -1]] = x0.q_K[q]
         points[name] = list(zip(times, values, strict=True))
     return fan.Input.waypoints(case.puppet, points)
@@ -61,13 +61,13 @@ def record(
     """A record of a case: 60 Hz, markers with noise [m], tensions with noise [N].
 
     Args:
-        case: it.
+        case: the case.
         duration: [s].
-        seed: of motion and noise.
+        seed: seed of motion and noise.
         noise, force_noise: standard deviations [m], [N].
-        gaps: share of the time for which each marker is not seen, in one piece.
-        outliers: share of the samples that are off by some centimetres.
-        known: parameter -> standard deviation of what is known of it beforehand.
+        gaps: share of the time for which each marker is hidden, in one piece.
+        outliers: share of the samples with errors of some centimetres.
+        known: parameter -> standard deviation of its prior.
     """
     rng = np.random.default_rng(1000 + seed)
     inputs = motion(case, duration, seed)

@@ -3,7 +3,7 @@
     python -m benchmarks.identify.synthetic [--puppet marionette] [--seeds 3] [--duration 30]
         [--drift 2e-4]
 
-Records are event-driven runs (rtol 1e-9) of the puppet with other numbers, sampled at 60 Hz:
+Records are event-driven runs (rtol 1e-9) of the puppet with other parameters, sampled at 60 Hz:
 markers with 2 mm of noise, each hidden for a tenth of the time. Wanted: lengths to 1 mm,
 masses to 2 %, damping to 10 %, delays to 1 ms, in 10 s.
 """
@@ -26,24 +26,26 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--duration", type=float, default=30.0)
     parser.add_argument(
-        "--drift", type=float, default=5e-4, help="of configurations; ten times that of velocities"
+        "--drift", type=float, default=5e-4, help="of configurations; velocities: ten times"
     )
-    given = parser.parse_args()
-    case = {"arm": arm, "marionette": marionette}[given.puppet]()
+    arguments = parser.parse_args()
+    case = {"arm": arm, "marionette": marionette}[arguments.puppet]()
     truth, scores = dict(case.truth), []
-    for seed in range(given.seeds):
-        one = record(case, given.duration, seed, gaps=0.1)
+    for seed in range(arguments.seeds):
+        synthetic = record(case, arguments.duration, seed, gaps=0.1)
         if seed == 0:
             fan.identify(record(case, 1.0, 0))  # compiles the libraries, outside the timing
         began, worked = time.perf_counter(), time.process_time()
-        found = fan.identify(one, drift=(given.drift, 10.0 * given.drift))
+        identified = fan.identify(synthetic, drift=(arguments.drift, 10.0 * arguments.drift))
         wall, cpu = time.perf_counter() - began, time.process_time() - worked
         print(
-            f"seed {seed}: {wall:.1f} s, {cpu:.1f} s of processors, chi2 {found.chi2:.3f}, "
-            f"drift {found.drift:.2g}, {len(found.outliers)} outliers"
+            f"seed {seed}: {wall:.1f} s, {cpu:.1f} s of processors, chi2 {identified.chi2:.3f}, "
+            f"drift {identified.drift:.2g}, {len(identified.outliers)} outliers"
         )
         print(_row("", "value", "truth", "error", "deviation", "z"))
-        for name, value, deviation in zip(found.names, found.values, found.deviations, strict=True):
+        for name, value, deviation in zip(
+            identified.names, identified.values, identified.deviations, strict=True
+        ):
             true, z = truth[name], (value - truth[name]) / deviation
             scores.append(z)
             print(
@@ -65,7 +67,7 @@ def _row(*cells: str) -> str:
 
 
 def _shown(name: str, error: float, truth: float) -> str:
-    """In mm or ms for places and the delay, otherwise relative."""
+    """The error in mm or ms for positions and the delay, otherwise relative."""
     if name == "delay":
         return f"{1e3 * error:.3f} ms"
     if name.endswith("offset") or ".at." in name or "tie" in name:

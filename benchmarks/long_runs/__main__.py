@@ -51,7 +51,7 @@ def main() -> None:
 
 
 def announced(what: str, table: Table) -> str:
-    """A table as text, shown when it is there."""
+    """A table as text, printed when complete."""
     print(what, table.markdown(), sep="\n", flush=True)
     return table.markdown()
 

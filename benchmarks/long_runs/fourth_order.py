@@ -1,11 +1,11 @@
-"""``python -m benchmarks.long_runs.fourth_order``: what a fourth-order member would cost and give.
+"""``python -m benchmarks.long_runs.fourth_order``: cost and accuracy of a fourth-order method.
 
 The midpoint rule of the integrator, compared with Lobatto IIIA-IIIB with three stages in its
 variational form: a parabola through q_k, q_mid, q_k+1, the action by Simpson's rule,
 
     L_d = dt (L_k + 4 L_mid + L_k+1) / 6
 
-order four, with positive substeps, strings held at q_mid and q_k+1 by impulses at q_k and q_mid
+order four, with positive time steps, strings held at q_mid and q_k+1 by impulses at q_k and q_mid
 (Marsden and West, Discrete mechanics and variational integrators, 2001, section 2.6). Both are
 solved by a Newton iteration whose matrix is made once a step. A correction takes one evaluation of
 L's gradient by the midpoint rule and three by the other; these evaluations are the cost.
@@ -39,15 +39,15 @@ SECONDS = 0.4
 ERRORS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 EXACT = 1e-12
 RULES = {"midpoint rule": 1, "Lobatto, three stages": 3}
-"""Evaluations of L's gradient in a correction."""
+"""Numbers of evaluations of L's gradient in a correction."""
 
 
 class Rule:
     """A step of a rule: p_k, q_k -> p_k+1, q_k+1, the strings held.
 
     Args:
-        puppet: of scalar coordinates, its inputs at rest, without damping.
-        x: the state that inputs and taut strings are taken from.
+        puppet: undamped puppet with scalar coordinates and constant inputs.
+        x: state with the inputs and the taut strings.
         stages: 1 for the midpoint rule, 3 for Lobatto.
     """
 
@@ -86,13 +86,13 @@ class Rule:
                 held(q_next),
                 held(q_mid),
             )
-        given = [unknowns, q, p, dt]
-        self.residual = ca.Function("residual", given, [residual])
-        self.jacobian = ca.Function("jacobian", given, [ca.jacobian(residual, unknowns)])
-        self.after = ca.Function("after", given, [ca.gradient(L_d, q_next)])
+        arguments = [unknowns, q, p, dt]
+        self.residual = ca.Function("residual", arguments, [residual])
+        self.jacobian = ca.Function("jacobian", arguments, [ca.jacobian(residual, unknowns)])
+        self.after = ca.Function("after", arguments, [ca.gradient(L_d, q_next)])
 
     def run(self, q: np.ndarray, p: np.ndarray, v: np.ndarray, dt: float) -> tuple:
-        """q at the end, and the corrections that the steps took."""
+        """The final q, and the number of corrections of the steps."""
         corrections, n_steps = 0, round(SECONDS / dt)
         for _ in range(n_steps):
             q_next, q_mid = q + dt * v, q + 0.5 * dt * v
@@ -127,15 +127,21 @@ def measured() -> tuple[Table, Table]:
     steps, curves, rows = SECONDS / np.array([6, 12, 24, 48, 96, 192, 384]), {}, []
     for name, evaluations in RULES.items():
         rule = Rule(puppet, x, evaluations)
-        found = []
+        results = []
         for dt in steps:
             q, corrections = rule.run(x.q_D, momentum, x.v_D, dt)
-            found.append((np.max(np.abs(q - exact.q_D[-1])), corrections * evaluations))
+            results.append((np.max(np.abs(q - exact.q_D[-1])), corrections * evaluations))
             each = corrections / round(SECONDS / dt)
             rows.append(
-                [name, f"{1e3 * dt:.3g}", f"{found[-1][0]:.1e}", f"{each:.1f}", str(found[-1][1])]
+                [
+                    name,
+                    f"{1e3 * dt:.3g}",
+                    f"{results[-1][0]:.1e}",
+                    f"{each:.1f}",
+                    str(results[-1][1]),
+                ]
             )
-        curves[name] = np.log(np.array(found, dtype=float))
+        curves[name] = np.log(np.array(results, dtype=float))
     cost = [[f"{e:.0e}"] for e in ERRORS]
     for curve in curves.values():
         for row, e in zip(cost, ERRORS, strict=True):

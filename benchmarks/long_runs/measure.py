@@ -1,4 +1,4 @@
-"""What is measured, as tables."""
+"""Measurements as tables."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ METHODS = {
 
 
 def energy(amplitude: float, seconds: float) -> Table:
-    """A swing by all methods: what becomes of its energy."""
+    """Energy errors of a swing by all methods."""
     rows, x = [], subject.swing(amplitude)
     for name, method in METHODS.items():
         saved = (
@@ -144,7 +144,7 @@ def catches() -> Table:
 
 
 def momenta() -> Table:
-    """How far momenta stray that symmetry keeps, over 100 s."""
+    """Drift of conserved momenta over 100 s."""
     flyer = fan.loads(subject.FLYER)
     v_D = 2.0 * np.random.default_rng(0).normal(size=flyer.coordinates.n_vD)
     loose = flyer.with_parameters({"g": 0.0})
@@ -161,10 +161,10 @@ def momenta() -> Table:
         ),
     }
     rows = []
-    for name, (puppet, x, kept) in starts.items():
+    for name, (puppet, x, conserved) in starts.items():
         for dt in (0.01, 1.0 / 30.0):
             run = fan.simulate(puppet, x, t_end=100.0, method=fan.Variational(dt=dt), save_every=10)
-            J = momentum_map(puppet, run)[:, kept]
+            J = momentum_map(puppet, run)[:, conserved]
             strays = number(np.ptp(J, axis=0).max())
             rows.append([name, f"{1e3 * dt:.3g}", number(np.abs(J[0]).max()), strays])
     return Table(["body with a leg", "step [ms]", "largest momentum", "deviation"], rows)
@@ -172,17 +172,17 @@ def momenta() -> Table:
 
 def momentum_map(puppet: fan.Marionette, run: fan.Trajectory) -> np.ndarray:
     """(T, 6) linear momentum and angular momentum about the origin of a puppet on a free joint."""
-    found = []
+    values = []
     for q, v in zip(run.q_D, run.v_D, strict=True):
         p = puppet.mass_matrix(puppet.state().replace(q_D=q, v_D=v)) @ v
         w, u = q[3], q[4:7]
         turn = p[3:6] + 2.0 * np.cross(u, w * p[3:6] + np.cross(u, p[3:6]))
-        found.append([*p[:3], *(np.cross(q[:3], p[:3]) + turn)])
-    return np.array(found)
+        values.append([*p[:3], *(np.cross(q[:3], p[:3]) + turn)])
+    return np.array(values)
 
 
 def cost() -> tuple[Table, float]:
-    """Microseconds of a step of the marionette, and the slowest at 10 ms."""
+    """Time of a step of the marionette [us], and the slowest at 10 ms."""
     rows, slowest = [], 0.0
     for amplitude in (GENTLE, 0.1, VIGOROUS):
         x = subject.swing(amplitude)
@@ -196,7 +196,7 @@ def cost() -> tuple[Table, float]:
 
 
 def step_time(puppet: fan.Marionette, x: State, method: str, dt: float, n: int = 1000) -> float:
-    """Microseconds of processor time a step, the least of five runs."""
+    """Processor time of a step [us], the shortest of five runs."""
     options = puppet.run_options(dt=dt, save_every=10**9, save_steps=False)
     hold, took = fan.Input.hold(puppet).bound(x.q_K), []
     for _ in range(5):
@@ -225,11 +225,11 @@ def lanes(n: int = 64, dt: float = 0.01) -> str:
         )
         took.append(time.process_time() - began)
     own = 1e6 * min(took) * dt / (2.0 * n)
-    one = np.mean([step_time(puppet, x, "variational", dt, round(2.0 / dt)) for x in starts[:8]])
+    single = np.mean([step_time(puppet, x, "variational", dt, round(2.0 / dt)) for x in starts[:8]])
     return (
         f"In a batch of {n}, in lanes on one thread, a step at {1e3 * dt:g} ms takes {own:.1f} us "
-        f"per trajectory, compared with {one:.1f} us for single runs: {one / own:.1f} times as "
-        "fast."
+        f"per trajectory, compared with {single:.1f} us for single runs: {single / own:.1f} times "
+        "as fast."
     )
 
 

@@ -1,4 +1,4 @@
-"""The puppets that are measured, and where they start."""
+"""The measured puppets, and their start states."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ strings:
   - {name: line, path: [{body: body, at: [0.05, 0, 0.1]}, {world: [0, 0, 0]}], length: driven}
 pose: {body.z: -1.0, line.length: 0.95}
 """
-"""A free body with a leg on a ball joint, on a string from the origin or on none."""
+"""A free body with a leg on a ball joint, with or without a string from the origin."""
 
 
 @functools.cache
@@ -59,7 +59,7 @@ def all_taut() -> State:
 
 
 def swinging(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
-    """A state at rest that moves by v_D, less what its taut strings hold."""
+    """A state at rest with the velocity v_D, less its components along taut strings."""
     x = rest.replace(v_D=v_D)
     at = Evaluation.of(puppet, x)
     taut = np.flatnonzero(np.abs(at.h) < 1e-9)
@@ -68,7 +68,7 @@ def swinging(puppet: fan.Marionette, rest: State, v_D: np.ndarray) -> State:
 
 
 def swing(amplitude: float) -> State:
-    """The marionette, all strings taut, in a random swing of that size [rad/s, m/s]."""
+    """The marionette, all strings taut, in a random swing of this amplitude [rad/s, m/s]."""
     return swinging(damped(), all_taut(), amplitude * np.random.default_rng(1).normal(size=25))
 
 
@@ -82,7 +82,7 @@ def lifted(by: float, amplitude: float) -> State:
 
 
 def sway(x: State) -> fan.Input:
-    """A shoulder is shifted and a hand lifted, smoothly."""
+    """An input that smoothly shifts a shoulder and lifts a hand."""
     start = dict(zip(damped().coordinates.q_K, x.q_K, strict=True))
     moves = {"shoulder_left.x": 0.01, "hand_right.length": -0.01}
     return fan.Input.waypoints(

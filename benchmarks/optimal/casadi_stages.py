@@ -1,4 +1,4 @@
-"""The same programs of stages for solvers that CasADi brings (https://web.casadi.org)."""
+"""The same programs of stages for solvers in CasADi (https://web.casadi.org)."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ OSQP = {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 20000, "verbose": False}
 
 
 class CasadiSolver:
-    """Solves programs of one shape without rows, as solvers of optimal control want them.
+    """Solves programs of one shape without rows, in the form of optimal control solvers.
 
-    States have the inputs before them, which costs of jerks join with the next ones.
+    States include the previous inputs, which costs of jerks couple with the next ones.
 
     Args:
         name: ``hpipm`` or ``osqp``.
-        program: of that shape.
-        iterations: of HPIPM, which makes them all where its tolerances ask for more than rounding
-            allows.
+        program: a program of that shape.
+        iterations: number for HPIPM, which makes all of them if rounding prevents its
+            tolerances.
     """
 
     def __init__(self, name: str, program: StageProgram, iterations: int = 60):
@@ -47,25 +47,25 @@ class CasadiSolver:
         self._solver = casadi.conic("s", name, {"h": self._P, "a": self._A}, options)
 
     def solve(self, program: StageProgram, unit: float = 1.0) -> tuple[Array, float]:
-        """Inputs, and the milliseconds within the solver.
+        """The inputs, and the solver's time [ms].
 
         Args:
             program: see :class:`StageProgram`.
-            unit: of its cost.
+            unit: unit of its cost.
         """
         P, c, A, b, low, high = self._made(program, unit)
         h = casadi.DM(self._P, P.data)
         a = casadi.DM(self._A, A.data)
         began = time.perf_counter()
-        found = self._solver(h=h, g=c, a=a, lba=b, uba=b, lbx=low, ubx=high)
+        solution = self._solver(h=h, g=c, a=a, lba=b, uba=b, lbx=low, ubx=high)
         seconds = time.perf_counter() - began
-        x = np.array(found["x"]).ravel()
+        x = np.array(solution["x"]).ravel()
         x = np.concatenate([np.zeros(self._x), x[: self._n * (self._x + self._u) - self._x]])
         u = x.reshape(self._n, -1)[:, self._x :]
         return u, 1e3 * seconds
 
     def _made(self, program: StageProgram, unit: float) -> tuple[Any, ...]:
-        """P, c, A, b, low, high of u_0, x_1, u_1, ... x_N with x = (z, u before); x_0 = 0."""
+        """P, c, A, b, low, high of u_0, x_1, u_1, ... x_N with x = (z, previous u); x_0 = 0."""
         N, n_z, k = program.B.shape
         n_x, width = self._x, self._x + k
         of_x, of_u = np.arange(n_x), n_x + np.arange(k)

@@ -1,12 +1,12 @@
-"""Crocoddyl in an interpreter of its own: problems and questions come as lines of JSON.
+"""Crocoddyl in a separate interpreter: problems and requests are lines of JSON.
 
-    python crocoddyl_peer.py < questions
+    python crocoddyl_peer.py < requests
 
-The first line is a problem (``peer_problems.Problem.told``); each further line asks to ``solve``,
-to ``score`` inputs or for the time of ``derivatives``, and is answered by a line.
+The first line is a problem (``peer_problems.Problem.told``); each further line requests ``solve``,
+``score`` of inputs or the time of ``derivatives``, and gets a line as the answer.
 
-The hand is a body of 1 kg, driven by forces; what hangs from it has the weight of 1e-12 kg. So the
-forces are the hand's accelerations, but for gravity, and the links move as they would at any scale
+The hand is a body of 1 kg, driven by forces; the links below it weigh 1e-12 kg in total. So the
+forces are the hand's accelerations, except for gravity, and the links move as at any scale
 of their masses.
 """
 
@@ -37,7 +37,7 @@ class Hand(crocoddyl.ActuationModelAbstract):
         data.tau = self._B @ u
 
     def calcDiff(self, data: Any, x: Any, u: Any) -> None:
-        """What createData has set stays."""
+        """Keeps the values of createData."""
 
     def createData(self) -> Any:
         data = crocoddyl.ActuationDataAbstract(self)
@@ -52,13 +52,13 @@ def model_of(problem: dict[str, Any]) -> Any:
         of_axis = {"x": pin.JointModelPX, "y": pin.JointModelPY, "z": pin.JointModelPZ}[axis]
         joint = model.addJoint(joint, of_axis(), pin.SE3.Identity(), f"hand {axis}")
     model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
-    joints, unit = [joint], SCALE / sum(one["mass"] for one in problem["links"])
-    for one in problem["links"]:
-        place = pin.SE3(np.eye(3), np.array(one["at"]))
-        turns = pin.JointModelRevoluteUnaligned(*one["axis"])
-        joints.append(model.addJoint(joints[one["parent"] + 1], turns, place, one["name"]))
+    joints, unit = [joint], SCALE / sum(link["mass"] for link in problem["links"])
+    for link in problem["links"]:
+        place = pin.SE3(np.eye(3), np.array(link["at"]))
+        turns = pin.JointModelRevoluteUnaligned(*link["axis"])
+        joints.append(model.addJoint(joints[link["parent"] + 1], turns, place, link["name"]))
         inertia = pin.Inertia(
-            unit * one["mass"], np.array(one["com"]), unit * np.diag(one["inertia"])
+            unit * link["mass"], np.array(link["com"]), unit * np.diag(link["inertia"])
         )
         model.appendBodyToJoint(joints[-1], inertia, pin.SE3.Identity())
     return model
@@ -92,16 +92,16 @@ class Peer:
         h = 0.0 if at_end else self._problem["interval"]
         differential = self._differential(at_end)
         if integrator == "euler":
-            made = crocoddyl.IntegratedActionModelEuler(differential, h)
+            action = crocoddyl.IntegratedActionModelEuler(differential, h)
         else:
-            made = crocoddyl.IntegratedActionModelRK(differential, crocoddyl.RKType.four, h)
-        most = self._problem["acceleration"]
-        if most is not None and not at_end:
-            made.u_lb, made.u_ub = self._hold - most, self._hold + most
-        return made
+            action = crocoddyl.IntegratedActionModelRK(differential, crocoddyl.RKType.four, h)
+        bound = self._problem["acceleration"]
+        if bound is not None and not at_end:
+            action.u_lb, action.u_ub = self._hold - bound, self._hold + bound
+        return action
 
     def solve(self, integrator: str, stop: float, iterations: int) -> dict[str, Any]:
-        """From inputs that hold still; the time is that of ``solve`` alone [s]."""
+        """Solves from constant inputs; the time is that of ``solve`` alone [s]."""
         N = self._problem["intervals"]
         if integrator not in self._solvers:
             running = [self._action(integrator)] * N
@@ -156,7 +156,7 @@ class Peer:
 
 
 def main() -> None:
-    """Answers."""
+    """Answers requests."""
     peer = None
     for line in sys.stdin:
         asked = json.loads(line)

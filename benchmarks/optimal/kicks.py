@@ -1,9 +1,9 @@
-"""Prints how near the kicked marionette draws its circle: open loop, with gains, and under MPC.
+"""Prints the kicked marionette's errors in drawing a circle: open loop, with gains, and under MPC.
 
     python -m benchmarks.optimal.kicks [--kicks 20] [--size 2.0]
 
-All joint velocities at the start are changed, together by the size. The puppet is simulated by time
-steps of 1 ms; a run arrives when its hand is within 5 mm of the circle in the last half second.
+A kick changes all joint velocities at the start, with this norm. The puppet is simulated by time
+steps of 1 ms; a run arrives if its hand is within 5 mm of the circle in the last half second.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from fantoccini.motion import State
 
 AT = np.array([0.0, 0.0, -0.09])
 """The point of the hand that draws, in the forearm's frame [m]."""
-NEAR = 5e-3
-"""Distance within which a run arrives [m]."""
+ARRIVAL_DISTANCE = 5e-3
+"""Largest distance of a run that arrives [m]."""
 DT = 0.001
 """Time step of the simulation [s]."""
 
@@ -59,10 +59,10 @@ def main() -> None:
         own = {name: getattr(nodes, name)[i : i + 1] for name in ("q_D", "v_D", "q_K", "v_K")}
         now = (getattr(x, name)[None] for name in own)
         z = replace(nodes, **own).between(*now, first=0)[0]
-        most = task.bounds.magnitudes(task.marionette, "acceleration")
-        return np.clip(nodes.acc_K[i] + gains[i] @ z, -most, most)
+        bound = task.bounds.magnitudes(task.marionette, "acceleration")
+        return np.clip(nodes.acc_K[i] + gains[i] @ z, -bound, bound)
 
-    random, found, taken = np.random.default_rng(0), {}, []
+    random, results, taken = np.random.default_rng(0), {}, []
 
     def timed(mpc: fan.MPC, x: State, _: int) -> Array:
         acc_K = mpc.step(x)
@@ -83,12 +83,13 @@ def main() -> None:
         for name, (interval, law) in ways.items():
             away = distances(task, x0, interval, law)
             late = away[-round(0.5 / interval) :]
-            found.setdefault(name, []).append((np.max(late), np.sqrt(np.mean(np.square(away)))))
-    for name, rows in found.items():
+            results.setdefault(name, []).append((np.max(late), np.sqrt(np.mean(np.square(away)))))
+    for name, rows in results.items():
         last, rms = np.array(rows).T
         print(
-            f"{name:10} {np.sum(last < NEAR)} of {len(last)} arrive; medians: in the last half "
-            f"second at most {1e3 * np.median(last):.2g} mm away, {1e3 * np.median(rms):.2g} mm RMS"
+            f"{name:10} {np.sum(last < ARRIVAL_DISTANCE)} of {len(last)} arrive; "
+            f"medians: in the last half second at most {1e3 * np.median(last):.2g} mm away, "
+            f"{1e3 * np.median(rms):.2g} mm RMS"
         )
     seconds = np.array(taken)
     print(

@@ -1,10 +1,10 @@
-"""Prints how often the arm's swing-up is found from a cold start, by seed and by method.
+"""Prints the success of the arm's swing-up search from a cold start, by seed and by method.
 
     python -m benchmarks.optimal.modes [--seeds 20] [--methods]
 
-Inputs hold still at first; seeds are those of the random motions of the explorations. With
---methods, what follows one exploration is compared: the search of taut motions, with derivatives of
-time steps and with exact ones, and the search in a trust region.
+Initial inputs are constant; seeds are those of the random motions of the explorations. With
+--methods, it compares searches after one exploration: for taut motions, with derivatives of
+time steps and with exact ones, and in a trust region.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ METHODS: dict[str, tuple[type[EventRuns], Callable[..., Search | Tightening]]] =
 
 
 def slack(run: fan.Trajectory) -> float:
-    """How long the string is slack [s]."""
+    """Total time with a slack string [s]."""
     return float(np.sum(np.diff(run.t) * (run.tension["hand"][:-1] == 0.0)))
 
 
 def by_seed(task: fan.Task, seeds: int) -> None:
-    """Whole searches."""
-    found = []
+    """Prints full searches."""
+    successes = []
     for seed in range(seeds):
         best = fan.optimise(
             task,
@@ -57,13 +57,13 @@ def by_seed(task: fan.Task, seeds: int) -> None:
         )
         again = fan.simulate(task.marionette, task.x0, best.inputs, best.run.t[-1])
         off = max(np.max(np.abs(again.q_D[-1] - task.end.q_D)), np.max(np.abs(again.v_D[-1])))
-        found.append(best.holds and off < HOLDS)
+        successes.append(best.holds and off < HOLDS)
         print(f"seed {seed:2}: {best}, end within {off:.1e}, slack {slack(best.run):.2f} s")
-    print(f"found: {sum(found)} of {seeds}")
+    print(f"found: {sum(successes)} of {seeds}")
 
 
 def by_method(task: fan.Task, seeds: int) -> None:
-    """What follows one exploration."""
+    """Prints searches after one exploration."""
     marionette, chosen = task.marionette, Chosen(task.marionette, task.x0, {})
     first = Nodes.still(marionette, task.x0, task.durations[1], task.n_intervals)
     costs: dict[str, list[float]] = {name: [] for name in METHODS}

@@ -1,4 +1,4 @@
-"""Steps of MuJoCo and their derivatives, of the same links (https://mujoco.org)."""
+"""Steps of MuJoCo and their derivatives, for the same links (https://mujoco.org)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fantoccini.base.arrays import Array
 from .peer_problems import Problem
 
 HEAVY = 1e9
-"""Mass of the hand, over which its force is its acceleration [kg]."""
+"""Mass of the hand, by which its force is scaled [kg]."""
 
 
 class MuJoCoSteps:
@@ -29,7 +29,7 @@ class MuJoCoSteps:
         self._k = len(problem.axes)
 
     def accelerations(self, q: Array, v: Array, acc: Array) -> Array:
-        """(n_vD,) of the hinges, while the hand has an acceleration."""
+        """(n_vD,) accelerations of the hinges for one of the hand."""
         self._data.qpos[:], self._data.qvel[:] = q, v
         self._data.ctrl[:] = HEAVY * acc
         mujoco.mj_forward(self._model, self._data)
@@ -40,8 +40,8 @@ class MuJoCoSteps:
         model, data, n = self._model, self._data, self._model.nv
         A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, self._k))
         began = time.perf_counter()
-        for one in range(len(q)):
-            data.qpos[:], data.qvel[:] = q[one], v[one]
+        for state in range(len(q)):
+            data.qpos[:], data.qvel[:] = q[state], v[state]
             mujoco.mjd_transitionFD(model, data, 1e-6, centred, A, B, None, None)
         return (time.perf_counter() - began) / len(q)
 
@@ -49,18 +49,18 @@ class MuJoCoSteps:
 def _xml(problem: Problem) -> str:
     """MJCF of the links, without contact; gravity does not pull at the hand."""
     below: dict[int, list[int]] = {}
-    for i, one in enumerate(problem.links):
-        below.setdefault(one.parent, []).append(i)
+    for i, link in enumerate(problem.links):
+        below.setdefault(link.parent, []).append(i)
 
     def words(values: tuple[float, ...]) -> str:
         return quoteattr(" ".join(map(repr, values)))
 
     def body(i: int) -> str:
-        one = problem.links[i]
+        link = problem.links[i]
         return (
-            f"<body pos={words(one.at)}><joint type='hinge' axis={words(one.axis)}/>"
-            f"<inertial pos={words(one.com)} mass='{one.mass!r}' "
-            f"diaginertia={words(one.inertia)}/>{''.join(map(body, below.get(i, [])))}</body>"
+            f"<body pos={words(link.at)}><joint type='hinge' axis={words(link.axis)}/>"
+            f"<inertial pos={words(link.com)} mass='{link.mass!r}' "
+            f"diaginertia={words(link.inertia)}/>{''.join(map(body, below.get(i, [])))}</body>"
         )
 
     slides = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}

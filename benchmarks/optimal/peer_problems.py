@@ -1,4 +1,4 @@
-"""Optimal control problems that Crocoddyl and MuJoCo can express too, written once for all.
+"""Optimal control problems that Crocoddyl and MuJoCo can also express.
 
     min  w/2 integral |acc_K|^2 dt  +  W/2 |q(T) - goal|^2  +  W_v/2 |v(T)|^2
 
@@ -17,9 +17,9 @@ import fantoccini as fan
 Vector = tuple[float, float, float]
 
 SMOOTH = 1.0
-"""w, of the hand's accelerations [s^4/m^2]."""
+"""Weight w of the hand's accelerations [s^4/m^2]."""
 END = 1e2
-"""Weights of the places and of the velocities at the end [1/m^2 and s^2/m^2, or per rad^2]."""
+"""Weights of final positions and velocities [1/m^2 and s^2/m^2, or per rad^2]."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,9 @@ class Link:
     """A body on a hinge.
 
     Attributes:
-        name: of the body and of its hinge.
+        name: name of the body and of its hinge.
         parent: its index among the links; -1 is the hand.
-        axis, at: of the hinge, in the parent's frame [m].
+        axis, at: axis and position of the hinge, in the parent's frame [m].
         mass, com, inertia: [kg], [m] and, about the centre of mass, [kg m^2].
     """
 
@@ -44,15 +44,15 @@ class Link:
 
 @dataclass(frozen=True)
 class Problem:
-    """Links that hang from a hand, and where the hand is to take them, from rest to rest.
+    """Links that hang from a hand, and the goal to which it takes them, from rest to rest.
 
     Attributes:
-        name: of the problem.
-        axes: along which the hand moves.
-        links: parents first.
-        goal: (n_inputs,) of the hand; the hinges are to be at 0 [m].
-        duration, intervals: of the motion [s].
-        acceleration: the largest of the hand [m/s^2].
+        name: name of the problem.
+        axes: axes along which the hand moves.
+        links: links, parents first.
+        goal: (n_inputs,) final position of the hand; the hinges end at 0 [m].
+        duration, intervals: duration [s] and number of intervals of the motion.
+        acceleration: largest acceleration of the hand [m/s^2].
         rope: whether the first link is a rope, of massless frame, whose mass hangs at ``com``.
     """
 
@@ -67,34 +67,34 @@ class Problem:
 
     @property
     def interval(self) -> float:
-        """[s]."""
+        """Length of an interval [s]."""
         return self.duration / self.intervals
 
     def marionette(self) -> fan.Marionette:
-        """The puppet; a rope is a string, whose end turns about the hand and is free to rise."""
+        """The puppet; a rope is a string whose end turns about the hand and may rise."""
         lines = [
             f"puppet: {self.name}",
             "bodies:",
             f"- {{name: hand, joint: {{type: translation, axes: [{', '.join(self.axes)}], "
             "driven: true}}",
         ]
-        names = ["hand", *(one.name for one in self.links)]
-        for i, one in enumerate(self.links):
-            parent, at, com, weighs = names[one.parent + 1], one.at, one.com, True
+        names = ["hand", *(link.name for link in self.links)]
+        for i, link in enumerate(self.links):
+            parent, at, com, weighs = names[link.parent + 1], link.at, link.com, True
             if self.rope and i == 0:
-                # A frame that turns, and in it the hook, which can come nearer to the hand.
+                # A frame that turns, and in it the hook, which may approach the hand.
                 com, weighs = (0.0, 0.0, 0.0), False
-            elif self.rope and one.parent == 0:
+            elif self.rope and link.parent == 0:
                 parent, at = "hook", (0.0, 0.0, 0.0)
-            solid = f", mass: {one.mass}, com: {list(com)}, inertia: {list(one.inertia)}"
+            solid = f", mass: {link.mass}, com: {list(com)}, inertia: {list(link.inertia)}"
             lines.append(
-                f"- {{name: {one.name}, parent: {parent}, joint: {{type: revolute, "
-                f"axis: {list(one.axis)}, at: {list(at)}}}{solid if weighs else ''}}}"
+                f"- {{name: {link.name}, parent: {parent}, joint: {{type: revolute, "
+                f"axis: {list(link.axis)}, at: {list(at)}}}{solid if weighs else ''}}}"
             )
             if not weighs:
                 lines.append(
-                    f"- {{name: hook, parent: {one.name}, joint: {{type: prismatic, "
-                    f"axis: [0, 0, 1], at: {list(one.com)}}}{solid}}}"
+                    f"- {{name: hook, parent: {link.name}, joint: {{type: prismatic, "
+                    f"axis: [0, 0, 1], at: {list(link.com)}}}{solid}}}"
                 )
         if self.rope:
             length = -self.links[0].com[2]
@@ -109,7 +109,7 @@ class Problem:
         """The problem as ours; derivatives by time steps of dt."""
         t = marionette.coordinates
         hand = dict(zip(t.q_K, self.goal, strict=True))
-        hinges = dict.fromkeys((one.name for one in self.links), 0.0)
+        hinges = dict.fromkeys((link.name for link in self.links), 0.0)
         tracks = [
             fan.control.Track.coordinate(name, value, weight=0.0, end_weight=END)
             for name, value in {**hand, **hinges}.items()
@@ -119,7 +119,7 @@ class Problem:
         ]
         bounds = fan.control.Bounds(acceleration=self.acceleration)
         if self.rope:
-            weight = 9.81 * sum(one.mass for one in self.links)
+            weight = 9.81 * sum(link.mass for link in self.links)
             bounds = replace(bounds, tension={"rope": (0.01 * weight, np.inf)})
         x0 = marionette.state(dict.fromkeys((*t.q_D, *t.q_K), 0.0))
         return fan.Task(
@@ -135,7 +135,7 @@ class Problem:
         )
 
     def told(self) -> dict[str, object]:
-        """For the peers, in JSON's words."""
+        """The problem for the peers, as JSON data."""
         return {
             "axes": self.axes,
             "goal": self.goal,
@@ -144,7 +144,7 @@ class Problem:
             "smooth": SMOOTH,
             "end": END,
             "acceleration": self.acceleration if np.isfinite(self.acceleration) else None,
-            "links": [vars(one) for one in self.links],
+            "links": [vars(link) for link in self.links],
         }
 
 
@@ -153,7 +153,7 @@ def puppet(intervals: int = 100) -> Problem:
     links: list[Link] = []
 
     def limb(name: str, n: int, parent: int, first: Vector, long: float, mass: float) -> int:
-        """Index of the last of n links that hang on a parent, hinges about y and x in turns."""
+        """Index of the last of n links below a parent, with hinges about y and x in turn."""
         for k in range(n):
             axis = (1.0, 0.0, 0.0) if k % 2 else (0.0, 1.0, 0.0)
             at = (0.0, 0.0, -long) if k else first
@@ -164,7 +164,7 @@ def puppet(intervals: int = 100) -> Problem:
             parent = len(links) - 1
         return parent
 
-    # Depth first: Pinocchio's derivatives take subtrees to be contiguous.
+    # Depth first: Pinocchio's derivatives need contiguous subtrees.
     down = -0.12
     chest = limb("chest", 2, -1, (0.0, 0.0, 0.0), 0.12, 0.3)
     for side, y in (("left", 0.1), ("right", -0.1)):
@@ -176,7 +176,7 @@ def puppet(intervals: int = 100) -> Problem:
 
 
 def crane(intervals: int = 60) -> Problem:
-    """A trolley, a hook on a rope, and a load that turns on the hook; the trolley in its bounds."""
+    """A bounded trolley, a hook on a rope, and a load that turns on the hook."""
     down, across = (0.0, 0.0, -2.5), (0.0, -1.0, 0.0)
     links = [
         Link("swing", -1, across, (0.0, 0.0, 0.0), 30.0, down, (2.0, 2.0, 2.0)),

@@ -1,11 +1,11 @@
-"""Prints how fast and how well fan.optimise and Crocoddyl solve the same problems, in turns.
+"""Compares fan.optimise with Crocoddyl on the same problems, in turns: time and cost.
 
     python -m benchmarks.optimal.peers [--turns 5] [--crocoddyl .venv-crocoddyl/bin/python]
 
-Crocoddyl runs in an interpreter of its own, as its wheel wants an older Pinocchio. Both begin with
-inputs that hold still and have one thread. All inputs found are scored by one function, SciPy's
-DOP853 over Pinocchio's accelerations, and by an event-driven run of ours, which has the string.
-In the end come times of a step and its derivatives, MuJoCo's by differences.
+Crocoddyl runs in a separate interpreter, since its wheel needs an older Pinocchio. Both begin with
+constant inputs and have one thread. One function scores all resulting inputs, by SciPy's
+DOP853 with Pinocchio's accelerations; an event-driven run of ours, with the string, does as well.
+The last rows are times of a step and its derivatives, MuJoCo's by differences.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ DT = 0.005
 TOLERANCE = 1e-6
 """Our KKT residual."""
 STOP = 1e-9
-"""Crocoddyl's stopping criterion, of the decrease that it expects."""
+"""Crocoddyl's stopping criterion, on its expected decrease."""
 INTEGRATORS = ("euler", "rk4")
 EXACT_SECONDS = 120.0
 """Time limit of the search with exact derivatives [s]."""
@@ -44,8 +44,8 @@ class Crocoddyl:
     """A problem in another process.
 
     Args:
-        python: an interpreter that has Crocoddyl.
-        problem: for it.
+        python: interpreter with Crocoddyl.
+        problem: the problem.
     """
 
     def __init__(self, python: Path, problem: Problem):
@@ -82,26 +82,28 @@ class Crocoddyl:
 
 def score(task: fan.Task, u: Array) -> tuple[float, bool]:
     """The cost of inputs by an event-driven run, and whether the strings stay taut in it."""
-    made = Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals)
-    run = fan.simulate(task.marionette, task.x0, replace(made, acc_K=u).inputs(), task.durations[1])
+    nodes = Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals)
+    run = fan.simulate(
+        task.marionette, task.x0, replace(nodes, acc_K=u).inputs(), task.durations[1]
+    )
     t, left = task.marionette.coordinates, []
     for names, q, v in ((t.q_D, run.q_D, run.v_D), (t.q_K, run.q_K, run.v_K)):
         end = dict(zip(names, zip(q[-1], v[-1], strict=True), strict=True))
         for track in task.tracks:
             if track.name in end:
                 left.append(end[track.name][track.kind == "velocity"] - track.path)
-    of_u = 0.5 * SMOOTH * made.interval * float(np.sum(u**2))
+    of_u = 0.5 * SMOOTH * nodes.interval * float(np.sum(u**2))
     taut = all(bool(np.all(run.tension[s.name] > 0.0)) for s in task.marionette.tree.strings)
     return of_u + 0.5 * END * float(np.square(left).sum()), taut
 
 
 def ours(task: fan.Task) -> fan.control.Optimum:
-    """As tight as Crocoddyl: no early end where steps save little."""
+    """The optimum with Crocoddyl's tolerance: without an early end at small decreases."""
     return fan.optimise(task, tolerance=TOLERANCE, cost_tolerance=0.0, threads=1)
 
 
 def compare(problem: Problem, python: Path, turns: int) -> None:
-    """Prints the rows of a problem."""
+    """Prints a problem's rows."""
     marionette = problem.marionette()
     task = problem.task(marionette, DT)
     ours(task)  # compiles
@@ -129,24 +131,29 @@ def compare(problem: Problem, python: Path, turns: int) -> None:
             exact=True,
             time_limit=EXACT_SECONDS,
         )
-        found = {"ours": (best.nodes.acc_K, best.iterations, best.cost, best.status.name)}
+        solutions = {"ours": (best.nodes.acc_K, best.iterations, best.cost, best.status.name)}
         for name, answer in answers.items():
             done = "SOLVED" if answer["done"] else "not done"
-            found[name] = np.array(answer["u"]), answer["iterations"], answer["cost"], done
-        found["ours, exact"] = exact.nodes.acc_K, exact.iterations, exact.cost, exact.status.name
+            solutions[name] = np.array(answer["u"]), answer["iterations"], answer["cost"], done
+        solutions["ours, exact"] = (
+            exact.nodes.acc_K,
+            exact.iterations,
+            exact.cost,
+            exact.status.name,
+        )
         taken["ours, exact"] = [exact.seconds]
-        scores = {name: peer("score", u=u.tolist())["cost"] for name, (u, *_) in found.items()}
-    least, best_name = min((J, name) for name, J in scores.items())
-    print(f"least cost {least:.9g} ({best_name})")
-    for name, (u, iterations, cost, status) in found.items():
+        scores = {name: peer("score", u=u.tolist())["cost"] for name, (u, *_) in solutions.items()}
+    best_cost, best_name = min((J, name) for name, J in scores.items())
+    print(f"least cost {best_cost:.9g} ({best_name})")
+    for name, (u, iterations, cost, status) in solutions.items():
         seconds = float(np.median(taken[name]))
         own, taut = score(task, u)
         ratio = np.median(np.array(taken[name]) / taken["ours"][: len(taken[name])])
         print(
             f"{name:12} {status:10} {seconds:7.3f} s, {iterations:2} iterations of "
             f"{1e3 * seconds / iterations:6.1f} ms, ratio {ratio:5.2f}; cost {cost:.8g} said, "
-            f"{scores[name] / least - 1:.1e} above the least; inputs "
-            f"{np.max(np.abs(u - found[best_name][0])):.1e} m/s^2 off; our run scores "
+            f"{scores[name] / best_cost - 1:.1e} above the least; inputs "
+            f"{np.max(np.abs(u - solutions[best_name][0])):.1e} m/s^2 off; our run scores "
             f"{own / scores[name] - 1:+.0e}{'' if taut else ', slack on the way'}"
         )
 
@@ -188,7 +195,7 @@ def main() -> None:
         "--crocoddyl",
         type=Path,
         default=ROOT / ".venv-crocoddyl" / "bin" / "python",
-        help="interpreter that has it",
+        help="interpreter with Crocoddyl",
     )
     arguments = parser.parse_args()
     if not arguments.crocoddyl.exists():

@@ -11,15 +11,15 @@ from scipy import sparse
 from fantoccini.base.arrays import Array, Indices
 from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram
 
-_MOST = 40
-"""Iterations of the interior point method."""
+_MAX_ITERATIONS = 40
+"""Largest number of iterations of the interior point method."""
 
 
 class PiqpSolver:
-    """Solves programs of one shape again and again.
+    """Solves many programs of one shape.
 
     Args:
-        tolerance: of the residuals; the gap of duality may be ten times as large.
+        tolerance: tolerance of the residuals; the duality gap may be ten times as large.
     """
 
     def __init__(self, tolerance: float = 1e-8) -> None:
@@ -28,11 +28,11 @@ class PiqpSolver:
         self._shape: tuple[int, ...] = ()
 
     def solve(self, program: StageProgram, unit: float = 1.0) -> tuple[Array, int, bool]:
-        """Inputs, iterations, and whether it is solved.
+        """The inputs, the number of iterations, and whether the program is solved.
 
         Args:
             program: see :class:`StageProgram`.
-            unit: of its cost; the tolerance is relative to it.
+            unit: unit of its cost; the tolerance is relative to it.
         """
         N, s = program.g.shape
         k, m = program.B.shape[2], program.C.shape[1]
@@ -53,7 +53,7 @@ class PiqpSolver:
             settings, tolerance = solver.settings, self._tolerance
             settings.eps_abs = settings.eps_rel = tolerance
             settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = 10.0 * tolerance
-            settings.max_iter = _MOST
+            settings.max_iter = _MAX_ITERATIONS
             solver.setup(*arguments)
         else:
             solver.update(*arguments)
@@ -87,9 +87,9 @@ class PiqpSolver:
         i, j = (x.ravel() for x in np.mgrid[:n_z, :k])
         rows, columns = [(at[:, None] + i).ravel()], [(first[:, None] + j).ravel()]
         values = [program.B[:, i, j].ravel()]
-        one = np.arange(n_z)
-        rows.append((at[:, None] + one).ravel())
-        columns.append((first[:, None] + k + one).ravel())
+        offsets = np.arange(n_z)
+        rows.append((at[:, None] + offsets).ravel())
+        columns.append((first[:, None] + k + offsets).ravel())
         values.append(np.full(N * n_z, -1.0))
         i, j = (x.ravel() for x in np.mgrid[:n_z, :n_z])
         rows.append((at[1:, None] + i).ravel())
@@ -99,19 +99,19 @@ class PiqpSolver:
         return _csc(values, rows, columns, (N * n_z, N * width)), b
 
     def _rows(self, program: StageProgram, width: int) -> tuple[sparse.csc_matrix, Array]:
-        """Rows twice: below the upper bound and above the lower one, less the elastic part."""
+        """Rows twice, for the upper and the lower bounds, with their elastic parts."""
         N = len(program.C)
         n_z, k = program.B.shape[1:]
         s = n_z + k
         sides = [(1.0, program.row_high), (-1.0, -program.row_low)]
-        kept = [np.flatnonzero(np.all(bound < UNBOUNDED, axis=0)) for _, bound in sides]
-        per_stage = sum(map(len, kept))
+        finite = [np.flatnonzero(np.all(bound < UNBOUNDED, axis=0)) for _, bound in sides]
+        per_stage = sum(map(len, finite))
         at, first, done = per_stage * np.arange(N), width * np.arange(N), 0
         rows: list[Indices] = []
         columns: list[Indices] = []
         values: list[Array] = []
         upper = np.zeros((N, per_stage))
-        for (sign, bound), which in zip(sides, kept, strict=True):
+        for (sign, bound), which in zip(sides, finite, strict=True):
             own = done + np.arange(len(which))
             upper[:, own] = bound[:, which]
             i, j = (x.ravel() for x in np.mgrid[: len(which), :s])
@@ -135,6 +135,6 @@ def _csc(
     columns: Sequence[Indices],
     shape: tuple[int, int],
 ) -> sparse.csc_matrix:
-    """With the zeros that are among the values, so that the pattern stays."""
+    """A sparse matrix with explicit zeros, so that the pattern is constant."""
     at = (np.concatenate(rows), np.concatenate(columns))
     return sparse.csc_matrix((np.concatenate(values), at), shape=shape)

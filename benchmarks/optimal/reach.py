@@ -1,9 +1,9 @@
-"""Prints how many hanging poses of the marionette ``fan.reach`` finds in a second, on one core.
+"""Prints the rate at which ``fan.reach`` finds hanging poses of the marionette, on one core.
 
     python -m benchmarks.optimal.reach [--places 500]
 
-The right hand reaches for points along a circle and for random points in boxes centred where it
-hangs, with all strings free and with the shoulders' strings held.
+The right hand reaches for points along a circle and for random points in boxes centred on its
+hanging position, with all strings free and with the shoulders' strings held.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 import fantoccini as fan
 
 PER_SECOND = 2000.0
-"""Least wanted number of poses in a second."""
+"""Target rate [poses/s]."""
 HAND = ("forearm_right", (0.0, 0.0, -0.09))
 HELD = fan.control.Bounds(held=("shoulder_left.length", "shoulder_right.length"))
 TURNS = 5
@@ -44,12 +44,12 @@ def main() -> None:
         taken = []
         for _ in range(TURNS):
             begun = time.thread_time()
-            found = fan.reach(puppet, targets, hanging, bounds=bounds)
+            poses = fan.reach(puppet, targets, hanging, bounds=bounds)
             taken.append(time.thread_time() - begun)
-        reached = sum(bool(one) for one in found)
+        reached = sum(bool(pose) for pose in poses)
         print(
             f"{name:40} {n / min(taken):7.0f} poses a second (at least {PER_SECOND:g}), "
-            f"{reached} of {n} reached, {np.median(found.iterations):g} iterations (median)"
+            f"{reached} of {n} reached, {np.median(poses.iterations):g} iterations (median)"
         )
 
 

@@ -1,10 +1,10 @@
-"""Prints how long programs of stages of the marionette take, here and elsewhere, in turns.
+"""Prints the time of the marionette's programs of stages, with several solvers in turns.
 
     python -m benchmarks.optimal.solvers [--turns 10]
 
-The programs are first steps of the task ``circle``: as it is, with all 21 inputs, and with
-accelerations bounded so that many bounds are in force. PIQP solves them as they are; HPIPM and
-OSQP, as CasADi brings them, without bounds of tensions. HPIPM is given the fewest iterations after
+The programs are first steps of the task ``circle``: unchanged, with all 21 inputs, and with
+accelerations bounded so that many bounds are active. PIQP solves them unchanged; HPIPM and
+OSQP, from CasADi, without bounds of tensions. HPIPM gets the smallest number of iterations after
 which its inputs are within 1e-4 m/s^2 of the solution.
 """
 
@@ -32,26 +32,26 @@ from .piqp_stages import PiqpSolver
 
 DAMPING = 3e-4
 """Damping of the Hessian, in units of the cost: that of the search's first step."""
-NEAR = 1e-4
-"""Of inputs that count as found [m/s^2]."""
+INPUT_TOLERANCE = 1e-4
+"""Largest error of the inputs of a solution [m/s^2]."""
 
 
 def first_program(task: fan.Task) -> tuple[StageProgram, float]:
     """The program of a task's first step, and its unit."""
     steps = TimeSteps(task.marionette, task.dt, 1)
     runs = EventRuns(steps, Chosen(task.marionette, task.x0, {}))
-    made = runs.run(Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals))
-    assert made is not None
-    objective, linear = Objective(task), runs.linearise(made[0], runs.ends(*made))
-    objective.take_unit(made[0], linear)
-    return objective.program(made[0], linear, DAMPING * objective.unit, 0.0), objective.unit
+    motion = runs.run(Nodes.still(task.marionette, task.x0, task.durations[1], task.n_intervals))
+    assert motion is not None
+    objective, linear = Objective(task), runs.linearise(motion[0], runs.ends(*motion))
+    objective.take_unit(motion[0], linear)
+    return objective.program(motion[0], linear, DAMPING * objective.unit, 0.0), objective.unit
 
 
 def timed(call: Callable[[], Any]) -> tuple[Any, float]:
-    """The result of a call, and how long it took [ms]."""
+    """The result of a call, and its duration [ms]."""
     began = time.perf_counter()
-    found = call()
-    return found, 1e3 * (time.perf_counter() - began)
+    result = call()
+    return result, 1e3 * (time.perf_counter() - began)
 
 
 def main() -> None:
@@ -84,7 +84,7 @@ def main() -> None:
 
 
 def others(task: fan.Task, turns: int) -> None:
-    """Prints how long HPIPM, OSQP and our own solver take."""
+    """Prints the times of HPIPM, OSQP and our own solver."""
     program, unit = first_program(task)
     exact = StageSolver(1e-13).solve(program, unit).u
     own = StageSolver(1e-8)
@@ -92,7 +92,7 @@ def others(task: fan.Task, turns: int) -> None:
         for limit in limits:
             solver = CasadiSolver(other, program, limit)
             apart = float(np.max(np.abs(solver.solve(program, unit)[0] - exact)))
-            if apart < NEAR:
+            if apart < INPUT_TOLERANCE:
                 break
         taken = []
         for _ in range(turns):

@@ -1,9 +1,9 @@
 """A take of ten seconds with ten tosses, followed smoothly.
 
-A hand jerks the string of a two-link arm up and lets it down, ten times: the string goes slack and
+A hand jerks the string of a two-link arm up and lowers it, ten times: the string goes slack and
 snaps taut each time. The search then finds smooth inputs with which the tip follows the same path,
 every catch included (``exact=True``), until the residual of the conditions of optimality is below
-1e-6. The arm's joints have some damping, as wooden ones have: without it (``--damping 0``) the
+1e-6. The arm's joints have damping like wooden ones: without it (``--damping 0``) the
 motion is chaotic, and searches stall.
 
     python -m benchmarks.optimal.tosses [--turns 3] [--damping 5e-3]
@@ -35,13 +35,13 @@ pose: {shoulder: -20 deg, elbow: 50 deg, hand.length: 0.858}
 TIP = (0.3, 0.0, 0.0)
 DURATION, INTERVAL = 10.0, 0.05
 TOSSES, EVERY, HEIGHT = 10, 0.95, 0.28
-"""Tosses, one every so often [s], and how far the hand pulls [m]."""
+"""Number of tosses, their interval [s], and the hand's pull [m]."""
 KKT, TIME = 1e-6, 5.0
-"""The marks: residual, and time to solve [s]."""
+"""Targets: residual, and time to solve [s]."""
 
 
 def take(arm: fan.Marionette) -> tuple[fan.State, fan.Input, fan.Trajectory]:
-    """The start, the hand's jerks, as accelerations from node to node, and their run."""
+    """The start, the hand's jerks, as accelerations between nodes, and their run."""
     x0 = arm.rest()
     length, points = x0["hand.length"], [(0.0, x0["hand.length"])]
     for toss in range(TOSSES):
@@ -52,7 +52,7 @@ def take(arm: fan.Marionette) -> tuple[fan.State, fan.Input, fan.Trajectory]:
 
 
 def task(arm: fan.Marionette, weight: float = 1e4) -> fan.Task:
-    """Follow the take with calm inputs."""
+    """The task of following the take with smooth inputs."""
     x0, rough, run = take(arm)
     track = fan.control.Track.point(
         "lower", fan.control.Clip(run), at=TIP, weight=weight, end_weight=100.0
@@ -70,7 +70,7 @@ def task(arm: fan.Marionette, weight: float = 1e4) -> fan.Task:
 
 
 def catches(run: fan.Trajectory) -> int:
-    """How often the string is caught."""
+    """Number of catches of the string."""
     return sum(event.kind is fan.motion.EventKind.CATCH for event in run.events)
 
 
@@ -78,7 +78,7 @@ def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--turns", type=int, default=3)
-    parser.add_argument("--damping", type=float, default=5e-3, help="of the joints [N m s]")
+    parser.add_argument("--damping", type=float, default=5e-3, help="damping of the joints [N m s]")
     options = parser.parse_args()
     turns, arm = options.turns, fan.loads(ARM.replace("5e-3", f"{options.damping:g}"))
     asked = task(arm)

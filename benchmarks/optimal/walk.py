@@ -1,12 +1,12 @@
-"""A walk that repeats itself and hardly slips: how far it holds, and how it was found.
+"""Measures a periodic walk with little slip, and searches for its parameters.
 
     python -m benchmarks.optimal.walk [--steps 40] [--friction 0.8] [--event] [--mujoco]
 
 Measures the marionette's walk on ``promenade`` with ``fantoccini.theatre.Gait()``: with
 five time steps, down to 0.125 ms; with ``--event`` four of its steps event-driven, tens of
 thousands of events from a state on the cycle; with ``--mujoco`` in MuJoCo, whose strings and
-contacts are soft. Slip is the way along the floor of a sole's corners while they are on it.
-``--search`` looks for better numbers for so many seconds.
+contacts are soft. Slip is the distance that a sole's corners move along the floor in contact.
+``--search`` seeks better parameters for this number of seconds.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from ..contact.mujoco_scene import text_of
 STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4)
 """Time steps [s]."""
 SAMPLE = 5e-3
-"""Between the samples that are looked at [s]."""
+"""Interval of the evaluated samples [s]."""
 ON_FLOOR = 1e-4
-"""Height up to which a corner counts as on the floor [m]."""
+"""Height below which a corner counts as on the floor [m]."""
 SLIP = 1e-3
-"""The mark: how far a foot may slip in a step [m]."""
+"""Target: slip of a foot in a step [m]."""
 LIFT = 5e-3
-"""How high a sole is to be carried at least [m]."""
+"""Target: least height of a lifted sole [m]."""
 LAST = 8
-"""Steps at the end that are looked at."""
+"""Number of evaluated steps at the end."""
 SOLE = np.array([[x, y, -0.141] for x in (-0.02, 0.034) for y in (-0.016, 0.016)])
 SPREADS = {
     "lower": 1e-3,
@@ -58,7 +58,7 @@ SPREADS = {
     "follows": 0.08,
     "followed": 0.08,
 }
-"""Initial spreads of a search, by number; stride and duration are kept fixed."""
+"""Initial spreads of a search, by parameter; stride and duration are fixed."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +66,13 @@ class Walked:
     """The last steps of a run.
 
     Attributes:
-        slip: (n, 2) way along the floor of every step and foot [m].
-        lift: (n,) height of the lowest corner of the foot that swings, at its highest [m].
-        repeats: (m,) largest change of a coordinate from one pair of steps to the next, but for
-            the way [m or rad].
-        way: of a pair of steps [m].
-        carried: mean share of the weight that the feet carry.
-        upright: least cosine of the torso's lean.
+        slip: (n, 2) slip of every step and foot [m].
+        lift: (n,) largest height of the lowest corner of the swinging foot [m].
+        repeats: (m,) largest change of a coordinate between pairs of steps, without the distance
+            walked [m or rad].
+        way: distance of a pair of steps [m].
+        carried: mean share of the weight on the feet.
+        upright: least cosine of the torso's inclination.
         tilt: mean angle of the soles while they are on the floor [deg].
     """
 
@@ -132,29 +132,29 @@ def walked(
 
 
 def cost(stage: fan.Marionette, run: fan.Trajectory, gait: Gait, steps: int) -> float:
-    """The cost of a walk: slip, change from cycle to cycle, and penalties where it hardly walks."""
-    one = walked(stage, run, gait, steps)
-    slip = 1e3 * one.slip.max(axis=1)
+    """The cost of a walk: slip, change from cycle to cycle, and penalties for hardly walking."""
+    measured = walked(stage, run, gait, steps)
+    slip = 1e3 * measured.slip.max(axis=1)
     return float(
         4.0 * slip.mean()
         + 2.0 * slip.max()
-        + 100.0 * one.repeats.mean()
-        + 50.0 * one.repeats.max()
-        + 2e3 * max(0.0, LIFT - one.lift.min())
-        + 2e2 * abs(one.way - 2.0 * gait.stride)
-        + 100.0 * max(0.0, 0.15 - one.carried)
-        + 50.0 * max(0.0, 0.98 - one.upright)
-        + 0.3 * one.tilt
+        + 100.0 * measured.repeats.mean()
+        + 50.0 * measured.repeats.max()
+        + 2e3 * max(0.0, LIFT - measured.lift.min())
+        + 2e2 * abs(measured.way - 2.0 * gait.stride)
+        + 100.0 * max(0.0, 0.15 - measured.carried)
+        + 50.0 * max(0.0, 0.98 - measured.upright)
+        + 0.3 * measured.tilt
     )
 
 
 def searched(
     stage: fan.Marionette, first: Gait, share: float, seconds: float, seed: int
 ) -> fan.control.Tuned:
-    """Numbers of a walk of 20 steps, drawn around the first ones by that share of ``SPREADS``."""
+    """Parameters of a walk of 20 steps, drawn around the first by this share of ``SPREADS``."""
     steps, x0, start = 20, stage.rest(), asdict(first)
 
-    def tell(at: Progress) -> None:
+    def print_progress(at: Progress) -> None:
         best, median = at.best
         print(f"cost {best:.3f}, median {median:.3f}", flush=True)
 
@@ -168,7 +168,7 @@ def searched(
         method=fan.TimeStepping(dt=0.00025),
         save_every=20,
         draws=Draws(runs=60, generations=1000, time_limit=seconds, seed=seed),
-        progress=tell,
+        progress=print_progress,
     )
 
 
@@ -176,11 +176,13 @@ def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=40)
-    parser.add_argument("--friction", type=float, default=0.8, help="of the floor")
-    parser.add_argument("--event", action="store_true", help="event-driven, too: minutes")
-    parser.add_argument("--mujoco", action="store_true", help="in MuJoCo, too: a minute")
-    parser.add_argument("--search", type=float, default=0.0, help="for better numbers [s]")
-    parser.add_argument("--share", type=float, default=1.0, help="of the spreads at its start")
+    parser.add_argument("--friction", type=float, default=0.8, help="friction of the floor")
+    parser.add_argument("--event", action="store_true", help="also event-driven: minutes")
+    parser.add_argument("--mujoco", action="store_true", help="also in MuJoCo: a minute")
+    parser.add_argument(
+        "--search", type=float, default=0.0, help="time to seek better parameters [s]"
+    )
+    parser.add_argument("--share", type=float, default=1.0, help="initial share of the spreads")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     gait, steps = Gait(), options.steps
@@ -188,9 +190,9 @@ def main() -> None:
     assert "friction: 0.8" in text
     stage = fan.loads(text.replace("friction: 0.8", f"friction: {options.friction:g}"))
     if options.search:
-        found = searched(stage, gait, options.share, options.search, options.seed)
-        gait = replace(gait, **found.values)
-        print(found.status.name, gait)
+        tuned = searched(stage, gait, options.share, options.search, options.seed)
+        gait = replace(gait, **tuned.values)
+        print(tuned.status.name, gait)
     x0 = stage.rest()
     inputs, end = gait.inputs(stage, steps, x0), gait.duration * (steps + 1)
     for dt in STEPS:
@@ -203,9 +205,9 @@ def main() -> None:
         run = by_events(stage, x0, inputs, gait, steps)
         took = time.perf_counter() - began
         done = run.status is fan.Status.DONE
-        found = str(walked(stage, run, gait, steps, 4)) if done else run.status.message
+        result = str(walked(stage, run, gait, steps, 4)) if done else run.status.message
         print(
-            f"event-driven, {len(run.events)} events, {run.t[-1] - run.t[0]:.3f} s: {found}; "
+            f"event-driven, {len(run.events)} events, {run.t[-1] - run.t[0]:.3f} s: {result}; "
             f"{took:.0f} s"
         )
     if options.mujoco:
@@ -215,7 +217,7 @@ def main() -> None:
 def by_events(
     stage: fan.Marionette, x0: fan.State, inputs: fan.Input, gait: Gait, steps: int
 ) -> fan.Trajectory:
-    """The last four steps but the closing one, from where time steps have led."""
+    """The last four steps before the closing one, from the state reached by time steps."""
     start, end = gait.duration * (steps - 4), gait.duration * steps
     led = fan.simulate(
         stage, x0, inputs, start, method=fan.TimeStepping(dt=2.5e-4), save_every=10**6
@@ -227,7 +229,7 @@ def by_events(
 def in_mujoco(
     stage: fan.Marionette, x0: fan.State, inputs: fan.Input, end: float
 ) -> fan.Trajectory:
-    """The run in MuJoCo in steps of 0.5 ms, with elliptic cones and little creep."""
+    """The run in MuJoCo with steps of 0.5 ms, elliptic cones and little creep."""
     text = text_of(stage, None)
     text = text.replace("<option ", '<option impratio="100" cone="elliptic" ', 1)
     return mujoco_run(stage, x0, inputs, end, 5e-4, text)

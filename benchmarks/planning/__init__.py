@@ -1,1 +1,1 @@
-"""How fast plans are found, how good they are, and whether they hold elsewhere."""
+"""Benchmarks of planning: time and quality of plans, and their success in other simulations."""

@@ -20,15 +20,15 @@ OPENING = (
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Writes docs/planning-measured.md.")
-    parser.add_argument("--quick", action="store_true", help="few seeds, for a look; no page")
+    parser.add_argument("--quick", action="store_true", help="few seeds and no page")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "planning-measured.md")
     options = parser.parse_args()
-    many, some, few = (20, 4, 2) if options.quick else (1000, 100, 10)
+    n_first, n_better, n_marionette = (20, 4, 2) if options.quick else (1000, 100, 10)
     measures = {
-        "first plans": lambda: own.first_plans(many),
-        "boxes": lambda: own.boxes_matter(many),
-        "better plans": lambda: own.better_plans(some),
-        "marionette": lambda: own.full_marionette(few),
+        "first plans": lambda: own.first_plans(n_first),
+        "boxes": lambda: own.boxes_matter(n_first),
+        "better plans": lambda: own.better_plans(n_better),
+        "marionette": lambda: own.full_marionette(n_marionette),
         "feedback": lambda: absorbed.chapter(4 if options.quick else 40),
         "OMPL": lambda: (peers.section(1 if options.quick else 3, 10.0), []),
     }
@@ -36,9 +36,9 @@ def main() -> None:
     marks: list[Mark] = []
     began = time.perf_counter()
     for name, measure in measures.items():
-        section, found = measure()
+        section, new_marks = measure()
         sections.append(section)
-        marks += found
+        marks += new_marks
         print(f"{name}: after {time.perf_counter() - began:.0f} s", flush=True)
     parts = [
         "# Planning, measured",

@@ -1,4 +1,4 @@
-"""The chapter on feedback: arrivals in MuJoCo, and kicks that are absorbed."""
+"""The chapter on feedback: arrivals in MuJoCo, and absorbed kicks."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from .marks import Mark
 
 
 def chapter(seeds: int) -> tuple[Section, list[Mark]]:
-    """Plans in another engine, without looking and with feedback.
+    """Plans in another engine, open loop and with feedback.
 
     Args:
-        seeds: plans.
+        seeds: number of plans.
     """
     problem = fan.control.load_problem("arm3d_boxes")
     rows = feedback.measure(problem, range(seeds))

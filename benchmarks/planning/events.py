@@ -1,9 +1,9 @@
-"""Prints what kicked runs of plans make of gains by time and by event, where strings go slack.
+"""Compares gains by time and by event in kicked runs of plans with slack strings.
 
     python -m benchmarks.planning.events [--plans 14] [--kicks 12] [--marionette 6]
 
 Plans of ``arm3d_boxes`` with strings that may go slack, improved for half a second for time alone;
-only those on which the string does go slack. Then the full marionette's bell.
+only those on which the string goes slack. Then the full marionette's bell.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from ..strings.report import Table
 from .feedback import follow, kicked
 
 SIZES = (0.25, 0.5, 1.0)
-"""Of kicks: changes of all joint velocities at the start, together [rad/s]."""
+"""Sizes of kicks: norms of changes of all joint velocities at the start [rad/s]."""
 
 BELL_SIZES = (0.5, 1.0, 2.0)
-"""Those of the marionette."""
+"""Sizes for the marionette."""
 
 LAWS = ("open loop", "gains by time", "gains by event")
 
@@ -44,11 +44,11 @@ class Row:
     """Runs of one law.
 
     Attributes:
-        name: the engine and the law.
-        size: of the kicks [rad/s].
-        distance: (n,) from the goal at the end.
-        by_time: (n,) that of the law by time.
-        tolerance: of the goal.
+        name: name of the engine and the law.
+        size: size of the kicks [rad/s].
+        distance: (n,) distance from the goal at the end.
+        by_time: (n,) distance of the law by time.
+        tolerance: tolerance of the goal.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Row:
     tolerance: float
 
     def cells(self) -> list[str]:
-        """Arrivals and the median distance, with 95 % intervals, and what it changes."""
+        """Arrivals and the median distance, with 95 % intervals, and changes by the law."""
         hits, n = int(np.sum(self.distance <= self.tolerance)), len(self.distance)
         share = binomtest(hits, n).proportion_ci(method="wilson")
         spread = bootstrap(
@@ -88,12 +88,12 @@ HEAD = [
 
 
 def in_fantoccini(law: Feedback, x0: State, closed: bool) -> float:
-    """The distance at the end."""
+    """The final distance."""
     return law.run(x0, closed=closed).distance
 
 
 def in_mujoco(law: Feedback, x0: State, closed: bool) -> float:
-    """The distance at the end; a run that does not stay finite ends nowhere."""
+    """The final distance; infinite if the run diverges."""
     return float(np.nan_to_num(follow(law, x0, closed).distance, nan=np.inf))
 
 
@@ -103,21 +103,21 @@ def compared(
     """Kicked runs of plans, the same kicks for every law and engine.
 
     Args:
-        plans: that are followed.
-        kicks: of each size for every plan.
-        sizes: of the kicks [rad/s].
-        engines: name -> how a law is run.
+        plans: plans to follow.
+        kicks: number of each size for every plan.
+        sizes: sizes of the kicks [rad/s].
+        engines: name -> function that runs a law.
     """
     laws = [(plan.feedback(window=0), plan.feedback()) for plan in plans]
     rows = []
     for (engine, run), size in itertools.product(engines.items(), sizes):
-        random, found = np.random.default_rng(1), []
+        random, distances = np.random.default_rng(1), []
         for by_time, by_event in laws:
             for _ in range(kicks):
                 x0 = kicked(by_time.plan.problem, size, random)
                 ways = (by_time, False), (by_time, True), (by_event, True)
-                found.append([run(law, x0, closed) for law, closed in ways])
-        columns = np.transpose(found)
+                distances.append([run(law, x0, closed) for law, closed in ways])
+        columns = np.transpose(distances)
         for name, column in zip(LAWS, columns, strict=True):
             tolerance = plans[0].tolerance
             rows.append(Row(f"{name}, {engine}", size, column, columns[1], tolerance))
@@ -125,18 +125,18 @@ def compared(
 
 
 def slack_plans(n: int, seconds: float = 0.5) -> list[PlanResult]:
-    """Plans on which the string goes slack, of the first seeds that have some."""
-    problem, found = slackened(fan.control.load_problem("arm3d_boxes")), []
+    """Plans on which the string goes slack, from the first seeds with such plans."""
+    problem, plans = slackened(fan.control.load_problem("arm3d_boxes")), []
     for seed in itertools.count():
         plan = solve(problem, seed=seed, improve=seconds, objective="time")
         if plan and not np.all(plan.feedback(window=0).active):
-            found.append(plan)
-        if len(found) == n:
-            return found
+            plans.append(plan)
+        if len(plans) == n:
+            return plans
 
 
 def slackened(problem: Problem) -> Problem:
-    """The same, with strings that may go slack."""
+    """The problem with strings that may go slack."""
     rollouts = problem.rollouts
     names = problem.marionette.coordinates.v_K
     return Problem(
@@ -155,7 +155,7 @@ def slackened(problem: Problem) -> Problem:
 
 
 def bell(kicks: int) -> tuple[list[Row], float]:
-    """The full marionette's bell, kicked, in fantoccini; and how long its law takes to make [s]."""
+    """The full marionette's bell, kicked, in fantoccini; and the time to compute its law [s]."""
     plan = fan.control.solve(fan.control.load_problem("marionette_bell"), seed=0, time_limit=60.0)
     began = time.perf_counter()
     plan.feedback()
@@ -167,7 +167,7 @@ def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--plans", type=int, default=14)
-    parser.add_argument("--kicks", type=int, default=12, help="of each size for a plan")
+    parser.add_argument("--kicks", type=int, default=12, help="kicks of each size for a plan")
     parser.add_argument("--marionette", type=int, default=6, help="kicks of each size; 0: none")
     arguments = parser.parse_args()
     if arguments.plans:

@@ -1,9 +1,9 @@
-"""Prints how many plans arrive in MuJoCo, open loop and with feedback, and what they absorb.
+"""Prints the arrivals of plans in MuJoCo, open loop and with feedback, and the absorbed kicks.
 
     python -m benchmarks.planning.feedback [--seeds 40] [--improve 0.5]
 
-A plan arrives when it ends within the tolerance; what it touches on the way is counted apart.
-Strings pull all the way; for plans on which they go slack see :mod:`benchmarks.planning.events`.
+A plan arrives if it ends within the tolerance; touches on the way are counted separately.
+Strings stay taut; for plans on which they go slack see :mod:`benchmarks.planning.events`.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from fantoccini.dynamics.mujoco import MuJoCoPuppet
 from fantoccini.motion import State
 
 KICKS = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""Sizes of changes of all joint velocities at the start, together [rad/s]."""
+"""Norms of changes of all joint velocities at the start [rad/s]."""
 
 STEP = 0.001
-"""Of MuJoCo [s]."""
+"""Time step of MuJoCo [s]."""
 
 OF_EACH = 2
-"""Kicks of one size for a plan."""
+"""Number of kicks of one size for a plan."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """How many of some runs arrive.
+    """Arrivals of runs.
 
     Attributes:
-        name: of the runs.
-        runs: how many there are.
-        within: that end within the tolerance.
-        clear: that touch nothing either.
+        name: name of the runs.
+        runs: number of runs.
+        within: number that end within the tolerance.
+        clear: number that also touch nothing.
     """
 
     name: str
@@ -50,40 +50,42 @@ class Row:
     clear: int
 
     @classmethod
-    def of(cls, name: str, found: Sequence, tolerance: float) -> Row:
-        """Counts what was found."""
-        within = sum(one.distance <= tolerance for one in found)
-        return cls(name, len(found), int(within), sum(one.arrives for one in found))
+    def of(cls, name: str, followed: Sequence, tolerance: float) -> Row:
+        """The counts of followed plans."""
+        within = sum(run.distance <= tolerance for run in followed)
+        return cls(name, len(followed), int(within), sum(run.arrives for run in followed))
 
     def __str__(self) -> str:
         return f"{self.name:40} {self.within:4d} of {self.runs} arrive, {self.clear} touch nothing"
 
 
 def measure(problem: Problem, seeds: Iterable[int], improve: float = 0.5) -> list[Row]:
-    """Arrivals of plans, one a seed, and of kicked runs of the first quarter of them."""
-    found = [solve(problem, seed=seed, improve=improve) for seed in seeds]
-    laws = [plan.feedback() for plan in found if plan]
+    """Arrivals of plans, one per seed, and of kicked runs of the first quarter of them."""
+    plans = [solve(problem, seed=seed, improve=improve) for seed in seeds]
+    laws = [plan.feedback() for plan in plans if plan]
     exact = [law.plan.verify(method="event") for law in laws]
     rows = [Row.of("open loop, event-driven", exact, problem.tolerance)]
     ways = {"open loop, MuJoCo": False, "feedback, MuJoCo": True}
     for name, closed in ways.items():
         followed = [follow(law, law.plan.start, closed) for law in laws]
         rows.append(Row.of(name, followed, problem.tolerance))
-    few = laws[: max(1, len(laws) // 4)]
+    kicked_laws = laws[: max(1, len(laws) // 4)]
     for name, closed in ways.items():
         for size in KICKS:
             random = np.random.default_rng(0)
-            starts = [(law, kicked(problem, size, random)) for law in few for _ in range(OF_EACH)]
+            starts = [
+                (law, kicked(problem, size, random)) for law in kicked_laws for _ in range(OF_EACH)
+            ]
             followed = [follow(law, x0, closed) for law, x0 in starts]
             rows.append(Row.of(f"{name}, kicked by {size:g} rad/s", followed, problem.tolerance))
     return rows
 
 
 def half(rows: Sequence[Row], name: str, what: str) -> float:
-    """The size of kick that half of the runs absorb, between those that were tried [rad/s].
+    """The size of kick that half of the runs absorb, interpolated between tested ones [rad/s].
 
     Args:
-        rows: what was measured.
+        rows: measured rows.
         name: ``open loop, MuJoCo`` or ``feedback, MuJoCo``.
         what: ``within`` or ``clear``.
     """
@@ -93,26 +95,26 @@ def half(rows: Sequence[Row], name: str, what: str) -> float:
         for row in rows
         if row.name == f"{name}, kicked by {size:g} rad/s"
     }
-    # Shares fall with the size, but for chance.
+    # Shares fall with the size, except for chance.
     falling = np.minimum.accumulate(list(shares.values()))
     return float(np.exp(np.interp(-0.5, -falling, np.log(list(shares)))))
 
 
 def kicked(problem: Problem, size: float, random: np.random.Generator) -> State:
-    """The start with other joint velocities, as far as strings that are taut let them be."""
+    """The start with other joint velocities that taut strings permit."""
     x = problem.start
     kick = random.normal(size=len(x.v_D))
     return problem.marionette.project(x.replace(v_D=x.v_D + size * kick / np.linalg.norm(kick)))
 
 
 def follow(law: Feedback, x0: State, closed: bool) -> Followed:
-    """A plan in MuJoCo, from look to look; the law is evaluated once per segment."""
+    """A plan in MuJoCo, check by check; the law is evaluated once per segment."""
     problem, interval = law.plan.problem, law.plan.rollouts.options.interval
     puppet, states, commanded = MuJoCoPuppet(problem.marionette, STEP), [x0], []
     puppet.put(x0.q_D, x0.v_D)
-    for k, looks in enumerate(law.looks):
+    for k, n_checks in enumerate(law.looks):
         commanded.append(law.acceleration(k, states[-1]) if closed else law.planned[k])
-        for _ in range(looks):
+        for _ in range(n_checks):
             states.append(advanced(puppet, states[-1], interval, commanded[-1]))
     whole = np.all(np.isfinite(np.concatenate([states[-1].q_D, states[-1].v_D])))
     status = Status.DONE if whole else Status.NOT_FINITE
@@ -120,12 +122,12 @@ def follow(law: Feedback, x0: State, closed: bool) -> Followed:
 
 
 def advanced(puppet: MuJoCoPuppet, x: State, duration: float, acc_K: Array) -> State:
-    """Where a puppet is that goes on with constant accelerations of its driven coordinates.
+    """State of a puppet after constant accelerations of its driven coordinates.
 
     Args:
-        puppet: stands as in ``x``.
-        x: where it is.
-        duration: a multiple of the step [s].
+        puppet: MuJoCo's puppet in the state ``x``.
+        x: its state.
+        duration: duration, a multiple of the step [s].
         acc_K: (n_vK,) [m/s^2].
     """
     puppet.drive(x.q_K, x.v_K, acc_K)

@@ -1,4 +1,4 @@
-"""Figures and their marks."""
+"""Figures and their targets."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ..strings.report import Table
 
 @dataclass(frozen=True)
 class Mark:
-    """A figure and what it is to be.
+    """A figure and its target.
 
     Attributes:
-        what: in words.
-        value: measured.
-        bound: that it is held against.
-        unit: of both; "%" for shares.
-        at_least: whether it is to reach the bound, or to stay at or below it.
+        what: description.
+        value: measured value.
+        bound: target.
+        unit: unit of both; "%" for shares.
+        at_least: whether the bound is a minimum; otherwise it is a maximum.
     """
 
     what: str
@@ -33,7 +33,7 @@ class Mark:
         return self.value >= self.bound if self.at_least else self.value <= self.bound
 
     def row(self) -> list[str]:
-        """Its row of the table."""
+        """The row of the table."""
         words = "at least" if self.at_least else "at most"
         wanted = f"{words} {self.bound:g} {self.unit}"
         return [self.what, f"{self.value:.3g} {self.unit}", wanted, "yes" if self.met else "**no**"]
@@ -45,12 +45,12 @@ def marks_table(marks: Sequence[Mark]) -> Table:
 
 
 def spread(values: Sequence[float], factor: float = 1.0) -> list[str]:
-    """Median, 90 %, 99 %, greatest."""
-    found = factor * np.array(values)
-    parts = (*np.quantile(found, [0.5, 0.9, 0.99]), found.max())
+    """Median, 90 %, 99 %, maximum."""
+    scaled = factor * np.array(values)
+    parts = (*np.quantile(scaled, [0.5, 0.9, 0.99]), scaled.max())
     return [f"{x:.3g}" for x in parts]
 
 
 def share(hits: Sequence[bool]) -> float:
-    """Of those that are true [%]."""
+    """Share of true values [%]."""
     return 100.0 * float(np.mean(np.asarray(hits, dtype=bool)))

@@ -1,10 +1,10 @@
-"""Prints how many kicked plans arrive in MuJoCo: open loop, with LQR gains, and under MPC.
+"""Prints the arrivals of kicked plans in MuJoCo: open loop, with LQR gains, and under MPC.
 
     python -m benchmarks.planning.mpc [--plans 10] [--kick 2.0] [--reserve 0.3]
 
-MPC tracks the plan's coordinates and velocities, within the problem's bounds, of which plans leave
-the reserve. Runs are looked
-at when the plan ends and a second later: MPC goes on, other hands stop.
+MPC tracks the plan's coordinates and velocities, within the problem's bounds. Plans leave the
+reserve unused. Runs are evaluated
+at the plan's end and a second later: MPC continues, other hands stop.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from fantoccini.motion import State
 from .feedback import OF_EACH, STEP, advanced, follow, kicked
 
 INTERVAL = 0.02
-"""Of MPC [s]."""
+"""Interval of MPC [s]."""
 HORIZON = 2.0
-"""Of MPC [s]."""
+"""Horizon of MPC [s]."""
 ALONG, AT_END = 0.2, 10.0
 """Factors of weights along a plan, and from its end on."""
 LATER = 1.0
-"""After a plan's end, runs are looked at again [s]."""
+"""Delay of the second evaluation after a plan's end [s]."""
 
 
 def task_along(law: Feedback) -> fan.Task:
-    """Follow a plan, within its bounds; the end counts most."""
+    """The task of following a plan within its bounds, with the largest weight on the end."""
     plan, marionette = law.plan, law.plan.problem.marionette
     run, table, bounds = plan.trajectory, marionette.coordinates, plan.problem.bounds
     at = np.flatnonzero(np.append(np.diff(run.t) > 0.0, True))
@@ -59,30 +59,30 @@ def task_along(law: Feedback) -> fan.Task:
     for q, v in table.scalars_K:
         tracks.append(fan.control.Track.coordinate(table.q_K[q], (t, run.q_K[at, q]), weight=0.01))
         tracks.append(fan.control.Track.velocity(table.v_K[v], (t, run.v_K[at, v]), weight=0.003))
-    # A kick costs time that the plan does not have: arriving counts more than its way there.
+    # A kick costs time that the plan does not have: arrival counts more than the path.
     end = t[-1] - 0.5 * INTERVAL
     tracks = [
-        *(weighed(one, AT_END, start=end) for one in tracks if one.kind != "coordinate"),
-        *(weighed(one, ALONG) for one in tracks),
+        *(weighed(track, AT_END, start=end) for track in tracks if track.kind != "coordinate"),
+        *(weighed(track, ALONG) for track in tracks),
     ]
-    most = dict(zip(table.v_K, bounds.acceleration, strict=True))
+    bound = dict(zip(table.v_K, bounds.acceleration, strict=True))
     fastest = dict(zip(table.v_K, bounds.speed, strict=True))
     limits = fan.control.Bounds(
-        acceleration={name: float(a) for name, a in most.items() if a > 0.0},
+        acceleration={name: float(a) for name, a in bound.items() if a > 0.0},
         speed={name: float(s) for name, s in fastest.items() if s > 0.0},
         position={
             table.q_K[q]: (float(bounds.low[q]), float(bounds.high[q]))
             for q, _ in table.scalars_K
             if np.isfinite(bounds.low[q]) or np.isfinite(bounds.high[q])
         },
-        held=tuple(name for name, a in most.items() if not a > 0.0),
+        held=tuple(name for name, a in bound.items() if not a > 0.0),
     )
     smooth = fan.control.Smooth(acceleration=3e-5, jerk=1e-7)
     return fan.Task(marionette, plan.start, HORIZON, tracks, smooth, limits, interval=INTERVAL)
 
 
 def weighed(track: fan.control.Track, by: float, **more: float) -> fan.control.Track:
-    """A track with other weights."""
+    """A track with scaled weights."""
     weights = {"weight": by * track.weight, "end_weight": by * track.end_weight}
     return replace(track, **weights, **more)
 
@@ -91,9 +91,9 @@ class Run(NamedTuple):
     """A run along a plan.
 
     Attributes:
-        followed: until the plan ends.
-        later: distance from the goal a while after it.
-        latency: of MPC's last updates, the longest [s]; 0 without.
+        followed: the run until the plan's end.
+        later: distance from the goal ``LATER`` seconds after it.
+        latency: longest of MPC's last updates [s]; 0 without.
     """
 
     followed: Followed
@@ -102,20 +102,20 @@ class Run(NamedTuple):
 
 
 def follow_and_stop(law: Feedback, x0: State, closed: bool) -> Run:
-    """As :func:`follow`; then the hands stop."""
+    """Like :func:`follow`; then the hands stop."""
     followed, problem = follow(law, x0, closed), law.plan.problem
     last = followed.states[-1]
     x = x0.replace(t=float(followed.t[-1]), **last.parts)
     puppet = MuJoCoPuppet(problem.marionette, STEP)
     puppet.put(x.q_D, x.v_D)
-    most = problem.bounds.acceleration
+    bound = problem.bounds.acceleration
     for _ in range(round(LATER / INTERVAL)):
-        x = advanced(puppet, x, INTERVAL, np.clip(-x.v_K / INTERVAL, -most, most))
+        x = advanced(puppet, x, INTERVAL, np.clip(-x.v_K / INTERVAL, -bound, bound))
     return Run(followed, float(problem.goal.distance(StateArrays.of(x))[0]))
 
 
 def follow_mpc(law: Feedback, x0: State) -> Run:
-    """A plan in MuJoCo under MPC, whose answers come in time."""
+    """A plan in MuJoCo under MPC, without latency."""
     problem, interval = law.plan.problem, law.plan.rollouts.options.interval
     mpc = fan.MPC(problem.marionette, task_along(law), HORIZON, round(HORIZON / INTERVAL))
     puppet, states, commanded, x = MuJoCoPuppet(problem.marionette, STEP), [x0], [], x0
@@ -139,15 +139,19 @@ def main() -> None:
     parser.add_argument("--problem", default="arm3d_boxes")
     parser.add_argument("--plans", type=int, default=10)
     parser.add_argument("--kick", type=float, default=2.0, help="[rad/s]")
-    parser.add_argument("--seed", type=int, default=0, help="of the first plan, and of the kicks")
-    parser.add_argument("--reserve", type=float, default=0.0, help="share of the bounds, 0 to 1")
+    parser.add_argument(
+        "--seed", type=int, default=0, help="seed of the first plan, and of the kicks"
+    )
+    parser.add_argument(
+        "--reserve", type=float, default=0.0, help="unused share of the bounds, 0 to 1"
+    )
     parser.add_argument("--improve", type=float, default=0.5, help="[s]")
     arguments = parser.parse_args()
     rollouts = RolloutOptions(reserve=arguments.reserve)
     problem = fan.control.load_problem(arguments.problem, rollouts=rollouts)
     seeds = range(arguments.seed, arguments.seed + arguments.plans)
-    found = [solve(problem, seed=s, improve=arguments.improve) for s in seeds]
-    laws = [plan.feedback() for plan in found if plan]
+    plans = [solve(problem, seed=s, improve=arguments.improve) for s in seeds]
+    laws = [plan.feedback() for plan in plans if plan]
     random = np.random.default_rng(arguments.seed)
     starts = [
         (law, kicked(problem, arguments.kick, random)) for law in laws for _ in range(OF_EACH)
@@ -158,23 +162,23 @@ def main() -> None:
         "MPC": [attempt(follow_mpc, law, x0) for law, x0 in starts],
     }
     for name, runs in ways.items():
-        ended = [one for one in runs if one is not None]
-        within = sum(one.followed.distance <= problem.tolerance for one in ended)
-        clear = sum(one.followed.arrives for one in ended)
-        later = sum(one.later <= problem.tolerance for one in ended)
-        far = np.median([np.inf if one is None else one.followed.distance for one in runs])
+        ended = [run for run in runs if run is not None]
+        within = sum(run.followed.distance <= problem.tolerance for run in ended)
+        clear = sum(run.followed.arrives for run in ended)
+        later = sum(run.later <= problem.tolerance for run in ended)
+        median = np.median([np.inf if run is None else run.followed.distance for run in runs])
         print(
-            f"{name:10} {within} of {len(runs)} arrive, {clear} touch nothing, median {far:.3g}; "
-            f"{later} are there {LATER:g} s later"
+            f"{name:10} {within} of {len(runs)} arrive, {clear} touch nothing, "
+            f"median {median:.3g}; {later} are there {LATER:g} s later"
         )
-    taken = [one.latency for one in ways["MPC"] if one is not None]
+    taken = [run.latency for run in ways["MPC"] if run is not None]
     print(f"of its last updates a run's longest takes {1e3 * np.median(taken):.1f} ms (median)")
 
 
-def attempt(way: Callable[..., Any], *given: Any) -> Any:
+def attempt(way: Callable[..., Any], *arguments: Any) -> Any:
     """The outcome of one control law; None if MuJoCo's state stops being finite."""
     try:
-        return way(*given)
+        return way(*arguments)
     except StateError:
         return None
 

@@ -1,10 +1,10 @@
 """OMPL's control-based planners on our problems: ``python -m benchmarks.planning.ompl_peers``.
 
 The state space is real: (q_D, v_D, q_K, v_K) with velocities times 0.1 s. Segments have a constant
-acceleration of the driven coordinates and last 2 to 10 looks; OMPL asks for the state after each
-look and whether it may be, and at a segment's end how far the goal is. ``own`` answers by our
-compiled time-stepper, ``mujoco`` by MuJoCo with Euler steps as long as ours; clearance, ranges,
-speeds and slack strings are looked at in both. EST and KPIECE1 project to q_K, in cells of 0.1 m.
+acceleration of the driven coordinates and last 2 to 10 checks; OMPL requests the state after each
+check and its validity, and at a segment's end the goal distance. ``own`` answers by our
+compiled time-stepper, ``mujoco`` by MuJoCo with Euler steps of the same length; both check
+clearance, ranges, speeds and slack strings. EST and KPIECE1 project to q_K, in cells of 0.1 m.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from .propagators import PROPAGATORS, Layout
 PLANNERS = ("EST", "RRT", "KPIECE1")
 
 LOOKS = (2, 10)
-"""How long a segment lasts, in looks: at least and at most."""
+"""Shortest and longest duration of a segment, in checks."""
 
 CELL = 0.1
 """Size of the cells of EST and KPIECE1, in q_K [m]."""
@@ -41,19 +41,19 @@ FASTEST = 10.0
 """Largest dynamic velocity that OMPL samples [m/s or rad/s]."""
 
 ROOM = 1.0
-"""How far from the start OMPL samples driven coordinates that have no range [m]."""
+"""Largest distance from the start of sampled driven coordinates without a range [m]."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a search came to.
+    """Result of a search.
 
     Attributes:
-        planner, propagator, seed: from the command line.
+        planner, propagator, seed: arguments of the command line.
         found: whether it has a plan.
-        seconds: it took [s].
-        distance: from the goal at the end of its plan, or of the nearest it has.
-        duration: of that [s].
+        seconds: its duration [s].
+        distance: final distance from the goal of its plan, or of its best attempt.
+        duration: duration of that plan [s].
     """
 
     planner: str
@@ -66,7 +66,7 @@ class Outcome:
 
 
 def _box(problem: Problem, layout: Layout) -> tuple[Array, Array]:
-    """Least and greatest (n,) of the states that OMPL samples; what it reaches may lie outside."""
+    """Bounds (n,) of the states that OMPL samples; reached states may lie outside."""
     table, bounds = problem.marionette.coordinates, problem.rollouts.bounds
     low, high = np.full(layout.n, -FASTEST), np.full(layout.n, FASTEST)
     q_D, _, q_K, v_K = layout.parts
@@ -83,13 +83,13 @@ def _box(problem: Problem, layout: Layout) -> tuple[Array, Array]:
 
 
 def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit: float) -> Outcome:
-    """One search. OMPL has one generator a process, and complains where it is seeded again.
+    """One search. OMPL has one generator per process, which must be seeded only once.
 
     Args:
-        problem: what is to be planned.
+        problem: the planning problem.
         planner: one of ``PLANNERS``.
         propagator: one of ``PROPAGATORS``.
-        seed: of OMPL's generator.
+        seed: seed of OMPL's generator.
         time_limit: [s].
     """
     from ompl import base, control, util
@@ -97,7 +97,7 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
     util.setLogLevel(util.LOG_ERROR)
     util.RNG.setSeed(seed + 1)  # it has no seed 0
     layout, rollouts = Layout(problem), problem.rollouts
-    made = PROPAGATORS[propagator](problem, layout)
+    propagation = PROPAGATORS[propagator](problem, layout)
     n, n_K = layout.n, len(rollouts.bounds.speed)
     scale = np.ones(n)
     scale[layout.parts[1]] = scale[layout.parts[3]] = TIME
@@ -116,15 +116,15 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
             return distance(state)
 
     def limits(low: Array, high: Array) -> base.RealVectorBounds:
-        found = base.RealVectorBounds(len(low))
+        bounds = base.RealVectorBounds(len(low))
         for k in range(len(low)):
-            found.setLow(k, float(low[k]))
-            found.setHigh(k, float(high[k]))
-        return found
+            bounds.setLow(k, float(low[k]))
+            bounds.setHigh(k, float(high[k]))
+        return bounds
 
     def propagate(state, chosen, duration, result) -> None:
         acc_K = np.array([chosen[k] for k in range(n_K)])
-        write(made.after(read(state), acc_K), result)
+        write(propagation.after(read(state), acc_K), result)
 
     space = base.RealVectorStateSpace(n)
     space.setBounds(limits(*(end * scale for end in _box(problem, layout))))
@@ -133,14 +133,14 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
         base.RealVectorOrthogonalProjectionEvaluator(space, [CELL] * len(places), places)
     )
     controls = control.RealVectorControlSpace(space, n_K)
-    most = rollouts.bounds.acceleration
-    controls.setBounds(limits(-most, most))
+    largest = rollouts.bounds.acceleration
+    controls.setBounds(limits(-largest, largest))
     setup = control.SimpleSetup(controls)
     info = setup.getSpaceInformation()
     info.setPropagationStepSize(rollouts.options.interval)
     info.setMinMaxControlDuration(*LOOKS)
     setup.setStatePropagator(propagate)
-    setup.setStateValidityChecker(lambda state: made.clear(read(state)))
+    setup.setStateValidityChecker(lambda state: propagation.clear(read(state)))
     start = space.allocState()
     write(layout.row(problem.root), start)
     setup.setStartState(start)
@@ -152,15 +152,15 @@ def solve(problem: Problem, planner: str, propagator: str, seed: int, time_limit
     began = time.perf_counter()
     setup.solve(time_limit)
     seconds = time.perf_counter() - began
-    found, duration, left = setup.haveExactSolutionPath(), 0.0, problem.distance
+    has_plan, duration, left = setup.haveExactSolutionPath(), 0.0, problem.distance
     if setup.haveSolutionPath():
         path = setup.getSolutionPath()
         duration, left = sum(path.getControlDurations()), distance(path.getStates()[-1])
-    return Outcome(planner, propagator, seed, found, seconds, left, duration)
+    return Outcome(planner, propagator, seed, has_plan, seconds, left, duration)
 
 
 def easier(problem: Problem) -> Problem:
-    """The same without obstacles, strings that may go slack, and twice the tolerance."""
+    """The problem without obstacles, with strings that may go slack and twice the tolerance."""
     bounds = problem.rollouts.bounds
     names = problem.marionette.coordinates.v_K
     return Problem(
@@ -177,14 +177,16 @@ def easier(problem: Problem) -> Problem:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="OMPL on a problem: one line of JSON a search.")
-    parser.add_argument("--problem", default="arm3d_boxes", help="a name or a file")
+    parser = argparse.ArgumentParser(description="OMPL on a problem: one line of JSON per search.")
+    parser.add_argument("--problem", default="arm3d_boxes", help="name or file of a problem")
     parser.add_argument("--planner", choices=PLANNERS, required=True)
     parser.add_argument("--propagator", choices=tuple(PROPAGATORS), required=True)
-    parser.add_argument("--seeds", type=int, default=1, help="how many, each in its own process")
-    parser.add_argument("--first", type=int, default=0, help="the first of them")
+    parser.add_argument(
+        "--seeds", type=int, default=1, help="number of seeds, each in its own process"
+    )
+    parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--time-limit", type=float, default=30.0, help="[s]")
-    parser.add_argument("--tolerance", type=float, help="of the goal's distance; the problem's")
+    parser.add_argument("--tolerance", type=float, help="tolerance of the goal; the problem's")
     parser.add_argument("--easy", action="store_true", help="see `easier`")
     options = parser.parse_args()
     if importlib.util.find_spec("ompl") is None:
@@ -192,8 +194,10 @@ def main() -> None:
         raise SystemExit(3)
     if options.seeds > 1:
         for seed in range(options.first, options.first + options.seeds):
-            one = ["--seeds", "1", "--first", str(seed)]
-            subprocess.run([sys.executable, "-m", __spec__.name, *sys.argv[1:], *one], check=True)
+            one_search = ["--seeds", "1", "--first", str(seed)]
+            subprocess.run(
+                [sys.executable, "-m", __spec__.name, *sys.argv[1:], *one_search], check=True
+            )
         return
     changed = {} if options.tolerance is None else {"tolerance": options.tolerance}
     problem = fan.control.load_problem(options.problem, **changed)

@@ -1,4 +1,4 @@
-"""Our own planner: first plans, better ones, and the full marionette."""
+"""Our planner: first plans, better ones, and the full marionette."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ RTOL = 1e-10
 """Tolerance of the event-driven runs that confirm plans."""
 
 ASKED = {0.25: (10.0, 150.0, 100.0), 0.1: (50.0, 1000.0, 99.0)}
-"""Tolerance -> marks: median [ms], 99 % [ms], found in a second [%]."""
+"""Tolerance -> targets: median [ms], 99 % [ms], found within a second [%]."""
 
 CURVE = (0.0, 0.02, 0.05, 0.1, 0.15)
-"""Seconds of improvement at which the time of the best plan is taken."""
+"""Durations of the improvement at which the best plan is recorded [s]."""
 
 
 def timed(make: Callable[[], object]) -> tuple[float, object]:
-    """Seconds, and what was made."""
+    """The duration of a call [s], and its result."""
     began = time.perf_counter()
-    made = make()
-    return time.perf_counter() - began, made
+    result = make()
+    return time.perf_counter() - began, result
 
 
 def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
-    """Times of first plans of ``arm3d_boxes``, and whether they hold."""
+    """Times of first plans of ``arm3d_boxes``, and their confirmation."""
     section = Section("First plans of `arm3d_boxes`")
     section.parts.append(
         "Times in ms over all seeds: of everything (checking the start, placing the obstacles, "
@@ -39,7 +39,7 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
         "search without its event-driven confirmation."
     )
     rows, held, marks = [], [], []
-    for tolerance, (median, most, found) in ASKED.items():
+    for tolerance, (median, quantile, found_share) in ASKED.items():
         read = fan.control.load_problem("arm3d_boxes", tolerance=tolerance)
         obstacles = read.rollouts.clearance.obstacles
 
@@ -88,10 +88,10 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
         )
         name = f"tolerance {tolerance:g}: "
         marks += [
-            Mark(name + "plan within 1 s", share(there), found, "%", True),
+            Mark(name + "plan within 1 s", share(there), found_share, "%", True),
             Mark(name + "median, everything", 1e3 * float(np.median(whole)), median, "ms"),
             Mark(name + "median, search", 1e3 * float(np.median(alone)), median, "ms"),
-            Mark(name + "99 %, everything", 1e3 * float(np.quantile(whole, 0.99)), most, "ms"),
+            Mark(name + "99 %, everything", 1e3 * float(np.quantile(whole, 0.99)), quantile, "ms"),
             Mark(name + "replay to the last bit", share(replayed), 100.0, "%", True),
             Mark(name + "arrive event-driven", share([c.arrives for c in events]), 95.0, "%", True),
         ]
@@ -111,7 +111,7 @@ def first_plans(seeds: int) -> tuple[Section, list[Mark]]:
 
 
 def boxes_matter(seeds: int) -> tuple[Section, list[Mark]]:
-    """How many first plans without the boxes pass through where they stood."""
+    """Number of first plans without the boxes that pass through their places."""
     read = fan.control.load_problem("arm3d_boxes")
     free = fan.control.Problem(read.marionette, read.start, read.goal, tolerance=0.25, slack=False)
     clearance = read.rollouts.clearance
@@ -128,7 +128,7 @@ def boxes_matter(seeds: int) -> tuple[Section, list[Mark]]:
 
 
 def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
-    """What a second makes of a first plan."""
+    """Improvement of a first plan within a second."""
     problem = fan.control.load_problem("arm3d_boxes")
     plans = [fan.control.solve(problem, seed=s, improve=0.98) for s in range(seeds)]
     plans = [p for p in plans if p]
@@ -173,24 +173,24 @@ def better_plans(seeds: int) -> tuple[Section, list[Mark]]:
 
 
 def _slackens(plan: fan.control.PlanResult) -> bool:
-    """Whether a string that pulls goes slack on the way."""
+    """Whether a taut string goes slack on the way."""
     return bool(np.any(np.diff((_tensions(plan) > 0.0).astype(int), axis=0) < 0))
 
 
 def _tensions(plan: fan.control.PlanResult) -> np.ndarray:
-    """(T, n_strings) [N]."""
+    """Tensions (T, n_strings) [N]."""
     run = plan.trajectory
     return np.stack([run.tension[s.name] for s in plan.problem.marionette.tree.strings], axis=1)
 
 
 def _roughness(plan: fan.control.PlanResult) -> float:
-    """Squares of what the driven accelerations change from segment to segment [m^2/s^4]."""
+    """Squared changes of the driven accelerations from segment to segment [m^2/s^4]."""
     return float(np.sum(np.diff(plan.tree.acceleration[list(plan.path[1:])], axis=0) ** 2))
 
 
 def _first_roughness(problem: fan.control.Problem, seeds: int) -> list[float]:
-    found = [fan.control.solve(problem, seed=s) for s in range(seeds)]
-    return [_roughness(p) for p in found]
+    plans = [fan.control.solve(problem, seed=s) for s in range(seeds)]
+    return [_roughness(p) for p in plans]
 
 
 def full_marionette(seeds: int) -> tuple[Section, list[Mark]]:

@@ -23,11 +23,11 @@ HEADER = ["planner", "propagator", "plans", "median [s]", "nearest, median", "ra
 
 
 def section(seeds: int, limit: float) -> Section:
-    """``arm3d_boxes`` and an easier problem, a row for every planner and propagator.
+    """``arm3d_boxes`` and an easier problem, with a row for every planner and propagator.
 
     Args:
-        seeds: of each.
-        limit: of a search [s].
+        seeds: number of seeds of each.
+        limit: time limit of a search [s].
     """
     problem = fan.control.load_problem("arm3d_boxes")
     whole, easy = _rows(problem, seeds, limit, []), _rows(easier(problem), seeds, limit, ["--easy"])
@@ -52,7 +52,7 @@ def section(seeds: int, limit: float) -> Section:
 def _rows(
     problem: fan.control.Problem, seeds: int, limit: float, changes: list[str]
 ) -> list[list[str]]:
-    """Table lines of OMPL's planners and ours; none if OMPL is not installed."""
+    """Table rows of OMPL's planners and ours; none if OMPL is not installed."""
     ours = {
         planner: [
             {"found": bool(p), "seconds": p.seconds, "distance": p.distance}
@@ -63,7 +63,7 @@ def _rows(
         ]
         for planner in ("est-2007", "explore")
     }
-    least = _median(ours["explore"], limit)
+    reference = _median(ours["explore"], limit)
     rows = []
     for planner in PLANNERS:
         for propagator in PROPAGATORS:
@@ -85,26 +85,28 @@ def _rows(
             if done.returncode == MISSING:
                 return []
             done.check_returncode()
-            found = [json.loads(line) for line in done.stdout.splitlines() if line[:1] == "{"]
-            rows.append(_row(f"OMPL {planner}", propagator, found, limit, least))
-    for planner, found in ours.items():
-        rows.append(_row(f"fantoccini {planner}", "own, in lanes", found, limit, least))
+            outcomes = [json.loads(line) for line in done.stdout.splitlines() if line[:1] == "{"]
+            rows.append(_row(f"OMPL {planner}", propagator, outcomes, limit, reference))
+    for planner, outcomes in ours.items():
+        rows.append(_row(f"fantoccini {planner}", "own, in lanes", outcomes, limit, reference))
     return rows
 
 
-def _median(found: list[dict], limit: float) -> float:
-    """Seconds of a search; one without a plan has taken all it was given."""
-    return float(np.median([f["seconds"] if f["found"] else limit for f in found]))
+def _median(outcomes: list[dict], limit: float) -> float:
+    """Median time of the searches [s]; those without a plan count with the limit."""
+    return float(np.median([f["seconds"] if f["found"] else limit for f in outcomes]))
 
 
-def _row(planner: str, propagator: str, found: list[dict], limit: float, least: float) -> list[str]:
-    there = [f for f in found if f["found"]]
-    more = "" if 2 * len(there) > len(found) else "> "
+def _row(
+    planner: str, propagator: str, outcomes: list[dict], limit: float, reference: float
+) -> list[str]:
+    there = [f for f in outcomes if f["found"]]
+    more = "" if 2 * len(there) > len(outcomes) else "> "
     return [
         planner,
         propagator,
-        f"{len(there)} of {len(found)}",
+        f"{len(there)} of {len(outcomes)}",
         f"{np.median([f['seconds'] for f in there]):.3g}" if there else "-",
-        f"{np.median([f['distance'] for f in found]):.2f}",
-        f"{more}{_median(found, limit) / least:.3g}x",
+        f"{np.median([f['distance'] for f in outcomes]):.2f}",
+        f"{more}{_median(outcomes, limit) / reference:.3g}x",
     ]

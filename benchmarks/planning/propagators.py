@@ -1,6 +1,6 @@
-"""What a planner of others calls: a state one look later, and whether a state may be.
+"""Propagation and validity of states, for other planners.
 
-Both keep their arrays from call to call, so that little but the look itself is paid for.
+Both reuse their arrays from call to call, so that little time is added.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from fantoccini.kernel.runtime.clearance import Exact, clearance_arrays
 from fantoccini.kernel.runtime.functions import pointer
 
 SLACK = 1e-3
-"""By how much a string of MuJoCo is too long where it counts as slack [m]."""
+"""Gap of a string in MuJoCo that counts as slack [m]."""
 
 
 class Layout:
-    """Vectors (n,) that hold q_D, v_D, q_K, v_K one after the other.
+    """Vectors (n,) of q_D, v_D, q_K and v_K in order.
 
     Attributes:
-        parts: where each of them is.
-        n: entries of a row.
-        slip: (1, n_strings) of all states [m]: no winch of the puppet slips.
+        parts: slice of each part.
+        n: length of a row.
+        slip: (1, n_strings) slips of all states [m]: no winch of the puppet slips.
     """
 
     def __init__(self, problem: Problem):
@@ -39,18 +39,18 @@ class Layout:
         self.slip = problem.start.slip[None]
 
     def row(self, states: StateArrays) -> Array:
-        """(n,) of one state (1,)."""
+        """The row (n,) of one state (1,)."""
         parts = (states.q_D, states.v_D, states.q_K, states.v_K)
         return np.concatenate([part[0] for part in parts])
 
     def states(self, row: Array) -> StateArrays:
-        """(1,) states of a row (n,)."""
+        """The states (1,) of a row (n,)."""
         q_D, v_D, q_K, v_K = (row[None, part] for part in self.parts)
         return StateArrays(q_D, v_D, self.slip, q_K, v_K)
 
 
 class Own(RolloutPool):
-    """Our time-stepper. It looks at clearance, bounds and strings in the same call."""
+    """Our time-stepper, which checks clearance, bounds and strings in the same call."""
 
     def __init__(self, problem: Problem, layout: Layout):
         m, marionette, bounds = problem.rollouts, problem.marionette, problem.rollouts.bounds
@@ -89,19 +89,19 @@ class Own(RolloutPool):
         arrays.out.looks, arrays.out.catches = (pointer(self._looks[k:]) for k in (0, 1))
 
     def after(self, row: Array, acc_K: Array) -> Array:
-        """(n,) one look later, nan where it may not be; acc_K (n_vK,) [m/s^2]."""
+        """The row (n,) one check later, NaN if invalid; acc_K (n_vK,) [m/s^2]."""
         self._before[:], self._acc_K[:] = row, acc_K
         self._there.fill(np.nan)
         self._work(self._arrays)
         return self._there.copy()
 
     def clear(self, row: Array) -> bool:
-        """Whether a state that was propagated may be."""
+        """Whether a propagated state is valid."""
         return bool(np.isfinite(row[0]))
 
 
 class MuJoCo:
-    """The same puppet in MuJoCo, by Euler's method with steps as long as ours.
+    """The same puppet in MuJoCo, by Euler's method with steps of the same length.
 
     It is not reset when it diverges: states that are not finite do not count as clear.
     """
@@ -110,7 +110,9 @@ class MuJoCo:
         self.rollouts, self.parts = problem.rollouts, layout.parts
         self.puppet = puppet = MuJoCoPuppet(problem.marionette, self.rollouts.options.dt)
         if puppet.twists:
-            raise ValueError("limits of twists must be led anew at every step; here is no time")
+            raise ValueError(
+                "limits of twists need an update at every step, which is not made here"
+            )
         mujoco, option = puppet.mujoco, puppet.model.opt
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
@@ -122,12 +124,12 @@ class MuJoCo:
         self._clearance = _OneClearance(problem)
 
     def after(self, row: Array, acc_K: Array) -> Array:
-        """(n,) one look later, nan where a string went slack that must not; acc_K (n_vK,)
+        """The row (n,) one check later, NaN if a string went slack that must not; acc_K (n_vK,)
         [m/s^2]."""
         puppet, rollouts, t = self.puppet, self.rollouts, self.rollouts.options.interval
         q_D, v_D, q_K, v_K = (row[part] for part in self.parts)
         puppet.put(q_D, v_D)
-        # An Euler step takes its last velocity for the whole of it: that in its middle is exact.
+        # An Euler step uses its last velocity throughout: that in its middle is exact.
         puppet.drive(q_K, v_K - 0.5 * rollouts.options.dt * acc_K, acc_K)
         self._warm[:] = 0.0
         self._step(puppet.model, puppet.data, rollouts.options.look)
@@ -137,7 +139,7 @@ class MuJoCo:
         return np.concatenate([*there, q_K + t * (v_K + 0.5 * t * acc_K), v_K + t * acc_K])
 
     def clear(self, row: Array) -> bool:
-        """Whether a state may be: its speeds, its ranges, its clearance."""
+        """Whether a state is valid: its speeds, its ranges, its clearance."""
         bounds, (q_D, _, q_K, v_K) = self.rollouts.bounds, (row[part] for part in self.parts)
         return bool(
             np.isfinite(row).all()
@@ -168,7 +170,7 @@ class _OneClearance:
         )
 
     def __call__(self, q_D: Array, q_K: Array) -> float:
-        """[m]."""
+        """The clearance [m]."""
         self._given[0][:], self._given[1][:] = q_D, q_K
         if self._call(*self._arguments):
             raise MemoryError("no memory for clearances")

@@ -1,11 +1,11 @@
-"""Clips of motion capture as cues: how near the limbs of a verified play are to the clip.
+"""Motion capture clips as cues: errors of the limbs in a verified play.
 
     python -m benchmarks.plays.clips [--after-walk] [CLIP ...]
 
-Bundled clips, and those of :mod:`benchmarks.capture.clips`. Each is done by a player alone in a
+Bundled clips, and those of :mod:`benchmarks.capture.clips`. A player performs each alone in a
 play with the stage's usual bounds, from rest or after a walk and a turn. Errors are root mean
-squares in per cent of the puppet's height: of the nearest hanging poses, and what the run of the
-play adds.
+squares in per cent of the puppet's height: of the nearest hanging poses, and the increase by the
+play's run.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
     cue_of_play = play.cues[-1]
     if cue_of_play.refused:
         return f"| {path.stem} | refused: {cue_of_play.refused} |"
-    found = fan.theatre.verify_play(play)
+    check = fan.theatre.verify_play(play)
     player, bounds = play.cast.players["pierrot"], play.cast.file.stage
-    made = clip_gesture(
+    gesture = clip_gesture(
         place_on_spot(player.alone, path, start=player.hangs),
         speed=bounds.speed,
         acceleration=bounds.acceleration,
     )
-    run, clip = found.run.resample(cue_of_play.start + made.t), made.retargeted
+    run, clip = check.run.resample(cue_of_play.start + gesture.t), gesture.retargeted
     seen = places_in(clip.figure, player.alone.poses(run.q_D, run.q_K))
     at, heading = np.array([player.start.x, player.start.y]), player.start.heading
     for way in play.ways["pierrot"]:
@@ -74,7 +74,7 @@ def measured(path: Path, folder: Path, walks: bool) -> str:
         cells.append(f"{hung:.1f} + {off - hung:.1f}")
     return (
         f"| {path.stem} | {clip.t[-1]:.1f} s | {compiled:.1f} s | {' | '.join(cells)} | "
-        f"{len(found.faults)} |"
+        f"{len(check.faults)} |"
     )
 
 
@@ -83,15 +83,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--after-walk", action="store_true")
     parser.add_argument("clips", nargs="*")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "own").mkdir()
-        paths = [bundled_clip(one) for one in clip_names()] + write(folder / "own", "lafan1")
+        paths = [bundled_clip(name) for name in clip_names()] + write(folder / "own", "lafan1")
         print(f"| clip | length | compiled in | {' | '.join(GROUPS)} | faults |")
         for path in paths:
-            if not given.clips or path.stem in given.clips:
-                print(measured(path, folder, given.after_walk), flush=True)
+            if not arguments.clips or path.stem in arguments.clips:
+                print(measured(path, folder, arguments.after_walk), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Inputs of scores and first placings of plays, kept in a file or compared with one.
+"""Inputs of scores and of plays after their first round, stored in a file or compared with it.
 
-python -m benchmarks.plays.compiled_inputs kept.npz             # writes, or compares where it is
+python -m benchmarks.plays.compiled_inputs kept.npz             # writes it, or compares
 python -m benchmarks.plays.compiled_inputs kept.npz --plays 3 --scores 20
 """
 
@@ -27,7 +27,7 @@ GESTURES = {"nod": "low", "bow": "low", "wave": "up", "sit": "", "march": ""}
 
 
 def random_score(seed: int) -> dict[str, Any]:
-    """A score with lanes, phrases, holds and times by name, as the data of its file."""
+    """A score with lanes, phrases, holds and named times, as the data of its file."""
     rng = np.random.default_rng(seed)
     lanes: dict[str, list[dict[str, Any]]] = {}
     names: list[str] = []
@@ -70,7 +70,7 @@ def random_score(seed: int) -> dict[str, Any]:
 
 
 def of_score(path: Path) -> dict[str, Array]:
-    """Arrays and texts of a compiled score; its mistakes where it has some."""
+    """Arrays and texts of a compiled score, or its mistakes."""
     try:
         score = fan.load_score(fan.puppets.marionette(), path)
     except FileError as error:
@@ -86,15 +86,15 @@ def of_score(path: Path) -> dict[str, Array]:
 
 
 def of_play(path: str | Path) -> dict[str, Array]:
-    """Arrays and texts of the first placing of a play."""
+    """Arrays and texts of a play after its first round."""
     play = fan.load_play(path, within=0.0)
-    kept: dict[str, Array] = {
+    arrays: dict[str, Array] = {
         "times": np.array([(cue.start, cue.end, cue.wanted) for cue in play.cues]),
         "refused": np.array([cue.refused for cue in play.cues]),
     }
     for name, motion in play.motions.items():
-        kept |= {f"{name} breaks": motion.breaks, f"{name} coef": motion.coef}
-    return kept
+        arrays |= {f"{name} breaks": motion.breaks, f"{name} coef": motion.coef}
+    return arrays
 
 
 def compiled(folder: Path, scores: int, plays: int) -> Iterator[tuple[str, dict[str, Array]]]:
@@ -108,38 +108,38 @@ def compiled(folder: Path, scores: int, plays: int) -> Iterator[tuple[str, dict[
 
 
 def written(folder: Path, data: dict[str, Any]) -> Path:
-    """A file of a score or a play."""
+    """The file of a score or a play."""
     path = folder / "given.yaml"
     YAML().dump(data, path)
     return path
 
 
 def difference(old: Array | None, new: Array | None) -> str:
-    """What is not the same within the tolerance; "" where nothing is."""
+    """Description of the difference beyond the tolerance; "" if there is none."""
     if old is None or new is None:
-        return "is in one only"
+        return "is in only one file"
     if old.shape != new.shape:
         return f"{old.shape} and {new.shape}"
     if old.dtype.kind == "U" or not old.size:
         return "; ".join(f"{a!r} and {b!r}" for a, b in zip(old, new, strict=True) if a != b)
-    far = float(np.max(np.abs(new - old)))
-    return f"differs by {far:.3g}" if far > TOLERANCE else ""
+    largest = float(np.max(np.abs(new - old)))
+    return f"differs by {largest:.3g}" if largest > TOLERANCE else ""
 
 
 def main() -> int:
-    """Writes the file, or prints what differs from it; 1 where something does."""
+    """Writes the file, or prints differences from it; returns 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", type=Path)
     parser.add_argument("--scores", type=int, default=20)
     parser.add_argument("--plays", type=int, default=5)
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     before: dict[str, Array] = {}
-    if given.file.exists():
-        with np.load(given.file, allow_pickle=False) as saved:
+    if arguments.file.exists():
+        with np.load(arguments.file, allow_pickle=False) as saved:
             before = {key: saved[key] for key in saved.files}
     after, differ = dict[str, Array](), 0
     with tempfile.TemporaryDirectory() as folder:
-        for name, arrays in compiled(Path(folder), given.scores, given.plays):
+        for name, arrays in compiled(Path(folder), arguments.scores, arguments.plays):
             own = {f"{name} {key}": value for key, value in arrays.items()}
             after |= own
             old = {key: x for key, x in before.items() if key.startswith(f"{name} ")}
@@ -151,8 +151,8 @@ def main() -> int:
             if before:
                 print(f"{same} the same to the bit", *wrong, sep="\n  ", flush=True)
     if not before:
-        np.savez(given.file, **after)  # type: ignore[arg-type]
-    print(f"{differ} differ" if before else f"{given.file}: {len(after)} arrays")
+        np.savez(arguments.file, **after)  # type: ignore[arg-type]
+    print(f"{differ} differ" if before else f"{arguments.file}: {len(after)} arrays")
     return int(differ > 0)
 
 

@@ -16,22 +16,22 @@ PLAY = Path(__file__).with_name("minute.yaml")
 
 
 def main() -> None:
-    """Prints seconds, lateness and faults."""
+    """Prints durations, lateness and faults."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--play", type=Path, default=PLAY)
     parser.add_argument(
         "--change", nargs=2, default=["does: shake, how: timidly", "does: nod, how: timidly"]
     )
-    given = parser.parse_args()
-    text = given.play.read_text()
+    arguments = parser.parse_args()
+    text = arguments.play.read_text()
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / given.play.name
+        path = Path(folder) / arguments.play.name
         path.write_text(text)
         fan.load_play(path)  # compiles the library of the stage, once
         play = _measured("from nothing", path)
-        if given.change[0] not in text:
-            raise SystemExit(f"{given.play} has no {given.change[0]!r}")
-        path.write_text(text.replace(*given.change, 1))
+        if arguments.change[0] not in text:
+            raise SystemExit(f"{arguments.play} has no {arguments.change[0]!r}")
+        path.write_text(text.replace(*arguments.change, 1))
         again = _measured("one gesture changed", path, play)
         anew = fan.load_play(path)
         same = (again.score.gesture.coef == anew.score.gesture.coef).all()
@@ -42,20 +42,20 @@ def _measured(what: str, path: Path, before: fan.theatre.Play | None = None) -> 
     begun = time.perf_counter()
     play = fan.load_play(path, before=before)
     compiled = time.perf_counter()
-    found = fan.theatre.verify_play(play)
+    check = fan.theatre.verify_play(play)
     verified = time.perf_counter()
     table = play.marionette.coordinates
     print(
         f"{what}: compiled in {compiled - begun:.1f} s ({play.rounds} rounds), verified in "
         f"{verified - compiled:.1f} s\n  {play!r}\n  {table.n_vD} degrees of freedom, "
         f"{len(play.marionette.tree.strings)} strings, {table.n_vK} driven coordinates\n  cues: "
-        f"{len(found.cues)} parts, {sum(one.limb for one in found.cues)} seen by limbs; the worst "
-        f"is {1e3 * found.worst:.1f} ms off\n  {sum(found.catches.values())} catches; "
-        f"{len(found.faults)} faults"
+        f"{len(check.cues)} parts, {sum(cue.limb for cue in check.cues)} seen by limbs; the worst "
+        f"is {1e3 * check.worst:.1f} ms off\n  {sum(check.catches.values())} catches; "
+        f"{len(check.faults)} faults"
     )
     for change in play.changes:
         print(f"  {change}")
-    for fault in found.faults:
+    for fault in check.faults:
         print(f"  {fault}")
     return play
 

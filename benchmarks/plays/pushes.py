@@ -1,16 +1,16 @@
-"""Counts the cues of a live show that hold although hands slip and bodies are pushed.
+"""Counts the cues of a live show that hold when hands slip and bodies are pushed.
 
     python -m benchmarks.plays.pushes PLAY.yaml [SEEDS]
 
 In each run four pushes come at random times, each to a random player:
 
-    slip      a hand is jerked by 2 cm in a random direction within 0.1 s, and comes back: the size
+    slip      a hand is jerked by 2 cm in a random direction within 0.1 s, and returns: the size
               of a slip of a hand
-    impulse   a trunk or head is given 0.1 m/s times the player's mass within 0.1 s
+    impulse   a trunk or head gets 0.1 m/s times the player's mass within 0.1 s
 
-A cue holds where every limb that turns at a mark of its gesture does so within 1/60 s of when it
-does in a run that nobody pushes, and every body of its player is within 2 cm of where it is there,
-at the cue's beginning, marks and end. A cue is hit if its player is pushed while it is on.
+A cue holds if every limb that turns at a mark of its gesture does so within 1/60 s of its time
+in an undisturbed run, and every body of its player is within 2 cm of its place there
+at the cue's beginning, marks and end. A cue is hit if its player is pushed during it.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from fantoccini.theatre.plays import CueOfPlay
 SEEDS = 20
 PUSHES = 4
 SLIP, SLIP_TIME = 0.02, 0.1
-"""How far a hand slips [m], and in which time [s]."""
+"""Distance [m] and duration [s] of a hand's slip."""
 GIVEN = 0.1
 """Speed of an impulse [m/s]."""
 LATE, NEAR = 1 / 60, 0.02
-"""How late a cue may be [s], and how far off a body [m]."""
+"""Largest lateness of a cue [s] and position error of a body [m]."""
 
 
 @dataclass
 class Run:
-    """A show on the play's clock, as :func:`fantoccini.lateness` reads it."""
+    """A show on the play's clock, for :func:`fantoccini.lateness`."""
 
     t: np.ndarray
     q_D: CubicSpline
@@ -53,7 +53,7 @@ class Run:
 
 @dataclass
 class Pushes:
-    """Pushes of a show, each with the time at which it is given."""
+    """Pushes of a show, with their times."""
 
     kind: str
     seed: int
@@ -71,7 +71,7 @@ class Pushes:
             way /= np.linalg.norm(way)
             self.whom.append((float(t), who))
             if self.kind == "slip":
-                hands = [one.name for one in live.handles if one.name.startswith(own)]
+                hands = [handle.name for handle in live.handles if handle.name.startswith(own)]
                 hand = str(rng.choice(hands))
                 self.jobs += slip(live, hand, SLIP * way, float(t))
             else:
@@ -100,7 +100,7 @@ def impulse(live: fan.Performance, body: str, force: np.ndarray, t: float):
 
 
 def performed(play: fan.theatre.Play, steady: bool, pushes: Pushes | None = None) -> Run:
-    """A show from GO to its end; GO comes wherever it waits."""
+    """A show from GO to its end; GO is given whenever it waits."""
     show = fan.theatre.LivePlay(play)
     if not steady:
         show.steady = None
@@ -123,17 +123,17 @@ def performed(play: fan.theatre.Play, steady: bool, pushes: Pushes | None = None
 
 
 def turns(play: fan.theatre.Play, run: Run) -> dict[tuple[int, str, str, str], float]:
-    """(cue, player, mark, string) -> how late its limb is [s]."""
-    parts = {id(one): part for one, part in zip(play.score.cues, play.parts, strict=True)}
+    """Lateness of limbs by (cue, player, mark, string) [s]."""
+    parts = {id(cue): part for cue, part in zip(play.score.cues, play.parts, strict=True)}
     return {
         (*parts[id(late.cue)], late.mark, late.string): late.seconds
         for late in lateness(play.score, run)
     }
 
 
-def far(play: fan.theatre.Play, run: Run, still: Run, cue: CueOfPlay) -> float:
-    """How far a body of the cue's players is from where it is in the other run, at most [m]."""
-    most, links = 0.0, play.marionette.tree.links
+def distance(play: fan.theatre.Play, run: Run, still: Run, cue: CueOfPlay) -> float:
+    """Largest distance of a body of the cue's players from its place in the other run [m]."""
+    largest, links = 0.0, play.marionette.tree.links
     for who in cue.who:
         own = [i for i, b in enumerate(links) if b.name.startswith(play.cast.member(who))]
         times = np.clip([*cue.marks[who].values()], run.t[0], run.t[-1])
@@ -141,8 +141,8 @@ def far(play: fan.theatre.Play, run: Run, still: Run, cue: CueOfPlay) -> float:
             play.marionette.poses(at.q_D, at.q_K)[:, own, :, 3]
             for at in (run.resample(times), still.resample(times))
         ]
-        most = max(most, float(np.max(np.linalg.norm(there[0] - there[1], axis=-1))))
-    return most
+        largest = max(largest, float(np.max(np.linalg.norm(there[0] - there[1], axis=-1))))
+    return largest
 
 
 def main() -> None:
@@ -159,8 +159,8 @@ def main() -> None:
 
 
 def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
-    """Prints how long a player's centre of mass is off by a centimetre after an impulse."""
-    members, found = Members(play), []
+    """Prints the time for which a player's centre of mass is off by 1 cm after an impulse."""
+    members, durations = Members(play), []
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
         who = int(rng.integers(len(members.names)))
@@ -180,8 +180,8 @@ def settling(play: fan.theatre.Play, steady: bool, seeds: int = 6) -> None:
             places = [members.middles(x.q_D, x.q_K)[who] for x in (s.advance(tick) for s in shows)]
             off.append(np.linalg.norm((places[0] - places[1])[:2]))
         far_off = np.flatnonzero(np.array(off) > 0.01)
-        found.append(tick * (far_off[-1] + 1) if len(far_off) else 0.0)
-    print(f"off by 1 cm after an impulse on a trunk: median {np.median(found):.2f} s of 8 s")
+        durations.append(tick * (far_off[-1] + 1) if len(far_off) else 0.0)
+    print(f"off by 1 cm after an impulse on a trunk: median {np.median(durations):.2f} s of 8 s")
 
 
 def count(play, still: Run, usual, kind: str, seeds: int, steady: bool) -> None:
@@ -193,11 +193,9 @@ def count(play, still: Run, usual, kind: str, seeds: int, steady: bool) -> None:
         for cue in play.cues:
             if cue.refused:
                 continue
-            late = max(
-                (abs(now[one] - usual[one]) for one in now if one[0] == cue.number), default=0.0
-            )
+            late = max((abs(now[k] - usual[k]) for k in now if k[0] == cue.number), default=0.0)
             hit = any(cue.start <= t <= cue.end and who in cue.who for t, who in pushes.whom)
-            rows.append((late, far(play, run, still, cue), hit))
+            rows.append((late, distance(play, run, still, cue), hit))
     late, off, hit = (np.array(column) for column in zip(*rows, strict=True))
     print(f"{kind}: {seeds} runs of {PUSHES}, {time.perf_counter() - began:.0f} s")
     for which, of in (("all cues", np.ones(len(hit), dtype=bool)), ("cues that are hit", hit)):

@@ -1,4 +1,4 @@
-"""Random plays: each compiles, or names the cues that cannot be done; what compiles is verified.
+"""Random plays: each compiles and is verified, or names its impossible cues.
 
 python -m benchmarks.plays.random_plays --plays 200 [--seed 0] [--players 2]
 """
@@ -25,7 +25,7 @@ MARKS: dict[str, dict[str, Any]] = {
     "west": {"at": [0.0, 0.6], "facing": "centre"},
     "east": {"at": [0.0, -0.6], "facing": "left"},
     "door": {"at": [-0.6, 0.0]},
-    "far": {"at": [1.4, 0.0]},  # out of the hands' space
+    "far": {"at": [1.4, 0.0]},  # outside the hands' space
     "behind": {"at": [-0.5, 0.55], "facing": "audience"},  # the table stands there
 }
 TABLE = {"name": "table", "type": "box", "size": [0.2, 0.2, 0.25], "at": [-0.5, 0.55, 0.125]}
@@ -41,8 +41,8 @@ def random_play(seed: int, players: int = 2, cues: int = 8) -> dict[str, Any]:
     cast = {name: {"at": str(at)} for name, at in zip(names, starts, strict=True)}
     acts, walked = [], set[str]()
     for act in range(int(rng.integers(1, 3))):
-        made = [_cue(rng, names, walked) for _ in range(max(1, cues // 2))]
-        acts.append({"act": f"act {act + 1}", "after": float(rng.integers(0, 3)), "cues": made})
+        act_cues = [_cue(rng, names, walked) for _ in range(max(1, cues // 2))]
+        acts.append({"act": f"act {act + 1}", "after": float(rng.integers(0, 3)), "cues": act_cues})
     return {
         "play": "trial",
         "tempo": float(rng.choice([60.0, 90.0, 100.0, 120.0])),
@@ -107,26 +107,26 @@ def _place(rng: np.random.Generator, n: int) -> list[float]:
 
 
 def main() -> int:
-    """Prints what came of every play, and the sums; 1 where a play fails."""
+    """Prints the result of every play, and the sums; returns 1 if a play fails."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plays", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--players", type=int, default=2)
-    parser.add_argument("--keep", type=Path, help="a folder for the plays that fail")
-    parser.add_argument("--why", action="store_true", help="print what cannot be done, and why")
-    given = parser.parse_args()
+    parser.add_argument("--keep", type=Path, help="folder for the plays that fail")
+    parser.add_argument("--why", action="store_true", help="print impossible cues, and why")
+    arguments = parser.parse_args()
     whole = refused = failed = 0
     seconds = []
-    for seed in range(given.seed, given.seed + given.plays):
-        data = random_play(seed, given.players)
+    for seed in range(arguments.seed, arguments.seed + arguments.plays):
+        data = random_play(seed, arguments.players)
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "random.yaml"
             YAML().dump(data, path)
             begun = time.perf_counter()
             try:
                 play = fan.load_play(path)
-                found = fan.theatre.verify_play(play)
-            except Exception as error:  # whatever it is: the play and the seed are told
+                check = fan.theatre.verify_play(play)
+            except Exception as error:  # any failure is reported with the play and the seed
                 failed += 1
                 print(f"{seed:4}: {type(error).__name__}: {error}", flush=True)
                 continue
@@ -135,17 +135,17 @@ def main() -> int:
             whole, refused = whole + (not left), refused + bool(left)
             text = f"{play.duration:5.1f} s, {len(play.cues)} cues, {len(left)} refused"
             print(f"{seed:4}: {text}, {play.rounds} rounds, {seconds[-1]:.1f} s", flush=True)
-            if given.why:
+            if arguments.why:
                 print("".join(f"      {change}\n" for change in play.changes), end="", flush=True)
-            if not found:
+            if not check:
                 failed += 1
-                for fault in found.faults:
+                for fault in check.faults:
                     print(f"      {fault}", flush=True)
-                if given.keep is not None:
-                    given.keep.mkdir(exist_ok=True)
-                    (given.keep / f"{seed}.yaml").write_bytes(path.read_bytes())
+                if arguments.keep is not None:
+                    arguments.keep.mkdir(exist_ok=True)
+                    (arguments.keep / f"{seed}.yaml").write_bytes(path.read_bytes())
     print(
-        f"{given.plays} plays: {whole} whole, {refused} with cues that are named, {failed} fail; "
+        f"{arguments.plays} plays: {whole} whole, {refused} with cues that are named, {failed} fail; "
         f"{np.median(seconds):.1f} s each (median), {max(seconds):.1f} at most"
     )
     return int(failed > 0)

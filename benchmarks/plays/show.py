@@ -1,9 +1,9 @@
-"""Prints how soon a show answers: messages in, hands that move, cues, messages out.
+"""Prints the latencies of a show: messages in, motion of hands, cues, messages out.
 
     python -m benchmarks.plays.show [PLAY.yaml]
 
-The page's loop runs as in ``fantoccini perform``, without a browser. Nothing here is a test:
-machines differ, and so do their neighbours.
+The page's loop runs as in ``fantoccini perform``, without a browser. This is not a test:
+machines and their load differ.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ def main() -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "short.yaml"
         path.write_text(PLAY, encoding="utf-8")
-        given = Path(sys.argv[1]) if len(sys.argv) > 1 else path
+        file = Path(sys.argv[1]) if len(sys.argv) > 1 else path
         began = time.perf_counter()
-        play = fan.load_play(given)
+        play = fan.load_play(file)
         print(f"{play}: compiled in {time.perf_counter() - began:.1f} s")
         measure(play, Path(folder))
 
@@ -57,7 +57,7 @@ def measure(play: fan.theatre.Play, folder: Path) -> None:
             else None
         )
     )
-    moved, ticks, told, whole = [], [], [], []
+    moved, ticks, latencies, whole = [], [], [], []
     with open_show(
         show, "light", "127.0.0.1", 0, folder, Address("127.0.0.1", 0), Address(*ears.getsockname())
     ) as page:
@@ -76,19 +76,19 @@ def measure(play: fan.theatre.Play, folder: Path) -> None:
             while heard(ears) != f"/cue/{number}/start":
                 pass
             now = time.perf_counter()
-            told.append(now - begun[-1][0])
+            latencies.append(now - begun[-1][0])
             whole.append(now - sent)
     line("/go sent -> the hands move [ms]", moved)
     print(
         f"  simulated ticks meanwhile: median {statistics.median(ticks):.0f}, "
         f"most {max(ticks):.0f} of {1e3 * show.performance.tick:.1f} ms"
     )
-    line("the cue begins -> its message is heard [ms]", told)
+    line("the cue begins -> its message is heard [ms]", latencies)
     line("/go sent -> /cue/N/start is heard [ms]", whole)
 
 
 def speed(show: fan.theatre.LivePlay) -> None:
-    """Prints how much faster than real time the stage is simulated."""
+    """Prints the speed of the stage's simulation, relative to real time."""
     show.go()
     began = time.perf_counter()
     show.advance(4.0)

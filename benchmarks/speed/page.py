@@ -17,7 +17,7 @@ OPENING = (
 
 def page(chapters: list[Chapter], peers: Peers, flags: str) -> str:
     """All of it as Markdown."""
-    made = machine(("numpy", "scipy", "casadi"))
+    computer = machine(("numpy", "scipy", "casadi"))
     versions = [["compiler's flags", flags]]
     versions += [[name, peer.version] for name, peer in peers.mujoco.items()]
     for name, peer in (("Pinocchio", peers.pinocchio), ("Drake", peers.drake)):
@@ -28,7 +28,7 @@ def page(chapters: list[Chapter], peers: Peers, flags: str) -> str:
         "# Speed, measured",
         wrapped(OPENING),
         goals_table(chapters).markdown(),
-        Table(made.header, [*made.rows, *versions]).markdown(),
+        Table(computer.header, [*computer.rows, *versions]).markdown(),
         *(chapter.section.markdown() for chapter in chapters),
     ]
     return "\n\n".join(parts) + "\n"

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.string_model``: prints what chains of masses and springs cost."""
+"""``python -m benchmarks.string_model``: prints the cost of chains of masses and springs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is measured of one model of the strings."""
+"""Measurements of one model of the strings."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from fantoccini.output.view.geometry import chain_points
 TOLERANCE = 1e-8
 """rtol and atol of the event-driven runs."""
 _LONGEST = 0.2
-"""Longest step of the time-stepper that is tried [s]."""
+"""Longest tested step of the time-stepper [s]."""
 _FINE = 1.05
-"""Ratio to which the largest stable one is found."""
+"""Ratio of the bounds of the largest stable step."""
 _ASTRAY = 0.005
 """Distance from the event-driven motion at which a run counts as wrong [m]."""
 _BLOWN = 0.1
-"""Energy that appears or vanishes at which a run counts as wrong [J]."""
+"""Energy error at which a run counts as wrong [J]."""
 _MOVE = 1e-6
 
 
@@ -37,12 +37,12 @@ class Measured:
     Attributes:
         dof: degrees of freedom.
         fastest, slowest: absolute values of the linearised motion's eigenvalues, at rest [1/s].
-        largest_step: of the time-stepper [s].
-        stepping: processor time a simulated second at half that step.
-        steps: of the event-driven method, a simulated second.
-        event: its processor time a simulated second.
-        stretch: largest part by which a string got longer than its length [m].
-        error: of the hand's place against the massless model, at the worst time [m].
+        largest_step: largest step of the time-stepper [s].
+        stepping: processor time per simulated second at half that step.
+        steps: steps of the event-driven method per simulated second.
+        event: its processor time per simulated second.
+        stretch: largest extension of a string beyond its length [m].
+        error: largest distance of the hand from that of the massless model [m].
     """
 
     dof: int
@@ -59,12 +59,12 @@ class Measured:
 def measure(
     subject: Subject, puppet: Marionette, hand: np.ndarray | None
 ) -> tuple[Measured, np.ndarray]:
-    """The figures of a model, and where the hand goes.
+    """The figures of a model, and the hand's path.
 
     Args:
         subject: the motion.
-        puppet: on constraints or chains.
-        hand: (T, 3) where the hand goes on massless strings [m]; None for these themselves.
+        puppet: puppet on constraints or chains.
+        hand: (T, 3) path of the hand on massless strings [m]; None for those themselves.
     """
     puppet.compile()
     x = puppet.rest()
@@ -77,7 +77,7 @@ def measure(
     fast, slow = eigenvalues(puppet, x)
     step = largest_step(subject, puppet, x, inputs, (grid, here), min(0.3 / fast, 2e-4))
     stepping, _ = _least(lambda: stepped(puppet, x, inputs, t_end, 0.5 * step))
-    found = Measured(
+    figures = Measured(
         dof=puppet.coordinates.n_vD,
         fastest=fast,
         slowest=slow,
@@ -88,11 +88,11 @@ def measure(
         stretch=stretch(puppet, on_grid),
         error=0.0 if hand is None else float(np.max(np.linalg.norm(here - hand, axis=1))),
     )
-    return found, here
+    return figures, here
 
 
 def _least(work: Callable[[], fan.Trajectory]) -> tuple[float, fan.Trajectory]:
-    """Processor time of the fastest of three tries or more [s], and what the last one gave."""
+    """Processor time of the fastest of three or more tries [s], and the last result."""
     took: list[float] = []
     while sum(took) < 20.0 and (len(took) < 3 or sum(took) < 0.5):
         began = time.process_time()
@@ -102,7 +102,7 @@ def _least(work: Callable[[], fan.Trajectory]) -> tuple[float, fan.Trajectory]:
 
 
 def stepped(puppet, x: State, inputs, t_end: float, dt: float) -> fan.Trajectory:
-    """A run of the time-stepper that keeps little."""
+    """A run of the time-stepper with few samples."""
     return fan.simulate(
         puppet,
         x,
@@ -123,13 +123,13 @@ def largest_step(
     hand: tuple[np.ndarray, np.ndarray],
     first: float,
 ) -> float:
-    """The largest step up to which the time-stepper keeps to the right motion [s].
+    """The largest step with which the time-stepper follows the right motion [s].
 
     Args:
         subject: the motion.
-        puppet, x, inputs: what runs.
-        hand: times (T,) [s], and (T, 3) where the hand is to be [m].
-        first: a step that is small enough [s].
+        puppet, x, inputs: puppet, start and inputs.
+        hand: times (T,) [s], and (T, 3) right positions of the hand [m].
+        first: a sufficiently small step [s].
     """
 
     def stands(dt: float) -> bool:
@@ -156,9 +156,9 @@ def largest_step(
 
 
 def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
-    """Largest and smallest absolute value of those of the motion near rest [1/s].
+    """Largest and smallest absolute eigenvalues of the motion near rest [1/s].
 
-    In the coordinates where M_DD is one, and on taut strings across them; 0 is left out.
+    In coordinates in which M_DD is 1, and orthogonal to taut strings; 0 is left out.
     """
     at = Evaluation.of(puppet, x)
     n = len(x.v_D)
@@ -185,7 +185,7 @@ def eigenvalues(puppet: Marionette, x: State) -> tuple[float, float]:
 
 
 def stretch(puppet: Marionette, run: fan.Trajectory) -> float:
-    """The largest part by which a string is longer than its length [m]."""
+    """The largest extension of a string beyond its length [m]."""
     if not puppet.tree.chains:
         n = len(puppet.tree.strings)
         return float(np.max(run.violation.values[:, :n]))

@@ -1,4 +1,4 @@
-"""The table: what strings of masses and springs cost."""
+"""The table: costs of strings of masses and springs."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def measured(
     subject: Subject, stiffnesses: tuple[float, ...]
 ) -> Iterator[tuple[str, str, Measured]]:
     """Name, EA and figures of the massless strings and of every chain."""
-    found, hand = measure(subject, subject.massless(), None)
-    yield "massless", "-", found
+    figures, hand = measure(subject, subject.massless(), None)
+    yield "massless", "-", figures
     chains = [(n, CORD_STIFFNESS) for n in subject.pieces] + [(8, EA) for EA in stiffnesses]
     for pieces, EA in chains:
         # The damping is a share of the stiffness, as in one material.
@@ -42,7 +42,7 @@ def measured(
 
 
 def table(subject: Subject, stiffnesses: tuple[float, ...] = ()) -> tuple[Table, list[Measured]]:
-    """One row a model."""
+    """The table, with one row for each model."""
     rows, all_found = [], []
     for name, EA, m in measured(subject, stiffnesses):
         all_found.append(m)
@@ -66,10 +66,10 @@ def table(subject: Subject, stiffnesses: tuple[float, ...] = ()) -> tuple[Table,
 
 
 def chain_table() -> str:
-    """The tables and what they say, as Markdown: paragraphs and tables between blank lines."""
-    arm, found = table(ARM, STIFFNESSES)
+    """The tables and their discussion, as Markdown: paragraphs and tables between blank lines."""
+    arm, figures = table(ARM, STIFFNESSES)
     puppet, others = table(PUPPET)
-    massless, eight = found[0], found[1 + ARM.pieces.index(8)]
+    massless, eight = figures[0], figures[1 + ARM.pieces.index(8)]
     return TEXT.format(
         arm=arm.markdown(),
         puppet=puppet.markdown(),

@@ -1,4 +1,4 @@
-"""The puppets that are measured, their motions, and the point that is compared."""
+"""The measured puppets, their motions, and the compared point."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from fantoccini.motion import State
 
 @dataclass(frozen=True)
 class Subject:
-    """A puppet and what is done with it.
+    """A puppet and its motion.
 
     Attributes:
-        name: of the bundled puppet.
-        moves: driven coordinate -> by how much it is moved, there [m], within ``taken`` [s].
-        taken: time of the moves [s].
+        name: name of the bundled puppet.
+        moves: driven coordinate -> its displacement [m] within ``taken`` [s].
+        taken: duration of the moves [s].
         t_end: end of the motion [s].
-        string: whose lower end is compared.
-        pieces: of the chains.
+        string: string whose lower end is compared.
+        pieces: numbers of pieces of the chains.
     """
 
     name: str
@@ -50,7 +50,7 @@ class Subject:
         )
 
     def hand(self, puppet: Marionette, run: fan.Trajectory) -> np.ndarray:
-        """(T, 3) place of the string's lower end [m]."""
+        """(T, 3) position of the string's lower end [m]."""
         rows = (*puppet.tree.strings, *puppet.tree.chains)
         point = next(r for r in rows if r.name == self.string).points[0]
         assert point.link != WORLD

@@ -225,12 +225,12 @@ def refused(folder: Path, mesh: trimesh.Trimesh, text: str, *, more: str = "") -
 
 def test_an_open_mesh_is_refused(tmp_path):
     holed = trimesh.Trimesh(BOX.vertices, BOX.faces[2:], process=False)
-    refused(tmp_path, holed, "is not closed; what touches must be: close its holes")
+    refused(tmp_path, holed, "is not closed; meshes in contact must be closed: close its holes")
 
 
 def test_a_flat_mesh_is_refused(tmp_path):
     flat = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 1]], process=False)
-    refused(tmp_path, flat, "is flat; what touches has a volume: give it a thin box")
+    refused(tmp_path, flat, "is flat; meshes in contact need a volume: use a thin box")
 
 
 def test_of_many_vertices_those_count_that_stand_out_most(tmp_path):

@@ -36,14 +36,14 @@ class Input:
     the forces are 0.
 
     Attributes:
-        coordinates: names and places of the coordinates.
+        coordinates: names and indices of the coordinates.
         breaks: (n_seg + 1,) increasing [s].
         coef: (n_seg, n_vK, 6) ascending powers of the time since the piece began [m or rad, s].
-        base: (n_seg, n_qK) configuration of reference: start value of a scalar [m or rad], unit
+        base: (n_seg, n_qK) reference configuration: start value of a scalar [m or rad], unit
             quaternion of a rotation [1].
         named: (n_vK,) bool, coordinates that the user named; :meth:`bound` fills in the rest.
         force: (n_seg, n_vD, 6) generalised forces u_D [N or N m], or None.
-        name: of the performance.
+        name: name of the performance.
     """
 
     coordinates: CoordinateTable
@@ -82,18 +82,18 @@ class Input:
 
     @property
     def duration(self) -> float:
-        """From the first to the last break [s]."""
+        """Time from the first to the last break [s]."""
         return self.end - self.start
 
     # -- making one --------------------------------------------------------------------------
 
     @classmethod
     def hold(cls, table: Table, duration: float = 1.0) -> Input:
-        """Everything holds still, at the start state's values.
+        """Constant inputs, at the start state's values.
 
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
-            duration: [s] > 0; afterwards everything is held too.
+            duration: [s] > 0; inputs are constant afterwards, too.
         """
         table = reading.table_of(table)
         if not (np.isfinite(duration) and duration > 0):
@@ -107,7 +107,7 @@ class Input:
         points: Mapping[str, Sequence[Any]],
         smooth: Literal["minimum-jerk"] = "minimum-jerk",
     ) -> Input:
-        """Smooth moves through waypoints, without overshoot, at rest at both ends.
+        """A smooth motion through waypoints, without overshoot, at rest at both ends.
 
         ``Input.waypoints(arm, {"hand.length": [(0, 0.8), (1.5, 0.5)]})``. Two points give the
         minimum-jerk move; at the points between the acceleration is 0. A rotation
@@ -117,15 +117,15 @@ class Input:
         Args:
             table: a coordinate table, or anything with ``.coordinates``.
             points: name -> list of (t [s], value [m, rad, or a rotation]).
-            smooth: the kind of move; there is one.
+            smooth: the kind of motion; there is one.
         """
         table, mistakes = reading.table_of(table), Mistakes.of_inputs()
         if smooth != "minimum-jerk":
             mistakes.add(("smooth",), f"is {smooth!r}; it must be 'minimum-jerk'")
         read = reading.waypoints(table, points, mistakes)
-        made = cls.of_channels(table, pieces.through_waypoints(table, read), mistakes)
+        motion = cls.of_channels(table, pieces.through_waypoints(table, read), mistakes)
         mistakes.refuse()
-        return made
+        return motion
 
     @classmethod
     def samples(
@@ -143,18 +143,18 @@ class Input:
         """
         table, mistakes = reading.table_of(table), Mistakes.of_inputs()
         read = reading.samples(table, t, columns, mistakes)
-        made = cls.of_channels(table, pieces.through_samples(table, read, rest), mistakes)
+        motion = cls.of_channels(table, pieces.through_samples(table, read, rest), mistakes)
         mistakes.refuse()
-        return made
+        return motion
 
     @classmethod
     def of_channels(
         cls, table: CoordinateTable, channels: Mapping[str, Channel], mistakes: Mistakes
     ) -> Input:
-        """Channels on one clock; notes lengths that reach 0."""
-        made = cls(table, *pieces.assembled(table, channels))
-        binding.note_lengths(table, made.breaks[None], made.coef[None], mistakes)
-        return made
+        """An input from channels on one clock; records lengths that reach 0 as mistakes."""
+        motion = cls(table, *pieces.assembled(table, channels))
+        binding.note_lengths(table, motion.breaks[None], motion.coef[None], mistakes)
+        return motion
 
     @classmethod
     def segments(cls, table: Table, t: Times, q_K: Array, v_K: Array, acc_K: Array) -> Input:
@@ -177,9 +177,9 @@ class Input:
         """
         table = reading.table_of(table)
         pieces_of = arrays.constant_acceleration(table, t, q_K, v_K, acc_K)
-        made = cls(table, *pieces_of, np.ones(table.n_vK, dtype=bool))
-        # One piece cannot jump, and steppers make one for every tick.
-        return made if len(made.coef) == 1 else made._joined(Mistakes.of_inputs())
+        motion = cls(table, *pieces_of, np.ones(table.n_vK, dtype=bool))
+        # One piece cannot jump, and steppers make one for every step.
+        return motion if len(motion.coef) == 1 else motion._joined(Mistakes.of_inputs())
 
     @classmethod
     def load(cls, table: Table, path: str | Path) -> Input:
@@ -193,22 +193,22 @@ class Input:
             path: the file; its ending (.yaml, .yml, .csv or .npz) gives the format.
 
         Raises:
-            InputError: with every mistake in the file.
+            InputError: the file has mistakes; all are listed.
         """
         table = reading.table_of(table)
         read = files.read_inputs(table, Path(path))
         if isinstance(read, files.Segments):
             return cls.segments(table, read.t, read.q_K, read.v_K, read.acc_K)
         lengths = Mistakes.of_inputs()
-        made = cls.of_channels(table, read.channels, lengths)
+        motion = cls.of_channels(table, read.channels, lengths)
         read.mistakes.found += [((*read.place, *at), message) for at, message in lengths.found]
         read.mistakes.refuse()
         if read.forces:
-            made = made.with_force_points(read.forces)
+            motion = motion.with_force_points(read.forces)
         if read.duration is None:
-            return made
-        # A file's clock starts at 0; the hand holds still until the first waypoint.
-        return made.begun(0.0).extended(read.duration).called(read.name)
+            return motion
+        # A file's clock starts at 0; the hand is at rest until the first waypoint.
+        return motion.begun(0.0).extended(read.duration).called(read.name)
 
     # -- changing one ------------------------------------------------------------------------
 
@@ -236,29 +236,29 @@ class Input:
         return dataclasses.replace(moved, force=force)
 
     def shifted(self, dt: float) -> Input:
-        """The same, ``dt`` seconds later."""
+        """This input, ``dt`` seconds later."""
         return dataclasses.replace(self, breaks=self.breaks + float(floats(dt)))
 
     def called(self, name: str) -> Input:
-        """The same under a name."""
+        """This input with a name."""
         return dataclasses.replace(self, name=name)
 
     def begun(self, start: float) -> Input:
-        """The same with everything held from ``start`` [s] until it begins."""
+        """This input, preceded by rest from ``start`` [s] on."""
         start = float(floats(start))
         if start >= self.start - SAME_TIME:
             return self
         return self._on(np.concatenate([[start], self.breaks]))
 
     def extended(self, end: float) -> Input:
-        """The same with everything held until ``end`` [s]."""
+        """This input, followed by rest until ``end`` [s]."""
         end = float(floats(end))
         return self if end <= self.end + SAME_TIME else self._on(np.append(self.breaks, end))
 
     def then(self, *others: Input) -> Input:
-        """This, then the others at once, whatever their own times.
+        """This input, followed immediately by the others, whatever their times.
 
-        A coordinate that only some of them name holds still during the rest.
+        A coordinate that only some of them name is at rest during the others.
 
         Raises:
             InputError: a position or velocity would jump where two of them meet.
@@ -268,24 +268,26 @@ class Input:
 
     @staticmethod
     def concatenate(inputs: Sequence[Input]) -> Input:
-        """The inputs one after the other; the first keeps its times. See :meth:`then`."""
-        for i, one in enumerate(inputs):
-            if not isinstance(one, Input):
-                raise TypeError(f"inputs[{i}] is a {type(one).__name__}; it must be an Input")
-        binding.check_same_puppet([one.coordinates for one in inputs])
+        """The inputs one after another; the first keeps its times. See :meth:`then`."""
+        for i, item in enumerate(inputs):
+            if not isinstance(item, Input):
+                raise TypeError(f"inputs[{i}] is a {type(item).__name__}; it must be an Input")
+        binding.check_same_puppet([item.coordinates for item in inputs])
         joined = inputs[0]
         for other in inputs[1:]:
-            later = other.shifted(joined.end - other.start)
-            one = joined._filled(other.named & ~joined.named, other.evaluate(other.start)[0])
-            two = later._filled(joined.named & ~other.named, joined.evaluate(joined.end)[0])
-            forces = [arrays.force_or_zero(x.coordinates, x._arrays) for x in (one, two)]
-            forced = one.force is not None or two.force is not None
+            shifted_other = other.shifted(joined.end - other.start)
+            before = joined._filled(other.named & ~joined.named, other.evaluate(other.start)[0])
+            after = shifted_other._filled(
+                joined.named & ~other.named, joined.evaluate(joined.end)[0]
+            )
+            forces = [arrays.force_or_zero(x.coordinates, x._arrays) for x in (before, after)]
+            forced = before.force is not None or after.force is not None
             joined = Input(
                 joined.coordinates,
-                np.concatenate([one.breaks, two.breaks[1:]]),
-                np.concatenate([one.coef, two.coef]),
-                np.concatenate([one.base, two.base]),
-                one.named | two.named,
+                np.concatenate([before.breaks, after.breaks[1:]]),
+                np.concatenate([before.coef, after.coef]),
+                np.concatenate([before.base, after.base]),
+                before.named | after.named,
                 np.concatenate(forces) if forced else None,
                 joined.name,
             )
@@ -358,7 +360,7 @@ class Input:
         return values
 
     def checked(self) -> Input:
-        """Itself, if it is C^1 and keeps every named length positive.
+        """This input, if it is C^1 and every named length stays positive.
 
         Pieces take up small jumps at their ends, see :mod:`fantoccini.motion.joints`.
 
@@ -377,7 +379,7 @@ class Input:
         return self if coef is self.coef else dataclasses.replace(self, coef=coef)
 
     def at_rest(self) -> Input:
-        """The same with small velocities at both ends set to 0, by the tolerances of joints."""
+        """This input with small velocities at both ends set to 0, by the tolerances of joints."""
         v = self.evaluate(np.array([self.start, self.end]))[1]
         coef = arrays.at_rest(self.coordinates, self.breaks, self.coef, v)
         return self if coef is self.coef else dataclasses.replace(self, coef=coef)
@@ -389,7 +391,7 @@ class Input:
         return InputArrays(self.breaks, self.coef, self.base, self.named, self.force)
 
     def _on(self, breaks: Times) -> Input:
-        """The same input on a superset of its breaks."""
+        """The same input on more breaks, which include its own."""
         ends = self.evaluate(self.start)[0], self.evaluate(self.end)[0]
         on = arrays.on_breaks(self.coordinates, self._arrays, ends, breaks)
         return dataclasses.replace(self, **on._asdict())

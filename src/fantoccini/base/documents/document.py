@@ -24,7 +24,7 @@ The fields of the subclass are the keys of the file::
     stand = parse_document(text, StandFile)
     document_schema(StandFile)  # JSON Schema for editors
 
-A validator of a value raises ``mistake(text)``; one of a part or of the whole file lists mistakes
+A check of a value raises ``mistake(text)``; one of a part or of the whole file lists mistakes
 at keys below it with ``refuse``. An error lists every mistake as ``file:line: key.path: found,
 allowed, nearest name``. Checks that need more than the file (a compiled puppet, other files) come
 after it: :class:`Mistakes` runs them with ``document.located``, which has the lines and the folder.
@@ -57,7 +57,7 @@ DocumentT = TypeVar("DocumentT", bound="Document")
 
 _OWN_NAME = "scene gesture score play problem task mapping stand record"
 KEYS = {"bodies": "puppet", "coordinates": "inputs"} | {k: k for k in _OWN_NAME.split()}
-"""Key at the top of a file that tells its kind -> the kind."""
+"""Key at the top of a file that identifies its kind -> the kind."""
 
 
 class Kind(NamedTuple):
@@ -66,8 +66,8 @@ class Kind(NamedTuple):
     Attributes:
         name: one of the values of :data:`KEYS`.
         needs: keys that such a file has, as the end of the message "this is a puppet file; ...".
-        folder: of bundled files, which are read by their names; None where there are none.
-        error: raised with the mistakes.
+        folder: folder of bundled files, which are read by their names; None if there are none.
+        error: class of the error that lists the mistakes.
         words: names that other programs use, for hints.
     """
 
@@ -79,7 +79,7 @@ class Kind(NamedTuple):
 
     @property
     def key(self) -> str:
-        """Key at the top of the file that tells its kind."""
+        """Key at the top of the file that identifies its kind."""
         return next(key for key, kind in KEYS.items() if kind == self.name)
 
     @property
@@ -95,7 +95,7 @@ class Kind(NamedTuple):
 
 
 class Document(Model):
-    """Base of the models of files that users write. Where they stand does not count in ``==``."""
+    """Base of the models of files that users write. ``==`` ignores their location."""
 
     kind: ClassVar[Kind]
     """Kind of file."""
@@ -106,21 +106,21 @@ class Document(Model):
     def __get_pydantic_core_schema__(
         cls, source: Any, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        # A wrap validator of this class would be inside the validators of subclasses.
+        # A wrapping check of this class would run inside those of subclasses.
         return core_schema.with_info_wrap_validator_function(cls._all_mistakes, handler(source))
 
     @classmethod
     def _all_mistakes(cls, data: Any, handler: Any, info: core_schema.ValidationInfo) -> Any:
-        """The document; every mistake in an error of its kind, in Python as in files."""
+        """The document; one error of its kind lists all mistakes, in Python as in files."""
         located = info.context if isinstance(info.context, Located) else Located()
         try:
-            made = handler(data)
+            document = handler(data)
         except ValidationError as error:
-            found = findings(cls, data, error, cls.kind.words)
-            raise located.error(found, cls.kind.error) from None
+            mistakes = findings(cls, data, error, cls.kind.words)
+            raise located.error(mistakes, cls.kind.error) from None
         if located.mistakes:
             raise located.error((), cls.kind.error)
-        return made
+        return document
 
     @property
     def located(self) -> Located:
@@ -128,12 +128,12 @@ class Document(Model):
         return self._located
 
     def refuse(self, found: Iterable[Finding]) -> None:
-        """Raises the error of this kind of file with these mistakes, if there are any."""
+        """Raises this kind of file's error if there are mistakes."""
         if mistakes := tuple(found):
             raise self._located.error(mistakes, self.kind.error)
 
     def model_post_init(self, context: Any, /) -> None:
-        """Keeps where it was read."""
+        """Stores its location."""
         if isinstance(context, Located):
             self._located = context
 
@@ -142,11 +142,11 @@ def read_document(path: str | os.PathLike[str], *kinds: type[DocumentT]) -> Docu
     """Reads a file.
 
     Args:
-        path: of a YAML file, or the name of a bundled file of the first kind.
+        path: path of a YAML file, or the name of a bundled file of the first kind.
         kinds: possible kinds of the file.
 
     Raises:
-        FileError: with every mistake and its location; the class is that of the first kind.
+        FileError: lists every mistake and its location; the class is that of the first kind.
     """
     kind, name = kinds[0].kind, os.fspath(path)
     if name in kind.bundled and not os.path.isfile(name):
@@ -167,11 +167,11 @@ def parse_document(
     Args:
         text: YAML.
         kinds: possible kinds of the document.
-        name: of the text, for messages.
-        folder: where relative paths begin; by default the current folder.
+        name: name of the text, for messages.
+        folder: base of relative paths; the current folder by default.
 
     Raises:
-        FileError: as for :func:`read_document`.
+        FileError: see :func:`read_document`.
     """
     return _validated(read_located(text, name, folder, kinds[0].kind.error), kinds)
 
@@ -182,9 +182,9 @@ def document_schema(model: type[Document]) -> dict[str, Any]:
 
 
 def _validated(located: Located, kinds: tuple[type[DocumentT], ...]) -> DocumentT:
-    """The document, of the kind that its keys tell."""
+    """The document, of the kind that its keys identify."""
     data = located.data if isinstance(located.data, dict) else {}
-    # The last one wins: a scene with a stray `bodies` is a scene.
+    # The last kind wins: a scene with a stray `bodies` is a scene.
     model = next((model for model in reversed(kinds) if model.kind.key in data), None)
     other = next((kind for key, kind in KEYS.items() if key in data), None)
     if model is None and other is not None:

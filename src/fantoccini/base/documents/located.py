@@ -1,4 +1,4 @@
-"""Text -> validated model, with the line of every mistake. Nothing here knows about puppets.
+"""Text -> validated model, with the line of every mistake; independent of puppets.
 
 Every mistake reads ``file:line: key.path: what was found, what is allowed, nearest valid name``,
 and all mistakes of a file are collected before an error is raised.
@@ -37,7 +37,7 @@ class Words(NamedTuple):
 
     Attributes:
         own: another program's name -> the name in our files.
-        advice: given an unknown key and the allowed ones, a sentence that helps, or None.
+        advice: unknown key, allowed keys -> a helpful sentence, or None.
     """
 
     own: Mapping[str, str] = {}
@@ -49,12 +49,12 @@ NO_WORDS = Words()
 
 @dataclass(frozen=True)
 class Located:
-    """Plain data and where it was written. All compare equal: documents do not differ by place.
+    """Plain data and its location. All compare equal: documents do not differ by location.
 
     Attributes:
         data: dicts, lists and scalars.
         file: the file's name as the user gave it.
-        folder: where relative paths in the file begin.
+        folder: base of relative paths in the file.
         lines: path of keys and indices -> 1-based line; empty for data built in Python.
         mistakes: mistakes found while reading that left the rest readable.
     """
@@ -72,7 +72,7 @@ class Located:
         return self.lines.get(path)
 
     def beside(self, name: str) -> FilePath | None:
-        """A file in this one's folder or below it; None where there is none of this name."""
+        """A file in this one's folder or below it; None if it does not exist."""
         path = PurePosixPath(name)
         plain = name.isprintable() and "\\" not in name and ":" not in name and len(name) < 256
         if not plain or not path.parts or path.is_absolute() or ".." in path.parts:
@@ -97,7 +97,7 @@ class Located:
         return Mistake(self.file, self.line(path), key_path(path), message)
 
     def error(self, findings: Iterable[Finding], error: type[FileError]) -> FileError:
-        """All mistakes in file order, those found while reading included."""
+        """All mistakes in file order, including those of reading."""
         mistakes = [*self.mistakes, *(self.problem(p, m) for p, m in findings)]
         mistakes = sorted(dict.fromkeys(mistakes), key=lambda p: p.line or 0)
         more = len(mistakes) - LIMITS.max_mistakes
@@ -109,13 +109,13 @@ class Located:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where an object was written. All origins are equal, so that equal objects are.
+    """Location of an object in files. All origins compare equal, so that equal objects do.
 
     Attributes:
         file: the file's name as the user gave it.
-        folder: where relative paths in the file begin.
+        folder: base of relative paths in the file.
         lines: name -> 1-based line.
-        files: name -> file, for names that are written elsewhere.
+        files: name -> file, for names in other files.
     """
 
     file: str = field(default="<python>", compare=False)
@@ -135,8 +135,8 @@ def read_file(path: str | os.PathLike[str], error: type[FileError] = FileError) 
     try:
         place = FilePath(name)
         if not place.is_file():
-            found = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
-            raise error([Mistake(name, None, "", f"found {found} here; a YAML file is needed")])
+            kind = "a folder" if place.is_dir() else "nothing" if not place.exists() else "no file"
+            raise error([Mistake(name, None, "", f"found {kind} here; a YAML file is needed")])
         with place.open("rb") as stream:
             raw = stream.read(LIMITS.max_file_bytes + 1)
         folder = place.resolve().parent
@@ -154,8 +154,8 @@ def read_located(
     Args:
         text: the file's content.
         file: its name, for messages.
-        folder: where relative paths in the file begin; by default the current folder.
-        error: the kind of error to raise where the text cannot be read.
+        folder: base of relative paths in the file; the current folder by default.
+        error: class of the error for an unreadable text.
     """
 
     def fail(line: int | None, path: Path, message: str) -> FileError:
@@ -181,7 +181,7 @@ def read_located(
 
 
 def has_key(path: str | os.PathLike[str], key: str) -> bool:
-    """Whether a file is YAML with a key at its top, as ``score`` or ``play``."""
+    """Whether a file is YAML with a key at its top, such as ``score`` or ``play``."""
     if not os.fspath(path).lower().endswith((".yaml", ".yml")):
         return False
     try:
@@ -200,9 +200,9 @@ def validate(
     """The model's instance for located data; all mistakes in one error.
 
     Args:
-        model: a pydantic model; its validators find ``located`` as the validation context.
+        model: a pydantic model; ``located`` is its validation context.
         located: result of ``read_located``.
-        error: the kind of error to raise.
+        error: class of the error.
         words: hints for words of other programs.
     """
     try:
@@ -221,19 +221,19 @@ def findings(
 
     Args:
         model: the model.
-        data: plain data it was validated from.
+        data: plain data that was validated.
         error: raised by pydantic.
         words: hints for words of other programs.
     """
-    found = []
+    located_messages = []
     for k, item in enumerate(error.errors(include_url=False)):
         path, leaf = data_path(data, item["loc"], item["type"])
         if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
             path = (*path, item["ctx"]["discriminator"].strip("'"))
         # Hints are slow, and only these mistakes are shown.
         hints = words if k < LIMITS.max_mistakes else None
-        found.append((path, _sentence(model, item, leaf, hints)))
-    return found
+        located_messages.append((path, _sentence(model, item, leaf, hints)))
+    return located_messages
 
 
 def mended(data: Any, error: ValidationError) -> Any | None:
@@ -296,7 +296,7 @@ def shown(value: Any) -> str:
 
 
 def data_path(data: Any, loc: tuple[str | int, ...], kind: str = "fantoccini") -> tuple[Path, str]:
-    """A location without parts that are no keys of the data, such as branches of a union."""
+    """A location without parts that are not keys of the data, such as branches of a union."""
     path: list[str | int] = []
     for k, part in enumerate(loc):
         last = k == len(loc) - 1
@@ -327,7 +327,7 @@ _NEEDED = {
 
 
 def _sentence(model: type[BaseModel], item: Any, leaf: str, words: Words | None) -> str:
-    kind, found, facts = item["type"], shown(item["input"]), item.get("ctx", {})
+    kind, input_text, facts = item["type"], shown(item["input"]), item.get("ctx", {})
     if kind == "fantoccini":
         return item["msg"]
     if kind == "extra_forbidden":
@@ -344,24 +344,24 @@ def _sentence(model: type[BaseModel], item: Any, leaf: str, words: Words | None)
         hint = "" if words is None else _closest(wrong, names, words)
         return f"found {shown(wrong)}; allowed: {', '.join(names)}{hint}"
     if kind in _NEEDED or kind.endswith("_type"):
-        return f"found {found}; needed: {_NEEDED.get(kind, item['msg'])}"
-    return f"found {found}: {item['msg']}"
+        return f"found {input_text}; needed: {_NEEDED.get(kind, item['msg'])}"
+    return f"found {input_text}: {item['msg']}"
 
 
-def _closest(found: Any, names: list[str], words: Words) -> str:
-    if not isinstance(found, str):
+def _closest(input_text: Any, names: list[str], words: Words) -> str:
+    if not isinstance(input_text, str):
         return ""
-    if (own := words.own.get(found.lower().replace("_", "-"))) in names:
+    if (own := words.own.get(input_text.lower().replace("_", "-"))) in names:
         return f"; did you mean {own!r}?"
-    hint = nearest(found[:64], names)
+    hint = nearest(input_text[:64], names)
     return hint if "did you mean" in hint else ""
 
 
 def allowed_keys(model: type[BaseModel], loc: tuple[str | int, ...]) -> list[str]:
-    """Keys that may stand at a location of a model.
+    """Keys allowed at a location of a model.
 
     Args:
-        model: where the location begins.
+        model: start of the location.
         loc: pydantic's location: keys, indices and names of union branches.
     """
     models = [model]

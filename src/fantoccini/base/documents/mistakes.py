@@ -13,10 +13,10 @@ Checked = TypeVar("Checked")
 
 
 class Mistakes:
-    """Mistakes of a document, collected so that its author hears of all of them at once.
+    """Mistakes of a document, collected and reported together.
 
     Attributes:
-        located: the document, which knows the line of every path.
+        located: the document, with the line of every path.
         found: key path and message of each mistake.
 
     Args:
@@ -30,7 +30,7 @@ class Mistakes:
 
     @classmethod
     def of_inputs(cls) -> Mistakes:
-        """Mistakes in inputs that no file has: arguments of a function."""
+        """Mistakes in inputs without a file: arguments of a function."""
         return cls(Located(file="inputs", folder=FilePath()), InputError)
 
     def __len__(self) -> int:
@@ -56,10 +56,10 @@ class Mistakes:
         Raises:
             FileError: ``make`` raised, or an earlier check did; lists every mistake.
         """
-        made = self(path, make)
+        result = self(path, make)
         self.refuse()
-        assert made is not None
-        return made
+        assert result is not None
+        return result
 
     def refuse(self) -> None:
         """Raises the error if there are mistakes."""

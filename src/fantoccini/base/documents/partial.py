@@ -33,10 +33,10 @@ UNCLEAR: Any = Unclear()
 
 
 def valid_parts(model: type[ModelT], data: Any, located: Located) -> ModelT:
-    """An instance without validation: valid values, invalid texts as written, else ``UNCLEAR``.
+    """An instance without validation: valid values, texts as written, else ``UNCLEAR``.
 
     Args:
-        model: its validators of whole parts do not run.
+        model: model of the data; its checks of whole parts do not run.
         data: plain data, of any form.
         located: context of validation.
     """
@@ -78,9 +78,9 @@ def _value(model: type[BaseModel], name: str, value: Any, located: Located) -> A
 
 @lru_cache(maxsize=1000)
 def _adapter(model: type[BaseModel], name: str) -> TypeAdapter[Any]:
-    """Validator of one field; validators that see its siblings are not part of it."""
+    """Adapter of one field, without checks that involve other fields."""
     field = model.model_fields[name]
-    # With an annotation of no effect, where it has none of its own.
+    # `None` is an annotation without effect, for fields without one.
     annotation: Any = Annotated[field.annotation, None, *field.metadata]
     return TypeAdapter(annotation)
 

@@ -1,4 +1,4 @@
-"""Names in a file that must be names of something else."""
+"""Names in a file that must exist elsewhere."""
 
 from __future__ import annotations
 
@@ -22,5 +22,8 @@ def unknown_names(
         at: path of the mapping.
     """
     for k, name in enumerate(name for name in names if name not in known):
-        few = k < LIMITS.max_hints and len(known) <= LIMITS.max_hint_names
-        yield (*at, name), what.format(shown(name)) + (nearest(name[:64], known) if few else "")
+        has_hint = k < LIMITS.max_hints and len(known) <= LIMITS.max_hint_names
+        yield (
+            (*at, name),
+            what.format(shown(name)) + (nearest(name[:64], known) if has_hint else ""),
+        )

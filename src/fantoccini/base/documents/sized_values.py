@@ -13,13 +13,13 @@ _MAX_SIZE = 1e6
 """Largest allowed magnitude [m, rad or s]."""
 
 
-def _sized(given: Any) -> Any:
+def _sized(value: Any) -> Any:
     """Refuses numbers that are too large."""
-    numbers = given if isinstance(given, tuple) else (given,)
+    numbers = value if isinstance(value, tuple) else (value,)
     for number in numbers:
         if isinstance(number, float) and abs(number) > _MAX_SIZE:
             raise mistake(f"found {number:g}; needed: a size of at most {_MAX_SIZE:g}")
-    return given
+    return value
 
 
 SIZED = AfterValidator(_sized)
@@ -29,7 +29,7 @@ Place = Annotated[Vector, SIZED]
 Length = Annotated[
     float, BeforeValidator(read_length), SIZED, WithJsonSchema(quantity_schema(LENGTHS))
 ]
-"""A number of metres, or a length with its unit, as `12 cm`."""
+"""A number of metres, or a length with its unit, such as `12 cm`."""
 Value = Annotated[
     Angle | tuple[Angle, ...], SIZED, WithJsonSchema({"type": ["number", "string", "array"]})
 ]

@@ -16,7 +16,7 @@ _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) *([a-z]+)",
 
 
 def without_unit(value: Any, units: Units) -> Any:
-    """A text of a number and one of these units as the number in m or rad; else the value."""
+    """The number in m or rad of a text with one of these units; any other value unchanged."""
     match = _QUANTITY.fullmatch(value.strip()) if isinstance(value, str) else None
     if match is None or match[2] not in units:
         return value
@@ -24,7 +24,7 @@ def without_unit(value: Any, units: Units) -> Any:
 
 
 def quantity_schema(*kinds: Units) -> dict[str, Any]:
-    """JSON Schema of a number, or of one with a unit of these kinds."""
+    """JSON Schema of a number, with or without a unit of these kinds."""
     names = "|".join(name for units in kinds for name in units)
     text = {"type": "string", "pattern": f"^ *[-+.0-9eE]+ *({names}) *$"}
     return {"anyOf": [{"type": "number"}, text]}

@@ -1,6 +1,6 @@
-"""Values that a puppet file is made of: names, numbers, parameters, angles, points, orientations.
+"""Values in puppet files: names, numbers, parameters, angles, points, orientations.
 
-A number may be marked ``{parameter: m1, value: 0.5}``: it is then an entry of the argument p of
+A number may be written ``{parameter: m1, value: 0.5}``: it is then an entry of the argument p of
 every generated function instead of a constant.
 """
 
@@ -69,7 +69,7 @@ def refuse(findings: Iterable[Finding]) -> None:
 
 
 def name_mistake(text: str) -> str:
-    """The message about a text that is not a name."""
+    """The message for a text that is not a name."""
     return (
         f"found {shown(text)}; a name is up to 64 letters, digits, - and _, "
         "and begins with a letter or _"
@@ -89,11 +89,11 @@ def _part_name(text: str) -> str:
 
 
 def owner_of(coordinate: str, members: Collection[str] = ()) -> str:
-    """The joint or string that a coordinate belongs to: ``hand`` of ``hand.length``.
+    """The joint or string of a coordinate: ``hand`` of ``hand.length``.
 
     Args:
         coordinate: its name.
-        members: of a scene; the name of one may stand before the owner's.
+        members: members of a scene, whose names may precede the owner's.
     """
     parts = coordinate.split(".")
     return ".".join(parts[: 2 if parts[0] in members else 1])
@@ -157,7 +157,7 @@ def value_of(number: float | Parameter) -> float:
 
 
 def number_kind(value: Any) -> str:
-    """Branch of a number: a parameter is written as a mapping."""
+    """Union branch of a number: a parameter is a mapping."""
     return "<parameter>" if isinstance(value, (dict, Parameter)) else "<number>"
 
 
@@ -194,7 +194,7 @@ RealShare = Annotated[Real, AfterValidator(_share)]
 
 
 def sized(*sizes: int) -> BeforeValidator:
-    """Demands a list of one of these lengths."""
+    """Check for a list of one of these lengths."""
 
     def check(value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -208,7 +208,7 @@ def sized(*sizes: int) -> BeforeValidator:
 
 
 def entries(least: int, most: int | None = None) -> BeforeValidator:
-    """Demands a list with this many entries, before any entry is checked."""
+    """Check for a list with this many entries, before any entry is checked."""
 
     def check(value: Any) -> Any:
         if isinstance(value, (list, tuple)) and not (
@@ -275,7 +275,7 @@ class Orientation(Model):
 
     @property
     def matrix(self) -> np.ndarray:
-        """Rotation matrix (3, 3) from the rotated frame to the one it is given in."""
+        """Rotation matrix (3, 3) from the rotated frame to the reference frame."""
         if self.quaternion is not None:
             return rotation.matrix(np.array(self.quaternion))
         if self.rpy is not None:

@@ -11,7 +11,7 @@ from fantoccini.base.documents.yaml_text import Path
 
 
 def with_numbers(text: str, numbers: Mapping[Path, float]) -> str:
-    """The text with other numbers at these paths; everything else, comments included, stays.
+    """The text with other numbers at these paths, and otherwise unchanged, including comments.
 
     A key that its mapping lacks is added. A parameter's number is its ``value``.
 
@@ -33,7 +33,7 @@ def with_numbers(text: str, numbers: Mapping[Path, float]) -> str:
 
 
 def yaml_of(data: Any) -> str:
-    """YAML text of plain data, which programs that read YAML 1.1 read as well."""
+    """YAML text of plain data, also readable as YAML 1.1."""
     from ruamel.yaml import YAML
 
     yaml, out = YAML(typ="safe", pure=True), io.StringIO()

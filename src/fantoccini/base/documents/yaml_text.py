@@ -1,8 +1,8 @@
 """YAML text -> plain data and the line of every key, from the parser's events.
 
 Working on events keeps the reader iterative (no recursion, however deep the file) and lets it
-refuse what puppet files never need: tags, merge keys, keys that are not scalars,
-several documents, aliases that multiply.
+refuse features that puppet files never need: tags, merge keys, keys that are not scalars,
+several documents, and aliases that multiply.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _WORDS |= {w: math.nan for w in (".nan", ".NaN", ".NAN")}
 
 
 class Unreadable(Exception):
-    """The text cannot be read beyond this place."""
+    """The text cannot be read beyond this point."""
 
     def __init__(self, line: int | None, path: Path, message: str):
         self.line, self.path, self.message = line, path, message
@@ -54,7 +54,7 @@ class Text:
 
 @dataclass
 class _Open:
-    """A mapping or a list whose end has not been read yet."""
+    """A mapping or list that is still being read."""
 
     value: Any
     path: Path
@@ -71,7 +71,7 @@ def read_text(text: str) -> Text:
         text: the whole file.
 
     Raises:
-        Unreadable: where the text cannot be read any further.
+        Unreadable: the text cannot be read any further.
     """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
@@ -174,7 +174,7 @@ class _Reader:
         )
 
     def here(self) -> Path:
-        """Path of the value that is about to be read, or of the open mapping."""
+        """Path of the next value, or of the open mapping."""
         if not self.stack:
             return ()
         top = self.stack[-1]

@@ -308,7 +308,7 @@ def linearised(
         shares=shares,
         threads=threads,
         touches=touches,
-        room=room,
+        motion_out=room,
     )
     for columns in (derivatives.motion, derivatives.pull, derivatives.shares, derivatives.moved):
         if columns is not None:

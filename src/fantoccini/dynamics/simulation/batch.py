@@ -128,7 +128,7 @@ def simulate_batch(
     check_starts(marionette, states, name, p)
     check_steps(marionette, name, states, p, options.dt)
     if threads is not None:
-        threads = whole("threads", threads, least=1)
+        threads = whole("threads", threads, low=1)
     saved = _saved(marionette, save)
     _check_memory(marionette, name, options, saved, n, t, t_end, save_at, out or {})
     times = _times(name, options, t, t_end, save_at)

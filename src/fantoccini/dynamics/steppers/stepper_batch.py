@@ -92,13 +92,13 @@ class StepperBatch:
         counts = {"states": len(states), "values of parameters": len(p)}
         if n is None:
             n = max(counts.values())
-        n = whole("n", n, least=1)
+        n = whole("n", n, low=1)
         for what, count in counts.items():
             if count not in (1, n):
                 raise StateError(f"found {count} {what} for {n} runs; give one, or {n}")
         self.marionette, self.method, self._n = marionette, chosen.name, n
         options = marionette.run_options(**chosen.options)
-        threads = default_threads() if threads is None else whole("threads", threads, least=1)
+        threads = default_threads() if threads is None else whole("threads", threads, low=1)
         self.t = np.zeros(n)
         self._record = record = LaneRecord(n, marionette.tree.sizes)
         self.p, self.tension, self.taut = record.p, record.tension, record.taut

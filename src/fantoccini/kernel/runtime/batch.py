@@ -19,21 +19,21 @@ from fantoccini.kernel.runtime.packing import new_arrays, packed
 from fantoccini.kernel.runtime.structures import UNLIMITED
 
 _ENDS = ("status", "reached", "violation", "catches", "releases", "blame", "end_q_D", "end_v_D")
-"""What is written of a trajectory's end."""
+"""Results written at the end of a trajectory."""
 _POLL_INTERVAL = 0.05
-"""Between looks at the progress and for Ctrl-C [s]."""
+"""Interval between checks of the progress and of Ctrl-C [s]."""
 
 
 class BatchLibrary:
     """A library that advances many trajectories.
 
     Attributes:
-        width: trajectories that are advanced together, in lanes.
-        sizes: of the puppet.
-        key: of its folder in the cache; unique to puppet, compiler and version.
+        width: number of trajectories advanced together, in lanes.
+        sizes: the puppet's sizes.
+        key: name of its folder in the cache; unique to puppet, compiler and version.
 
     Args:
-        loaded: a library of lanes, or the puppet's own, which advances one at a time.
+        loaded: a library of lanes, or the puppet's own, which advances one trajectory at a time.
     """
 
     def __init__(self, loaded: Loaded):
@@ -49,23 +49,23 @@ class BatchLibrary:
 class Batch:
     """Starts and results of n trajectories with T samples each.
 
-    Starts and inputs are (n, ...), or (1, ...) where all trajectories share them.
+    Starts and inputs are (n, ...), or (1, ...) if all trajectories share them.
 
     Attributes:
         library: advances the trajectories.
-        n: trajectories.
+        n: number of trajectories.
         t, t_end: start and end of all [s].
         q_D, v_D, slip: the start states.
         breaks, coef, base, force: the bound inputs; ``force`` may be None.
         p: (n or 1, n_p) parameters.
         winches: (n_strings, 3) as for :class:`fantoccini.kernel.runtime.Run`.
-        options: of the runs.
-        times: (T,) of the samples: read by event-driven runs, written by fixed steps [s].
-        parts: name of a part -> (n, T, width), written as far as a trajectory gets.
-        status, reached, violation: (n,) how and when each ended [s], largest violation (of
+        options: options of the runs.
+        times: (T,) times of the samples: read by event-driven runs, written by fixed steps [s].
+        parts: name of a part -> (n, T, width), written up to a trajectory's end.
+        status, reached, violation: (n,) status and time of each end [s], largest violation (of
             fixed steps).
-        catches, releases: (n,).
-        blame: (n, n_rows + n_watched) share of rows and drives in the blame for the status, 0 to 1.
+        catches, releases: (n,) numbers of these events.
+        blame: (n, n_rows + n_watched) share of rows and drives in the status' cause, 0 to 1.
         end_q_D, end_v_D: (n, ...) the configuration and velocities reached.
     """
 
@@ -95,19 +95,19 @@ class Batch:
     end_v_D: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        made = new_arrays("BatchArrays", _ENDS, self.library.sizes, n=self.n)
+        results = new_arrays("BatchArrays", _ENDS, self.library.sizes, n=self.n)
         for name in ("reached", "end_q_D", "end_v_D"):
-            made[name].fill(np.nan)
-        made["status"].fill(Status.STOPPED)
-        for name, array in made.items():
+            results[name].fill(np.nan)
+        results["status"].fill(Status.STOPPED)
+        for name, array in results.items():
             object.__setattr__(self, name, array)
 
     def run(self, threads: int, progress: OnProgress | None = None) -> None:
         """Simulates all trajectories. Ctrl-C stops the threads and is raised again.
 
         Args:
-            threads: that share the work.
-            progress: called now and then with the trajectories that are done.
+            threads: number of threads.
+            progress: progress callback, with the number of completed trajectories.
 
         Raises:
             MemoryError: no memory for the batch.

@@ -15,14 +15,14 @@ from fantoccini.kernel.runtime.stage_programs import stage_library
 
 
 class ClampedOutcome(NamedTuple):
-    """What the compiled solver leaves.
+    """Result of the compiled solver.
 
     Attributes:
         u: (N, n_vK) changes of the accelerations.
-        decrease: of the program's cost.
-        iterations: factorisations begun.
-        stages: factorised in all; N in a whole factorisation.
-        solved: whether the bounds in force are the right ones.
+        decrease: decrease of the program's cost.
+        iterations: number of factorisations begun.
+        stages: total number of factorised stages; N in a full factorisation.
+        solved: whether the active bounds are the right ones.
     """
 
     u: Array
@@ -33,7 +33,7 @@ class ClampedOutcome(NamedTuple):
 
 
 class ClampedStages:
-    """A solver with its memory, which is kept from program to program.
+    """A solver that reuses its memory from program to program.
 
     Raises:
         BuildError: there is no compiler, or it failed.
@@ -42,10 +42,10 @@ class ClampedStages:
 
     def __init__(self) -> None:
         self._dll = stage_library()
-        made = self._dll.fan_clamped_stages_new()
-        if not made:
+        address = self._dll.fan_clamped_stages_new()
+        if not address:
             raise MemoryError("no memory for a program of stages")
-        self._handle = ctypes.c_void_p(made)
+        self._handle = ctypes.c_void_p(address)
 
     def __del__(self) -> None:
         if getattr(self, "_handle", None):
@@ -56,10 +56,10 @@ class ClampedStages:
         """Adds a time step to every interval of the next program.
 
         Args:
-            motion: (N, n_d, columns) derivatives of the step, as ``linearise_steps`` has them.
+            motion: (N, n_d, columns) derivatives of the step, as from ``linearise_steps``.
             driven: (N or 1, 2 k, 3 k) derivatives of the driven coordinates before the step.
-            k: driven velocities.
-            is_first: of an interval's steps.
+            k: number of driven velocities.
+            is_first: whether it is an interval's first step.
 
         Raises:
             MemoryError: no memory for it.
@@ -81,17 +81,19 @@ class ClampedStages:
     def solve(
         self, numbers: Mapping[str, float], arrays: Mapping[str, AnyArray], driven: Array
     ) -> ClampedOutcome:
-        """The best motion found, of the steps added since the first.
+        """The best motion found for the steps added since the first.
 
         Args:
-            numbers, arrays: of the contract's ``StageClampArrays``, by name.
+            numbers, arrays: fields of the contract's ``StageClampArrays``, by name.
             driven: (N or 1, 2 n_vK, 3 n_vK) derivatives of the driven coordinates.
 
         Raises:
             MemoryError: no memory for it.
         """
         u = np.zeros(arrays["acc"].shape)
-        made: Any = packed("StageClampArrays", **numbers, **arrays, driven=driven, u=u)
-        if self._dll.fan_clamped_stages_solve(self._handle, ctypes.byref(made)):
+        numbers: Any = packed("StageClampArrays", **numbers, **arrays, driven=driven, u=u)
+        if self._dll.fan_clamped_stages_solve(self._handle, ctypes.byref(numbers)):
             raise MemoryError("no memory for a program of stages")
-        return ClampedOutcome(u, made.decrease, made.iterations, made.stages, bool(made.solved))
+        return ClampedOutcome(
+            u, numbers.decrease, numbers.iterations, numbers.stages, bool(numbers.solved)
+        )

@@ -26,12 +26,12 @@ SEGMENT, BOX, HALF_SPACE = SolidKind.SEGMENT, SolidKind.BOX, SolidKind.HALF_SPAC
 """Kinds of solids."""
 
 JOINT = dtype_of("JointPlace")
-"""A link's joint, and where its coordinates are."""
+"""A link's joint, and the indices of its coordinates."""
 
 _EXACT: Any = next(f[1] for f in structures["ClearanceArrays"]._fields_ if f[0] == "exact")
 
 _CONFIGURATIONS_PER_THREAD = 4096
-"""Fewer take less time than a thread takes to start."""
+"""Number whose measurement takes as long as the start of a thread."""
 
 
 Records = NDArray[np.void]
@@ -39,17 +39,17 @@ Records = NDArray[np.void]
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Solids, and which of them clearance is measured between.
+    """Solids, and the pairs of them whose distance is measured.
 
     Attributes:
-        moving, standing: (n,) ``SOLID``; every moving one is measured against all standing ones
-            that are not left out.
+        moving, standing: (n,) ``SOLID``; every moving solid is measured against all standing ones
+            except those left out.
         pairs: (n, 2) indices of moving solids that are measured against one another.
-        left_out: (moving, standing) bool, those that are not measured against one another.
-        string_radius: (n_strings,) of strings against standing solids [m]; negative: not measured.
+        left_out: (moving, standing) bool, pairs that are not measured.
+        string_radius: (n_strings,) radius against standing solids [m]; negative: not measured.
         joints: (n_links,) ``JOINT``, the joints of the links that carry solids and string points.
         carriers: (n_points,) links of the strings' points; -1 for the world.
-        exact: distance of two placed solids (``SOLID`` records) one of which is a mesh, without
+        exact: distance of two placed solids (``SOLID`` records), one of them a mesh, without
             radii [m]; negative where they overlap. None without meshes.
     """
 
@@ -84,7 +84,7 @@ def moved_by(tree: Tree) -> tuple[Records, NDArray[np.int32]]:
 
 
 def clearance_arrays(solids: Solids, exact: Exact) -> ctypes.Structure:
-    """The structure; ``exact`` must live as long as it is read."""
+    """The structure; ``exact`` must outlive its use."""
     counts = {f"n_{name}": len(getattr(solids, name)) for name in ("moving", "standing", "pairs")}
     names = ("moving", "standing", "pairs", "left_out", "string_radius", "joints", "carriers")
     arrays = {name: getattr(solids, name) for name in names}
@@ -98,7 +98,7 @@ class Exact:
     call soon ends, and leaving ``with`` raises it.
 
     Args:
-        solids: whose function it is.
+        solids: the solids with this function.
     """
 
     def __init__(self, solids: Solids):
@@ -174,27 +174,27 @@ class ClearanceLibrary(Loaded):
         threads: int,
         moves: Moves | None = None,
     ) -> tuple[Array, Array, NDArray[np.int64]]:
-        """The clearance at each of n configurations, and the index of the pair that has it.
+        """The clearance at each of n configurations, and the index of the closest pair.
 
         Args:
-            solids: what is measured.
+            solids: the solids to measure.
             q_D, q_K: (n, n_qD), (n, n_qK).
             p: (n_p,) parameters.
-            threads: that share the work of many configurations.
-            moves: about the configurations; none by default.
+            threads: number of threads for many configurations.
+            moves: motion about the configurations; none by default.
 
         Returns:
             (n,) [m]; (n,) lower bounds of all distances on these moves [m]; and (n,) indices
             in the order of ``Clearance::measure``, -1 without pairs.
 
         Raises:
-            MemoryError: no memory.
+            MemoryError: no memory for the clearances.
         """
         n = len(q_D)
         q_D, q_K, p = (np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p))
-        about: list[Array | None] = [None] * len(Moves._fields)
+        move_arrays: list[Array | None] = [None] * len(Moves._fields)
         if moves is not None:
-            about = [np.ascontiguousarray(a, dtype=float) for a in moves]
+            move_arrays = [np.ascontiguousarray(a, dtype=float) for a in moves]
         clearance, lower, pair = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
         failed: list[int] = []
         exact = Exact(solids)
@@ -208,7 +208,7 @@ class ClearanceLibrary(Loaded):
                     pointer(q_D[part]),
                     pointer(q_K[part]),
                     pointer(p),
-                    *(None if a is None else pointer(a[part]) for a in about),
+                    *(None if a is None else pointer(a[part]) for a in move_arrays),
                     ctypes.byref(arrays),
                     pointer(clearance[part]),
                     pointer(lower[part]),
@@ -218,14 +218,14 @@ class ClearanceLibrary(Loaded):
 
         parts = max(1, min(threads, n // _CONFIGURATIONS_PER_THREAD))
         ends = np.linspace(0, n, parts + 1).astype(int)
-        others = [threading.Thread(target=work, args=span) for span in pairwise(ends[1:])]
+        helpers = [threading.Thread(target=work, args=span) for span in pairwise(ends[1:])]
         with exact:
-            for other in others:
-                other.start()
+            for helper in helpers:
+                helper.start()
             if n:
                 work(0, ends[1])
-            for other in others:
-                other.join()
+            for helper in helpers:
+                helper.join()
         if any(failed):
             raise MemoryError("no memory for clearances")
         return clearance, lower, pair

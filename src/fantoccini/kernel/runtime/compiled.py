@@ -29,21 +29,21 @@ from fantoccini.model.tree import Tree
 from fantoccini.motion import Input, State
 
 _RUNS = (Status.RUNNING, *ARRIVED)
-"""Statuses of runs that can go on."""
-MOST_TOUCHES = 8
-"""Contact points that a pair has at most (``max_touches`` in collision/solids.hpp)."""
+"""Statuses of runs that can continue."""
+MAX_TOUCHES = 8
+"""Largest number of contact points of a pair (``max_touches`` in collision/solids.hpp)."""
 
 
 class Library(Functions):
     """A puppet's compiled functions and runs.
 
     Attributes:
-        key: of its folder in the cache; unique to puppet, compiler and version.
-        n_blamable: rows and drives that a status may blame, n_rows + n_watched.
+        key: key of its folder in the cache; unique to puppet, compiler and version.
+        n_blamable: number of rows and drives that may cause a status, n_rows + n_watched.
 
     Args:
         path: the shared library.
-        tree: the tree it was generated from.
+        tree: the tree from which it was generated.
 
     Raises:
         BuildError: it cannot be loaded, or belongs to another tree.
@@ -111,14 +111,14 @@ class Library(Functions):
             contacts: the m pairs.
             q_D, q_K: (..., n_qD), (..., n_qK) configurations.
             p: (n_p,) parameters.
-            margin: those farther apart count as infinitely far [m].
+            margin: pairs farther apart have an infinite distance [m].
         """
         out = np.full((*q_D.shape[:-1], len(contacts.pairs)), np.inf)
-        given = [np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p)]
+        arrays = [np.ascontiguousarray(a, dtype=float) for a in (q_D, q_K, p)]
         if self.dll.fan_gaps(
             ctypes.byref(contacts.structure),
             ctypes.c_longlong(math.prod(q_D.shape[:-1])),
-            *(pointer(a) for a in given),
+            *(pointer(a) for a in arrays),
             ctypes.c_double(margin),
             pointer(out),
         ):
@@ -131,17 +131,17 @@ class Library(Functions):
         """Contact points of a pair at n poses of its first solid's link.
 
         Args:
-            contacts: of the puppet.
+            contacts: the puppet's contacts.
             pair: index of the pair.
-            poses: (n, 12) R column by column, then the origin [m].
-            other: (12,) of the second solid's link; of any numbers where it stands.
-            margin: gap below which points are found [m].
+            poses: (n, 12) poses: R column by column, then the origin [m].
+            other: (12,) pose of the second solid's link; ignored for a standing solid.
+            margin: largest gap of the points [m].
 
         Returns:
             (n, 8, 8): feature, gap [m], point (3,) [m], unit normal (3,), in the order of the
-            features; the feature is -1 where there is no further point.
+            features; missing points have the feature -1.
         """
-        out = np.zeros((len(poses), MOST_TOUCHES, 8))
+        out = np.zeros((len(poses), MAX_TOUCHES, 8))
         poses, other = (np.ascontiguousarray(a, dtype=float) for a in (poses, other))
         self.dll.fan_touches(
             ctypes.byref(contacts.structure),
@@ -160,10 +160,10 @@ class Complementarity:
     """The result of :meth:`Library.complementarity`.
 
     Attributes:
-        x: (n,) of least norm where several give the same motion.
+        x: (n,) the solution, of least norm if several give the same motion.
         s: (n,).
         solved: whether x and s are a solution.
-        ray: (n,) y >= 0 with W y = 0 and b . y > 0 where none exists: the rows with y > 0
+        ray: (n,) if there is no solution, y >= 0 with W y = 0 and b . y > 0: the rows with y > 0
             contradict one another.
     """
 
@@ -174,12 +174,12 @@ class Complementarity:
 
 
 class Piece(NamedTuple):
-    """What a run wrote since it was last asked.
+    """Output of a run since the last request.
 
     Attributes:
-        samples: (n, width), laid out as the contract's ``SAMPLE``.
-        events: (n, 5), as ``EVENT``.
-        contacts: (n, width), as ``CONTACT``; samples are counted within the piece.
+        samples: (n, width) samples with the layout of the contract's ``SAMPLE``.
+        events: (n, 5) events, likewise ``EVENT``.
+        contacts: (n, width) points, likewise ``CONTACT``; samples are counted within the piece.
     """
 
     samples: Array
@@ -188,7 +188,7 @@ class Piece(NamedTuple):
 
     @classmethod
     def joined(cls, pieces: Sequence[Piece]) -> Piece:
-        """One piece after the other as one."""
+        """Consecutive pieces as one."""
         if len(pieces) == 1:
             return pieces[0]
         samples, events, contacts = zip(*pieces, strict=True)
@@ -205,22 +205,22 @@ class Run:
     Args:
         library: the compiled puppet.
         method: ``event``, or the fixed-step method of the library.
-        options: of the run.
-        x0: start.
+        options: options of the run.
+        x0: start state.
         p: (n_p,) parameters.
         winches: (n_strings, 3) largest tension [N], rewinding speed [m/s], restitution.
-        inputs: bound inputs.
-        save_at: (n,) increasing times of samples, event-driven [s].
+        inputs: inputs bound to the puppet.
+        save_at: (n,) increasing times of samples, for event-driven runs [s].
 
     Attributes:
-        status: RUNNING, or how the run ended.
+        status: RUNNING, or the status at the run's end.
     """
 
     samples_per_piece = 512
     events_per_piece = 1024
     contacts_per_piece = 8192
     steps_per_piece = 200
-    """Few enough that progress bars move and Ctrl-C is answered at once."""
+    """Few enough for moving progress bars and an immediate answer to Ctrl-C."""
 
     def __init__(
         self,
@@ -281,9 +281,9 @@ class Run:
             self._run = ctypes.c_void_p()
 
     def advance(self, t_end: float) -> Iterator[Piece]:
-        """Yields pieces until ``t_end`` or until something stops the run.
+        """Yields pieces until ``t_end`` or until the run stops.
 
-        ``status`` then says how it ended. The pieces of one call stay within the memory bound.
+        ``status`` is set at the end. The pieces of one call stay within the memory bound.
         """
         self._taken_bytes = 0.0
         if self._record.n_samples or self.status not in _RUNS:
@@ -305,25 +305,25 @@ class Run:
         return self._taken()
 
     def set_input(self, inputs: Input | HeldInput) -> None:
-        """Replaces the inputs, bound, from the present time on."""
+        """Replaces the (bound) inputs from the present time on."""
         self.library.dll.fan_set_input(self._run, ctypes.byref(input_arrays(inputs)))
 
     def checkpoint(self) -> bytes:
         """The whole state of the run except its inputs, for :meth:`restore`."""
         call = self.library.dll.fan_memory
         call.restype = ctypes.c_longlong
-        kept = ctypes.create_string_buffer(call(self._run, None, None))
-        call(self._run, kept, None)
-        return kept.raw
+        buffer = ctypes.create_string_buffer(call(self._run, None, None))
+        call(self._run, buffer, None)
+        return buffer.raw
 
     def restore(self, checkpoint: bytes) -> None:
-        """Continues as the run of a checkpoint did after its last :meth:`set_input`.
+        """Continues like the run of a checkpoint after its last :meth:`set_input`.
 
         Args:
-            checkpoint: of a run of the same library and method.
+            checkpoint: checkpoint of a run of the same library and method.
 
         Raises:
-            ValueError: it is of another library or method.
+            ValueError: it belongs to another library or method.
         """
         if len(checkpoint) != len(self.checkpoint()):
             raise ValueError("this checkpoint is of a run of another library or method")
@@ -332,14 +332,14 @@ class Run:
 
     @property
     def progress(self) -> ctypes.Structure:
-        """``steps`` taken, ``t`` reached [s], largest ``violation`` (of fixed steps) [m or rad]."""
+        """``steps`` taken, ``t`` reached [s], largest ``violation`` (fixed steps) [m or rad]."""
         out = structures["RunProgress"]()
         self.library.dll.fan_progress(self._run, ctypes.byref(out))
         return out
 
     @property
     def blame(self) -> Array:
-        """(n_blamable,) share of the blame for the status of each row and drive, 0 to 1."""
+        """(n_blamable,) share of each row and drive in the cause of the status, 0 to 1."""
         out = np.zeros(self.library.n_blamable)
         self.library.dll.fan_blame(self._run, int(self.status), pointer(out))
         return out

@@ -23,12 +23,12 @@ class Contacts:
 
     Attributes:
         solids: (n,) ``SOLID``: those of the links in their order, then those that stand.
-        pairs: (m, 2) of solids; the first is a link's. Those of the same two links, and of a link
-            and a solid that stands, are neighbours.
+        pairs: (m, 2) indices of solids; the first is a link's. Pairs of the same two links, and
+            of a link and a standing solid, are adjacent.
         friction: (m,) coefficients of friction.
-        restitution: (m,) 0 to 1.
-        names: (m,) of the body and of what it touches: another body, an obstacle, ``floor``.
-        hulls: those that solids of the kind ``HULL`` name by their ``mesh``.
+        restitution: (m,) coefficients of restitution, 0 to 1.
+        names: (m,) names of the body and its partner: another body, an obstacle, ``floor``.
+        hulls: hulls of solids of the kind ``HULL``; ``mesh`` is their index.
     """
 
     solids: NDArray[np.void]
@@ -39,10 +39,10 @@ class Contacts:
     hulls: tuple[Hull, ...] = ()
 
     def some(self, which: NDArray[np.bool_]) -> Contacts:
-        """The pairs (m,) that are marked."""
-        names = tuple(name for name, kept in zip(self.names, which, strict=True) if kept)
-        kept = (self.pairs[which], self.friction[which], self.restitution[which])
-        return Contacts(self.solids, *kept, names, self.hulls)
+        """The pairs that ``which`` (m,) marks."""
+        names = tuple(name for name, marked in zip(self.names, which, strict=True) if marked)
+        arrays = (self.pairs[which], self.friction[which], self.restitution[which])
+        return Contacts(self.solids, *arrays, names, self.hulls)
 
     def __reduce__(self) -> tuple[Any, ...]:
         fields = (self.solids, self.pairs, self.friction, self.restitution, self.names)
@@ -50,7 +50,7 @@ class Contacts:
 
     @cached_property
     def structure(self) -> ctypes.Structure:
-        """For compiled code; it and its arrays live as long as this object."""
+        """The structure for compiled code; it and its arrays live as long as this object."""
         groups = self._groups()
         return packed(
             "ContactArrays",
@@ -74,13 +74,13 @@ class Contacts:
         return solids
 
     def _meetings(self) -> NDArray[np.int32]:
-        """(m,) the first pair of the same two names: the parts of one body meet together."""
+        """(m,) the first pair with the same two names: the parts of one body meet together."""
         first: dict[frozenset[str], int] = {}
         meetings = [first.setdefault(frozenset(pair), k) for k, pair in enumerate(self.names)]
         return np.array(meetings, dtype=np.int32)
 
     def _groups(self) -> NDArray[np.int32]:
-        """(n, 3) links of neighbouring pairs, -1 - solid for one that stands; where they end."""
+        """(n, 3) the two links of adjacent pairs, -1 - solid for a standing one, and their end."""
         links = self.solids["link"][self.pairs]
         links[:, 1] = np.where(links[:, 1] == WORLD, -1 - self.pairs[:, 1], links[:, 1])
         last = np.flatnonzero(np.any(np.diff(links, axis=0, append=-links[-1:] - 9), axis=1))

@@ -15,13 +15,13 @@ _RESULTS = ("q_D_at", "v_D_at", "changes_at")
 
 
 class FlowChanges(NamedTuple):
-    """What n times of a piece have.
+    """States and changes at n times of a piece.
 
     Attributes:
         q_D, v_D: (n, ...) the states.
         changes: (n, 2 n_vD, m) of (q_D, v_D).
-        status: ``DONE``, or ``STEP_TOO_SMALL``: the times that were not reached hold nothing.
-        step: that would be tried next [s].
+        status: ``DONE``, or ``STEP_TOO_SMALL``: entries of times not reached are undefined.
+        step: length of the next trial step [s].
     """
 
     q_D: Array
@@ -47,23 +47,23 @@ class DerivativeLibrary(Functions):
         atol: float,
         step: float,
     ) -> FlowChanges:
-        """The state and its changes at some times of a smooth piece.
+        """The state and its changes at times of a smooth piece.
 
         Args:
             start: time [s], q_D, v_D, and changes (2 n_vD, m): by the state, then by all
                 parameters, then along the inputs.
             times: (n,) increasing, up to the end of the piece [s].
-            inputs: of one piece.
+            inputs: inputs with one piece.
             by_inputs: (6, 3 n_vK + n_vD, n_inputs) changes of q_K, v_K, acc_K and u_D in powers of
                 the time since the start over the whole.
             held: (n_rows,) bool, the rows that are held.
             p: (n_p,) parameters.
-            rtol, atol: of the integration.
-            step: that is tried first [s].
+            rtol, atol: tolerances of the integration.
+            step: length of the first trial step [s].
         """
         t, q_D, v_D, changes = start
         n, m = len(times), changes.shape[1]
-        made = new_arrays("FlowDerivativeArrays", _RESULTS, self.sizes, n_times=n, m=m)
+        results = new_arrays("FlowDerivativeArrays", _RESULTS, self.sizes, n_times=n, m=m)
         arrays: Any = packed(
             "FlowDerivativeArrays",
             rtol=rtol,
@@ -81,10 +81,10 @@ class DerivativeLibrary(Functions):
             q_D=q_D,
             v_D=v_D,
             changes=changes,
-            **made,
+            **results,
         )
         failed = self.dll.fan_flow_derivatives(ctypes.byref(arrays))
         if failed:
             raise MemoryError(f"no memory for {m} changes")
-        q_D_at, v_D_at, changes_at = (made[name] for name in _RESULTS)
+        q_D_at, v_D_at, changes_at = (results[name] for name in _RESULTS)
         return FlowChanges(q_D_at, v_D_at, changes_at, Status(arrays.status), arrays.step)

@@ -34,7 +34,7 @@ class FrozenFlow(Run):
         active_set: (n_rows,) state of every row, a ``contract.Hold``; 0 for slack.
 
     Args:
-        library, options, x0, p, winches, inputs: as for :class:`Run`.
+        library, options, x0, p, winches, inputs: see :class:`Run`.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class FrozenFlow(Run):
         self.t: float = dll.fan_present(self._run, self.y.ctypes.data, self.active_set.ctypes.data)
 
     def rate(self, t: float, y: Array) -> Array:
-        """ydot (n_y,) at a time [s] and y (n_y,)."""
+        """The rate ydot (n_y,) at a time [s] and y (n_y,)."""
         rate = np.empty(len(self.y))
         self._look(t, y, rate, None, None)
         return rate
@@ -85,7 +85,7 @@ class FrozenFlow(Run):
         return end.value
 
     def _look(self, t: float, y: Array, *into: Array | None) -> None:
-        """Writes rate, guards and slip at (t, y) where arrays are given."""
+        """Writes rate, guards and slip at (t, y) to the arrays that are not None."""
         y = np.ascontiguousarray(y, dtype=float)
         if y.shape != self.y.shape:
             raise ValueError(f"y has the shape {y.shape}; it must be {self.y.shape}")

@@ -27,15 +27,15 @@ class Loaded:
     Attributes:
         path: the shared library's file.
         dll: the shared library.
-        sizes: of the puppet, by the names of :mod:`fantoccini.kernel.contract`.
-        width: trajectories or configurations that are advanced together.
+        sizes: the puppet's sizes, by the names of :mod:`fantoccini.kernel.contract`.
+        width: number of trajectories or configurations evaluated together.
 
     Args:
         path: see above.
-        sizes: of the puppet's tree (``Tree.sizes``).
+        sizes: sizes of the puppet's tree (``Tree.sizes``).
 
     Raises:
-        BuildError: it cannot be loaded, or is of another puppet or contract.
+        BuildError: it cannot be loaded, or belongs to another puppet or contract.
     """
 
     def __init__(self, path: Path, sizes: Mapping[str, int]):
@@ -45,12 +45,12 @@ class Loaded:
             identity = self.dll.fan_identity
         except (OSError, AttributeError) as error:
             raise BuildError(f"the compiled puppet {path} cannot be loaded: {error}") from error
-        found = (ctypes.c_longlong * (2 + len(SIZES)))()
-        identity(found)
-        self.width = found[1]
-        self.sizes = dict(zip(SIZES, found[2:], strict=True))
+        identity_numbers = (ctypes.c_longlong * (2 + len(SIZES)))()
+        identity(identity_numbers)
+        self.width = identity_numbers[1]
+        self.sizes = dict(zip(SIZES, identity_numbers[2:], strict=True))
         wrong = [f"{n} = {self.sizes[n]}, not {m}" for n, m in sizes.items() if self.sizes[n] != m]
-        if found[0] != digest():
+        if identity_numbers[0] != digest():
             wrong = ["it was made by another version of fantoccini"]
         if wrong:
             raise BuildError(
@@ -70,46 +70,48 @@ class Functions(Loaded):
         """The results of a generated function by name, (..., *shape).
 
         Args:
-            name: of the function.
-            arguments: by name, (..., *shape) with the contract's shapes; leading axes broadcast.
+            name: name of the function.
+            arguments: arrays (..., *shape) by name, contract's shapes; leading axes broadcast.
 
         Raises:
             ValueError: an argument is missing, is not the function's, or has another shape.
         """
-        made = self._signatures.get(name)
-        if made is None:
-            made = self._signatures[name] = _Signature(self, name)
-        given = made.given(arguments)
-        lead = given[0].shape[:-1]
-        if any(a.shape[:-1] != lead for a in given):
-            lead = np.broadcast_shapes(*(a.shape[:-1] for a in given))
-            given = [
+        signature = self._signatures.get(name)
+        if signature is None:
+            signature = self._signatures[name] = _Signature(self, name)
+        flat_arguments = signature.in_order(arguments)
+        lead = flat_arguments[0].shape[:-1]
+        if any(a.shape[:-1] != lead for a in flat_arguments):
+            lead = np.broadcast_shapes(*(a.shape[:-1] for a in flat_arguments))
+            flat_arguments = [
                 a
                 if a.ndim == 1 or a.shape[:-1] == lead
                 else np.ascontiguousarray(np.broadcast_to(a, (*lead, a.shape[-1])))
-                for a in given
+                for a in flat_arguments
             ]
-        # All results lie in one block: asking every array for its address takes longer than a call.
+        # All results share one block: asking every array for its address takes longer than a call.
         n = math.prod(lead)
-        block = np.zeros(n * made.ends[-1])
+        block = np.zeros(n * signature.ends[-1])
         first = _address(block)
-        status = made.call(
+        status = signature.call(
             n,
-            made.pointers_in(*[_address(a) for a in given]),
-            made.strides_in(*[a.shape[-1] if a.ndim > 1 else 0 for a in given]),
-            made.pointers_out(*[first + block.itemsize * n * at for at in made.ends[:-1]]),
-            made.strides_out,
+            signature.pointers_in(*[_address(a) for a in flat_arguments]),
+            signature.strides_in(*[a.shape[-1] if a.ndim > 1 else 0 for a in flat_arguments]),
+            signature.pointers_out(
+                *[first + block.itemsize * n * at for at in signature.ends[:-1]]
+            ),
+            signature.strides_out,
         )
         if status != 0:
             raise BuildError(f"the generated function {name} returned {status}")
-        return made.named(block, n, lead)
+        return signature.named(block, n, lead)
 
     def at(self, name: str, values: Mapping[str, Array | float]) -> dict[str, Array]:
         """The results of a function by name, (..., *shape).
 
         Args:
-            name: of the function.
-            values: its arguments by name, and perhaps others.
+            name: name of the function.
+            values: its arguments by name; others are ignored.
         """
         wanted = {a.name: values[a.name] for a in FUNCTIONS[name].arguments}
         return vars(self.evaluate(name, **wanted))
@@ -132,27 +134,27 @@ class _Signature:
         self.strides_out = (ctypes.c_longlong * n_out)(*widths)
         self.ends = list(accumulate(widths, initial=0))
 
-    def given(self, arguments: dict[str, Array | float]) -> list[Array]:
-        """The arguments in order, contiguous and flat (..., width)."""
+    def in_order(self, arguments: dict[str, Array | float]) -> list[Array]:
+        """The arguments in the order of the function, contiguous and flat (..., width)."""
         try:
-            given = [q.flat(arguments[q.name]) for q in self.arguments]
+            flat_arguments = [q.flat(arguments[q.name]) for q in self.arguments]
         except (KeyError, _ShapeError):
-            given = []
-        if len(arguments) != len(given):
+            flat_arguments = []
+        if len(arguments) != len(flat_arguments):
             wanted = ", ".join(f"{q.name} {q.shape}" for q in self.arguments)
-            found = ", ".join(f"{key} {np.shape(a)}" for key, a in arguments.items())
+            passed = ", ".join(f"{key} {np.shape(a)}" for key, a in arguments.items())
             raise ValueError(
-                f"{self.name} takes {wanted}, each perhaps with leading axes; found {found}"
+                f"{self.name} takes {wanted}, optionally with leading axes; found {passed}"
             )
-        return given
+        return flat_arguments
 
     def named(self, block: Array, n: int, lead: tuple[int, ...]) -> SimpleNamespace:
         """The results by name."""
-        found = SimpleNamespace()
+        results = SimpleNamespace()
         for q, start, end in zip(self.results, self.ends, self.ends[1:], strict=False):
             part = block[n * start : n * end].reshape((*lead, *q.stored))
-            setattr(found, q.name, part.swapaxes(-1, -2) if len(q.stored) == 2 else part)
-        return found
+            setattr(results, q.name, part.swapaxes(-1, -2) if len(q.stored) == 2 else part)
+        return results
 
 
 class _ShapeError(ValueError):
@@ -194,27 +196,27 @@ def whole(
     name: str,
     value: Any,
     kind: type[ctypes.c_int] | type[ctypes.c_longlong] = ctypes.c_int,
-    least: int | None = None,
+    low: int | None = None,
 ) -> int:
-    """A whole number that fits its C integer, where ctypes would silently wrap it round.
+    """A whole number that fits its C integer; ctypes would silently wrap it.
 
     Args:
-        name: of the number, for messages.
+        name: name of the number, for messages.
         value: the number.
         kind: the C integer, signed.
-        least: the smallest value allowed; the integer's own when not given.
+        low: smallest allowed value; that of the integer by default.
 
     Raises:
         ValueError: it is not a whole number, or it does not fit.
     """
-    most = 2 ** (8 * ctypes.sizeof(kind) - 1) - 1
-    least = -most - 1 if least is None else least
+    high = 2 ** (8 * ctypes.sizeof(kind) - 1) - 1
+    low = -high - 1 if low is None else low
     try:
         number: int | None = operator.index(value)
     except TypeError:
         number = None
-    if number is None or not least <= number <= most:
-        raise ValueError(f"{name} is {value!r}; it must be a whole number from {least} to {most}")
+    if number is None or not low <= number <= high:
+        raise ValueError(f"{name} is {value!r}; it must be a whole number from {low} to {high}")
     return number
 
 

@@ -27,22 +27,22 @@ class GradientLibrary(Loaded):
 
 
 class GradientRun:
-    """One rollout, which is made at once, and then gradients of its cost.
+    """A rollout, made on construction, and gradients of its cost.
 
     Args:
-        library: of the puppet.
-        options: of the steps.
+        library: the puppet's library.
+        options: options of the steps.
         winches: (n_strings, 3).
-        reference_force: a weight [N].
+        reference_force: a typical weight [N].
         inputs: q_K and v_K (n + 1, ...) by node, rate and mean (n, n_vK) over the steps.
         u_D: (1 or n, n_vD) user forces; None for none.
         q_D, v_D: (n_qD,), (n_vD,) at the start.
         p: (n_p,) parameters.
 
     Attributes:
-        arrays: by the names of the contract's ``GradientArrays``.
-        touches: those of them about contact; zeros without.
-        numbers: the structure itself.
+        arrays: fields of the contract's ``GradientArrays``, by name.
+        touches: the fields of contacts; zeros without contact.
+        numbers: the structure.
 
     Raises:
         MemoryError: no memory for it.
@@ -60,10 +60,10 @@ class GradientRun:
         v_D: Array,
         p: Array,
     ):
-        made = library.dll.fan_gradient_new()
-        if not made:
+        address = library.dll.fan_gradient_new()
+        if not address:
             raise MemoryError("no memory for a rollout")
-        self._dll, self._handle = library.dll, ctypes.c_void_p(made)
+        self._dll, self._handle = library.dll, ctypes.c_void_p(address)
         self._sizes, self._n, self._options = library.sizes, len(inputs["rate"]), options
         self._reference_force = reference_force
         self.arrays: dict[str, AnyArray] = {
@@ -88,16 +88,16 @@ class GradientRun:
     def gradient(
         self, held: MaskRows, l_q: Array, l_v: Array, l_tension: Array | None
     ) -> dict[str, Array]:
-        """The results of a sweep by the names of the contract's ``GradientArrays``.
+        """The results of a sweep, by the names of the contract's ``GradientArrays``.
 
         Args:
-            held: (n, n_rows) rows that the steps hold.
+            held: (n, n_rows) rows held in the steps.
             l_q, l_v: (n + 1, n_vD) the cost's derivatives by tangents of q_D and by v_D.
-            l_tension: (n, n_rows) those by the tensions; None for none.
+            l_tension: (n, n_rows) derivatives by the tensions; None for none.
         """
         out = self._new("g_q", "g_v", "g_p", "g_qK", "g_rate", "g_mean", "g_u")
-        given = {"held": held, "l_q": l_q, "l_v": l_v, "l_tension": l_tension}
-        self._dll.fan_gradient_sweep(self._handle, ctypes.byref(self._structure(given | out)))
+        arguments = {"held": held, "l_q": l_q, "l_v": l_v, "l_tension": l_tension}
+        self._dll.fan_gradient_sweep(self._handle, ctypes.byref(self._structure(arguments | out)))
         return out
 
     def _new(self, *names: str) -> dict[str, AnyArray]:

@@ -50,12 +50,12 @@ class Hull:
 
     @property
     def outer(self) -> float:
-        """Radius of the ball about the centroid around all [m]."""
+        """Radius of the ball about the centroid that contains all vertices [m]."""
         return float(np.max(np.linalg.norm(self.vertices, axis=1)))
 
     @cached_property
     def structure(self) -> ctypes.Structure:
-        """For compiled code; it and its arrays live as long as this object."""
+        """The structure for compiled code; it and its arrays live as long as this object."""
         arrays = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "centroid"}
         return packed(
             "Hull",
@@ -72,29 +72,31 @@ class Hull:
 
 
 def mesh_hulls(shape: Mesh) -> tuple[Hull, ...]:
-    """The convex polytopes that take a closed mesh's place, in the frame of its body.
+    """The convex polytopes that replace a closed mesh, in the frame of its body.
 
-    One for each piece that is nearly convex, for others those of their convex pieces. Of more than
-    ``HULL_VERTICES`` vertices those are taken that stand out most; the others stand out by less
-    than 2 % of the longest side, which is about what a ball needs.
+    One for each nearly convex piece, and those of the convex pieces of others. Of more than
+    ``HULL_VERTICES`` vertices those that stand out most are used; the others stand out by less
+    than 2 % of the longest side, as for a ball.
 
     Args:
-        shape: its file, scale and pose.
+        shape: the mesh's file, scale and pose.
 
     Raises:
         ValueError: the mesh is open or flat, or cannot be cut into pieces.
     """
     mesh = load_mesh(shape)
     if not shape.read().closed:
-        raise ValueError(f"{shape.file} {unclosed(mesh)}; what touches must be: close its holes")
+        raise ValueError(
+            f"{shape.file} {unclosed(mesh)}; meshes in contact must be closed: close its holes"
+        )
     size = float(np.max(mesh.extents))
     if not float(np.min(mesh.extents)) > TOLERANCES.flat * size:
-        raise ValueError(f"{shape.file} is flat; what touches has a volume: give it a thin box")
-    found = meshes.pieces(mesh)
-    if len(found) > 1:
-        thick = [part for part in found if thickness(part.vertices) > TOLERANCES.flat * size]
-        found = _outermost(thick)
-    hulls = [hull for part in found for hull in _piece_hulls(part, shape.file)]
+        raise ValueError(f"{shape.file} is flat; meshes in contact need a volume: use a thin box")
+    parts = meshes.pieces(mesh)
+    if len(parts) > 1:
+        thick = [part for part in parts if thickness(part.vertices) > TOLERANCES.flat * size]
+        parts = _outermost(thick)
+    hulls = [hull for part in parts for hull in _piece_hulls(part, shape.file)]
     if len(hulls) > TOLERANCES.most:
         raise ValueError(
             f"{shape.file} needs {len(hulls)} convex pieces in contact; allowed: "
@@ -104,9 +106,9 @@ def mesh_hulls(shape: Mesh) -> tuple[Hull, ...]:
 
 
 def _outermost(parts: list[Any]) -> list[Any]:
-    """The pieces of a mesh without those that lie in the hull of a nearly convex other one."""
+    """The pieces of a mesh without those inside the hull of another, nearly convex piece."""
     planes = [_planes(np.array(p.vertices)) if _is_convex(p) else None for p in parts]
-    kept = []
+    visible = []
     for i, part in enumerate(parts):
         slack = TOLERANCES.flat * float(np.max(part.extents))
         hidden = any(
@@ -117,8 +119,8 @@ def _outermost(parts: list[Any]) -> list[Any]:
             for k, around in enumerate(planes)
         )
         if not hidden:
-            kept.append(part)
-    return kept
+            visible.append(part)
+    return visible
 
 
 def _piece_hulls(mesh: Any, name: str) -> list[Hull]:
@@ -144,13 +146,13 @@ def _is_convex(mesh: Any) -> bool:
 def hull_of(points: Array) -> Hull:
     """The convex hull of points (n, 3) [m].
 
-    Facets whose vertices lie within ``TOLERANCES.flat`` of a plane are one; vertices in a facet or
-    on an edge, up to that tolerance, are left out.
+    Facets whose vertices lie within ``TOLERANCES.flat`` of a plane are merged; vertices in a facet
+    or on an edge, up to that tolerance, are left out.
     """
     from scipy.spatial import ConvexHull
 
-    found = ConvexHull(points)
-    vertices = points[np.sort(found.vertices)]
+    hull = ConvexHull(points)
+    vertices = points[np.sort(hull.vertices)]
     vertices = vertices[np.lexsort(vertices.T)]
     centroid = _centroid(vertices, ConvexHull(vertices))
     vertices = vertices - centroid
@@ -188,7 +190,7 @@ class _Facet:
 
     @classmethod
     def of(cls, vertices: Array, triangles: NDArray[np.int32]) -> _Facet:
-        """The polygon that triangles (n, 3) in one plane make up."""
+        """The polygon that triangles (n, 3) in one plane form."""
         corners = _in_turn(triangles)
         x = vertices[corners]
         # Newell's normal; its length is twice the area.
@@ -211,7 +213,7 @@ def _planes(points: Array) -> Array:
 
 
 def _centroid(vertices: Array, hull: Any) -> Array:
-    """Centre of mass of a hull: of its tetrahedra with a point inside."""
+    """Centre of mass of a hull, by tetrahedra with a point inside."""
     middle = vertices.mean(axis=0)
     x = vertices[hull.simplices] - middle
     volume = np.abs(np.linalg.det(x))
@@ -247,7 +249,7 @@ def _flat_groups(vertices: Array, flat: float) -> Iterator[NDArray[np.int32]]:
 
 
 def _in_turn(triangles: NDArray[np.int32]) -> list[int]:
-    """The corners of the polygon that triangles make up."""
+    """The corners of the polygon that triangles form, in order."""
     directed = {(int(a), int(b)) for t in triangles for a, b in zip(t, np.roll(t, -1), strict=True)}
     onward = dict(pair for pair in directed if pair[::-1] not in directed)
     corners = [min(onward)]

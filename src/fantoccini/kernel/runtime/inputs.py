@@ -17,14 +17,14 @@ from fantoccini.motion import Input, pieces
 class HeldInput:
     """An input of one piece with constant accelerations and forces.
 
-    It can be filled again and again, as live control does, and its arrays stay where they are:
-    asking an array for its address takes longer than filling it.
+    Live control fills it repeatedly. Its arrays keep their addresses, because asking an array for
+    its address takes longer than filling it.
 
     Attributes:
         structure: for compiled code; it and its arrays live as long as this object.
 
     Args:
-        table: of the coordinates.
+        table: the coordinates.
     """
 
     def __init__(self, table: CoordinateTable):
@@ -68,5 +68,5 @@ def input_arrays(inputs: Input | HeldInput) -> ctypes.Structure:
     """The structure, which keeps its arrays alive."""
     if isinstance(inputs, HeldInput):
         return inputs.structure
-    given = {name: getattr(inputs, name) for name in ("breaks", "coef", "base", "force")}
-    return packed("InputArrays", n_segments=len(inputs.coef), **given)
+    arrays = {name: getattr(inputs, name) for name in ("breaks", "coef", "base", "force")}
+    return packed("InputArrays", n_segments=len(inputs.coef), **arrays)

@@ -22,25 +22,25 @@ _NAMES = tuple(field.name for field in LANE)
 
 
 class LaneRecord:
-    """The arrays of n trajectories that are advanced together: those of the contract's ``LANE``.
+    """The arrays of n trajectories advanced together, by the names of the contract's ``LANE``.
 
-    They stay where they are while the record lives, and are replaced in place.
+    They keep their addresses while the record lives; values are replaced in place.
 
     Attributes:
-        fresh: (n,) those that begin anew where the arrays say; cleared once they have.
+        fresh: (n,) trajectories that restart from the arrays; cleared when they have.
         p: (n, n_p) parameters.
         q_D, v_D, q_K, v_K, slip: (n, ...) states.
         tension: (n, n_rows) forces of strings and limits [N or N m].
         taut: (n, n_rows).
-        books: (n, 5) of the contract's ``SUMS``, since each began [J].
-        violation: (n,) largest since each began [m, rad or 1].
-        advanced: (n,) time by which each was advanced in the last piece [s].
+        books: (n, 5) the contract's ``SUMS``, since each began [J].
+        violation: (n,) largest violation since each began [m, rad or 1].
+        advanced: (n,) duration by which each was advanced in the last piece [s].
         status: (n,) :class:`Status` numbers.
-        blame: (n, n_rows + n_watched) shares of the blame for it, 0 to 1.
+        blame: (n, n_rows + n_watched) shares of rows and drives in its cause, 0 to 1.
 
     Args:
-        n: trajectories.
-        sizes: of the puppet.
+        n: number of trajectories.
+        sizes: the puppet's sizes.
     """
 
     fresh: MaskRows
@@ -66,7 +66,7 @@ class LaneRecord:
         return len(self.fresh)
 
     def begin(self, **parts: Array) -> None:
-        """All trajectories begin anew: parts of their states by name, (n, width) or (width,)."""
+        """Restarts all trajectories: parts of their states by name, (n, width) or (width,)."""
         for name, values in parts.items():
             getattr(self, name)[:] = values
         self.fresh[:] = True
@@ -76,9 +76,9 @@ class LaneHistory:
     """Parts of a record at m moments.
 
     Args:
-        record: of n trajectories.
-        m: moments.
-        names: of the parts.
+        record: record of n trajectories.
+        m: number of moments.
+        names: names of the parts.
 
     Attributes:
         parts: name -> (m, n, ...).
@@ -91,7 +91,7 @@ class LaneHistory:
         }
 
     def keep(self, i: int) -> None:
-        """The record as it is now is moment i."""
+        """Stores the present record as moment i."""
         for name, now in self._now.items():
             self.parts[name][i] = now
 
@@ -101,9 +101,9 @@ class LaneSteppers:
 
     Args:
         library: the puppet's lanes.
-        record: of the trajectories.
-        threads: that share the work.
-        options: of the runs.
+        record: the trajectories' record.
+        threads: number of threads.
+        options: options of the runs.
         winches: (n_strings, 3) as for :class:`fantoccini.kernel.runtime.Run`, of all.
 
     Raises:
@@ -119,13 +119,13 @@ class LaneSteppers:
         winches: Array,
     ):
         self._dll, n = library.dll, len(record)
-        self._pool: ThreadPoolExecutor | None = None  # __del__ may follow an interrupt from here on
+        self._pool: ThreadPoolExecutor | None = None  # an interrupt may call __del__ from here on
         self._threads = threads = max(1, min(threads, -(-n // library.width)))
         self._dll.fan_steppers_new.restype = ctypes.c_void_p
-        made = self._dll.fan_steppers_new(ctypes.c_longlong(n), ctypes.c_int(threads))
-        if not made:
+        address = self._dll.fan_steppers_new(ctypes.c_longlong(n), ctypes.c_int(threads))
+        if not address:
             raise MemoryError(f"no memory for {n} steppers")
-        self._handle = ctypes.c_void_p(made)
+        self._handle = ctypes.c_void_p(address)
         self._arrays = packed(
             "StepperArrays",
             n=n,
@@ -139,7 +139,7 @@ class LaneSteppers:
     def __del__(self) -> None:
         if getattr(self, "_handle", None):
             if self._pool:
-                self._pool.shutdown(wait=False)  # no worker is busy: those keep this alive
+                self._pool.shutdown(wait=False)  # busy workers would keep this object alive
             self._dll.fan_steppers_free(self._handle)
             self._handle = ctypes.c_void_p()
 
@@ -166,17 +166,17 @@ class LaneSteppers:
         return int(call(self._handle, out, source))
 
     def advance(self, duration: float, acc_K: Array, u_D: Array | None) -> None:
-        """Advances all trajectories that still run; those marked ``fresh`` begin anew first.
+        """Advances all trajectories that still run; those marked ``fresh`` restart first.
 
         Args:
-            duration: of the piece; 0 only begins what is fresh [s].
-            acc_K: (n or 1, n_vK) accelerations held over the piece.
-            u_D: (n or 1, n_vD) forces held over the piece; None for none.
+            duration: length of the piece; 0 only restarts fresh trajectories [s].
+            acc_K: (n or 1, n_vK) constant accelerations over the piece.
+            u_D: (n or 1, n_vD) constant forces over the piece; None for none.
         """
         self.bound(duration, acc_K, u_D)()
 
     def bound(self, duration: float, acc_K: Array, u_D: Array | None) -> Callable[[], None]:
-        """:meth:`advance` with these arrays, for many calls; contiguous ones may change between."""
+        """:meth:`advance` bound to arrays; contiguous ones may change between calls."""
         structure = repacked(self._arrays, duration=duration, acc_K=acc_K, u_D=u_D)
         return partial(self._advance, structure)
 
@@ -185,12 +185,12 @@ class LaneSteppers:
         if self._pool is None:
             self._work(structure, 0)
             return
-        waiting: list[Future[None]] = []
+        pending: list[Future[None]] = []
         try:
             for i in range(self._threads):
-                waiting.append(self._pool.submit(self._work, structure, i))
+                pending.append(self._pool.submit(self._work, structure, i))
         finally:
-            wait(waiting)
+            wait(pending)
 
     def _work(self, structure: ctypes.Structure, worker: int) -> None:
         """One worker's share; its arguments keep the arrays alive if Ctrl-C ends the wait."""

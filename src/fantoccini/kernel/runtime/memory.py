@@ -1,4 +1,4 @@
-"""Memory that a run may take, and memory that its samples need."""
+"""Memory available to a run, and memory needed for its samples."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class MemoryModel(NamedTuple):
     """Numbers of the memory bound.
 
     Attributes:
-        assumed_free: taken to be free where the system does not say [bytes].
-        always_free: granted without looking, which costs a file read [bytes].
+        assumed_free: free memory if the system does not report it [bytes].
+        always_free: memory granted without a check, which costs a file read [bytes].
         number: size of a double [bytes].
         copies: doubles needed for each one saved: pieces, joined pieces, columns, and results
             computed from them; 3.1 to 3.3 were measured.
-        event: as written and as handed out [bytes].
+        event: size of an event as written and as returned [bytes].
     """
 
     assumed_free: float = 4e9
@@ -38,11 +38,11 @@ _GROUPS = (
 
 
 def bound(need: float, given: float | None) -> float:
-    """What may be taken [bytes]: what was given, or half of what is free.
+    """Memory that a run may take [bytes]: ``given``, or half of the free memory.
 
     Args:
-        need: bytes asked for; little memory is granted without looking up what is free.
-        given: None where nothing was.
+        need: requested memory; small amounts are granted without a check [bytes].
+        given: bound set by the user, or None [bytes].
     """
     if given is not None:
         return given
@@ -50,13 +50,13 @@ def bound(need: float, given: float | None) -> float:
 
 
 def allowed() -> float:
-    """Half of the memory that this process can still have [bytes]."""
+    """Half of the memory still available to this process [bytes]."""
     free = filter(None, (_free(), of_group(), _of_process()))
     return 0.5 * min(free, default=MEMORY.assumed_free)
 
 
 def bytes_of(n_samples: float, width: int) -> float:
-    """Memory that a run needs for samples of so many numbers, until it is returned [bytes]."""
+    """Memory that a run needs until it returns, for samples of ``width`` numbers [bytes]."""
     return MEMORY.copies * MEMORY.number * n_samples * width
 
 
@@ -72,18 +72,18 @@ def _free() -> float | None:
 
 
 def of_group(root: Path = Path("/sys/fs/cgroup")) -> float | None:
-    """Free memory of the control group, as containers have one [bytes]."""
+    """Free memory of the control group, such as a container's [bytes]."""
     for limit, use, spare in _GROUPS:
-        most, used = _text(root / limit).strip(), _text(root / use).strip()
-        if most.isdigit() and used.isdigit():
+        bound_text, used = _text(root / limit).strip(), _text(root / use).strip()
+        if bound_text.isdigit() and used.isdigit():
             stat = _text((root / use).parent / "memory.stat").split()
-            back = int(stat[stat.index(spare) + 1]) if spare in stat else 0
-            return max(1.0, float(int(most) - int(used) + back))
+            reclaimable = int(stat[stat.index(spare) + 1]) if spare in stat else 0
+            return max(1.0, float(int(bound_text) - int(used) + reclaimable))
     return None
 
 
 def _of_process() -> float | None:
-    """Free addresses of the process, where they are limited (``ulimit -v``) [bytes]."""
+    """Free address space of the process, if limited (``ulimit -v``) [bytes]."""
     try:
         import resource
 

@@ -19,17 +19,17 @@ class RunOptions:
     Attributes:
         rtol, atol: tolerances of the event-driven integrator.
         first_step, max_step: its step sizes [s].
-        tension_cap: [N]; times 1 m of a limit, times 1 s of an impulse.
-        energy_scale: size of the energies the integrals are compared with [J].
-        force_scale: size of the forces that balance at rest, where M_DD is one [kg^1/2 m/s^2].
-        recovery_speed: cap on how fast time-stepping undoes a violation [m/s].
+        tension_cap: largest tension [N]; times 1 m for a limit, times 1 s for an impulse.
+        energy_scale: typical energy, for tolerances of the integrals [J].
+        force_scale: typical force at rest in units in which M_DD is 1 [kg^1/2 m/s^2].
+        recovery_speed: largest speed at which time-stepping corrects a violation [m/s].
         dt: step of the methods with a fixed one [s].
-        max_steps, max_events: bounds.
-        save_steps: save every accepted step of the event-driven integrator.
-        save_every: fixed steps from sample to sample.
-        max_memory: for the samples and events of one run [bytes]; half of what is free when None.
-        extrapolate: time-stepping takes velocity products half a step ahead.
-        contacts: solids that may touch, of time-stepping; None where nothing touches anything.
+        max_steps, max_events: largest numbers of steps and events.
+        save_steps: whether to save every accepted step of the event-driven integrator.
+        save_every: number of fixed steps between samples.
+        max_memory: bound for samples and events of one run [bytes]; None: half of the free memory.
+        extrapolate: whether time-stepping takes velocity products half a step ahead.
+        contacts: solids that may touch, for time-stepping; None without contact.
 
     Raises:
         ValueError: a tolerance, a step or a bound is not positive and finite, or a number of steps
@@ -61,13 +61,13 @@ class RunOptions:
             ("max_steps", ctypes.c_longlong),
             ("max_events", ctypes.c_longlong),
         ):
-            object.__setattr__(self, name, whole(name, getattr(self, name), kind, least=1))
+            object.__setattr__(self, name, whole(name, getattr(self, name), kind, low=1))
         if self.max_memory is not None and not self.max_memory > 0:
             raise ValueError(f"max_memory is {self.max_memory}; it must be positive [bytes]")
 
     def structure(self) -> ctypes.Structure:
         """The options for the library."""
-        given = {name: getattr(self, name) for name, *_ in structures["Options"]._fields_}
+        fields = {name: getattr(self, name) for name, *_ in structures["Options"]._fields_}
         if self.contacts is not None:
-            given["contacts"] = self.contacts.structure
-        return packed("Options", **given)
+            fields["contacts"] = self.contacts.structure
+        return packed("Options", **fields)

@@ -1,4 +1,4 @@
-"""Arrays of the contract's structures: made with their shapes, and packed for compiled code."""
+"""Creation of the arrays of the contract's structures, and packing for compiled code."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _DTYPES: dict[str, Any] = {
     "long long": np.dtype(np.int64),
     "double": np.dtype(np.float64),
 }
-"""Of numbers in arrays, by their type in C++."""
+"""NumPy types of numbers in arrays, by their C++ types."""
 
 
 def new_arrays(
@@ -31,14 +31,14 @@ def new_arrays(
 
     Args:
         structure: its name.
-        names: of its fields.
-        sizes: of the puppet.
-        more: other sizes that the shapes name, such as ``n``.
+        names: names of its fields.
+        sizes: the puppet's sizes.
+        more: other sizes in the shapes, such as ``n``.
     """
-    known = {**sizes, **more}
+    lengths = {**sizes, **more}
     fields = {name: _fields(structure)[name] for name in names}
     return {
-        name: np.zeros([_size(axis, known) for axis in field.shape], dtype=field.dtype)
+        name: np.zeros([_size(axis, lengths) for axis in field.shape], dtype=field.dtype)
         for name, field in fields.items()
     }
 
@@ -48,30 +48,30 @@ def packed(structure: str, /, **values: Any) -> Any:
 
     Args:
         structure: its name.
-        values: by field. Arrays that compiled code only reads are made contiguous and converted to
-            the contract's type; others must be so. Those of a ``Shared`` are (n, ...), or (1, ...)
-            where all share one. None is a null pointer, as what is not given.
+        values: values by field. Arrays that compiled code only reads are made contiguous and of
+            the contract's type; others must be so. Arrays of a ``Shared`` are (n, ...), or
+            (1, ...) if shared by all. None and missing fields are null pointers.
 
     Raises:
-        ValueError: compiled code would write to an array of another type, or that is not
+        ValueError: an array that compiled code writes has another type or is not contiguous.
             contiguous.
     """
-    made: Any = structures[structure]()
-    made.kept = []
-    _fill(made, values)
-    return made
+    out: Any = structures[structure]()
+    out.kept = []
+    _fill(out, values)
+    return out
 
 
-def repacked(made: Any, /, **values: Any) -> Any:
+def repacked(out: Any, /, **values: Any) -> Any:
     """A copy of a structure with other numbers and arrays; as :func:`packed`, in less time."""
-    copy: Any = type(made).from_buffer_copy(made)
-    copy.kept = [made]
+    copy: Any = type(out).from_buffer_copy(out)
+    copy.kept = [out]
     _fill(copy, values)
     return copy
 
 
-def _fill(made: Any, values: Mapping[str, Any]) -> None:
-    fields, kept = _fields(type(made).__name__), made.kept
+def _fill(out: Any, values: Mapping[str, Any]) -> None:
+    fields, owned = _fields(type(out).__name__), out.kept
     for name, value in values.items():
         if value is None:
             continue
@@ -79,17 +79,17 @@ def _fill(made: Any, values: Mapping[str, Any]) -> None:
         if isinstance(value, np.ndarray):
             if field.is_shared:
                 value = np.ascontiguousarray(value, dtype=float)
-                kept.append(value)
+                owned.append(value)
                 stride = 0 if len(value) == 1 else math.prod(value.shape[1:])
                 value = structures["Shared"](pointer(value), stride)
             else:
                 value = field.numbers(value)
-                kept.append(value)
+                owned.append(value)
                 value = pointer(value) if field.is_pointer else field.type(*value)
         elif isinstance(value, _STRUCTURED):
-            kept.append(value)
+            owned.append(value)
             value = ctypes.addressof(value) if field.is_pointer else value
-        setattr(made, name, value)
+        setattr(out, name, value)
 
 
 _STRUCTURED = (ctypes.Structure, ctypes.Array)
@@ -97,7 +97,7 @@ _STRUCTURED = (ctypes.Structure, ctypes.Array)
 
 @dataclass(frozen=True)
 class _Packed:
-    """How a field is filled: ``number`` is what a pointer points to."""
+    """Packing of a field; ``number`` is the C++ type that a pointer points to."""
 
     name: str
     shape: tuple[str, ...]
@@ -121,11 +121,11 @@ class _Packed:
 
     @property
     def dtype(self) -> Any:
-        """Of an array's numbers."""
+        """NumPy type of an array's numbers."""
         return _DTYPES.get(self.number) or dtype_of(self.number)
 
     def numbers(self, value: AnyArray) -> AnyArray:
-        """The array itself, or a copy as compiled code reads it."""
+        """The array, or a copy that compiled code can read."""
         if not self.is_pointer:
             return value
         if self.is_read:
@@ -143,12 +143,12 @@ def _fields(structure: str) -> dict[str, _Packed]:
     return {field.name: _Packed.of(field) for field in own.fields}
 
 
-def _size(axis: str, known: Mapping[str, int]) -> int:
+def _size(axis: str, lengths: Mapping[str, int]) -> int:
     """The length of an axis, such as ``2 n_vD + 3 k``."""
     total = 0
     for term in axis.split("+"):
         product = 1
         for factor in term.split():
-            product *= int(factor) if factor.isdigit() else known[factor]
+            product *= int(factor) if factor.isdigit() else lengths[factor]
         total += product
     return total

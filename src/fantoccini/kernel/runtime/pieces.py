@@ -21,19 +21,19 @@ from fantoccini.model.meshes import inside
 
 @dataclass(frozen=True)
 class PieceTolerances:
-    """How well pieces fit their mesh. Lengths are relative to its longest side."""
+    """Tolerances of convex pieces. Lengths are relative to the mesh's longest side."""
 
     flat: float = 1e-6
-    """Distance from a plane up to which points lie on it: STL files have seven digits."""
+    """Distance from a plane at which points count as on it: STL files have seven digits."""
     cut: float = 0.025
-    """Depth of a piece's dents from which on it is cut again."""
+    """Depth of dents above which a piece is cut again."""
     deviation: float = 0.03
-    """Largest distance of the pieces from the mesh, or of the mesh from the pieces, that is
-    accepted. CoACD measures dents by samples, and remeshes what intersects itself."""
+    """Largest accepted distance of the pieces from the mesh, or of the mesh from the pieces.
+    CoACD measures dents by samples, and replaces triangles of meshes that intersect themselves."""
     thin: float = 1e-4
-    """Thickness of a piece up to which it is left out."""
+    """Thickness below which a piece is left out."""
     most: int = 128
-    """Pieces of one mesh."""
+    """Largest number of pieces of one mesh."""
     spacing: float = 0.03
     """Distance of the points at which the deviation is measured."""
 
@@ -44,12 +44,12 @@ TOLERANCES = PieceTolerances()
 def convex_pieces(mesh: Any, name: str) -> list[Array]:
     """Corners (n, 3) of the convex pieces of a closed mesh [m], at most ``HULL_VERTICES`` each.
 
-    The same mesh gives the same pieces, with any number of threads. They are kept in the cache
+    The same mesh gives the same pieces, with any number of threads. They are stored in the cache
     folder.
 
     Args:
-        mesh: closed, as a ``trimesh.Trimesh``.
-        name: of its file, for messages.
+        mesh: a closed ``trimesh.Trimesh``.
+        name: name of its file, for messages.
 
     Raises:
         ValueError: CoACD is not installed, or no good pieces were found.
@@ -71,11 +71,11 @@ def convex_pieces(mesh: Any, name: str) -> list[Array]:
 def standing_out(points: Array, size: float) -> Array:
     """Vertices of a convex hull, those that stand out most first; at most ``HULL_VERTICES``.
 
-    Vertices on the planes of the others count as none.
+    Vertices on the planes of the others do not count.
 
     Args:
         points: (n, 3) [m].
-        size: to which ``TOLERANCES.flat`` is relative [m].
+        size: length to which ``TOLERANCES.flat`` is relative [m].
     """
     from scipy.spatial import ConvexHull
 
@@ -96,7 +96,7 @@ def standing_out(points: Array, size: float) -> Array:
 
 
 def _spread(points: Array) -> list[int]:
-    """Four points that span a tetrahedron as large as a greedy choice finds."""
+    """Four points of a large tetrahedron, by a greedy choice."""
     a = int(np.argmin(points[:, 0]))
     b = int(np.argmax(np.linalg.norm(points - points[a], axis=1)))
     along = (points[b] - points[a]) / np.linalg.norm(points[b] - points[a])
@@ -112,8 +112,8 @@ def _cut(mesh: Any, name: str) -> list[Array]:
     coacd.set_log_level("error")
     size = float(np.max(mesh.extents))
     # Its unit of length is half of the longest side.
-    found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=2.0 * TOLERANCES.cut)
-    corners = [_merged(vertices, mesh.vertices, TOLERANCES.thin * size) for vertices, _ in found]
+    parts = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=2.0 * TOLERANCES.cut)
+    corners = [_merged(vertices, mesh.vertices, TOLERANCES.thin * size) for vertices, _ in parts]
     pieces = [_corners_of(x, size) for x in corners if thickness(x) > TOLERANCES.thin * size]
     if len(pieces) > TOLERANCES.most:
         raise ValueError(
@@ -140,20 +140,20 @@ def _corners_of(points: Array, size: float) -> Array:
 
 
 def _merged(corners: Array, vertices: Array, near: float) -> Array:
-    """Corners (n, 3) that are at least ``near`` apart [m]; those near a vertex of the mesh are it.
+    """Corners (n, 3) at least ``near`` apart [m]; those near a mesh vertex are moved to it.
 
-    Cuts leave corners that all but coincide, and facets between them that point anywhere.
+    Cuts leave corners that nearly coincide, with facets of arbitrary direction between them.
     """
     from scipy.spatial import cKDTree
 
     away, which = cKDTree(vertices).query(corners)
     moved = np.where((away < near)[:, None], vertices[which], corners)
-    kept = np.ones(len(moved), dtype=bool)
+    is_kept = np.ones(len(moved), dtype=bool)
     tree = cKDTree(moved)
     for i in np.argsort(away, kind="stable"):  # the mesh's own first
-        if kept[i]:
-            kept[[k for k in tree.query_ball_point(moved[i], near) if k != i]] = False
-    return moved[kept]
+        if is_kept[i]:
+            is_kept[[k for k in tree.query_ball_point(moved[i], near) if k != i]] = False
+    return moved[is_kept]
 
 
 def thickness(points: Array) -> float:
@@ -165,7 +165,7 @@ def thickness(points: Array) -> float:
 
 
 def _deviation(mesh: Any, pieces: list[Array], size: float) -> float:
-    """Largest distance [m], at samples, of the pieces out of the mesh and of it out of them."""
+    """Largest distance [m], at samples, of the pieces from the mesh and of the mesh from them."""
     import trimesh
     from scipy.spatial import ConvexHull
 
@@ -184,8 +184,8 @@ def _deviation(mesh: Any, pieces: list[Array], size: float) -> float:
         missed = np.minimum(missed, np.max(own @ planes[:, :3].T + planes[:, 3], axis=1))
     points = np.concatenate(samples)
     away = distances(mesh, points)
-    far = np.flatnonzero(away > TOLERANCES.deviation * size)
-    outside = away[far[~inside(mesh, points[far])]]
+    suspects = np.flatnonzero(away > TOLERANCES.deviation * size)
+    outside = away[suspects[~inside(mesh, points[suspects])]]
     return max(float(np.max(outside, initial=0.0)), float(np.max(missed, initial=0.0)))
 
 

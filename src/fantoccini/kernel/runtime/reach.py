@@ -15,24 +15,24 @@ from fantoccini.kernel.runtime.packing import new_arrays, packed
 from fantoccini.kernel.runtime.structures import UNLIMITED
 
 MAX_TARGETS = 64
-"""Points and coordinates with a place in one pose (``max_targets`` in search/reach.hpp)."""
+"""Largest number of points and coordinates with a place in one pose (``max_targets``)."""
 
 
 _OUT = {name: f"out_{name}" for name in ("q_D", "q_K", "p", "tension", "held")}
-"""Results whose names in the contract differ from ours."""
+"""Results whose names in the contract differ from those in ``Reached``."""
 
 
 class Reached(NamedTuple):
-    """n poses; u = (v_K, p) of what may be chosen.
+    """n poses; u = (v_K, p) of the free variables.
 
     Attributes:
         status: (n,) ``ReachEnd``.
         iterations: (n,).
         q_D, q_K, p, tension, held: (n, ...) the poses.
-        left: (n, n_targets, 3) from the places to where the points are [m or rad].
-        price: (n, n_vK + n_p + n_rows + n_vD) multipliers of bounds; above 0 at the high ones.
+        left: (n, n_targets, 3) vectors from the places to the points [m or rad].
+        price: (n, n_vK + n_p + n_rows + n_vD) multipliers of bounds; positive at upper bounds.
         by: (n, n_vK + n_p, n_vD) derivative of q_D by u.
-        stable: (n,) whether V has a minimum there.
+        stable: (n,) whether V has a minimum at the pose.
     """
 
     status: NDArray[np.int32]
@@ -65,21 +65,21 @@ class ReachLibrary(Loaded):
 
         Args:
             places: (n, n_targets, 3) NaN is free.
-            arrays: the others that the contract's ``ReachArrays`` has, by name.
-            weight: the size of forces [N].
-            tolerance: of the distance [m or rad].
-            max_iterations: of one pose.
-            once: whether poses are looked for from the last one only.
+            arrays: the other arrays of the contract's ``ReachArrays``, by name.
+            weight: typical force [N].
+            tolerance: tolerance of the distance [m or rad].
+            max_iterations: largest number of iterations for one pose.
+            once: whether each search starts only from the last pose.
 
         Raises:
-            MemoryError: no memory.
+            MemoryError: no memory for the poses.
         """
         n, n_targets = places.shape[:2]
         results = {_OUT.get(name, name): name for name in Reached._fields}
-        made = new_arrays("ReachArrays", results, self.sizes, n=n, n_targets=n_targets)
-        given: dict[str, AnyArray] = {"places": places, **arrays}
-        for name, a in given.items():
-            given[name] = np.clip(a, -UNLIMITED, UNLIMITED) if a.dtype.kind == "f" else a
+        out = new_arrays("ReachArrays", results, self.sizes, n=n, n_targets=n_targets)
+        fields: dict[str, AnyArray] = {"places": places, **arrays}
+        for name, a in fields.items():
+            fields[name] = np.clip(a, -UNLIMITED, UNLIMITED) if a.dtype.kind == "f" else a
         numbers = packed(
             "ReachArrays",
             n=n,
@@ -88,9 +88,9 @@ class ReachLibrary(Loaded):
             tolerance=tolerance,
             max_iterations=max_iterations,
             once=once,
-            **given,
-            **made,
+            **fields,
+            **out,
         )
         if self.dll.fan_reach(ctypes.byref(numbers)):
             raise MemoryError("no memory for hanging poses")
-        return Reached(**{results[name]: a for name, a in made.items()})
+        return Reached(**{results[name]: a for name, a in out.items()})

@@ -1,4 +1,4 @@
-"""A planner's rollouts, by the compiled library: the Python side of ``search/rollouts.hpp``."""
+"""A planner's rollouts in the compiled library (Python side of ``search/rollouts.hpp``)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STATE = ("q_D", "v_D", "slip", "q_K", "v_K")
 """Parts of a state."""
 
 _RESULTS = (*STATE, "distance", "looks", "catches")
-"""Of every segment."""
+"""Results of every segment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +44,9 @@ class GoalNumbers:
         at: (3,) the point in the link's frame [m].
         place, place_high: (3,) corners of the target box [m].
         speed_weight, driven_weight: weights of the errors of v_D and v_K [s].
-        touches: (n_pairs,) the touch that a pair of contact is part of, or -1; None without any.
-        n_touches: touches that are asked for.
-        open: added to the distance while some touch does not push.
+        touches: (n_pairs,) touch to which a contact pair belongs, or -1; None without touches.
+        n_touches: number of required touches.
+        open: addition to the distance while a touch does not push.
     """
 
     kind: int
@@ -72,11 +72,11 @@ class GoalNumbers:
 
 @dataclass(frozen=True, eq=False)
 class Funnel:
-    """An equilibrium and the feedback law that leads there; see ``search/feedback.hpp``.
+    """An equilibrium and the feedback law that leads to it; see ``search/feedback.hpp``.
 
     Attributes:
         q_D, q_K: (n_qD,), (n_qK,) the equilibrium.
-        gains: (n_vK, 2 n_vD + 2 n_vK) on (dq_D, v_D, dq_K, v_K).
+        gains: (n_vK, 2 n_vD + 2 n_vK) gains of (dq_D, v_D, dq_K, v_K).
     """
 
     q_D: Array
@@ -86,19 +86,19 @@ class Funnel:
 
 @dataclass(frozen=True, eq=False)
 class RolloutSettings:
-    """What all rollouts of a planner share.
+    """Settings common to all rollouts of a planner.
 
     Attributes:
-        options: of the time-stepper; ``save_every`` steps from one check to the next.
-        looks: checks of a segment.
-        p, winches: as of :class:`fantoccini.kernel.runtime.Run`.
+        options: options of the time-stepper; ``save_every`` is the number of steps between checks.
+        looks: number of checks of a segment.
+        p, winches: see :class:`fantoccini.kernel.runtime.Run`.
         bounds: speed and acceleration (n_vK,), low and high (n_qK,).
-        margin: least clearance [m].
+        margin: minimum clearance [m].
         slack: whether taut strings may go slack.
-        solids: what is kept clear of what.
-        kept_off: (n_pairs,) bool, the pairs of contact that must not touch.
-        goal: where a rollout ends.
-        tolerance: distance from the goal at which it ends; negative where it goes on.
+        solids: solids with a minimum clearance.
+        kept_off: (n_pairs,) bool, the contact pairs that must not touch.
+        goal: end of a rollout.
+        tolerance: distance from the goal at which it ends; negative to continue.
     """
 
     options: RunOptions
@@ -121,10 +121,10 @@ class Segments:
     Attributes:
         states: part of a state -> (n, segments, width), at the segments' ends.
         acc_K: (n, segments, n_vK) [m/s^2 or rad/s^2].
-        looks: (n, segments) checks that a segment lasted; 0 where it was not completed.
-        distance: (n, segments) from the goal at its end.
-        catches: (n, segments) strings and limits caught.
-        n_made: rollouts simulated: all up to the first that reached the goal.
+        looks: (n, segments) duration of a segment in checks; 0 if not completed.
+        distance: (n, segments) distance from the goal at its end.
+        catches: (n, segments) number of strings and limits caught.
+        n_made: number of rollouts simulated: all up to the first that reached the goal.
     """
 
     states: dict[str, Array]
@@ -144,21 +144,21 @@ class RolloutLibrary(Loaded):
         """(n,) distances of states (n, n_qD), (n, n_vD), (n, n_qK), (n, n_vK) from a goal."""
         structure = goal.structure(0.0)
         states = [np.ascontiguousarray(a, dtype=float) for a in (q_D, v_D, q_K, v_K, p)]
-        found = np.empty(len(q_D))
+        distances = np.empty(len(q_D))
         n = ctypes.c_longlong(len(q_D))
         self.dll.fan_goal_distances(
-            n, *map(pointer, states), ctypes.byref(structure), pointer(found)
+            n, *map(pointer, states), ctypes.byref(structure), pointer(distances)
         )
-        return found
+        return distances
 
 
 class RolloutPool:
     """Simulates rollouts on several threads.
 
     Args:
-        library: of the puppet.
-        settings: what the rollouts share.
-        threads: how many work on them; results do not depend on it.
+        library: the puppet's library.
+        settings: settings common to the rollouts.
+        threads: number of threads; results do not depend on it.
     """
 
     def __init__(self, library: RolloutLibrary, settings: RolloutSettings, threads: int):
@@ -206,16 +206,16 @@ class RolloutPool:
             starts: part of a state -> (m, width).
             start: (n,) index of the start of each rollout.
             acc_K: (n, segments, n_vK) accelerations of its first segments.
-            n_given: (n,) how many of these are given; a funnel leads the others.
-            n_segments: (n,) segments of each, at least one; all by default.
-            funnels: the laws that may lead.
+            n_given: (n,) number of these; a funnel's law controls the other segments.
+            n_segments: (n,) number of segments of each, at least one; all by default.
+            funnels: feedback laws.
             funnel: (n,) index of the funnel of each; the first by default.
-            lead_time: (n,) time by which a funnel's reference runs ahead; 1 by default [s].
-            looks: checks of a segment; those of the settings by default.
+            lead_time: (n,) lead of a funnel's reference; 1 by default [s].
+            looks: number of checks of a segment; that of the settings by default.
 
         Raises:
-            ValueError: shapes that do not fit, or indices out of range.
-            MemoryError: the library had no memory.
+            ValueError: wrong shapes, or indices out of range.
+            MemoryError: no memory for the rollouts.
         """
         n, segments = acc_K.shape[:2]
         acc_K = np.array(acc_K, dtype=float, order="C")
@@ -247,7 +247,7 @@ class RolloutPool:
             **{name: starts[name] for name in STATE},
         )
         arrays.looks = looks or arrays.looks
-        # Ctrl-C may leave a worker behind: what it uses lives as long as `arrays`.
+        # Ctrl-C may leave a worker behind: its data live as long as `arrays`.
         arrays.kept += [laws, exact]
         with exact:
             reached = self._work(arrays)
@@ -260,7 +260,7 @@ class RolloutPool:
     def _check(
         self, starts: dict[str, Array], acc_K: Array, indices: dict[str, Indices], n_funnels: int
     ) -> None:
-        """Raises ValueError where sizes or indices would lead out of the arrays."""
+        """Raises ValueError if sizes or indices exceed the arrays."""
         n, segments = acc_K.shape[:2]
         n_starts = len(starts["q_D"])
         shapes = {name: a.shape for name, a in starts.items()}
@@ -284,7 +284,7 @@ class RolloutPool:
                 raise ValueError(f"{name} ranges from {span}; it must lie in {low} to {high}")
 
     def _work(self, arrays: Any) -> int:
-        """Simulates the rollouts; index of the first that reached the goal, n where none did."""
+        """Simulates the rollouts; index of the first that reached the goal, n if there is none."""
         progress: Any = packed("RolloutProgress", next=0, reached=arrays.n)
 
         def work() -> int:
@@ -301,7 +301,7 @@ class RolloutPool:
             failed = [] if away else [work()]
             failed += [other.result() for other in others]
         except BaseException:
-            # Their output arrays must live until they have stopped, however often Ctrl-C comes.
+            # Output arrays must live until all have stopped, however often Ctrl-C is pressed.
             progress.reached = -1
             while not all(other.done() or other.cancel() for other in others):
                 with contextlib.suppress(KeyboardInterrupt):
@@ -314,12 +314,12 @@ class RolloutPool:
 
 @dataclass(frozen=True)
 class _Threading:
-    """When rollouts are worth other threads."""
+    """Thresholds for the use of threads by rollouts."""
 
     max_blocking_steps: int = 500_000
-    """Time steps for which this thread may be deaf to signals: some tenths of a second."""
+    """Time steps during which this thread may ignore signals: some tenths of a second."""
     lanes: int = 8
-    """Rollouts that one thread simulates at once at the widest lanes; fewer need no other."""
+    """Rollouts that one thread simulates at once with the widest lanes."""
 
 
 _THREADING = _Threading()
@@ -327,7 +327,7 @@ _THREADING = _Threading()
 
 @cache
 def _helpers(n: int) -> ThreadPoolExecutor:
-    """Threads that wait for work: starting one takes as long as some rollouts."""
+    """Waiting threads: starting one takes as long as several rollouts."""
     return ThreadPoolExecutor(n, thread_name_prefix="fantoccini-rollouts")
 
 

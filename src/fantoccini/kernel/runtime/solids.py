@@ -19,78 +19,78 @@ def solid(shape: Shape, link: int) -> np.ndarray:
     """A shape as a ``SOLID``; an ellipsoid lies in the capsule along its longest axis.
 
     Args:
-        shape: of a body, or an obstacle.
-        link: that carries it, ``WORLD`` for an obstacle.
+        shape: shape of a body or obstacle.
+        link: link that carries it, ``WORLD`` for an obstacle.
 
     Raises:
         TypeError: the shape is a mesh.
     """
-    made = empty(link)
+    record = empty(link)
     match shape:
         case Capsule():
-            _set_capsule(made, shape.from_, shape.to, shape.radius)
+            _set_capsule(record, shape.from_, shape.to, shape.radius)
         case Sphere():
-            _set_capsule(made, shape.at, shape.at, shape.radius)
+            _set_capsule(record, shape.at, shape.at, shape.radius)
         case Ellipsoid():
-            _set_ellipsoid(made, shape)
+            _set_ellipsoid(record, shape)
         case Box():
-            set_box(made, shape.at, _rotation(shape), np.asarray(shape.size) / 2)
+            set_box(record, shape.at, _rotation(shape), np.asarray(shape.size) / 2)
         case _:
-            raise TypeError(f"{type(shape).__name__} is no shape that compiled code knows")
-    return made
+            raise TypeError(f"{type(shape).__name__} is not a shape of compiled code")
+    return record
 
 
 def hull_solid(hull: Hull, number: int, link: int) -> np.ndarray:
     """A convex polytope in the frame of a link, or of the world.
 
     Args:
-        hull: of a mesh.
+        hull: hull of a mesh.
         number: its place in :attr:`fantoccini.kernel.runtime.Contacts.hulls`.
-        link: that carries it, ``WORLD`` for an obstacle.
+        link: link that carries it, ``WORLD`` for an obstacle.
     """
-    made = empty(link)
-    made["kind"], made["mesh"] = SolidKind.HULL, number
-    made["a"] = made["b"] = hull.centroid
-    return made
+    record = empty(link)
+    record["kind"], record["mesh"] = SolidKind.HULL, number
+    record["a"] = record["b"] = hull.centroid
+    return record
 
 
 def half_space(at: ArrayLike, normal: ArrayLike) -> np.ndarray:
     """The half-space below the plane through a point (3,) with an outward normal (3,)."""
-    made = empty(WORLD)
-    made["kind"], made["a"], made["b"] = SolidKind.HALF_SPACE, at, normal
-    return made
+    record = empty(WORLD)
+    record["kind"], record["a"], record["b"] = SolidKind.HALF_SPACE, at, normal
+    return record
 
 
 def empty(link: int) -> np.ndarray:
     """A ``SOLID`` of a link that is no mesh, without a shape."""
-    made = np.zeros((), dtype=SOLID)
-    made["link"], made["mesh"], made["R"] = link, -1, np.eye(3).ravel()
-    return made
+    record = np.zeros((), dtype=SOLID)
+    record["link"], record["mesh"], record["R"] = link, -1, np.eye(3).ravel()
+    return record
 
 
-def set_box(made: np.ndarray, centre: ArrayLike, R: np.ndarray, half: ArrayLike) -> None:
+def set_box(record: np.ndarray, centre: ArrayLike, R: np.ndarray, half: ArrayLike) -> None:
     """Makes a ``SOLID`` the box with a centre (3,), axes in the columns of R and half edges."""
-    made["kind"], made["a"], made["b"] = SolidKind.BOX, centre, centre
-    made["R"], made["half"] = R.T.ravel(), half
+    record["kind"], record["a"], record["b"] = SolidKind.BOX, centre, centre
+    record["R"], record["half"] = R.T.ravel(), half
 
 
-def stacked(made: list[np.ndarray]) -> np.ndarray:
+def stacked(record: list[np.ndarray]) -> np.ndarray:
     """(n,) solids."""
-    return np.array(made, dtype=SOLID) if made else np.zeros(0, dtype=SOLID)
+    return np.array(record, dtype=SOLID) if record else np.zeros(0, dtype=SOLID)
 
 
 def _rotation(shape: Box | Ellipsoid) -> np.ndarray:
     return np.eye(3) if shape.orientation is None else np.asarray(shape.orientation.matrix)
 
 
-def _set_capsule(made: np.ndarray, a: ArrayLike, b: ArrayLike, radius: float) -> None:
-    made["kind"], made["a"], made["b"], made["radius"] = SolidKind.SEGMENT, a, b, radius
+def _set_capsule(record: np.ndarray, a: ArrayLike, b: ArrayLike, radius: float) -> None:
+    record["kind"], record["a"], record["b"], record["radius"] = SolidKind.SEGMENT, a, b, radius
 
 
-def _set_ellipsoid(made: np.ndarray, shape: Ellipsoid) -> None:
+def _set_ellipsoid(record: np.ndarray, shape: Ellipsoid) -> None:
     """The capsule along the longest axis has the middle radius."""
     radii, centre = np.asarray(shape.radii, dtype=float), np.asarray(shape.at, dtype=float)
     longest, radius = int(np.argmax(radii)), float(np.sort(radii)[1])
     along = (radii[longest] - radius) * _rotation(shape)[:, longest]
-    _set_capsule(made, centre - along, centre + along, radius)
-    made["R"], made["half"] = _rotation(shape).T.ravel(), radii
+    _set_capsule(record, centre - along, centre + along, radius)
+    record["R"], record["half"] = _rotation(shape).T.ravel(), radii

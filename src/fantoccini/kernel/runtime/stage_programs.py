@@ -18,17 +18,17 @@ _MAIN = '#include "fantoccini/interface/stages.hpp"\n'
 
 
 class StageOutcome(NamedTuple):
-    """What the compiled solver leaves.
+    """Result of the compiled solver.
 
     Attributes:
         u: (N, k) inputs.
         z: (N, n_z) states after them.
         costate: (N, n_z) multipliers of the dynamics.
-        passed: (N, m) how far rows are passed.
+        passed: (N, m) violations of the rows.
         force: (N, m) multipliers of the rows; at an upper bound they are positive.
-        gain: (k, n_z) the best u_0 changes by gain z_0, with the bounds' weights of the end.
+        gain: (k, n_z) the best u_0 changes by gain z_0, with the last weights of the bounds.
         solved: whether the tolerance was reached.
-        iterations: factorisations made.
+        iterations: number of factorisations.
         primal, dual, gap: residuals of bounds and stationarity, and the mean product of slacks and
             multipliers.
     """
@@ -47,7 +47,7 @@ class StageOutcome(NamedTuple):
 
 
 class StagePrograms:
-    """A solver with its memory, which is kept from program to program.
+    """A solver that reuses its memory from program to program.
 
     Raises:
         BuildError: there is no compiler, or it failed.
@@ -56,10 +56,10 @@ class StagePrograms:
 
     def __init__(self) -> None:
         self._dll = stage_library()
-        made = self._dll.fan_stage_solver_new()
-        if not made:
+        address = self._dll.fan_stage_solver_new()
+        if not address:
             raise MemoryError("no memory for a program of stages")
-        self._handle = ctypes.c_void_p(made)
+        self._handle = ctypes.c_void_p(address)
 
     def __del__(self) -> None:
         if getattr(self, "_handle", None):
@@ -79,12 +79,12 @@ class StagePrograms:
         """The solution of a program.
 
         Args:
-            given: the arrays of the contract's ``StageProgramArrays``, by name.
-            unit: of the cost.
-            unbounded: from which a bound is none.
-            tolerance: of the residuals.
-            barrier: least product of slacks and multipliers that is aimed at.
-            iterations: at most.
+            given: arrays of the contract's ``StageProgramArrays``, by name.
+            unit: unit of the cost.
+            unbounded: magnitude above which a bound never binds.
+            tolerance: tolerance of the residuals.
+            barrier: smallest target of the products of slacks and multipliers.
+            iterations: maximum number of iterations.
 
         Raises:
             MemoryError: no memory for it.
@@ -120,7 +120,7 @@ class StagePrograms:
 
 @cache
 def stage_library() -> ctypes.CDLL:
-    """The library, which is the same for all puppets; from the cache or made now."""
+    """The library, the same for all puppets; from the cache or built now."""
     key = build.fingerprint("programs of stages", str(digest()))
     source = build.Source({"main.cpp": _MAIN}, "main.cpp")
     folder = build.obtain(key, lambda: source)

@@ -14,16 +14,16 @@ from fantoccini.kernel.runtime.touching_steps import StepTouches, in_parts
 
 
 class StepPartials(NamedTuple):
-    """Derivatives of n steps; m columns: q_D, v_D, q_K, v_K, acc_K, u_D if asked for, p.
+    """Derivatives of n steps; m columns: q_D, v_D, q_K, v_K, acc_K, u_D on request, p.
 
     Attributes:
         acc_D: (n, n_vD) mean accelerations over the steps.
         motion: (n, 2 n_vD, m) of (dq_D, v_D) after the step. Columns of v_K and acc_K of driven
             rotations are by dq_K/dt and dv_K/dt over the step instead.
-        pull: (n, n_rows, m) of the tensions, if asked for.
-        shares: (n, 3 room, m) of the multipliers of the points that push, if asked for.
-        moved: (n, n_vD + n_vK, m) of the configuration where what springs back touches, likewise,
-            of steps in which something does.
+        pull: (n, n_rows, m) of the tensions, on request.
+        shares: (n, 3 room, m) of the multipliers of the points that push, on request.
+        moved: (n, n_vD + n_vK, m) of the configuration at the touch, likewise, of steps with a
+            rebound.
     """
 
     acc_D: Array
@@ -51,41 +51,45 @@ class StepDerivatives(Loaded):
         shares: bool,
         threads: int,
         touches: StepTouches | None = None,
-        room: Array | None = None,
+        motion_out: Array | None = None,
     ) -> StepPartials:
         """The derivatives of n steps.
 
         Args:
             starts: q_D, v_D, q_K, rate (dq_K/dt over the step), mean (dv_K/dt), slip and tension,
                 (n, ...) each.
-            held: (n, n_rows) rows that the steps hold.
-            cap_by: (n_rows,) which parameter a row's largest tension is; -1 for none.
+            held: (n, n_rows) rows held in the steps.
+            cap_by: (n_rows,) parameter that is a row's largest tension; -1 for none.
             p: (1 or n, n_p) parameters.
             u_D: (1 or n, n_vD) user forces; None for none.
             dt: length of the steps [s].
-            recovery_speed: cap on how fast a violation is taken back [m/s].
-            forces: differentiate by u_D, too.
-            pull: also of the tensions.
-            shares: also of the multipliers of what touches.
-            threads: that share the work.
-            touches: what touches in the steps; its ``edges`` are added to. None: nothing.
-            room: for ``motion``, where it is kept from call to call: new pages cost more than the
+            recovery_speed: largest speed at which a violation is corrected [m/s].
+            forces: whether to differentiate by u_D, too.
+            pull: whether to differentiate the tensions, too.
+            shares: whether to differentiate the multipliers of contact points, too.
+            threads: number of threads.
+            touches: contacts in the steps; its ``edges`` are added to. None without contact.
+            motion_out: array for ``motion``, reused from call to call: new pages cost more than the
                 derivatives.
         """
         n, sizes = len(held), self.sizes
         n_v, n_k = sizes["n_vD"], sizes["n_vK"]
         m = 2 * n_v + 3 * n_k + (n_v if forces else 0) + sizes["n_p"]
-        if room is None or room.shape != (n, 2 * n_v, m):
-            room = np.empty((n, 2 * n_v, m))
+        if motion_out is None or motion_out.shape != (n, 2 * n_v, m):
+            motion_out = np.empty((n, 2 * n_v, m))
         names = ("acc_D", *["pull"] * pull)
         if shares and touches is not None:
             names += ("shares", "moved")
         points = 0 if touches is None else touches.points.shape[1]
-        made: dict[str, Any] = new_arrays(
+        results: dict[str, Any] = new_arrays(
             "StepDerivativeArrays", names, sizes, n=n, m=m, room=points
         )
         out = StepPartials(
-            made["acc_D"], room, made.get("pull"), made.get("shares"), made.get("moved")
+            results["acc_D"],
+            motion_out,
+            results.get("pull"),
+            results.get("shares"),
+            results.get("moved"),
         )
         held_points: dict[str, Any] = {}
         if touches is not None:

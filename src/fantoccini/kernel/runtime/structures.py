@@ -41,22 +41,22 @@ class Numbers(ctypes.Structure):
 
 def _made() -> dict[str, type[ctypes.Structure]]:
     """The ctypes classes of all structures, by name."""
-    made: dict[str, type[ctypes.Structure]] = {}
+    classes: dict[str, type[ctypes.Structure]] = {}
     for structure in STRUCTURES:
-        fields = [(field.name, _type(field.type, made)) for field in structure.fields]
-        made[structure.name] = type(structure.name, (Numbers,), {"_fields_": fields})
-    return made
+        fields = [(field.name, _type(field.type, classes)) for field in structure.fields]
+        classes[structure.name] = type(structure.name, (Numbers,), {"_fields_": fields})
+    return classes
 
 
-def _type(text: str, made: dict[str, type[ctypes.Structure]]) -> Any:
+def _type(text: str, classes: dict[str, type[ctypes.Structure]]) -> Any:
     if match := re.fullmatch(r"(.+)\[(\d+)\]", text):
-        return _type(match[1], made) * int(match[2])
+        return _type(match[1], classes) * int(match[2])
     if match := re.fullmatch(r"(.+?)\((.*)\)", text):
-        arguments = (_type(argument, made) for argument in match[2].split(","))
-        return ctypes.CFUNCTYPE(_type(match[1], made), *arguments)
+        arguments = (_type(argument, classes) for argument in match[2].split(","))
+        return ctypes.CFUNCTYPE(_type(match[1], classes), *arguments)
     if text.endswith("*"):
         return ctypes.c_void_p
-    return _NUMBERS.get(text) or made[text]
+    return _NUMBERS.get(text) or classes[text]
 
 
 structures: dict[str, type[ctypes.Structure]] = _made()

@@ -21,25 +21,25 @@ from fantoccini.kernel.runtime.structures import UNLIMITED, dtype_of
 STEP_CONTACT = dtype_of("StepContact")
 """A point that pushes in a step."""
 _NEXT = {name: f"{name}_next" for name in ("q_D", "v_D", "q_K", "v_K")}
-"""Results whose names in the contract differ from ours."""
+"""Results whose names in the contract differ from those in ``StepTouches``."""
 _ROOM = 16
-"""Points of a node that are expected at most; where more push, all are looked for again."""
+"""Expected number of points of a node; if more push, the search is repeated with all."""
 
 
 class StepTouches(NamedTuple):
-    """n steps and what touches in them.
+    """n steps and their contacts.
 
     Attributes:
         q_D, v_D, q_K, v_K, slip: (n, ...) after the steps.
         tension: (n, n_rows) impulses over dt [N or N m].
-        taut: (n, n_rows).
-        status: (n,) of the steps.
-        delay: (n,) how long the steps move on before what springs back touches [s].
+        taut: (n, n_rows) taut rows.
+        status: (n,) statuses of the steps.
+        delay: (n,) time until the first touch that rebounds [s].
         edges: (n,) bits of ``StepEdge``.
-        pair_edges: (n, pairs) those of every pair; of points that push and of open ones.
-        n_points: (n,) points that push.
+        pair_edges: (n, pairs) the same for every pair, for points that push and open ones.
+        n_points: (n,) numbers of points that push.
         points: (n, room) ``STEP_CONTACT``.
-        screws: (n, n_vD + n_vK, 6) at the start, or where what springs back touches.
+        screws: (n, n_vD + n_vK, 6) at the start, or at the touch that rebounds.
         by_p: (n, n_links + n_vD + n_vK, 6, n_p) changes of poses and screws by the parameters.
     """
 
@@ -74,64 +74,64 @@ def step_touches(
     """The first step of length ``options.dt`` from each of n states.
 
     Args:
-        library: of a puppet with contact.
-        options: of the steps; ``contacts`` are what may touch.
+        library: library of a puppet with contact.
+        options: options of the steps; ``contacts`` are the solids that may touch.
         winches: (n_strings, 3).
-        reference_force: a weight [N].
+        reference_force: a typical weight [N].
         starts: q_D, v_D, q_K, v_K, slip, rate (dq_K/dt over the step) and mean (dv_K/dt), (n, ...)
             each.
-        acc_K: (1 or n, n_vK).
+        acc_K: (1 or n, n_vK) accelerations.
         u_D: (1 or n, n_vD) user forces; None for none.
-        p: (1 or n, n_p).
-        threads: that share the work.
+        p: (1 or n, n_p) parameters.
+        threads: number of threads.
     """
     n, sizes = len(starts["q_D"]), library.sizes
     n_pairs = 0 if options.contacts is None else len(options.contacts.pairs)
-    room = min(_ROOM, sizes["n_contacts"])
-    given = {name: a for name, a in starts.items() if name != "slip"}
-    given["winches"] = np.minimum(winches, UNLIMITED)
+    capacity = min(_ROOM, sizes["n_contacts"])
+    arguments = {name: a for name, a in starts.items() if name != "slip"}
+    arguments["winches"] = np.minimum(winches, UNLIMITED)
     results = {_NEXT.get(name, name): name for name in StepTouches._fields}
     while True:
-        made: dict[str, Any] = new_arrays(
-            "TouchingStepArrays", results, sizes, n=n, room=room, n_pairs=n_pairs
+        out_arrays: dict[str, Any] = new_arrays(
+            "TouchingStepArrays", results, sizes, n=n, room=capacity, n_pairs=n_pairs
         )
-        made["slip"][:] = starts["slip"]
+        out_arrays["slip"][:] = starts["slip"]
         arrays = packed(
             "TouchingStepArrays",
             options=options.structure(),
             reference_force=reference_force,
-            room=room,
+            room=capacity,
             n_pairs=n_pairs,
             acc_K=acc_K,
             u_D=u_D,
             p=p,
-            **given,
-            **made,
+            **arguments,
+            **out_arrays,
         )
         in_parts(library.dll.fan_step_touches, arrays, n, threads)
-        out = StepTouches(**{results[name]: a for name, a in made.items()})
-        if room == sizes["n_contacts"] or not np.any(out.edges & StepEdge.CROWDED):
+        out = StepTouches(**{results[name]: a for name, a in out_arrays.items()})
+        if capacity == sizes["n_contacts"] or not np.any(out.edges & StepEdge.CROWDED):
             return out
-        room = sizes["n_contacts"]
+        capacity = sizes["n_contacts"]
 
 
-_LEAST = 4
-"""Nodes that are worth a thread."""
+_NODES_PER_THREAD = 4
+"""Number of nodes for which a thread pays."""
 
 
 def in_parts(call: Any, arrays: ctypes.Structure, n: int, threads: int) -> None:
-    """Calls compiled code for the nodes [0, n) in some threads.
+    """Calls compiled code for the nodes [0, n) in several threads.
 
     Args:
-        call: (arrays, first, last) -> 1 where there was no memory.
-        arrays: of all nodes.
-        n: how many.
-        threads: that share the work.
+        call: (arrays, first, last) -> 1 if memory was exhausted.
+        arrays: arrays of all nodes.
+        n: number of nodes.
+        threads: number of threads.
 
     Raises:
-        MemoryError: there was none.
+        MemoryError: no memory for the derivatives.
     """
-    workers = max(1, min(threads, n // _LEAST))
+    workers = max(1, min(threads, n // _NODES_PER_THREAD))
     parts = list(pairwise(n * i // workers for i in range(workers + 1)))
 
     def work(ends: tuple[int, int]) -> int:

@@ -125,7 +125,7 @@ def suggest_motion(
         StateError: no candidate can be done.
     """
     check_positive(duration=duration, rate=rate, reach=reach, segment=segment, dt=dt)
-    draws = whole("draws", draws, least=1)
+    draws = whole("draws", draws, low=1)
     if candidates is None:
         candidates = _random_motions(
             record.marionette, record, duration, reach, ranges or {}, draws, seed

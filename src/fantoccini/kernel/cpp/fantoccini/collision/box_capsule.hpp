@@ -1,10 +1,10 @@
 // Contact points of capsules with boxes.
 //
-// A capsule's core outside the box touches at the nearest points. Where their direction is nearly a
-// face's normal, the two ends of the core's part above the face take their place, as where capsules
-// lie on one another (capsules.hpp); where the core lies along an edge, the two ends of the
-// overlap with it. A core that runs into the box leaves it along the face normal or the product of
-// edges with the least depth.
+// A capsule whose core is outside the box touches it at the nearest points. Where their direction
+// is nearly a face's normal, the two ends of the part of the core above the face replace them, as
+// for capsules that lie on one another (capsules.hpp); where the core lies along an edge, the two
+// ends of their overlap do. A core that runs into the box leaves it in the direction of least
+// depth: a face normal or a product of edges.
 #pragma once
 
 #include "fantoccini/collision/capsules.hpp"
@@ -13,13 +13,13 @@ namespace fan {
 
 struct BoxTolerances {
   static constexpr double core = 1e-10;       // m: a core this near meets the box
-  static constexpr double edge_share = 0.95;  // an edge wins with less than this of a face's depth
-  static constexpr double same_face = 1e-4;   // of the size: lying flat, less makes no difference
-  static constexpr double same_slope = 1e-5;  // likewise: what goes down by less lies flat
-  static constexpr double rounding = 1e-9;    // of the size
+  static constexpr double edge_share = 0.95;  // an edge wins below this share of a face's depth
+  static constexpr double same_face = 1e-4;   // relative to the size: flat below it
+  static constexpr double same_slope = 1e-5;  // likewise, of heights
+  static constexpr double rounding = 1e-9;    // relative to the size
 };
 
-// The side of an axis: 1 or -1.
+// Sign of a coordinate: 1 or -1.
 FAN_FN double side_of(double x) { return x < 0.0 ? -1.0 : 1.0; }
 
 FAN_FN int largest_of(const double* x) {
@@ -34,7 +34,7 @@ FAN_FN int smallest_of(const double* x) {
   return best;
 }
 
-// Which of the three stretches of flatness a value of it belongs to.
+// Number of the stretch (0, 1, 2) in which a value of flatness lies.
 FAN_FN int stretch_of(double flat) { return flat <= 0.0 ? 0 : flat < 1.0 ? 1 : 2; }
 
 // The edge along axis k of a box about the origin that lies farthest in a direction.
@@ -47,17 +47,17 @@ FAN_FN Core edge_towards(const double* direction, const double* half, int k) {
   return Core(a, b);
 }
 
-// The ends of a core's part that lies above a face of a box about the origin, and the points below
-// them on the face. The part is made to hold the core's point at `nearest`, too, so that a core
+// The ends of the part of a core that lies above a face of a box about the origin, and the points
+// below them on the face. The part always contains the core's point at `nearest`, so that a core
 // that stands on the face's edge keeps its foot.
 struct FaceClip {
   PointPair ends[2];
-  bool found;
+  bool exists;
 
   FAN_FN FaceClip(const Core& core, const double* half, int face, double side, double nearest)
       : ends{} {
     double low = 0.0, high = core.length;
-    found = true;
+    exists = true;
     for (int k = 0; k < 3; ++k) {
       if (k == face) continue;
       if (fabs(core.u[k]) > DistanceTolerances::min_length) {
@@ -65,10 +65,10 @@ struct FaceClip {
         low = fmax(low, middle - reach);
         high = fmin(high, middle + reach);
       } else {
-        found = found && fabs(core.a[k]) <= half[k];
+        exists = exists && fabs(core.a[k]) <= half[k];
       }
     }
-    found = found && low <= high;
+    exists = exists && low <= high;
     for (int k = 0; k < 2; ++k) {
       along3(core.a, k == 0 ? fmin(low, nearest) : fmax(high, nearest), core.u, ends[k].p);
       for (int c = 0; c < 3; ++c)
@@ -77,7 +77,7 @@ struct FaceClip {
   }
 };
 
-// The way out of a box about the origin for a core that meets it.
+// Direction in which a core that meets a box about the origin leaves it.
 struct WayOut {
   double normal[3], gap = -DistanceTolerances::far;
   int axis = 0;
@@ -102,15 +102,15 @@ struct WayOut {
         n[c] *= side;
         reach += half[c] * fabs(n[c]);
       }
-      const double found = fabs(height) - reach;
-      if (found > BoxTolerances::edge_share * by_face) take(n, found, k, true);
+      const double axis_gap = fabs(height) - reach;
+      if (axis_gap > BoxTolerances::edge_share * by_face) take(n, axis_gap, k, true);
     }
   }
 
  private:
-  FAN_FN void take(const double* n, double found, int k, bool edge) {
-    if (!(found > gap)) return;
-    gap = found;
+  FAN_FN void take(const double* n, double axis_gap, int k, bool edge) {
+    if (!(axis_gap > gap)) return;
+    gap = axis_gap;
     axis = k;
     by_edge = edge;
     for (int c = 0; c < 3; ++c) normal[c] = n[c];
@@ -124,19 +124,19 @@ FAN_FN void touch_box_inside(const Core& core, const double* half, double at, To
     return to.add(pair.p, pair.q, out.normal, 0);
   }
   const FaceClip face(core, half, out.axis, out.normal[out.axis], at);
-  if (face.found) {
+  if (face.exists) {
     for (int k = 0; k < (core.length > 0.0 ? 2 : 1); ++k)
       to.add(face.ends[k].p, face.ends[k].q, out.normal, k);
     return;
   }
-  // A core that meets the box in a corner.
+  // A core that meets a corner of the box.
   const double* end = dot3(core.a, out.normal) < dot3(core.b, out.normal) ? core.a : core.b;
   double q[3];
   along3(end, -out.gap, out.normal, q);
   to.add(end, q, out.normal, 0);
 }
 
-// The core's point at the length `at` is nearest to the box, in the direction `normal`.
+// The core's point at arc length `at` is nearest to the box, in the direction `normal`.
 FAN_FN void touch_box_outside(
     const Core& core, const double* half, double at, const PointPair& nearest, const double* normal,
     Touches& to) {
@@ -146,7 +146,7 @@ FAN_FN void touch_box_outside(
   copy3(normal, tilt);
   tilt[face] = 0.0;
   const FaceClip clip(core, half, face, side, at);
-  const double on_face = clip.found && core.length > 0.0 ? flatness(length3(tilt)) : 0.0;
+  const double on_face = clip.exists && core.length > 0.0 ? flatness(length3(tilt)) : 0.0;
   const Overlap on_edge(core, edge_towards(normal, half, edge));
   const CorePart part = at <= 0.0 ? FIRST_END : at >= core.length ? SECOND_END : MIDDLE;
   const int shape = 3 * (3 * stretch_of(on_face) + stretch_of(on_edge.flat)) + part;
@@ -164,7 +164,7 @@ FAN_FN void touch_box_outside(
   }
 }
 
-// Turns points found in a box's frame from the n-th on into the world.
+// Transforms the points from the n-th on from a box's frame to the world.
 FAN_FN void place_touches(const PlacedSolid& box, int n, Touches& to) {
   for (; n < to.n; ++n) {
     double point[3], normal[3];

@@ -1,11 +1,11 @@
-// The points that faces of two boxes share, by the features that touch in them (box_pair.hpp).
+// Points that faces of two boxes share, numbered by the features that touch in them (box_pair.hpp).
 #pragma once
 
 #include "fantoccini/collision/box_capsule.hpp"
 
 namespace fan {
 
-// A face of a box: its middle, outward normal, and the half edges and their directions.
+// A face of a box: its middle, outward normal, half lengths and directions of its edges.
 struct BoxFace {
   int axis, upward;
   const double *u, *v;
@@ -33,14 +33,13 @@ struct BoxFace {
   }
 };
 
-// The number of a box's edge along axis k, from the corner's bits on the other axes: 4 k to
-// 4 k + 3.
+// Number of a box's edge along axis k, from the bits of a corner on the other axes: 4 k to 4 k + 3.
 FAN_FN int edge_number(int k, int corner) {
   return 4 * k | (corner >> (k + 1) % 3 & 1) | (corner >> (k + 2) % 3 & 1) << 1;
 }
 
-// What the features of two boxes tell apart: a corner of one and a face of the other, two edges,
-// nearest points of other kinds. A face is 2 k, or 2 k + 1 on the upper side of its axis k.
+// Feature numbers of two boxes: a corner of one with a face of the other, two edges, or nearest
+// points of other kinds. A face is 2 k, or 2 k + 1 on the upper side of its axis k.
 struct BoxFeatures {
   static constexpr int corners = 8, of_y = 6 * corners, edges = 2 * of_y, nearest = edges + 12 * 12;
 
@@ -51,8 +50,8 @@ struct BoxFeatures {
   FAN_FN static int crossing(int x_edge, int y_edge) { return edges + 12 * x_edge + y_edge; }
 };
 
-// A point of the polygon that two faces share, in the axes of the lower one, and the unit normal of
-// what touches there, upwards; its region.
+// A vertex of the polygon that two faces share, in the axes of the lower one; the unit normal
+// there, upwards; its region.
 struct Spot {
   double at[2], height, normal[3];
   int number;
@@ -60,15 +59,16 @@ struct Spot {
 };
 
 // The polygon of the points of a face, the upper, above another, the lower: corners of both, and
-// where edges of the upper cross sides of the lower. Where faces lie flat, corners just off the
-// other count as on it, and near points are one, so that equal faces share four points however they
-// jitter. A corner that the box goes on from through the other's plane does not carry where the
-// face ends, but the crossings beside it do: it comes after them.
+// crossings of edges of the upper with sides of the lower. Where faces lie flat, corners just
+// outside the other face count as on it, and points near one another are merged, so that equal
+// faces share four points in spite of jitter. A corner from which the box continues through the
+// other's plane does not carry load at the end of the face, but the crossings beside it do: it
+// comes after them.
 class SharedPolygon {
  public:
   Spot spots[max_touches];
   int n = 0;
-  double tolerance;  // m: points this near are one
+  double tolerance;  // m: points nearer than this are merged
 
   FAN_FN SharedPolygon(const BoxFace& lower, const BoxFace& upper, bool lower_is_x)
       : lower_(lower), upper_(upper), lower_is_x_(lower_is_x), half_{lower.hu, lower.hv} {
@@ -94,7 +94,7 @@ class SharedPolygon {
   }
 
  private:
-  // The corners of a rectangle in turn, and the outward directions of the sides after them.
+  // Corners of a rectangle in order, and outward directions of the sides after them.
   static constexpr double turns_[4][2] = {{-1, -1}, {1, -1}, {1, 1}, {-1, 1}};
   static constexpr double outward_[4][2] = {{0, -1}, {1, 0}, {0, 1}, {-1, 0}};
 
@@ -124,7 +124,8 @@ class SharedPolygon {
     return middle_[2] - (up_[0] * (x - middle_[0]) + up_[1] * (y - middle_[1])) / up_[2];
   }
 
-  // The corners of the first box, then of the second, that carry at the other's edge, or not.
+  // Adds the corners of the first box, then of the second, that carry load at the other's edge, or
+  // those that do not.
   FAN_FN void add_corners(bool that_carry) {
     for (const bool of_upper : {!lower_is_x_, lower_is_x_})
       for (int i = 0; i < 4; ++i) {
@@ -143,7 +144,7 @@ class SharedPolygon {
     return -turns_[i][0] * up_[0] <= slope_ && -turns_[i][1] * up_[1] <= slope_;
   }
 
-  // How far off the other face a corner still counts as on it.
+  // Distance outside the other face up to which a corner counts as on it.
   FAN_FN double reach(bool carries) const { return carries ? tolerance : -rounding_; }
 
   FAN_FN void add_upper(int i) {
@@ -169,7 +170,7 @@ class SharedPolygon {
         BoxFeatures::corner(lower_is_x_, corner, upper_.number()));
   }
 
-  // Where the edge from corner i on crosses the sides of the lower face.
+  // Adds the crossings of the edge from corner i with the sides of the lower face.
   FAN_FN void add_crossings(int i) {
     const double *p = corners_[i], *q = corners_[(i + 1) % 4];
     const int corner = upper_.corner(turns_[i][0], turns_[i][1]);
@@ -180,8 +181,8 @@ class SharedPolygon {
       const double outward = side % 2 == 0 ? -1.0 : 1.0, bound = outward * half_[c];
       if ((outward * p[c] > half_[c] + p_more) == (outward * q[c] > half_[c] + q_more)) continue;
       if (p[c] == q[c]) continue;
-      // A corner may count as beyond the side that is on this side of it by rounding: of an edge
-      // that lies along the side, the crossing is at the corner all the same.
+      // By rounding, a corner on this side of the lower face's side may count as beyond it. The
+      // crossing of an edge along that side is at the corner all the same.
       double d[3];
       difference3(q, p, d);
       const double more = 2.0 * tolerance / length3(d);
@@ -199,9 +200,9 @@ class SharedPolygon {
     }
   }
 
-  // The normal of the upper edge from corner i on and a side of the lower face, across its axis c:
-  // the product of both where it lies between the normals of the faces at either edge, else the
-  // lower face's, as of edges that are nearly parallel.
+  // Normal of the upper edge from corner i and a side of the lower face, across its axis c: their
+  // product if it lies between the normals of the faces at both edges, else the lower face's, as
+  // for edges that are nearly parallel.
   FAN_FN CrossingRegion crossing_normal(int i, int c, double side, double* out) const {
     const double *p = corners_[i], *q = corners_[(i + 1) % 4];
     double d[3];
@@ -223,7 +224,7 @@ class SharedPolygon {
   const BoxFace &lower_, &upper_;
   bool lower_is_x_;
   double half_[2], middle_[3], U_[3], V_[3], corners_[4][3];
-  double up_[3];  // the upper face's normal, turned round
+  double up_[3];  // the upper face's normal, reversed
   double rounding_, slope_;
 };
 

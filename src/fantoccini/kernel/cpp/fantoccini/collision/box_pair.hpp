@@ -1,14 +1,14 @@
 // Contact points of two boxes.
 //
-// The axis with the widest gap, or the least depth, of the separating axes decides (Gottschalk, Lin
-// and Manocha, "OBBTree", SIGGRAPH 1996): the normal of a face, or the product of two edges. A face
-// has the points of the other box's opposite face that lie above it, which is clipped to a polygon.
-// Two edges have one point, or two where they are nearly parallel (capsules.hpp). Boxes apart
-// whose faces do not see one another touch at their nearest points.
+// The separating axis with the widest gap, or the least depth, decides (Gottschalk, Lin and
+// Manocha, "OBBTree", SIGGRAPH 1996): the normal of a face, or the product of two edges. The points
+// of a face are those of the other box's opposite face that lie above it, clipped to a polygon. Two
+// edges have one point, or two where they are nearly parallel (capsules.hpp). Boxes apart whose
+// faces do not face one another touch at their nearest points.
 //
-// Every point has the normal of the features that touch there, and their number: of a corner over a
-// face the face's, of two edges that cross the product of both. Which face decides so makes no
-// difference to points that touch; it has to do with which points are looked for.
+// Every point has the number and the normal of the features that touch there: the face's for a
+// corner over a face, the product of both for two edges that cross. The face that decides therefore
+// does not affect points that touch, only which points are sought.
 //
 // Faces are preferred to edges, and the second box's to the first's, by more than rounding and the
 // jitter of a body at rest, so that the points stay the same from step to step.
@@ -24,9 +24,9 @@ struct BoxAxis {
   int x_axis = -1, y_axis = -1;  // of a face, or of both edges
 
   FAN_FN void take(const double* n, double centre, double reach, double scale, int i, int j) {
-    const double found = (fabs(centre) - reach) * scale;
-    if (!(found > gap)) return;
-    gap = found;
+    const double axis_gap = (fabs(centre) - reach) * scale;
+    if (!(axis_gap > gap)) return;
+    gap = axis_gap;
     x_axis = i;
     y_axis = j;
     for (int k = 0; k < 3; ++k) normal[k] = side_of(centre) * scale * n[k];
@@ -67,7 +67,7 @@ struct BoxAxes {
 };
 
 // The nearest points of two boxes that are apart: on an edge of the first, or at a corner of the
-// second. Boxes that meet keep the given normal, where no features say theirs.
+// second. Boxes that meet keep the normal they were given where no features define one.
 class NearestOfBoxes {
  public:
   PointPair pair{};
@@ -86,9 +86,9 @@ class NearestOfBoxes {
   }
 
  private:
-  // Where on a box a point of its surface lies: inside a face, on an edge, or at a corner.
+  // Feature on which a point of a box's surface lies: a face, an edge or a corner.
   struct OnBox {
-    int bounds = 0, axis = 0, corner = 0;  // of a face its axis, of an edge the one along it
+    int bounds = 0, axis = 0, corner = 0;  // a face's axis, or the axis along an edge
 
     FAN_FN OnBox(const PlacedSolid& box, const double* point) {
       double local[3];
@@ -105,7 +105,7 @@ class NearestOfBoxes {
     }
   };
 
-  // The number and the exact normal of a corner and a face, or of two edges that cross.
+  // Number and exact normal of a corner and a face, or of two edges that cross.
   FAN_FN void name(const OnBox& p, const OnBox& q, const PlacedSolid& x, const PlacedSolid& y) {
     if (p.bounds == 2 && q.bounds == 2) {
       double n[3];
@@ -121,13 +121,13 @@ class NearestOfBoxes {
     }
   }
 
-  // Makes n the normal, on the side of the present one.
+  // Sets the normal to n or -n, on the side of the present one.
   FAN_FN void turn(const double* n) {
     const double side = side_of(dot3(n, normal));
     for (int k = 0; k < 3; ++k) normal[k] = side * n[k];
   }
 
-  // Takes a point of the first, or the second, and the other's nearest to it.
+  // Considers a point of the first box, or the second, and the other's nearest point to it.
   FAN_FN void take(const double* point, const PlacedSolid& other, bool of_second) {
     double local[3], p[3], apart[3];
     into_frame(other, point, local);
@@ -216,8 +216,8 @@ FAN_FN void touch_edges(
   to.add(pair.p, pair.q, axis.normal, number);
 }
 
-// The points of two faces that see one another, if the boxes, whose widest gap along an axis is
-// `widest`, are apart by no less; whether they do.
+// Adds the points of two faces that face one another, unless the boxes are apart and all gaps
+// exceed `widest`, the widest gap along an axis. Returns whether points were added.
 FAN_FN bool touch_faces(
     const PlacedSolid& x, const PlacedSolid& y, const BoxAxis& axis, double widest, Touches& to) {
   const bool of_x = axis.x_axis >= 0;

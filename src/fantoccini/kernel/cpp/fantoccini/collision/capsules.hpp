@@ -1,14 +1,14 @@
-// Contact points of spheres and capsules with one another and of all solids with half-spaces.
+// Contact points of spheres and capsules with one another, and of all solids with half-spaces.
 //
 // Two capsules touch at the nearest points p and q of their cores. Where the cores lie flat on one
-// another, the nearest points are anywhere along the overlap and would jump; then the two ends of
-// the overlap take their place. In between, two points slide from the ends to the nearest points,
+// another, the nearest points are anywhere along the overlap and would jump; the two ends of the
+// overlap replace them. In between, two points slide from the ends to the nearest points,
 //
 //     p_k = p + w (e_k - p),  k = 0, 1,
 //
-// w from 1 below the angle `lying` to 0 above the angle `crossing`, where one point is left. The
-// gap of every point is that of the surfaces there. The least is above the solids' distance by at
-// most (w L sin)^2 / 8 d, for cores at the distance d that overlap by L.
+// where w falls from 1 below the angle `lying` to 0 above the angle `crossing`, where one point is
+// left. The gap of every point is that of the surfaces there. The least gap exceeds the solids'
+// distance by at most (w L sin)^2 / 8 d, for cores at the distance d that overlap by L.
 #pragma once
 
 #include "fantoccini/collision/solids.hpp"
@@ -32,7 +32,7 @@ FAN_FN PointPair between_pairs(const PointPair& a, const PointPair& b, double w)
   return out;
 }
 
-// Turns `normal` to p - q, if they are apart; whether they are.
+// Sets `normal` to the unit vector along p - q if the points are apart. Returns whether they are.
 FAN_FN bool aim(const PointPair& pair, double* normal) {
   double apart[3];
   difference3(pair.p, pair.q, apart);
@@ -67,7 +67,7 @@ struct Core {
     along3(a, dot3(r, u), u, out);
   }
 
-  // The point of the core nearest to x; what part of the core it is.
+  // Finds the point of the core nearest to x. Returns the part of the core on which it lies.
   FAN_FN CorePart nearest(const double* x, double* out) const {
     double r[3];
     difference3(x, a, r);
@@ -77,8 +77,8 @@ struct Core {
   }
 };
 
-// Whether a part of a core that has its point p in the direction n from it is the nearest, up to a
-// share `most` of the core's length and of a unit vector.
+// Whether the part of a core with the point p is nearest to a point in the direction n from p, with
+// a tolerance relative to the core's length and to a unit vector.
 FAN_FN bool is_nearest_part(
     const Core& core, CorePart part, const double* p, const double* n, double most) {
   if (!(core.length > 0.0)) return true;
@@ -89,8 +89,8 @@ FAN_FN bool is_nearest_part(
   return at >= -most * core.length && at <= (1.0 + most) * core.length;
 }
 
-// The nearest points of the lines of two cores, which are left as they are where these are
-// parallel; `inside`: and where they do not lie inside both. Whether they are found.
+// Finds the nearest points of the lines of two cores; with `inside`, only if they lie inside both.
+// `out` is unchanged for parallel lines. Returns whether they were found.
 FAN_FN bool lines_nearest(const Core& x, const Core& y, PointPair& out, bool inside = false) {
   double w[3], across[3];
   difference3(x.a, y.a, w);
@@ -106,7 +106,7 @@ FAN_FN bool lines_nearest(const Core& x, const Core& y, PointPair& out, bool ins
 }
 
 // The nearest points of two cores: at an end, or where the lines' nearest points lie inside both.
-// The parts they are of.
+// Also finds the parts on which they lie.
 FAN_FN PointPair nearest_points(const Core& x, const Core& y, CorePart* x_part, CorePart* y_part) {
   PointPair best{}, tried;
   double least = DistanceTolerances::far;
@@ -141,11 +141,11 @@ FAN_FN PointPair nearest_points(const Core& x, const Core& y) {
   return nearest_points(x, y, &of_x, &of_y);
 }
 
-// The pairs of points at both ends of the overlap of two cores, seen along their mean direction,
-// and how flat they lie: 0 where they cross or do not overlap.
+// The pairs of points at both ends of the overlap of two cores, projected on their mean direction,
+// and their flatness: 0 where they cross or do not overlap.
 struct Overlap {
   PointPair ends[2];
-  bool of_x[2] = {};  // whether an end is the first's rather than the second's
+  bool of_x[2] = {};  // whether an end is the first core's
   double flat = 0.0;
 
   FAN_FN Overlap(const Core& x, const Core& y) : ends{} {
@@ -173,14 +173,14 @@ struct Overlap {
   }
 
  private:
-  // The point of a core at the height along m.
+  // The point of a core at a height along m.
   FAN_FN static void at(const Core& x, const double* m, double height, double* out) {
     along3(x.a, clamped((height - dot3(x.a, m)) / dot3(x.u, m), 0.0, x.length), x.u, out);
   }
 };
 
-// A direction for cores that meet: across both, away from the second's middle; for two points, and
-// lines that meet at their middles, an arbitrary one.
+// A direction for cores that meet: perpendicular to both, away from the second's middle. It is
+// arbitrary for two points, and for lines that meet at their middles.
 FAN_FN void meeting_normal(const Core& x, const Core& y, double* normal) {
   cross(x.u, y.u, normal);
   if (!unit3(normal, TouchTolerances::lying)) {
@@ -198,7 +198,7 @@ FAN_FN void meeting_normal(const Core& x, const Core& y, double* normal) {
   for (int k = 0; k < 3; ++k) normal[k] *= side;
 }
 
-// Spheres and capsules: feature 0, and 1 where two points are needed.
+// Adds the points of spheres and capsules: feature 0, and 1 where two points are needed.
 FAN_FN void touch_segments(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
   const Core first(x.a, x.b), second(y.a, y.b);
   CorePart of_x, of_y;
@@ -218,8 +218,8 @@ FAN_FN void touch_segments(const PlacedSolid& x, const PlacedSolid& y, Touches& 
   }
 }
 
-// Adds the point below p of a solid on the plane of a half-space. So all points of a flat sole lie
-// in one plane whatever their gaps: a sole that closes these can stick with all of them.
+// Adds the point below p of a solid, on the plane of a half-space. All points of a flat sole thus
+// lie in one plane whatever their gaps: a sole that closes them can stick at all of them.
 FAN_FN void add_above(const double* p, const PlacedSolid& plane, int feature, Touches& to) {
   double from[3], q[3];
   difference3(p, plane.a, from);
@@ -227,15 +227,15 @@ FAN_FN void add_above(const double* p, const PlacedSolid& plane, int feature, To
   to.add(p, q, plane.b, feature, 0, true);
 }
 
-// The corners of the face that looks most into the half-space. Bit k of a feature is the side of
-// axis k.
+// Adds the corners of the face most nearly opposed to the half-space. Bit k of a feature is the
+// side of axis k.
 FAN_FN void touch_plane_by_box(const PlacedSolid& box, const PlacedSolid& plane, Touches& to) {
   double up[3];
   into_axes(box.R, plane.b, up);
   int face = 0;
   for (int k = 1; k < 3; ++k) face = fabs(up[k]) > fabs(up[face]) ? k : face;
   const int side = up[face] > 0.0 ? 0 : 1;
-  // The half edges in the world, the one across the face towards it.
+  // Half edges in the world; the one perpendicular to the face points towards it.
   double edge[3][3];
   for (int k = 0; k < 3; ++k) {
     const double half = k == face && side == 0 ? -box.half[k] : box.half[k];

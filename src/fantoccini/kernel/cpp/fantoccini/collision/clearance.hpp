@@ -1,4 +1,4 @@
-// Clearance of a puppet from obstacles and from itself, one configuration a lane.
+// Clearance of a puppet from obstacles and from itself, one configuration per lane.
 #pragma once
 
 #include "fantoccini/collision/catenary.hpp"
@@ -12,10 +12,10 @@ namespace fan {
 struct ClearanceTolerances {
   static constexpr double rounding = 1e-9;  // m: margin of bounds; depth of solids that touch
   static constexpr double min_slack = 1.0 + 1e-6;  // length over span above which a string sags
-  static constexpr double far = 1e30;              // m: nothing is measured
+  static constexpr double far = 1e30;              // m: no distance measured
 };
 
-// Lanes first, first + 1, ... of rows (n, width); those beyond the last repeat it.
+// Loads lanes first, first + 1, ... of rows (n, width). Lanes beyond the last row repeat it.
 template <class Real>
 FAN_FN void load_lanes(const double* rows, int width, long long first, long long n, Real* to) {
   for (int l = 0; l < Traits<Real>::width; ++l) {
@@ -32,7 +32,7 @@ struct Placed {
   Real a[3], b[3], R[9];
   const double* half;
   double radius;
-  Real moved;  // path of its points, at most
+  Real moved;  // upper bound of the path of its points
 };
 
 template <class Model, class Real>
@@ -44,14 +44,14 @@ class Clearance {
 
   Real q_D[room(Model::n_qD)], q_K[room(Model::n_qK)], p[room(Model::n_p)];
   JointPaths<Model, Real> moves;  // about the configuration; see `measure`
-  Real least, which;              // the clearance and its number: see `measure`
+  Real least, which;              // clearance and number of its pair: see `measure`
   Real lower;                     // lower bound of all distances on the path given by `moves`
 
   // A link's pose at the last measurement: R by columns, then r.
   FAN_FN const Real* pose(int link) const { return poses_ + 12 * link; }
 
-  // Takes the strings' lengths less their spans to lie between those of the configurations that are
-  // given to this since moves.clear().
+  // Includes a configuration in the range of the strings' lengths less their spans. moves.clear()
+  // empties the range.
   FAN_FN void include_excess(const Real* D, const Real* K) {
     Call<Model, Real>::points(D, K, p, points_);
     int at = 0;
@@ -67,7 +67,7 @@ class Clearance {
 
   // Finds the least distance over all pairs, numbered in this order: moving (outer) by standing
   // (inner); pairs; string segments (outer) by standing. Distances certainly above `enough`, and
-  // those of meshes in lanes that do not count, are lower bounds. Where something `moving`, `lower`
+  // those of meshes in lanes that do not count, are lower bounds. With motion (`moving`), `lower`
   // is the least distance less the paths of both solids.
   FAN_FN void measure(
       const ClearanceArrays& in, Placed<Real>* placed, const Mask& counts, double enough = Tol::far,
@@ -120,7 +120,7 @@ class Clearance {
       for (int k = 0; k <= pieces; ++k) {
         carried[k] = moving ? moves.path(in, poses_, in.carriers[at + k], points_ + 3 * (at + k))
                             : Real(0.0);
-        x += (pieces > 1 ? 2.0 : 1.0) * carried[k];  // slack moves from piece to piece
+        x += (pieces > 1 ? 2.0 : 1.0) * carried[k];  // length moves between pieces
       }
       if (moving && moves.known) {
         const Real excess = length - whole;
@@ -137,13 +137,13 @@ class Clearance {
           segment.a[c] = points_[3 * (at + k) + c];
           segment.b[c] = points_[3 * (at + k + 1) + c];
         }
-        // Its slack is shared in proportion to the spans.
+        // The excess length is shared in proportion to the spans.
         const Real own = length * (span[k] / select(whole > Real(0.0), whole, Real(1.0)));
         Curve curve;
         curve.straight = segment;
         curve.span = span[k];
         curve.length = own;
-        // Wires push too, and stay straight.
+        // Wires also push, and stay straight.
         curve.slack = own > (Model::wire[i] ? Real(Tol::far) : Real(span[k] * Tol::min_slack));
         spread_ = maximum(carried[k], carried[k + 1]);
         const Mask sags = curve.slack || (moving ? moves.loose[i] : Real(0.0)) > Real(0.5);
@@ -155,7 +155,7 @@ class Clearance {
   }
 
  private:
-  // A string between two of its points: its chord, and the curve in which it hangs when slack.
+  // A string between two points of its path: its chord, and the curve in which it hangs when slack.
   struct Curve {
     Placed<Real> straight;
     Real span, length;
@@ -169,7 +169,7 @@ class Clearance {
     const Real chord = measured(curve.straight, other, counts && !curve.slack, most());
     if (other.kind == HALF_SPACE || !any(curve.slack)) return chord;
     using std::sqrt;
-    // Whatever its shape, the string lies within an ellipsoid with its ends as foci.
+    // In any shape, the string lies within an ellipsoid with its ends as foci.
     const Real spare = curve.length * curve.length - curve.span * curve.span;
     const Real bound = chord - Real(0.5) * sqrt(select(curve.slack, spare, Real(0.0)));
     const auto needed = curve.slack && bound < most();
@@ -183,8 +183,8 @@ class Clearance {
         piece.a[c] = curve.points[3 * k + c];
         piece.b[c] = curve.points[3 * (k + 1) + c];
       }
-      const Real found = measured(piece, other, counts && needed, limit);
-      nearest = select(found < nearest, found, nearest);
+      const Real distance = measured(piece, other, counts && needed, limit);
+      nearest = select(distance < nearest, distance, nearest);
     }
     return select(needed, nearest, chord);
   }
@@ -250,12 +250,12 @@ class Clearance {
       out[j] = Real(R[3 * j]) * x[0] + Real(R[3 * j + 1]) * x[1] + Real(R[3 * j + 2]) * x[2];
   }
 
-  // The distance from which on a lower bound is enough.
+  // Distance above which a lower bound is enough.
   FAN_FN Real most() const {
     return minimum(maximum(least, lower + spread_), Real(enough_) + spread_);
   }
 
-  // The longest path of a placed solid's points.
+  // Longest path of a placed solid's points.
   FAN_FN Real path(const ClearanceArrays& in, const Solid& solid, const Placed<Real>& at) const {
     const double* half = solid.half;
     if (solid.kind == SEGMENT && !(half[0] > 0.0))
@@ -267,20 +267,22 @@ class Clearance {
     return moves.path(in, poses_, solid.link, centre, beyond);
   }
 
-  // `between`; for meshes the exact distance in lanes that count, if `between` is below `limit`.
+  // Result of `between`; for meshes the exact distance in lanes that count, if `between` is below
+  // `limit`.
   template <class Other>
   FAN_FN Real
   measured(const Placed<Real>& x, const Other& y, const Mask& counts, const Real& limit) const {
-    Real found = between(x, y);
-    if (x.mesh < 0 && y.mesh < 0) return found;
-    const auto needed = counts && found < limit;
-    if (!any(needed)) return found;
+    Real distance = between(x, y);
+    if (x.mesh < 0 && y.mesh < 0) return distance;
+    const auto needed = counts && distance < limit;
+    if (!any(needed)) return distance;
     for (int l = 0; l < Traits<Real>::width; ++l) {
       if (!lane_of(needed, l)) continue;
       Solid first{}, second{};
-      lane_of(found, l) = exact_(in_lane(x, l, first), in_lane(y, l, second)) - x.radius - y.radius;
+      lane_of(distance, l) =
+          exact_(in_lane(x, l, first), in_lane(y, l, second)) - x.radius - y.radius;
     }
-    return found;
+    return distance;
   }
 
   FAN_FN static const Solid* in_lane(const Solid& standing, int, Solid&) { return &standing; }
@@ -303,23 +305,23 @@ class Clearance {
   // Distance of a moving solid from a moving or standing one; a mesh counts as the box around it.
   template <class Other>
   FAN_FN Real between(const Placed<Real>& x, const Other& y) const {
-    const double swollen = x.radius + y.radius;
-    if (y.kind == HALF_SPACE) return above(x, y) - Real(swollen);
+    const double total_radius = x.radius + y.radius;
+    if (y.kind == HALF_SPACE) return above(x, y) - Real(total_radius);
     if (x.kind == SEGMENT && y.kind == SEGMENT) {
       Real a[3], b[3];
       for (int c = 0; c < 3; ++c) {
         a[c] = Real(y.a[c]);
         b[c] = Real(y.b[c]);
       }
-      return between_segments(x.a, x.b, a, b) - Real(swollen);
+      return between_segments(x.a, x.b, a, b) - Real(total_radius);
     }
     Real a[3], b[3];
     if (x.kind == SEGMENT) {
       into(y.R, y.a, x.a, a);
       into(y.R, y.a, x.b, b);
-      const Real bound = at_least(a, b, y.half) - Real(swollen);
+      const Real bound = at_least(a, b, y.half) - Real(total_radius);
       if (!any(!(bound > Real(enough_) + spread_))) return bound;
-      return parted(segment_to_box(a, b, y.half)) - Real(swollen);
+      return parted(segment_to_box(a, b, y.half)) - Real(total_radius);
     }
     if (y.kind == SEGMENT) {
       Real from[3], to[3];
@@ -329,24 +331,24 @@ class Clearance {
       }
       into(x.R, x.a, from, a);
       into(x.R, x.a, to, b);
-      return parted(segment_to_box(a, b, x.half)) - Real(swollen);
+      return parted(segment_to_box(a, b, x.half)) - Real(total_radius);
     }
     Real axes[9];
     into(y.R, y.a, x.a, a);
     for (int j = 0; j < 3; ++j) turn(y.R, x.R + 3 * j, axes + 3 * j);
     const Real bound = box_to_box(a, axes, x.half, y.half);
-    const auto needed = bound > Real(0.0) && bound - Real(swollen) < most();
-    if (!any(needed)) return bound - Real(swollen);
-    return select(needed, between_boxes(a, axes, x.half, y.half), bound) - Real(swollen);
+    const auto needed = bound > Real(0.0) && bound - Real(total_radius) < most();
+    if (!any(needed)) return bound - Real(total_radius);
+    return select(needed, between_boxes(a, axes, x.half, y.half), bound) - Real(total_radius);
   }
 
-  // Solids that touch overlap, however thin.
+  // Solids that touch count as overlapping, however little.
   FAN_FN static Real parted(const Real& distance) {
     return select(distance > Real(0.0), distance, Real(-Tol::rounding));
   }
 
-  // A lower bound of a segment's distance from a box about the origin: its middle's, less half its
-  // length.
+  // A lower bound of a segment's distance from a box about the origin: the distance of its middle
+  // less half its length.
   FAN_FN static Real at_least(const Real* a, const Real* b, const double* half) {
     using std::sqrt;
     Real off = Real(0.0), length = Real(0.0);
@@ -390,7 +392,7 @@ class Clearance {
   }
 
   double enough_ = Tol::far;
-  Real spread_ = Real(0.0);  // path of both solids of the present pair
+  Real spread_ = Real(0.0);  // path of both solids of the current pair
   double (*exact_)(const Solid*, const Solid*) = nullptr;
   Real poses_[room(12 * Model::n_links)], points_[room(3 * Model::n_points)];
 };

@@ -1,10 +1,10 @@
-// Derivatives of the contact points of a pair: central differences of sixth order of the narrow
-// phase at fixed features.
+// Derivatives of the contact points of a pair: sixth-order central differences of the narrow phase
+// at fixed features.
 //
-// Gap, point and normal are functions of the poses of both links that move along with both, so that
-// the derivatives by a twist of the first link say all. The step is the largest that agrees with a
-// smaller one: solids that lie flat have points that are smooth over a small tilt only. Lengths are
-// in units of the pair's size.
+// Gap, point and normal are functions of the poses of both links and move with a common motion of
+// both, so the derivatives by a twist of the first link are sufficient. The step is the largest
+// whose result agrees with that of a smaller one: points of solids that lie flat are smooth only
+// over a small tilt. Lengths are in units of the pair's size.
 #pragma once
 
 #include "fantoccini/collision/poses.hpp"
@@ -15,18 +15,18 @@ namespace fan {
 struct TouchDifferenceTolerances {
   static constexpr int n_steps = 6;
   static constexpr double steps[n_steps] = {1e-2, 2e-3, 4e-4, 8e-5, 1.6e-5, 3e-6};
-  // Agreement of derivatives at two steps: above rounding at the smallest.
+  // Agreement of derivatives at two steps; above the rounding error of the smallest step.
   static constexpr double agreement = 1e-7;
-  // m: least size of a pair; that of planes and meshes, which have none.
+  // m: lower bound of a pair's size; size of planes and meshes, which have none.
   static constexpr double least_size = 1e-4, flat_size = 0.1;
-  // Steps by which a pair may part while it is differenced.
+  // Steps by which a pair may part during differencing.
   static constexpr double reach = 20.0;
 };
 
 template <class Model>
 class TouchDifferences {
  public:
-  // The points of a pair with a gap below `margin`, at the poses (n_links, 12) of all links.
+  // Finds the points of a pair with a gap below `margin`, at the poses (n_links, 12) of all links.
   void take(const ContactArrays& in, int pair, const double* poses, double margin) {
     in_ = &in;
     pair_ = pair;
@@ -42,18 +42,18 @@ class TouchDifferences {
     for (; n < max_touches && base_[n * width] >= 0.0; ++n)
       for (int c = 0; c < 3; ++c) about_[c] += base_[n * width + 2 + c];
     for (int c = 0; c < 3; ++c) about_[c] /= n > 0 ? n : 1;
-    for (int s = 0; s < Tolerance::n_steps; ++s) made_[s] = false;
+    for (int s = 0; s < Tolerance::n_steps; ++s) computed_[s] = false;
   }
 
-  // Gap, place and normal of a feature (7,); null where the pair has no such point.
+  // Gap, point and normal of a feature (7,); null if the pair has no such point.
   const double* at(int feature) const {
     for (int k = 0; k < max_touches; ++k)
       if (base_[k * width] == feature) return base_ + k * width + 1;
     return nullptr;
   }
 
-  // (7, 6) their derivatives by a twist of the first link about the world's origin, linear before
-  // angular; whether they exist.
+  // Derivatives (7, 6) of these by a twist of the first link about the world's origin, linear
+  // before angular. Returns whether they exist.
   bool find(int feature, double* by) {
     const double none[42] = {}, *last = nullptr;
     bool smooth = false;
@@ -61,8 +61,8 @@ class TouchDifferences {
     while (k < max_touches && base_[k * width] != feature) ++k;
     for (int s = 0; s < Tolerance::n_steps && k < max_touches && !smooth; ++s) {
       make(s);
-      if (!kept_[s][k]) continue;
-      const double* own = found_[s][k];
+      if (!agrees_[s][k]) continue;
+      const double* own = differences_[s][k];
       if (last) {
         double apart = 0.0, most = 1.0;
         for (int i = 0; i < 42; ++i) {
@@ -92,10 +92,10 @@ class TouchDifferences {
     return half > 0.0 ? half : x.radius;
   }
 
-  // The differences of all points at step s.
+  // Computes the differences of all points at step s.
   void make(int s) {
-    if (made_[s]) return;
-    made_[s] = true;
+    if (computed_[s]) return;
+    computed_[s] = true;
     const double h = Tolerance::steps[s];
     for (int o = 0; o < n_offsets; ++o)
       for (int j = 0; j < 6; ++j) moved(h * offsets[o], j, poses_ + 12 * (6 * o + j));
@@ -103,15 +103,15 @@ class TouchDifferences {
         *in_, pair_, 6 * n_offsets, poses_, second_, margin_ + Tolerance::reach * h * size_,
         touches_);
     for (int k = 0; k < max_touches; ++k) {
-      double* out = found_[s][k];
+      double* out = differences_[s][k];
       for (int i = 0; i < 42; ++i) out[i] = 0.0;
-      kept_[s][k] = base_[k * width] >= 0.0;
-      for (int p = 0; p < 6 * n_offsets && kept_[s][k]; ++p) {
+      agrees_[s][k] = base_[k * width] >= 0.0;
+      for (int p = 0; p < 6 * n_offsets && agrees_[s][k]; ++p) {
         const double* own = touches_ + p * max_touches * width;
         int m = 0;
         while (m < max_touches && own[m * width] != base_[k * width]) ++m;
-        kept_[s][k] = m < max_touches;
-        for (int c = 0; c < 7 && kept_[s][k]; ++c) {
+        agrees_[s][k] = m < max_touches;
+        for (int c = 0; c < 7 && agrees_[s][k]; ++c) {
           const double unit = c < 4 ? 1.0 / size_ : 1.0;
           const double change = own[m * width + 1 + c] - base_[k * width + 1 + c];
           out[6 * c + p % 6] += weights[p / 6] / h * unit * change;
@@ -120,8 +120,8 @@ class TouchDifferences {
     }
   }
 
-  // The first link's pose after a twist of size x about about_: along an axis for j < 3, else round
-  // it.
+  // The first link's pose after a twist of size x about `about_`: along an axis for j < 3, else
+  // around it.
   void moved(double x, int j, double* out) const {
     for (int i = 0; i < 12; ++i) out[i] = first_[i];
     if (j < 3) {
@@ -139,13 +139,13 @@ class TouchDifferences {
     out[9 + b] = about_[b] + (s * ra + c * rb);
   }
 
-  // From units of the size, about about_.
+  // Converts from units of the size, about `about_`.
   void to_origin(const double* local, double* by) const {
     for (int c = 0; c < 7; ++c) {
       const double unit = c < 4 ? size_ : 1.0;
       double linear[3], turn[3];
       for (int j = 0; j < 3; ++j) linear[j] = by[6 * c + j] = unit * local[6 * c + j] / size_;
-      // A turn about the origin moves what is at `about` by w x about.
+      // A rotation about the origin moves the point `about_` by w x about_.
       cross(about_, linear, turn);
       for (int j = 0; j < 3; ++j) by[6 * c + 3 + j] = unit * local[6 * c + 3 + j] + turn[j];
     }
@@ -157,8 +157,8 @@ class TouchDifferences {
   const double *first_ = nullptr, *second_ = nullptr;
   double base_[max_touches * width], poses_[12 * 6 * n_offsets];
   double touches_[6 * n_offsets * max_touches * width];
-  bool made_[Tolerance::n_steps], kept_[Tolerance::n_steps][max_touches];
-  double found_[Tolerance::n_steps][max_touches][42];
+  bool computed_[Tolerance::n_steps], agrees_[Tolerance::n_steps][max_touches];
+  double differences_[Tolerance::n_steps][max_touches][42];
 };
 
 }  // namespace fan

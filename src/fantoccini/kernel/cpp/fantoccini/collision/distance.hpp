@@ -1,5 +1,5 @@
-// Exact distances between points, segments and boxes, for any Real, without branches that depend on
-// one. Capsules and spheres are segments with a radius, which the caller subtracts.
+// Exact distances between points, segments and boxes, for any Real, without branches on one.
+// Capsules and spheres are segments with a radius, which the caller subtracts.
 #pragma once
 
 #include <initializer_list>
@@ -13,7 +13,7 @@ struct DistanceTolerances {
   static constexpr double min_length = 1e-12;       // m: shorter segments count as points
   static constexpr double min_determinant = 1e-12;  // sin^2 of an angle: parallel below it
   static constexpr double min_axis_square = 1e-8;   // sin^2 of two edges' angle: no axis below it
-  static constexpr double far = 1e30;               // m or m^2: beyond every distance
+  static constexpr double far = 1e30;               // m or m^2: larger than every distance
 };
 
 template <class Real>
@@ -61,9 +61,10 @@ FAN_FN Real between_segments(const Real* a, const Real* b, const Real* c, const 
   return sqrt(least);
 }
 
-// Where the segment a to b is nearest to a box about the origin, from 0 at a to 1 at b. Half the
-// derivative of the squared distance along the segment is increasing and piecewise linear, with
-// breaks where the segment crosses a face's plane: its zero lies between the two nearest breaks.
+// Parameter of the point of the segment a to b nearest to a box about the origin: 0 at a, 1 at b.
+// Half the derivative of the squared distance along the segment is increasing and piecewise linear,
+// with breaks where the segment crosses a face's plane: its zero lies between the two nearest
+// breaks.
 template <class Real>
 FAN_FN Real nearest_to_box(const Real* a, const Real* b, const double* half) {
   using std::abs;
@@ -112,7 +113,7 @@ FAN_FN Real segment_to_box(const Real* a, const Real* b, const double* half) {
 }
 
 // A lower bound of a box's distance from another about the origin, by separating axes: the widest
-// gap along face normals and products of edges. Negative where they overlap, then minus the depth.
+// gap along face normals and products of edges. For boxes that overlap it is minus the depth.
 template <class Real>
 FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, const double* other) {
   using std::abs;
@@ -121,8 +122,8 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
   for (int i = 0; i < 9; ++i) size[i] = abs(R[i]);
   Real widest = Real(-DistanceTolerances::far);
   const auto gap = [&](const Real& apart, const Real& reach) {
-    const Real found = abs(apart) - reach;
-    widest = select(found > widest, found, widest);
+    const Real axis_gap = abs(apart) - reach;
+    widest = select(axis_gap > widest, axis_gap, widest);
   };
   // R holds the axes of the first box, column by column.
   FAN_UNROLL for (int k = 0; k < 3; ++k)
@@ -141,8 +142,8 @@ FAN_FN Real box_to_box(const Real* centre, const Real* R, const double* half, co
     const Real scale = Real(1.0) / sqrt(select(crossed, square, Real(1.0)));
     const Real reach = other[k1] * size[3 * j + k2] + other[k2] * size[3 * j + k1] +
                        half[j1] * size[3 * j2 + k] + half[j2] * size[3 * j1 + k];
-    const Real found = (abs(centre[k1] * x1 + centre[k2] * x2) - reach) * scale;
-    widest = select(crossed && found > widest, found, widest);
+    const Real axis_gap = (abs(centre[k1] * x1 + centre[k2] * x2) - reach) * scale;
+    widest = select(crossed && axis_gap > widest, axis_gap, widest);
   }
   return widest;
 }
@@ -155,7 +156,9 @@ between_boxes(const Real* centre, const Real* R, const double* half, const doubl
   using std::abs;
   using std::sqrt;
   Real least = Real(DistanceTolerances::far);
-  const auto nearer = [&](const Real& found) { least = select(found < least, found, least); };
+  const auto nearer = [&](const Real& candidate) {
+    least = select(candidate < least, candidate, least);
+  };
   for (const double x : {-other[0], other[0]})
     for (const double y : {-other[1], other[1]})
       for (const double z : {-other[2], other[2]}) {

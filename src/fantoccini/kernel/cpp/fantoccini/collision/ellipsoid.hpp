@@ -1,15 +1,16 @@
 // The contact point of an ellipsoid with a sphere, a capsule, a box or an ellipsoid.
 //
-// The gap of two convex solids along a unit vector n is, with their reaches h in a direction,
+// The gap of two convex solids along a unit vector n is, with their support functions h,
 //
 //     g(n) = n . c - h_1(n) - h_2(n),
 //
-// c from the second's middle to the first's; its greatest value is the distance, or minus the least
-// depth. Reaches are h(n) = sqrt(n . M n) of an ellipsoid and sum_k half_k |n_k| of a box, of which
-// points and segments are special cases. g is smooth but for the folds n_k = 0 of the box. Newton's
-// method on the unit sphere climbs g; components on a fold are held at 0 until the slope beside it
-// leads away, which is when the touching point leaves the box's face or edge. Apart, g has one
-// maximum; overlapping, the climb begins at the best of a guess and the box's faces.
+// where c leads from the second's middle to the first's. Its greatest value is the distance, or
+// minus the least depth. h(n) = sqrt(n . M n) for an ellipsoid and sum_k half_k |n_k| for a box, of
+// which points and segments are special cases. g is smooth except on the folds n_k = 0 of the box.
+// Newton's method on the unit sphere maximises g; components on a fold are held at 0 until the
+// slope beside it leads away, at which the touching point leaves the box's face or edge. For solids
+// apart, g has one maximum; for overlapping solids, the ascent starts at the best of a guess and
+// the box's faces.
 #pragma once
 
 #include "fantoccini/collision/box_capsule.hpp"
@@ -17,14 +18,14 @@
 namespace fan {
 
 struct EllipsoidTolerances {
-  static constexpr double slope = 1e-14;     // of the size: the climb ends
-  static constexpr double rounding = 1e-15;  // of the size: of the gap
-  static constexpr double min_reach = 1e-9;  // of the size: of flat ellipsoids across
-  static constexpr int max_climbs = 60;      // Newton steps; some 6 are usual
-  static constexpr int max_halvings = 30;    // of a step that does not climb
+  static constexpr double slope = 1e-14;     // relative to the size: end of the ascent
+  static constexpr double rounding = 1e-15;  // relative to the size: of the gap
+  static constexpr double min_reach = 1e-9;  // relative to the size: of flat ellipsoids across
+  static constexpr int max_climbs = 60;      // Newton steps; about 6 are usual
+  static constexpr int max_halvings = 30;    // of a step that does not ascend
 };
 
-// Solves A x = b for a symmetric positive definite A (3, 3); whether it is. A is changed.
+// Solves A x = b for a symmetric positive definite A (3, 3). Returns whether A is. A is changed.
 FAN_FN bool solve_definite(double* A, const double* b, double* x) {
   const double most = fmax(A[0], fmax(A[4], A[8]));
   for (int k = 0; k < 3; ++k) x[k] = b[k];
@@ -43,11 +44,11 @@ FAN_FN bool solve_definite(double* A, const double* b, double* x) {
   return true;
 }
 
-// An ellipsoid's reach h(n) = sqrt(n . M n).
+// An ellipsoid's support function h(n) = sqrt(n . M n).
 struct EllipsoidReach {
   double M[9], least;
 
-  // Of an ellipsoid with its axes as columns in some frame.
+  // An ellipsoid with its axes as columns in some frame.
   FAN_FN EllipsoidReach(const double* axes, const double* radii) {
     const double size = fmax(radii[0], fmax(radii[1], radii[2]));
     least = fmax(EllipsoidTolerances::min_reach * size, DistanceTolerances::min_length);
@@ -59,7 +60,7 @@ struct EllipsoidReach {
       }
   }
 
-  // The reach; out: the farthest point, which is the slope of h.
+  // Value of h; out: the farthest point, which is the gradient of h.
   FAN_FN double farthest(const double* n, double* out) const {
     for (int i = 0; i < 3; ++i) out[i] = dot3(M + 3 * i, n);
     const double h = fmax(sqrt(fmax(dot3(n, out), 0.0)), least);
@@ -67,19 +68,19 @@ struct EllipsoidReach {
     return h;
   }
 
-  // Adds the second derivatives of h, where it has the value h and the slope p.
+  // Adds the second derivatives of h, from its value h and its gradient p.
   FAN_FN void add_curvature(double h, const double* p, double* to) const {
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) to[3 * i + j] += (M[3 * i + j] - p[i] * p[j]) / h;
   }
 };
 
-// The climb to the greatest gap of an ellipsoid from a box (a point, a segment) with or without an
+// Maximisation of the gap of an ellipsoid from a box (a point, a segment), with or without an
 // ellipsoid around its middle, in the frame of the box.
 class GapClimb {
  public:
   using Tol = EllipsoidTolerances;
-  double n[3];  // the direction found
+  double n[3];  // the direction of the greatest gap
 
   // Ends early where the gap is certainly `enough`.
   FAN_FN GapClimb(
@@ -101,7 +102,7 @@ class GapClimb {
  private:
   FAN_FN static double extent(const EllipsoidReach& x) { return sqrt(x.M[0] + x.M[4] + x.M[8]); }
 
-  // What the gap along a direction needs.
+  // Both solids' values and gradients for the gap along a direction.
   struct Reaches {
     double gap, h[2], p[2][3];
   };
@@ -130,14 +131,14 @@ class GapClimb {
   }
 
   FAN_FN bool take_if_higher(const double* m, double least) {
-    const Reaches found = reaches_along(m);
-    if (!(found.gap >= at_.gap + least)) return false;
-    at_ = found;
+    const Reaches reaches = reaches_along(m);
+    if (!(reaches.gap >= at_.gap + least)) return false;
+    at_ = reaches;
     copy3(m, n);
     return true;
   }
 
-  // The slope of the gap; components on a fold that do not lead away are held.
+  // Gradient of the gap; components on a fold that do not lead away are held.
   FAN_FN void find_slope() {
     for (int k = 0; k < 3; ++k) {
       const double r = centre_[k] - at_.p[0][k] - at_.p[1][k];
@@ -149,7 +150,7 @@ class GapClimb {
     along3(slope_, -dot3(slope_, n), n, slope_);
   }
 
-  // The step of Newton's method; `bend` is its gap, or positive to be sure to climb.
+  // Newton step; `bend` is its gap, or positive to guarantee ascent.
   FAN_FN bool find_step(double bend, double* step) const {
     double A[9] = {};
     first_.add_curvature(at_.h[0], at_.p[0], A);
@@ -164,18 +165,19 @@ class GapClimb {
     return solve_definite(A, slope_, step);
   }
 
-  // Holds components that the step would take back over the fold they are on; whether there are.
+  // Holds components that the step would return across the fold they are on. Returns whether there
+  // are any.
   FAN_FN bool hold_back(const double* step) {
-    bool found = false;
+    bool any_held = false;
     for (int k = 0; k < 3; ++k) {
       if (!(half_[k] > 0.0) || held_[k] || n[k] != 0.0 || side_[k] * step[k] > 0.0) continue;
-      held_[k] = found = true;
+      held_[k] = any_held = true;
       slope_[k] = 0.0;
     }
-    return found;
+    return any_held;
   }
 
-  // One step; whether the next may climb further.
+  // Takes one step. Returns whether the next may ascend further.
   FAN_FN bool climb() {
     find_slope();
     if (!(length3(slope_) > Tol::slope * size_)) return false;
@@ -184,7 +186,7 @@ class GapClimb {
       const double sure = fabs(at_.gap) + Tol::rounding * size_;
       if (!find_step(at_.gap, step) && !find_step(sure, step)) return false;
     } while (hold_back(step));
-    // Up to the first fold on the way.
+    // Stops at the first fold on the way.
     double share = 1.0;
     int fold = -1;
     for (int k = 0; k < 3; ++k) {
@@ -210,7 +212,7 @@ class GapClimb {
   bool held_[3];
 };
 
-// Right-handed axes whose first is u; those of the world for no direction.
+// Right-handed axes with u as the first; the world's axes for a zero vector.
 FAN_FN void axes_along(const double* u, double* R) {
   for (int k = 0; k < 3; ++k) axis3(k, 1.0, R + 3 * k);
   if (!(dot3(u, u) > 0.0)) return;
@@ -222,7 +224,7 @@ FAN_FN void axes_along(const double* u, double* R) {
   cross(R, R + 3, R + 6);
 }
 
-// An ellipsoid x and any solid but a half-space.
+// Adds the point of an ellipsoid x and any solid but a half-space.
 FAN_FN void touch_ellipsoid(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
   double x_at[3], y_at[3], apart[3], centre[3], R[9], axes[9];
   double half[3] = {0.0, 0.0, 0.0};
@@ -241,15 +243,15 @@ FAN_FN void touch_ellipsoid(const PlacedSolid& x, const PlacedSolid& y, Touches&
   for (int j = 0; j < 3; ++j) into_axes(R, x.R + 3 * j, axes + 3 * j);
   const double own[] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
   const EllipsoidReach first(axes, x.half), second(own, y.half);
-  const GapClimb found(
+  const GapClimb climb(
       first, is_ellipsoid(y) ? &second : nullptr, half, centre, to.margin + to.y_radius);
   double local[3], p[3], q[3], normal[3];
-  found.point_of_first(local);
+  climb.point_of_first(local);
   out_of_axes(R, local, p);
   along3(y_at, 1.0, p, p);
-  out_of_axes(R, found.n, normal);
-  along3(p, -found.gap(), normal, q);
-  to.add(p, q, normal, 0, y.kind == BOX ? region_of_box(found.n) : 0);
+  out_of_axes(R, climb.n, normal);
+  along3(p, -climb.gap(), normal, q);
+  to.add(p, q, normal, 0, y.kind == BOX ? region_of_box(climb.n) : 0);
 }
 
 }  // namespace fan

@@ -1,4 +1,4 @@
-// One contact point by its features alone, wherever the solids are: a vertex and a plane,
+// One contact point from its features alone, at any poses of the solids: a vertex and a plane,
 //
 //     gap = n . (p - q_plane),   n the normal of the facet,
 //
@@ -6,10 +6,10 @@
 //
 //     gap = n . (p_x - p_y),   n = +-u x v / |u x v|.
 //
-// Spheres and capsules have a point of their core nearest to a facet, an edge or a vertex; there
-// the region says which. Inside their features these are the points that touches() finds. An
-// integrator's trial states, and those over which rates are differenced, go beyond: there a
-// feature's gap goes on smoothly.
+// Spheres and capsules have a point of their core nearest to a facet, an edge or a vertex; the
+// region then says which. Inside their features these are the points that touches() finds. Trial
+// states of an integrator, and states of finite differences, lie beyond: the gap of a feature
+// continues smoothly there.
 #pragma once
 
 #include "fantoccini/collision/narrow_phase.hpp"
@@ -17,8 +17,8 @@
 namespace fan {
 
 struct FollowTolerances {
-  // Of a solid's size, or of a unit vector: how far beyond its features a point of two hulls, or of
-  // a round solid, whose gap goes on with its slope, is still theirs.
+  // Tolerance relative to a solid's size, and to a unit vector: a point of two hulls, or of a round
+  // solid whose gap continues with its slope, may be this far outside its features.
   static constexpr double far = HullTolerances::rounding, turn = 1e-12;
 };
 
@@ -40,7 +40,7 @@ struct EdgeLine {
   double a[3], u[3], outward[3];
 };
 
-// Two edges that cross; where they do along them. Whether they do.
+// Two edges that cross, and the positions along them of their crossing. Returns whether they cross.
 FAN_FN bool follow_edges(
     const EdgeLine& x, const EdgeLine& y, int feature, double* along, double* n, Touches& to) {
   double w[3], p[3], q[3];
@@ -78,7 +78,7 @@ FAN_FN bool is_normal_of_edge(
   const Core core = core_of_edge(hull, e);
   double facet[3], inward[3];
   *length = core.length;
-  // The facet to the left has the edge along its turn, that to the right against it.
+  // The facet to the left contains the edge in its own order, the facet to the right in reverse.
   for (int k = 0; k < 2; ++k) {
     hull.normal(edge[2 + k], facet);
     cross(facet, core.u, inward);
@@ -146,7 +146,7 @@ FAN_FN bool is_normal_of_vertex(const PlacedHull& hull, int i, const double* n) 
   return true;
 }
 
-// A core in the axes of a hull, by the region of their nearest points (CoreAndHull).
+// A core in the axes of a hull, from the region of their nearest points (CoreAndHull).
 FAN_FN bool follow_core(
     const PlacedHull& hull, const Core& core, int feature, int region, Touches& to, bool* holds) {
   const int code = region - lasting_regions, number = code / 12 - 1;
@@ -191,7 +191,7 @@ FAN_FN bool follow_core(
   return true;
 }
 
-// A box's edge by its number (edge_number).
+// A box's edge from its number (edge_number).
 FAN_FN EdgeLine line_of(const PlacedSolid& box, int number) {
   EdgeLine out;
   const int k = number / 4, j = (k + 1) % 3, i = (k + 2) % 3;
@@ -241,9 +241,9 @@ FAN_FN bool follow_boxes(
   return true;
 }
 
-// A core in the axes of a box, by the part of the core and the region of the box (region_of_box):
-// the line of points nearest to it is where the box's coordinates are bounds in the directions of
-// that.
+// A core in the axes of a box, from the part of the core and the region of the box (region_of_box):
+// the points of the box nearest to it lie on a line, where the coordinates along the region's
+// directions are at their bounds.
 FAN_FN bool follow_core(
     const double* half, const Core& core, int feature, int region, Touches& to, bool* holds) {
   const int code = region - lasting_regions, digit[3] = {code / 9 % 3, code / 3 % 3, code % 3};
@@ -275,7 +275,7 @@ FAN_FN bool follow_core(
   return true;
 }
 
-// Two cores by the parts of each that are nearest.
+// Two cores, from the part of each that is nearest.
 FAN_FN bool follow_cores(
     const Core& x, const Core& y, int feature, int region, Touches& to, bool* holds) {
   const auto of_x = CorePart((region - lasting_regions) / 3);
@@ -295,7 +295,7 @@ FAN_FN bool follow_cores(
   return true;
 }
 
-// A sphere or capsule x, and a y that is one, a box or a hull.
+// A sphere or capsule x, and a sphere, capsule, box or hull y.
 FAN_FN bool follow_segment(
     const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touches& to, bool* holds) {
   using namespace touching;
@@ -308,12 +308,12 @@ FAN_FN bool follow_segment(
   into_frame(y, x.a, ends);
   into_frame(y, x.b, ends + 3);
   const Core core(ends, ends + 3);
-  const bool found =
+  const bool exists =
       second == OF_BOX
           ? follow_core(y.half, core, feature, region, to, holds)
           : follow_core(PlacedHull{*y.hull, no_turn, no_shift}, core, feature, region, to, holds);
-  if (found) place_touches(y, 0, to);
-  return found;
+  if (exists) place_touches(y, 0, to);
+  return exists;
 }
 
 // Solids in the order of `touching`.
@@ -339,8 +339,8 @@ FAN_FN bool in_order(
 
 }  // namespace following
 
-// The point of x and y that has a feature, and a region, whether or not the solids touch there now;
-// `holds` says whether they certainly may. Returns whether the feature has such a point.
+// Finds the point of x and y with a feature and a region, whether or not the solids touch there
+// now; `holds`: whether they certainly may. Returns whether the features have such a point.
 FAN_TOUCH_FN bool follow_touch(
     const PlacedSolid& x, const PlacedSolid& y, int feature, int region, Touch* out, bool* holds) {
   const bool turned = touching::out_of_order(x, y);

@@ -1,4 +1,4 @@
-// Hulls: convex polytopes of meshes, and boxes as such, placed in the world, and where they touch a
+// Hulls (convex polytopes of meshes, and boxes) placed in the world, and their contact with a
 // half-space.
 #pragma once
 
@@ -12,11 +12,11 @@ constexpr int max_hull_facets = 2 * max_hull_vertices;
 
 struct HullTolerances {
   static constexpr double meeting = 1e-10;    // m: cores nearer than this meet
-  static constexpr double progress = 1e-14;   // of the square of the distance: it is found
-  static constexpr double rounding = 1e-9;    // of the size: heights that are one
-  static constexpr double flat_area = 1e-20;  // of the square of the sides': triangles without area
-  static constexpr double above = 1e-6;       // of the size: that a corner must be lower to count
-  static constexpr int max_turns = 100;       // of the search for nearest points; 5 to 20 are usual
+  static constexpr double progress = 1e-14;   // relative to the squared distance: end of the search
+  static constexpr double rounding = 1e-9;    // relative to the size: heights that count as equal
+  static constexpr double flat_area = 1e-20;  // of squared sides: triangles without area
+  static constexpr double above = 1e-6;  // relative to the size: lower by this, a corner counts
+  static constexpr int max_turns = 100;  // of the search for nearest points; 5 to 20 are usual
 };
 
 // A hull placed in the world.
@@ -35,21 +35,21 @@ struct PlacedHull {
 
   FAN_FN void normal(int f, double* out) const { out_of_axes(R, local_normal(f), out); }
 
-  // The vertex farthest in a direction in the hull's axes, and how far it is from the origin.
+  // The vertex farthest in a direction in the hull's axes, and its height along it.
   FAN_FN int farthest_local(const double* n, double& reach) const {
     int best = 0;
     reach = -DistanceTolerances::far;
     for (int i = 0; i < hull.n_vertices; ++i) {
-      const double found = dot3(hull.vertices + 3 * i, n);
-      if (found > reach) {
-        reach = found;
+      const double projection = dot3(hull.vertices + 3 * i, n);
+      if (projection > reach) {
+        reach = projection;
         best = i;
       }
     }
     return best;
   }
 
-  // The same in a direction of the world.
+  // Likewise in a direction of the world.
   FAN_FN int farthest(const double* n, double& reach) const {
     double turned[3];
     into_axes(R, n, turned);
@@ -58,14 +58,14 @@ struct PlacedHull {
     return best;
   }
 
-  // The facet at a vertex that looks most in a direction in the hull's axes.
+  // The facet at a vertex whose normal is nearest to a direction in the hull's axes.
   FAN_FN int facet_towards_local(int vertex, const double* n) const {
     int best = hull.around[hull.around_begins[vertex]];
     double most = -2.0;
     for (int k = hull.around_begins[vertex]; k < hull.around_begins[vertex + 1]; ++k) {
-      const double found = dot3(local_normal(hull.around[k]), n);
-      if (found > most) {
-        most = found;
+      const double projection = dot3(local_normal(hull.around[k]), n);
+      if (projection > most) {
+        most = projection;
         best = hull.around[k];
       }
     }
@@ -87,8 +87,8 @@ struct PlacedHull {
   // The edge between two facets, or -1.
   FAN_FN int edge_between(int f, int g) const {
     for (int k = 0; k < n_corners(f); ++k) {
-      const int* found = edge(side(f, k));
-      if (found[2] == g || found[3] == g) return side(f, k);
+      const int* ends = edge(side(f, k));
+      if (ends[2] == g || ends[3] == g) return side(f, k);
     }
     return -1;
   }
@@ -132,19 +132,19 @@ class BoxHull {
 
 FAN_FN PlacedHull placed_hull(const PlacedSolid& x) { return {*x.hull, x.R, x.a}; }
 
-// A point of a facet: its place in two axes of the facet, its height, which it is.
+// A vertex of a facet's polygon: its position in two axes of the facet, its height and its number.
 struct HullSpot {
   double at[2], height;
   int number;
 };
 
-// Picks at most `room` of the spots of a convex polygon, which come in a fixed order: those
-// farthest in directions that keep to the facet, and the lowest if it is lower. They stay the same
-// while the solids move a little.
+// Picks at most `room` vertices of a convex polygon, which come in a fixed order: those farthest in
+// directions fixed to the facet, and the lowest if it is lower. The choice is unchanged by small
+// motions of the solids.
 template <class Spot>
-FAN_FN int few_spots(Spot* spots, int n, int room, double size) {
+FAN_FN int pick_spots(Spot* spots, int n, int room, double size) {
   if (n <= room) return n;
-  // Directions of a regular polygon, turned so that few are at right angles to an edge.
+  // Directions of a regular polygon, rotated so that few are perpendicular to an edge.
   constexpr double begin = 0.2345, turn = 6.283185307179586;
   bool kept[2 * max_hull_vertices] = {};
   double least = DistanceTolerances::far;
@@ -153,9 +153,9 @@ FAN_FN int few_spots(Spot* spots, int n, int room, double size) {
     int best = 0;
     double reach = -DistanceTolerances::far;
     for (int i = 0; i < n; ++i) {
-      const double found = u * spots[i].at[0] + v * spots[i].at[1];
-      if (!(found > reach + HullTolerances::above * size)) continue;
-      reach = found;
+      const double projection = u * spots[i].at[0] + v * spots[i].at[1];
+      if (!(projection > reach + HullTolerances::above * size)) continue;
+      reach = projection;
       best = i;
     }
     kept[best] = true;
@@ -171,8 +171,8 @@ FAN_FN int few_spots(Spot* spots, int n, int room, double size) {
   return m;
 }
 
-// The corners of the facet that looks most into the half-space, of those at the lowest vertex;
-// where there is room, other vertices within the margin. Features are the vertices.
+// Adds the corners of the facet most nearly opposed to the half-space, among those at the lowest
+// vertex, then other vertices within the margin while there is space. Features are the vertices.
 FAN_FN void touch_plane_by_hull(const PlacedHull& x, const PlacedSolid& plane, Touches& to) {
   double down[3], from[3], reach;
   into_axes(x.R, plane.b, down);
@@ -193,16 +193,16 @@ FAN_FN void touch_plane_by_hull(const PlacedHull& x, const PlacedSolid& plane, T
     used[i] = true;
     spots[n++] = HullSpot{{dot3(p, axes + 3), dot3(p, axes + 6)}, -dot3(p, down), i};
   }
-  n = few_spots(spots, n, max_touches, x.hull.outer);
-  // Those that are not of the facet are higher.
+  n = pick_spots(spots, n, max_touches, x.hull.outer);
+  // Vertices that are not of the facet are higher.
   const double most = to.margin + to.x_radius + to.y_radius - origin;
   while (n < max_touches) {
     int next = -1;
     double height = most;
     for (int i = 0; i < x.hull.n_vertices; ++i) {
-      const double found = -dot3(x.local(i), down);
-      if (used[i] || !(found < height)) continue;
-      height = found;
+      const double projection = -dot3(x.local(i), down);
+      if (used[i] || !(projection < height)) continue;
+      height = projection;
       next = i;
     }
     if (next < 0) break;

@@ -1,15 +1,15 @@
 // Separating axes of two hulls: the normals of their facets, and the products of two edges whose
 // arcs on the sphere of normals cross (Gregorius, "The separating axis test between convex
-// polyhedra", GDC 2013). Facets and edges are left out where a ball inside the other hull shows
-// that they are no better than what is known.
+// polyhedra", GDC 2013). Facets and edges are skipped where a ball inside the other hull shows that
+// they are no better than the best axis so far.
 #pragma once
 
 #include "fantoccini/collision/hull.hpp"
 
 namespace fan {
 
-// A separating axis: the unit normal from the second hull to the first, the gap along it, and whose
-// it is.
+// A separating axis: the unit normal from the second hull to the first, the gap along it, and its
+// features.
 struct HullAxis {
   double normal[3], gap = -DistanceTolerances::far;
   int first = -1, second = -1;  // a facet, or an edge of each
@@ -57,8 +57,8 @@ struct EdgeAt {
     x.normal(edge[3], right);
   }
 
-  // The greatest height over the edge of a point at w from it, along normals of the edge.
-  FAN_FN double most_height(const double* w) const {
+  // The greatest height above the edge of a point at w from it, along normals of the edge.
+  FAN_FN double max_height(const double* w) const {
     const double a = dot3(left, w), b = dot3(right, w), cosine = dot3(left, right);
     if (!(a > cosine * b && b > cosine * a)) return fmax(a, b);
     const double along = dot3(u, w);
@@ -82,19 +82,19 @@ class HullEdges {
       const EdgeAt edge(y, e, y.at);
       double w[3];
       difference3(x_at, edge.p, w);
-      if (edge.most_height(w) - x.hull.inner > least) kept[n++] = edge;
+      if (edge.max_height(w) - x.hull.inner > least) kept[n++] = edge;
     }
     if (n == 0) return;
     for (int e = 0; e < x.hull.n_edges; ++e) {
       const EdgeAt edge(x, e, y.at);
       double w[3];
       difference3(origin, edge.p, w);
-      if (!(edge.most_height(w) - y.hull.inner > best.gap)) continue;
+      if (!(edge.max_height(w) - y.hull.inner > best.gap)) continue;
       for (int k = 0; k < n; ++k) take(edge, kept[k]);
     }
   }
 
-  FAN_FN bool found() const { return best.first >= 0; }
+  FAN_FN bool has_pair() const { return best.first >= 0; }
 
  private:
   FAN_FN void take(const EdgeAt& a, const EdgeAt& b) {
@@ -118,8 +118,8 @@ class HullEdges {
     copy3(n, best.normal);
   }
 
-  // Whether the hulls reach no farther along a normal than two edges. Where arcs meet at an end, or
-  // nearly, rounding decides whether they cross.
+  // Whether both hulls end at the two edges along a normal. Where arcs meet at an end, or nearly,
+  // rounding decides whether they cross.
   FAN_FN bool holds_apart(const double* normal, double gap) const {
     double back[3], x_reach, y_reach;
     for (int k = 0; k < 3; ++k) back[k] = -normal[k];

@@ -1,13 +1,13 @@
-// The points that facets of two hulls share, by the features that touch in them, as of two boxes
-// (box_faces.hpp).
+// Points that facets of two hulls share, numbered by the features that touch in them, as for two
+// boxes (box_faces.hpp).
 #pragma once
 
 #include "fantoccini/collision/hull_axes.hpp"
 
 namespace fan {
 
-// What the features of two hulls tell apart: a vertex of one and a facet of the other, two edges,
-// nearest points of other kinds.
+// Feature numbers of two hulls: a vertex of one with a facet of the other, two edges, or nearest
+// points of other kinds.
 struct HullFeatures {
   static constexpr int of_second = max_hull_vertices * max_hull_facets, edges = 2 * of_second;
   static constexpr int nearest = edges + max_hull_edges * max_hull_edges;
@@ -21,15 +21,15 @@ struct HullFeatures {
   }
 };
 
-// A facet in the axes of another, or its own: its corners and normal, and the directions of its
-// sides, with the directions in the facets beside each that lead away from the side.
+// A facet in its own axes or those of another: its corners, its normal, the directions of its
+// sides, and for each side the direction in the adjacent facet that leads away from it.
 struct HullFacetIn {
   int facet, n;
   double corners[max_hull_vertices][3], normal[3];
-  // Directions of the sides across the third axis, unit vectors, and their lengths there.
+  // Unit directions of the sides in the plane of the first two axes, and their lengths there.
   double along[max_hull_vertices][2], length[max_hull_vertices];
 
-  // Axes (9,) in the world, the last of which is up, from an origin.
+  // `axes`: (9,) in the world, the last one up; `origin`: their origin.
   FAN_FN HullFacetIn(const PlacedHull& hull, int f, const double* axes, const double* origin)
       : facet(f), n(hull.n_corners(f)), hull_(hull), axes_(axes) {
     double p[3], from[3];
@@ -51,15 +51,15 @@ struct HullFacetIn {
 
   FAN_FN bool has_length(int k) const { return length[k] > DistanceTolerances::min_length; }
 
-  // How far x is to the left of the line through side k, as seen from above; far if it has no
-  // length.
+  // Distance of x to the left of the line through side k, as seen from above; large for a side
+  // without length.
   FAN_FN double left_of(int k, const double* x) const {
     if (!has_length(k)) return DistanceTolerances::far;
     return along[k][0] * (x[1] - corners[k][1]) - along[k][1] * (x[0] - corners[k][0]);
   }
 
   // Whether m, in these axes, is a normal of the hull at the side k with the direction d: neither
-  // of the two facets there goes that way.
+  // of the two facets there extends in that direction.
   FAN_FN bool has_normal(int k, const double* d, const double* m) const {
     const int e = hull_.side(facet, k);
     const int other = hull_.edge(e)[2] == facet ? hull_.edge(e)[3] : hull_.edge(e)[2];
@@ -77,19 +77,19 @@ struct HullFacetIn {
   const double* axes_;
 };
 
-// A point of the polygon that two facets share, the unit normal of what touches there, upwards, in
-// the axes of the lower one, and its region; see HullSpot.
+// A vertex of the polygon that two facets share, the unit normal there, upwards, in the axes of the
+// lower one, and its region; see HullSpot.
 struct FacetSpot : HullSpot {
   double normal[3];
   CrossingRegion region;
 };
 
-// The points of a facet, the upper, above another, the lower; see SharedPolygon.
+// The polygon of the points of a facet, the upper, above another, the lower; see SharedPolygon.
 class HullPolygon {
  public:
   FacetSpot spots[2 * max_hull_vertices];
   int n = 0;
-  double tolerance;  // m: points this near are one
+  double tolerance;  // m: points nearer than this are merged
 
   FAN_FN HullPolygon(
       const PlacedHull& lower, int lower_facet, const PlacedHull& upper, int upper_facet,
@@ -111,10 +111,10 @@ class HullPolygon {
     add_corners(true);
     for (int i = 0; i < low_.n; ++i) add_crossings(i);
     add_corners(false);
-    n = few_spots(spots, n, max_touches, size);
+    n = pick_spots(spots, n, max_touches, size);
   }
 
-  // The point of a spot on the lower facet, the one above it, and the normal, upwards, in the
+  // The point of a vertex on the lower facet, the one above it, and the normal, upwards, in the
   // world.
   FAN_FN void place(const FacetSpot& spot, double* below, double* above, double* normal) const {
     const double local[3] = {spot.at[0], spot.at[1], 0.0};
@@ -153,7 +153,8 @@ class HullPolygon {
     copy3(normal, to.normal);
   }
 
-  // The corners of the first hull, then of the second, that carry at the other's edge, or not.
+  // Adds the corners of the first hull, then of the second, that carry load at the other's edge, or
+  // those that do not.
   FAN_FN void add_corners(bool that_carry) {
     for (const bool of_upper : {!lower_is_first_, lower_is_first_}) {
       const int corners = of_upper ? up_.n : low_.n;
@@ -185,7 +186,7 @@ class HullPolygon {
     return true;
   }
 
-  // How far off the other facet a corner still counts as on it.
+  // Distance outside the other facet up to which a corner counts as on it.
   FAN_FN double reach(bool carries) const { return carries ? tolerance : -rounding_; }
 
   // The upper facet's height above a point of the lower.
@@ -204,7 +205,7 @@ class HullPolygon {
       const double left = low_.left_of(i, p);
       if (!(left >= -more)) return;
       if (!(left < 0.0)) continue;
-      // Just off: the point of the side beside it.
+      // Slightly outside: the nearest point of the side.
       x[0] += left * low_.along[i][1];
       x[1] -= left * low_.along[i][0];
       on = false;
@@ -213,8 +214,8 @@ class HullPolygon {
         HullFeatures::vertex(!lower_is_first_, upper_.corner(up_.facet, k), low_.facet));
   }
 
-  // Whether a point of the lower facet is under the upper one, whose corners come clockwise there,
-  // or off it by no more than `more`.
+  // Whether a point of the lower facet is under the upper one, whose corners are clockwise there,
+  // or outside it by at most `more`.
   FAN_FN bool is_under(const double* p, double more) const {
     bool any = false;
     for (int j = 0; j < up_.n; ++j) {
@@ -225,8 +226,8 @@ class HullPolygon {
     return any;
   }
 
-  // The corner touches the upper facet along its normal, unless that leads past the facet, as it
-  // may from far below.
+  // The corner touches the upper facet along its normal, unless that misses the facet, as it may
+  // from a great depth.
   FAN_FN void add_lower(int k) {
     const double* p = low_.corners[k];
     if (is_steep() || !is_under(p, reach(low_carries_[k]))) return;
@@ -241,7 +242,7 @@ class HullPolygon {
         above ? CROSSING : ALONG);
   }
 
-  // Where sides of the upper facet cross side i of the lower.
+  // Adds the crossings of sides of the upper facet with side i of the lower.
   FAN_FN void add_crossings(int i) {
     double at_p = low_.left_of(i, up_.corners[0]);
     for (int j = 0; j < up_.n; ++j) {
@@ -253,11 +254,11 @@ class HullPolygon {
     }
   }
 
-  // That of side j, whose ends are at_p and at_q to the left.
+  // Adds that of side j, whose ends are at_p and at_q to the left.
   FAN_FN void add_crossing(int i, int j, double at_p, double at_q) {
     const double *a = low_.corners[i], *p = up_.corners[j];
-    // A corner may count as beyond the side that is on this side of it by rounding: of an edge that
-    // lies along the side, the crossing is at the corner all the same.
+    // By rounding, a corner on this side of the lower facet's side may count as beyond it. The
+    // crossing of an edge along that side is at the corner all the same.
     double d[3];
     difference3(up_.next(j), p, d);
     const double more = 2.0 * tolerance / length3(d);
@@ -274,9 +275,9 @@ class HullPolygon {
         region);
   }
 
-  // The normal of side i of the lower facet and side j of the upper: the product of both where it
-  // lies between the normals of the facets at either, else the lower facet's, as of edges that are
-  // nearly parallel.
+  // Normal of side i of the lower facet and side j of the upper: their product if it lies between
+  // the normals of the facets at both, else the lower facet's, as for edges that are nearly
+  // parallel.
   FAN_FN CrossingRegion crossing_normal(int i, int j, double* out) const {
     double e[3], d[3], m[3], back[3];
     difference3(low_.next(i), low_.corners[i], e);

@@ -1,6 +1,6 @@
-// The nearest points of two convex hulls of points, by the algorithm of Gilbert, Johnson and
-// Keerthi (IEEE J. Robotics and Automation 4(2), 1988): the point v of their difference nearest to
-// the origin, among the points, edges and triangles of a simplex that grows by the difference's
+// Nearest points of the convex hulls of two sets of points, by the algorithm of Gilbert, Johnson
+// and Keerthi (IEEE J. Robotics and Automation 4(2), 1988): the point v of their difference nearest
+// to the origin, among the points, edges and triangles of a simplex that grows by the difference's
 // farthest point in the direction -v.
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace fan {
 
-// Points whose convex hull is meant, placed in the world.
+// A set of points placed in the world; it stands for its convex hull.
 struct Cloud {
   const double* points;
   int n;
@@ -20,9 +20,9 @@ struct Cloud {
     int best = 0;
     double most = dot3(points, n_local);
     for (int i = 1; i < n; ++i) {
-      const double found = dot3(points + 3 * i, n_local);
-      if (found > most) {
-        most = found;
+      const double projection = dot3(points + 3 * i, n_local);
+      if (projection > most) {
+        most = projection;
         best = i;
       }
     }
@@ -38,13 +38,14 @@ struct Cloud {
   }
 };
 
-// What a point of a hull's surface lies on, and which that is; of a segment, an end or the middle.
+// Feature on which a point of a hull's surface lies, and its number; for a segment, an end or the
+// middle.
 struct HullFeature {
   enum Kind { VERTEX, EDGE, FACET, NONE };
   Kind kind = NONE;
   int number = -1;
 
-  // Among all features of a hull of so many vertices, facets and edges a number of its own, from 0.
+  // A unique number among all features of a hull with so many vertices, facets and edges, from 0.
   FAN_FN int code() const { return 4 * (number + 1) + kind; }
 };
 
@@ -56,7 +57,7 @@ class NearestOfClouds {
  public:
   using Tol = HullTolerances;
   PointPair pair{};  // the nearest points
-  double normal[3];  // from the second to the first; not of clouds that meet
+  double normal[3];  // from the second to the first; undefined for clouds that meet
   double distance;   // m; 0 where they meet, `enough` where they are certainly that far apart
   bool meet = false, far = false;
 
@@ -87,8 +88,8 @@ class NearestOfClouds {
     finish();
   }
 
-  // What the nearest point of one of the hulls lies on: the facets that all corners of the simplex
-  // share say it.
+  // Feature on which the nearest point of one of the hulls lies: the facets that all corners of the
+  // simplex share determine it.
   FAN_FN HullFeature feature_of(const PlacedHull& hull, bool of_first) const {
     const int* own = of_first ? i_ : j_;
     HullFeature out;
@@ -115,7 +116,7 @@ class NearestOfClouds {
     return out;
   }
 
-  // Of a cloud of one or two points: its first, its second, or the segment between them.
+  // For a cloud of one or two points: its first, its second, or the segment between them.
   FAN_FN CorePart part_of_first() const {
     bool used[2] = {};
     for (int k = 0; k < n_; ++k) used[i_[k] == 0 ? 0 : 1] = true;
@@ -123,7 +124,7 @@ class NearestOfClouds {
   }
 
  private:
-  // Puts the difference of two points behind those of the simplex.
+  // Appends the difference of two points to those of the simplex.
   FAN_FN void add(int i, int j, double* w) {
     i_[n_] = i;
     j_[n_] = j;
@@ -217,7 +218,8 @@ class NearestOfClouds {
     return true;
   }
 
-  // The nearest part that has the point behind the simplex; whether the distance shrinks.
+  // Takes the nearest part that contains the last point of the simplex. Returns whether the
+  // distance shrinks.
   FAN_FN bool shrink(double square) {
     const int last = n_;
     Part best;

@@ -1,9 +1,9 @@
 // Contact points of two hulls, and of a hull and a box.
 //
-// As for two boxes (box_pair.hpp): facets that see one another have the points of the polygon
-// that they share, two edges have one point, or two where they are nearly parallel, and hulls apart
-// whose facets do not see one another touch at their nearest points. Points are numbered by the
-// vertices, facets and edges that touch there and have their normals, whichever facet decides.
+// As for two boxes (box_pair.hpp): facets that face one another have the points of the polygon that
+// they share, two edges have one point, or two where they are nearly parallel, and hulls apart
+// whose facets do not face one another touch at their nearest points. Points have the numbers and
+// the normals of the vertices, facets and edges that touch there, whichever facet decides.
 #pragma once
 
 #include "fantoccini/collision/hull_faces.hpp"
@@ -18,7 +18,7 @@ FAN_FN Core core_of_edge(const PlacedHull& x, int e) {
   return Core(a, b);
 }
 
-// The edges through a point of a hull that are nearly at right angles to a direction.
+// The edges through a point of a hull that are nearly perpendicular to a direction.
 struct EdgesThrough {
   static constexpr int room = 16;
   int n = 0, edges[room];
@@ -43,8 +43,8 @@ struct EdgesThrough {
   }
 };
 
-// The points of two facets that see one another, if the hulls, whose distance or widest gap is
-// `widest`, are apart by no less; whether they do.
+// Adds the points of two facets that face one another, unless the hulls are apart and all gaps
+// exceed `widest`, their distance or widest gap. Returns whether points were added.
 FAN_FN bool touch_facets(
     const PlacedHull& x, const PlacedHull& y, const HullAxis& axis, bool of_x, double widest,
     Touches& to) {
@@ -74,8 +74,8 @@ FAN_FN void touch_hull_edges(
   to.add(pair.p, pair.q, axis.normal, HullFeatures::pair(axis.first, axis.second));
 }
 
-// The number of what touches at the nearest points of two hulls, and its exact normal: of a vertex
-// and a facet, or of two edges that cross.
+// Feature number of the nearest points of two hulls, and its exact normal: for a vertex and a
+// facet, or two edges that cross.
 FAN_FN int name_nearest(
     const PlacedHull& x, const PlacedHull& y, const NearestOfClouds& nearest, double* normal) {
   using Kind = HullFeature::Kind;
@@ -128,7 +128,7 @@ FAN_FN void touch_hulls_apart(
   }
 }
 
-// Hulls that overlap and share no point of a facet: the deepest vertex.
+// Adds the deepest vertex of hulls that overlap and share no point of a facet.
 FAN_FN void touch_deepest(
     const PlacedHull& x, const PlacedHull& y, const HullAxis& axis, bool of_x, Touches& to) {
   const PlacedHull& other = of_x ? y : x;
@@ -142,9 +142,9 @@ FAN_FN void touch_deepest(
 
 FAN_FN void touch_hulls(const PlacedHull& x, const PlacedHull& y, Touches& to) {
   using Tol = BoxTolerances;
-  const double swollen = to.x_radius + to.y_radius;
-  const NearestOfClouds nearest(cloud_of(x), cloud_of(y), to.margin + swollen);
-  if (nearest.far || nearest.distance - swollen >= to.margin) return;
+  const double total_radius = to.x_radius + to.y_radius;
+  const NearestOfClouds nearest(cloud_of(x), cloud_of(y), to.margin + total_radius);
+  if (nearest.far || nearest.distance - total_radius >= to.margin) return;
   const HullAxis of_x = widest_facet(x, y, -1.0), of_y = widest_facet(y, x, 1.0);
   const double same = Tol::same_face * fmin(x.hull.outer, y.hull.outer);
   const bool by_x = of_x.gap > of_y.gap + same;
@@ -154,7 +154,7 @@ FAN_FN void touch_hulls(const PlacedHull& x, const PlacedHull& y, Touches& to) {
     return;
   }
   const HullEdges edges(x, y, fmax(Tol::edge_share * face.gap, face.gap + same));
-  if (edges.found()) return touch_hull_edges(x, y, edges.best, to);
+  if (edges.has_pair()) return touch_hull_edges(x, y, edges.best, to);
   if (!touch_facets(x, y, face, by_x, 0.0, to)) touch_deepest(x, y, face, by_x, to);
 }
 

@@ -1,23 +1,23 @@
 // Contact points of a hull with a sphere, a capsule or an ellipsoid, in the hull's axes.
 //
-// A capsule is treated as it is by a box (box_capsule.hpp). The gap of an ellipsoid along a unit
-// vector is n . c - h_1(n) - h_2(n), as in ellipsoid.hpp; its greatest value is found among
-// the normals of facets and the best directions against single edges, each with the reach of the
-// whole hull, so that what is found holds the solids apart. Where an edge runs deep through the
-// ellipsoid, a facet takes its place.
+// A capsule is treated as with a box (box_capsule.hpp). The gap of an ellipsoid along a unit vector
+// is n . c - h_1(n) - h_2(n), as in ellipsoid.hpp; its greatest value is sought among the normals
+// of facets and the best directions against single edges, each with the support function of the
+// whole hull, so that the result separates the solids. Where an edge runs deep through the
+// ellipsoid, a facet replaces it.
 #pragma once
 
 #include "fantoccini/collision/hull_pair.hpp"
 
 namespace fan {
 
-// The ends of a core's part that lies above a facet, in the hull's axes; see FaceClip. Outside the
-// hull, `nearest` are the nearest points.
+// The ends of the part of a core that lies above a facet, in the hull's axes; see FaceClip. For
+// cores outside the hull, `nearest` are the nearest points.
 struct FacetClip {
   static constexpr int core_end = -1, nearest_points = -2;
   PointPair ends[2];
-  int bound[2] = {core_end, core_end};  // what each end is at: a side of the facet, or these
-  bool found = true;
+  int bound[2] = {core_end, core_end};  // of each end: a side of the facet, or one of these
+  bool exists = true;
 
   FAN_FN FacetClip(
       const PlacedHull& hull, int facet, const Core& core, double at, const PointPair* nearest)
@@ -41,10 +41,10 @@ struct FacetClip {
           bound[rate > 0.0 ? 0 : 1] = k;
         }
       } else {
-        found = found && height >= 0.0;
+        exists = exists && height >= 0.0;
       }
     }
-    found = found && low <= high;
+    exists = exists && low <= high;
     for (int k = 0; k < 2; ++k) {
       const bool beyond = k == 0 ? at < low : at > high;
       if (beyond && nearest) {
@@ -58,7 +58,7 @@ struct FacetClip {
   }
 };
 
-// The way out of a hull for a core that meets it; see WayOut.
+// Direction in which a core that meets a hull leaves it; see WayOut.
 struct WayOutOfHull {
   double normal[3], gap = -DistanceTolerances::far;
   int facet = 0, edge = -1;
@@ -66,9 +66,9 @@ struct WayOutOfHull {
   FAN_FN WayOutOfHull(const PlacedHull& hull, const Core& core) {
     for (int f = 0; f < hull.hull.n_facets; ++f) {
       const double* n = hull.local_normal(f);
-      const double found = fmin(dot3(n, core.a), dot3(n, core.b)) - hull.height(f);
-      if (!(found > gap)) continue;
-      gap = found;
+      const double axis_gap = fmin(dot3(n, core.a), dot3(n, core.b)) - hull.height(f);
+      if (!(axis_gap > gap)) continue;
+      gap = axis_gap;
       facet = f;
       copy3(n, normal);
     }
@@ -86,9 +86,9 @@ struct WayOutOfHull {
       if (!unit3(n, TouchTolerances::lying)) continue;
       const double side = side_of(dot3(n, a));  // the origin is inside
       difference3(core.a, a, from);
-      const double found = side * dot3(n, from);
-      if (!(found > least)) continue;
-      gap = least = found;
+      const double axis_gap = side * dot3(n, from);
+      if (!(axis_gap > least)) continue;
+      gap = least = axis_gap;
       edge = e;
       for (int c = 0; c < 3; ++c) normal[c] = side * n[c];
     }
@@ -103,7 +103,7 @@ FAN_FN void touch_hull_inside(const PlacedHull& hull, const Core& core, double a
     return to.add(pair.p, pair.q, out.normal, 0);
   }
   const FacetClip clip(hull, out.facet, core, at, nullptr);
-  if (clip.found) {
+  if (clip.exists) {
     for (int k = 0; k < (core.length > 0.0 ? 2 : 1); ++k)
       to.add(clip.ends[k].p, clip.ends[k].q, out.normal, k);
     return;
@@ -114,8 +114,8 @@ FAN_FN void touch_hull_inside(const PlacedHull& hull, const Core& core, double a
   to.add(end, q, out.normal, 0);
 }
 
-// The nearest points of a core and a hull, in the hull's axes, anew from what they lie on: exact,
-// and smooth while that does not change.
+// The nearest points of a core and a hull, in the hull's axes, computed again from the features on
+// which they lie: exact, and smooth while these do not change.
 struct CoreAndHull {
   CorePart part;
   HullFeature of;
@@ -141,7 +141,7 @@ struct CoreAndHull {
     aim(pair, normal);
   }
 
-  // A region of its own for every combination of parts and features. The middle of a core that lies
+  // A region number for every combination of parts and features. The middle of a core that lies
   // along a facet has no point of its own there.
   FAN_FN int region() const {
     const bool lasts =
@@ -163,7 +163,7 @@ FAN_FN void touch_hull_outside(
   const int facet = local.facet_towards_local(local.farthest_local(normal, reach), normal);
   cross(local.local_normal(facet), normal, tilt);
   const FacetClip clip(local, facet, core, at, &pair);
-  const double on_facet = clip.found ? flatness(length3(tilt)) : 0.0;
+  const double on_facet = clip.exists ? flatness(length3(tilt)) : 0.0;
   const EdgesThrough edges(local, pair.q, normal);
   PointPair ends[2];
   double on_edge = 0.0;
@@ -182,7 +182,7 @@ FAN_FN void touch_hull_outside(
     double n[3];
     copy3(normal, n);
     aim(end, n);
-    // Where it lies flat, the end is the same wherever the nearest points are.
+    // Of a core that lies flat, the end does not depend on the nearest points.
     const bool flat = on_facet >= 1.0 && clip.bound[k] != FacetClip::nearest_points;
     const int bound = flat ? max_hull_vertices * facet + clip.bound[k] + 1 : -1;
     to.add(end.p, end.q, n, k, flat ? -2 - bound : 9 * (region % lasting_regions) + shape);
@@ -192,7 +192,8 @@ FAN_FN void touch_hull_outside(
 constexpr double no_turn[9] = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
 constexpr double no_shift[3] = {0.0, 0.0, 0.0};
 
-// A sphere or capsule x and a hull: feature 0, and 1 where two points are needed.
+// Adds the points of a sphere or capsule x and a hull: feature 0, and 1 where two points are
+// needed.
 FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull, Touches& to) {
   const PlacedHull local{*hull.hull, no_turn, no_shift};
   double ends[6];
@@ -200,9 +201,9 @@ FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull,
   into_frame(hull, x.b, ends + 3);
   const Core core(ends, ends + 3);
   const Cloud points{ends, core.length > 0.0 ? 2 : 1, no_turn, no_shift};
-  const double swollen = to.x_radius + to.y_radius;
-  const NearestOfClouds nearest(points, cloud_of(local), to.margin + swollen);
-  if (nearest.far || nearest.distance - swollen >= to.margin) return;
+  const double total_radius = to.x_radius + to.y_radius;
+  const NearestOfClouds nearest(points, cloud_of(local), to.margin + total_radius);
+  if (nearest.far || nearest.distance - total_radius >= to.margin) return;
   if (nearest.meet) {
     double from[3];
     difference3(nearest.pair.p, core.a, from);
@@ -217,7 +218,7 @@ FAN_FN void touch_hull_by_segment(const PlacedSolid& x, const PlacedSolid& hull,
 class EllipsoidHullGap {
  public:
   double normal[3], gap = -DistanceTolerances::far;
-  HullFeature of;  // what the hull's point is on
+  HullFeature of;  // feature of the hull's point
 
   // Ends early where the gap is certainly `enough`.
   FAN_FN EllipsoidHullGap(
@@ -236,14 +237,14 @@ class EllipsoidHullGap {
   }
 
  private:
-  FAN_FN void take(const double* n, double found, HullFeature feature) {
-    if (!(found > gap)) return;
-    gap = found;
+  FAN_FN void take(const double* n, double axis_gap, HullFeature feature) {
+    if (!(axis_gap > gap)) return;
+    gap = axis_gap;
     of = feature;
     copy3(n, normal);
   }
 
-  // Finds the vertex that is the hull's point nearest to the ellipsoid's middle, if one is.
+  // Finds the vertex that is the hull's point nearest to the ellipsoid's middle, if there is one.
   FAN_FN void find_nearest_vertex() {
     bool beside[max_hull_vertices] = {};
     for (int e = 0; e < hull_.hull.n_edges; ++e) {
@@ -260,16 +261,16 @@ class EllipsoidHullGap {
       if (!beside[i]) nearest_ = i;
   }
 
-  // The best direction against one edge, if one of its normals or those of its ends may be better.
-  // Where the ellipsoid's middle has its nearest point elsewhere, it is highest over an end along a
-  // normal of some edge there.
+  // Tries the best direction against one edge, if one of its normals or those of its ends may be
+  // better. If the ellipsoid's middle has its nearest point elsewhere, its height is greatest over
+  // an end, along a normal of an edge there.
   FAN_FN void try_edge(int e) {
     const EdgeAt edge(hull_, e, no_shift);
     double w[3], p[3];
     difference3(centre_, edge.p, w);
     const int* ends = hull_.edge(e);
     const bool is_nearest = ends[0] == nearest_ || ends[1] == nearest_;
-    if (!is_nearest && !(edge.most_height(w) - least_ > gap)) return;
+    if (!is_nearest && !(edge.max_height(w) - least_ > gap)) return;
     double axes[9], middle[3], from[3], turned[3], M_axes[9], n[3];
     const Core core(hull_.local(hull_.edge(e)[0]), hull_.local(hull_.edge(e)[1]));
     const double half[3] = {0.5 * core.length, 0.0, 0.0};
@@ -283,11 +284,11 @@ class EllipsoidHullGap {
       for (int j = 0; j < 3; ++j)
         first.M[3 * i + j] = axes[3 * i] * M_axes[j] + axes[3 * i + 1] * M_axes[3 + j] +
                              axes[3 * i + 2] * M_axes[6 + j];
-    const GapClimb found(first, nullptr, half, turned, DistanceTolerances::far);
-    out_of_axes(axes, found.n, n);
+    const GapClimb climb(first, nullptr, half, turned, DistanceTolerances::far);
+    out_of_axes(axes, climb.n, n);
     double height;
     const int farthest = hull_.farthest_local(n, height);
-    const HullFeature feature = found.n[0] == 0.0 ? HullFeature{HullFeature::EDGE, e}
+    const HullFeature feature = climb.n[0] == 0.0 ? HullFeature{HullFeature::EDGE, e}
                                                   : HullFeature{HullFeature::VERTEX, farthest};
     take(n, dot3(n, centre_) - height - reach_.farthest(n, p), feature);
   }
@@ -299,7 +300,7 @@ class EllipsoidHullGap {
   int nearest_ = -1;
 };
 
-// An ellipsoid x and a hull: feature 0.
+// Adds the point of an ellipsoid x and a hull: feature 0.
 FAN_FN void touch_hull_by_ellipsoid(const PlacedSolid& x, const PlacedSolid& hull, Touches& to) {
   const PlacedHull local{*hull.hull, no_turn, no_shift};
   double middle[3], centre[3], axes[9], p[3], q[3];
@@ -307,11 +308,11 @@ FAN_FN void touch_hull_by_ellipsoid(const PlacedSolid& x, const PlacedSolid& hul
   into_frame(hull, middle, centre);
   for (int j = 0; j < 3; ++j) into_axes(hull.R, x.R + 3 * j, axes + 3 * j);
   const EllipsoidReach reach(axes, x.half);
-  const EllipsoidHullGap found(local, reach, centre, x.half, to.margin + to.y_radius);
-  reach.farthest(found.normal, p);
+  const EllipsoidHullGap widest(local, reach, centre, x.half, to.margin + to.y_radius);
+  reach.farthest(widest.normal, p);
   difference3(centre, p, p);
-  along3(p, -found.gap, found.normal, q);
-  to.add(p, q, found.normal, 0, found.of.code());
+  along3(p, -widest.gap, widest.normal, q);
+  to.add(p, q, widest.normal, 0, widest.of.code());
   place_touches(hull, 0, to);
 }
 

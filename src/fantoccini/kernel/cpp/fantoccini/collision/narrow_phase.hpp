@@ -15,7 +15,7 @@ namespace fan {
 
 namespace touching {
 
-// Solids come in this order, so that each pair of kinds is met once.
+// Order of the solids of a pair, so that each pair of kinds needs one function.
 enum Rank { OF_ELLIPSOID, OF_SEGMENT, OF_BOX, OF_HULL, OF_HALF_SPACE };
 
 FAN_FN Rank rank(const PlacedSolid& x) {
@@ -25,7 +25,7 @@ FAN_FN Rank rank(const PlacedSolid& x) {
   return is_ellipsoid(x) ? OF_ELLIPSOID : OF_SEGMENT;
 }
 
-// A solid x that does not come after the hull y.
+// `x` does not come after the hull `y`.
 FAN_FN void touch_hull(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
   if (rank(x) == OF_ELLIPSOID) return touch_hull_by_ellipsoid(x, y, to);
   if (rank(x) == OF_SEGMENT) return touch_hull_by_segment(x, y, to);
@@ -45,8 +45,8 @@ FAN_FN void in_order(const PlacedSolid& x, const PlacedSolid& y, Touches& to) {
   touch_boxes(x, y, to);
 }
 
-// Whether y must come before x: its kind, its number or its sizes say so. Two boxes of one size
-// stay as they are.
+// Whether y must come before x, by its kind, its number or its sizes. Two boxes of one size are not
+// swapped.
 FAN_FN bool out_of_order(const PlacedSolid& x, const PlacedSolid& y) {
   if (rank(x) != rank(y)) return rank(x) > rank(y);
   if (rank(x) == OF_HULL) return x.mesh > y.mesh;
@@ -58,8 +58,8 @@ FAN_FN bool out_of_order(const PlacedSolid& x, const PlacedSolid& y) {
 
 }  // namespace touching
 
-// Contact points of x and y with a gap below `margin`; returns how many (<= max_touches), in order
-// of feature.
+// Contact points of x and y with a gap below `margin`, in order of feature. Returns their number
+// (<= max_touches).
 FAN_TOUCH_FN int touches(const PlacedSolid& x, const PlacedSolid& y, double margin, Touch* out) {
   const bool turned = touching::out_of_order(x, y);
   const PlacedSolid &first = turned ? y : x, &second = turned ? x : y;

@@ -1,9 +1,9 @@
-// The pairs of solids that may touch soon, kept from step to step: all others stay farther apart
-// than any margin until some link has moved by its part of the slack.
+// Pairs of solids that may touch soon, kept from step to step: all others stay farther apart than
+// any margin until a link has moved by its part of the slack.
 //
 // A point of a link's ball (centre c, radius b) moves by at most |c - c'| + b |R - R'|, with the
-// Frobenius norm, from the pose at which the list was made. With the link's part of the margin of
-// a step that may reach half of the slack.
+// Frobenius norm, from the pose at which the list was made. Together with the link's part of the
+// margin of a step, this may reach half of the slack.
 #pragma once
 
 #include "fantoccini/math/real.hpp"
@@ -14,8 +14,8 @@ namespace fan {
 struct NearPairsTolerances {
   // Slack, relative to the mean radius of the links' balls.
   static constexpr double slack = 0.3;
-  // A list that holds for fewer steps is not worth making, and none is made for so many steps.
-  static constexpr int least_life = 3, wait = 8;
+  // Shortest life of a useful list [steps], and steps without a list after a shorter one.
+  static constexpr int min_life = 3, wait = 8;
 };
 
 template <int n_links, int capacity>
@@ -26,15 +26,15 @@ class NearPairs {
   int n = 0;
   int pair[room(capacity)];
 
-  // There is no list.
+  // Discards the list.
   FAN_FN void forget() {
     known_ = false;
-    life_ = Tolerance::least_life;
+    life_ = Tolerance::min_life;
     wait_ = 0;
   }
 
-  // Whether the list is still good where links are posed (12 numbers each), their balls lie about
-  // `centre` and they need these margins; 0 of radius for links that do not count.
+  // Whether the list is still valid for links at these poses (12 numbers each), with balls about
+  // `centre` and these margins; the radius is 0 for links that do not count.
   template <class Balls>
   FAN_FN bool holds(const double* poses, const Balls& ball, const double* margin, double slack) {
     bool all = known_;
@@ -53,17 +53,17 @@ class NearPairs {
     return all;
   }
 
-  // Whether there is a list, and what holds() compares with.
+  // Whether there is a list, and the poses with which holds() compares.
   FAN_FN bool is_known() const { return known_; }
   FAN_FN const double* turned(int link) const { return R_[link]; }
   FAN_FN const double* centre(int link) const { return at_[link]; }
 
-  // The list was good for one more step.
-  FAN_FN void serve() { ++life_; }
+  // Counts one more step for which the list was valid.
+  FAN_FN void count_step() { ++life_; }
 
   // Whether to make a list now.
   FAN_FN bool is_due() {
-    if (known_ && life_ < Tolerance::least_life) wait_ = Tolerance::wait;
+    if (known_ && life_ < Tolerance::min_life) wait_ = Tolerance::wait;
     known_ = false;
     return wait_ == 0 || --wait_ == 0;
   }
@@ -80,7 +80,7 @@ class NearPairs {
     known_ = true;
   }
 
-  // Adds a pair, in order; a list that is full is none.
+  // Adds a pair, in order. A list that overflows is discarded.
   FAN_FN void add(int k) {
     if (n < capacity) {
       pair[n++] = k;

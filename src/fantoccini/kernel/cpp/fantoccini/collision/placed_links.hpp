@@ -1,5 +1,5 @@
-// The links of a puppet with their solids where they are: the solids placed in the world, the balls
-// around them, and bounds on how fast they are.
+// The links of a puppet with their solids: the solids placed in the world, balls around them, and
+// bounds of their speeds.
 #pragma once
 
 #include <type_traits>
@@ -39,16 +39,16 @@ class PlacedLinks {
   struct {
     Real poses[room(12 * L)], screw_D[6 * N + 1], screw_K[6 * NK + 1];  // one more is read
   } of_lanes;
-  // Of the lane that is looked at.
+  // Of the current lane.
   const double *poses, *screw_D, *screw_K, *v_D, *v_K;
   Twist twist[room(L)];
-  double speed[room(L)];                 // m/s: at most, of any point of a link's solids
-  Solid placed[room(B)];                 // in the world, those of links with is_placed
-  Ball ball[room(B)], ball_of[room(L)];  // around solids, and around all of a link
+  double speed[room(L)];                 // m/s: upper bound over all points of a link's solids
+  Solid placed[room(B)];                 // in the world, of links with is_placed
+  Ball ball[room(B)], ball_of[room(L)];  // around solids, and around all solids of a link
   Ball around[room(L)];                  // likewise, in the link's frame
   bool is_placed[room(L)];
 
-  // Takes the solids of every link and the ball around all of them.
+  // Finds the solids of every link and the ball around all of them.
   FAN_FN void begin(const ContactArrays& in) {
     for (int i = 0; i < L; ++i) {
       begin_of_[i] = end_of_[i] = 0;
@@ -77,14 +77,14 @@ class PlacedLinks {
     }
   }
 
-  // Where the links are at a configuration, and the screws of the velocities.
+  // Poses of the links at a configuration, and the screws of the velocities.
   FAN_FN void locate(const Real* q_D, const Real* q_K, const Real* p) {
     Call<Model, Real>::screws(q_D, q_K, p, of_lanes);
   }
 
   FAN_FN bool has_solids(int link) const { return begin_of_[link] != end_of_[link]; }
 
-  // Takes a lane's poses, screws and velocities.
+  // Loads a lane's poses, screws and velocities.
   FAN_FN void load(int l, const Real* velocity_D, const Real* velocity_K) {
     if constexpr (width == 1) {
       poses = of_lanes.poses;
@@ -107,14 +107,14 @@ class PlacedLinks {
     }
   }
 
-  // The twists of the links at the velocities of the lane.
+  // Twists of the links at the velocities of the lane.
   FAN_FN void move() {
     add_twists<true>(Model::moved_D_begin, Model::moved_D_entry, screw_D, v_D, twist);
     if (NK > 0) add_twists<false>(Model::moved_K_begin, Model::moved_K_entry, screw_K, v_K, twist);
   }
 
-  // The balls around the solids of every link in the world, and how fast they are. The solids
-  // themselves are placed when they are looked at.
+  // Places the balls around the solids of every link in the world and bounds their speeds. The
+  // solids themselves are placed when they are needed.
   FAN_FN void place() {
     for (int link = 0; link < L; ++link) {
       is_placed[link] = false;
@@ -142,13 +142,14 @@ class PlacedLinks {
     }
   }
 
-  // The points of pair k, whose solids are placed, with a gap below a margin; returns how many.
-  FAN_FN int touch(const ContactArrays& in, int k, double margin, Touch* found) {
+  // Finds the points of pair k, whose solids are placed, with a gap below a margin. Returns their
+  // number.
+  FAN_FN int touch(const ContactArrays& in, int k, double margin, Touch* out_touches) {
     const int a = in.pairs[2 * k], b = in.pairs[2 * k + 1];
     const Solid &x = placed[a], &y = b < B ? placed[b] : in.solids[b];
     if (b < B ? is_far(ball[a], ball[b], margin) : is_far(ball[a], y, margin)) return 0;
     if (are_far(x, y, margin)) return 0;
-    return touches(x, y, margin, found);
+    return touches(x, y, margin, out_touches);
   }
 
   // Lists the pairs that are nearer than the slack.
@@ -166,8 +167,8 @@ class PlacedLinks {
       if (!is_placed[a]) place_link(in, a);
       if (b >= 0 && !is_placed[b]) place_link(in, b);
       for (; k < end; ++k) {
-        Touch found[max_touches];
-        if (touch(in, k, slack, found) > 0) near.add(k);
+        Touch out_touches[max_touches];
+        if (touch(in, k, slack, out_touches) > 0) near.add(k);
       }
     }
   }
@@ -183,10 +184,10 @@ class PlacedLinks {
     return n_links > 0.0 ? NearPairsTolerances::slack * sum / n_links : 0.0;
   }
 
-  // The lanes in which some link may go farther than margins allow for that are this margin and so
-  // many times what links travel at `speeds`, if the step dt changes the velocities by dv_D. Each
-  // link may gain half of the fixed part over the step, as the other one of a pair may, and its own
-  // part of what they travel.
+  // Lanes in which a link may move farther than its margin allows: `margin` plus `travel` times the
+  // distance that links travel at `speeds`, if the step dt changes the velocities by dv_D. Each
+  // link may use half of the fixed part over the step, since the other link of a pair may too, and
+  // its own part of the distance travelled.
   FAN_FN typename Traits<Real>::Mask outruns(
       const Real* dv_D, double dt, const Real* speeds, double margin, double travel) const {
     const double fixed = 0.5 * margin / dt;
@@ -208,8 +209,7 @@ class PlacedLinks {
     return out;
   }
 
-  // How far apart the balls around the two links, or a link and a solid that stands, of a group
-  // are.
+  // Distance of the balls around the two links of a group, or around a link and a standing solid.
   double separation(const ContactArrays& in, int g) const {
     const int a = in.groups[3 * g], b = in.groups[3 * g + 1];
     return b < 0 ? apart(ball_of[a], in.solids[-1 - b]) : apart(ball_of[a], ball_of[b]);
@@ -228,7 +228,7 @@ class PlacedLinks {
     return square_apart(x.at, y.at) >= reach * reach;
   }
 
-  // The same of a solid that stands.
+  // Likewise for a standing solid.
   FAN_FN static bool is_far(const Ball& x, const Solid& y, double margin) {
     if (y.kind == HALF_SPACE) {
       double height = -x.radius;
@@ -242,8 +242,8 @@ class PlacedLinks {
   }
 
  private:
-  // What some velocities v add to the twists of the links: each has its parent's and what its own
-  // joint adds. The fourth number of a register is of no use: what follows three in memory.
+  // Contribution of velocities v to the twists of the links: each link has its parent's twist and
+  // that of its own joint. The fourth number of a register is unused: it is the next one in memory.
   template <bool first>
   FAN_FN static void add_twists(
       const int* begin, const int* entry, const double* screw, const double* v, Twist* twist) {
@@ -273,7 +273,7 @@ class PlacedLinks {
     }
   }
 
-  // What velocities of all lanes add.
+  // Contribution of the velocities of all lanes.
   FAN_FN void add_real_twists(const Real* v, RealTwist* out) const {
     if constexpr (width == 1) {
       add_twists<true>(Model::moved_D_begin, Model::moved_D_entry, of_lanes.screw_D, v, out);
@@ -336,7 +336,7 @@ class PlacedLinks {
   }
 
   double lane_[width == 1 ? 1 : 12 * L + 7 * (N + NK)];
-  double reach_[room(L)];                    // m: of a link's solids from its origin; 0 without
+  double reach_[room(L)];  // m: of a link's solids from its origin; 0 without solids
   int begin_of_[room(L)], end_of_[room(L)];  // of a link's solids
 };
 

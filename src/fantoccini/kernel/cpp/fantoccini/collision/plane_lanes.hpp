@@ -1,6 +1,6 @@
-// Boxes, capsules, spheres and ellipsoids of a bundle of lanes against a half-space that stands:
-// touch_plane() of capsules.hpp in all lanes at once. The face of a box that looks most into the
-// half-space is chosen by masks.
+// Boxes, capsules, spheres and ellipsoids of a bundle of lanes against a standing half-space:
+// touch_plane() of capsules.hpp in all lanes at once. Masks select the face of a box that is most
+// nearly opposed to the half-space.
 #pragma once
 
 #include "fantoccini/collision/capsules.hpp"
@@ -18,7 +18,7 @@ FAN_FN void carry_in_lanes(const Real* pose, const double* own, Real* out) {
       pose[9 + c] + pose[c] * own[0] + pose[3 + c] * own[1] + pose[6 + c] * own[2];
 }
 
-// The same of an axis; returns its part along n.
+// Likewise an axis; returns its component along n.
 template <class Real>
 FAN_FN Real axis_in_lanes(const Real* pose, const double* own, const double* n, Real* out) {
   Real along = Real(0.0);
@@ -29,8 +29,8 @@ FAN_FN Real axis_in_lanes(const Real* pose, const double* own, const double* n, 
   return along;
 }
 
-// Calls add(feature, point, gap, lanes) for every point of x, in the frame of a link that is posed,
-// that has a gap below the margin in some of the lanes.
+// Calls add(feature, point, gap, lanes) for every point of x, in the frame of its posed link, with
+// a gap below the margin in any of the lanes.
 template <class Real, class Mask, class Add>
 FAN_FN void touch_plane_lanes(
     const Solid& x, const Real* pose, const Solid& plane, const Real& margin, const Mask& lanes,
@@ -72,7 +72,7 @@ FAN_FN void touch_plane_lanes(
     return above(1, at, lanes);
   }
   using std::abs;
-  Real edge[9], up[3];  // half edges; how far they go up
+  Real edge[9], up[3];  // half edges, and their heights
   for (int k = 0; k < 3; ++k) {
     up[k] = axis_in_lanes(pose, x.R + 3 * k, plane.b, edge + 3 * k);
     for (int c = 0; c < 3; ++c) edge[3 * k + c] = x.half[k] * edge[3 * k + c];

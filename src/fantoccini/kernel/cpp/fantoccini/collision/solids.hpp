@@ -1,4 +1,4 @@
-// What the narrow phase works on: placed solids, contact points, and 3-vectors.
+// Basis of the narrow phase: placed solids, contact points, and 3-vectors.
 #pragma once
 
 #include "fantoccini/collision/distance.hpp"
@@ -18,7 +18,7 @@ struct TouchTolerances {
   static constexpr double tiny = 1e-12;       // m: cores nearer than this have no direction
   static constexpr double lying = 0.005;      // sin of an angle below which solids lie flat
   static constexpr double crossing = 0.05;    // sin of an angle above which one point is enough
-  static constexpr double leaving = 1e-12;    // of a unit vector: less is rounding
+  static constexpr double leaving = 1e-12;    // relative to a unit vector: less is rounding
   static constexpr double min_overlap = 0.1;  // of the shorter segment, for two full points
 };
 
@@ -27,19 +27,19 @@ struct Touch {
   double point[3];   // world, midway between the two surfaces [m]
   double normal[3];  // unit, world, from the second solid towards the first
   double gap;        // m: distance of the surfaces along the normal; negative: depth
-  int feature;       // which of the pair's points it is: the same from step to step
-  int region;        // where the surfaces it lies on bend in another way, this is another number
+  int feature;       // number of the point within the pair: the same from step to step
+  int region;        // changes where the surfaces continue with another curvature
 };
 
-// Regions of a point of two edges: its normal is their product; they are nearly parallel, and it
-// has a face's; their product is none of the normals there, so that other features touch in their
-// place.
+// Regions of a point of two edges. CROSSING: its normal is their product. ALONG: they are nearly
+// parallel, and it has a face's normal. BEYOND: their product is not a normal of the solids there,
+// and other features touch instead.
 enum CrossingRegion { CROSSING = 0, ALONG = 1, BEYOND = -1 };
 
-constexpr int max_touches = 8;  // of a pair
+constexpr int max_touches = 8;  // per pair
 
-// From here on a region says what the point lies on, and with its feature which point it is: by
-// that alone it goes on beyond the region (follow.hpp).
+// From here on a region is the feature on which the point lies and, with the pair's feature,
+// defines the point: it continues beyond the region by that alone (follow.hpp).
 constexpr int lasting_regions = 1 << 24;
 
 // A solid placed in the world; see SolidKind. An ellipsoid has the centre (a + b) / 2, the columns
@@ -48,7 +48,7 @@ using PlacedSolid = Solid;
 
 FAN_FN bool is_ellipsoid(const PlacedSolid& x) { return x.kind == SEGMENT && x.half[0] > 0.0; }
 
-// By what a solid's core is inflated.
+// Distance by which a solid's core is inflated.
 FAN_FN double inflation(const PlacedSolid& x) { return is_ellipsoid(x) ? 0.0 : x.radius; }
 
 FAN_FN void centre3(const PlacedSolid& x, double* out) {
@@ -62,7 +62,7 @@ FAN_FN void into_frame(const PlacedSolid& x, const double* point, double* out) {
   into_axes(x.R, from, out);
 }
 
-// A corner of a box: a bit for each of its axes.
+// A corner of a box: one bit for each axis.
 FAN_FN void corner_of(const PlacedSolid& box, int corner, double* out) {
   double local[3];
   for (int k = 0; k < 3; ++k) local[k] = (corner >> k) & 1 ? box.half[k] : -box.half[k];
@@ -70,7 +70,7 @@ FAN_FN void corner_of(const PlacedSolid& box, int corner, double* out) {
   along3(box.a, 1.0, out, out);
 }
 
-// The region of a box about the origin that a normal leaves: a face, an edge or a corner.
+// Region of a box about the origin that a normal leaves: a face, an edge or a corner.
 FAN_FN int region_of_box(const double* normal) {
   int region = 0;
   for (int k = 0; k < 3; ++k)
@@ -80,7 +80,7 @@ FAN_FN int region_of_box(const double* normal) {
   return region;
 }
 
-// From 1 for solids that lie flat to 0 for those that cross, with a continuous slope.
+// Flatness: from 1 for solids that lie flat to 0 for those that cross, with a continuous slope.
 FAN_FN double flatness(double sine) {
   using Tol = TouchTolerances;
   const double t = clamped((Tol::crossing - sine) / (Tol::crossing - Tol::lying), 0.0, 1.0);
@@ -104,14 +104,14 @@ FAN_FN void place_solid(const Solid& from, const double* R, const double* r, Sol
       R[c] * from.R[3 * j] + R[3 + c] * from.R[3 * j + 1] + R[6 + c] * from.R[3 * j + 2];
 }
 
-// The contact points of a pair as they are found, in order of feature.
+// Contact points of a pair, collected in order of feature.
 struct Touches {
   Touch* out;
-  double margin, x_radius, y_radius;  // the radii by which the cores are inflated
+  double margin, x_radius, y_radius;  // radii by which the cores are inflated
   int n = 0;
 
-  // Adds the point half way between p of the first core and q of the second, or where they are to
-  // be on its surface the second's, if it is near enough.
+  // Adds the point midway between p of the first core and q of the second, or on the second's
+  // surface if requested, if its gap is below the margin.
   FAN_FN void add(
       const double* p, const double* q, const double* normal, int feature, int region = 0,
       bool on_second = false) {

@@ -32,7 +32,7 @@ FAN_FN double bounding_radius(const PlacedSolid& x) {
   return 0.5 * length3(along) + x.radius;
 }
 
-// Whether spheres around two solids are at least `margin` apart; then the solids do not touch.
+// Whether spheres around two solids are at least `margin` apart, so that the solids do not touch.
 // Half-spaces are apart from one another.
 FAN_FN bool certainly_apart(const PlacedSolid& x, const PlacedSolid& y, double margin) {
   if (x.kind == HALF_SPACE && y.kind == HALF_SPACE) return true;

@@ -17,47 +17,47 @@ struct ContactColumns {
   Triple<Real> W[room(C)][room(N)];
   Triple<Real> across[room(C)][room(M)];  // products with the gathered rows that were crossed
 
-  FAN_FN void begin() { made_ = 0; }
+  FAN_FN void begin() { n_computed_ = 0; }
 
-  // Point i is another one in some lane: its columns are made anew.
+  // Discards the columns of point i, which is another one in some lane.
   FAN_FN void renew(int i) { has_[i] = false; }
 
-  // Makes the columns of the points i < n with some[i], from their rows of A_D and what moves them.
+  // Computes the columns of the points i < n with some[i], from their rows of A_D.
   FAN_FN void make(
       const Evaluation<Model, Real>& eval, const Triple<Real> (*row)[room(N)], const Moved* moved,
-      const bool* some, int n) {
+      const bool* needed, int n) {
     for (int i = 0; i < n; ++i) {
-      if (i >= made_) has_[i] = false;
-      if (some[i] && !has_[i]) {
+      if (i >= n_computed_) has_[i] = false;
+      if (needed[i] && !has_[i]) {
         push(eval.L, row[i], moved[i], W[i]);
         for (int j = 0; j <= i; ++j)
           if (j == i || has_[j]) multiply(i, j, moved);
-        for (int j = i + 1; j < made_; ++j)
+        for (int j = i + 1; j < n_computed_; ++j)
           if (has_[j]) multiply(j, i, moved);
       }
-      has_[i] = has_[i] || some[i];
+      has_[i] = has_[i] || needed[i];
     }
-    made_ = n;
+    n_computed_ = n;
   }
 
-  // The products of all columns and gathered row a.
+  // Computes the products of all columns with gathered row a.
   FAN_FN void cross(const RowSystem<Model, Real>& rows, int a, const Moved* moved) {
-    for (int i = 0; i < made_; ++i) {
+    for (int i = 0; i < n_computed_; ++i) {
       if (!has_[i]) continue;
       if (rows.is_apart(a, moved[i])) across[i][a].clear();
       else across[i][a] = moved[i].along(W[i], rows.column[a]);
     }
   }
 
-  // The products of column d of point i and those of point j <= i.
+  // Products of column d of point i with those of point j <= i.
   FAN_FN const Triple<Real>& row_of_block(int i, int j, int d) const { return G_[i][j][d]; }
 
-  // The product of columns d and e.
+  // Product of columns d and e.
   FAN_FN Real G(int d, int e) const {
     return d < e ? G_[e / 3][d / 3][e % 3][d % 3] : G_[d / 3][e / 3][d % 3][e % 3];
   }
 
-  // w <- w - W x over the columns of point i, which these move.
+  // w <- w - W x over the columns of point i, with nonzero entries `moved`.
   FAN_FN void take(int i, const Real* x, const MovedBy<N>& moved, Real* w) const {
     take(W[i], x, moved, w);
   }
@@ -71,7 +71,7 @@ struct ContactColumns {
     }
   }
 
-  // w = F^-T x of three columns, x being 0 but where it is moved.
+  // w = F^-T x of three columns; x is zero except at the velocities that move it.
   FAN_FN static void push(
       const Real* L, const Triple<Real>* x, const Moved& moved, Triple<Real>* w) {
     const Quad* own = reinterpret_cast<const Quad*>(x);
@@ -85,7 +85,7 @@ struct ContactColumns {
   }
 
  private:
-  // The products of the columns of points i and j <= i.
+  // Products of the columns of points i and j <= i.
   FAN_FN void multiply(int i, int j, const Moved* moved) {
     if (moved[i].is_apart(moved[j])) {
       for (int d = 0; d < 3; ++d) G_[i][j][d].clear();
@@ -97,8 +97,8 @@ struct ContactColumns {
 
   static constexpr int all_links = -1;
 
-  int made_ = 0;
-  bool has_[room(C)];  // whether a point's columns are made
+  int n_computed_ = 0;
+  bool has_[room(C)];  // whether a point's columns are computed
   Triple<Real> G_[room(C)][room(C)][3];
 };
 

@@ -1,8 +1,8 @@
 // Events of contacts: two parts touch, slide, stick and lift.
 //
-// A meeting is all that the solids of two parts do to one another. It slides once a point that
-// pushes moves across the normal by more than `slides`, and sticks once none does by more than
-// `sticks`; between the two it goes on as it was.
+// A meeting comprises all contact between two parts. It slides once a point that pushes moves
+// across the normal faster than `slides`, and sticks once no such point is faster than `sticks`;
+// between the two thresholds its mode is unchanged.
 #pragma once
 
 #include "fantoccini/contact/push.hpp"
@@ -12,26 +12,26 @@
 namespace fan {
 
 struct ContactEventTolerances {
-  // m/s: far above the rounding of speeds at rest, far below what one sees slide.
+  // m/s: far above rounding errors of speeds at rest, far below visible sliding.
   static constexpr double slides = 1e-3, sticks = 5e-4;
 };
 
 template <int capacity>
 class ContactEvents {
  public:
-  static constexpr int most = 3 * capacity;  // of a step
+  static constexpr int most = 3 * capacity;  // per step
 
-  // What meets at the start, without events.
-  void begin(const ContactArrays& in, const ContactPush* push, int n) { look(in, push, n); }
+  // Records the meetings at the start, without events.
+  void begin(const ContactArrays& in, const ContactPush* push, int n) { collect(in, push, n); }
 
-  // Writes what has changed since the last call; row is that of the first meeting.
+  // Writes the changes since the last call; `row` is the row of the first meeting.
   template <class Record>
-  void tell(
+  void write(
       const ContactArrays& in, const ContactPush* push, int n, double t, int row, Record& out) {
     const int n_before = n_;
     Meeting before[room(capacity)];
     for (int i = 0; i < n_; ++i) before[i] = meeting_[i];
-    look(in, push, n);
+    collect(in, push, n);
     for (int i = 0; i < n_before; ++i)
       if (!known(before[i].which, meeting_, n_))
         out.event(t, LIFT, row + before[i].which, 0.0, 0.0);
@@ -50,12 +50,12 @@ class ContactEvents {
 
   struct Meeting {
     int which;
-    double speed;  // m/s: the largest across the normal of a point
+    double speed;  // m/s: the largest across the normal of its points
     bool slides;
   };
 
-  // The meetings of the points that push.
-  void look(const ContactArrays& in, const ContactPush* push, int n) {
+  // Collects the meetings of the points that push.
+  void collect(const ContactArrays& in, const ContactPush* push, int n) {
     n_ = 0;
     for (int i = 0; i < n; ++i) {
       const int which = in.meetings[push[i].pair];

@@ -9,7 +9,7 @@ FAN_LOOPS_BEGIN
 
 namespace fan {
 
-// The C interface of ContactPoints::measure; 1 where there was no memory, else 0.
+// The C interface of ContactPoints::measure; returns 1 if memory is exhausted, else 0.
 template <class Model>
 int measure_gaps(
     const ContactArrays& in, long long n, const double* q_D, const double* q_K, const double* p,

@@ -1,6 +1,5 @@
-// Points of a bundle of lanes on one half-space that stands: the corners of boxes and the ends of
-// capsules, kept by solid and feature in all lanes at once, with what they remember from step to
-// step.
+// Points of a bundle of lanes on one standing half-space: the corners of boxes and the ends of
+// capsules, stored by solid and feature in all lanes at once, with their memory from step to step.
 #pragma once
 
 #include "fantoccini/collision/plane_lanes.hpp"
@@ -20,31 +19,31 @@ class GroundFeet {
   using Push = ContactPush;
 
   struct Point {
-    // Lanes in which it is found in this step, takes part, and pushed in the step before.
+    // Lanes in which it exists in this step, takes part, and pushed in the previous step.
     Mask here, joins, pushes;
-    // Lanes in which it would have to pull in the last solution, and in which it does no longer
-    // take part for that.
+    // Lanes in which it would have to pull in the last solution, and in which it no longer takes
+    // part because of that.
     Mask would_pull, dropped;
     Real at[3], gap;
-    Real asked;   // m/s: the speed at which it is to part beyond stopping
-    Mask rested;  // as in ContactPush; this and the next ones of the last step that ended
+    Real asked;   // m/s: parting speed required after the step
+    Mask rested;  // as in ContactPush; this and the following ones from the last completed step
     Real steps, impulse[3];
-    Mask rests;  // the same of this step
-    Real found[3];
+    Mask rests;  // likewise, of this step
+    Real next_impulse[3];
   };
 
   // A solid that may stand on the ground, alone or with others of its link.
   struct Foot {
     int pair = -1, link;  // -1: it may not
     double friction, restitution;
-    int n = 0, listed[features];  // features that are found in some lane
-    Mask carried;                 // lanes in which it pushed in the step before
+    int n = 0, listed[features];  // features that exist in some lane
+    Mask carried;                 // lanes in which it pushed in the previous step
     Point point[features];
   };
 
-  Mask kept;  // lanes whose points of the step before are here
+  Mask kept;  // lanes whose points of the previous step are stored here
 
-  // Takes the solids; nothing has touched anything yet. Feet stand on the first half-space.
+  // Finds the solids, before any contact. Feet stand on the first half-space.
   FAN_FN void begin(const ContactArrays& in) {
     const Mask none = Real(0.0) > Real(1.0);
     kept = none;
@@ -74,12 +73,13 @@ class GroundFeet {
     }
   }
 
-  // Whether the points of pair k are kept here.
+  // Whether the points of pair k are stored here.
   FAN_FN bool takes(const ContactArrays& in, int k) const {
     return foot[in.pairs[2 * k]].pair == k;
   }
 
-  // Takes what pushed in lane l in the step before; whether all of it is here.
+  // Loads the points that pushed in lane l in the previous step. Returns whether all are stored
+  // here.
   FAN_FN bool take(const ContactArrays& in, int l, const Push* push, int n_push) {
     kept.set(l, false);
     for (int i = 0; i < n_push; ++i)
@@ -88,7 +88,7 @@ class GroundFeet {
       for (Point& p : foot[known_[j]].point) p.pushes.set(l, false);
     for (int i = 0; i < n_push; ++i) {
       const int own = in.pairs[2 * push[i].pair];
-      know(own);
+      list_foot(own);
       Point& to = foot[own].point[push[i].feature];
       to.pushes.set(l, true);
       to.rested.set(l, push[i].rested);
@@ -104,8 +104,8 @@ class GroundFeet {
     return true;
   }
 
-  // Writes what pushed in lane l in order, and returns how many there are. They stand still.
-  FAN_FN int give(int l, Push* push) const {
+  // Writes the points that pushed in lane l in order, all at rest. Returns their number.
+  FAN_FN int hand_over(int l, Push* push) const {
     int n_push = 0;
     each_push(l, [&](const Foot& from, int feature) {
       const Point& p = from.point[feature];
@@ -137,7 +137,7 @@ class GroundFeet {
         if (lane_of(foot[known_[j]].point[k].pushes, l)) f(foot[known_[j]], k);
   }
 
-  // Begins a step: nothing is found yet.
+  // Begins a step: without points.
   FAN_FN void clear() {
     const Mask none = Real(0.0) > Real(1.0);
     n = 0;
@@ -152,14 +152,14 @@ class GroundFeet {
     }
   }
 
-  // A point is found in these lanes. Features of a solid come in order.
+  // Adds a point in these lanes. Features of a solid come in order.
   FAN_FN void add(int solid, int feature, const Real* at, const Real& gap, const Mask& lanes) {
     Foot& own = foot[solid];
-    if (know(solid)) {
+    if (list_foot(solid)) {
       own.n = 0;
       own.carried = Real(0.0) > Real(1.0);
     }
-    if (own.n == 0) found[n++] = solid;
+    if (own.n == 0) with_points[n++] = solid;
     Point& to = own.point[feature];
     own.listed[own.n++] = feature;
     to.here = lanes;
@@ -167,7 +167,7 @@ class GroundFeet {
     for (int c = 0; c < 3; ++c) to.at[c] = at[c];
   }
 
-  // What takes part in these lanes and pushes is what is remembered; all else has not pushed.
+  // Stores the points that take part and push in these lanes; all others count as not pushing.
   FAN_FN void keep(const Mask& lanes) {
     int n_known = 0;
     kept = lanes;
@@ -181,7 +181,7 @@ class GroundFeet {
         p.steps +=
             select(p.steps <= Real(ContactStepTolerances::steps_of_impact), Real(1.0), Real(0.0));
         p.steps = select(closes(p), Real(1.0), p.steps);
-        for (int c = 0; c < 3; ++c) p.impulse[c] = p.found[c];
+        for (int c = 0; c < 3; ++c) p.impulse[c] = p.next_impulse[c];
         some = some || p.pushes;
       }
       if (any(some)) known_[n_known++] = known_[j];
@@ -189,18 +189,18 @@ class GroundFeet {
     n_known_ = n_known;
   }
 
-  // Lanes in which a point that pushes ends the step as fast as closes its gap.
+  // Lanes in which a point that pushes ends the step with the speed that closes its gap.
   FAN_FN static Mask closes(const Point& p) {
     return -p.asked > Real(ContactStepTolerances::closing_speed);
   }
 
   Foot foot[B];
-  double frame[9];      // the ground's normal, and two tangents
-  int n = 0, found[B];  // feet with points in some lane
+  double frame[9];            // the ground's normal, and two tangents
+  int n = 0, with_points[B];  // feet with points in some lane
 
  private:
-  // Lists a foot that may have pushed; whether it was not listed.
-  FAN_FN bool know(int solid) {
+  // Lists a foot that may have pushed. Returns whether it was not listed.
+  FAN_FN bool list_foot(int solid) {
     for (int j = 0; j < n_known_; ++j)
       if (known_[j] == solid) return false;
     known_[n_known_++] = solid;
@@ -210,7 +210,7 @@ class GroundFeet {
     return true;
   }
 
-  int n_known_ = 0, known_[B];  // feet that pushed in some lane in the step before, or are found
+  int n_known_ = 0, known_[B];  // feet that pushed in the last step or have points
 };
 
 }  // namespace fan

@@ -1,11 +1,11 @@
-// Bundles of lanes that stand: where all that touches are feet on the ground (ground_feet.hpp) that
-// stick, the law of patches.hpp is solved in all lanes at once, by the equations of
-// ground_system.hpp over the strings and limits that pulled in the step before and the feet.
+// Bundles of lanes that stand: where all contacts are sticking feet on the ground
+// (ground_feet.hpp), the law of patches.hpp is solved in all lanes at once, by the equations of
+// ground_system.hpp over the feet and the strings and limits that pulled in the previous step.
 //
-// Where a foot's force would have to act beyond an edge, only the points on that edge go on taking
-// part; rows that would push leave, and rows and points that close join. Lanes in which the
-// solution still is not that of the law make their steps by themselves. No lane's result depends on
-// its neighbours.
+// Where a foot's force would have to act beyond an edge, only the points on that edge take part
+// further; rows that would push leave, and rows and points that close join. Lanes without a
+// solution of the law after that make their steps on their own. No lane's result depends on its
+// neighbours.
 #pragma once
 
 #include "fantoccini/contact/ground_system.hpp"
@@ -27,8 +27,8 @@ class GroundLanes {
   using StepTolerance = typename System::StepTolerance;
 
   Feet feet;
-  Mask lanes = Real(0.0) > Real(1.0);  // that are here in this step
-  Mask stands = lanes;                 // those of them in which points take part
+  Mask lanes = Real(0.0) > Real(1.0);  // lanes solved here in this step
+  Mask stands = lanes;                 // of these, lanes in which points take part
   Real depth, residual;                // m: of the deepest overlap; of the law
 
   FAN_FN void begin(const ContactArrays& in) {
@@ -37,8 +37,8 @@ class GroundLanes {
     lanes = stands = Real(0.0) > Real(1.0);
   }
 
-  // Takes the points of feet.found at the start of a step in these lanes; those that are not for
-  // here are left out of `lanes`.
+  // Loads the points of feet.found at the start of a step in these lanes; removes from `lanes`
+  // those that cannot be solved here.
   template <class Links>
   FAN_FN void start(
       const Links& links, const Mask& some, double dt, double whole, double recovery_speed) {
@@ -50,7 +50,7 @@ class GroundLanes {
     for (int r = 0; r < M; ++r) system_.joins[r] = system_.leaves[r] = Real(0.0) > Real(1.0);
     system_.dt = dt;
     for (int j = 0; j < feet.n; ++j) {
-      Foot& own = feet.foot[feet.found[j]];
+      Foot& own = feet.foot[feet.with_points[j]];
       const Real* twist = links.twist(own.link);
       Mask takes_part = Real(0.0) > Real(1.0);
       for (int i = 0; i < own.n; ++i) {
@@ -70,14 +70,14 @@ class GroundLanes {
     stands = stands && lanes;
   }
 
-  // Leaves these lanes.
+  // Gives up these lanes.
   FAN_FN void leave(const Mask& failed) {
     lanes = lanes && !failed;
     stands = stands && !failed;
   }
 
   // Solves the law in the lanes that stand, for impulses and s of the gathered rows. Returns the
-  // lanes in which that is none of its solutions.
+  // lanes in which the result does not satisfy the law.
   template <class Links>
   FAN_FN Mask settle(
       const Links& links, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
@@ -94,8 +94,8 @@ class GroundLanes {
     return stands && !held;
   }
 
-  // What was found for row r: its impulse and its s.
-  FAN_FN const Real& impulse(int r) const { return found_[r]; }
+  // Impulse and s of row r in the solution.
+  FAN_FN const Real& impulse(int r) const { return impulse_[r]; }
   FAN_FN const Real& s(int r) const { return s_[r]; }
 
   // w <- w - W x over the feet.
@@ -104,7 +104,7 @@ class GroundLanes {
     for (int k = 0; k < N; ++k) w[k] += select(stands, taken_[k], Real(0.0));
   }
 
-  // What the feet take from hdot of gathered row a.
+  // Reduction of hdot of gathered row a by the feet.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     if (!any(stands)) return Real(0.0);
     Real rate[room(M)];
@@ -112,13 +112,13 @@ class GroundLanes {
     return select(stands, Real(-rate[a]), Real(0.0));
   }
 
-  // Adds the points that would be passed at the velocity v; whether there are any. `failed` takes
-  // the lanes in which one closes that would have had to pull.
+  // Adds the points that would be passed at the velocity v. Returns whether there are any. Adds to
+  // `failed` the lanes in which one closes that would have had to pull.
   template <class Links>
   FAN_FN bool watch(const Links& links, const Real* v, Mask& failed) {
     bool more = false;
     for (int j = 0; j < feet.n; ++j) {
-      Foot& own = feet.foot[feet.found[j]];
+      Foot& own = feet.foot[feet.with_points[j]];
       Mask rest = Real(0.0) > Real(1.0);
       for (int i = 0; i < own.n; ++i) {
         const Point& p = own.point[own.listed[i]];
@@ -133,7 +133,7 @@ class GroundLanes {
                             rate(twist, p.at) + p.asked > Real(StepTolerance::passing_speed);
         if (!any(closes)) continue;
         more = true;
-        // What may spring back is struck at a time of its own.
+        // A point that may rebound is struck at a time of its own.
         const bool is_other = !(own.friction > 0.0) || own.restitution > 0.0;
         failed = failed || (closes && (p.dropped || Real(is_other ? 1.0 : 0.0) > Real(0.5)));
         p.joins = p.joins || (closes && !p.dropped);
@@ -144,8 +144,8 @@ class GroundLanes {
     return more;
   }
 
-  // Remembers what pushes at the end of the step, by what was found, and books impacts. Returns the
-  // lanes in which there are any.
+  // Stores the points that push at the end of the step, and the energies of impacts. Returns the
+  // lanes with impacts.
   FAN_FN Mask keep(Real& impact) {
     impact = select(struck_ && stands, exchanged_, Real(0.0));
     feet.keep(lanes);
@@ -153,9 +153,9 @@ class GroundLanes {
   }
 
  private:
-  static constexpr int most_tries = 4;  // of modes; more are for single steps
+  static constexpr int most_tries = 4;  // of modes; harder steps are made lane by lane
 
-  // Solves the problem of all lanes that stand in the modes at hand; returns those in which the law
+  // Solves the problem of all lanes that stand in the current modes. Returns those in which the law
   // holds.
   template <class Links>
   FAN_FN Mask solve_trees(
@@ -164,14 +164,14 @@ class GroundLanes {
     for (int k = 0; k < N; ++k) taken_[k] = Real(0.0);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      found_[r] = Real(0.0);
+      impulse_[r] = Real(0.0);
       s_[r] = -rows.problem.b[a];
       would_push_[r] = closes_[r] = Real(0.0) > Real(1.0);
     }
     residual = exchanged_ = Real(0.0);
     struck_ = Real(0.0) > Real(1.0);
     for (int j = 0; j < feet.n; ++j) {
-      Foot& own = feet.foot[feet.found[j]];
+      Foot& own = feet.foot[feet.with_points[j]];
       for (int i = 0; i < own.n; ++i) own.point[own.listed[i]].would_pull = Real(0.0) > Real(1.0);
     }
     Mask held = stands;
@@ -180,13 +180,13 @@ class GroundLanes {
     return held;
   }
 
-  // In these lanes points that would have to pull and rows that would have to push take part no
-  // longer, and rows that close do; whether there are any.
+  // Removes points that would have to pull and rows that would have to push in these lanes, and
+  // adds rows that close. Returns whether there are any.
   FAN_FN bool change_modes(const Mask& some) {
     bool more = false;
     if (!any(some)) return more;
     for (int j = 0; j < feet.n; ++j) {
-      Foot& own = feet.foot[feet.found[j]];
+      Foot& own = feet.foot[feet.with_points[j]];
       for (int i = 0; i < own.n; ++i) {
         Point& p = own.point[own.listed[i]];
         const Mask leaves = p.would_pull && p.joins && some;
@@ -214,8 +214,8 @@ class GroundLanes {
     return -((twist[0] + v[0]) * n[0] + (twist[1] + v[1]) * n[1] + (twist[2] + v[2]) * n[2]);
   }
 
-  // Solves a tree's part of the problem in these lanes, all at once or, where what takes part in
-  // them is too much, one after the other. Returns those in which the law holds.
+  // Solves a tree's part of the problem in these lanes: all at once or, where that exceeds the
+  // capacity, one after the other. Returns those in which the law holds.
   template <class Links>
   FAN_FN Mask solve_some(
       int tree, const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
@@ -236,7 +236,7 @@ class GroundLanes {
     return held;
   }
 
-  // Solves what is listed in these lanes. Returns those in which the law holds.
+  // Solves for the listed rows and feet in these lanes. Returns those in which the law holds.
   template <class Links>
   FAN_FN Mask solve(
       const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
@@ -250,7 +250,7 @@ class GroundLanes {
     return good;
   }
 
-  // Narrows `good` to the lanes in which what was found obeys the law.
+  // Removes from `good` the lanes in which the solution violates the law.
   FAN_FN void check(const RowSystem<Model, Real>& rows, const Mask* near, double cap, Mask& good) {
     const Mask solved = good;
     Mask struck = Real(0.0) > Real(1.0);
@@ -288,7 +288,7 @@ class GroundLanes {
     struck_ = struck_ || (good && struck);
   }
 
-  // Takes the solution in these lanes.
+  // Stores the solution in these lanes.
   FAN_FN void take(const Mask& good, const RowSystem<Model, Real>& rows) {
     for (int k = 0; k < N; ++k) taken_[k] += select(good, system_.taken[k], Real(0.0));
     exchanged_ += select(good, system_.half_exchanged(), Real(0.0));
@@ -297,14 +297,15 @@ class GroundLanes {
       s_[r] = select(good, select(system_.pulls[a], Real(0.0), Real(-system_.speed[a])), s_[r]);
     }
     for (int i = 0; i < system_.n_single; ++i) {
-      Real& to = found_[rows.row[system_.single[i]]];
+      Real& to = impulse_[rows.row[system_.single[i]]];
       to = select(good && system_.has[i], system_.y[i], to);
     }
     for (int p = 0; p < system_.n_feet; ++p)
       for (int j = 0; j < system_.patch[p].n(); ++j) {
         Point& to = system_.patch[p].point(j);
         for (int c = 0; c < 3; ++c)
-          to.found[c] = select(good && to.joins, system_.patch[p].impulse(j)[c], to.found[c]);
+          to.next_impulse[c] =
+              select(good && to.joins, system_.patch[p].impulse(j)[c], to.next_impulse[c]);
       }
   }
 
@@ -313,7 +314,7 @@ class GroundLanes {
   Real solved_near_;                            // rows that took part in the last solve
   Real taken_[room(N)], exchanged_;             // of the feet: - W x, and half_exchanged()
   Mask struck_;                                 // lanes with an impact
-  Real found_[room(M)], s_[room(M)];            // of the rows
+  Real impulse_[room(M)], s_[room(M)];          // of the rows
   Mask would_push_[room(M)], closes_[room(M)];  // lanes in which a row does so in the last solution
 };
 

@@ -1,6 +1,6 @@
 // math/dense_ldl.hpp for a bundle of lanes: A = U^T D U of symmetric positive definite matrices,
-// without pivoting, a right side beside A. Rows of a lane that depend on those before are left out
-// there.
+// without pivoting, with a right-hand side beside A. A row that depends on earlier ones in a lane
+// is left out there.
 #pragma once
 
 #include "fantoccini/math/lanes.hpp"
@@ -17,11 +17,11 @@ class GroundMatrix {
 
   FAN_FN void resize(int n) { n_ = n; }
 
-  // Entry (i, j) of A, j >= i; the right side at j = n.
+  // Entry (i, j) of A, j >= i; the right-hand side at j = n.
   FAN_FN Real& at(int i, int j) { return A_[i * (n_ + 1) + j]; }
 
   // Replaces A by D U. Rows whose pivot falls to the share `least` of their diagonal entry are left
-  // out; returns the lanes that have any.
+  // out. Returns the lanes with such rows.
   FAN_FN Mask factorise(int n, double least) {
     const int stride = n + 1;
     Mask some = Real(0.0) > Real(1.0);
@@ -43,7 +43,7 @@ class GroundMatrix {
     return some;
   }
 
-  // r = A^-1 b of the right side beside A, with numbers that are given for the rows left out.
+  // r = A^-1 b of the right-hand side beside A; rows left out take the entries of `given`.
   FAN_FN void take_column(Real* r, const Real* given) const {
     for (int i = 0; i < n_; ++i) r[i] = A_[i * (n_ + 1) + n_];
     back(r, given);

@@ -1,8 +1,8 @@
-// patch.hpp for one foot of a bundle of lanes: the points that take part may be others in
-// every lane, one to four corners of a face.
+// patch.hpp for one foot of a bundle of lanes: each lane may have other points, one to four corners
+// of a face.
 //
 // The patch's frame is turned so that its points lie in the plane of its tangents though their gaps
-// differ: F, T and the rates of points are then related without error,
+// differ: F, T and the rates of points are then related exactly,
 //
 //   F = sum of x_i,   T = sum of d_i x x_i,   rate of point i = h + theta x d_i
 //
@@ -27,16 +27,16 @@ class GroundPatch {
 
   Foot* foot;
   Mask here, several, many;  // lanes with points, with more than one, with more than two
-  int rank;                  // rows: three of F, then those of T in the lane that has most
+  int rank;                  // rows: three of F, then those of T in the lane that has the most
   Real middle[3], frame[9];  // normal and tangents
-  Real size;                 // m: rows of T are this times a turn
-  Real asked[6];             // of the rows, for what the points' normals ask for
-  Real misfit;               // m/s: of that and the points
+  Real size;                 // m: rows of T are this times an angular velocity
+  Real asked[6];             // of the rows, to meet those of the points' normals
+  Real misfit;               // m/s: between the two
 
   // Lanes in which row k is held.
   FAN_FN Mask has(int k) const { return k < 3 ? here : k < 5 ? several : many; }
 
-  // Takes the points that take part. Returns the lanes in which they are flat.
+  // Loads the points that take part. Returns the lanes in which they are flat.
   FAN_FN Mask make(Foot& own, const double* ground) {
     foot = &own;
     Real count = Real(0.0);
@@ -62,7 +62,7 @@ class GroundPatch {
     return turn(ground) && fit();
   }
 
-  // Adds up the points' impulses of the step before.
+  // Adds up the points' impulses of the previous step.
   FAN_FN void add_up(Real* x) const {
     for (int k = 0; k < 6; ++k) x[k] = Real(0.0);
     for (int j = 0; j < n_; ++j) {
@@ -78,7 +78,7 @@ class GroundPatch {
     for (int k = 3; k < 6; ++k) x[k] /= size;
   }
 
-  // The normal's part at listed point j of rates of the patch's rows.
+  // Normal component at listed point j of rates of the patch's rows.
   FAN_FN Real normal_rate(int j, const Real* rate) const {
     const Real scaled = Real(1.0) / size, *d = d_[j];
     const Real along = rate[0] + scaled * (d[1] * rate[4] - d[0] * rate[5]);
@@ -87,9 +87,9 @@ class GroundPatch {
     return turn_[0] * along + turn_[3] * first + turn_[6] * second;
   }
 
-  // Shares F and T among the points: their impulses in the world. Returns the lanes in which all
-  // lie within their cones. Where the centre of their forces lies beyond an edge, or the foot would
-  // have to be pulled, it tells the points that are not on that edge.
+  // Distributes F and T among the points: their impulses in the world. Returns the lanes in which
+  // all lie within their cones. Where the centre of pressure lies beyond an edge, or the foot would
+  // have to be pulled, it marks the points that are not on that edge.
   FAN_FN Mask share(const Real* x, const double* ground) {
     using std::sqrt;
     const Real N = x[0], zero = Real(0.0), one = Real(1.0);
@@ -127,13 +127,13 @@ class GroundPatch {
     return good;
   }
 
-  // Its points in their order around it, and their impulses found.
+  // Its points in their order around it, and their impulses.
   FAN_FN int n() const { return n_; }
   FAN_FN Point& point(int j) const { return foot->point[which_[j]]; }
   FAN_FN const Real* impulse(int j) const { return impulse_[j]; }
 
  private:
-  // The frame, and where the points lie in it.
+  // Sets the frame and the positions of the points in it.
   FAN_FN Mask turn(const double* ground) {
     using std::abs;
     using std::sqrt;
@@ -163,7 +163,7 @@ class GroundPatch {
     const Real by = one / select(plane, det, one);
     const Real a = select(plane, Real((z1 * s22 - z2 * s12) * by), zero);
     const Real b = select(plane, Real((z2 * s11 - z1 * s12) * by), zero);
-    // Of three points and more: n' ~ (1, -a, -b), t1' ~ (a, 1, 0); of two: t2' along their line.
+    // Of three or more points: n' ~ (1, -a, -b), t1' ~ (a, 1, 0); of two: t2' along their line.
     const Mask pair = several && !many;
     const Real length = dot3(first, first), flat = first[1] * first[1] + first[2] * first[2];
     const Mask line = pair && flat > zero;
@@ -197,7 +197,7 @@ class GroundPatch {
     return !here || (off <= Tolerance::flat * size && (!pair || line) && (!many || plane));
   }
 
-  // What the rows are asked for; the lanes in which that is known.
+  // Required rates of the rows. Returns the lanes in which they are determined.
   FAN_FN Mask fit() {
     using std::abs;
     const Real zero = Real(0.0);
@@ -234,8 +234,8 @@ class GroundPatch {
     return misfit < Real(unbounded) || !here;
   }
 
-  // The points' shares of the normal impulse with its centre at c (Wachspress); the lanes in which
-  // it lies inside.
+  // The points' shares of the normal impulse with its centre at c (Wachspress). Returns the lanes
+  // in which c lies inside.
   FAN_FN Mask weigh(const Real* c) {
     const Real zero = Real(0.0), one = Real(1.0);
     const Mask pair = several && !many;
@@ -244,7 +244,7 @@ class GroundPatch {
                                                                   round = zero;
     for (int j = 0; j < n_; ++j)
       for (int k = 0; k < 2; ++k) e[j][k] = d_[j][k] - c[k];
-    // The neighbours: the nearest of the lane's points in both directions, past the end the first.
+    // Neighbours: the nearest of the lane's points in both directions, cyclically.
     const auto walk = [&](int j, Real(*beside)[2]) {
       const Mask& own = foot->point[which_[j]].joins;
       for (int k = 0; k < 2; ++k) {

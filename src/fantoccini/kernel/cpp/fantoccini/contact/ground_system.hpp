@@ -1,5 +1,5 @@
 // The linear equations of ground_lanes.hpp: G x = b over strings and limits and F and T of feet, in
-// all lanes at once. Of the matrix what takes no part in a lane is a row of the unit matrix there.
+// all lanes at once. Unknowns that take no part in a lane have a row of the unit matrix there.
 #pragma once
 
 #include "fantoccini/contact/ground_matrix.hpp"
@@ -27,16 +27,16 @@ class GroundSystem {
   static constexpr int P = Matrix::most / 3;
 
   double dt = 0.0;  // s: of the step
-  // What is listed: rows, those that pull in some lane, feet.
+  // Listed: rows, those that pull in some lane, feet.
   int n_rows = 0, n_single = 0, n_feet = 0;
   int row[room(M)], single[room(M)], first[P];
   Mask pulls[room(M)];
-  // Lanes in which a row has left or joined those that pull in this step.
+  // Lanes in which a row has left or joined the pulling rows in this step.
   Mask leaves[room(M)], joins[room(M)];
   Patch patch[P];
   Real at_start[P][6],
-      by_forces[P][6];     // hdot of their rows, and what the forces of the step change
-  Mask has[Matrix::most];  // lanes in which an unknown is one
+      by_forces[P][6];     // hdot of their rows; changes by the forces of the step
+  Mask has[Matrix::most];  // lanes that have an unknown
   Real y[Matrix::most];
   Real taken[room(N)], speed[room(M)];  // - W y of the feet; hdot at the end of all gathered rows
 
@@ -49,8 +49,7 @@ class GroundSystem {
     for (int r = 0; r < M; ++r) row_tree_[r] = groups_.of_row(r);
   }
 
-  // Lists the rows and feet of a tree that take part in these lanes; whether there is room for
-  // them.
+  // Lists the rows and feet of a tree that take part in these lanes. Returns whether they fit.
   FAN_FN bool list(
       int tree, const Mask& some, Feet& feet, const RowSystem<Model, Real>& rows, const Mask* near,
       const Real* guess) {
@@ -70,7 +69,7 @@ class GroundSystem {
     }
     size_ = n_single;
     for (int j = 0; j < feet.n; ++j) {
-      const int which = feet.found[j];
+      const int which = feet.with_points[j];
       if (tree_[which] != tree) continue;
       Foot& own = feet.foot[which];
       Mask takes_part = Real(0.0) > Real(1.0);
@@ -84,8 +83,8 @@ class GroundSystem {
     return true;
   }
 
-  // Solves what is listed in these lanes. Returns those in which there is a solution, with the
-  // residual relative to the largest |b| in `share`.
+  // Solves for the listed rows and feet in these lanes. Returns those in which there is a solution,
+  // and in `share` the residual relative to the largest |b|.
   template <class Links>
   FAN_FN Mask solve_listed(
       const Mask& some, const Links& links, const Evaluation<Model, Real>& eval,
@@ -138,8 +137,8 @@ class GroundSystem {
     return good;
   }
 
-  // Half of what the impulses of the feet take: each acts at the mean of the velocities before and
-  // after the step, where points end as fast as they are asked to.
+  // Half of the energy taken by the impulses of the feet: each acts at the mean of the velocities
+  // before and after the step, at which points have their required rates.
   FAN_FN Real half_exchanged() const {
     Real sum = Real(0.0);
     for (int p = 0; p < n_feet; ++p)
@@ -149,7 +148,7 @@ class GroundSystem {
   }
 
  private:
-  // W of a foot's rows, their b and what the forces of the step do to them.
+  // W of a foot's rows, their b, and the effect of the step's forces on them.
   template <class Links>
   FAN_FN void push(int p, const Links& links, const Evaluation<Model, Real>& eval) {
     const Patch& own = patch[p];
@@ -188,7 +187,7 @@ class GroundSystem {
     for (int k = own.rank; k < 6; ++k) by_forces[p][k] = Real(0.0);
   }
 
-  // G on its diagonal and to the right of it, and b beside it.
+  // G on its diagonal and to the right of it, with b beside it.
   FAN_FN void write(const RowSystem<Model, Real>& rows) {
     constexpr int from = Complementarity<Real, M>::N;
     matrix_.resize(size_);
@@ -218,7 +217,7 @@ class GroundSystem {
     for (int i = 0; i < size_; ++i) matrix_.at(i, size_) = b_[i];
   }
 
-  // The products of part m of foot q and three columns.
+  // Products of part m of foot q and three columns.
   FAN_FN void block(
       int q, int m, const Triple<Real>* own, const int* begin, const int* end, int column,
       int height) {
@@ -249,7 +248,7 @@ class GroundSystem {
     matrix_.at(i, j) = select(has[i] && has[j], value, Real(i == j ? 1.0 : 0.0));
   }
 
-  // What redundant rows keep: what they had in the step before.
+  // Redundant rows keep their impulses of the previous step.
   FAN_FN void recall(const Mask& redundant, const RowSystem<Model, Real>& rows, const Real* guess) {
     for (int i = 0; i < size_; ++i) given_[i] = Real(0.0);
     if (!any(redundant)) return;
@@ -265,7 +264,7 @@ class GroundSystem {
     }
   }
 
-  // left = b - G y, and the speeds that are left of the tree's rows.
+  // left = b - G y, and the residual speeds of the tree's rows.
   FAN_FN void find_left(const RowSystem<Model, Real>& rows) {
     Real w[room(N)];
     for (int k = 0; k < N; ++k) taken[k] = Real(0.0);

@@ -1,5 +1,5 @@
 // Groups of bodies that influence one another: those of one tree, trees that strings connect, and,
-// in a step, those that touch. Each group's impulses are a problem of their own.
+// in a step, those that touch. The impulses of each group are a separate problem.
 #pragma once
 
 #include "fantoccini/math/real.hpp"
@@ -11,16 +11,16 @@ class ContactGroups {
  public:
   int n = 0;  // groups in which something takes part
 
-  // Whatever touches something does not join groups yet.
+  // Starts a step: contacts have not joined groups yet.
   FAN_FN void begin() {
-    if (!known_) learn();
+    if (!known_) number_trees();
     for (int k = 0; k < n_trees_; ++k) {
       group_[k] = k;
       is_used_[k] = false;
     }
   }
 
-  // The tree of two links that touch, whose groups become one; -1 for the world.
+  // Merges the groups of two links that touch; -1 for the world. Returns the tree.
   FAN_FN int joined(int a, int b) {
     const int x = tree_of(a), y = tree_of(b);
     if (x >= 0 && y >= 0) join(group_, n_trees_, group_[x], group_[y]);
@@ -45,7 +45,7 @@ class ContactGroups {
 
   FAN_FN int trees() const { return n_trees_; }
 
-  // The first tree of the group that a tree is in by now.
+  // The first tree of the current group of a tree.
   FAN_FN int named(int tree) const { return group_[tree]; }
 
   // The number of the group of a tree.
@@ -55,8 +55,8 @@ class ContactGroups {
   static constexpr int N = room(Model::n_vD), S = Model::n_strings, M = Model::n_rows;
   static constexpr int L = Model::n_links;
 
-  // Numbers the trees, each a group of velocities. Rows without velocities may go with any.
-  FAN_FN void learn() {
+  // Numbers the trees, each a group of velocities. Rows without velocities may belong to any.
+  FAN_FN void number_trees() {
     known_ = true;
     for (int k = 0; k < N; ++k) tree_[k] = k;
     const auto connect = [&](const int* begin, const int* entry) {
@@ -65,7 +65,7 @@ class ContactGroups {
     };
     for (int i = 0; i < L; ++i) connect(Model::moved_D_begin + i, Model::moved_D_entry);
     for (int r = 0; r < S; ++r) connect(Model::string_begin + r, Model::string_entry);
-    // The first velocity of each, which names it until here, comes first.
+    // The first velocity of a tree, its name so far, comes first.
     for (int k = 0; k < N; ++k) tree_[k] = tree_[k] == k ? n_trees_++ : tree_[tree_[k]];
     for (int i = 0; i < L; ++i) {
       const int* begin = Model::moved_D_begin + i;
@@ -78,7 +78,7 @@ class ContactGroups {
     }
   }
 
-  // Makes groups x and y one, called by the smaller.
+  // Merges groups x and y under the smaller name.
   FAN_FN static void join(int* group, int n, int x, int y) {
     const int from = x > y ? x : y, to = x > y ? y : x;
     for (int k = 0; k < n && from != to; ++k)
@@ -96,7 +96,7 @@ class ContactGroups {
   bool known_ = false;
   int n_trees_ = 0;
   int tree_[N], link_[room(L)],
-      row_[room(M)];          // the tree of every velocity, link, string and limit
+      row_[room(M)];          // tree of every velocity, link, string and limit
   int group_[N], number_[N];  // of every tree
   bool is_used_[N];
 };

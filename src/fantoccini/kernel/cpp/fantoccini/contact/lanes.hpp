@@ -1,6 +1,6 @@
-// Contacts of a time step of a bundle of lanes, with the interface of step.hpp: those of lanes
-// that stand on the ground alone are solved here, all at once (ground_lanes.hpp). Other lanes are
-// `apart`: they take no part here, and make their steps one by one (timestepping/single_lanes.hpp).
+// Contacts of a time step of a bundle of lanes, with the interface of step.hpp. Lanes that only
+// stand on the ground are solved here, all at once (ground_lanes.hpp). Other lanes are `apart`:
+// they make their steps one by one (timestepping/single_lanes.hpp).
 #pragma once
 
 #include "fantoccini/contact/ground_lanes.hpp"
@@ -21,7 +21,7 @@ class ContactLanes {
   Real residual = Real(0.0);               // of the law, in the last step
   Mask apart = Real(0.0) > Real(1.0);      // lanes that are not solved here
 
-  // Nothing has touched anything yet.
+  // Starts without any contact.
   FAN_FN void begin(const ContactArrays& in) {
     links_.begin(in);
     ground_.begin(in);
@@ -41,7 +41,7 @@ class ContactLanes {
     memory.keep_of_lanes(too_many_);
   }
 
-  // As ContactStep's, of the lanes that are not apart.
+  // As ContactStep::take_as_resting(), for the lanes that are not apart.
   FAN_FN void take_as_resting() {
     list_pushes();
     for (int l = 0; l < width; ++l) n_[l] = keep_resting(push_[l], n_[l]);
@@ -63,7 +63,7 @@ class ContactLanes {
     leave(!idle && !ground_.lanes);
   }
 
-  // Leaves lanes whose links impulses have made faster than the margins of find() allow for;
+  // Gives up lanes in which impulses have accelerated links beyond the margins of find(). Returns
   // whether there are any.
   FAN_FN bool look_again(const Real* acc, double dt) {
     const Mask fast = ground_.lanes && links_.outruns(acc, dt);
@@ -74,7 +74,7 @@ class ContactLanes {
   // Whether points take part in all lanes but these.
   FAN_FN bool take_part(const Mask& idle) const { return !any(!(ground_.stands || idle)); }
 
-  // Adds the points that would be passed at the velocity v; whether there are any.
+  // Adds the points that would be passed at the velocity v. Returns whether there are any.
   FAN_FN bool watch(const Real* v) {
     Mask failed = Real(0.0) > Real(1.0);
     const bool more = ground_.watch(links_, v, failed);
@@ -102,13 +102,13 @@ class ContactLanes {
   // w <- w - W x over the points.
   FAN_FN void add(Real* w) const { ground_.add(w); }
 
-  // What the impulses take from hdot of gathered row a.
+  // Reduction of hdot of gathered row a by the impulses.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     return ground_.rate_by_impulses(rows, a);
   }
 
-  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
-  // 0.
+  // Energies of the step, and the points that push at its end. Returns 1 in lanes with an impact,
+  // else 0.
   FAN_FN Real account() {
     residual = select(ground_.stands, ground_.residual, Real(0.0));
     const Mask struck = ground_.keep(impact);
@@ -128,40 +128,39 @@ class ContactLanes {
     }
   }
 
-  // Gives the contacts of a lane that is apart to a step of its own, and takes what that makes of
-  // them.
-  FAN_FN void give(int l, ContactStep<Model, double>& to) {
+  // Hands the contacts of a lane that is apart to a step of its own, and takes them back.
+  FAN_FN void hand_over(int l, ContactStep<Model, double>& to) {
     to.take(push_[l], n_[l], links_.near(l));
   }
   FAN_FN void take(int l, ContactStep<Model, double>& from) {
-    n_[l] = from.give(push_[l], links_.near(l));
+    n_[l] = from.hand_over(push_[l], links_.near(l));
     too_many_[l] = from.too_many(0);
     lane_of(residual, l) = from.residual;
-    links_.learn(l);
+    links_.read_list(l);
   }
 
  private:
-  // These lanes go on apart.
+  // Sets these lanes apart.
   FAN_FN void leave(const Mask& lanes) {
     if (!any(lanes)) return;
     for (int l = 0; l < width; ++l)
-      if (lane_of(lanes && !fresh_, l)) n_[l] = ground_.feet.give(l, push_[l]);
+      if (lane_of(lanes && !fresh_, l)) n_[l] = ground_.feet.hand_over(l, push_[l]);
     ground_.leave(lanes);
     apart = apart || lanes;
   }
 
-  // Lists what pushes of lanes on the ground, too, as the others' is.
+  // Lists the points that push in lanes on the ground as in the other lanes.
   FAN_FN void list_pushes() {
     auto& feet = ground_.feet;
     for (int l = 0; l < width; ++l)
-      if (lane_of(feet.kept, l)) n_[l] = feet.give(l, push_[l]);
+      if (lane_of(feet.kept, l)) n_[l] = feet.hand_over(l, push_[l]);
     feet.kept = Real(0.0) > Real(1.0);
   }
 
   NearLanes<Model, Real> links_;
   GroundLanes<Model, Real> ground_;
-  Mask fresh_;  // lanes that were not kept by the feet at the start of the step
-  // Of these: what pushes.
+  Mask fresh_;  // lanes that the feet had not stored at the start of the step
+  // Their points that push.
   int n_[width];
   Push push_[width][room(C)];
   bool too_many_[width];

@@ -1,6 +1,5 @@
-// The velocities that move a contact point. Its column W = F^-T A_D^T differs from zero only there,
-// for they are also all that the ancestors of the two bodies move with; the rest is left out of
-// every sum.
+// The velocities that move a contact point. Its column W = F^-T A_D^T is zero elsewhere, because
+// they include all velocities that move the ancestors of the two bodies; sums skip the rest.
 #pragma once
 
 #include "fantoccini/math/triple.hpp"
@@ -13,20 +12,20 @@ namespace fan {
 template <int n_vD>
 struct MovedBy {
   int n = 0;
-  int link[2] = {-1, -1};  // the links that were added, the last two; -1 for none
-  bool apart = true;       // whether they have no velocity in common, nor any before them
+  int link[2] = {-1, -1};  // the last two links added; -1 for none
+  bool apart = true;       // whether they share no velocity, nor any before them
 
   // The velocities, in order.
   FAN_FN const int* entries() const { return listed_ ? listed_ : merged_; }
 
-  // Nothing moves it.
+  // Removes all links.
   FAN_FN void clear() {
     n = 0;
     link[0] = link[1] = -1;
     apart = true;
   }
 
-  // Adds those of a link, listed in order, to what is there.
+  // Adds the velocities of a link, listed in order.
   FAN_FN void add(int which, const int* begin, const int* end) {
     if (begin == end) return;
     link[1] = link[0];
@@ -49,15 +48,15 @@ struct MovedBy {
     listed_ = nullptr;
   }
 
-  // Whether no velocity moves both points, as those of different puppets: entries of either lie
-  // beyond the other's.
+  // Whether no velocity moves both points, as for different puppets: all entries of one come after
+  // the other's.
   FAN_FN bool is_apart(const MovedBy& other) const {
     const int *own = entries(), *its = other.entries();
     return n == 0 || other.n == 0 || own[n - 1] < its[0] || its[other.n - 1] < own[0];
   }
 
-  // How many of its first entries to look at for all that move both: those that are the same, where
-  // the others of either lie beyond the other's, as in a tree.
+  // Number of leading entries that contain all velocities that move both points: the equal ones, if
+  // the other entries of one come after the other's, as in a tree.
   FAN_FN int common(const MovedBy& other) const {
     const int *own = entries(), *its = other.entries();
     const int most = n < other.n ? n : other.n;
@@ -67,7 +66,7 @@ struct MovedBy {
     return apart ? same : n;
   }
 
-  // The product of three rows with v, in two sums: each addition waits for the one before.
+  // Product of three rows with v, in two sums: each addition waits for the previous one.
   template <class Real>
   FAN_FN Triple<Real> along(const Triple<Real>* row, const Real* v) const {
     const int* entry = entries();
@@ -84,7 +83,7 @@ struct MovedBy {
     return even;
   }
 
-  // The products of three columns of this point with three others, over its first entries.
+  // Products of three columns of this point with three others, over its first entries.
   template <class Real>
   FAN_FN void products(
       const Triple<Real>* a, const Triple<Real>* b, Triple<Real>* out, int first) const {

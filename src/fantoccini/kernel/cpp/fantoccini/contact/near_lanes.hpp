@@ -1,5 +1,5 @@
 // The links of a bundle of lanes: their motion, the balls around their solids, and the lists of
-// near pairs, whose test is made in all lanes at once.
+// near pairs, which are checked in all lanes at once.
 #pragma once
 
 #include "fantoccini/collision/plane_lanes.hpp"
@@ -17,7 +17,7 @@ class NearLanes {
   using Tolerance = ContactPointTolerances;
   using Near = NearPairs<Links::L, 4 * Links::L>;
 
-  // Takes the solids; nothing is known of where they are.
+  // Loads the solids; their poses are unknown.
   FAN_FN void begin(const ContactArrays& in) {
     links_.begin(in);
     slack_ = links_.slack();
@@ -27,7 +27,7 @@ class NearLanes {
     n_listed_ = 0;
   }
 
-  // Begins the search at (q_D, q_K): where the links are and how they move.
+  // Begins the search at (q_D, q_K): poses and velocities of the links.
   FAN_FN void place_at(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, double dt) {
@@ -41,8 +41,8 @@ class NearLanes {
     if (any(good_) && is_listed_anew_) merge_lists(in);
   }
 
-  // Finds the points of `ground` over a step dt in these lanes. Returns those in which that is all
-  // there is.
+  // Finds the points of `ground` over a step dt in these lanes. Returns those without other
+  // contacts.
   template <class Ground>
   FAN_FN Mask find_on(const ContactArrays& in, double dt, const Mask& lanes, Ground& ground) {
     Mask alone = lanes && good_;
@@ -66,7 +66,7 @@ class NearLanes {
         if (lane_of(near, l) && touches_in(in, k, lane_of(margin, l), l)) alone.set(l, false);
     }
     for (int l = 0; l < width; ++l)
-      if (lane_of(alone, l)) near_[l].serve();
+      if (lane_of(alone, l)) near_[l].count_step();
     return alone;
   }
 
@@ -76,14 +76,14 @@ class NearLanes {
     links_.move();
     links_.place();
     links_.list_near(in, near_[l], slack_);
-    learn(l);
+    read_list(l);
   }
 
-  // The list of near pairs of lane l, which a step of that lane alone may make anew.
+  // The list of near pairs of lane l, which a step of that lane alone may replace.
   FAN_FN Near& near(int l) { return near_[l]; }
 
-  // The list of lane l may be another one.
-  FAN_FN void learn(int l) {
+  // Reads the list of lane l, which may have been replaced.
+  FAN_FN void read_list(int l) {
     known_.set(l, near_[l].is_known());
     is_listed_anew_ = true;
     for (int link = 0; link < L && near_[l].is_known(); ++link) {
@@ -93,14 +93,14 @@ class NearLanes {
     }
   }
 
-  // The lanes in which some link may go farther than the margins allow for, if the step dt changes
-  // the velocities by dv_D.
+  // Lanes in which a link may move farther than its margin allows, if the step dt changes the
+  // velocities by dv_D.
   FAN_FN Mask outruns(const Real* dv_D, double dt) const {
     return links_.outruns(dv_D, dt, speed_at_start_, Tolerance::margin, Tolerance::travel);
   }
 
-  // A link's twist at the velocities of the step's start; the screw of a velocity; the twist of a
-  // link that nothing drives at other velocities.
+  // A link's twist at the velocities at the start of the step; the screw of a velocity; the twist
+  // at other velocities of a link that nothing drives.
   FAN_FN const Real* twist(int link) const { return twist_of_ + 6 * link; }
   FAN_FN const Real* screw(int k) const { return links_.of_lanes.screw_D + 6 * k; }
   FAN_FN void twist_at(int link, const Real* v_D, Real* out) const {
@@ -148,7 +148,7 @@ class NearLanes {
     }
   }
 
-  // As NearPairs::holds(): the lanes whose lists are still good.
+  // As NearPairs::holds(): the lanes whose lists are still valid.
   FAN_FN Mask hold(double dt) const {
     Mask all = Real(0.0) < Real(1.0);
     for (int link = 0; link < L; ++link) {
@@ -198,8 +198,8 @@ class NearLanes {
     }
   }
 
-  // The lanes, of those given, in which the solids of pair k are within the margin of each other as
-  // far as their balls tell.
+  // The lanes among these in which the balls of the solids of pair k are within the margin of each
+  // other.
   FAN_FN Mask
   near_in(const ContactArrays& in, int k, double dt, const Mask& lanes, Real& margin) const {
     if (!any(lanes)) return lanes;
@@ -225,10 +225,10 @@ class NearLanes {
   // Whether pair k has points in lane l.
   FAN_FN bool touches_in(const ContactArrays& in, int k, double margin, int l) {
     const int first = in.pairs[2 * k], second = in.pairs[2 * k + 1];
-    Touch found[max_touches];
+    Touch near_touch[max_touches];
     place_in(in, first, l);
     if (in.solids[second].link >= 0) place_in(in, second, l);
-    return links_.touch(in, k, margin, found) > 0;
+    return links_.touch(in, k, margin, near_touch) > 0;
   }
 
   // The middle of a solid in the world.
@@ -239,7 +239,7 @@ class NearLanes {
     for (int c = 0; c < 3; ++c) out[c] = Real(own[c]);
   }
 
-  // Places one solid of a link as it is in lane l.
+  // Places one solid of a link at its pose in lane l.
   FAN_FN void place_in(const ContactArrays& in, int solid, int l) {
     const Solid& x = in.solids[solid];
     double pose[12];
@@ -252,11 +252,11 @@ class NearLanes {
   Links links_;
   Near near_[width];
   double slack_ = 0.0;                                // m: of the lists of near pairs
-  Real speed_at_start_[room(L)];                      // m/s: by which the margins are chosen
+  Real speed_at_start_[room(L)];                      // m/s: from which the margins follow
   Real twist_of_[room(6 * L)], centre_[room(3 * L)];  // of the links and the balls around them
-  Real old_[room(12 * L)];      // turns and centres at which the lists of near pairs were made
-  Mask known_, good_;           // lanes that have a list, and one that holds in this step
-  bool is_listed_anew_ = true;  // whether a list is another one than in listed_
+  Real old_[room(12 * L)];      // rotations and centres at which the lists of near pairs were made
+  Mask known_, good_;           // lanes that have a list, and a valid one in this step
+  bool is_listed_anew_ = true;  // whether a list differs from that in listed_
   int n_listed_ = 0;
   Listed listed_[width * 4 * room(Model::n_links)];
 };

@@ -1,11 +1,11 @@
-// Points of one pair that stand flat on one another and stick: together they hold a relative twist,
-// so that six rows at most take the place of three for each,
+// Points of one pair in flat, sticking contact: together they hold a relative twist, so that at
+// most six rows replace three for each point,
 //
 //   F = sum of x_i,   T = sum of d_i x x_i          (d_i from the middle of the points)
 //
-// in a frame of the normal and two tangents: F alone for one point; for two, which do not hold the
-// turn about the line between them, F and two parts of T. Any impulses within the cones that add up
-// to F and T give the same motion; these do, with c the centre of pressure:
+// in a frame of the normal and two tangents: F alone for one point; F and two components of T for
+// two, which do not hold the rotation about the line between them. Any impulses within the cones
+// that add up to F and T give the same motion; these are used, with c the centre of pressure:
 //
 //   n_i = N times the polygon's coordinates of c (Wachspress),
 //   t_i = n_i (F_t / N + alpha (d_i - c) turned by a right angle)
@@ -20,8 +20,8 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 struct ContactPatchTolerances {
-  // How far points may lie off a plane, relative to their distance from the middle, and normals
-  // turn. How far they must lie off a line, likewise, squared.
+  // Distance of points from a plane, relative to their distance from the middle, and deviation of
+  // normals; `line`: the same from a line, squared.
   static constexpr double flat = 1e-10;
   static constexpr double line = 1e-6;
 };
@@ -34,15 +34,15 @@ class ContactPatch {
   int point[max_touches];      // of the step
   int rank = 0;                // rows: three of F, then those of T
   double middle[3], frame[9];  // normal and tangents
-  double size = 1.0;           // m: rows of T are this times a turn
-  double b[6];                 // the rows' hdot and what is asked for beyond
-  double misfit = 0.0;         // m/s: of b and the points
+  double size = 1.0;           // m: rows of T are this times an angular velocity
+  double b[6];                 // hdot of the rows plus their required rates
+  double misfit = 0.0;         // m/s: between b and the points
 
-  // How many of F and T it has.
+  // Number of the parts F and T that it has.
   FAN_FN int parts() const { return rank > 3 ? 2 : 1; }
 
-  // Takes the points listed, with their hdot (three numbers each, by point) and what their normals
-  // ask for beyond. Whether they are flat, and at most two where they lie on a line.
+  // Loads the listed points, with their hdot (three numbers each, by point) and the required rates
+  // of their normals. Returns whether they are flat, and at most two where they lie on a line.
   template <class Point>
   FAN_FN bool make(const Point* at, const double* hdot, const double* asked) {
     const double* own = at[point[0]].frame;
@@ -63,7 +63,7 @@ class ContactPatch {
     return is_flat(at) && fit(hdot, asked);
   }
 
-  // F and T of impulses of the step's points, three each.
+  // Adds up F and T from the impulses of the step's points, three each.
   FAN_FN void add_up(const double* impulses, double* x) const {
     double turn[3] = {};
     for (int k = 0; k < 3; ++k) x[k] = 0.0;
@@ -81,7 +81,7 @@ class ContactPatch {
     for (int k = 3; k < rank; ++k) x[k] = turn[k - 3] / size;
   }
 
-  // The normal's part at its point i of rates of the patch's rows.
+  // Normal component at its point i of rates of the patch's rows.
   FAN_FN double normal_rate(int i, const double* rate) const {
     double out = rate[0];
     if (rank > 3) out += d_[i][1] * rate[4] / size;
@@ -89,7 +89,7 @@ class ContactPatch {
     return out;
   }
 
-  // The impulses of the points, three each, from F and T; false where these leave a cone.
+  // Impulses of the points, three each, from F and T. Returns false if they leave a cone.
   FAN_FN bool share(const double* x, double mu, double* impulses) const {
     const double N = x[0];
     if (!(N > 0.0)) return false;
@@ -118,8 +118,8 @@ class ContactPatch {
   }
 
  private:
-  // Where points lie along the tangents, which are turned for two points: the second then is along
-  // the line between them.
+  // Finds the positions of points along the tangents. For two points the tangents are turned so
+  // that the second lies along the line between them.
   template <class Point>
   FAN_FN bool is_flat(const Point* at) {
     double square = 0.0, off = 0.0, bend = 0.0;
@@ -161,7 +161,8 @@ class ContactPatch {
     return true;
   }
 
-  // b, from all points alike; false where more than two lie on a line. The rates of the points:
+  // Finds b, the least-squares fit to all points. Returns false if more than two lie on a line. The
+  // rates of the points:
   //   h_n + (d_2 theta_1 - d_1 theta_2, - d_2 theta_n, d_1 theta_n)
   FAN_FN bool fit(const double* hdot, const double* asked) {
     double own[max_touches][3], mean[3] = {}, turn = 0.0, first = 0.0, second = 0.0;
@@ -203,7 +204,7 @@ class ContactPatch {
     return true;
   }
 
-  // The points' shares of the normal impulse with its centre at c; false where c lies outside.
+  // The points' shares of the normal impulse with its centre at c. Returns false if c lies outside.
   FAN_FN bool weigh(const double* c, double* weight) const {
     if (n == 1) {
       weight[0] = 1.0;
@@ -215,8 +216,8 @@ class ContactPatch {
       return weight[0] >= 0.0 && weight[1] >= 0.0;
     }
     int round[max_touches];
-    go_round(round);
-    // From c; twice the areas of the triangles of c and an edge.
+    sort_around(round);
+    // Vectors from c; twice the areas of the triangles of c and an edge.
     double e[max_touches + 2][2], area[max_touches + 1], sum = 0.0;
     for (int j = 0; j < n; ++j)
       for (int k = 0; k < 2; ++k) e[j + 1][k] = d_[round[j]][k] - c[k];
@@ -230,7 +231,7 @@ class ContactPatch {
       if (!(area[j] > 0.0)) return false;
     }
     for (int j = 1; j <= n; ++j) {
-      // The triangle of a point and its neighbours over those with c: negative where not convex.
+      // Area of a point and its neighbours over those with c: negative where not convex.
       const double own = (area[j - 1] + area[j] - twice(j - 1, j + 1)) / (area[j - 1] * area[j]);
       if (!(own >= 0.0)) return false;
       weight[round[j - 1]] = own;
@@ -240,8 +241,8 @@ class ContactPatch {
     return true;
   }
 
-  // The points in their order around the middle.
-  FAN_FN void go_round(int* round) const {
+  // Order of the points around the middle.
+  FAN_FN void sort_around(int* round) const {
     const auto is_upper = [&](int i) {
       return d_[i][1] > 0.0 || (d_[i][1] == 0.0 && d_[i][0] > 0.0);
     };
@@ -258,7 +259,7 @@ class ContactPatch {
   }
 
   double d_[max_touches][2];  // from the middle, along the tangents
-  // Of the tangents in those of the points, which rounding may turn.
+  // Rotation of the tangents relative to the points', which may differ by rounding.
   double cosine_[max_touches], sine_[max_touches];
 };
 

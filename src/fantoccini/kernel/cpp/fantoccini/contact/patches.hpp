@@ -1,12 +1,13 @@
-// Contacts that stick, solved as patches (patch.hpp) before the law is solved point by point:
-// where every point of a group stands still and its strings go on pulling, the velocities
-// after the step follow from as many equations as there are rows that are held,
+// Sticking contacts, solved as patches (patch.hpp) before the law is solved point by point: where
+// every point of a group is at rest and its strings keep pulling, the velocities after the step
+// follow from one equation for each held row,
 //
 //   G x = b
 //
-// over the strings that pull and each patch's F and T. They are the law's where strings pull, the
-// other ones do not close, and each patch's F and T lie within its points' cones. Otherwise the
-// group is left to the cones' solver. Of one trajectory; for bundles of lanes see ground_lanes.hpp.
+// over the pulling strings and each patch's F and T. They satisfy the law if these strings pull,
+// the other ones do not close, and each patch's F and T lie within its points' cones. Otherwise the
+// cone solver solves the group. This is for one trajectory; for bundles of lanes see
+// ground_lanes.hpp.
 #pragma once
 
 #include "fantoccini/contact/columns.hpp"
@@ -23,8 +24,8 @@ struct ContactPatchesTolerances {
   // Rows whose pivots fall to this share of their diagonal entry are redundant.
   static constexpr double least_pivot = 1e-11;
   static constexpr int rounds = 3;  // of refinement, with the solution itself
-  // Largest |s|, relative to the largest |b|: of a solution that needs no refinement; of one that
-  // is accepted.
+  // Largest |s| relative to the largest |b|: of a solution that needs no refinement, and of one
+  // that is accepted.
   static constexpr double rough = 1e-13;
   static constexpr double residual = 1e-11;
   // Steps without an attempt after one that failed.
@@ -42,28 +43,28 @@ class ContactPatches {
   // Whether patches hold in the last step.
   bool holds_some() const { return any_held_; }
 
-  // There are none yet.
-  FAN_FN void let_go(State& state) {
+  // Removes all patches.
+  FAN_FN void remove_all(State& state) {
     any_held_ = false;
     state.held_residual = 0.0;
     for (int i = 0; i < state.points.most; ++i) state.held[i] = false;
     for (int r = 0; r < M; ++r) state.row_held[r] = false;
   }
 
-  // Solves the groups that stick. Whether nothing else takes part.
+  // Solves the groups that stick. Returns whether nothing else takes part.
   FAN_FN bool hold(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
-      const Mask* near, const Real* guess, double cap, Real* found, Real* s) {
-    let_go(state);
+      const Mask* near, const Real* guess, double cap, Real* row_impulses, Real* s) {
+    remove_all(state);
     if (state.bounces[0]) return false;
     for (int a = 0; a < rows.n; ++a) {
-      found[a] = Real(0.0);
+      row_impulses[a] = Real(0.0);
       s[a] = -rows.problem.b[a];
     }
     sort_all(state, rows, near);
     bool all = true;
     for (int g = 0; g < groups_.n; ++g)
-      all = sticks_[g] && hold_group(state, g, eval, rows, guess, cap, found, s) && all;
+      all = sticks_[g] && hold_group(state, g, eval, rows, guess, cap, row_impulses, s) && all;
     return all;
   }
 
@@ -72,7 +73,7 @@ class ContactPatches {
     for (int k = 0; k < N && any_held_; ++k) w[k] += taken_[k];
   }
 
-  // What the patches take from hdot of gathered row a.
+  // Reduction of hdot of gathered row a by the patches.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     if (!any_held_) return Real(0.0);
     Real rate[room(M)];
@@ -83,7 +84,7 @@ class ContactPatches {
  private:
   using Columns = ContactColumns<Model, Real>;
 
-  // The group of each point and row that takes part; which of the groups are to be tried.
+  // Finds the group of each point and row that takes part, and the groups to be tried.
   FAN_FN void sort_all(const State& state, const RowSystem<Model, Real>& rows, const Mask* near) {
     groups_.begin();
     for (int i = 0; i < state.points.n[0]; ++i) {
@@ -108,7 +109,7 @@ class ContactPatches {
     for (int g = 0; g < groups_.n; ++g) sticks_[g] = sticks_[g] && has_points[g];
   }
 
-  // Whether what carried point i, or another point of its pair, in the step before stood still.
+  // Whether the points of point i's pair that pushed in the previous step were at rest.
   FAN_FN bool stuck(const State& state, int i) const {
     const auto& point = state.points.point[0][i];
     return state.is_carried[0][i] && state.wait[0][i] == 0 &&
@@ -117,7 +118,8 @@ class ContactPatches {
 
   FAN_FN bool hold_group(
       State& state, int group, const Evaluation<Model, Real>& eval,
-      const RowSystem<Model, Real>& rows, const Real* guess, double cap, Real* found, Real* s) {
+      const RowSystem<Model, Real>& rows, const Real* guess, double cap, Real* row_impulses,
+      Real* s) {
     const bool holds = list_points(state, group) && list_rows(group, rows, guess) &&
                        solve_held(state, eval, rows, guess) && share_out(state, cap);
     for (int p = 0; p < n_; ++p)
@@ -126,11 +128,11 @@ class ContactPatches {
         state.held[i] = holds;
         if (!holds) state.wait[0][i] = Tolerance::wait;
       }
-    if (holds) take(state, rows, found, s);
+    if (holds) take(state, rows, row_impulses, s);
     return holds;
   }
 
-  // The patches of a group; false where some points make none.
+  // Makes the patches of a group. Returns false if its points do not form patches.
   FAN_FN bool list_points(const State& state, int group) {
     n_ = 0;
     for (int i = 0; i < state.points.n[0]; ++i) {
@@ -152,8 +154,8 @@ class ContactPatches {
     return all;
   }
 
-  // The rows of a group that pulled in the step before, and the others; false where one pulled as
-  // much as it may.
+  // Lists the rows of a group that pulled in the previous step, and the others. Returns false if
+  // one was at its bound.
   FAN_FN bool list_rows(int group, const RowSystem<Model, Real>& rows, const Real* guess) {
     n_single_ = n_rest_ = 0;
     const auto& from = rows.problem;
@@ -167,7 +169,7 @@ class ContactPatches {
     return true;
   }
 
-  // y of the rows and patches; false where that does not hold them all.
+  // Finds y of the rows and patches. Returns false if it does not hold them all.
   FAN_FN bool solve_held(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Real* guess) {
@@ -208,14 +210,14 @@ class ContactPatches {
 
   FAN_FN static double larger(double most, double x) { return fabs(x) > most ? fabs(x) : most; }
 
-  // What redundant rows keep: what they had in the step before.
+  // Redundant rows keep their impulses of the previous step.
   FAN_FN void recall_held(
       const State& state, const RowSystem<Model, Real>& rows, const Real* guess) {
     for (int i = 0; i < n_single_; ++i) given_[i] = guess[rows.row[single_[i]]];
     for (int p = 0; p < n_; ++p) patch_[p].add_up(state.x, given_ + first_[p]);
   }
 
-  // left = b - G y, and the speeds that are left of all gathered rows.
+  // left = b - G y, and the residual speeds of all gathered rows.
   FAN_FN void find_left(const State& state, const RowSystem<Model, Real>& rows) {
     Real w[room(N)], pull[room(M)];
     for (int k = 0; k < N; ++k) w_[k] = Real(0.0);
@@ -244,7 +246,7 @@ class ContactPatches {
     return state.points.moved[patch_[p].point[0]];
   }
 
-  // W of a patch, three columns of F and three of T, and what the forces of the step do to its
+  // W of a patch, three columns of F and three of T, and the effect of the step's forces on its
   // rows.
   FAN_FN void push_patch(const State& state, int p, const Evaluation<Model, Real>& eval) {
     const ContactPatch& own = patch_[p];
@@ -264,7 +266,8 @@ class ContactPatches {
   }
 
   // G on its diagonal and to the right of it, and b beside it. Three numbers are written as a
-  // register of four, whose last, and those beyond a patch's rank, are 0 and the next ones replace.
+  // register of four. Its last entry, and those beyond a patch's rank, are 0 and overwritten by the
+  // next ones.
   FAN_FN void write_held(const State& state, const RowSystem<Model, Real>& rows) {
     constexpr int from = Complementarity<Real, M>::N;
     ldl_.resize(size_, true);
@@ -312,7 +315,7 @@ class ContactPatches {
     quad(to) = all;
   }
 
-  // The points' impulses, and the rows that do not pull; false where the law does not hold.
+  // Impulses of the points, and the rows that do not pull. Returns false if the law does not hold.
   FAN_FN bool share_out(const State& state, double cap) {
     for (int p = 0; p < n_; ++p) {
       const double* x = y_ + first_[p];
@@ -324,19 +327,19 @@ class ContactPatches {
     return true;
   }
 
-  // Takes the solution.
-  FAN_FN void take(State& state, const RowSystem<Model, Real>& rows, Real* found, Real* s) {
+  // Stores the solution.
+  FAN_FN void take(State& state, const RowSystem<Model, Real>& rows, Real* row_impulses, Real* s) {
     for (int k = 0; k < N; ++k) taken_[k] = any_held_ ? taken_[k] + w_[k] : w_[k];
     any_held_ = true;
     for (int i = 0; i < n_single_; ++i) {
       const int a = single_[i], r = rows.row[a];
-      found[a] = y_[i];
+      row_impulses[a] = y_[i];
       s[a] = Real(0.0);
       state.row_held[r] = state.pulls[0][r] = true;
     }
     for (int i = 0; i < n_rest_; ++i) {
       const int a = rest_[i];
-      found[a] = Real(0.0);
+      row_impulses[a] = Real(0.0);
       s[a] = -speed_[a];
       state.row_held[rows.row[a]] = true;
     }
@@ -356,14 +359,14 @@ class ContactPatches {
   ContactGroups<Model> groups_;
   int tree_[room(C)], row_tree_[room(M)];  // of points and gathered rows that take part
   bool sticks_[room(N)];                   // of each group, whether it is to be tried
-  // Of the group that is tried: rows that pull, and others.
+  // Of the current group: pulling rows, and others.
   int n_ = 0, n_single_ = 0, n_rest_ = 0;
   int single_[room(M)], rest_[room(M)];
   ContactPatch patch_[room(C)];
   int first_[room(C)];  // row of each patch
   Triple<Real> W_[room(C)][2][room(N)];
   double impulse_[room(C)][3 * max_touches];
-  // Of the rows that pull, then of the patches.
+  // Of the pulling rows, then of the patches.
   int size_ = 0;
   double y_[padded(room(M + 3 * C) + 1)], b_held_[padded(room(M + 3 * C) + 1)];
   double given_[padded(room(M + 3 * C) + 1)];  // of redundant rows

@@ -1,12 +1,11 @@
-// Contact points of a step: where solids touch or may touch before its end, and the rows of A_D
-// there:
+// Contact points of a step: where solids touch or may touch before its end, and their rows of A_D,
 //
 //   u = e . (v_A + w_A x P - v_B - w_B x P),   e the normal and two tangents at the point P
 //
 // with (v, w) a link's twist about the world's origin, the sum of the screws of the velocities that
 // move it. Rows have the sign of h, like those of strings: hdot = -u, so that h = -gap <= 0 where
-// solids do not overlap, and a force x >= 0 pushes A along +e and B along -e. Of one trajectory,
-// rows are written where they are asked for; hdot comes from the links' twists.
+// solids do not overlap, and a force x >= 0 pushes A along +e and B along -e. For one trajectory,
+// rows are written on demand; hdot comes from the links' twists.
 #pragma once
 
 #include "fantoccini/collision/near_pairs.hpp"
@@ -19,14 +18,14 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 struct ContactPointTolerances {
-  // m: gap up to which a pair is looked at, whatever its speed.
+  // m: gap below which a pair is considered at any speed.
   static constexpr double margin = 1e-3;
-  // The same, in what the two solids travel towards each other in a step at most, at the speeds of
-  // its start.
+  // Likewise, relative to the largest distance that the two solids approach in a step at the speeds
+  // at its start.
   static constexpr double travel = 2.0;
-  // Share of the sum of two solids' smallest radii or half edges that they travel in one go.
+  // Largest travel in one step, relative to the sum of two solids' smallest radii or half edges.
   static constexpr double share_of_size = 0.5;
-  // m/s at which a solid would pass another: above rounding.
+  // m/s: speed at which a solid passes another; above rounding.
   static constexpr double passing_speed = 1e-12;
 };
 
@@ -42,29 +41,29 @@ class ContactPoints {
   using Mask = typename Traits<Real>::Mask;
 
   struct Point {
-    int pair, feature, region;  // of ContactArrays; which of the pair's points; of Touch
+    int pair, feature, region;  // of ContactArrays; point of the pair; of Touch
     double gap, at[3];          // m
     double frame[9];            // normal, tangent, tangent
-    int before;                 // which of those that pushed in the step before; -1 for none
-    bool carried, slid;  // whether any of its pair did, and, in lanes, moved across the normal
+    int before;          // its index among the points that pushed in the previous step; -1 for none
+    bool carried, slid;  // whether any point of its pair pushed, and, in lanes, slid
   };
 
-  int n[width], most;  // points of each lane, and of the one that has most
+  int n[width], most;  // number of points of each lane, and the largest
   Point point[width][room(C)];
   Triple<Real> row[room(C)][room(N)];  // of A_D: every point's normal and tangents
   Triple<Real> rate_K[room(C)];        // A_K v_K of these rows
   MovedBy<N> moved[room(C)];           // where a point's rows may differ from zero
-  bool too_many[width] = {};           // whether a lane has had more points than there is room for
+  bool too_many[width] = {};           // whether a lane has had more points than the capacity
 
-  // Takes the solids; nothing is known of where they are.
+  // Loads the solids; their poses are unknown.
   FAN_FN void begin(const ContactArrays& in) {
     links_.begin(in);
     slack_ = links_.slack();
     for (int l = 0; l < width; ++l) near_[l].forget();
   }
 
-  // The least gap of every pair at a configuration of lane 0; pairs farther apart than the margin
-  // keep what is in `gaps`.
+  // The least gap of every pair at a configuration of lane 0; entries of pairs farther apart than
+  // the margin are unchanged.
   void measure(
       const ContactArrays& in, const Real* q_D, const Real* q_K, const Real* p, double margin,
       double* gaps) {
@@ -72,7 +71,7 @@ class ContactPoints {
     pose(in, q_D, v_D, q_K, v_K, p);
     for (int k = 0; k < in.n_pairs; ++k) {
       n[0] = 0;
-      look(in, k, margin, 0);
+      search_pair(in, k, margin, 0);
       for (int i = 0; i < n[0]; ++i)
         if (i == 0 || point[0][i].gap < gaps[k]) gaps[k] = point[0][i].gap;
     }
@@ -89,8 +88,8 @@ class ContactPoints {
     links_.place();
   }
 
-  // The points at (q_D, q_K) over a step dt, in the lanes that are not idle. recall(lane) then
-  // tells points what pushed in the step before.
+  // Finds the points at (q_D, q_K) over a step dt, in the lanes that are not idle. recall(lane)
+  // then marks the points that pushed in the previous step.
   template <class Recall>
   FAN_FN void find(
       const ContactArrays& in, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
@@ -105,7 +104,7 @@ class ContactPoints {
       links_.move();
       links_.place();
       for (int i = 0; i < L; ++i) lane_of(speed_at_start_[i], l) = links_.speed[i];
-      look_at_near(in, dt, l);
+      search_near_pairs(in, dt, l);
       recall(l);
       if (n[l] > most) most = n[l];
     }
@@ -123,7 +122,7 @@ class ContactPoints {
   // The list of near pairs.
   FAN_FN auto& near() { return near_[0]; }
 
-  // Adds the points that the velocities v_D would pass in a step dt from what find() was given, in
+  // Adds the points that the velocities v_D would pass in a step dt from the state of find(), in
   // some lanes. Returns whether there are any.
   FAN_FN bool find_more(
       const ContactArrays& in, const Real* v_D, const Real* v_K, double dt, const Mask& lanes) {
@@ -136,7 +135,7 @@ class ContactPoints {
       links_.load(l, v_D, v_K);
       links_.move();
       links_.place();
-      look_at_all(in, dt, l);
+      search_all_pairs(in, dt, l);
       if (n[l] > most) most = n[l];
     }
     for (int i = most_before; i < most; ++i) clear(i);
@@ -165,7 +164,7 @@ class ContactPoints {
       return out;
     }
 
-    // Without what drives the solids: by a change of velocity.
+    // Without driven motion: change of hdot by a change of velocity.
     FAN_FN Triple<Real> change(int i) {
       Triple<Real> out;
       out.clear();
@@ -183,11 +182,11 @@ class ContactPoints {
    private:
     const ContactPoints& of_;
     const Real* v_D_;
-    Twist twist_[room(Links::L)];  // of the links that were asked for
+    Twist twist_[room(Links::L)];  // of the links used so far
     bool is_known_[room(Links::L)];
   };
 
-  // hdot of point i at the velocities that it was found at.
+  // hdot of point i at the velocities of find().
   FAN_FN Triple<Real> rate(int i, const Real* v_D) const {
     Triple<Real> out;
     out.clear();
@@ -201,18 +200,18 @@ class ContactPoints {
     return out;
   }
 
-  // The links of a point's solids; -1 for the world. Of one trajectory.
+  // The links of a point's solids; -1 for the world. For one trajectory.
   FAN_FN const int* links(int i) const { return link_[i]; }
 
-  // Writes point i's row if it is not there.
+  // Writes point i's row unless it exists.
   FAN_FN void need_row(const ContactArrays& in, int i) {
     if (is_written_[i]) return;
     is_written_[i] = true;
     write(in, 0, point[0][i].pair, form_[i], moved[i], row[i]);
   }
 
-  // The rows of three directions at a point of a pair, and those that turn about them, in metres of
-  // `size`. Of one trajectory.
+  // The rows of three directions at a point of a pair, and of rotations about them, in units of
+  // `size` [m]. For one trajectory.
   FAN_FN void write_rows(
       const ContactArrays& in, int pair, const double* at, const double* frame,
       const MovedBy<N>& by, Triple<Real>* out) const {
@@ -226,9 +225,9 @@ class ContactPoints {
   }
 
   // Adds the points of pair k to those of lane l.
-  FAN_FN void look(const ContactArrays& in, int k, double margin, int l) {
+  FAN_FN void search_pair(const ContactArrays& in, int k, double margin, int l) {
     place_pair(in, k);
-    look_at_placed(in, k, margin, l);
+    search_placed_pair(in, k, margin, l);
   }
 
   // Places the solids of both links of a pair.
@@ -239,7 +238,7 @@ class ContactPoints {
     }
   }
 
-  // Points of a pair mostly have one normal: `last` is the point before.
+  // Most points of a pair have the same normal: `last` is the previous point.
   FAN_FN static void put(int pair, const Touch& from, Point& to, const Point* last = nullptr) {
     to.pair = pair;
     to.feature = from.feature;
@@ -254,7 +253,7 @@ class ContactPoints {
     else add_tangents(to.frame);
   }
 
-  // Point i's rows are not made.
+  // Discards point i's rows.
   FAN_FN void clear(int i) {
     moved[i].clear();
     rate_K[i].clear();
@@ -265,7 +264,7 @@ class ContactPoints {
     for (int k = 0; k < N; ++k) out[k].clear();
   }
 
-  // What moves lane l's point i.
+  // Fills in lane l's point i: its links, and the velocities that move it.
   FAN_FN void fill(const ContactArrays& in, int l, int i) {
     const Point& from = point[l][i];
     const PointDirections& form = form_[i] = PointDirections(from.frame, from.at);
@@ -286,15 +285,16 @@ class ContactPoints {
 
  private:
   // Finds the points of lane l among the pairs that are near, or among all.
-  FAN_FN void look_at_near(const ContactArrays& in, double dt, int l) {
+  FAN_FN void search_near_pairs(const ContactArrays& in, double dt, int l) {
     auto& near = near_[l];
     double margin[room(L)];
     for (int i = 0; i < L; ++i)
       margin[i] = 0.5 * Tolerance::margin + Tolerance::travel * dt * links_.speed[i];
     if (!near.holds(links_.poses, links_.ball_of, margin, slack_)) {
-      if (!near.is_due()) return look_at_all(in, dt, l);
+      if (!near.is_due()) return search_all_pairs(in, dt, l);
       links_.list_near(in, near, slack_);
-      if (!near.holds(links_.poses, links_.ball_of, margin, slack_)) return look_at_all(in, dt, l);
+      if (!near.holds(links_.poses, links_.ball_of, margin, slack_))
+        return search_all_pairs(in, dt, l);
     }
     for (int j = 0; j < near.n; ++j) {
       const int k = near.pair[j], a = in.solids[in.pairs[2 * k]].link;
@@ -302,12 +302,12 @@ class ContactPoints {
       if (!links_.is_placed[a]) links_.place_link(in, a);
       if (b >= 0 && !links_.is_placed[b]) links_.place_link(in, b);
       const double speed = links_.speed[a] + (b < 0 ? 0.0 : links_.speed[b]);
-      look_at_placed(in, k, Tolerance::margin + Tolerance::travel * dt * speed, l);
+      search_placed_pair(in, k, Tolerance::margin + Tolerance::travel * dt * speed, l);
     }
   }
 
   // Finds the points of lane l.
-  FAN_FN void look_at_all(const ContactArrays& in, double dt, int l) {
+  FAN_FN void search_all_pairs(const ContactArrays& in, double dt, int l) {
     for (int g = 0, k = 0; g < in.n_groups; ++g) {
       const int a = in.groups[3 * g], b = in.groups[3 * g + 1], end = in.groups[3 * g + 2];
       const double speed = links_.speed[a] + (b < 0 ? 0.0 : links_.speed[b]);
@@ -320,21 +320,21 @@ class ContactPoints {
       }
       if (!links_.is_placed[a]) links_.place_link(in, a);
       if (b >= 0 && !links_.is_placed[b]) links_.place_link(in, b);
-      for (; k < end; ++k) look_at_placed(in, k, margin, l);
+      for (; k < end; ++k) search_placed_pair(in, k, margin, l);
     }
   }
 
   // Adds the points of pair k, whose links' solids are placed, to those of lane l.
-  FAN_FN void look_at_placed(const ContactArrays& in, int k, double margin, int l) {
-    Touch found[max_touches];
-    const int n_found = links_.touch(in, k, margin, found);
-    for (int i = 0; i < n_found; ++i) {
-      if (passing_within_ > 0.0 && !joins(in, k, found[i], l)) continue;
+  FAN_FN void search_placed_pair(const ContactArrays& in, int k, double margin, int l) {
+    Touch near_touch[max_touches];
+    const int n_near = links_.touch(in, k, margin, near_touch);
+    for (int i = 0; i < n_near; ++i) {
+      if (passing_within_ > 0.0 && !joins(in, k, near_touch[i], l)) continue;
       if (n[l] == C) {
         too_many[l] = true;
         return;
       }
-      put(k, found[i], point[l][n[l]], n[l] > 0 ? &point[l][n[l] - 1] : nullptr);
+      put(k, near_touch[i], point[l][n[l]], n[l] > 0 ? &point[l][n[l] - 1] : nullptr);
       ++n[l];
     }
   }
@@ -343,7 +343,7 @@ class ContactPoints {
     return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
   }
 
-  // Whether a point of pair k is none of lane l's, and would be passed.
+  // Whether a point of pair k is not among lane l's, and would be passed.
   FAN_FN bool joins(const ContactArrays& in, int k, const Touch& touch, int l) const {
     for (int i = 0; i < n[l]; ++i)
       if (point[l][i].pair == k && point[l][i].feature == touch.feature) return false;
@@ -372,8 +372,8 @@ class ContactPoints {
     quad(out.angular) = angular;
   }
 
-  // Adds the rows of a pair in lane l to `out`. Of one trajectory, only entries that move it are
-  // written where its two links have none in common, and it need not be 0 before.
+  // Adds the rows of a pair in lane l to `out`. For one trajectory, if its two links share no
+  // velocity, only entries that move it are written, and the others need not be 0 before.
   FAN_FN void write(
       const ContactArrays& in, int l, int pair, const PointDirections& form, const MovedBy<N>& by,
       Triple<Real>* out) const {
@@ -394,7 +394,7 @@ class ContactPoints {
   Links links_;
   NearPairs<L, 4 * L> near_[width];
   double slack_ = 0.0;            // m: of the lists of near pairs
-  Real speed_at_start_[room(L)];  // m/s: by which the margins of find() were chosen
+  Real speed_at_start_[room(L)];  // m/s: from which the margins of find() follow
   double passing_within_ = 0.0;   // s: the step, while only points that would be passed are added
   // Of one trajectory.
   PointDirections form_[room(C)];

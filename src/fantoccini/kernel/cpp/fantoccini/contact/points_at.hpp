@@ -1,5 +1,5 @@
-// Contact points of one trajectory at a state: which are near, one of them by what it lies on, how
-// they move, and how soon others may.
+// Contact points of one trajectory at a state: the near points, a point from its features alone,
+// their velocities, and a time before which no others touch.
 #pragma once
 
 #include "fantoccini/collision/touch.hpp"
@@ -20,7 +20,7 @@ class ContactPointsAt {
   using Point = typename Points::Point;
   using Tolerance = typename Points::Tolerance;
 
-  // The points that were found last, and the one put behind them; their rows, once they are made.
+  // The points of the last search and the one appended to them; their rows, once computed.
   int n() const { return points_.n[0]; }
   const Point& point(int i) const { return points_.point[0][i]; }
   const Triple<double>* row(int i) const { return points_.row[i]; }
@@ -34,56 +34,56 @@ class ContactPointsAt {
     points_.pose(in, q_D, v_D, q_K, v_K, p);
   }
 
-  // The points with a gap below `margin` where the links are posed.
-  void look_within(const ContactArrays& in, double margin) {
+  // Finds the points with a gap below `margin` at the current poses.
+  void search(const ContactArrays& in, double margin) {
     points_.n[0] = 0;
-    points_.too_many[0] = false;  // a state that an integrator only tried may have had too many
+    points_.too_many[0] = false;  // a trial state of an integrator may have had too many
     for (int g = 0, k = 0; g < in.n_groups; ++g) {
       const int end = in.groups[3 * g + 2];
       if (links().separation(in, g) >= margin) k = end;
-      for (; k < end; ++k) points_.look(in, k, margin, 0);
+      for (; k < end; ++k) points_.search_pair(in, k, margin, 0);
     }
     points_.most = points_.n[0];
   }
 
-  // Those of one pair alone.
-  void look_at_pair(const ContactArrays& in, int pair, double margin) {
+  // Likewise those of one pair.
+  void search_one_pair(const ContactArrays& in, int pair, double margin) {
     points_.n[0] = 0;
-    points_.look(in, pair, margin, 0);
+    points_.search_pair(in, pair, margin, 0);
   }
 
-  // Which of the points has a feature of a pair, and a region if that lasts, or -1. Where it is
-  // none of those that touch, it is made by these alone, and put behind them; `holds`: it is still
-  // one.
+  // Index of the point with a feature of a pair, and with a region if it is lasting, or -1. If no
+  // touching point has it, the point is computed from these alone and appended; `holds`: whether it
+  // lies within its features.
   int find_feature(const ContactArrays& in, int pair, int feature, int region, bool* holds) {
     *holds = true;
     for (int i = 0; i < n(); ++i)
-      if (is_one(point(i), pair, feature, region) && touches_there(i)) return i;
+      if (matches(point(i), pair, feature, region) && touches_there(i)) return i;
     const int a = in.pairs[2 * pair], b = in.pairs[2 * pair + 1];
     points_.place_pair(in, pair);
-    Touch found;
+    Touch touch;
     if (n() == C) return -1;
     const Solid &x = links().placed[a], &y = b < Points::B ? links().placed[b] : in.solids[b];
-    if (!follow_touch(x, y, feature, region, &found, holds)) return -1;
-    Points::put(pair, found, points_.point[0][n()]);
+    if (!follow_touch(x, y, feature, region, &touch, holds)) return -1;
+    Points::put(pair, touch, points_.point[0][n()]);
     return n();
   }
 
-  // Whether a point has a feature of a pair, and a region if that lasts.
+  // Whether a point has a feature of a pair, and a region if it is lasting.
   template <class Any>
-  static bool is_one(const Any& point, int pair, int feature, int region) {
+  static bool matches(const Any& point, int pair, int feature, int region) {
     return point.pair == pair && point.feature == feature &&
            (point.region == region || (point.region < lasting_regions && region < lasting_regions));
   }
 
-  // Whether it is point i that touches, rather than one of other features.
+  // Whether point i itself touches, rather than one of other features.
   bool touches_there(int i) const { return point(i).region != BEYOND; }
 
-  // Makes the rows of point i.
+  // Computes the rows of point i.
   void make_rows(const ContactArrays& in, int i) {
     points_.clear(i);
     points_.fill(in, 0, i);
-    Points::clear_row(points_.row[i]);  // whoever asks for them reads all entries
+    Points::clear_row(points_.row[i]);  // callers read all entries
     points_.need_row(in, i);
   }
 
@@ -101,8 +101,8 @@ class ContactPointsAt {
     }
   }
 
-  // A bound on the rate [1/s] at which the directions at a point of a pair change, where its solids
-  // pass over one another at a speed.
+  // An upper bound of the rate [1/s] at which the directions at a point of a pair change, for
+  // solids that pass over one another at a speed.
   double rate_of_turning(const ContactArrays& in, int pair, double speed) const {
     double rate = 0.0, least = unbounded;
     for (int side = 0; side < 2; ++side) {
@@ -115,7 +115,7 @@ class ContactPointsAt {
     return rate + speed / least;
   }
 
-  // A time in which no solid passes through another, at the velocities the links are posed with.
+  // A time within which no solid passes through another, at the current velocities of the links.
   double safe_time(const ContactArrays& in) const {
     double least = unbounded;
     for (int g = 0, k = 0; g < in.n_groups; ++g) {

@@ -1,5 +1,5 @@
-// The problem of the contacts of a time step, lane by lane: their rows, beside those of the strings
-// and limits that take part, their bounds, and the restitutions that add no energy.
+// The problem of the contacts of a time step, lane by lane: their rows, those of the strings and
+// limits that take part, their bounds, and restitutions that add no energy.
 #pragma once
 
 #include "fantoccini/contact/columns.hpp"
@@ -22,7 +22,7 @@ class ContactProblem {
 
   Real residual = Real(0.0);  // of the law, in the last step
 
-  // Nothing is known of the columns of points.
+  // Discards the columns of all points.
   FAN_FN void begin() { columns_.begin(); }
 
   // Point i is another one in some lane.
@@ -30,21 +30,21 @@ class ContactProblem {
 
   FAN_FN const ContactColumns<Model, Real>& columns() const { return columns_; }
 
-  // The columns of the points that take part in some lane, and their products with the rows that
-  // may pull: those that pulled before, or close without impulses. The others take part where the
-  // impulses found would close them.
+  // Computes the columns of the points that take part in some lane, and their products with the
+  // rows that may pull: those that pulled before, or close without impulses. Other rows take part
+  // if the impulses would close them.
   FAN_FN void make_columns(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       const Mask* near, const Real* guess) {
-    bool some[room(C)];
+    bool needed[room(C)];
     for (int i = 0; i < state.points.most; ++i) {
-      some[i] = false;
+      needed[i] = false;
       for (int l = 0; l < width; ++l)
-        some[i] = some[i] || (i < state.points.n[l] && state.takes_part(l, i));
+        needed[i] = needed[i] || (i < state.points.n[l] && state.takes_part(l, i));
     }
     for (int i = 0; i < state.points.most; ++i)
-      if (some[i]) state.points.need_row(*state.in, i);
-    columns_.make(eval, state.points.row, state.points.moved, some, state.points.most);
+      if (needed[i]) state.points.need_row(*state.in, i);
+    columns_.make(eval, state.points.row, state.points.moved, needed, state.points.most);
     const auto& problem = rows.problem;
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
@@ -61,7 +61,7 @@ class ContactProblem {
     }
   }
 
-  // Lets all points take part in lane 0, and the rows that did, after the step is solved.
+  // Includes all points in lane 0, and the rows that took part, after the step is solved.
   FAN_FN void take_all(
       State& state, const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows) {
     Mask none[room(M)];
@@ -76,12 +76,12 @@ class ContactProblem {
     sort(state, 0, rows, none);
   }
 
-  // Groups that were sorted; the points of the group at hand.
+  // Number of sorted groups; points of the current group.
   FAN_FN int groups() const { return groups_.n; }
   FAN_FN int points() const { return n_triple_; }
   FAN_FN int point(int k) const { return triple_[k]; }
 
-  // The problem of a group of lane 0, with the impulses that were found; false where it has no
+  // Restores the problem of a group of lane 0, with its impulses. Returns false if it has no
   // points.
   FAN_FN bool restore(const State& state, int group, const RowSystem<Model, Real>& rows) {
     choose(group);
@@ -95,23 +95,23 @@ class ContactProblem {
     return true;
   }
 
-  // The problem that was solved or restored last.
+  // The problem that was last solved or restored.
   FAN_FN const ConeProblem<M + 3 * C>& cone() const { return cone_; }
 
   // Solves lane l with the restitutions, times the largest common factor with which they add no
   // energy.
   FAN_FN bool bounce(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
-      const Real* before, double cap, Real* found, Real* s) {
+      const Real* before, double cap, Real* row_impulses, Real* s) {
     cone_.quick = true;
     const auto adds_with = [&](double factor) {
       state.scale[l] = factor;
       state.set_rebounds(l);
-      return !solve(state, l, rows, near, guess, cap, found, s) ||
-             adds(state, l, rows, before, found);
+      return !solve(state, l, rows, near, guess, cap, row_impulses, s) ||
+             adds(state, l, rows, before, row_impulses);
     };
-    const bool solved = solve(state, l, rows, near, guess, cap, found, s);
-    if (!state.bounces[l] || !adds(state, l, rows, before, found)) return solved;
+    const bool solved = solve(state, l, rows, near, guess, cap, row_impulses, s);
+    if (!state.bounces[l] || !adds(state, l, rows, before, row_impulses)) return solved;
     double least = 0.0, most = state.scale[l];
     for (int k = 0; k < Tolerance::halvings; ++k) {
       const double factor = 0.5 * (least + most);
@@ -119,7 +119,7 @@ class ContactProblem {
     }
     state.scale[l] = least;
     state.set_rebounds(l);
-    return solve(state, l, rows, near, guess, cap, found, s);
+    return solve(state, l, rows, near, guess, cap, row_impulses, s);
   }
 
  private:
@@ -130,14 +130,14 @@ class ContactProblem {
   // Chooses the rows and points of one group.
   FAN_FN void choose(int group) {
     n_single_ = n_triple_ = 0;
-    for (int i = 0; i < n_some_rows_; ++i)
-      if (groups_.at(some_rows_[i].group) == group) single_[n_single_++] = some_rows_[i].which;
-    for (int i = 0; i < n_some_; ++i)
-      if (groups_.at(some_[i].group) == group) triple_[n_triple_++] = some_[i].which;
+    for (int i = 0; i < n_row_members_; ++i)
+      if (groups_.at(row_members_[i].group) == group) single_[n_single_++] = row_members_[i].which;
+    for (int i = 0; i < n_members_; ++i)
+      if (groups_.at(members_[i].group) == group) triple_[n_triple_++] = members_[i].which;
   }
 
   // G, b and mu of lane l's problem. Three numbers are written as a register of four, whose last
-  // the next ones replace.
+  // entry the next ones overwrite.
   FAN_FN void write(const State& state, int l, const RowSystem<Model, Real>& rows) {
     cone_.resize(n_single_, n_triple_);
     for (int i = 0; i < n_single_; ++i) cone_.b[i] = lane_of(rows.problem.b[single_[i]], l);
@@ -170,12 +170,12 @@ class ContactProblem {
       }
   }
 
-  // Whether the impulses of lane l add energy, apart from the work of what drives the solids:
+  // Whether the impulses of lane l add energy, apart from the work of driven solids:
   //   sum of x . (before - G x / 2) < 0,   G x the change of hdot
-  // by more than the residual of the law leaves open.
+  // by more than the residual of the law allows.
   FAN_FN bool adds(
       const State& state, int l, const RowSystem<Model, Real>& rows, const Real* before,
-      const Real* found) const {
+      const Real* row_impulses) const {
     constexpr int stride = Complementarity<Real, M>::N;
     double lost = 0.0, exchanged = 0.0, impulse = 0.0, fastest = 0.0;
     const auto add = [&](double x, double own, double asked) {
@@ -185,14 +185,14 @@ class ContactProblem {
       fastest = fabs(asked) > fastest ? fabs(asked) : fastest;
     };
     for (int a = 0; a < rows.n; ++a) {
-      if (lane_of(found[a], l) == 0.0) continue;
+      if (lane_of(row_impulses[a], l) == 0.0) continue;
       double change = 0.0;
       for (int b = 0; b < rows.n; ++b)
-        change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(found[b], l);
+        change += lane_of(rows.problem.G[a * stride + b], l) * lane_of(row_impulses[b], l);
       for (int d = 0; d < 3 * state.points.n[l]; ++d)
         if (state.takes_part(l, d / 3))
           change += 2.0 * lane_of(columns_.across[d / 3][a][d % 3], l) * lane_of(state.x[d], l);
-      add(lane_of(found[a], l), lane_of(before[a], l) - 0.5 * change,
+      add(lane_of(row_impulses[a], l), lane_of(before[a], l) - 0.5 * change,
           lane_of(rows.problem.b[a], l));
     }
     for (int d = 0; d < 3 * state.points.n[l]; ++d) {
@@ -209,21 +209,21 @@ class ContactProblem {
     return lost < -(left_open > rounding ? left_open : rounding);
   }
 
-  // Solves lane l, until no row is left that the impulses would close.
+  // Solves lane l, until the impulses close no further row.
   FAN_FN bool solve(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
-      double cap, Real* found, Real* s) {
-    bool solved = solve_groups(state, l, rows, near, guess, cap, found, s);
-    while (closes_more(state, l, rows, near, found, s))
-      solved = solve_groups(state, l, rows, near, guess, cap, found, s);
+      double cap, Real* row_impulses, Real* s) {
+    bool solved = solve_groups(state, l, rows, near, guess, cap, row_impulses, s);
+    while (closes_more(state, l, rows, near, row_impulses, s))
+      solved = solve_groups(state, l, rows, near, guess, cap, row_impulses, s);
     return solved;
   }
 
   // s of the rows that take part in lane l and may not pull; those that would close may pull from
-  // now on. Whether there are any.
+  // now on. Returns whether there are any.
   FAN_FN bool closes_more(
-      State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* found,
-      Real* s) {
+      State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near,
+      const Real* row_impulses, Real* s) {
     int rest[room(M)], n_rest = 0;
     for (int a = 0; a < rows.n; ++a)
       if (lane_of(near[rows.row[a]], l) && !state.pulls[l][rows.row[a]] &&
@@ -232,7 +232,7 @@ class ContactProblem {
     if (n_rest == 0) return false;
     Real w[room(N)], taken[room(M)];  // - W x
     for (int k = 0; k < N; ++k) w[k] = Real(0.0);
-    for (int a = 0; a < rows.n; ++a) taken[a] = -found[a];
+    for (int a = 0; a < rows.n; ++a) taken[a] = -row_impulses[a];
     rows.add(taken, w);
     for (int i = 0; i < state.points.n[l]; ++i)
       if (state.takes_part(l, i)) columns_.take(i, state.x + 3 * i, state.points.moved[i], w);
@@ -251,10 +251,10 @@ class ContactProblem {
   // Solves lane l, group by group.
   FAN_FN bool solve_groups(
       State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near, const Real* guess,
-      double cap, Real* found, Real* s) {
+      double cap, Real* row_impulses, Real* s) {
     for (int a = 0; a < rows.n; ++a) {
       if (state.row_held[rows.row[a]]) continue;
-      lane_of(found[a], l) = 0.0;
+      lane_of(row_impulses[a], l) = 0.0;
       lane_of(s[a], l) = -lane_of(rows.problem.b[a], l);
     }
     sort(state, l, rows, near);
@@ -262,19 +262,18 @@ class ContactProblem {
     bool solved = true;
     for (int g = 0; g < groups_.n; ++g) {
       choose(g);
-      solved = solve_group(state, l, rows, guess, cap, found, s) && solved;
+      solved = solve_group(state, l, rows, guess, cap, row_impulses, s) && solved;
       if (!(cone_.residual <= worst)) worst = cone_.residual;
     }
     lane_of(residual, l) = worst;
     return solved;
   }
 
-  // Solves the rows and points chosen. Where bodies are wedged in, friction may hold them wherever
-  // they are, so that gaps cannot close and overlaps cannot part within the step: points then only
-  // have to stop.
+  // Solves for the chosen rows and points. Friction may hold wedged bodies in place, so that gaps
+  // cannot close and overlaps cannot part within the step: points then only have to stop.
   FAN_FN bool solve_group(
       State& state, int l, const RowSystem<Model, Real>& rows, const Real* guess, double cap,
-      Real* found, Real* s) {
+      Real* row_impulses, Real* s) {
     auto& problem = cone_;
     const auto& from = rows.problem;
     for (int i = 0; i < n_single_; ++i) {
@@ -302,7 +301,7 @@ class ContactProblem {
       solved = has_solution();
     }
     for (int i = 0; i < n_single_; ++i) {
-      lane_of(found[single_[i]], l) = problem.x[i];
+      lane_of(row_impulses[single_[i]], l) = problem.x[i];
       lane_of(s[single_[i]], l) = problem.s[i];
     }
     for (int i = 0; i < n_triple_; ++i)
@@ -317,22 +316,22 @@ class ContactProblem {
   FAN_FN void sort(
       const State& state, int l, const RowSystem<Model, Real>& rows, const Mask* near) {
     groups_.begin();
-    n_some_ = 0;
+    n_members_ = 0;
     for (int i = 0; i < state.points.n[l]; ++i) {
       if (!state.takes_part(l, i)) continue;
       const int* pair = state.in->pairs + 2 * state.points.point[l][i].pair;
       const int a = state.in->solids[pair[0]].link, b = state.in->solids[pair[1]].link;
-      some_[n_some_++] = {i, groups_.joined(a, b)};
+      members_[n_members_++] = {i, groups_.joined(a, b)};
     }
-    n_some_rows_ = 0;
+    n_row_members_ = 0;
     for (int a = 0; a < rows.n; ++a)
       if (lane_of(near[rows.row[a]], l) && state.pulls[l][rows.row[a]] &&
           !state.row_held[rows.row[a]])
-        some_rows_[n_some_rows_++] = {a, groups_.of_row(rows.row[a])};
+        row_members_[n_row_members_++] = {a, groups_.of_row(rows.row[a])};
     groups_.count();
   }
 
-  // Whether a solution is found that is accepted; where the law has none, with rows that yield.
+  // Whether a solution is accepted; if the law has none, with compliant rows.
   FAN_FN bool has_solution() {
     bool solved = cone_.solve() || cone_.residual <= Tolerance::accepted_residual;
     for (const double share : Tolerance::softness)
@@ -342,12 +341,12 @@ class ContactProblem {
   }
 
   ContactColumns<Model, Real> columns_;
-  ConeProblem<M + 3 * C> cone_;         // of one group,
-  int single_[room(M)], n_single_ = 0;  // with these gathered rows
-  int triple_[room(C)], n_triple_ = 0;  // and these points
-  ContactGroups<Model> groups_;         // of the lane that was solved last
-  int n_some_ = 0, n_some_rows_ = 0;    // points and rows that take part
-  Member some_[room(C)], some_rows_[room(M)];
+  ConeProblem<M + 3 * C> cone_;            // of one group,
+  int single_[room(M)], n_single_ = 0;     // with these gathered rows
+  int triple_[room(C)], n_triple_ = 0;     // and these points
+  ContactGroups<Model> groups_;            // of the lane that was solved last
+  int n_members_ = 0, n_row_members_ = 0;  // points and rows that take part
+  Member members_[room(C)], row_members_[room(M)];
 };
 
 }  // namespace fan

@@ -1,11 +1,11 @@
-// What points of ellipsoids that go on pushing are asked for beyond stopping: hdot is to vanish in
-// the middle of the step and not at its start,
+// Required rates of points of ellipsoids that keep pushing: hdot must vanish in the middle of the
+// step, not at its start,
 //
 //   J(q) v+ + (J(q + dt/2 v) - J(q)) v = 0
 //
-// since the impulses, along the rows J(q), act between the middles of two steps. At its start, what
-// rolls without slip would gain or lose energy at the order of the step, without end. Normals are
-// asked for half of it: the gap asks for the other half. Of one trajectory.
+// because the impulses, along the rows J(q), act between the middles of two steps. With hdot at the
+// start, rolling without slip would gain or lose energy at the order of the step, indefinitely.
+// Half of it is required of normals: the gap provides the other half. For one trajectory.
 #pragma once
 
 #include "fantoccini/collision/solids.hpp"
@@ -20,9 +20,9 @@ template <class Model, class Real>
 class RollingPoints {
  public:
   static constexpr double ahead = 0.5;       // of a step
-  static constexpr double of_normals = 0.5;  // of what they would be asked for
+  static constexpr double of_normals = 0.5;  // of the required rate
 
-  bool some = false;  // whether anything rolls in the step
+  bool any_rolls = false;  // whether anything rolls in the step
 
   FAN_FN void begin(const ContactArrays& in) {
     middle_.begin(in);
@@ -30,17 +30,17 @@ class RollingPoints {
     for (int k = 0; k < in.n_pairs; ++k) may_ = may_ || rolls(in, k);
   }
 
-  // Changes what the points of a step of length dt from (q_D, v_D, q_K, v_K) are asked for.
+  // Changes the required rates of the points of a step dt from (q_D, v_D, q_K, v_K).
   template <class State>
   FAN_FN void ask(
       State& state, const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K,
       const Real* p, double dt) {
-    some = false;
+    any_rolls = false;
     const auto& points = state.points;
-    for (int i = 0; i < points.n[0] && may_; ++i) some = some || is_rolling(state, i);
+    for (int i = 0; i < points.n[0] && may_; ++i) any_rolls = any_rolls || is_rolling(state, i);
     if (may_)
       for (Real& drift : state.drift) drift = Real(0.0);
-    if (!some) return;
+    if (!any_rolls) return;
     Real q[room(Model::n_qD)], q_in[room(Model::n_qK)];
     retract<typename Model::Dynamic>(q_D, v_D, ahead * dt, q);
     retract<typename Model::Driven>(q_K, v_K, ahead * dt, q_in);

@@ -1,10 +1,10 @@
-// How contacts share what they carry: of many impulses that give one motion, those of least norm.
+// Distribution of contact forces: of all impulses with the same motion, those of least norm.
 //
 //   x -> x + D (y* - y),   y* the projection of y on the range of A = D^T G D
 //
-// The columns of D are unit vectors: the three of a point that stands still, and the one along
-// which a point that slides keeps its friction. A y* = A y, so that velocities stay. Where y*
-// leaves a cone, x goes towards it as far as all cones allow. Strings keep their tensions.
+// The columns of D are unit vectors: the three of a point at rest, and, for a sliding point, the
+// one along which it keeps its friction. A y* = A y, so the velocities are unchanged. If y* leaves
+// a cone, x moves towards it as far as all cones allow. Strings keep their tensions.
 #pragma once
 
 #include "fantoccini/solvers/cone.hpp"
@@ -12,12 +12,13 @@
 namespace fan {
 
 struct ContactShareTolerances {
-  // Speed below which a point stands still, relative to the largest in the problem.
+  // Speed below which a point is at rest, relative to the largest in the problem.
   static constexpr double still = 1e-8;
-  // Raise of A's diagonal, relative to its largest entry, and rounds that remove its error.
+  // Raise of A's diagonal, relative to its largest entry, and rounds of refinement that remove its
+  // error.
   static constexpr double raise = 1e-8;
   static constexpr int rounds = 3;
-  // Halvings of the way to the least norm; a factor by which |x_T| may pass its cone.
+  // Bisections of the step to the least norm; relative distance by which |x_T| may exceed its cone.
   static constexpr int halvings = 30;
   static constexpr double rounding = 1e-12;
 };
@@ -27,7 +28,7 @@ class ContactShare {
  public:
   using Problem = ConeProblem<capacity>;
 
-  // The impulses (3 n_contacts) of a problem that was solved.
+  // Replaces the impulses (3 n_contacts) of a solved problem.
   void find(const Problem& of, double* x) {
     n_ = of.n_single + 3 * of.n_contacts;
     const int first = of.n_single;

@@ -1,5 +1,5 @@
-// The contact points of a time step: where they are, which of them take part, what their normals
-// are asked for, and the impulses, which begin with those of the step before.
+// The contact points of a time step: their positions, the ones that take part, the required rates
+// of their normals, and the impulses, which start from those of the previous step.
 #pragma once
 
 #include "fantoccini/contact/points.hpp"
@@ -21,31 +21,31 @@ struct ContactState {
   Points points;
   const ContactArrays* in = nullptr;
   double dt = 0.0, whole = 0.0;     // s: of the step; of the run's steps
-  double left = 0.0;                // s: for which bodies move at the velocities after the step
+  double left = 0.0;                // s: rest of the step, at the velocities after it
   bool near[width][room(C)];        // whether a point takes part
-  int chosen[width] = {};           // how many do
-  int steps[width][room(C)];        // for which a point has pushed
-  bool is_carried[width][room(C)];  // whether a point of the same pair pushed in the step before
+  int chosen[width] = {};           // their number
+  int steps[width][room(C)];        // number of steps for which a point has pushed
+  bool is_carried[width][room(C)];  // whether a point of the same pair pushed in the previous step
   int wait[width][room(C)];         // steps for which a point's group is not tried as patches
   bool pulls[width][room(M)];       // whether a row that takes part may pull
-  // Of one trajectory: the points and rows that are solved as patches (patches.hpp), and the
-  // residual of these.
+  // For one trajectory: the points and rows that are solved as patches (patches.hpp), and their
+  // residual.
   bool held[room(C)] = {}, row_held[room(M)] = {};
   double held_residual = 0.0;
-  // m/s: e u_n- of new contacts, 0 of others; how fast solids part without it.
+  // m/s: e u_n- of new contacts, 0 of others; parting speed without it.
   double rebound[width][room(C)], parting[width][room(C)];
-  bool withheld[width][room(C)];  // points that would spring back, were it not for holds_back
-  bool holds_back = false;        // nothing springs back: all of it is to touch only at the end
-  bool bounces[width];            // whether any contact bounces
+  bool withheld[width][room(C)];  // points that would rebound, but for holds_back
+  bool holds_back = false;        // nothing rebounds: all such points only have to close their gaps
+  bool bounces[width];            // whether any contact rebounds
   double scale[width];            // of the restitutions of the step
   Real x[room(3 * C)], s[room(3 * C)], b[room(3 * C)];
   // hdot after the step without impulses; at its start; b - before of the normals. is_before_known
-  // is false while nothing has asked for `before`, nor for b.
+  // is false until `before` or b is first needed.
   Real before[room(3 * C)], hdot[room(3 * C)], asked[room(C)];
   bool is_before_known = true;
   Real drift[room(3 * C)] = {};  // b - before of tangents: see rolling.hpp
 
-  // Whether point i takes part in the law as it is solved point by point.
+  // Whether point i takes part in the law that is solved point by point.
   FAN_FN bool takes_part(int l, int i) const { return near[l][i] && !held[i]; }
 
   // v+ - v without impulses.
@@ -55,8 +55,8 @@ struct ContactState {
     eval.back(w, dv);
   }
 
-  // `before` of all points.
-  FAN_FN void know_before(const Evaluation<Model, Real>& eval) {
+  // Computes `before` of all points.
+  FAN_FN void compute_before(const Evaluation<Model, Real>& eval) {
     Real dv[room(N)];
     unhindered(eval, dv);
     typename Points::Rates free(points, dv);
@@ -67,8 +67,8 @@ struct ContactState {
     is_before_known = true;
   }
 
-  // b of all points.
-  FAN_FN void know_aims() {
+  // Computes b of all points.
+  FAN_FN void compute_required() {
     for (int i = 0; i < points.most; ++i) {
       b[3 * i] = before[3 * i] + asked[i];
       for (int d = 1; d < 3; ++d) b[3 * i + d] = before[3 * i + d] + drift[3 * i + d];
@@ -77,13 +77,13 @@ struct ContactState {
 
   FAN_FN void need_before(const Evaluation<Model, Real>& eval) {
     if (is_before_known) return;
-    know_before(eval);
-    know_aims();
+    compute_before(eval);
+    compute_required();
   }
 
-  // Whether all points pushed in the step before, or others of their pairs did, or they stay away
-  // at the velocities of the start, and none can bounce: what takes part then is left to
-  // ContactStep::watch(). Of one trajectory.
+  // Whether all points pushed in the previous step, or others of their pairs did, or they stay away
+  // at the velocities of the start, and none can rebound: ContactStep::watch() then finds the
+  // points that take part. For one trajectory.
   FAN_FN bool all_pushed() const {
     bool all = true;
     for (int i = 0; i < points.n[0]; ++i) {
@@ -96,8 +96,8 @@ struct ContactState {
     return all;
   }
 
-  // The speed at which a point is asked to part beyond stopping: minus the gap over the step, of
-  // what is new over what is left of it.
+  // Required parting speed of a point: minus its gap over the step or, for a new one, over the rest
+  // of it.
   FAN_FN void ask(int l, int i, double recovery_speed) {
     const double h = -points.point[l][i].gap;
     const double ahead = steps[l][i] == 0 ? left : dt;
@@ -107,15 +107,15 @@ struct ContactState {
     withheld[l][i] = false;
   }
 
-  // m/s: e times the speed at which a new point closes; 0 unless it is above what the forces of a
-  // whole step would take back.
+  // m/s: e times the closing speed of a new point; 0 unless it exceeds the change by the forces of
+  // a whole step.
   FAN_FN double rebound_of(int l, int i, double closing) const {
     const double by_forces = lane_of(before[3 * i], l) - lane_of(hdot[3 * i], l);
     const double back = in->restitution[points.point[l][i].pair] * closing;
     return back > by_forces * (whole > dt ? whole / dt : 1.0) ? back : 0.0;
   }
 
-  // Whether a point takes part, and its rebound.
+  // Decides whether a point takes part, and its rebound.
   FAN_FN void aim(int l, int i) {
     if (!is_before_known) {
       chosen[l] += near[l][i];
@@ -128,8 +128,7 @@ struct ContactState {
     const bool springs = !holds_back && back > 0.0 && back > parting[l][i];
     if (springs) rebound[l][i] = lane_of(asked[i], l) = back;
     bounces[l] = bounces[l] || springs;
-    // Where other points of the pair carried it before, they are tried first; see
-    // ContactStep::watch().
+    // Points of the pair that pushed before are tried first; see ContactStep::watch().
     const bool waits = is_carried[l][i] && !springs;
     near[l][i] = near[l][i] || (!waits && free + lane_of(asked[i], l) > 0.0);
     chosen[l] += near[l][i];
@@ -145,7 +144,7 @@ struct ContactState {
     }
   }
 
-  // Tells the points of a lane, in order, which of them pushed in the step before.
+  // Marks the points of a lane, in order, that pushed in the previous step.
   FAN_FN void recognise(int l, const Push* pushes, int n_pushes) {
     int j = 0;
     const auto is_of = [&](int k, int pair) {
@@ -162,7 +161,7 @@ struct ContactState {
     }
   }
 
-  // What pushed in the step before takes part, with its impulses as the first guess.
+  // Includes the points that pushed in the previous step, with their impulses as the first guess.
   FAN_FN void recall(int l, const Push* pushes) {
     for (int i = 0; i < points.n[l]; ++i) {
       const auto& p = points.point[l][i];
@@ -184,20 +183,19 @@ struct ContactState {
     return -lane_of(s[i], l) - (i % 3 == 0 ? lane_of(asked[i / 3], l) : 0.0);
   }
 
-  // Whether the forces of one step alone have closed point i as fast as it closes at the start.
+  // Whether the forces of one step alone give point i its closing speed at the start.
   FAN_FN bool rested(int l, int i) const {
     const double closing = lane_of(hdot[3 * i], l);
     const double by_forces = lane_of(before[3 * i], l) - closing;
     return closing <= (by_forces > Tolerance::passing_speed ? by_forces : Tolerance::passing_speed);
   }
 
-  // Whether point i is part of an impact. A corner on which a body that rests comes to stand is
-  // not.
+  // Whether point i is part of an impact. A corner on which a resting body comes to stand is not.
   FAN_FN bool strikes(int l, int i) const {
     return (steps[l][i] < Tolerance::steps_of_impact && !rested(l, i)) || closes(l, i);
   }
 
-  // Whether point i, if it pushes, ends the step as fast as closes its gap.
+  // Whether point i, if it pushes, ends the step with the speed that closes its gap.
   FAN_FN bool closes(int l, int i) const { return -parting[l][i] > Tolerance::closing_speed; }
 
  private:

@@ -4,12 +4,12 @@
 //   x_t = -mu x_n u_t/|u_t| where u_t != 0                    (Signorini, Coulomb;
 //   solvers/cone.hpp)
 //
-// with u the velocity of the first solid against the second after the step, x the impulse on the
-// first. As for strings, solids that overlap part at the recovery speed at most. A new contact with
-// restitution e leaves with u_n+ = -e u_n- at least, unless the forces of one step would take the
-// rebound back, from where it touches (timestepping/touching_step.hpp). With friction, or unequal
-// e, that may add energy; all are then scaled down until none is added. Of one trajectory; for
-// bundles of lanes see lanes.hpp.
+// with u the velocity of the first solid relative to the second after the step, x the impulse on
+// the first. As for strings, overlapping solids part at most at the recovery speed. A new contact
+// with restitution e leaves with at least u_n+ = -e u_n-, unless the forces of one step would
+// reverse the rebound, from where it touches (timestepping/touching_step.hpp). With friction, or
+// unequal e, that may add energy; all are then scaled down until none is added. For one trajectory;
+// for bundles of lanes see lanes.hpp.
 #pragma once
 
 #include "fantoccini/contact/patches.hpp"
@@ -39,11 +39,11 @@ class ContactStep {
   Push push[width][room(C)];
   Real violation, work, impact, friction;  // depth; energies of the step
   Real residual = Real(0.0);               // of the law, in the last step
-  double early = 0.0;  // m: largest gap across which something springs back; of one trajectory
+  double early = 0.0;  // m: largest gap across which a point rebounds; of one trajectory
 
   bool looks_ahead = true;  // whether points that roll are to stop in the middle of a step
 
-  // The points that the last step looked at.
+  // The points considered in the last step.
   const Points& candidates() const { return state_.points; }
 
   // Whether patches hold in the last step.
@@ -51,7 +51,7 @@ class ContactStep {
 
   bool too_many(int lane) const { return state_.points.too_many[lane]; }
 
-  // Nothing has touched anything yet.
+  // Starts without any contact.
   FAN_FN void begin(const ContactArrays& in) {
     state_.points.begin(in);
     rolling_.begin(in);
@@ -69,10 +69,11 @@ class ContactStep {
     memory.keep_of_lanes(state_.points.too_many);
   }
 
-  // What pushes now and was at rest has pushed for long; all else has touched nothing yet.
+  // Points at rest that push count as having pushed for long; all others are discarded.
   FAN_FN void take_as_resting() { n[0] = keep_resting(push[0], n[0]); }
 
-  // Takes what pushed in the step before, and the list of near pairs; and what becomes of them.
+  // Loads the points that pushed in the previous step and the list of near pairs; hand_over()
+  // stores them after the step.
   template <class Near>
   FAN_FN void take(const Push* pushes, int n_pushes, const Near& near) {
     n[0] = n_pushes;
@@ -81,14 +82,14 @@ class ContactStep {
     state_.points.too_many[0] = false;
   }
   template <class Near>
-  FAN_FN int give(Push* pushes, Near& near) {
+  FAN_FN int hand_over(Push* pushes, Near& near) {
     for (int i = 0; i < n[0]; ++i) pushes[i] = push[0][i];
     near = state_.points.near();
     return n[0];
   }
 
-  // Finds the points of a step of length dt, which moves on for `left` with its velocities, and
-  // their speeds without impulses; eval is that of the step.
+  // Finds the points of a step dt, which continues for `left` with its velocities, and their speeds
+  // without impulses. `eval` is that of the step.
   FAN_FN void find(
       const ContactArrays& in, const Evaluation<Model, Real>& eval, const Real* q_D,
       const Real* v_D, const Real* q_K, const Real* v_K, const Real* p, double dt, double left,
@@ -111,8 +112,8 @@ class ContactStep {
     }
     for (int r = 0; r < M; ++r) row_x_[r] = row_s_[r] = Real(0.0);
     problem_.begin();
-    looks_ = 0;
-    struck_again_ = unbounded;
+    n_searches_ = 0;
+    next_strike_ = unbounded;
     is_joined_ = false;
     for (int l = 0; l < width; ++l) {
       for (int r = 0; r < M; ++r) state_.pulls[l][r] = false;
@@ -120,7 +121,7 @@ class ContactStep {
       state_.scale[l] = 1.0;
       solved_with_[l] = 0;
     }
-    patches_.let_go(state_);
+    patches_.remove_all(state_);
     if (state_.points.most == 0) return;
     for (int i = 0; i < state_.points.most; ++i) {
       const Triple<Real> start = state_.points.rate(i, v_D);
@@ -133,30 +134,30 @@ class ContactStep {
     for (int i = 0; i < state_.points.n[0]; ++i) state_.ask(0, i, recovery_speed);
     if (looks_ahead) rolling_.ask(state_, q_D, v_D, q_K, v_K, p, dt);
     state_.is_before_known = !state_.all_pushed();
-    if (state_.is_before_known) state_.know_before(eval);
+    if (state_.is_before_known) state_.compute_before(eval);
     for (int i = 0; i < state_.points.n[0]; ++i) state_.aim(0, i);
-    if (state_.is_before_known) state_.know_aims();
+    if (state_.is_before_known) state_.compute_required();
   }
 
-  // Whether something springs back, of one trajectory.
-  FAN_FN bool springs_back() const { return state_.points.most > 0 && state_.bounces[0]; }
+  // Whether a point rebounds, of one trajectory.
+  FAN_FN bool has_rebound() const { return state_.points.most > 0 && state_.bounces[0]; }
 
-  // After which time the first of the points that spring back touches, and the next one, later by
-  // more than `same` [s]; unbounded where there is none.
+  // Time until the first of the rebounding points touches, and until the next one, later by more
+  // than `same` [s]; unbounded if there is none.
   struct Touches {
     double first, second;
   };
   Touches touches(double same) const {
-    Touches found{unbounded, unbounded};
+    Touches times{unbounded, unbounded};
     for (int i = 0; i < state_.points.n[0]; ++i)
-      if (state_.rebound[0][i] != 0.0) found.first = fmin(found.first, touch_time(i));
+      if (state_.rebound[0][i] != 0.0) times.first = fmin(times.first, touch_time(i));
     for (int i = 0; i < state_.points.n[0]; ++i)
-      if (state_.rebound[0][i] != 0.0 && touch_time(i) > found.first + same)
-        found.second = fmin(found.second, touch_time(i));
-    return found;
+      if (state_.rebound[0][i] != 0.0 && touch_time(i) > times.first + same)
+        times.second = fmin(times.second, touch_time(i));
+    return times;
   }
 
-  // Whether a new point that does not spring back closes before a time t [s].
+  // Whether a new point that does not rebound closes before a time t [s].
   bool closes_before(double t) const {
     for (int i = 0; i < state_.points.n[0]; ++i)
       if (state_.steps[0][i] == 0 && state_.rebound[0][i] == 0.0 && state_.near[0][i] &&
@@ -166,14 +167,15 @@ class ContactStep {
     return false;
   }
 
-  // Whether what would spring back is to close its gap only.
+  // With `held`, points that would rebound only close their gaps.
   void hold_back(bool held) { state_.holds_back = held; }
 
-  // After which time something that would spring back is struck by what the impulses have made fast
-  // in the step [s]; unbounded for nothing.
-  FAN_FN double struck_again() const { return struck_again_; }
+  // Time until a point that would rebound is struck by a link that impulses of the step have
+  // accelerated [s]; unbounded if there is none.
+  FAN_FN double next_strike() const { return next_strike_; }
 
-  // Adds what pushed in earlier parts of a step to what pushes at its end; of one trajectory.
+  // Adds points that pushed in earlier parts of a step to those that push at its end; of one
+  // trajectory.
   void join(const Push* earlier, int n_earlier) {
     for (int k = 0; k < n_earlier; ++k) {
       int place = 0;
@@ -188,14 +190,14 @@ class ContactStep {
     is_joined_ = true;
   }
 
-  // Looks again where impulses have made links faster, by acc over the step from v_D, than the
-  // margins of find() allow for, and adds the points that would be passed; whether there are any.
+  // Searches again where impulses have accelerated links, by acc over the step from v_D, beyond the
+  // margins of find(). Adds the points that would be passed. Returns whether there are any.
   FAN_FN bool look_again(
       const Evaluation<Model, Real>& eval, const Real* v_D, const Real* acc, const Real* v_K,
       double dt, double recovery_speed, const Mask& idle) {
     const Mask lanes = !idle && state_.points.outruns(acc, dt);
-    if (!any(lanes) || looks_ == Tolerance::looks) return false;
-    ++looks_;
+    if (!any(lanes) || n_searches_ == Tolerance::max_searches) return false;
+    ++n_searches_;
     Real v[room(N)];
     int known[width];
     const int most = state_.points.most;
@@ -222,7 +224,7 @@ class ContactStep {
         state_.ask(l, i, recovery_speed);
         state_.aim(l, i);
         lane_of(state_.b[3 * i], l) += lane_of(state_.asked[i], l);
-        note_struck(l, i, lane_of(then(i)[0], l));
+        record_strike(l, i, lane_of(then(i)[0], l));
       }
     return true;
   }
@@ -234,7 +236,7 @@ class ContactStep {
     return true;
   }
 
-  // Adds the points that would be passed at the velocity v; whether there are any.
+  // Adds the points that would be passed at the velocity v. Returns whether there are any.
   FAN_FN bool watch(const Real* v) {
     bool more = false;
     Rates rates(state_.points, v);
@@ -245,39 +247,40 @@ class ContactStep {
         const double closing = lane_of(now, l) + lane_of(state_.asked[i], l);
         if (!(closing > Tolerance::passing_speed)) continue;
         state_.near[l][i] = more = true;
-        note_struck(l, i, lane_of(now, l));
+        record_strike(l, i, lane_of(now, l));
         ++state_.chosen[l];
       }
     }
     return more;
   }
 
-  // Solves for the impulses of the points and of the gathered rows that take part, in the lanes in
-  // which points do; the rows' problem holds their bounds, and then their impulses x and s. near
-  // tells which rows take part; a lane to which none were added since keeps its solution. `guess`
-  // (n_rows) are impulses of the rows to begin with, `before` is the gathered rows' hdot after the
-  // step without impulses.
+  // Solves for the impulses of the points and of the gathered rows that take part, in lanes with
+  // points. The rows' problem contains their bounds, then their impulses x and s. `near` marks the
+  // rows that take part; a lane without additions since the last solve keeps its solution. `guess`
+  // (n_rows) are initial impulses of the rows, `before` is the gathered rows' hdot after the step
+  // without impulses.
   FAN_FN void settle(
       const Evaluation<Model, Real>& eval, RowSystem<Model, Real>& rows, const Mask* near,
       Real* guess, const Real* before, double cap, Mask& settled) {
-    Real found[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
+    Real row_impulses[room(M)], s[room(M)], of_lane = Real(0.0), well = Real(0.0);
     int taking_part[width];
     Real n_near = Real(0.0);
     for (int a = 0; a < rows.n; ++a) n_near += select(near[rows.row[a]], Real(1.0), Real(0.0));
     for (int l = 0; l < width; ++l) taking_part[l] = state_.chosen[l] + int(lane_of(n_near, l));
     bool held = false;  // all of it by patches
-    if (state_.chosen[0] != 0 && taking_part[0] != solved_with_[0] && !rolling_.some)
-      held = patches_.hold(state_, eval, rows, near, guess, cap, found, s);
+    if (state_.chosen[0] != 0 && taking_part[0] != solved_with_[0] && !rolling_.any_rolls)
+      held = patches_.hold(state_, eval, rows, near, guess, cap, row_impulses, s);
     if (!held) state_.need_before(eval);
     if (!held) problem_.make_columns(state_, eval, rows, near, guess);
     for (int l = 0; l < width; ++l) {
       if (state_.chosen[l] == 0) continue;
       if (taking_part[l] != solved_with_[l]) {
         solved_with_[l] = taking_part[l];
-        well_[l] = held || problem_.bounce(state_, l, rows, near, guess, before, cap, found, s);
+        well_[l] =
+            held || problem_.bounce(state_, l, rows, near, guess, before, cap, row_impulses, s);
         lane_of(residual, l) = held ? state_.held_residual : lane_of(problem_.residual, l);
         for (int a = 0; a < rows.n; ++a) {
-          lane_of(row_x_[rows.row[a]], l) = lane_of(found[a], l);
+          lane_of(row_x_[rows.row[a]], l) = lane_of(row_impulses[a], l);
           lane_of(row_s_[rows.row[a]], l) = lane_of(s[a], l);
         }
       }
@@ -303,7 +306,7 @@ class ContactStep {
     patches_.add(w);
   }
 
-  // What the impulses take from hdot of gathered row a.
+  // Reduction of hdot of gathered row a by the impulses.
   FAN_FN Real rate_by_impulses(const RowSystem<Model, Real>& rows, int a) const {
     Real sum = Real(0.0);
     for (int i = 0; i < state_.points.most; ++i) {
@@ -315,8 +318,8 @@ class ContactStep {
     return sum;
   }
 
-  // The energies of the step, and what pushes at its end. Returns 1 in lanes with an impact, else
-  // 0.
+  // Energies of the step, and the points that push at its end. Returns 1 in lanes with an impact,
+  // else 0.
   FAN_FN Real account() {
     Real struck = Real(0.0);
     for (int l = 0; l < width; ++l)
@@ -331,26 +334,26 @@ class ContactStep {
               lane_of(state_.x[3 * i + 2], l)};
           add_push(l, i, x, push[l], pushes);
           if (state_.rebound[l][i] != 0.0) early = fmax(early, state_.points.point[l][i].gap);
-          if (lane_of(struck, l) > 0.5) book_impact(l, i);
-          else book_friction(l, i);
+          if (lane_of(struck, l) > 0.5) add_impact_loss(l, i);
+          else add_friction_loss(l, i);
         }
       n[l] = pushes;
     }
     return struck;
   }
 
-  // What pushes at the end of the step as it is reported: where points share what they carry, the
-  // impulses of least norm. Of one trajectory, not of lanes. Returns how many there are.
+  // Reported pushes at the end of the step: where redundant points share a force, the impulses of
+  // least norm. For one trajectory, not for lanes. Returns their number.
   int shared(
       const Evaluation<Model, Real>& eval, const RowSystem<Model, Real>& rows,
       ContactShare<M + 3 * C>& share, Push* out) {
-    int found = 0, n_out = 0;
-    for (int i = 0; i < state_.points.n[0]; ++i) found += lane_of(state_.x[3 * i], 0) > 0.0;
-    if (state_.chosen[0] == 0 || found != n[0] || is_joined_) {
+    int n_pushing = 0, n_out = 0;
+    for (int i = 0; i < state_.points.n[0]; ++i) n_pushing += lane_of(state_.x[3 * i], 0) > 0.0;
+    if (state_.chosen[0] == 0 || n_pushing != n[0] || is_joined_) {
       for (int i = 0; i < n[0]; ++i) out[i] = push[0][i];
       return n[0];
     }
-    patches_.let_go(state_);
+    patches_.remove_all(state_);
     state_.need_before(eval);
     problem_.take_all(state_, eval, rows);
     for (int g = 0; g < problem_.groups(); ++g) {
@@ -366,18 +369,18 @@ class ContactStep {
   }
 
  private:
-  // Notes when a point that closes at this speed by the impulses of the step is struck and would
-  // spring back, unless that is at once.
-  void note_struck(int l, int i, double closing) {
+  // Records when a point with this closing speed by the impulses of the step is struck and would
+  // rebound, unless that is immediately.
+  void record_strike(int l, int i, double closing) {
     const auto& point = state_.points.point[l][i];
     const bool is_new = state_.steps[l][i] == 0 && state_.rebound[l][i] == 0.0;
     if (!is_new || !state_.is_before_known || !(state_.rebound_of(l, i, closing) > 0.0)) return;
     if (!(point.gap > Tolerance::same_touch * state_.whole * closing)) return;
     if (!(point.gap < state_.left * closing)) return;
-    struck_again_ = fmin(struck_again_, point.gap / closing);
+    next_strike_ = fmin(next_strike_, point.gap / closing);
   }
 
-  // When point i of one trajectory touches, at the speed at which it closes.
+  // Time until point i of one trajectory touches, at its closing speed.
   double touch_time(int i) const {
     return state_.points.point[0][i].gap / lane_of(state_.hdot[3 * i], 0);
   }
@@ -388,7 +391,7 @@ class ContactStep {
     return !state_.held[i] && any(x[0] != Real(0.0) || x[1] != Real(0.0) || x[2] != Real(0.0));
   }
 
-  // Adds point i of lane l as it pushes with the impulse x to a list, in order.
+  // Adds point i of lane l, with the impulse x, to a list, in order.
   FAN_FN void add_push(int l, int i, const double* x, Push* list, int& n_list) const {
     const auto& from = state_.points.point[l][i];
     int place = n_list++;
@@ -412,8 +415,8 @@ class ContactStep {
     }
   }
 
-  // Adds what the friction of point i takes, at the velocity after the step.
-  FAN_FN void book_friction(int l, int i) {
+  // Adds the energy taken by the friction of point i, at the velocity after the step.
+  FAN_FN void add_friction_loss(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(state_.x[d], l);
       lane_of(work, l) += x * lane_of(state_.points.rate_K[i][d - 3 * i], l);
@@ -421,9 +424,9 @@ class ContactStep {
     }
   }
 
-  // The same in a step with an impact, whose impulses also act where solids rest: each takes what
-  // it takes at the mean of the velocities before and after the step.
-  FAN_FN void book_impact(int l, int i) {
+  // Likewise in a step with an impact, whose impulses also act on resting solids: each takes energy
+  // at the mean of the velocities before and after the step.
+  FAN_FN void add_impact_loss(int l, int i) {
     for (int d = 3 * i; d < 3 * i + 3; ++d) {
       const double x = lane_of(state_.x[d], l), end = state_.after(l, d);
       const double rubs = d == 3 * i || state_.strikes(l, i) ? 0.0 : x * end;
@@ -437,11 +440,11 @@ class ContactStep {
   RollingPoints<Model, Real> rolling_;
   ContactPatches<Model, Real> patches_;
   ContactProblem<Model, Real> problem_;
-  int looks_ = 0;  // how often was looked again
-  double struck_again_ = unbounded;
+  int n_searches_ = 0;  // number of further searches
+  double next_strike_ = unbounded;
   bool is_joined_ = false;  // whether `push` has earlier parts of the step
-  // Of each lane's last solve in the step: how many rows and points took part, whether it went
-  // well; impulses and s of the rows.
+  // Of each lane's last solve in the step: number of rows and points that took part, success;
+  // impulses and s of the rows.
   int solved_with_[width];
   bool well_[width];
   Real row_x_[room(M)], row_s_[room(M)];

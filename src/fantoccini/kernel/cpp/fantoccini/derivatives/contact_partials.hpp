@@ -1,6 +1,6 @@
-// What solids that touch add to the derivatives of a step, each point in its mode. With u the
-// velocity of the first solid against the second at the point P, n the normal, t1 and t2 tangents,
-// and U = du/dv_D, a point that
+// Contribution of contacts to the derivatives of a step, each point in its mode. With u the
+// velocity of the first solid relative to the second at the point P, n the normal, t1 and t2
+// tangents, and U = du/dv_D, a point that
 //
 //   sticks  holds n.u, t1.u and t2.u          by f = x_n n + x_1 t1 + x_2 t2,
 //   slides  holds n.u                         by f = x_n (n - mu d),  d = u_T/|u_T|.
@@ -20,8 +20,8 @@ FAN_LOOPS_BEGIN
 
 namespace fan {
 
-// Adds forces to those of n points: `idle` of their rows, which come after n_held others, in parts
-// of the largest force.
+// Adds `part` of the largest force, distributed by `idle` over the rows of n points, which follow
+// n_held others, to the points' forces.
 inline void share_otherwise(
     StepContact* points, int n, int n_held, const double* idle, double part) {
   double largest = 0.0;
@@ -43,8 +43,8 @@ class ContactPartials {
   static constexpr int N = Model::n_vD, K = Model::n_vK, P = Model::n_p, E = N + K;
   static constexpr int L = Model::n_links, n_columns = 2 * E + P;
 
-  // The screws at the start of a step (E, 6), the velocities before and after it, and the changes
-  // by parameters (L + E, 6, P), all of which must live on.
+  // `screws` (E, 6) at the start of a step, the velocities before and after it, and the changes by
+  // parameters (L + E, 6, P) must outlive this object.
   void begin(
       const double* screws, const double* v_D, const double* v_next, const double* rate,
       const double* by_p, double dt) {
@@ -66,10 +66,11 @@ class ContactPartials {
       for (int c = 0; c < 3; ++c) Q[k] += U_[c][k] * point.force[c];
   }
 
-  // A point that pushes. Writes how many rows it holds to `n`: the `rows` of -u along these
+  // A point that pushes. Writes the number of its held rows to `n`, the `rows` of -u along these
   // directions, the generalised `forces` of the multipliers, negated, and their changes over dt,
-  // `rates`; `drag`, z with z^T z acc_D the force that friction's turning adds, and whether there
-  // is any; and adds the changes of the generalised forces, negated, to `by` (n_columns, N).
+  // `rates`. Writes to `drag` the z with z^T z acc_D the force from the turning of friction, and
+  // whether there is any. Adds the changes of the generalised forces, negated, to `by` (n_columns,
+  // N).
   bool take(
       const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],
       double (*rates)[room(n_columns)], double* drag, double* by) {
@@ -82,14 +83,14 @@ class ContactPartials {
     return find_drag(drag);
   }
 
-  // Changes of the gap of a point (n_columns,); until the next call.
+  // Changes of the gap of a point (n_columns,); valid until the next call.
   const double* gap_by(const StepContact& point) {
     point_ = &point;
     move();
     return gap_by_;
   }
 
-  // The rows that a point holds, the generalised forces of the multipliers and the drag alone.
+  // The rows that a point holds, the generalised forces of the multipliers and the drag only.
   bool hold(
       const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)],
       double* drag) {
@@ -103,7 +104,7 @@ class ContactPartials {
  private:
   using Columns = double[3][room(n_columns)];
 
-  // A point, the rows that it holds, and the generalised forces of its multipliers, negated.
+  // Loads a point, its held rows, and the generalised forces of its multipliers, negated.
   void set(const StepContact& point, int* n, double (*rows)[room(N)], double (*forces)[room(N)]) {
     point_ = &point;
     find_subspace();
@@ -125,7 +126,7 @@ class ContactPartials {
     add_tangents(frame);
   }
 
-  // Changes of the n rows over dt, after those of P and n; leaves u after the step.
+  // Changes of the n rows over dt, after those of P and n. Leaves the velocity after the step in u.
   void differ_rates(int n, double (*rates)[room(n_columns)]) {
     const StepContact& point = *point_;
     double frame[9];
@@ -156,7 +157,7 @@ class ContactPartials {
     velocity(twist, u_);
   }
 
-  // Across the normal, from u.
+  // Velocity across the normal, from u.
   void find_speed() {
     const double *n = point_->normal, normal = dot3(n, u_);
     double across_u[3];
@@ -169,21 +170,21 @@ class ContactPartials {
   }
   static double across(const Columns& of, const double* u, int c) { return along(u, of, c); }
 
-  // Calls with the index and the sign of each link that moves.
+  // Calls f with the index and the sign of each link that moves.
   template <class F>
   void each_link(const F& f) const {
     for (int side = 0; side < 2; ++side)
       if (point_->links[side] >= 0) f(point_->links[side], side ? -1.0 : 1.0);
   }
 
-  // Calls with every velocity that carries the axis of k.
+  // Calls f with every velocity that carries the axis of k.
   template <class F>
   static void each_carrier(int k, const F& f) {
     for (int j = Model::carried_begin[k]; j < Model::carried_begin[k + 1]; ++j)
       f(Model::carried_entry[j]);
   }
 
-  // Of a parameter's change: of link i, or of screw k.
+  // Change by a parameter: of link i, or of screw k.
   double xi_p(int i, int c, int p) const { return by_p_[(6 * i + c) * P + p]; }
   double s_p(int k, int c, int p) const { return by_p_[(6 * (L + k) + c) * P + p]; }
 
@@ -206,13 +207,14 @@ class ContactPartials {
     });
   }
 
-  // At the point, by a twist.
+  // Velocity at the point, from a twist.
   void velocity(const double* twist, double* u) const {
     cross(twist + 3, point_->at, u);
     for (int c = 0; c < 3; ++c) u[c] += twist[c];
   }
 
-  // Changes of gap, P and n: those by the twist xi_1 - xi_2, and the motion along with the second.
+  // Changes of gap, P and n: those by the twist xi_1 - xi_2, and the common motion with the second
+  // link.
   void move() {
     clear(P_by_);
     clear(n_by_);
@@ -283,7 +285,7 @@ class ContactPartials {
     }
   }
 
-  // The velocity at the point of a twist that a column has.
+  // Adds the velocity at the point of the twist of a column.
   void add(Columns& by, int column, double sign, const double* twist) const {
     double u[3];
     velocity(twist, u);
@@ -314,7 +316,7 @@ class ContactPartials {
     }
   }
 
-  // Takes the changes of Q from `by`.
+  // Loads the changes of Q from `by`.
   void load(double* by) {
     const double* f = point_->force;
     double wrench[6];

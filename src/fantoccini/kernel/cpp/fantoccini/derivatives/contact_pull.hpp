@@ -3,12 +3,12 @@
 //   z . Q + sum of y_d r_d
 //
 // over the rows r_d that a point holds, over dt, at fixed multipliers, acc_D, z and y. With the
-// changes of place P, normal n and gap by the twist of the first link against the second, all that
-// changes is
+// changes of position P, normal n and gap by the twist of the first link relative to the second,
+// the total change is
 //
-//   a . dP + b . dn + c dgap + wrenches . changes of the twists after and before the step and at z
+//   a . dP + b . dn + c dh + wrenches . changes of the twists after and before the step and at z
 //
-// so that every velocity that moves a link adds a few products.
+// with h the gap, so that every velocity that moves a link adds a few products.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -61,7 +61,7 @@ class ContactPull {
   enum Twist { AFTER, BEFORE, ALONG_Z };
   static constexpr int n_twists = 3;
 
-  // The twist of the first link against the second, and its velocity at the point.
+  // The twist of the first link relative to the second, and its velocity at the point.
   void find_velocity(int t) {
     double twist[6] = {};
     for (int side = 0; side < 2; ++side) {
@@ -128,7 +128,7 @@ class ContactPull {
       for (int d = 0; d < 3; ++d)
         apart_[c] += place_[d] * at.by[6 * (1 + d) + c] + normal_[d] * at.by[6 * (4 + d) + c];
     }
-    // The twist that moves the point along with its second link.
+    // The twist of the point's common motion with its second link.
     cross(at.at, place_, along_ + 3);
     double more[3];
     cross(n, normal_, more);
@@ -138,7 +138,7 @@ class ContactPull {
     }
   }
 
-  // That of a force at the point.
+  // The wrench of a force at the point.
   void set_wrench(int t, const double* force) {
     for (int c = 0; c < 3; ++c) wrench_[t][c] = force[c];
     cross(point_->at, force, wrench_[t] + 3);
@@ -185,8 +185,8 @@ class ContactPull {
   const double *s_, *by_p_;
   const StepContact* point_;
   double dt_, v_[n_twists][room(E)];
-  // Velocity, angular velocity and weight of each twist at the point; the sum by place, normal,
-  // gap.
+  // Velocity, angular velocity and weight of each twist at the point; derivatives of the sum by
+  // position, normal and gap.
   double u_[n_twists][3], turn_[n_twists][3], wrench_[n_twists][6];
   double place_[3], normal_[3], gap_, apart_[6], along_[6];
 };

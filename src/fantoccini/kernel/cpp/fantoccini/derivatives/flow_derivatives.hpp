@@ -1,10 +1,10 @@
-// Small changes Z along a smooth piece of an event-driven run, with the rows that it holds:
+// Small changes Z along a smooth piece of an event-driven run, with the rows held in it:
 //
 //   dZ_q/dt = turning(v_D) Z_q + Z_v
 //   dZ_v/dt = acc_q Z_q + acc_v Z_v + (acc_p, acc_inputs(t))
 //
-// integrated together with the state by dop853. The stages of a step are those of the state alone:
-// so the derivatives at all of them are found first.
+// integrated together with the state by dop853. The stages of a step depend on the state alone, so
+// the derivatives at all of them are computed first.
 #pragma once
 
 #include <cmath>
@@ -20,8 +20,8 @@
 namespace fan {
 
 struct FlowDerivativeTolerances {
-  static constexpr double safety = 0.9, least = 0.2, most = 10.0;  // of a step by the one before
-  static constexpr double least_error = 1e-4;                      // that tells how errors grow
+  static constexpr double safety = 0.9, least = 0.2, most = 10.0;  // relative to the previous step
+  static constexpr double least_error = 1e-4;  // lower bound of errors in trend()
 };
 
 template <class Model>
@@ -93,17 +93,17 @@ class FlowDerivatives {
     return DONE;
   }
 
-  // The step that would be tried next.
+  // Length of the next trial step.
   double step() const { return step_; }
 
  private:
   static constexpr int in_state = rows * Linear::height;
 
-  // By how much a step may differ from one with this error.
+  // Ratio of the next step to one with this error.
   static double factor(double error) { return Tolerance::safety * std::pow(error, -0.125); }
 
-  // By how much the next step is to be shorter because errors grow from step to step (Gustafsson,
-  // ACM Trans. Math. Softw. 20, 1994); for a step that is accepted.
+  // Factor (at most 1) of the next step for errors that grow from step to step (Gustafsson, ACM
+  // Trans. Math. Softw. 20, 1994), after an accepted step.
   double trend(double error, double s) {
     const double per_step = std::pow(std::fmax(error, Tolerance::least_error), 0.125) / s;
     const double before = error_per_step_;
@@ -111,12 +111,12 @@ class FlowDerivatives {
     return before > 0.0 && before < per_step ? before / per_step : 1.0;
   }
 
-  // Rows past the last are written by products.
+  // Products overwrite rows past the last.
   int size() const { return (N + Linear::height) * ld_; }
   int changes() const { return Linear::n_changes * ld_inputs_; }
   int in_rest() const { return Linear::height * in_eights(P + in_.n_inputs); }
 
-  // The state and its rate at a stage.
+  // Evaluates the state and its rate at a stage.
   void evaluate(int stage, double t, const double* y) {
     FlowPoint<Model>& at = points_[stage];
     std::memcpy(at.q_D, y, sizeof(at.q_D));
@@ -145,13 +145,13 @@ class FlowDerivatives {
     }
   }
 
-  // The derivatives of acc_D at n stages from one on, of a step h from t.
+  // Computes the derivatives of acc_D at n stages from `from` on, of a step h from t.
   void find(int from, int n, double t, double h) {
     constexpr int width = Traits<Wide>::width;
     for (int first = from; first < from + n; first += width) {
-      const int some = from + n - first < width ? from + n - first : width;
-      linear_.differentiate(points_.get() + first, some, in_.p);
-      for (int stage = first; stage < first + some; ++stage) {
+      const int n_states = from + n - first < width ? from + n - first : width;
+      linear_.differentiate(points_.get() + first, n_states, in_.p);
+      for (int stage = first; stage < first + n_states; ++stage) {
         change_inputs(t + dop853::C[stage] * h);
         linear_.find(
             stage - first, points_[stage], inputs_.data(), by_state_.data() + stage * in_state,
@@ -195,7 +195,7 @@ class FlowDerivatives {
         rows, by_state_.data() + stage * in_state, Linear::height, Z, ld_, lower, ld_, N, in_.m);
   }
 
-  // A step of length h. Returns the size of its error against the tolerances.
+  // Tries a step of length h. Returns the size of its error relative to the tolerances.
   double attempt(double t, double h) {
     double at[NY];
     for (int s = 1; s < dop853::stages; ++s) {
@@ -242,7 +242,7 @@ class FlowDerivatives {
     }
   }
 
-  // The state's and the changes' end, and the size of the error by Hairer's estimate.
+  // Computes the state and the changes at the end, and the size of the error by Hairer's estimate.
   double finish(double h) {
     double five = 0.0, three = 0.0;
     for (int j = 0; j < NY; ++j)
@@ -270,9 +270,9 @@ class FlowDerivatives {
     Real five = Real(0.0), three = Real(0.0);
     for (int i = 0; i < dop853::stages; ++i)
       if (dop853::E3[i] != 0.0) {
-        const Real one = rate(i);
-        five += dop853::E5[i] * one;
-        three += dop853::E3[i] * one;
+        const Real stage_rate = rate(i);
+        five += dop853::E5[i] * stage_rate;
+        three += dop853::E3[i] * stage_rate;
       }
     const Real a = abs(from), b = abs(to);
     const Real scale = 1.0 / (in_.atol + in_.rtol * select(a > b, a, b));
@@ -282,7 +282,7 @@ class FlowDerivatives {
     *threes += three * three;
   }
 
-  // Makes the end of the step the start of the next.
+  // Accepts the step: its end becomes the next start.
   void accept() {
     std::memcpy(y_, end_, sizeof(y_));
     std::memcpy(rate_.data(), rate_.data() + dop853::stages * NY, sizeof(y_));
@@ -310,8 +310,7 @@ class FlowDerivatives {
   Linear linear_;
   std::unique_ptr<FlowPoint<Model>[]> points_;
   double y_[NY], end_[NY];
-  std::vector<double>
-      rate_;  // (stages + 1, NY); g++ 12 takes such a member for aligned without AVX
+  std::vector<double> rate_;  // (stages + 1, NY); g++ 12 assumes such a member aligned without AVX
   std::vector<double> Z_, Z_at_, Z_end_, Z_rate_[dop853::stages];
   std::vector<double> by_state_, by_rest_, powers_, inputs_;
 };

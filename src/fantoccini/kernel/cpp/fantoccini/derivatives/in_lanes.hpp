@@ -10,14 +10,14 @@
 
 namespace fan {
 
-// As many numbers as a bundle has lanes, from anywhere.
+// A bundle of numbers from any address.
 inline Wide loaded(const double* from) {
   Wide x;
   std::memcpy(&x, from, sizeof(Wide));
   return x;
 }
 
-// The states. Lanes that were never placed hold zeros.
+// The states. Lanes never assigned hold zeros.
 template <class Model>
 struct StatesInLanes {
   static constexpr int N = Model::n_vD, K = Model::n_vK;
@@ -51,14 +51,14 @@ class ForcesInLanes {
     fresh_ = false;
   }
 
-  // The first n lanes, each to an array of its own.
+  // Writes the first n lanes, each to a separate array.
   void write(double* const* to, int n) const { unpack(columns_, before_p + N * P, to, n); }
 
   // The column by the k-th of all these quantities, N numbers.
   const Wide* column(int k) const { return columns_ + N * k; }
 
  private:
-  bool fresh_ = true;  // constant entries are yet to be written
+  bool fresh_ = true;  // constant entries are not written yet
   Wide columns_[room(before_p + N * P)];
 };
 

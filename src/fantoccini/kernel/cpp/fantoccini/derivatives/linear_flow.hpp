@@ -1,9 +1,9 @@
-// Derivatives of acc_D along a smooth motion, with the rows that it holds:
+// Derivatives of acc_D along a smooth motion, with the rows held in it:
 //
 //   M dacc + A_D^T dtension = -r_d,   A_D dacc = -hddot_d
 //
 // r is the residual of Eq. 10, d a change of q_D, v_D or the parameters, or one along which the
-// inputs change. r_d and hddot_d are evaluated at several states at once; columns are solved for in
+// inputs change. r_d and hddot_d are evaluated at several states at once; columns are solved in
 // bundles.
 #pragma once
 
@@ -29,7 +29,7 @@ struct FlowPoint {
   RowSystem<Model, double> rows;
   HeldFactor<M> factor;
 
-  // acc and tension from the rest.
+  // Computes acc and tension from the other members.
   void accelerate(const double* p, const int* held, int n_held) {
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, p);
     rows.gather(eval, v_D, held, n_held);
@@ -59,21 +59,21 @@ class LinearFlow {
     for (auto& rate : rate_) rate.resize(M * columns + 8);
   }
 
-  // Notes which of q_K, v_K and acc_K each input changes: one of them, as a rule.
+  // Records which of q_K, v_K and acc_K each input changes: usually one of them.
   //
   // powers: (n, n_changes, in_eights(n_inputs)) coefficients of the inputs' changes in time.
   void look_at(const double* powers, int n) {
     for (int first = 0; first < n_inputs_; first += width)
       for (int r = 0; r < 3 * K; ++r) {
-        bool some = false;
+        bool changes = false;
         for (int k = 0; k < n; ++k)
           for (int l = first; l < first + width && l < n_inputs_; ++l)
-            some |= powers[(k * n_changes + r) * row_ + l] != 0.0;
-        if (some) moving_[first / width].push_back(r);
+            changes |= powers[(k * n_changes + r) * row_ + l] != 0.0;
+        if (changes) moving_[first / width].push_back(r);
       }
   }
 
-  // r_d and hddot_d of the held rows at n points, as many as there are lanes at most.
+  // r_d and hddot_d of the held rows at n points, at most the number of lanes.
   void differentiate(const Point* points, int n, const double* p) {
     for (int l = 0; l < n; ++l) {
       const Point& at = points[l];
@@ -107,7 +107,7 @@ class LinearFlow {
         }
   }
 
-  // dacc at one of the points that were differentiated last, the one in a lane.
+  // dacc at the point in one lane of the last differentiation.
   //
   // by_state: (2 N, height) by q_D and v_D, column by column.
   // by_rest: (N, ld) by the parameters and along the inputs' changes, row by row.
@@ -150,8 +150,8 @@ class LinearFlow {
 
   // dacc along the changes of the inputs.
   void along(int lane, const Point& at, const double* inputs, double* out, int ld) {
-    // Where driven coordinates move no mass and no drive follows them, their accelerations act
-    // through the rows alone.
+    // Where driven coordinates move no mass and no drive follows them, their accelerations act only
+    // through the rows.
     constexpr int acting = Model::accelerated ? 3 * K : 2 * K;
     const double *forces = force_[lane].data() + 2 * N * N, *rates = rate_[lane].data() + 2 * N * M;
     const double* pushes = inputs + 3 * K * row_;

@@ -3,7 +3,7 @@
 
 namespace fan {
 
-// Calls `f` with the number of each: those of dynamic coordinates, then those of driven ones.
+// Calls `f` with the index of each: those of dynamic coordinates, then those of driven ones.
 template <class Model, class F>
 void each_screw(int link, const F& f) {
   for (int j = Model::moved_D_begin[link]; j < Model::moved_D_begin[link + 1]; ++j)

@@ -1,5 +1,5 @@
-// The points that push in a step, held in their modes beside the strings and limits, and what that
-// makes of the step's derivatives.
+// The points that push in a step, held in their modes together with the strings and limits, and
+// their effect on the step's derivatives.
 #pragma once
 
 #include "fantoccini/contact/push.hpp"
@@ -14,10 +14,11 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 struct ModesOfStepTolerances {
-  // Force that is shared otherwise, relative to the largest, to see whether motions depend on it.
+  // Redistributed force, relative to the largest, to test whether motions depend on the
+  // distribution.
   static constexpr double shift = 0.1;
-  // Change of a derivative by which it depends on that, relative to the largest by its quantity,
-  // and derivatives by one quantity that are rounding, relative to the largest of all.
+  // Relative change of a derivative that counts as such a dependence, and derivatives that are
+  // rounding, relative to the largest of all.
   static constexpr double depends = 1e-6, rounding = 1e-8;
 };
 
@@ -52,8 +53,8 @@ class ModesOfStep {
     partials_.begin(screws_, v_D, v_next, rate, by_p_, dt_);
   }
 
-  // Changes of the gap of the point that touches first of those that spring back, as
-  // ContactPartials has them; null where there is none.
+  // Changes of the gap of the first rebounding point that touches, as in ContactPartials; null if
+  // there is none.
   const double* touch_by() {
     const int i = first_touch(point_, n_);
     return i < 0 ? nullptr : partials_.gap_by(point_[i]);
@@ -61,7 +62,7 @@ class ModesOfStep {
 
   // Finds dt dacc and, unless null, writes the changes `pull` of the tensions and `shares` of the
   // points' multipliers, with the held rows and their changes `rate_by` and the changes `force` of
-  // the residual, all in bundles. Returns why these are no derivatives.
+  // the residual, all in bundles. Returns the reason if there are no derivatives.
   int solve(
       const Eval& eval, const RowSystem<Model, double>& rows, const Columns& columns, Wide* force,
       const Wide* rate_by, Wide* pull, Wide* shares) {
@@ -73,7 +74,7 @@ class ModesOfStep {
     }
     assemble(eval, force);
     const bool jams = !system_.factorise();
-    solve(eval, force, found_, pull, shares);
+    solve(eval, force, solution_, pull, shares);
     if (jams) return JAMS;
     bool slides = false;
     for (int i = 0; i < n_; ++i) slides = slides || !point_[i].sticks;
@@ -84,9 +85,9 @@ class ModesOfStep {
   }
 
   // dt dacc, in bundles.
-  Wide* found() { return found_; }
+  Wide* solution() { return solution_; }
 
-  // Multipliers of all points.
+  // Number of multipliers of all points.
   int n_shares() const { return system_.n_rows - n_held_; }
 
  private:
@@ -116,7 +117,7 @@ class ModesOfStep {
       for (int k = 0; k < N; ++k) Columns::at(force, N, place(c), k) += by_[c * N + k];
   }
 
-  // Where a column of ContactPartials is among those of the step: q_D, v_D, q_K, dq_K/dt, and p
+  // Index of a column of ContactPartials among those of the step: q_D, v_D, q_K, dq_K/dt, and p
   // last.
   int place(int c) const {
     if (c < N) return c;
@@ -127,7 +128,7 @@ class ModesOfStep {
   }
 
   // dt dacc and, unless null, the changes `pull` of the tensions and `shares` of the multipliers.
-  void solve(const Eval& eval, const Wide* force, Wide* found, Wide* pull, Wide* shares) {
+  void solve(const Eval& eval, const Wide* force, Wide* solution, Wide* pull, Wide* shares) {
     for (int b = 0; b < columns_->n_bundles; ++b) {
       if (!Columns::acts(b)) continue;
       const Wide* rate = rate_ + b * R;
@@ -136,14 +137,14 @@ class ModesOfStep {
       Model::forth_of(eval.L, x, w);
       system_.solve(w, rate, y);
       Model::back_of(eval.L, w, x);
-      for (int k = 0; k < N; ++k) found[b * N + k] = dt_ * x[k];
+      for (int k = 0; k < N; ++k) solution[b * N + k] = dt_ * x[k];
       for (int a = 0; pull && a < n_held_; ++a) pull[b * M + a] = y[a];
       for (int a = 0; shares && a < n_shares(); ++a) shares[b * 3 * C + a] = y[n_held_ + a];
     }
   }
 
-  // Whether the motion depends on how redundant points share their force: shares that do nothing,
-  // `idle`, are added to it.
+  // Whether the motion depends on the distribution of force among redundant points: shares `idle`,
+  // without effect on the step, are added.
   bool depends(const Eval& eval, Wide* force, const double* idle) {
     for (int c = 0; c < Partials::n_columns; ++c)
       for (int k = 0; k < N; ++k) Columns::at(force, N, place(c), k) -= by_[c * N + k];
@@ -155,7 +156,7 @@ class ModesOfStep {
     for (int b = 0; b < columns_->n_bundles; ++b) {
       size[b] = Wide(0.0);
       if (!Columns::acts(b)) continue;
-      for (int k = 0; k < N; ++k) size[b] = maximum(fabs(found_[b * N + k]), size[b]);
+      for (int k = 0; k < N; ++k) size[b] = maximum(fabs(solution_[b * N + k]), size[b]);
       all = maximum(size[b], all);
     }
     double most = 0.0;
@@ -164,7 +165,7 @@ class ModesOfStep {
       if (!Columns::acts(b)) continue;
       const Wide bound = Tolerance::depends * maximum(size[b], Wide(Tolerance::rounding * most));
       for (int k = 0; k < N; ++k)
-        if (any(fabs(other_[b * N + k] - found_[b * N + k]) > bound)) return true;
+        if (any(fabs(other_[b * N + k] - solution_[b * N + k]) > bound)) return true;
     }
     return false;
   }
@@ -177,7 +178,7 @@ class ModesOfStep {
   Partials partials_;
   ModeSystem<R, C, N> system_;
   double change_[3][room(Partials::n_columns)], by_[room(Partials::n_columns * N)];
-  Wide rate_[room(Columns::most * R)], found_[room(Columns::most * N)];  // in bundles
+  Wide rate_[room(Columns::most * R)], solution_[room(Columns::most * N)];  // in bundles
   Wide other_[room(Columns::most * N)];
 };
 

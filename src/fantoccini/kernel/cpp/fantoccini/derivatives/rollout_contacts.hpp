@@ -1,5 +1,5 @@
-// What touches in the steps of a rollout: kept while it is made, and held in the sweep backward
-// (rollout_gradient.hpp) in the modes of each step.
+// Contacts in the steps of a rollout: stored during the rollout, and held in the modes of each step
+// in the backward sweep (rollout_gradient.hpp).
 #pragma once
 
 #include <vector>
@@ -24,7 +24,7 @@ class RolloutContacts {
     first_.assign(1, 0);
   }
 
-  // Keeps what touches in step k, which `run` has made.
+  // Stores the contacts of step k, which `run` has made.
   void keep(const GradientArrays& in, long long k, TimeSteppingTrajectory<Model, double>& run) {
     delays_.push_back(run.at.touching.delay);
     if (run.opt.contacts) {
@@ -39,7 +39,7 @@ class RolloutContacts {
     first_.push_back(points_.size());
   }
 
-  // Takes the points of step k again, which moves on with v_next; whether there are any.
+  // Loads the points of step k, which continues with v_next. Returns whether there are any.
   bool take(const GradientArrays& in, long long k, const double* v_next) {
     n_ = int(first_[k + 1] - first_[k]);
     if (n_ == 0) return false;
@@ -51,16 +51,16 @@ class RolloutContacts {
     return true;
   }
 
-  // For how long step k moves on before anything springs back [s].
+  // Time for which step k continues before any rebound [s].
   double delay(long long k) const { return delays_[k]; }
 
-  // Of the step at hand, as ModesOfStep has it.
+  // For the current step, as in ModesOfStep.
   const double* touch_by() {
     const int i = first_touch(point_, n_);
     return i < 0 ? nullptr : partials_.gap_by(point_[i]);
   }
 
-  // Holds the points beside the gathered rows; false where friction jams.
+  // Holds the points together with the gathered rows. Returns false if friction jams.
   bool hold(const Evaluation<Model, double>& eval, const RowSystem<Model, double>& rows) {
     int n = n_held_ = rows.n, n_turning = 0;
     for (int a = 0; a < n; ++a)
@@ -88,7 +88,7 @@ class RolloutContacts {
     return false;
   }
 
-  // Adds what the points give to a sum's derivatives by q_D, q_K, v_D, rate and p (n_columns,),
+  // Adds the points' contribution to a sum's derivatives by q_D, q_K, v_D, rate and p (n_columns,),
   // from z and the y of all rows.
   void pull_back(const double* z, const double* y, double* out) {
     pull_.take(z);
@@ -99,12 +99,12 @@ class RolloutContacts {
     }
   }
 
-  // Adds forces `idle` of all rows, in parts of the largest force, to those of the points.
+  // Adds `part` of the largest force, distributed by `idle` over the rows, to the points' forces.
   void share_otherwise(const double* idle, double part) {
     fan::share_otherwise(point_, n_, n_held_, idle, part);
   }
 
-  // The pair of the first point that slides.
+  // The pair of the first sliding point.
   int sliding_pair() const {
     for (int i = 0; i < n_; ++i)
       if (!point_[i].sticks) return point_[i].pair;
@@ -118,11 +118,11 @@ class RolloutContacts {
   }
 
   std::vector<StepContact> points_;  // of all steps
-  std::vector<size_t> first_;        // (steps + 1,) of each
-  std::vector<double> delays_;       // s: after which what springs back touches, of each
+  std::vector<size_t> first_;        // (steps + 1,) index of each step's first point
+  std::vector<double> delays_;       // s: time until the first touch of a rebounding point, of each
   StepModes<Model> modes_;
   StepContact point_[room(C)];  // of one step
-  int n_ = 0, n_held_ = 0;      // those, and the rows before theirs
+  int n_ = 0, n_held_ = 0;      // number of these, and of the rows before theirs
   double screws_[room(6 * E)], by_p_[room((L + E) * 6 * P)];
   ContactPartials<Model> partials_;
   ContactPull<Model> pull_;

@@ -1,17 +1,16 @@
-// A rollout of the time-stepper, and the gradient of a cost of it by one sweep backward. With l the
-// cost's derivatives by what a step ends with, and g = dt l_v+ + l_a by its mean acceleration,
+// A rollout of the time-stepper, and the gradient of its cost by one backward sweep. With l the
+// cost's derivatives by the results of a step, and g = dt l_v+ + l_a by its mean acceleration,
 //
 //   [M + dt F, A_D^T; A_D, 0] (z, y) = (g, l_tension),   l <- l+ - d(z . r + y/dt . R)
 //
 // where r is the residual of Eq. 10 with the velocity products of v_ahead (timestepping/step.hpp)
-// and R = A_D v+ + A_K rate + min(h/dt, recovery speed) that of the rows that the step holds. The
-// matrix is that of the step itself, so that a sweep costs a factorisation and a gradient of a
-// scalar a step.
+// and R = A_D v+ + A_K rate + min(h/dt, recovery speed) that of the step's held rows. The matrix is
+// that of the step itself, so each step of a sweep costs one factorisation and one gradient of a
+// scalar.
 //
-// Where solids touch, A_D is C, the rows that the step holds and those of its points in their
-// modes, in the second equation, and B, the forces that hold them, transposed in the first; M has
-// Z^T Z beside it (solvers/mode_system.hpp). What makes such a step one without derivative is
-// looked for on the way.
+// With contacts, A_D is C in the second equation, the rows held by the step and by its points in
+// their modes, and the transpose of B, the forces that hold them, in the first; Z^T Z is added to M
+// (solvers/mode_system.hpp). The sweep also detects steps without derivative.
 #pragma once
 
 #include "fantoccini/derivatives/rollout_contacts.hpp"
@@ -52,11 +51,10 @@ class RolloutGradient {
     in.status = verdict(run_, 0);
   }
 
-  // The gradient of a rollout that was made; it ends at a step that has no derivative.
+  // Computes the gradient of the last rollout; ends at a step without derivative.
   void sweep(const GradientArrays& in) {
     const double dt = in.options.dt;
-    double l_a[2][room(N)] =
-        {};  // by the accelerations of the step before, and of the one before it
+    double l_a[2][room(N)] = {};  // by the accelerations of the last two steps
     for (int j = 0; j < N; ++j) {
       l_q_[j] = in.l_q[in.n * N + j];
       l_v_[j] = in.l_v[in.n * N + j];
@@ -97,17 +95,17 @@ class RolloutGradient {
   }
 
  private:
-  // Relative difference between a step's velocity and its equations' at which it was cut short.
+  // Relative difference between a step's velocity and its equations' above which it was cut short.
   static constexpr double shortened = 1e-9;
-  // Force that is shared otherwise, relative to the largest, to see whether motions depend on it;
-  // change of a derivative by which it does, relative to itself; and what is rounding, relative to
-  // the largest.
+  // Redistributed force, relative to the largest, to test whether motions depend on the
+  // distribution; relative change of a derivative that counts as such a dependence; rounding,
+  // relative to the largest.
   static constexpr double shift = 0.1, depends = 1e-6, rounding = 1e-4;
 
-  // Those that a step may hold, and numbers that it is differentiated by.
+  // Largest number of held rows of a step, and number of the quantities of its derivatives.
   static constexpr int rows = M + 3 * Model::n_contacts, n_by = 2 * N + 3 * K + P;
 
-  // d(z . r + y/dt . R) by the quantities of a step, of which v_D has parts.
+  // d(z . r + y/dt . R) by the quantities of a step; that by v_D is in parts.
   struct Products {
     double g_q[room(N)], g_v[room(N)], g_ahead[room(N)], g_next[room(N)], g_p[room(P)];
     double *g_qK, *g_vK, *g_aK;
@@ -115,8 +113,7 @@ class RolloutGradient {
     double by_v(int j) const { return g_v[j] + g_ahead[j] + g_next[j]; }
   };
 
-  // The inputs of one node after the other, with the forces and accelerations of the step that
-  // begins there.
+  // Inputs of successive nodes, with the forces and accelerations of the step that begins there.
   struct Nodes {
     const GradientArrays& in;
     long long k = 0;
@@ -138,16 +135,16 @@ class RolloutGradient {
     }
   };
 
-  // Keeps what the sweep needs of every step.
+  // Data of every step for the sweep.
   struct Tape {
     RolloutGradient& all;
     GradientArrays& in;
 
     bool ready(const StepCount& count) {
       const long long k = count.made;
-      const bool steady = all.run_.at.steady, steadier = all.run_.at.steadier;
+      const bool steady = all.run_.at.steady, was_steady = all.run_.at.was_steady;
       in.ahead[2 * k] = steady ? 0.5 * in.options.dt : 0.0;
-      in.ahead[2 * k + 1] = steady && steadier ? 0.25 * in.options.dt : 0.0;
+      in.ahead[2 * k + 1] = steady && was_steady ? 0.25 * in.options.dt : 0.0;
       return true;
     }
 
@@ -156,7 +153,7 @@ class RolloutGradient {
     }
   };
 
-  // Keeps step k, which was made.
+  // Stores step k of the rollout.
   void keep(GradientArrays& in, long long k) {
     if constexpr (touches) contacts_.keep(in, k, run_);
     const auto& state = run_.state();
@@ -197,7 +194,7 @@ class RolloutGradient {
     rows_.gather(eval_, v, list, n);
   }
 
-  // From step k to the node before it.
+  // Propagates from step k to the node before it.
   void take_back(
       const GradientArrays& in, long long k, const double* z, const double* y,
       double (*l_a)[room(N)]) {
@@ -244,7 +241,7 @@ class RolloutGradient {
       pull[r] = y[a] / dt;
       pull_h[r] = size < dt * in.options.recovery_speed ? pull[r] / dt : 0.0;
     }
-    meant(in, k, v_next);
+    equation_velocity(in, k, v_next);
     Call<Model, double>::step_back(
         delay_.q_D(), v, v_ahead_, v_next, in.acc_D + k * N, delay_.q_K(), in.rate + k * K,
         in.mean + k * K, in.tension + k * M, z, pull, pull_h, dt, in.p, to);
@@ -261,7 +258,7 @@ class RolloutGradient {
     }
   }
 
-  // The same, one number after the other (n_by,).
+  // The same as one array (n_by,).
   void list_products(
       const GradientArrays& in, long long k, const double* z, const double* y, double* out) {
     Products to;
@@ -276,16 +273,17 @@ class RolloutGradient {
     for (int j = 0; j < P; ++j) out[2 * N + 3 * K + j] = to.g_p[j];
   }
 
-  // v+ of the equations of step k: where a step is cut short it is none, and the caller knows.
-  void meant(const GradientArrays& in, long long k, double* v_next) const {
+  // v+ by the equations of step k. It differs from the rollout's if the step was cut short; the
+  // caller checks that.
+  void equation_velocity(const GradientArrays& in, long long k, double* v_next) const {
     for (int j = 0; j < N; ++j) v_next[j] = in.v_D[k * N + j] + in.options.dt * in.acc_D[k * N + j];
   }
 
-  // Whether solids push in step k, whose points are then at hand.
+  // Whether solids push in step k; loads its points.
   bool take_contacts(const GradientArrays& in, long long k) {
     if constexpr (touches) {
       double v_next[room(N)];
-      meant(in, k, v_next);
+      equation_velocity(in, k, v_next);
       return contacts_.take(in, k, v_next);
     }
     return false;
@@ -295,7 +293,7 @@ class RolloutGradient {
     if constexpr (touches) contacts_.system().solve_transposed(w, y);
   }
 
-  // Holds the rows and points of step k; what makes it one without derivative, and the pair.
+  // Holds the rows and points of step k. Returns the reason if it has no derivative, and the pair.
   int fault(const GradientArrays& in, long long k) {
     if constexpr (touches) {
       if (!contacts_.hold(eval_, rows_)) {
@@ -312,8 +310,9 @@ class RolloutGradient {
     return 0;
   }
 
-  // Whether the motion after step k depends on how its points share their force, `idle` of which do
-  // nothing; looked for in a sum of all velocities that hides none.
+  // Whether the motion after step k depends on the distribution of force among its points, whose
+  // shares `idle` have no effect on the step; tested on a sum of all velocities in which no change
+  // cancels.
   bool depends_on(const GradientArrays& in, long long k, const double* idle) {
     double by[2][room(n_by)];
     for (int shifted = 0; shifted < 2; ++shifted) {

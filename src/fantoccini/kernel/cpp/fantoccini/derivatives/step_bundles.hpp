@@ -1,5 +1,5 @@
 // Derivatives of time steps at several nodes at once: the derivatives of the equations in lanes,
-// one node in each, and what is solved for node by node, its columns in lanes.
+// one node in each, and the solutions node by node, their columns in lanes.
 #pragma once
 
 #include "fantoccini/derivatives/step_derivatives.hpp"
@@ -49,7 +49,7 @@ class StepBundles {
     return false;
   }
 
-  // That tension's derivatives of r, A_D^T, to those of n nodes where the row slips.
+  // Copies that tension's derivatives of r, A_D^T, to the nodes where the row slips.
   void take_caps(const StepDerivativeArrays& in, int row, int n) {
     const Columns& columns = nodes_[0].columns;
     for (int l = 0; l < n; ++l) {
@@ -59,7 +59,7 @@ class StepBundles {
     }
   }
 
-  // The derivatives of r to n nodes, bundle by bundle.
+  // Copies the derivatives of r to n nodes, bundle by bundle.
   void take_forces(int n) {
     const Columns& columns = nodes_[0].columns;
     Wide* to[width];
@@ -76,8 +76,8 @@ class StepBundles {
         columns.at(to[l], N, Columns::first[Columns::BY_REST] + k, k) = -1.0;
   }
 
-  // (A_D v+ + A_K rate + min(h/dt, recovery speed))_d / dt of a row to those of n nodes that hold
-  // it.
+  // Copies (A_D v+ + A_K rate + min(h/dt, recovery speed))_d / dt of a row to those of n nodes that
+  // hold it.
   void take_rates(const StepDerivativeArrays& in, int row, int n) {
     const double per_step = 1.0 / in.dt;
     Wide gap = Wide(0.0), *to[width];
@@ -107,8 +107,8 @@ class StepBundles {
         });
   }
 
-  // Calls done(b, from) for the bundles that act; from are of(c) of their columns, c without those
-  // by u_D, and `none` where there is no column or one by u_D.
+  // Calls done(b, from) for the bundles that act. `from` holds of(c) of their columns, c not
+  // counting those by u_D, and `none` for columns by u_D and lanes without a column.
   template <class Of, class Done>
   void each_bundle(const Of& of, const Wide* none, const Done& done) const {
     const Columns& columns = nodes_[0].columns;
@@ -124,7 +124,7 @@ class StepBundles {
     }
   }
 
-  bool fresh_ = true;  // constant entries of the rows' derivatives are yet to be written
+  bool fresh_ = true;  // constant entries of the rows' derivatives are not written yet
   StatesInLanes<Model> states_;
   ForcesInLanes<Model> forces_;
   struct {

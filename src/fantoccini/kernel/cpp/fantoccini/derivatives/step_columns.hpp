@@ -1,9 +1,9 @@
-// The columns of a step's derivatives in bundles, as many side by side as a vector holds:
+// The columns of a step's derivatives in bundles, one column per lane:
 //
-//   by q_D, v_D, q_K | v_K | acc_K | u_D where asked for, p
+//   by q_D, v_D, q_K | v_K | acc_K | u_D if requested, p
 //
-// Every group begins with a bundle of its own: columns by v_K and acc_K then lie in the same lanes.
-// Lanes without a column hold zeros.
+// Every group begins with a new bundle: columns by v_K and acc_K then lie in the same lanes. Lanes
+// without a column hold zeros.
 #pragma once
 
 #include <cstring>
@@ -21,7 +21,7 @@ class StepColumns {
 
   static constexpr int bundles_of(int n) { return (n + width - 1) / width; }
 
-  // Where the columns of the groups begin, and their bundles.
+  // First column and first bundle of each group.
   static constexpr int first[] = {0, 2 * N + K, 2 * N + 2 * K, 2 * N + 3 * K};
   static constexpr int bundle[] = {
       0, bundles_of(2 * N + K), bundles_of(2 * N + K) + bundles_of(K),
@@ -30,7 +30,7 @@ class StepColumns {
   enum Group { BY_STATE, BY_V_K, BY_ACC_K, BY_REST };
 
   int n = 0, n_forces = 0, n_bundles = 0;    // columns, those by u_D, and bundles
-  int begin[room(most)], count[room(most)];  // first column of every bundle, and how many it has
+  int begin[room(most)], count[room(most)];  // of every bundle: first column and number of columns
 
   void set(bool forces) {
     n_forces = forces ? N : 0;
@@ -46,7 +46,7 @@ class StepColumns {
   }
 
   // Whether columns of a bundle act: where driven coordinates move no mass and no drive follows
-  // them, dv_K/dt has no part in a step.
+  // them, dv_K/dt has no effect on a step.
   static constexpr bool acts(int b) {
     return Model::accelerated || b < bundle[BY_ACC_K] || b >= bundle[BY_REST];
   }
@@ -57,13 +57,13 @@ class StepColumns {
     return lane_of(bundles[(bundle[group] + j / width) * height + k], j % width);
   }
 
-  // The n numbers of a row, which has of(b) in bundle b.
+  // Writes the n numbers of a row; of(b) is its part in bundle b.
   template <class Of>
   FAN_ALWAYS_INLINE void write(double* out, const Of& of) const {
     for (int b = 0; b < n_bundles; ++b) {
       const Wide x = of(b);
       double* to = out + begin[b];
-      // Lanes without a column are written over by the next bundle.
+      // The next bundle overwrites lanes without a column.
       if (begin[b] + width <= n) {
         std::memcpy(to, &x, sizeof(Wide));
       } else {

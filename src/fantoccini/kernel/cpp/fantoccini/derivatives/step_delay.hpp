@@ -1,8 +1,8 @@
-// Derivatives of steps in which something springs back (timestepping/touching_step.hpp). All is
-// evaluated where it touches, after t, and
+// Derivatives of steps with a rebound (timestepping/touching_step.hpp). All is evaluated at the
+// touch, after t, with
 //
-//   dq' = Exp(-t v) dq + J_r(t v) t dv + v dt,   so for q_K' by its rate,
-//   0 = dgap at q',   from which dt follows.
+//   dq' = Exp(-t v) dq + J_r(t v) t dv + v dt,   likewise for q_K' by its rate,
+//   0 = d(gap) at q',   from which dt follows.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -11,7 +11,7 @@
 
 namespace fan {
 
-// Which of n points touches first of those that spring back; -1 where there is none.
+// Index of the rebounding point that touches first among n; -1 if there is none.
 inline int first_touch(const StepContact* points, int n) {
   int first = -1;
   for (int i = 0; i < n; ++i)
@@ -26,7 +26,8 @@ class StepDelay {
 
   double time = 0.0;  // s: t
 
-  // A step from (q_D, q_K) that moves on for `delay` with (v_D, rate); these must live on.
+  // A step from (q_D, q_K) that continues for `delay` with (v_D, rate); these must outlive this
+  // object.
   void begin(
       const double* q_D, const double* v_D, const double* q_K, const double* rate, double delay) {
     time = delay;
@@ -42,16 +43,16 @@ class StepDelay {
     q_K_ = moved_K_;
   }
 
-  // Where its equations are evaluated.
+  // Configuration at which its equations are evaluated.
   const double* q_D() const { return q_D_; }
   const double* q_K() const { return q_K_; }
 
-  // The changes of the gap that closes there, by q_D and q_K first and by p last, as in
-  // ContactPartials; they must live on. Without them t is fixed.
+  // Sets the changes of the gap that closes there, by q_D and q_K first and by p last, as in
+  // ContactPartials; they must outlive this object. Without them t is fixed.
   void set_gap(const double* by) { gap_by_ = by; }
 
-  // From derivatives by q_D and q_K at the touch, v_D, the rate and p, and by t, to those by what
-  // the step starts with.
+  // Converts derivatives by q_D and q_K at the touch, v_D, the rate and p, and by t, to derivatives
+  // by the start of the step.
   void pull(double* q_D, double* v_D, double* q_K, double* rate, double* p, double by_t) const {
     if (gap_by_) {
       const double *g = gap_by_, *g_K = g + N, *g_p = g + 2 * (N + K);

@@ -1,5 +1,5 @@
 // Derivatives of a time step (timestepping/step.hpp, without extrapolation) by its start, its
-// inputs, the user's forces and the parameters, with the rows that it holds:
+// inputs, the user's forces and the parameters, with its held rows:
 //
 //   (M + dt F) dacc + A_D^T dtension = -r_d
 //   A_D dacc = -(A_D v+ + A_K rate + min(h/dt, recovery speed))_d / dt
@@ -7,10 +7,10 @@
 //   dv+ = dv + dt dacc,   dq+ = Exp(-dt v+) dq + J_r(dt v+) dt dv+
 //
 // r is the residual of Eq. 10 with the velocity products of the start, d any of the above. Its
-// derivatives are evaluated at several nodes at once (step_bundles.hpp); columns are solved for in
-// bundles, as many as a vector holds. Where solids touch, the points that push are held
-// in their modes beside the rows (modes_of_step.hpp); where they spring back, all this is where
-// they touch (step_delay.hpp).
+// derivatives are evaluated at several nodes at once (step_bundles.hpp); columns are solved in
+// bundles, one per lane. With contacts, the points that push are held in their modes together with
+// the rows (modes_of_step.hpp); if points rebound, all this is evaluated where they touch
+// (step_delay.hpp).
 #pragma once
 
 #include <type_traits>
@@ -37,7 +37,7 @@ class StepDerivatives {
 
   Columns columns;
 
-  // Begins with node i of the arrays; its place among the states is a lane's.
+  // Begins with node i of the arrays, whose state takes a lane.
   void begin(const StepDerivativeArrays& in, long long i, int lane, StatesInLanes<Model>* states) {
     columns.set(in.forces != 0);
     evaluate(in, i);
@@ -57,25 +57,25 @@ class StepDerivatives {
   Wide* rate() { return rate_by_; }
 
   const double* v_next() const { return v_next_; }
-  // Where a row is among those that are held; -1 where it is not.
+  // Index of a row among the held ones; -1 if it is not held.
   int place(int row) const { return place_[row]; }
-  // The derivative of min(h/dt, recovery speed) by h, of a row that is held.
+  // The derivative of min(h/dt, recovery speed) by h, of a held row.
   double gap(int row, double per_step, double recovery_speed) const {
     const double h = eval_.height(row) - (row < S ? slip_[row] : 0.0),
                  size = rows_.two_sided[place_[row]] ? fabs(h) : h;
     return size * per_step < recovery_speed ? per_step : 0.0;
   }
 
-  // The parameter that the tension of a slipping row is; -1 where there is none.
+  // The parameter that is the tension of a slipping row; -1 if there is none.
   int slips_by(const StepDerivativeArrays& in, int row) const {
     return place_[row] < 0 && tension_[row] != 0.0 ? in.cap_by[row] : -1;
   }
 
-  // Ends with it, given these derivatives.
+  // Completes node i, given these derivatives.
   void end(const StepDerivativeArrays& in, long long i) {
     double* motion = in.motion + i * 2 * N * columns.n;
     double* pull = in.pull ? in.pull + i * M * columns.n : nullptr;
-    // Solved for where it stays near: the results of many nodes are larger than a cache.
+    // Solved in a small buffer: the results of many nodes are larger than a cache.
     Wide* dv = solve_in_modes(in, i, pull);
     if (!dv) {
       dv = change_;
@@ -115,7 +115,7 @@ class StepDerivatives {
     eval_.at(q_D_, v_D_, q_K_, rate_, mean_, u_D, v_D_, in.dt, p_);
   }
 
-  // The rows that are held, their factor, and acc_D under the tensions.
+  // The held rows, their factor, and acc_D under the tensions.
   void hold(const StepDerivativeArrays& in, long long i) {
     const unsigned char* held = in.held + i * M;
     int list[room(M)], n = 0;
@@ -148,14 +148,14 @@ class StepDerivatives {
     factor_.factorise(rows_.problem.G, Complementarity<double, M>::N, rows_.n);
   }
 
-  // dt dacc where solids touch; null where none do.
+  // dt dacc with contacts; null without.
   Wide* solve_in_modes(const StepDerivativeArrays& in, long long i, double* pull) {
     if constexpr (touches) {
       if (!in.n_points || in.n_points[i] == 0) return nullptr;
       in.edges[i] |= modes_.solve(
           eval_, rows_, columns, change_, rate_by_, pull ? pull_ : nullptr,
           in.shares ? shares_ : nullptr);
-      return modes_.found();
+      return modes_.solution();
     }
     return nullptr;
   }
@@ -176,7 +176,8 @@ class StepDerivatives {
     for (int k = 0; k < N; ++k) x[k] = dt * x[k];
   }
 
-  // From rate and mean to v_K and acc_K of scalars, in n numbers of bundles of `height`:
+  // Converts derivatives by rate and mean to those by v_K and acc_K of scalars, in n numbers of
+  // bundles of `height`:
   // rate = v_K + dt/2 acc_K, mean = acc_K.
   void chain(double dt, Wide* bundles, int height, int n) const {
     using Space = typename Model::Driven;
@@ -191,7 +192,8 @@ class StepDerivatives {
     }
   }
 
-  // The rows of the tensions; 0 for those that are not held, but by a parameter that they are.
+  // The rows of the tensions; 0 for those that are not held, except by the parameter that is their
+  // tension.
   void write_pull(const StepDerivativeArrays& in, double* pull) {
     chain(in.dt, pull_, M, rows_.n);
     for (int r = 0; r < M; ++r) {
@@ -214,7 +216,7 @@ class StepDerivatives {
       columns.write(out + a * columns.n, [&](int b) FAN_INLINE { return shares_[b * 3 * C + a]; });
   }
 
-  // Makes derivatives by what there is at the touch those by what the step starts with.
+  // Converts derivatives by the state at the touch to those by the start of the step.
   void wait(const StepDerivativeArrays& in, long long i, double* motion, double* pull) {
     delay_.set_gap(modes_.touch_by());
     for (int k = 0; k < N; ++k) wait(in.dt, motion + k * columns.n, -v_next_[k]);

@@ -1,11 +1,11 @@
-// What touches in a time step that was made: each point that pushes in its mode, the derivatives of
-// where it is, and what lies on the edge between two modes.
+// Contacts of a completed time step: each point that pushes in its mode, the derivatives of its
+// position, and conditions on the edge between two modes.
 //
-//   u_n+ >= w,  w = min(-gap/dt, recovery speed) or -e u_n of a new contact that springs back
+//   u_n+ >= w,  w = min(-gap/dt, recovery speed) or -e u_n of a new contact that rebounds
 //
-// at the start, or where what springs back touches.
-// A mode's derivative is that of the step where the law holds strictly: points that push do so with
-// force, those that stick stay inside their cone, open ones open.
+// at the start, or at the touch of a rebounding point. The derivative of a mode is that of the step
+// where the law holds strictly: points that push have a force, sticking ones stay inside their
+// cone, open ones open.
 #pragma once
 
 #include "fantoccini/collision/differences.hpp"
@@ -16,14 +16,14 @@
 namespace fan {
 
 struct StepModeTolerances {
-  static constexpr double speed = 1e-8;   // that is none, relative to 1 m/s or the largest
-  static constexpr double force = 1e-8;   // that is none, relative to the weight
-  static constexpr double cone = 1e-6;    // part of its cone by which what sticks must stay inside
-  static constexpr double gap = 1e-12;    // m: to which a gap is known
-  static constexpr double askew = 1e-6;   // angle between directions of sliding that are one
-  static constexpr double margin = 1e-3;  // m: gap within which points are differenced
-  static constexpr double spare = 1.5;    // the same, in gaps that close within the step
-  static constexpr double by_p = 1e-3;  // step of differences by parameters, relative to 1 or them
+  static constexpr double speed = 1e-8;   // rounding, relative to 1 m/s or the largest speed
+  static constexpr double force = 1e-8;   // rounding, relative to the weight
+  static constexpr double cone = 1e-6;    // margin of a sticking point, relative to its cone
+  static constexpr double gap = 1e-12;    // m: accuracy of gaps
+  static constexpr double askew = 1e-6;   // angle between directions of sliding that count as equal
+  static constexpr double margin = 1e-3;  // m: largest gap of points with derivatives
+  static constexpr double spare = 1.5;  // likewise, relative to the gaps that close within the step
+  static constexpr double by_p = 1e-3;  // step of parameters, relative to 1 or to them
 };
 
 template <class Model>
@@ -33,12 +33,12 @@ class StepModes {
   static constexpr int C = Model::n_contacts, L = Model::n_links, E = N + K;
   using Trajectory = TimeSteppingTrajectory<Model, double>;
 
-  int edges = 0;              // what the latest step is on the edge of
-  int pair = -1;              // of the point for which `edges` is largest; -1 for none
+  int edges = 0;              // edges of the last step
+  int pair = -1;              // of the point with the largest `edges`; -1 for none
   int* pair_edges = nullptr;  // of every pair: added to, unless null
 
-  // Where a step begins, its rate dq_K/dt and the parameters, all of which must live on, and for
-  // how long it moves on before anything springs back.
+  // Start of a step, its rate dq_K/dt and the parameters, all of which must outlive this object,
+  // and the time for which it continues before any rebound.
   void begin(
       const double* q_D, const double* v_D, const double* q_K, const double* rate, const double* p,
       double delay) {
@@ -50,8 +50,8 @@ class StepModes {
     p_ = p;
   }
 
-  // The points that push in the step that `run` made, for which begin() was called; at most C. How
-  // many there are.
+  // Finds the points that push in the step of `run`, for which begin() was called; at most C.
+  // Returns their number.
   int find(Trajectory& run, double reference_force, StepContact* out) {
     solids_ = run.opt.contacts;
     dt_ = run.opt.dt;
@@ -64,7 +64,7 @@ class StepModes {
     before_.make(screws_, v_D_, rate_);
     after_.make(screws_, run.state().v_D, rate_);
     still_ = Tolerance::speed * fmax(1.0, fmax(before_.fastest(), after_.fastest()));
-    run.at.eval.back(run.at.eval.w0, kick_);
+    run.at.eval.back(run.at.eval.w0, free_acc_);
     double reach = 0.0;
     for (int k = 0; k < n; ++k) reach = fmax(reach, push_[k].gap);
     const double margin = fmax(Tolerance::margin, Tolerance::spare * reach);
@@ -73,17 +73,17 @@ class StepModes {
         differences_.take(*solids_, push_[k].pair, poses_, margin);
       note(hold(push_[k], out[k]), push_[k].pair);
     }
-    look_at_open(run.at.contacts.candidates(), n, out);
+    check_open_points(run.at.contacts.candidates(), n, out);
     if (run.at.touching.parts && n > 0) note(LEAVES_LAW, out[0].pair);
     int n_first = 0;
     for (int k = 0; k < n; ++k) n_first += out[k].bounces > 0.0 && out[k].gap > -Tolerance::gap;
-    // Near by another one touches first, or before the step.
+    // After a small change another one touches first, or before the step.
     const bool is_edge = delay_.time > 0.0 ? n_first > 1 : n_first > 0;
     if (is_edge) note(MAY_REBOUND, out[first_touch(out, n)].pair);
     return n;
   }
 
-  // The screws (E, 6) at the start; and, of puppets with parameters, twists of the links and
+  // The screws (E, 6) at the start, and, of puppets with parameters, twists of the links and
   // changes of the screws (L + E, 6, P) by these.
   void screws(double* out, double* by_p) {
     pose(p_, poses_, out);
@@ -106,7 +106,7 @@ class StepModes {
     Call<Model, double>::screws(q_D_, q_K_, p, to);
   }
 
-  // Twists of the links and changes of the screws, by central differences of sixth order.
+  // Twists of the links and changes of the screws, by sixth-order central differences.
   void differ_by_parameters(double* out) {
     constexpr double weights[3] = {45.0 / 60, -9.0 / 60, 1.0 / 60};
     double p[room(P)];
@@ -140,7 +140,7 @@ class StepModes {
     }
   }
 
-  // A point that pushes; returns what edge it is on.
+  // Loads a point that pushes. Returns the edges it is on.
   int hold(const ContactPush& push, StepContact& out) {
     const ContactArrays& solids = *solids_;
     int edges = 0;
@@ -175,7 +175,7 @@ class StepModes {
     return edges | aim(out, u_n);
   }
 
-  // What the normal row of a point asks for; returns what edge that is on.
+  // Required rate of a point's normal row. Returns the edges on which it is.
   int aim(StepContact& out, double u_n) {
     const double e = solids_->restitution[out.pair];
     const double parting = fmin(-out.gap / dt_, recovery_speed_);
@@ -186,7 +186,7 @@ class StepModes {
     out.closes = out.bounces = 0.0;
     if (fabs(u_n - parting) <= rounding) {
       if (parting < recovery_speed_) out.closes = 1.0 / dt_;
-      const double gain = dt_ * along(out.links, out.at, out.normal, kick_);
+      const double gain = dt_ * along(out.links, out.at, out.normal, free_acc_);
       return e > 0.0 && fabs(-e * speed - fmax(parting, -gain)) <= rounding ? MAY_REBOUND : 0;
     }
     if (!(e > 0.0) || !(fabs(u_n + e * speed) <= rounding)) return LEAVES_LAW;
@@ -194,9 +194,9 @@ class StepModes {
     return 0;
   }
 
-  // Points that close without force, but where those that push close them anyway.
+  // Points that close without force, except where those that push close them anyway.
   template <class Points>
-  void look_at_open(const Points& points, int n, const StepContact* held) {
+  void check_open_points(const Points& points, int n, const StepContact* held) {
     bool spanned = false;
     const double left = fmax(dt_ - delay_.time, TouchingStepTolerances::least_left * dt_);
     for (int i = 0; i < points.n[0]; ++i) {
@@ -234,8 +234,8 @@ class StepModes {
     span_.find();
   }
 
-  // Whether a point with velocity u would have friction in another direction than those held: a
-  // motion near by may then put force on it instead of on them, which turns it otherwise.
+  // Whether a point with velocity u would have friction in another direction than the held points:
+  // after a small change it may carry part of their force, with another direction.
   bool slides_askew(
       const double* u, const double* normal, int pair, int n, const StepContact* held) const {
     double across[3], off[3];
@@ -249,7 +249,8 @@ class StepModes {
     return false;
   }
 
-  // The velocity along a direction at a point, of the first link against the second, by v_D.
+  // Row of v_D for the velocity along a direction at a point, of the first link relative to the
+  // second.
   void make_row(const int* links, const double* at, const double* direction, double* row) const {
     double moment[3];
     cross(at, direction, moment);
@@ -296,7 +297,7 @@ class StepModes {
       return most;
     }
 
-    // Of the first link against the second at a point.
+    // Velocity of the first link relative to the second at a point.
     void velocity(const int* links, const double* at, double* u) const {
       double twist[6] = {};
       for (int side = 0; side < 2; ++side)
@@ -315,7 +316,7 @@ class StepModes {
   Twists before_, after_;
   const ContactArrays* solids_;
   const double *q_D_, *v_D_, *q_K_, *rate_, *p_;
-  double dt_, recovery_speed_, reference_force_, still_, kick_[room(N)];
+  double dt_, recovery_speed_, reference_force_, still_, free_acc_[room(N)];
   double poses_[12 * L], screws_[room(6 * E)];
   double high_[12 * L + 6 * E], low_[12 * L + 6 * E], change_[12 * L + 6 * E];
 };

@@ -1,4 +1,4 @@
-// First time steps from many states, with what touches in them (step_modes.hpp).
+// First time steps from many states, with their contacts (step_modes.hpp).
 #pragma once
 
 #include <new>
@@ -16,18 +16,18 @@ class StepTouches {
   static constexpr int P = Model::n_p, S = Model::n_strings, M = Model::n_rows;
   static constexpr int C = Model::n_contacts, L = Model::n_links, E = N + K;
 
-  // Node i of the arrays.
+  // Computes node i of the arrays.
   void find(const TouchingStepArrays& in, long long i) {
     step(in, i);
     begin(in, i, trajectory_.at.touching.delay);
     int edges = 0, n = 0;
     modes_.pair_edges = in.pair_edges + i * in.n_pairs;
     if (Status(int(trajectory_.status)) == RUNNING) {
-      n = modes_.find(trajectory_, in.reference_force, found_);
+      n = modes_.find(trajectory_, in.reference_force, contacts_);
       edges = modes_.edges;
       if (n > in.room) edges = CROWDED, n = 0;
     }
-    for (int k = 0; k < n; ++k) in.points[i * in.room + k] = found_[k];
+    for (int k = 0; k < n; ++k) in.points[i * in.room + k] = contacts_[k];
     in.n_points[i] = n;
     in.edges[i] = edges;
     write(in, i);
@@ -40,7 +40,7 @@ class StepTouches {
     in.delay[i] = delay;
   }
 
-  // The inputs where a step begins, and those where it ends.
+  // Inputs at the start and at the end of a step.
   struct Ends {
     using Inputs = typename TimeSteppingTrajectory<Model, double>::Inputs;
     Inputs now, then;
@@ -92,18 +92,18 @@ class StepTouches {
 
   TimeSteppingTrajectory<Model, double> trajectory_;
   StepModes<Model> modes_;
-  StepContact found_[room(C)];
+  StepContact contacts_[room(C)];
 };
 
-// The C interface of StepTouches: the nodes [first, last) of the arrays; 1 where there was no
-// memory, else 0.
+// The C interface of StepTouches: the nodes [first, last) of the arrays; returns 1 if memory is
+// exhausted, else 0.
 template <class Model>
 int find_step_touches(const TouchingStepArrays& in, long long first, long long last) {
   if constexpr (Model::n_contacts > 0) {
-    auto* made = new (std::nothrow) StepTouches<Model>();
-    if (!made) return 1;
-    for (long long i = first; i < last; ++i) made->find(in, i);
-    delete made;
+    auto* touches = new (std::nothrow) StepTouches<Model>();
+    if (!touches) return 1;
+    for (long long i = first; i < last; ++i) touches->find(in, i);
+    delete touches;
   }
   return 0;
 }

@@ -1,6 +1,6 @@
-// How a rotation at the end of a step turns with that before it and with its rotation vector phi:
+// Change of a rotation at the end of a step by that before it and by its rotation vector `phi`:
 //
-//   dq+ = Exp(-phi) dq + J_r(phi) dphi
+//   dq+ = Exp(-phi) dq + J_r(phi) d(phi)
 #pragma once
 
 #include "fantoccini/model/segments.hpp"
@@ -24,8 +24,8 @@ FAN_FN void step_turn(const double* phi, double* J, double* R) {
     }
 }
 
-// Derivatives by a configuration that v has moved for `time` become those by the one before, and
-// add to those by v.
+// Converts derivatives by a configuration that v has moved for `time` to those by the previous one,
+// and adds to those by v.
 template <class Space>
 FAN_FN void turn_back(const double* v, double time, double* by_q, double* by_v) {
   for (int i = 0; i < Space::n_scalars; ++i) {

@@ -1,14 +1,14 @@
-// How the active set at an instant is found: by one attempt after another, until one is consistent.
+// Attempts to find the active set at an instant, one after another until one is consistent.
 //
 // The active set follows from tensions and accelerations alone if rows at rest can be at rest
-// together. Redundant strings may not be: if their lengths contradict one another by some 1e-9 m/s,
-// all must hold by their tensions but all except one by their velocities, and the set would change
-// without end. Winches that can slip resolve this: one implicit step of length d decides all rows
-// together,
+// together. Redundant strings may not be: if their lengths contradict one another by about 1e-9
+// m/s, all must hold by their tensions but all except one by their velocities, and the set would
+// change without end. Winches that can slip resolve this: one implicit step of length d decides all
+// rows together,
 //
 //   hdot + d hddot <= 0,   0 <= tension <= largest,   complementary,
 //
-// with tensions and rates that agree. A shorter step depends less on what comes after the instant;
+// with consistent tensions and rates. A shorter step depends less on the motion after the instant;
 // a longer one suffers less from rounding.
 #pragma once
 
@@ -19,30 +19,29 @@ namespace fan {
 struct ClosedRowTolerances {
   // m/s or rad/s, times the largest velocity if that is above 1: |hdot| up to which a closed row is
   // at rest. A row that a catch elsewhere loosens by less would be slack for 2 |hdot| / hddot = 2
-  // us under gravity. Holding it instead changes the state by the product of both, some 1e-11, and
+  // us under gravity. Holding it instead changes the state by the product of both, about 1e-11, and
   // avoids a cascade of catches.
   static constexpr double max_rest_speed = Constants::rest_speed;
-  // The same in the last attempt. Also how far the rates of redundant held rows may disagree:
-  // samples of an exact inverse kinematics differ by as much (docs/physics.md).
+  // The same in the last attempt. Also the largest disagreement of the rates of redundant held
+  // rows: samples of an exact inverse kinematics differ by as much (docs/physics.md).
   static constexpr double strict_rest_speed = 1e-9;
-  // s: a row that springs back and would close again within this time is at rest at any speed: with
-  // a stiff drive and a restitution of 1 it would bounce for ever. Also the longest implicit step.
+  // s: a row that rebounds and would close again within this time is at rest at any speed: with a
+  // stiff drive and a restitution of 1 it would bounce forever. Also the longest implicit step.
   static constexpr double max_rest_hop = 2e-6;
-  // Relative to the weight times 1 m: energy that bringing rows to rest may add or, if any winch
-  // can slip, add or remove.
+  // Relative to the weight times 1 m: largest energy added or, if any winch can slip, added or
+  // removed by bringing rows to rest.
   static constexpr double energy_gain = 1e-10;
-  // Gap below which a row takes part when others are corrected, relative to its scale.
+  // Gap below which a row takes part in the correction of others, relative to its scale.
   static constexpr double nearby_gap = 1e-4;
-  // |h| that ClosedRows::retreat leaves of a held row, relative to its scale; h of others:
-  // closed_gap.
+  // |h| of a held row after ClosedRows::retreat, relative to its scale; h of others: closed_gap.
   static constexpr double held_gap = 1e-13;
-  // Distance from 0 or from its winch's largest, relative to the largest tension present, at which
+  // Distance from 0 or from its winch's largest tension, relative to the largest present, at which
   // a tension counts as at its bound.
   static constexpr double tension_at_bound = 1e-9;
   // Rounding of a row's hddot, relative to Flow::hddot_scale.
   static constexpr double acceleration_rounding = 1e-14;
-  // By how much redundant rows may contradict one another: heights in m or rad, speeds relative to
-  // 1 or the largest velocity, accelerations relative to Flow::hddot_scale.
+  // Largest contradiction of redundant rows: heights in m or rad, speeds relative to 1 or the
+  // largest velocity, accelerations relative to Flow::hddot_scale.
   static constexpr double contradiction = 1e-10;
   // Energy lost in a catch that counts as 0, relative to the sum of |impulse hdot|.
   static constexpr double loss_rounding = 1e-14;
@@ -51,9 +50,9 @@ struct ClosedRowTolerances {
 };
 
 struct Attempt {
-  double stillness;     // |hdot| up to which rows are at rest, as max_rest_speed
+  double rest_speed;    // |hdot| up to which rows are at rest, as max_rest_speed
   double ahead;         // length of the implicit step [s]; 0 for none
-  double gain;          // energy that holding may add, relative to the weight times 1 m
+  double gain;          // largest energy added by holding, relative to the weight times 1 m
   double disagreement;  // of the rates of redundant held rows, as strict_rest_speed
 };
 

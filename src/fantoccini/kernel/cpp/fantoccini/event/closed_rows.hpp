@@ -4,8 +4,8 @@
 //   complementary                                                                   (Eqs. 13-15)
 //   tau >= 0, hddot <= 0, tau . hddot = 0   over the rows with h = 0 and hdot = 0       (Sec. IV)
 //
-// A string on a slipping winch takes no impulse: where it is caught it begins to slip, and where
-// its tension would pass the winch's largest it slips with that.
+// A string on a slipping winch takes no impulse: when caught it begins to slip, and where its
+// tension would exceed the winch's largest it slips at that.
 #pragma once
 
 #include "fantoccini/event/attempts.hpp"
@@ -25,8 +25,8 @@ struct ClosedRows {
   double speed[room(M)];    // hdot before it
   double lost = 0.0;        // kinetic energy lost in it
   double stopped = 0.0;     // largest |hdot| of a held row before the last hold
-  bool brought = false;     // whether that hold also had to stop a closed row that is not held
-  double blame[room(M)];    // rows that no motion satisfies together, after IMPOSSIBLE_INPUT
+  bool brought = false;     // whether the last hold also stopped a closed row that is not held
+  double blame[room(M)];    // after IMPOSSIBLE_INPUT: rows that no motion satisfies together
 
   // Brings the held rows to h = 0 and all others nearby to h <= 0, with the smallest change of the
   // configuration at (t, y) in the metric of M_DD. The flow's evaluation must be that of (t, y).
@@ -46,7 +46,7 @@ struct ClosedRows {
         const bool held = f.row_state[list[a]] == HELD;
         const double off = (held ? fabs(h[list[a]]) : h[list[a]]) / f.row_scale(list[a]);
         const double beyond = off - (held ? Tolerance::held_gap : FlowTolerances::closed_gap);
-        if (!(beyond <= worst) && worst == worst) worst = beyond;  // once NaN, always NaN
+        if (!(beyond <= worst) && worst == worst) worst = beyond;  // a NaN stays
       }
       return worst;
     };
@@ -91,7 +91,7 @@ struct ClosedRows {
       status = bounce(f, low);
     }
     if (status != RUNNING) return status;
-    // Redundant rows share their impulse as they share a tension.
+    // Impulses of redundant rows are distributed like their tensions.
     bool every[room(M)];
     for (int a = 0; a < n; ++a) every[a] = true;
     set_.complete(every);
@@ -101,11 +101,12 @@ struct ClosedRows {
     return RUNNING;
   }
 
-  // Chooses the active set `next` at (t, y) among the rows that are closed and at rest, and leaves
-  // the flow's own SLACK: the caller sets it. Rows in `loose` have just lost their tension and stay
-  // held only if they pull. Strings in `strained` have just reached their winch's largest tension
-  // and stay held only below it. An implicit step (attempts.hpp) treats closed strings on winches
-  // as exactly closed: their slips absorb up to WinchTolerances::max_length_error of either sign.
+  // Chooses the active set `next` at (t, y) among the rows that are closed and at rest; the flow's
+  // own SLACK is unchanged, the caller sets it. Rows in `loose` have just lost their tension and
+  // stay held only if they pull. Strings in `strained` have just reached their winch's largest
+  // tension and stay held only below it. An implicit step (attempts.hpp) treats closed strings on
+  // winches as exactly closed: their slips absorb up to WinchTolerances::max_length_error of either
+  // sign.
   Status choose(
       F& f, const bool* loose, const bool* strained, Hold* next,
       double closeness = FlowTolerances::closed_gap, const Attempt& how = Attempts::list[0]) {
@@ -114,8 +115,8 @@ struct ClosedRows {
     f.settle_slip(f.t);
     for (int r = 0; r < M; ++r) f.row_state[r] = next[r] = SLACK;
     f.evaluate(f.t, f.y, rate);
-    const double still = how.stillness * speed_scale(f);
-    const double hop_time = Tolerance::max_rest_hop * (how.stillness / Tolerance::max_rest_speed);
+    const double still = how.rest_speed * speed_scale(f);
+    const double hop_time = Tolerance::max_rest_hop * (how.rest_speed / Tolerance::max_rest_speed);
     double own[room(S)];
     for (int i = 0; i < S; ++i) own[i] = f.slip[i];
     if (ahead > 0.0) {
@@ -144,13 +145,13 @@ struct ClosedRows {
       if (next[list[a]] != SLIPPING) {
         add_pull(f, next, a, Set::BASIC);
         if (!(ahead > 0.0)) continue;
-        // hdot <= 0 must hold at the start of the step, too, where the winch has not braked yet.
+        // hdot <= 0 must also hold at the start of the step, where the winch has not braked yet.
         const double hdot = f.rows.hdot[a];
         set_.b[set_.n - 1] += hdot / ahead + (hdot > 0.0 ? f.braking(list[a]) : 0.0);
       }
     Status status = settle(f);
     if (ahead > 0.0 && status == IMPOSSIBLE_INPUT) {
-      // Rates of strings on winches that cannot slip may disagree: up to this they count as equal.
+      // Rates of strings on winches that cannot slip may disagree by this.
       set_.noise += Tolerance::strict_rest_speed * speed_scale(f) / ahead;
       status = settle(f);
     }
@@ -165,7 +166,7 @@ struct ClosedRows {
       const int r = row_[i];
       next[r] = state_of(i);
       if (next[r] != HELD || set_.two_sided[i]) continue;
-      // A tension that has just reached its bound, and is there up to rounding, will pass it.
+      // A tension that has just reached its bound, and is there up to rounding, will exceed it.
       if (loose[r] && set_.x[i] <= Tolerance::tension_at_bound * most + rounding(f, i))
         next[r] = SLACK;
       if (strained[r] && set_.x[i] >= set_.upper[i] - Tolerance::tension_at_bound * most)
@@ -179,11 +180,11 @@ struct ClosedRows {
     return RUNNING;
   }
 
-  // Brings the held rows to h = 0 and hdot = 0 at (t, y), without setting other closed rows in
-  // motion past their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest, and a string that
-  // begins to slip is not wound back faster than its winch winds. Adds to the work. Bringing nearly
-  // dependent rows to rest may take much energy: NOT_SETTLED if it adds more than how.gain, with
-  // the configuration corrected already. The flow's evaluation must be that of (t, y).
+  // Brings the held rows to h = 0 and hdot = 0 at (t, y), without moving other closed rows past
+  // their bounds: hdot = 0 on the held rows, hdot <= 0 on the rest, and a string that begins to
+  // slip is not wound back faster than its winch winds. Adds to the work. Bringing nearly dependent
+  // rows to rest may take much energy: returns NOT_SETTLED if it adds more than how.gain, after
+  // correcting the configuration. The flow's evaluation must be that of (t, y).
   Status hold(F& f, const Attempt& how) {
     double rate[F::NY];
     stopped = 0.0;
@@ -197,7 +198,7 @@ struct ClosedRows {
     int list[room(M)] = {}, n = 0;
     for (int r = 0; r < M; ++r) {
       // A row that closes faster is about to be caught, or to slip. At a lower speed the winch
-      // would grip at once, and its string would close again.
+      // would grip immediately, and its string would close again.
       const bool closed = f.eval.height(r) >= -FlowTolerances::closed_gap * f.row_scale(r) &&
                           f.row_state[r] != SLIPPING && f.rate_of(r, f.y + NQ) <= rest_speed(f);
       if (f.row_state[r] == HELD || f.row_state[r] == SLIPPING || closed) list[n++] = r;
@@ -207,7 +208,7 @@ struct ClosedRows {
     for (int a = 0; a < n; ++a) {
       const bool held = f.row_state[list[a]] == HELD;
       f.rows.two_sided[a] = f.rows.two_sided[a] || held;
-      if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, f.lack(list[a]));
+      if (f.row_state[list[a]] == SLIPPING) add_floor(f, a, f.violation(list[a]));
       else add_row(f, a, f.rows.hdot[a], unbounded, held ? Set::BASIC : Set::LOW);
     }
     const Status settled = settle(f);
@@ -268,7 +269,7 @@ struct ClosedRows {
   }
 
   // Adds gathered row a, of a string that slips, with the opposite sign: its slip, or the rate of
-  // it, must rise by at least b.
+  // it, must increase by at least b.
   void add_floor(const F& f, int a, double b) {
     const int i = set_.n;
     add_row(f, a, b, unbounded, Set::LOW);
@@ -290,14 +291,14 @@ struct ClosedRows {
     add_row(f, a, hddot, f.winches.largest(r), guess);
   }
 
-  // The error of row i's tension that the rounding of its hddot causes.
+  // Rounding error of row i's tension from that of its hddot.
   double rounding(const F& f, int i) const {
     double own = 0.0;
     for (int j = 0; j < N; ++j) own += set_.column[i][j] * set_.column[i][j];
     return Tolerance::acceleration_rounding * f.hddot_scale() / own;
   }
 
-  // The impulses with every restitution times `scale`, and the energy they take.
+  // The impulses with every restitution times `scale`, and the energy they remove.
   Status bounce(F& f, double scale) {
     begin(Tolerance::contradiction * speed_scale(f));
     for (int a = 0; a < f.rows.n; ++a) {
@@ -337,7 +338,7 @@ struct ClosedRows {
     return top;
   }
 
-  // Solves; where the inputs are impossible, `blame` gives the rows that cannot hold together.
+  // Solves the problem. For impossible inputs, `blame` gives the rows that cannot hold together.
   Status settle(const F& f) {
     for (int i = 0; i < set_.n; ++i)
       if (!is_finite(set_.b[i])) return NOT_FINITE;
@@ -352,7 +353,7 @@ struct ClosedRows {
     return solved == Solved::UNSETTLED ? NOT_SETTLED : IMPOSSIBLE_INPUT;
   }
 
-  // The part of row i in the ray that shows that the rows contradict one another.
+  // Component of row i in the ray that proves the contradiction of the rows.
   double ray_share(int i, Solved solved) const {
     if (solved != Solved::INFEASIBLE) return 0.0;
     double most = 0.0;
@@ -361,8 +362,8 @@ struct ClosedRows {
     return (set_.two_sided[i] ? fabs(set_.ray[i]) : set_.ray[i]) / most;
   }
 
-  // Applies the impulses solved for and adds the inputs' work in them. All gathered rows must be in
-  // the set, in order.
+  // Applies the solved impulses and adds the inputs' work in them. All gathered rows must be in the
+  // set, in order.
   void apply(F& f) {
     double change[room(N)];
     push(f, change);
@@ -388,7 +389,7 @@ struct ClosedRows {
   }
 
   Set set_;
-  int row_[room(M)];                                 // of each of the set's columns
+  int row_[room(M)];                                 // of each column of the set
   double sign_[room(M)], turned_[room(M)][room(N)];  // of floors: sign -1, and the negated column
   LeastNorm<Set> least_;
 };

@@ -1,9 +1,9 @@
-// What happens at an instant at which solids touch: impacts of strings, limits and points of
-// contact as one problem, and the choice of the modes that follow.
+// An instant with contacts: impacts of strings, limits and contact points as one problem, and the
+// choice of the modes that follow.
 //
 //   hdot+ = hdot- - G Lambda, hdot_n+ <= -e hdot_n-, complementary, Lambda in Coulomb's cones
-//   hddot = hddot_0 - G x,    hddot_n <= 0, complementary, x in the cones, where hdot_n = 0; of
-//   points that slide already x_T = mu x_n d (solvers/cone.hpp)
+//   hddot = hddot_0 - G x,    hddot_n <= 0, complementary, x in the cones, where hdot_n = 0;
+//   x_T = mu x_n d of points that slide already (solvers/cone.hpp)
 //
 // A string on a slipping winch takes no impulse: while hdot > 0 its winch slips, and its tension is
 // the winch's largest.
@@ -19,22 +19,22 @@ namespace fan {
 struct ContactInstantTolerances {
   // m/s, times the largest velocity if above 1: speed up to which a point sticks or may stick.
   static constexpr double sliding_speed = 1e-8;
-  // Likewise, at which a point that is closed strikes; slower ones are brought to rest.
+  // Likewise, above which a closed point strikes; slower ones are brought to rest.
   static constexpr double striking_speed = 1e-9;
-  // Force that is none, relative to the largest.
+  // Negligible force, relative to the largest.
   static constexpr double no_force = 1e-9;
   // |hddot| of a point at rest, relative to Flow::hddot_scale.
   static constexpr double at_rest = 1e-8;
   // Bisections of the common factor that keeps restitutions from adding energy.
   static constexpr int halvings = 40;
-  // Energy that is rounding, relative to what the impulses exchange.
+  // Rounding of energy, relative to that exchanged by the impulses.
   static constexpr double rounding = 1e-13;
-  // Part of its cone by which a force may miss it that has reached it.
+  // Relative distance from its cone at which a force counts as on it.
   static constexpr double at_cone = 1e-7;
-  // Likewise of its winch's largest tension, relative to the largest force.
+  // Likewise from its winch's largest tension, relative to the largest force.
   static constexpr double at_largest = ClosedRowTolerances::tension_at_bound;
-  // Cosine of the angle between friction that begins to slide and what it opposes, and how often
-  // friction is turned for it.
+  // Cosine of the largest angle between friction that begins to act and the direction opposite to
+  // the acceleration, and number of corrections of its direction.
   static constexpr double opposed = 0.9;
   static constexpr int turns = 4;
 };
@@ -71,11 +71,11 @@ class ContactInstants {
   }
 
   bool is_struck(const F& f, int c) const {
-    return f.contacts.points.at[c].mode == PARTED && f.contacts.points.found[c] &&
+    return f.contacts.points.at[c].mode == PARTED && f.contacts.points.exists[c] &&
            f.contacts.points.hdot[3 * c] > Tolerance::striking_speed * speed_scale(f);
   }
 
-  // Remembers the speeds before an impact, of which there are no impulses yet.
+  // Stores the speeds before an impact, which has no impulses yet.
   void begin_impact(const F& f) {
     for (int r = 0; r < M; ++r) {
       impulse[r] = 0.0;
@@ -125,7 +125,7 @@ class ContactInstants {
   // Chooses the modes of the gathered rows, `next` (M,), and of all points at (t, y), which must be
   // the flow's latest evaluation, with winches that grip. Rows in `loose`, and points in
   // `loose_point`, have just lost their force; rows and points in `strained` and `strained_point`
-  // have just reached their winch's largest or their cone.
+  // have just reached their winch's largest tension or their cone.
   Status choose(
       F& f, const bool* loose, const bool* strained, const bool* loose_point,
       const bool* strained_point, Hold* next) {
@@ -149,7 +149,7 @@ class ContactInstants {
       }
     }
     for (int c = 0; c < held.points.n; ++c)
-      if (held.points.found[c] && fabs(held.points.hdot[3 * c]) <= still)
+      if (held.points.exists[c] && fabs(held.points.hdot[3 * c]) <= still)
         rest.point[rest.n_points++] = c;
     begin(f, rest.single, rest.n_single, rest.point, rest.n_points);
     for (int i = 0; i < rest.n_single; ++i) {
@@ -177,7 +177,7 @@ class ContactInstants {
     bool slips = false;
     for (int c = 0; c < held.points.n; ++c) slips = slips || strained_point[c];
     if (slips) {
-      // Of redundant forces those of least norm, which may keep a point that others would let
+      // Of redundant forces those of least norm, which may hold a point that others would let
       // slide.
       share_.find(cone, cone.x + rest.n_single);
       if (!slip(f, rest, Tolerance::at_rest * scale)) return NO_UNIQUE_MOTION;
@@ -198,8 +198,8 @@ class ContactInstants {
     return top;
   }
 
-  // Lets the points whose force has reached its cone slide along it; solves again. Where such a
-  // force does not oppose the acceleration, as redundant forces need not, it is turned against it.
+  // Lets the points slide whose force has reached its cone, and solves again. If such a force does
+  // not oppose the acceleration, as redundant forces need not, its direction is corrected.
   bool slip(F& f, const Rest& rest, double idle) {
     auto& cone = f.contacts.cone;
     bool begins[room(C)], more = false;
@@ -208,7 +208,7 @@ class ContactInstants {
       const double size = sqrt(x[1] * x[1] + x[2] * x[2]);
       const double least = (1.0 - Tolerance::at_cone) * cone.mu[i] * x[0];
       begins[i] = !slides_[i] && size > 0.0 && size >= least;
-      if (begins[i]) give(f, rest, i, x[1] / size, x[2] / size);
+      if (begins[i]) set_direction(f, rest, i, x[1] / size, x[2] / size);
       more = more || begins[i];
     }
     for (int k = 0; more; ++k) {
@@ -220,15 +220,15 @@ class ContactInstants {
         if (!begins[i] || size <= idle) continue;
         const double* d = given_ + 2 * i;
         if (-(s[1] * d[0] + s[2] * d[1]) >= Tolerance::opposed * size) continue;
-        give(f, rest, i, -s[1] / size, -s[2] / size);
+        set_direction(f, rest, i, -s[1] / size, -s[2] / size);
         more = true;
       }
     }
     return true;
   }
 
-  // The direction of friction at point i of those at rest, in its tangents.
-  void give(F& f, const Rest& rest, int i, double p, double q) {
+  // Sets the direction of friction at point i of those at rest, in its tangents.
+  void set_direction(F& f, const Rest& rest, int i, double p, double q) {
     slides_[i] = true;
     given_[2 * i] = p;
     given_[2 * i + 1] = q;
@@ -236,7 +236,7 @@ class ContactInstants {
     f.contacts.points.in_world(rest.point[i], force, along_[i]);
   }
 
-  // Fills the matrix and the bounds of some gathered rows and points.
+  // Fills the matrix and the bounds for gathered rows and points.
   void begin(F& f, const int* single, int n_single, const int* point, int n_points) {
     auto& cone = f.contacts.cone;
     const Held& held = f.contacts;
@@ -261,7 +261,7 @@ class ContactInstants {
     cone.along = given_;
   }
 
-  // The impulses with every restitution times `share`, and the energy they take.
+  // The impulses with every restitution times `share`, and the energy they remove.
   Status bounce(F& f, double share) {
     auto& cone = f.contacts.cone;
     const Held& held = f.contacts;
@@ -305,7 +305,7 @@ class ContactInstants {
     return own <= HeldContactTolerances::least_influence * row[0];
   }
 
-  // The modes that the solution says.
+  // Modes from the solution.
   void decode(
       F& f, const Rest& rest, const bool* loose, const bool* strained, const bool* loose_point,
       double scale, Hold* next) {
@@ -316,8 +316,8 @@ class ContactInstants {
     const double none = Tolerance::no_force * most, idle = Tolerance::at_rest * scale;
     for (int i = 0; i < rest.n_single; ++i) {
       const int r = f.rows.row[rest.single[i]];
-      const bool most_of_winch = cone.x[i] >= cone.upper[i] - Tolerance::at_largest * most;
-      if (most_of_winch && (strained[r] || cone.s[i] < -idle)) next[r] = SLIPPING;
+      const bool max_of_winch = cone.x[i] >= cone.upper[i] - Tolerance::at_largest * most;
+      if (max_of_winch && (strained[r] || cone.s[i] < -idle)) next[r] = SLIPPING;
       else if (f.rows.two_sided[rest.single[i]] || cone.x[i] > (loose[r] ? none : 0.0))
         next[r] = HELD;
       else if (!loose[r] && cone.s[i] <= idle) next[r] = IDLE;
@@ -364,7 +364,7 @@ class ContactInstants {
   ContactShare<R> share_;
   bool slides_[room(C)];
   double given_[2 * room(C)];  // directions of sliding points in their tangents
-  double along_[room(C)][3];   // and in the world
+  double along_[room(C)][3];   // the same in the world
 };
 
 }  // namespace fan

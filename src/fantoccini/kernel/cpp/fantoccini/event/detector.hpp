@@ -1,6 +1,6 @@
 // Detects inputs that no motion can follow, after every accepted step. Where two hands pull a taut
 // string apart there is no rigid motion: tensions grow without bound while A_D M^-1 A_D^T becomes
-// singular, and an integrator alone does not notice.
+// singular, and an integrator alone does not detect it.
 #pragma once
 
 #include "fantoccini/event/flow.hpp"
@@ -10,9 +10,9 @@ namespace fan {
 struct DetectorTolerances {
   // Pivot of A_D M^-1 A_D^T relative to its diagonal, below which the rows are nearly dependent.
   static constexpr double singular_pivot = 1e-8;
-  // The input is impossible if since then the largest tension grew by this factor from its least,
+  // The input is impossible if since then the largest tension grew by this factor from its minimum,
   static constexpr double tension_growth = 2.0;
-  // and is this many weights: redundant rigs may stay nearly singular without harm.
+  // and exceeds this multiple of the weight: redundant rigs may stay nearly singular without harm.
   static constexpr double min_tension = 1e3;
   // m: a shorter segment of a taut string has no certain direction.
   static constexpr double collapsed_segment = 1e-6;
@@ -27,7 +27,7 @@ struct Detector {
   double blame[room(M)];  // by row, 0 to 1
 
   // The status at the flow's latest evaluation, which must be that of its present state.
-  Status look(const F& f) {
+  Status check(const F& f) {
     for (int j = 0; j < F::N; ++j)
       if (!is_finite(f.acc[j])) return broken(f);
     // Inputs that are NaN make heights NaN; such rows count as slack, and the motion stays finite.
@@ -61,12 +61,12 @@ struct Detector {
   Status capped(const F& f) {
     for (int r = 0; r < M; ++r) {
       const double share = fabs(f.tension[r]) / f.opt.tension_cap;
-      blame[r] = share < 1.0 ? share : 1.0;  // also of a tension that is NaN
+      blame[r] = share < 1.0 ? share : 1.0;  // also of a NaN tension
     }
     return TENSION_CAP;
   }
 
-  // Looks for two neighbouring points of a taut string that have come together.
+  // Checks whether two neighbouring points of a taut string coincide.
   Status collapse(const F& f) {
     bool wanted = false;
     for (int i = 0; i < S; ++i) wanted = wanted || (f.taut(i) && Model::string_points[i] > 2);
@@ -111,7 +111,7 @@ struct Detector {
     if (reference_ < 0.0 || top < reference_) reference_ = top;
     if (top < Tolerance::tension_growth * reference_) return RUNNING;
     if (top < Tolerance::min_tension * f.weight()) return RUNNING;
-    // The direction in which A_D M^-1 A_D^T nearly vanishes.
+    // Direction in which A_D M^-1 A_D^T nearly vanishes.
     double y[room(M)], along = 0.0, most = 0.0;
     for (int a = 0; a < f.rows.n; ++a) y[a] = a == weakest ? 1.0 : 0.0;
     problem.substitute(y);
@@ -120,7 +120,7 @@ struct Detector {
     accuse_only(-1);
     for (int a = 0; a < f.rows.n; ++a) {
       if (!problem.active[a]) continue;
-      // Tensions grow along y or against it; one-sided rows whose tension falls are not to blame.
+      // Tensions grow along y or against it; one-sided rows whose tension falls are not a cause.
       const int r = f.rows.row[a];
       const bool wire = r < S && Model::wire[r];
       const double share = wire ? fabs(y[a]) : (along < 0.0 ? -y[a] : y[a]);
@@ -131,7 +131,7 @@ struct Detector {
     return IMPOSSIBLE_INPUT;
   }
 
-  double reference_ = -1.0;  // N: least of the largest tensions since the rows are nearly singular
+  double reference_ = -1.0;  // N: minimum of the largest tension since nearly singular
 };
 
 }  // namespace fan

@@ -1,12 +1,12 @@
-// The flow with the active set frozen: between two events the same rows are taut, as equalities,
-// and the puppet is a smooth ordinary differential equation
+// The flow with frozen active set: between two events the same rows are taut, as equalities, and
+// the puppet follows a smooth ordinary differential equation
 //
 //   y = (q_D, v_D, work, loss, slip loss[, friction])
 //   ydot = (N(q) v, acc_D, power of inputs and forces, dissipation, tension . rate of slip,
 //           friction's power)
 //
 // advanced by dop853 and projected back on the taut rows (h = 0, hdot = 0) in the metric of M_DD.
-// Points of contact that touch are rows likewise (held_contacts.hpp).
+// Touching contact points are rows likewise (held_contacts.hpp).
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -22,17 +22,18 @@ namespace fan {
 
 struct FlowTolerances {
   // -h up to which a row counts as closed, relative to its scale (row_scale). Smaller overlaps of
-  // rows that are not held stay: where rows are nearly dependent, as strings along one another,
-  // closing them would move the puppet many times as far.
+  // rows that are not held remain: for nearly dependent rows, as strings along one another, closing
+  // them would move the puppet many times as far.
   static constexpr double closed_gap = Constants::closed_gap;
-  // |hddot| at which a redundant row no longer follows from the held ones, relative to hddot_scale.
+  // |hddot| above which a redundant row no longer follows from the held ones, relative to
+  // hddot_scale.
   static constexpr double parting_acceleration = 1e-8;
   // Pivot of a held row, relative to the largest diagonal entry of G, below which the held rows are
   // chosen again among the redundant ones.
-  static constexpr double frail_pivot = 1e-4;
+  static constexpr double dependent_pivot = 1e-4;
   // m: scale of shorter strings.
   static constexpr double min_row_scale = Constants::least_length;
-  // Most refinements of the held rows' tensions: nearly dependent rows lose digits.
+  // Largest number of refinements of the held rows' tensions: nearly dependent rows lose digits.
   static constexpr int refinements = 2;
 };
 
@@ -42,7 +43,7 @@ struct Flow {
   static constexpr int D = Model::n_watched, ALL = M + D;
   static constexpr int C = Model::n_contacts;
   static constexpr bool touches = C > 0;
-  static constexpr int GUARDS = ALL + (touches ? 1 + C : 0);  // overlap, points of contact
+  static constexpr int GUARDS = ALL + (touches ? 1 + C : 0);  // overlap, contact points
   static constexpr int NY = NQ + N + 3 + touches;
   static constexpr int WORK = NQ + N, LOSS = WORK + 1, SLIP_LOSS = WORK + 2, FRICTION = WORK + 3;
   using Tolerance = FlowTolerances;
@@ -78,7 +79,7 @@ struct Flow {
     drive.evaluate(at, q_K, v_K, acc_K, u_D);
     eval.at(state, state + NQ, q_K, v_K, acc_K, u_D, p);
     motors.measure(state, q_K, p);
-    let_out(at);
+    add_slips(at);
     int list[room(M)], n = 0;
     for (int r = 0; r < M; ++r) {
       tension[r] = apart[r] = 0.0;
@@ -113,10 +114,10 @@ struct Flow {
     if constexpr (touches) rate[FRICTION] = friction;
   }
 
-  // By how much a taut row misses its condition at the latest evaluation, positive if it does: a
-  // held row's tension relative to the weight, a slipping row's speed in m/s, a redundant row's
-  // hddot relative to hddot_scale. Not for slack rows, whose condition is on the height.
-  double lack(int r) const {
+  // Violation of a taut row's condition at the latest evaluation: a held row's tension relative to
+  // the weight, a slipping row's speed in m/s, a redundant row's hddot relative to hddot_scale.
+  // Undefined for slack rows, whose condition is on the height.
+  double violation(int r) const {
     if (r < S && Model::wire[r]) return -1.0;
     if (row_state[r] == HELD) {
       const double below = -tension[r];
@@ -128,19 +129,18 @@ struct Flow {
     return apart[r] - Tolerance::parting_acceleration;
   }
 
-  // The size of the terms of the gathered rows' hddot, at least 1 m/s^2.
+  // Magnitude of the terms of the gathered rows' hddot, at least 1 m/s^2.
   double hddot_scale() const {
     double top = 1.0;
     for (int a = 0; a < rows.n; ++a) top = larger_of(top, fabs(rows.hddot[a]) + fabs(rows.kick[a]));
     return top;
   }
 
-  // N: the size of forces.
+  // N: magnitude of forces.
   double weight() const { return (1.0 / Constants::tension_cap) * opt.tension_cap; }
 
-  // Whether the held rows are so nearly dependent that a redundant row should be held instead of
-  // one of them.
-  bool frail() const {
+  // Whether the held rows are so nearly dependent that a redundant row should replace one of them.
+  bool nearly_dependent() const {
     if (contacts.active()) return false;
     constexpr int stride = Complementarity<double, M>::N;
     bool redundant = false;
@@ -155,21 +155,21 @@ struct Flow {
       const double pivot = rows.problem.pivot(a);
       if (pivot < least) least = pivot;
     }
-    return redundant && least < Tolerance::frail_pivot * top;
+    return redundant && least < Tolerance::dependent_pivot * top;
   }
 
-  // The acceleration at which row r's winch brakes what it winds back, at the latest evaluation.
+  // Acceleration with which row r's winch brakes while it winds back, at the latest evaluation.
   double braking(int r) const { return r < S ? slip_acc_[r] : 0.0; }
 
-  // Makes the slips of the latest evaluation those at the time `at`, from which they are wound
+  // Stores the slips of the latest evaluation, at the time `at`, as the start of their winding
   // back.
   void settle_slip(double at) {
     for (int i = 0; i < S; ++i) slip[i] = winches.resolved(i, slip_now[i], at);
     slip_time = at;
   }
 
-  // Makes the latest evaluation, which must be that of the present state, one of winches that all
-  // grip: from there the next modes are chosen.
+  // Makes all winches grip in the latest evaluation, which must be that of the present state: the
+  // next modes are chosen from there.
   void grip() {
     if (!winches.some_slip) return;
     settle_slip(t);
@@ -181,7 +181,8 @@ struct Flow {
     }
   }
 
-  // When the first winch that winds back begins to brake or stops; `none` if none winds back.
+  // Time at which the first winch that winds back begins to brake or stops; `none` if none winds
+  // back.
   double rewound(double none) const {
     double first = none;
     for (int i = 0; i < S; ++i) {
@@ -192,8 +193,8 @@ struct Flow {
     return first;
   }
 
-  // When the first driven length runs out in the inputs' present piece, and the row of its string;
-  // `none` if that is not before the piece ends.
+  // Time at which the first driven length runs out in the inputs' present piece, and the row of its
+  // string; `none` if not before the piece ends.
   double emptied(double none, int* row) const {
     double first = none;
     const double start = drive.segment_start(), end = drive.segment_end();
@@ -215,7 +216,8 @@ struct Flow {
 
   double k[dop853::all_stages][NY];
   double end[NY], end_rate[NY];  // state at the end of the trial step, and its rate
-  double stage_lack[dop853::stages][room(GUARDS)];  // from stage 1 on; of slack rows the height
+  double stage_violation[dop853::stages]
+                        [room(GUARDS)];  // from stage 1 on; of slack rows the height
 
   // Trial step of length s from (t, y) with k[0] known. Leaves the end state in `end`.
   void stages(double s) {
@@ -224,10 +226,10 @@ struct Flow {
       combine(dop853::A[i], i, s, at);
       evaluate(t + dop853::C[i] * s, at, k[i]);
       for (int r = 0; r < M; ++r) {
-        stage_lack[i][r] = taut(r) ? lack(r) : eval.height(r);
+        stage_violation[i][r] = taut(r) ? violation(r) : eval.height(r);
       }
-      for (int d = 0; d < D; ++d) stage_lack[i][M + d] = motors.excess(d);
-      for (int g = ALL; g < GUARDS; ++g) stage_lack[i][g] = contacts.guard_of(*this, g - ALL);
+      for (int d = 0; d < D; ++d) stage_violation[i][M + d] = motors.excess(d);
+      for (int g = ALL; g < GUARDS; ++g) stage_violation[i][g] = contacts.guard_of(*this, g - ALL);
     }
     combine(dop853::B, dop853::stages, s, end);
     normalise_all<typename Model::Dynamic>(end);
@@ -310,7 +312,7 @@ struct Flow {
     return RUNNING;
   }
 
-  // The positions' part: h = 0 on the held rows.
+  // The position part: h = 0 on the held rows.
   Status pull_back(double* state) {
     double h[room(M)];
     for (int a = 0; a < rows.n; ++a) h[a] = eval.height(rows.row[a]);
@@ -327,7 +329,7 @@ struct Flow {
   }
 
   // h of all rows at the configuration of `state` and the inputs of the latest evaluation. For
-  // strings that slip 0 or, with `slipped`, by how much the slip is below its lower bound.
+  // strings that slip it is 0 or, with `slipped`, the distance of the slip below its lower bound.
   void heights(const double* state, double* h, bool slipped = false) const {
     Call<Model, double>::rows(state, q_K, p, h);
     for (int i = 0; i < S; ++i) {
@@ -346,8 +348,8 @@ struct Flow {
       problem.upper[a] = 0.0;
       problem.active[a] = row_state[rows.row[a]] == HELD;
     }
-    // Raised and not refined: a contradiction of two nearly dependent rows would otherwise move the
-    // puppet by many times its size.
+    // Regularised and not refined: a contradiction of two nearly dependent rows would otherwise
+    // move the puppet by many times its size.
     problem.solve_active(ComplementarityTolerances::raise, 0);
     for (int j = 0; j < N; ++j) w[j] = 0.0;
     for (int a = 0; a < rows.n; ++a) pull[a] = problem.active[a] ? -problem.x[a] : 0.0;
@@ -369,8 +371,7 @@ struct Flow {
     return energy.T + energy.V;
   }
 
-  // What a row's h is relative to: its string's length at (y, latest inputs), 1 rad or 1 m for a
-  // limit.
+  // Scale of a row's h: its string's length at (y, latest inputs), 1 rad or 1 m for a limit.
   double row_scale(int r) const {
     if (r >= S) return 1.0;
     const double length = string_length<Model, double>(r, y, q_K);
@@ -378,7 +379,7 @@ struct Flow {
   }
 
  private:
-  // The tensions of the gathered rows, `list`, without contact.
+  // Applies the tensions of the gathered rows, `list`, without contact.
   void pull_strings(const int* list, double* w, double* power, double* slip_power) {
     auto& problem = rows.problem;
     for (int a = 0; a < rows.n; ++a) {
@@ -402,8 +403,8 @@ struct Flow {
     rows.add(pull, w);
   }
 
-  // Changes h, hdot and gamma to those of the length L + slip.
-  void let_out(double at) {
+  // Converts h, hdot and gamma to the length L + slip.
+  void add_slips(double at) {
     for (int i = 0; i < S; ++i) {
       if (row_state[i] == SLIPPING) {
         slip_now[i] = eval.h[i];

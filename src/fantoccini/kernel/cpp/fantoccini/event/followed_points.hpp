@@ -1,10 +1,10 @@
-// The points of contact that an event-driven run follows: those that touch, or have just parted.
-// Where they are, how they move, and
+// The contact points that an event-driven run follows: those that touch, or have just parted. Their
+// positions, their velocities, and
 //
 //   gamma, the part of hddot without accelerations of the puppet,
 //
-// the derivative of the points' velocities along the motion with velocities frozen, by central
-// differences of order 4 over the narrow phase. Signs are those of contact/points.hpp: hdot = -u.
+// the derivative of the points' velocities along the motion with velocities frozen, by fourth-order
+// central differences of the narrow phase. Signs are those of contact/points.hpp: hdot = -u.
 #pragma once
 
 #include "fantoccini/contact/points_at.hpp"
@@ -14,32 +14,33 @@ namespace fan {
 enum ContactMode { PARTED, RESTING, STICKING, SLIDING };
 
 struct HeldContactTolerances {
-  // Part of a turn, or of a solid's size, over which differences are taken: errors of 1e-13.
+  // Step of differences, relative to a full turn or to a solid's size: errors of 1e-13.
   static constexpr double turn = 1e-3;
-  static constexpr double slowest = 1.0;  // 1/s: rates below count as this
-  // Near a point's end they are taken over `finer` times less and so on, down to this.
+  static constexpr double slowest = 1.0;  // 1/s: lower bound of rates
+  // Near the end of a point's region the step is reduced by `finer` repeatedly, down to this.
   static constexpr double finer = 0.1, least_turn = 1e-6;
-  // Gap within which points are looked at [m].
+  // Gap below which points are considered [m].
   static constexpr double margin = 1e-3;
   // m: overlap above which a point that has just parted touches again, and distance at which one
   // without force no longer rests.
-  static constexpr double caught = 1e-13, strayed = 1e-11;
+  static constexpr double caught = 1e-13, max_rest_distance = 1e-11;
   // m: rounding of a gap.
   static constexpr double rounding = 1e-15;
-  // m: gap above which a parted point is an open one.
+  // m: gap above which a parted point is open.
   static constexpr double open_gap = 1e-14;
-  // m/s: a parted point that opens faster is open soon.
+  // m/s: a parted point that opens faster will soon be open.
   static constexpr double leaving_speed = 1e-8;
-  // m/s: a point slides no longer where u falls to this along its direction, which is far above the
-  // error of integration: at lower speeds the direction of friction would be that of the error.
+  // m/s: a point stops sliding where u falls to this along its direction. This is far above the
+  // error of integration, which would determine the direction of friction at lower speeds.
   static constexpr double stopped = 3e-9;
-  // Least normal influence of a sliding point's force, relative to that without friction: below,
+  // Least normal influence of a sliding point's force, relative to that without friction: below it,
   // friction jams (Painleve).
   static constexpr double least_influence = 1e-6;
-  // Likewise, where steps that get too small are said to end by that; and the force of a sliding
-  // point there, relative to the weight.
+  // Likewise, where too small steps are attributed to it; and the force of a sliding point there,
+  // relative to the weight.
   static constexpr double jamming_influence = 1e-2, jamming_force = 100.0;
-  // |hddot| of a resting point, relative to Flow::hddot_scale; a force that is none, to the weight.
+  // |hddot| of a resting point, relative to Flow::hddot_scale; negligible force, relative to the
+  // weight.
   static constexpr double parting_acceleration = 1e-8, negligible_force = 1e-12;
 };
 
@@ -52,19 +53,19 @@ class FollowedPoints {
   using Points = ContactPointsAt<Model>;
 
   struct Contact {
-    int pair, feature, region;  // as ContactPoints::is_one tells them apart
+    int pair, feature, region;  // identity, as in ContactPointsAt::matches
     ContactMode mode;
     bool moving;      // slides faster than Tolerance::stopped
-    bool told;        // its sliding is among the events
+    bool reported;    // its sliding is among the events
     bool fresh;       // touches since this instant
-    bool leaves;      // springs back from it
+    bool leaves;      // it rebounds at this instant
     double along[3];  // of friction on the first solid where it slides, in the world
     double force[3];  // at the last event, in the world
-    double over;      // m: overlap that a parted point has from the start
-    double back;      // m/s: how fast one that begins to slide still goes the other way
-    double since;     // s: when it began to slide
+    double over;      // m: initial overlap of a parted point
+    double back;      // m/s: speed against its direction of a point that begins to slide
+    double since;     // s: start of sliding
     bool slow;        // slides so slowly that its friction looks ahead (held_rows.hpp)
-    double brake;     // m/s^2: by which it slows down then
+    double brake;     // m/s^2: its deceleration in that case
   };
 
   const ContactArrays* in = nullptr;
@@ -75,29 +76,29 @@ class FollowedPoints {
   // Of the latest evaluation.
   double gap[room(C)];
   double hdot[room(3 * C)], x[room(3 * C)], after[room(3 * C)];  // after: hddot with all forces
-  double lawful[room(3 * C)], after_lawful[room(3 * C)];         // likewise, where modes end
-  double overlap = -unbounded, closing = 0.0;  // of the point that is deepest, and how fast
-  double safe = unbounded;                     // s: until solids might pass through one another
-  bool found[room(C)];                         // whether a point is one there
+  double lawful[room(3 * C)], after_lawful[room(3 * C)];         // likewise, at the end of modes
+  double overlap = -unbounded, closing = 0.0;  // of the deepest point: overlap and closing speed
+  double safe = unbounded;  // s: time within which no solid passes through another
+  bool exists[room(C)];     // whether a point exists there
   double point[room(C)][3], frame[room(C)][9];
   // Of the rows: A_D, A_K v_K, and gamma.
   double row[room(3 * C)][room(N)], rate_K[room(3 * C)], gamma[room(3 * C)] = {};
   double tension[room(M)] = {};  // at the last event
 
-  // Evaluates all points near at a state; f's evaluation, but for accelerations, must be that of
-  // it.
+  // Evaluates all near points at a state; f's evaluation, except for accelerations, must be that of
+  // the state.
   template <class F>
-  void look(const F& f, const double* q_D, const double* v_D) {
+  void search(const F& f, const double* q_D, const double* v_D) {
     points_.pose(*in, q_D, v_D, f.q_K, f.v_K, f.p);
-    points_.look_within(*in, Tolerance::margin);
+    points_.search(*in, Tolerance::margin);
     too_many = points_.too_many();
     safe = points_.safe_time(*in);
     overlap = -Tolerance::margin;
     closing = 0.0;
     for (int c = 0; c < n; ++c) {
-      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, found + c);
+      const int i = points_.find_feature(*in, at[c].pair, at[c].feature, at[c].region, exists + c);
       known_[c] = i >= 0;
-      found[c] = found[c] && known_[c];
+      exists[c] = exists[c] && known_[c];
       if (known_[c]) take(i, c, v_D);
     }
     for (int i = 0; i < points_.n(); ++i) {
@@ -115,13 +116,13 @@ class FollowedPoints {
     }
   }
 
-  // What parted points become once they are open, and the directions that sliding ones keep over
+  // Drops parted points that have opened, and fixes the directions that sliding ones keep across
   // zero in the next step. The latest evaluation must be that of the present state.
-  void anchor() {
+  void update_directions() {
     int kept = 0;
     for (int c = 0; c < n; ++c) {
-      if (at[c].mode == PARTED && (!found[c] || gap[c] > Tolerance::open_gap)) continue;
-      if (at[c].mode == SLIDING && found[c] && along(c) > 0.0 &&
+      if (at[c].mode == PARTED && (!exists[c] || gap[c] > Tolerance::open_gap)) continue;
+      if (at[c].mode == SLIDING && exists[c] && along(c) > 0.0 &&
           sliding_speed(c) > 2.0 * Tolerance::stopped) {
         at[c].moving = true;
         direction(c, at[c].along);
@@ -132,8 +133,8 @@ class FollowedPoints {
     n = kept;
   }
 
-  // Adds all points with a gap of at most `most` at the latest evaluation, as parted ones, or as
-  // many as there is room for (too_many).
+  // Adds all points with a gap of at most `most` at the latest evaluation as parted ones, up to the
+  // capacity (too_many).
   template <class F>
   void take_closed(const F& f, const double* q_D, const double* v_D, double most) {
     bool more = false, full = false;
@@ -142,15 +143,16 @@ class FollowedPoints {
       if (from.gap > most || place(from) >= 0 || !points_.touches_there(i)) continue;
       full = n == C;
       if (full) break;
-      bool told = false;
-      for (int c = 0; c < n; ++c) told = told || (meet(at[c].pair, from.pair) && at[c].told);
+      bool reported = false;
+      for (int c = 0; c < n; ++c)
+        reported = reported || (meet(at[c].pair, from.pair) && at[c].reported);
       at[n++] = {
           from.pair,
           from.feature,
           from.region,
           PARTED,
           false,
-          told,
+          reported,
           true,
           false,
           {0.0, 0.0, 0.0},
@@ -164,12 +166,12 @@ class FollowedPoints {
     }
     if (more) {
       sort();
-      look(f, q_D, v_D);
+      search(f, q_D, v_D);
     }
     too_many = too_many || full;
   }
 
-  // Points without force may keep the distance that they have after an event.
+  // Points without force may keep their distance after an event.
   void accept_overlaps() {
     for (int c = 0; c < n; ++c) {
       at[c].over = at[c].mode == RESTING ? fabs(gap[c]) : fmax(-gap[c], 0.0);
@@ -178,10 +180,10 @@ class FollowedPoints {
     }
   }
 
-  // Whether two pairs are of the same two names (ContactArrays::meetings).
+  // Whether two pairs have the same two names (ContactArrays::meetings).
   bool meet(int pair, int other) const { return in->meetings[pair] == in->meetings[other]; }
 
-  // |hdot| of the fastest normal of points that are held.
+  // Largest |hdot| of the normals of held points.
   double fastest_normal() const {
     double most = 0.0;
     for (int c = 0; c < n; ++c)
@@ -189,7 +191,7 @@ class FollowedPoints {
     return most;
   }
 
-  // Lets no point be slow; whether any was.
+  // Makes no point slow. Returns whether any was.
   bool forget_slow() {
     bool any = false;
     for (int c = 0; c < n; ++c) {
@@ -223,7 +225,7 @@ class FollowedPoints {
       out[k] = force[0] * frame[c][k] + force[1] * frame[c][3 + k] + force[2] * frame[c][6 + k];
   }
 
-  // Remembers the latest forces as those of an event.
+  // Stores the latest forces as those of an event.
   template <class F>
   void keep_forces(const F& f) {
     for (int c = 0; c < n; ++c) in_world(c, x + 3 * c, at[c].force);
@@ -236,7 +238,7 @@ class FollowedPoints {
     for (int r = 0; r < M; ++r) tension[r] = 0.0;
   }
 
-  // Forces of points and rows, as keep_forces leaves them.
+  // Forces of points and rows, as left by keep_forces.
   struct Forces {
     double point[room(C)][3], row[room(M)];
   };
@@ -255,10 +257,10 @@ class FollowedPoints {
     for (int r = 0; r < M; ++r) tension[r] = from.row[r];
   }
 
-  // gamma: derivatives of hdot along the motion without accelerations of the puppet, where
-  // the driven coordinates have theirs. Where a point is lost ahead or comes to another region, as
-  // at a corner that it is about to reach, they are taken from behind, or over less; one that is
-  // lost here keeps its latest.
+  // gamma: derivatives of hdot along the motion without accelerations of the puppet but with those
+  // of the driven coordinates. If a point is lost ahead or enters another region, as at a corner
+  // that it is about to reach, they are taken from behind, or with a smaller step; one that is lost
+  // here keeps its latest.
   template <class F>
   void differ(const F& f, const double* q_D, const double* v_D) {
     double rate = Tolerance::slowest;
@@ -283,7 +285,7 @@ class FollowedPoints {
     const double v_D[room(N)] = {}, v_K[room(NK)] = {};
     near_.pose(*in, q_D, v_D, f.q_K, v_K, f.p);
     for (int c = 0, pair = -1; c < n; ++c) {
-      if (at[c].pair != pair) near_.look_at_pair(*in, pair = at[c].pair, Tolerance::margin);
+      if (at[c].pair != pair) near_.search_one_pair(*in, pair = at[c].pair, Tolerance::margin);
       bool holds;
       const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
       out[3 * c] = i < 0 ? 0.0 : -near_.point(i).gap;
@@ -291,19 +293,19 @@ class FollowedPoints {
   }
 
  private:
-  // Places in steps, weights over 12, and the weight of the place itself.
+  // Positions in steps, weights over 12, and the weight of the present position.
   struct Differences {
     double at[4], weight[4], own;
   };
 
-  // Of order 4: about the present, from behind and from ahead.
+  // Fourth order: about the present, from behind and from ahead.
   static constexpr Differences ways_[] = {
       {{-2, -1, 1, 2}, {1, -8, 8, -1}, 0},
       {{-4, -3, -2, -1}, {3, -16, 36, -48}, 25},
       {{1, 2, 3, 4}, {48, -36, 16, -3}, -25},
   };
 
-  // Differences for the points that are not done and found at all places; how many those are.
+  // Differences for the points that are not done and exist at all positions. Returns their number.
   template <class F>
   int differ(
       const F& f, const double* q_D, const double* v_D, const Differences& by, double step,
@@ -329,7 +331,7 @@ class FollowedPoints {
         if (!all[c]) continue;
         if (at[c].pair != pair) {
           pair = at[c].pair;
-          near_.look_at_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
+          near_.search_one_pair(*in, pair, 2.0 * Tolerance::margin + 2.0 * fabs(tau) * speed(c));
         }
         bool holds;
         const int i = near_.find_feature(*in, pair, at[c].feature, at[c].region, &holds);
@@ -351,7 +353,7 @@ class FollowedPoints {
     return count;
   }
 
-  // Takes the place of point c, its rows and its velocity from the point i of `points_`.
+  // Takes the position of point c, its rows and its velocity from the point i of `points_`.
   void take(int i, int c, const double* v_D) {
     const auto& from = points_.point(i);
     gap[c] = from.gap;
@@ -370,11 +372,11 @@ class FollowedPoints {
 
   int place(const typename Points::Point& point) const {
     for (int c = 0; c < n; ++c)
-      if (Points::is_one(at[c], point.pair, point.feature, point.region)) return c;
+      if (Points::matches(at[c], point.pair, point.feature, point.region)) return c;
     return -1;
   }
 
-  // The order in which points are kept.
+  // Order of the points.
   static bool is_before(const Contact& a, const Contact& b) {
     if (a.pair != b.pair) return a.pair < b.pair;
     return a.feature != b.feature ? a.feature < b.feature : a.region < b.region;
@@ -389,11 +391,11 @@ class FollowedPoints {
       }
   }
 
-  // Point c's entries of the latest evaluation to those of an earlier one.
+  // Copies point c's entries of the latest evaluation to those of an earlier one.
   void copy(int c, int to) {
     if (c == to) return;
     at[to] = at[c];
-    found[to] = found[c];
+    exists[to] = exists[c];
     known_[to] = known_[c];
     gap[to] = gap[c];
     region_[to] = region_[c];
@@ -416,7 +418,7 @@ class FollowedPoints {
   }
 
   Points points_, near_;  // of the latest evaluation; at displaced configurations
-  bool known_[room(C)];   // as found, but also where its feature alone makes it
+  bool known_[room(C)];   // as found, but also where the features alone define it
   int region_[room(C)];
 };
 

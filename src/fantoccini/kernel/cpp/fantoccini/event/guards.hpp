@@ -1,12 +1,13 @@
-// Guards: zeros that a step must not pass. A guard is positive when the row's state no longer
-// holds. It is the height h of a slack row; minus the tension of a held row, or its excess over the
-// winch's largest; the hddot or overlap of a redundant row; the missing speed of a slipping row.
-// After the rows come the watched drives, whose guard is positive where they lose a step or run
-// away, then the deepest overlap of solids, and the points of contact (held_contacts.hpp).
+// Guards: functions whose zeros a step must not pass. A guard is positive when the row's state no
+// longer holds. It is the height h of a slack row; minus the tension of a held row, or its excess
+// over the winch's largest; the hddot or overlap of a redundant row; the missing speed of a
+// slipping row. The rows are followed by the watched drives, whose guard is positive where they
+// lose a step or run away, then the deepest overlap of solids, and the contact points
+// (held_contacts.hpp).
 //
-// An event's time is the root of the worst guard evaluated by integrating to it, not read off an
-// interpolant. After a release the row's guard re-arms once it has opened by more than rounding, or
-// at once where it springs back; until then it fires only if the row is violated by more than
+// An event's time is the root of the worst guard evaluated by integrating to it, not read off the
+// dense output. After a release the row's guard re-arms once it has opened by more than rounding,
+// or immediately if it rebounds; until then it fires only if the row is violated by more than
 // rounding and moves further.
 #pragma once
 
@@ -16,8 +17,8 @@
 namespace fan {
 
 struct GuardTolerances {
-  // -h, relative to the row's scale, above which a released row has opened and is armed again: some
-  // roundings.
+  // -h, relative to the row's scale, above which a released row has opened and is armed again: a
+  // few rounding errors.
   static constexpr double open_gap = 2e-15;
   // h, likewise, above which a row that is not armed is caught. Also the tolerance of heights
   // inside a step, and of held rows if any winch can slip.
@@ -25,14 +26,14 @@ struct GuardTolerances {
   // m/s or rad/s: a row that is not armed closes only if faster; a slipping string is armed once it
   // slips faster than its winch winds by this.
   static constexpr double min_speed = 1e-9;
-  // Tension that counts as none, relative to the weight.
+  // Negligible tension, relative to the weight.
   static constexpr double negligible_tension = 1e-12;
   // Largest guard at a located event: of a slack row, h over the row's scale; of a taut row, mostly
   // tension over weight (see Flow::lack); of a drive, periods, m or rad.
   static constexpr double catch_root = 1e-15, release_root = 1e-13, drive_root = 1e-12;
   static constexpr int max_root_iterations = 100;
-  static constexpr int max_earlier_roots = 8;  // times that an earlier crossing is looked for
-  // Resolution of the clock, relative to the time or 1 s: four roundings.
+  static constexpr int max_earlier_roots = 8;  // number of searches for an earlier crossing
+  // Resolution of the clock, relative to the time or 1 s: four rounding errors.
   static constexpr double clock = 4.0 * 2.3e-16;
 };
 
@@ -69,7 +70,7 @@ struct Guards {
            flow.rate_of(r, flow.y + NQ) > (at_once ? 0.0 : Tolerance::min_speed);
   }
 
-  // What the next step's guards compare with.
+  // Stores the reference values of the next step's guards.
   void remember() {
     for (int r = 0; r < M; ++r) {
       height0[r] = flow.eval.height(r);
@@ -88,22 +89,23 @@ struct Guards {
       const double wound_in =
           (-flow.slip_now[r] - WinchTolerances::max_length_error) / flow.row_scale(r) -
           Tolerance::caught_height;
-      const double slow = flow.lack(r) - (armed[r] ? 0.0 : Tolerance::min_speed);
+      const double slow = flow.violation(r) - (armed[r] ? 0.0 : Tolerance::min_speed);
       return slow > wound_in ? slow : wound_in;
     }
-    // A row may begin the step slightly beyond its bound: only more than that counts.
+    // A row may begin the step slightly beyond its bound: only the excess counts.
     const double over = (flow.eval.height(r) - already(r)) / flow.row_scale(r);
     if (flow.taut(r)) {
-      const double lack = flow.lack(r) - Tolerance::negligible_tension;
-      // A redundant row moves with the held ones, but for the error of their near dependence.
-      const double strays = flow.row_state[r] == HELD ? lack : over - FlowTolerances::closed_gap;
-      return lack > strays ? lack : strays;
+      const double violation = flow.violation(r) - Tolerance::negligible_tension;
+      // A redundant row moves with the held ones, except for the error of their near dependence.
+      const double overlap =
+          flow.row_state[r] == HELD ? violation : over - FlowTolerances::closed_gap;
+      return violation > overlap ? violation : overlap;
     }
     return over - (armed[r] ? 0.0 : Tolerance::caught_height);
   }
 
-  // How far a row was beyond its bound when the step began, counted up to closed_gap, or four times
-  // that where redundant strings on winches may keep it from being corrected.
+  // Violation of a row's bound at the start of the step, counted up to closed_gap, or four times
+  // that where redundant strings on winches may prevent its correction.
   double already(int r) const {
     const double most =
         (flow.winches.some_slip ? 4.0 : 1.0) * FlowTolerances::closed_gap * flow.row_scale(r);
@@ -118,9 +120,9 @@ struct Guards {
     return flow.taut(r) ? Tolerance::release_root : Tolerance::catch_root;
   }
 
-  // Whether the active set just chosen contradicts the state at the latest evaluation: a held row
-  // is off its bound, or a string slips too slowly. False if no winch can slip, and another set
-  // would not help.
+  // Whether the chosen active set contradicts the state at the latest evaluation: a held row is off
+  // its bound, or a string slips too slowly. False if no winch can slip and another set would not
+  // help.
   bool contradicted() const {
     if (!flow.winches.some_slip) return false;
     for (int r = 0; r < M; ++r) {
@@ -129,7 +131,7 @@ struct Guards {
         return true;
       if (flow.row_state[r] != SLIPPING) continue;
       const bool beyond = flow.slip_now[r] < -WinchTolerances::max_length_error;
-      if (flow.lack(r) > (beyond ? 0.0 : Tolerance::min_speed)) return true;
+      if (flow.violation(r) > (beyond ? 0.0 : Tolerance::min_speed)) return true;
     }
     return false;
   }
@@ -144,7 +146,7 @@ struct Guards {
     return out;
   }
 
-  // The worst guard after a step of length s; the flow is left there, projected or not.
+  // The worst guard after a step of length s; leaves the flow there, projected or not.
   double guard_at(double s) {
     flow.stages(s);
     flow.finish(s);
@@ -152,8 +154,8 @@ struct Guards {
     return worst();
   }
 
-  // A time in (0, s] at which a guard is positive, or 0. The step has just been tried and
-  // evaluated at its end, and is again when this returns 0.
+  // A time in (0, s] at which a guard is positive, or 0. The step has just been tried and evaluated
+  // at its end, and is again when this returns 0.
   double suspicious(double s) { return worst() > 0.0 ? s : inside(s); }
 
   // Crossings that return within the step, suspected at the stages or, for heights, at the maximum
@@ -177,7 +179,7 @@ struct Guards {
     return 0.0;
   }
 
-  // Where within the step just evaluated row r may have crossed and returned; 0 if nowhere.
+  // Time within the last step at which row r may have crossed and returned; 0 if there is none.
   double suspect(int r, double s) const {
     if (r < S && Model::wire[r]) return 0.0;
     const bool slack = r < M && !flow.taut(r);
@@ -187,7 +189,7 @@ struct Guards {
     else if (r < M) worst = Tolerance::negligible_tension + Tolerance::min_speed;
     double at = 0.0;
     for (int i = 1; i < dop853::stages; ++i) {
-      const double over = flow.stage_lack[i][r];
+      const double over = flow.stage_violation[i][r];
       if (over > worst && dop853::C[i] < 1.0) {
         worst = over;
         at = dop853::C[i] * s;
@@ -199,8 +201,8 @@ struct Guards {
         Tolerance::caught_height * flow.row_scale(r));
   }
 
-  // Where the cubic through (0, h0, d0), (s, h1, d1) has a maximum above zero, or below it by no
-  // more than a tenth of its rise above the ends.
+  // Time of the maximum of the cubic through (0, h0, d0), (s, h1, d1), if it is above zero, or
+  // below it by at most a tenth of its rise above the ends.
   static double peak_time(double h0, double d0, double h1, double d1, double s, double tolerance) {
     // h(x) = h0 + s d0 x + b x^2 + a x^3 with x = time / s.
     const double a = 2 * (h0 - h1) + s * (d0 + d1), b = 3 * (h1 - h0) - s * (2 * d0 + d1);
@@ -215,7 +217,7 @@ struct Guards {
     return top > -(0.1 * rise + tolerance) ? x * s : 0.0;
   }
 
-  // The first time at which a guard turns positive, given that one is at s. The flow is left at it.
+  // The first time at which a guard turns positive, given that one is at s. Leaves the flow there.
   double locate(double s) {
     double hi = s;
     for (int again = 0; again < Tolerance::max_earlier_roots; ++again) {
@@ -227,9 +229,9 @@ struct Guards {
     return hi;
   }
 
-  // The first time up to `hi` at which a guard is positive, but by no more than rounding, given
-  // that one is positive at `hi`, where the flow is. Row by row, until none has an earlier root.
-  // The flow is left there.
+  // The first time up to `hi` at which a guard is positive, but only by rounding, given that one is
+  // positive at `hi`, where the flow is. Row by row, until none has an earlier root. Leaves the
+  // flow there.
   double root(double hi) {
     for (int round = 0; round <= ALL; ++round) {
       const double before = hi;

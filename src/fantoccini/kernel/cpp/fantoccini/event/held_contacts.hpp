@@ -4,8 +4,8 @@
 //
 // so that the forces x follow from linear equations over the held strings and points
 // (held_rows.hpp). Redundant points are held as well: of all x the one nearest to the forces at the
-// last event is taken, which are those of least norm where these are legal; where it is not legal,
-// any other that gives the same motion. At the instant at which none does any longer the modes end;
+// last event is taken, which are those of least norm if these are admissible; if it is not
+// admissible, any other with the same motion. The modes end at the instant at which there is none;
 // the forces of that instant are those of the law itself.
 #pragma once
 
@@ -31,17 +31,17 @@ class HeldContacts {
   Rows rows;
 
   double friction = 0.0;       // W
-  ConeProblem<R> cone;         // for whoever chooses forces or impulses
-  bool redistributed = false;  // whether redundant forces were found anew at the latest evaluation
-  bool ends = false;  // whether the law's forces there, `lawful`, part or move what is held
+  ConeProblem<R> cone;         // for callers that choose forces or impulses
+  bool redistributed = false;  // whether the latest evaluation redistributed redundant forces
+  bool ends = false;           // whether the law's forces there, `lawful`, part or move held points
 
   bool active() const { return points.in && points.n > 0; }
 
-  // Whether any point is followed, once those near a state are looked at.
+  // Whether any point is followed, after a search near a state.
   template <class F>
   bool look_near(const F& f, const double* q_D, const double* v_D) {
     if (!points.in) return false;
-    points.look(f, q_D, v_D);
+    points.search(f, q_D, v_D);
     return active();
   }
 
@@ -73,7 +73,7 @@ class HeldContacts {
       for (int d = 0; d < 3; ++d)
         reference[rows.n_single + 3 * c + d] = dot3(points.frame[c] + 3 * d, points.at[c].force);
     double known[room(R)], asked[room(R)];
-    let_slip(f, known, asked);
+    find_slipping(f, known, asked);
     rows.find_forces(points, f, asked, reference);
     for (int a = 0; a < rows.n_single; ++a) rows.y[a] += known[a];
     friction = 0.0;
@@ -84,8 +84,7 @@ class HeldContacts {
     for (int i = 0; i < 3 * points.n; ++i) {
       points.x[i] = rows.y[rows.n_single + i];
       *power += points.x[i] * points.rate_K[i];
-      // Sticking points move within steps by errors alone, and redundant forces are of any size
-      // there.
+      // Within steps, sticking points move only by errors, and redundant forces may have any size.
       if (i % 3 && points.at[i / 3].mode == SLIDING) friction += points.x[i] * points.hdot[i];
     }
     rows.take(rows.y, w);
@@ -100,18 +99,18 @@ class HeldContacts {
   // hddot of the gathered row a with all forces.
   double after_of_row(int a) const { return after_[a]; }
 
-  // Positive where point c no longer keeps its mode at the latest evaluation.
+  // Guard of point c: positive if it no longer keeps its mode at the latest evaluation.
   template <class F>
   double guard(const F& f, int c) const {
     const Contact& own = points.at[c];
     if (own.mode == PARTED) return -1.0;
-    if (!points.found[c]) return 1.0;
+    if (!points.exists[c]) return 1.0;
     const int i = 3 * c;
     if (own.mode == RESTING) {
       const double parts =
           fabs(points.after[i]) / f.hddot_scale() - Tolerance::parting_acceleration;
-      const double strays = fabs(points.gap[c]) - own.over - Tolerance::strayed;
-      return parts > strays ? parts : strays;
+      const double shift = fabs(points.gap[c]) - own.over - Tolerance::max_rest_distance;
+      return parts > shift ? parts : shift;
     }
     const double forces = excess(f, c, points.x + 3 * c);
     if (own.mode == STICKING || points.in->friction[own.pair] == 0.0) return forces;
@@ -123,7 +122,7 @@ class HeldContacts {
     return worst > jams ? worst : jams;
   }
 
-  // By how much a force of point c is illegal, relative to the weight.
+  // Violation of its bounds by the force of point c, relative to the weight.
   template <class F>
   double excess(const F& f, int c, const double* own) const {
     const double lifts = -own[0] / f.weight() - Tolerance::negligible_force;
@@ -139,7 +138,7 @@ class HeldContacts {
     return excess(f, c, points.x + 3 * c) > 0.0;
   }
 
-  // By how much the latest forces and accelerations break the law, relative to the weight and to
+  // Violation of the law by the latest forces and accelerations, relative to the weight and to
   // Flow::hddot_scale. Where modes end, points without force may part, and those at their cones
   // slide.
   template <class F>
@@ -157,8 +156,8 @@ class HeldContacts {
     return most;
   }
 
-  // The part of the acceleration of sticking point c across its normal that the law has not: all of
-  // it, but of a point whose modes end, at its cone, that which its friction brakes.
+  // Acceleration of sticking point c across its normal that violates the law: all of it, except
+  // that of a point whose modes end, at its cone, that its friction brakes.
   template <class F>
   double slips(const F& f, int c, const double* own, const double* then) const {
     const double all = sqrt(then[1] * then[1] + then[2] * then[2]);
@@ -170,7 +169,7 @@ class HeldContacts {
     return along < 0.0 ? all : fabs(then[1] * own[2] - then[2] * own[1]) / size;
   }
 
-  // The force of point c that is written, in its frame.
+  // The recorded force of point c, in its frame.
   const double* written(int c) const { return (ends ? points.lawful : points.x) + 3 * c; }
 
   // Likewise the tension or force of a held row.
@@ -178,11 +177,11 @@ class HeldContacts {
     return ends ? lawful_tension_[row] : latest;
   }
 
-  // Whether friction is about to jam one or more points: forces grow without bound.
+  // Whether friction is about to jam any point: forces grow without bound.
   template <class F>
   bool jamming(const F& f) const {
     for (int c = 0; c < points.n; ++c) {
-      if (points.at[c].mode != SLIDING || !points.found[c]) continue;
+      if (points.at[c].mode != SLIDING || !points.exists[c]) continue;
       if (rows.influence(points, c) < Tolerance::jamming_influence) return true;
       if (fabs(points.x[3 * c]) > Tolerance::jamming_force * f.weight()) return true;
     }
@@ -207,7 +206,7 @@ class HeldContacts {
                -Tolerance::negligible_force * f.weight();
   }
 
-  // The points that push, as a record writes them.
+  // The points that push, as a record contains them.
   template <class Push>
   int pushing(Push* out) const {
     int count = 0;
@@ -264,8 +263,8 @@ class HeldContacts {
     return RUNNING;
   }
 
-  // hdot = 0 on the held rows, likewise; with `beginning` also across normals where points begin to
-  // slide.
+  // hdot = 0 on the held rows, likewise; with `beginning` also across the normals of points that
+  // begin to slide.
   template <class F>
   void bring_to_rest(F& f, double* v_D, bool beginning = false) {
     const double none[room(R)] = {};
@@ -277,15 +276,15 @@ class HeldContacts {
     for (int k = 0; k < N; ++k) v_D[k] += move[k];
   }
 
-  // Looks for other forces with the same motion where those of redundant points are not legal; so
-  // that a mode ends only where no forces keep it. The latest evaluation must be f's.
+  // Seeks other forces with the same motion if those of redundant points are not admissible, so
+  // that a mode ends only if no forces keep it. The latest evaluation must be f's.
   template <class F>
   void redistribute(F& f) {
     redistributed = ends = false;
     bool needed = false;
     for (int c = 0; c < points.n; ++c) {
       const bool is_held = points.at[c].mode == STICKING || points.at[c].mode == SLIDING;
-      needed = needed || (is_held && points.found[c] && breaks(f, c));
+      needed = needed || (is_held && points.exists[c] && breaks(f, c));
     }
     for (int a = 0; a < rows.n_single; ++a) {
       const int r = f.rows.row[a];
@@ -294,7 +293,7 @@ class HeldContacts {
     }
     if (!needed) return;
     double known[room(R)], asked[room(R)];
-    let_slip(f, known, asked);
+    find_slipping(f, known, asked);
     int of[room(R)], n_own = 0, n_points = 0;
     bool slides[room(C)];
     double along[2 * room(C)];
@@ -338,9 +337,9 @@ class HeldContacts {
     redistributed = !ends;
   }
 
-  // The tensions of the strings whose winches slip, `known`, and hddot with no others, `hddot`.
+  // Tensions of the strings whose winches slip, `known`, and hddot with these alone, `hddot`.
   template <class F>
-  void let_slip(const F& f, double* known, double* hddot) const {
+  void find_slipping(const F& f, double* known, double* hddot) const {
     for (int i = 0; i < rows.n; ++i) {
       known[i] = 0.0;
       hddot[i] = rows.hddot[i];

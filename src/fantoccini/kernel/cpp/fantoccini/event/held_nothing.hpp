@@ -1,4 +1,4 @@
-// The contacts of an event-driven run of a puppet that touches nothing; see held_contacts.hpp.
+// Contacts of an event-driven run of a puppet without contacts; see held_contacts.hpp.
 #pragma once
 
 #include "fantoccini/contract.hpp"

@@ -1,17 +1,17 @@
-// The rows of all that is held at an instant of an event-driven run, strings and limits before
-// three of every point, and the forces along them,
+// All rows held at an instant of an event-driven run, strings and limits before three of every
+// point, and the forces along them,
 //
-//   hddot - G y = 0 along the directions that are held,   G = W^T W,   W = F^-T A_D^T
+//   hddot - G y = 0 along the held directions,   G = W^T W,   W = F^-T A_D^T
 //
-// Friction of a sliding point has the direction of hdot_T, which turns at mu x_n G / |hdot_T|:
-// without bound where the point is slow. There it has the direction d that hdot_T will have a time
-// tau later,
+// Friction of a sliding point has the direction of hdot_T, which turns at the rate mu x_n G /
+// |hdot_T|, without bound as the point slows down. For a slow point it has the direction d that
+// hdot_T will have a time tau later,
 //
 //   d || hdot_T + tau hddot_T(d),   u = |hdot_T|
 //   1/tau = (1 + (u/speed)^2) u/ahead + 2 brake/u + least
 //
-// so that steps need not resolve the turning. The point goes no farther than `ahead` in that time.
-// The directions of all slow points follow from Newton's method on their angles, with the forces.
+// so that steps need not resolve the turning. The point moves at most `ahead` in that time. The
+// directions of all slow points follow, with the forces, from Newton's method on their angles.
 #pragma once
 
 #include "fantoccini/event/followed_points.hpp"
@@ -20,16 +20,16 @@
 namespace fan {
 
 struct SlowSlidingTolerances {
-  // m: way of a slow point in tau; m/s: speed above which it is less.
+  // m: travel of a slow point in tau; m/s: speed above which it is smaller.
   static constexpr double ahead = 1e-11, speed = 1e-5;
-  // 1/s: least of 1/tau.
+  // 1/s: lower bound of 1/tau.
   static constexpr double least = 1e4;
-  // A point is slow where its friction would turn so many times faster than 1/tau.
+  // A point is slow if its friction would turn faster than 1/tau by this factor.
   static constexpr double faster = 2.0;
-  // Turn with which it becomes so [rad].
+  // Largest turn of friction when a point becomes slow [rad].
   static constexpr double small_turn = 1e-3;
-  // Part of a point's own influence that counts as none; turn in an iteration after which none is
-  // left [rad]; most iterations.
+  // Negligible part of a point's own influence; turn below which the iteration has converged [rad];
+  // largest number of iterations.
   static constexpr double negligible_influence = 1e-4, turned = 1e-8;
   static constexpr int turns = 10;
 };
@@ -39,7 +39,7 @@ class HeldRows {
  public:
   using Points = FollowedPoints<Model>;
   static constexpr int C = Points::C, N = Points::N, M = Points::M;
-  static constexpr int R = M + 3 * C;  // rows: strings and limits, then three of every point
+  static constexpr int R = M + 3 * C;  // strings and limits, then three of every point
   using Tolerance = HeldContactTolerances;
   using Slow = SlowSlidingTolerances;
 
@@ -50,7 +50,7 @@ class HeldRows {
   double y[room(R)];  // forces
   DirectedRows<R> directed;
 
-  // Gathers the rows: those that f has, then three of every point.
+  // Gathers the rows of f, then three of every point.
   template <class F>
   void assemble(const Points& points, const F& f) {
     n_single = f.rows.n;
@@ -97,8 +97,8 @@ class HeldRows {
     return 1.0 + mu * (G[i * n + i + 1] * d[0] + G[i * n + i + 2] * d[1]) / G[i * n + i];
   }
 
-  // Chooses which points are slow from the latest forces, until the next call; whether any is or
-  // was. One that was not becomes so where friction hardly turns thereby.
+  // Chooses the slow points from the latest forces, until the next call. Returns whether any is or
+  // was slow. A point becomes slow only if its friction hardly turns thereby.
   bool choose_slow(Points& points) {
     bool any = false;
     for (int c = 0; c < points.n; ++c) {
@@ -107,7 +107,7 @@ class HeldRows {
       any = any || own.slow;
       own.slow = false;
       const double speed = points.sliding_speed(c), mu = points.in->friction[own.pair];
-      if (own.mode != SLIDING || !points.found[c] || mu == 0.0 || !(speed > Tolerance::stopped))
+      if (own.mode != SLIDING || !points.exists[c] || mu == 0.0 || !(speed > Tolerance::stopped))
         continue;
       const double *d = direction[c], *A = points.after + 3 * c + 1;
       const double onward = d[0] * A[0] + d[1] * A[1], across = d[0] * A[1] - d[1] * A[0];
@@ -121,9 +121,9 @@ class HeldRows {
     return any;
   }
 
-  // The directions that are held: of strings all that are taut; of points the normals and, if
-  // `tangents`, those of sticking ones, with `beginning` also of those that begin to slide. With
-  // `friction` the forces of sliding ones have theirs.
+  // The held directions: of strings all that are taut; of points the normals and, with `tangents`,
+  // those of sticking ones, with `beginning` also of those that begin to slide. With `friction` the
+  // forces of sliding points include their friction.
   template <class F>
   void list_unknowns(
       const Points& points, const F& f, bool tangents, bool friction, bool beginning = false) {
@@ -146,7 +146,7 @@ class HeldRows {
     }
   }
 
-  // The forces y with the modes frozen, nearest to `reference`, and hddot `asked` without them.
+  // The forces y with the modes frozen, nearest to `reference`; `asked` is hddot without them.
   template <class F>
   void find_forces(const Points& points, const F& f, const double* asked, const double* reference) {
     bool turns = false;
@@ -159,10 +159,10 @@ class HeldRows {
     list_unknowns(points, f, true, true);
     directed.solve(G, n, asked, reference, y);
     if (!turns) return;
-    Turn turn = FURTHER;
-    for (int k = 0; turn == FURTHER && k < Slow::turns; ++k)
+    Turn turn = CONTINUE;
+    for (int k = 0; turn == CONTINUE && k < Slow::turns; ++k)
       turn = turn_slow(points, f, asked, reference);
-    if (turn == THERE) return;
+    if (turn == CONVERGED) return;
     // No such directions: those of the present velocities.
     for (int c = 0; c < points.n; ++c)
       if (points.at[c].mode == SLIDING)
@@ -172,9 +172,9 @@ class HeldRows {
   }
 
  private:
-  enum Turn { THERE, FURTHER, NOT_THERE };
+  enum Turn { CONVERGED, CONTINUE, FAILED };
 
-  // Whether friction at point c has the direction of hdot_T later: it begins to slide, or is slow.
+  // Whether friction at point c has a later direction of hdot_T: it begins to slide, or is slow.
   bool looks_ahead(const Points& points, int c) const {
     if (points.at[c].mode != SLIDING || points.in->friction[points.at[c].pair] == 0.0) return false;
     return !points.at[c].moving || (points.at[c].slow && points.along(c) > Tolerance::stopped);
@@ -193,8 +193,8 @@ class HeldRows {
     return p * (own[0] * p + 2.0 * own[1] * q) + q * own[n + 1] * q;
   }
 
-  // The direction of friction at sliding point c: its `own`, that of hdot_T, or the one kept, at
-  // rest or turning back, and from which that of a slow point turns.
+  // The direction of friction at sliding point c: its `own`, that of hdot_T; or the one kept at
+  // rest or while turning back, the start for that of a slow point.
   void find_direction(const Points& points, int c, bool own) {
     double* d = direction[c];
     for (int k = 0; k < 2; ++k)
@@ -208,7 +208,7 @@ class HeldRows {
     for (int k = 0; k < 2; ++k) d[k] = size > 0.0 ? d[k] / size : 0.0;
   }
 
-  // One of Newton's steps on the directions of slow points and all forces.
+  // One Newton step on the directions of slow points and all forces.
   template <class F>
   Turn turn_slow(const Points& points, const F& f, const double* asked, const double* reference) {
     int slow[room(C)], n_slow = 0;
@@ -226,7 +226,7 @@ class HeldRows {
         onward += d[k] * then;
       }
       const double none = Slow::negligible_influence * own_influence(c, -d[1], d[0]);
-      if (onward < -none * push) return NOT_THERE;  // it stops
+      if (onward < -none * push) return FAILED;  // it stops
       slow[n_slow] = c;
       firm[n_slow] = fmax(onward / push, none);
       goal[n_slow++] = rate * (d[0] * points.hdot[3 * c + 2] - d[1] * points.hdot[3 * c + 1]);
@@ -244,13 +244,13 @@ class HeldRows {
       const double push = points.in->friction[points.at[c].pair] * y[first_of(c)];
       const double turn = directed.size_of(first + s);
       double* d = direction[c];
-      if (!(push > 0.0)) return NOT_THERE;
+      if (!(push > 0.0)) return FAILED;
       most = fmax(most, fabs(turn / push));
       const double turned[2] = {push * d[0] - turn * d[1], push * d[1] + turn * d[0]};
       for (int k = 0; k < 2; ++k) d[k] = turned[k];
       make_unit(d);
     }
-    return most > Slow::turned ? FURTHER : THERE;
+    return most > Slow::turned ? CONTINUE : CONVERGED;
   }
 
   double W_[room(3 * C)][room(N)];

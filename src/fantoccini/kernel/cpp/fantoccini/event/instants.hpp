@@ -9,12 +9,12 @@
 namespace fan {
 
 struct EventTolerances {
-  // -h up to which a row counts as closed where a run begins, relative to its scale: starts come
-  // from files and solvers. The rows held are then brought to h = 0.
+  // -h up to which a row counts as closed at the start of a run, relative to its scale: starts come
+  // from files and solvers. The held rows are then brought to h = 0.
   static constexpr double start_gap = Constants::start_gap;
-  // s: a row whose tension fell to zero no longer ago than this has just lost it.
+  // s: a row whose tension fell to zero more recently than this has just lost it.
   static constexpr double same_instant = 1e-10;
-  // s: shorter steps count as standstill, and so many in a row end the run.
+  // s: shorter steps count as standstill; this number in a row ends the run.
   static constexpr double standstill = 1e-12;
   static constexpr int max_standstill_steps = 200;
   // s: a step shorter than this that fails ends the run instead of being shortened.
@@ -22,14 +22,14 @@ struct EventTolerances {
   // Step control (Hairer): order of the error, safety factor, least and largest factor of a step.
   static constexpr double order = 8.0, safety = 0.9, min_factor = 0.2, max_factor = 8.0;
   static constexpr double overflow_factor = 0.1;  // of a step whose error is not finite
-  // Of the time left to the target: a step of at least `whole` takes all of it, one of more than
-  // `sliver` takes just that share, so that the last step is not tiny.
+  // Relative to the time left to the target: a step of at least `whole` takes all of it, one of
+  // more than `sliver` takes exactly that share, so that the last step is not tiny.
   static constexpr double whole = 1 - 1e-12, sliver = 0.5;
-  // Difference at which an acceleration or a force jumps at a break, relative to 1 + |before| +
-  // |after|.
+  // Change of an acceleration or a force that counts as a jump at a break, relative to 1 + |before|
+  // + |after|.
   static constexpr double jump = 1e-9;
-  static constexpr int max_saves_per_step = 64;  // the record must have room for all of them
-  // m: gap up to which points of contact touch, and where a run begins.
+  static constexpr int max_saves_per_step = 64;  // capacity of the record
+  // m: gap below which contact points touch; likewise at the start of a run.
   static constexpr double touching = 1e-12, touching_at_start = 1e-6;
 };
 
@@ -47,9 +47,9 @@ struct EventInstants {
   typename Writer::Instants contact_instants;
   Writer writer{flow, closed_rows, contact_instants};
   Accumulation accumulation;
-  double blame[room(M)] = {};  // by row, how much it is to blame for the status, 0 to 1
+  double blame[room(M)] = {};  // by row, its share in the cause of the status, 0 to 1
   double until = unbounded;    // s: the end of the run, beyond which no event lies
-  double loosened[room(M)];    // s: when each row last lost its tension
+  double loosened[room(M)];    // s: last time at which each row lost its tension
 
   EventInstants(F& flow, Guards<Model>& guards) : flow(flow), guards(guards) {}
   EventInstants(const EventInstants&) = delete;
@@ -84,7 +84,7 @@ struct EventInstants {
       const bool held = s.before[r] == HELD || s.before[r] == PINNED;
       const double none = -flow.tension[r] / flow.weight();
       if (held && none > -GuardTolerances::negligible_tension) loosened[r] = flow.t;
-      // Among redundant rows one that has just lost its tension must not take turns with another.
+      // A redundant row that has just lost its tension must not alternate with another.
       s.loose[r] =
           s.before[r] == SLACK ? !guards.armed[r] : flow.t - loosened[r] <= Tolerance::same_instant;
       s.strained[r] = is_strained(r);
@@ -108,8 +108,8 @@ struct EventInstants {
     return settle_active_set(s, out);
   }
 
-  // At a break of the inputs the tensions may jump: choose the active set again, and write a second
-  // row where the inputs' accelerations or the forces jump.
+  // At a break of the inputs the tensions may jump: chooses the active set again, and writes a
+  // second row if the inputs' accelerations or the forces jump.
   Status breakpoint(Record<Model>& out) {
     double acc_K[room(Model::n_vK)], u_D[room(N)];
     for (int j = 0; j < Model::n_vK; ++j) acc_K[j] = flow.acc_K[j];
@@ -130,17 +130,16 @@ struct EventInstants {
     return status;
   }
 
-  // Chooses anew which of the redundant rows are held: the present ones are nearly dependent.
+  // Chooses again which of the redundant rows are held: the present ones are nearly dependent.
   Status another_basis(Record<Model>& out) { return settle_active_set(present(), out); }
 
-  // An instant at which solids touch: impacts of strings, limits and solids strike as one, then all
-  // modes are chosen. Points up to `most` apart touch; at the start of a run they have touched
-  // before.
+  // An instant with contacts: impacts of strings, limits and solids strike together, then all modes
+  // are chosen. Points up to `most` apart touch; at the start of a run they have touched before.
   Status contact_instant(Record<Model>& out, double most, bool starts = false) {
     if constexpr (!F::touches) return RUNNING;
     else {
       auto& held = flow.contacts;
-      // Whether or not it ends in an event, so that none go on for ever.
+      // Counted even without an event, so that the run ends.
       writer.event_rate.note(flow.t, -1, EventRateTolerances::of_contact);
       held.points.take_closed(flow, flow.y, flow.y + NQ, most);
       if (held.points.too_many) return TOO_MANY_CONTACTS;
@@ -189,7 +188,7 @@ struct EventInstants {
           loose[c] = loose[c] && !struck[c] && !(contact_instants.point_impulse[c] > 0.0);
           strained[c] = false;
         }
-        writer.tell_touches(struck, out);
+        writer.write_touches(struck, out);
         refresh();
       }
       flow.grip();
@@ -209,7 +208,7 @@ struct EventInstants {
       // The corrections of the start are not the run's.
       if (!starts) writer.impact += energy - (flow.total_energy() - given());
       for (int r = 0; r < M; ++r)
-        if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
+        if (next[r] == SLIPPING) guards.armed[r] = flow.violation(r) < -GuardTolerances::min_speed;
       share_forces();
       held.points.accept_overlaps();
       bool changed = any_struck;
@@ -218,37 +217,39 @@ struct EventInstants {
         changed = changed || next[r] != s.before[r];
         if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
       }
-      changed = starts || writer.tell_modes(touched, struck, out) || changed;
+      changed = starts || writer.write_modes(touched, struck, out) || changed;
       if (stopped > GuardTolerances::min_speed && accumulation.shrinking()) {
         out.event(fmin(accumulation.limit(), until), ACCUMULATION, -1, 0.0, stopped);
         ++writer.n_events;
         accumulation.forget();
       }
-      anchor(out);
+      update_directions(out);
       guards.remember();
       if (changed) writer.emit(out);
       return held.points.too_many ? TOO_MANY_CONTACTS : RUNNING;
     }
   }
 
-  // Follows the directions of sliding points, and tells of pairs that have begun to slide.
-  void anchor(Record<Model>& out) {
+  // Follows the directions of sliding points, and writes events of pairs that have begun to slide.
+  void update_directions(Record<Model>& out) {
     if constexpr (F::touches) {
       auto& held = flow.contacts;
       if (!held.active()) return;
       if (held.redistributed) held.points.keep_forces(flow);
       held.redistributed = false;
       auto& points = held.points;
-      points.anchor();
+      points.update_directions();
       for (int c = 0; c < points.n; ++c) {
         auto& own = points.at[c];
-        if (own.told || own.mode != SLIDING || !own.moving || points.in->friction[own.pair] == 0.0)
+        if (own.reported || own.mode != SLIDING || !own.moving ||
+            points.in->friction[own.pair] == 0.0)
           continue;
         bool first = true;
         for (int b = 0; b < points.n; ++b)
-          first = first && !(points.at[b].told && points.meet(points.at[b].pair, own.pair));
-        own.told = true;
-        if (first) writer.tell(out, own.since, SLIDE, own.pair, 0.0, points.sliding_speed(c));
+          first = first && !(points.at[b].reported && points.meet(points.at[b].pair, own.pair));
+        own.reported = true;
+        if (first)
+          writer.write_contact_event(out, own.since, SLIDE, own.pair, 0.0, points.sliding_speed(c));
       }
     }
   }
@@ -261,7 +262,7 @@ struct EventInstants {
                flow.winches.max_tension[r] - GuardTolerances::negligible_tension * flow.weight();
   }
 
-  // The rows when no event has happened.
+  // The rows in the absence of an event.
   Situation present() const {
     Situation s;
     for (int r = 0; r < M; ++r) {
@@ -290,9 +291,9 @@ struct EventInstants {
     Status held = RUNNING;
     for (const Attempt& how : Attempts::list) {
       if (how.ahead > 0.0 && !flow.winches.some_slip) continue;
-      // Repeated, as rows that the hold has brought to rest take part in the choice. A hold that is
-      // refused has left velocities and books alone; that closed rows are at h = 0 now, which were
-      // there but for max_length_error, helps whatever is tried next.
+      // Repeated, since rows brought to rest by the hold take part in the choice. A refused hold
+      // has left velocities and energies unchanged. It has brought closed rows from up to
+      // max_length_error to h = 0, which helps any further attempt.
       for (int round = 0; round <= M; ++round) {
         held = closed_rows.choose(flow, s.loose, s.strained, next, FlowTolerances::closed_gap, how);
         if (held != RUNNING) {
@@ -315,8 +316,8 @@ struct EventInstants {
     for (int r = 0; r < M; ++r) {
       writer.write_changes(s, r, out);
       changed = changed || next[r] != s.before[r] || s.caught[r];
-      if (next[r] == SLIPPING) guards.armed[r] = flow.lack(r) < -GuardTolerances::min_speed;
-      // A string that springs back is open soon; one that has lost its tension may stay at its
+      if (next[r] == SLIPPING) guards.armed[r] = flow.violation(r) < -GuardTolerances::min_speed;
+      // A string that rebounds will soon be open; one that has lost its tension may stay at its
       // bound.
       if (next[r] == SLACK && s.holds(r)) guards.armed[r] = closed_rows.leaves(flow, r);
     }
@@ -329,7 +330,7 @@ struct EventInstants {
     return RUNNING;
   }
 
-  // Redundant forces: those of least norm, where these are legal, else those of the choice.
+  // Redundant forces: those of least norm, if admissible, else those of the choice.
   void share_forces() {
     auto& held = flow.contacts;
     const auto chosen = held.points.forces();

@@ -10,9 +10,9 @@ struct EventRateTolerances {
   // s: if the mean interval since the count began is longer, the count starts again. Rows that
   // chatter have shorter ones.
   static constexpr double max_interval = 1e-6;
-  // Events in one count: more than any cascade has.
+  // Events in one count: more than in any cascade.
   static constexpr long long max_events = 10000;
-  // Events as which an instant with contact counts: it takes as many times as long.
+  // Weight of an instant with contact, which takes this many times as long.
   static constexpr int of_contact = 10;
 };
 
@@ -29,7 +29,7 @@ struct EventRate {
 
   bool crowded() const { return n_ > EventRateTolerances::max_events; }
 
-  // By row, its events relative to those of the row with most, 0 to 1.
+  // By row, its events relative to those of the row with the most, 0 to 1.
   void shares(double* out) const {
     long long most = 1;
     for (int r = 0; r < M; ++r) most = of_row[r] > most ? of_row[r] : most;

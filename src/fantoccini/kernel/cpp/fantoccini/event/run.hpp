@@ -1,6 +1,5 @@
-// The event-driven run: adaptive steps of the flow with the active set frozen, stopped where a
-// tension falls through zero (release), a slack row closes (catch), or a winch begins or ends to
-// slip.
+// The event-driven run: adaptive steps of the flow with frozen active set, stopped where a tension
+// falls through zero (release), a slack row closes (catch), or a winch begins or ends to slip.
 #pragma once
 
 #include "fantoccini/event/detector.hpp"
@@ -49,8 +48,8 @@ struct EventRun {
       status = flow.project(flow.t, flow.y);
     }
     if (status == RUNNING) {
-      // Held rows may move by up to max_rest_speed. They are stopped where possible; the ledger
-      // starts after that.
+      // Held rows may move by up to max_rest_speed. They are stopped if possible; the ledger starts
+      // after that.
       double kept[NY];
       for (int j = 0; j < NY; ++j) kept[j] = flow.y[j];
       instants.refresh();
@@ -62,27 +61,27 @@ struct EventRun {
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     if (status == RUNNING) status = watch();
     else instants.accuse(instants.closed_rows.blame);
-    tell_slips(out);
+    write_slips(out);
     instants.writer.emit(out);
     skip_saved();
     return status;
   }
 
-  // The same where solids touch.
+  // Likewise if solids touch.
   Status start_in_contact(Record<Model>& out) {
     step_size = flow.opt.first_step;
     flow.motors.begin(flow.y, flow.q_K, flow.p);
     for (int r = 0; r < M; ++r) instants.closed_rows.blame[r] = 0.0;
     Status status = instants.contact_instant(out, Tolerance::touching_at_start, true);
-    tell_slips(out);
+    write_slips(out);
     if (status != RUNNING) instants.writer.emit(out);
     if (status == RUNNING) status = watch();
     skip_saved();
     return status;
   }
 
-  // Tells of the winches that slip.
-  void tell_slips(Record<Model>& out) {
+  // Writes events of the winches that slip.
+  void write_slips(Record<Model>& out) {
     for (int r = 0; r < S; ++r)
       if (flow.row_state[r] == SLIPPING) instants.writer.note(out, SLIP, r, 0.0, flow.slip_rate[r]);
   }
@@ -91,13 +90,13 @@ struct EventRun {
   void set_input(const InputArrays& input) {
     flow.drive.set(input);
     at_break_ = true;
-    looked_at_ = -1;
+    cached_segment_ = -1;
   }
 
   RunProgress progress() const { return {n_steps, flow.t, 0.0}; }
 
-  // By row and watched drive, its share of the blame for how the run has ended.
-  void tell_blame(Status status, double* out) const {
+  // By row and watched drive, its share in the cause of the run's status.
+  void write_attribution(Status status, double* out) const {
     flow.motors.blame(status, 0, instants.blame, out);
   }
 
@@ -120,7 +119,7 @@ struct EventRun {
       // A break at the end of this run is handled when the run continues.
       at_break_ = flow.t >= smooth;
     }
-    // A row that closes at the very end is caught, so that a run can begin at the last state.
+    // A row that closes exactly at the end is caught, so that a run can begin at the last state.
     if (closes()) {
       if (!out.room_for(rows_per_step, events_per_step)) return RUNNING;
       const Status status = instants.instant(out);
@@ -129,8 +128,8 @@ struct EventRun {
     return flow.motors.verdict(0);
   }
 
-  // Handles a break of the inputs at the present time, and finds until when the flow is smooth,
-  // `end`.
+  // Handles a break of the inputs at the present time, and finds `end`, until which the flow is
+  // smooth.
   Status begin_stretch(double t_end, double* end, Record<Model>& out) {
     if (n_steps >= flow.opt.max_steps) return TOO_MANY_STEPS;
     if (instants.writer.n_events >= flow.opt.max_events ||
@@ -149,14 +148,14 @@ struct EventRun {
     if (rewound < *end) *end = rewound > flow.t ? rewound : flow.t;
     const double emptied = runs_out();
     if (emptied <= flow.t) {
-      for (int r = 0; r < M; ++r) instants.blame[r] = r == emptying_ ? 1.0 : 0.0;
+      for (int r = 0; r < M; ++r) instants.blame[r] = r == empty_row_ ? 1.0 : 0.0;
       return LENGTH_NOT_POSITIVE;
     }
     if (emptied < *end) *end = emptied;
     return RUNNING;
   }
 
-  // Writes the present state, wherever the flow was evaluated last.
+  // Writes the present state, independent of the flow's latest evaluation.
   void emit_present(Record<Model>& out) {
     instants.refresh();
     instants.writer.emit(out);
@@ -173,7 +172,7 @@ struct EventRun {
   }
 
  protected:
-  // Sets where the run begins, and its options.
+  // Sets the start of the run, and its options.
   void set(const StartArrays& from) {
     flow.opt = from.options;
     flow.drive.set(from.input);
@@ -188,24 +187,25 @@ struct EventRun {
     n_save = from.n_save;
   }
 
-  // When a driven length runs out in the inputs' present piece; computed once for each piece.
+  // Time at which a driven length runs out in the inputs' present piece; computed once for each
+  // piece.
   double runs_out() {
-    if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have yet to begin
-    if (looked_at_ != flow.drive.segment() || flow.t < looked_from_) {
-      looked_at_ = flow.drive.segment();
-      looked_from_ = flow.t;
-      empty_at_ = flow.emptied(unbounded, &emptying_);
+    if (flow.t < flow.drive.segment_start()) return unbounded;  // the inputs have not begun
+    if (cached_segment_ != flow.drive.segment() || flow.t < cached_from_) {
+      cached_segment_ = flow.drive.segment();
+      cached_from_ = flow.t;
+      empty_time_ = flow.emptied(unbounded, &empty_row_);
     }
-    return empty_at_;
+    return empty_time_;
   }
 
   // The detector's status of the present state.
   Status watch() {
-    const Status status = detector.look(flow);
+    const Status status = detector.check(flow);
     if (status == RUNNING) return status;
     // A string may be wedged in with the points that friction jams.
-    const bool bursts = status == TENSION_CAP && step_size < Tolerance::min_failing_step;
-    if (bursts && flow.contacts.jamming(flow)) return NO_UNIQUE_MOTION;
+    const bool wedged = status == TENSION_CAP && step_size < Tolerance::min_failing_step;
+    if (wedged && flow.contacts.jamming(flow)) return NO_UNIQUE_MOTION;
     instants.accuse(detector.blame);
     return status;
   }
@@ -258,10 +258,10 @@ struct EventRun {
         continue;
       }
       flow.contacts.redistribute(flow);
-      const double found = guards.suspicious(s);
-      if (found <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
-      const double at = guards.locate(found);
-      // Friction's direction is kept beyond where a point stops: a step that ends before may be
+      const double crossing = guards.suspicious(s);
+      if (crossing <= 0.0) return accept(s, reaches ? target : flow.t + s, out);
+      const double at = guards.locate(crossing);
+      // Friction's direction is kept beyond a point's stop: a step that ends before it may be
       // worse.
       if (flow.contacts.holds() && !(flow.error(at) <= 1.0)) {
         s = Tolerance::min_factor * at;
@@ -282,7 +282,7 @@ struct EventRun {
     return false;
   }
 
-  // The status of a step below the clock's resolution, whose trial has left the flow where it may.
+  // Status of a step below the clock's resolution; its trial may have left the flow anywhere.
   Status too_small() {
     instants.refresh();
     return flow.contacts.jamming(flow) ? NO_UNIQUE_MOTION : STEP_TOO_SMALL;
@@ -308,7 +308,7 @@ struct EventRun {
     stuck = moved > Tolerance::standstill ? 0 : stuck + 1;
     for (int r = 0; r < M; ++r) {
       const double h = flow.eval.height(r);
-      if (flow.row_state[r] == SLIPPING && flow.lack(r) < -GuardTolerances::min_speed)
+      if (flow.row_state[r] == SLIPPING && flow.violation(r) < -GuardTolerances::min_speed)
         guards.armed[r] = true;
       if (flow.taut(r)) continue;
       if (h < -GuardTolerances::open_gap * flow.row_scale(r)) guards.armed[r] = true;
@@ -319,7 +319,7 @@ struct EventRun {
     flow.motors.tell(flow.t, out);
     instants.writer.n_events += out.n_events - before;
     const bool event = guards.worst() > 0.0;
-    Status seen = flow.frail() && !event ? instants.another_basis(out) : RUNNING;
+    Status seen = flow.nearly_dependent() && !event ? instants.another_basis(out) : RUNNING;
     if (seen == RUNNING) seen = watch();
     if (seen == RUNNING) seen = saved;
     if (seen != RUNNING) return seen;
@@ -327,7 +327,7 @@ struct EventRun {
     if constexpr (F::touches)
       ahead =
           flow.contacts.active() && !event && flow.contacts.rows.choose_slow(flow.contacts.points);
-    instants.anchor(out);
+    instants.update_directions(out);
     if constexpr (F::touches) {
       if (ahead) look_ahead();
       if (flow.contacts.points.too_many) return TOO_MANY_CONTACTS;
@@ -341,8 +341,8 @@ struct EventRun {
     return flow.motors.gone ? RUNAWAY : RUNNING;
   }
 
-  // Evaluates the present state anew, with the friction of slow points ahead; or with none where
-  // that would end a mode.
+  // Evaluates the present state again, with the friction of slow points ahead; without slow points
+  // if that would end a mode.
   void look_ahead() {
     for (;;) {
       instants.refresh();
@@ -351,7 +351,7 @@ struct EventRun {
     }
   }
 
-  // Writes the samples within the step; the status is that of the first one that fails.
+  // Writes the samples within the step. Returns the status of the first that fails.
   Status save_inside(double s, double new_t, Record<Model>& out) {
     flow.prepare_dense(s);
     const double t0 = flow.t;
@@ -375,9 +375,9 @@ struct EventRun {
   }
 
   bool at_break_ = false;
-  // Of runs_out(): the piece it was computed for, from which time on, when, and whose length.
-  int looked_at_ = -1, emptying_ = -1;
-  double looked_from_ = 0.0, empty_at_ = unbounded;
+  // Cache of runs_out(): the piece and its start, the time, and the row.
+  int cached_segment_ = -1, empty_row_ = -1;
+  double cached_from_ = 0.0, empty_time_ = unbounded;
 };
 
 }  // namespace fan

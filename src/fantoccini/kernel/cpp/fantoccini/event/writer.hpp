@@ -1,4 +1,4 @@
-// What an event-driven run writes: the state, and the events of rows and of solids that meet.
+// Output of an event-driven run: the state, and the events of rows and of solids that meet.
 #pragma once
 
 #include "fantoccini/event/closed_rows.hpp"
@@ -25,9 +25,8 @@ struct EventWriter {
   EventWriter(F& flow, ClosedRows<Model>& closed_rows, const Instants& contact_instants)
       : flow(flow), closed_rows(closed_rows), contact_instants(contact_instants) {}
 
-  // The rows at an event: their state before it; which are closed, which have just been caught,
-  // which have just lost their tension (or are not armed), and which have just reached their
-  // winch's largest.
+  // The rows at an event: their state before it; whether they are closed, have just been caught,
+  // have just lost their tension (or are not armed), and have just reached their winch's largest.
   struct Situation {
     Hold before[room(M)];
     bool closed[room(M)], caught[room(M)], loose[room(M)], strained[room(M)];
@@ -39,7 +38,7 @@ struct EventWriter {
   // Writes the present state.
   void emit(Record<Model>& out) { write(flow.t, flow.y, out); }
 
-  // Writes a state, at which the flow was evaluated last.
+  // Writes a state, the flow's latest evaluation.
   void write(double t, const double* y, Record<Model>& out) {
     double tension[room(M)];
     double slip[room(S)];  // without the error of up to max_length_error (model/winch.hpp)
@@ -66,7 +65,7 @@ struct EventWriter {
     }
   }
 
-  // Whether points of contact are followed.
+  // Whether contact points are followed.
   bool followed() const { return flow.contacts.active(); }
 
   void note(Record<Model>& out, EventCode kind, int row, double impulse, double speed) {
@@ -75,7 +74,8 @@ struct EventWriter {
     ++n_events;
   }
 
-  void tell(Record<Model>& out, double t, EventCode kind, int pair, double impulse, double speed) {
+  void write_contact_event(
+      Record<Model>& out, double t, EventCode kind, int pair, double impulse, double speed) {
     out.event(t, kind, M + F::D + flow.contacts.points.in->meetings[pair], impulse, speed);
     event_rate.note(flow.t, -1);
     ++n_events;
@@ -89,8 +89,8 @@ struct EventWriter {
     return true;
   }
 
-  // Tells of the impacts of the points that struck, one event for every two solids.
-  void tell_touches(const bool* struck, Record<Model>& out) {
+  // Writes the impacts of the points that struck, one event for every two solids.
+  void write_touches(const bool* struck, Record<Model>& out) {
     auto& points = flow.contacts.points;
     for (int c = 0; c < points.n; ++c) {
       if (!is_first(c)) continue;
@@ -103,40 +103,40 @@ struct EventWriter {
         if (struck[b] && own > speed) speed = own;
         any_struck = any_struck || struck[b];
       }
-      if (any_struck) tell(out, flow.t, TOUCH, points.at[c].pair, impulse, speed);
+      if (any_struck) write_contact_event(out, flow.t, TOUCH, points.at[c].pair, impulse, speed);
     }
   }
 
-  // Tells of solids that came to touch without an impact, have parted, or have come to stick.
-  // Whether there is any change.
-  bool tell_modes(const bool* touched, const bool* struck, Record<Model>& out) {
+  // Writes the events of solids that touched without an impact, parted, or came to stick. Returns
+  // whether there are any.
+  bool write_modes(const bool* touched, const bool* struck, Record<Model>& out) {
     auto& points = flow.contacts.points;
     bool changed = false;
     for (int c = 0; c < points.n; ++c) {
       if (!is_first(c)) continue;
-      bool before = false, now = false, hit = false, told = false, slides = false;
+      bool before = false, now = false, hit = false, reported = false, slides = false;
       for (int b = c; b < points.n; ++b) {
         auto& own = points.at[b];
         if (!points.meet(own.pair, points.at[c].pair)) continue;
         before = before || touched[b];
         now = now || own.mode != PARTED;
         hit = hit || struck[b];
-        told = told || own.told;
+        reported = reported || own.reported;
         slides = slides || own.mode == SLIDING;
         // A point that has come to rest and slides on begins to slide again.
-        if (!own.moving) own.told = false;
+        if (!own.moving) own.reported = false;
       }
       const int pair = points.at[c].pair;
-      if (!before && now && !hit) tell(out, flow.t, TOUCH, pair, 0.0, 0.0);
-      if ((before || hit) && !now) tell(out, flow.t, LIFT, pair, 0.0, 0.0);
-      if (now && told && !slides) tell(out, flow.t, STICK, pair, 0.0, 0.0);
-      changed = changed || before != now || hit || told;
+      if (!before && now && !hit) write_contact_event(out, flow.t, TOUCH, pair, 0.0, 0.0);
+      if ((before || hit) && !now) write_contact_event(out, flow.t, LIFT, pair, 0.0, 0.0);
+      if (now && reported && !slides) write_contact_event(out, flow.t, STICK, pair, 0.0, 0.0);
+      changed = changed || before != now || hit || reported;
     }
     return changed;
   }
 
   // Writes the events of row r, which went from s.before to its present state. The catch of an
-  // impact is written already.
+  // impact has been written.
   void write_changes(const Situation& s, int r, Record<Model>& out) {
     const Hold before = s.before[r], next = flow.row_state[r];
     if (next == SLACK) {

@@ -35,8 +35,8 @@ struct ModelRun {
 
   RunProgress progress() const { return event_driven ? event.progress() : fixed.progress(); }
 
-  void tell_blame(Status status, double* out) const {
-    event_driven ? event.tell_blame(status, out) : fixed.tell_blame(status, out);
+  void write_attribution(Status status, double* out) const {
+    event_driven ? event.write_attribution(status, out) : fixed.write_attribution(status, out);
   }
 };
 

@@ -1,6 +1,6 @@
-// Many trajectories: their starts and inputs, where their rows are written, and the pool that
-// workers take them from. Any number of threads may work on one pool; a trajectory's result depends
-// on nothing but its own start and inputs.
+// Many trajectories: their starts and inputs, the destinations of their rows, and the pool from
+// which workers take them. Any number of threads may work on one pool; a trajectory's result
+// depends only on its own start and inputs.
 #pragma once
 
 #include <atomic>
@@ -14,7 +14,7 @@
 
 namespace fan {
 
-// The input of trajectory i, without the pieces of no duration that fill up shorter inputs.
+// The input of trajectory i, without the zero-length pieces that pad shorter inputs.
 inline InputArrays input_of(const BatchArrays& in, long long i) {
   const double* times = of(in.breaks, i);
   int n = in.n_segments;
@@ -22,21 +22,21 @@ inline InputArrays input_of(const BatchArrays& in, long long i) {
   return {n, times, of(in.coef, i), of(in.base, i), of(in.force, i)};
 }
 
-// Where trajectory i begins.
+// The start of trajectory i.
 inline StartArrays start_of(const BatchArrays& in, long long i) {
   return {in.t,        of(in.q_D, i), of(in.v_D, i),   of(in.slip, i),
           of(in.p, i), in.winches,    input_of(in, i), in.options,
           in.save_at,  in.n_samples,  in.save_every};
 }
 
-// How a trajectory has ended.
+// End of a trajectory.
 struct BatchEnd {
   Status status;
   double reached, violation;
   long long catches, releases;
 };
 
-// Writes how trajectory i has ended, in lane `lane` of q_D and v_D.
+// Writes the end of trajectory i, in lane `lane` of q_D and v_D.
 template <class Model, class Real>
 void put_end(
     const BatchArrays& in, long long i, const BatchEnd& end, int lane, const Real* q_D,
@@ -50,17 +50,18 @@ void put_end(
   take_lane(v_D, Model::n_vD, lane, in.end_v_D + i * Model::n_vD);
 }
 
-// Where the shares of the blame of trajectory i are written.
+// Destination of the attribution of trajectory i's status.
 template <class Model>
-double* blame_of(const BatchArrays& in, long long i) {
+double* attribution_of(const BatchArrays& in, long long i) {
   return in.blame + i * (Model::n_rows + Model::n_watched);
 }
 
-// Writes `width` numbers, read by `value(k)`, as row `row` of trajectory `who`.
+// Writes `width` numbers, read by `value(k)`, as row `row` of trajectory `index`.
 template <class Value>
 void put_part(
-    const BatchArrays& in, int part, int width, long long who, long long row, const Value& value) {
-  const long long first = (who * in.n_samples + row) * width;
+    const BatchArrays& in, int part, int width, long long index, long long row,
+    const Value& value) {
+  const long long first = (index * in.n_samples + row) * width;
   if (part == Part::taut) {
     unsigned char* out = static_cast<unsigned char*>(in.parts[part]) + first;
     for (int k = 0; k < width; ++k) out[k] = value(k) != 0.0;
@@ -70,12 +71,12 @@ void put_part(
   }
 }
 
-// Writes a sample as row `row` of trajectory `who`; `from` points behind the sample's time.
+// Writes a sample as row `row` of trajectory `index`; `from` points behind the sample's time.
 template <class Model>
-void put_row(const BatchArrays& in, long long who, long long row, const double* from) {
+void put_row(const BatchArrays& in, long long index, long long row, const double* from) {
   for (int part = 0; part < Part::n; ++part) {
     const int width = part_width<Model>(part);
-    if (in.parts[part]) put_part(in, part, width, who, row, [&](int k) { return from[k]; });
+    if (in.parts[part]) put_part(in, part, width, index, row, [&](int k) { return from[k]; });
     from += width;
   }
 }
@@ -87,7 +88,7 @@ class Pool {
 
   const BatchArrays arrays;
 
-  // The next trajectories [first, last); false where there are none, or the batch was stopped.
+  // The next trajectories [first, last). Returns false if there are none, or the batch was stopped.
   bool take(long long grain, long long* first, long long* last) {
     *first = next_.fetch_add(grain);
     if (stopped() || *first >= arrays.n) return false;
@@ -98,7 +99,7 @@ class Pool {
   void stop() { stop_.store(true); }
   bool stopped() const { return stop_.load(std::memory_order_relaxed); }
 
-  // Adds `share` of a trajectory, 0 to 1, to what is done.
+  // Adds `share` of a trajectory, 0 to 1, to the progress.
   void advance(double share) { done_.fetch_add((long long)(share * units)); }
   double done() const { return double(done_.load()) / units; }  // trajectories
 
@@ -108,7 +109,7 @@ class Pool {
   std::atomic<bool> stop_{false};
 };
 
-// Lets a new worker work on a pool; returns 1 if there is no memory for it, else 0.
+// Runs a new worker on a pool; returns 1 if memory is exhausted, else 0.
 template <class Worker>
 int work_on(void* pool) {
   Worker* worker = new (std::nothrow) Worker();

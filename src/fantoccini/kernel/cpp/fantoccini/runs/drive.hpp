@@ -1,5 +1,5 @@
-// Driven coordinates as the pieces of an input. Before its first break and after its last they do
-// not move.
+// Driven coordinates from the pieces of an input. They are at rest before its first break and after
+// its last.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace fan {
 template <class Space, int n_vD>
 class Drive {
  public:
-  // Copies the input. Polynomials are to be chosen anew before the next evaluation.
+  // Copies the input. Call start_at() or look_at() before the next evaluation.
   void set(const InputArrays& in) {
     n_ = in.n_segments;
     breaks_.assign(in.breaks, in.breaks + n_ + 1);
@@ -31,18 +31,18 @@ class Drive {
     choose(t, t < breaks_[0] ? BEFORE : (t >= breaks_[n_] ? AFTER : WITHIN));
   }
 
-  // Chooses the polynomials at t alone; at the last break those that end there.
+  // Chooses the polynomials at t only; at the last break those that end there.
   void look_at(double t) {
     choose(t, t < breaks_[0] ? BEFORE : (t > breaks_[n_] ? AFTER : WITHIN));
   }
 
   // The first break after t, or `none` when there is none.
   double next_break(double t, double none) const {
-    const auto found = std::upper_bound(breaks_.begin(), breaks_.end(), t);
-    return found == breaks_.end() ? none : *found;
+    const auto next = std::upper_bound(breaks_.begin(), breaks_.end(), t);
+    return next == breaks_.end() ? none : *next;
   }
 
-  // The piece chosen last: its number, when it begins and ends, and its polynomials.
+  // The last chosen piece: its number, start, end and polynomials.
   int segment() const { return segment_; }
   double segment_start() const { return breaks_[segment_]; }
   double segment_end() const { return breaks_[segment_ + 1]; }
@@ -50,7 +50,7 @@ class Drive {
     return coef_.data() + std::size_t(segment_) * Space::n_v * n_powers;
   }
 
-  // The inputs where a run of steps begins.
+  // Inputs at the start of a run of steps.
   template <class Inputs>
   void start(double t, Inputs& in) {
     start_at(t);
@@ -58,7 +58,7 @@ class Drive {
     in.still = still_number_;
   }
 
-  // Those at the end of a step; where they hold still, they are written once.
+  // Those at the end of a step; constant ones are written once.
   template <class Inputs>
   void fill(double t, Inputs& in) {
     look_at(t);
@@ -67,20 +67,20 @@ class Drive {
     in.still = still_number_;
   }
 
-  // Those at t, where steps may end earlier than they were to.
+  // Those at t, for steps that may end early.
   template <class Inputs>
   void at(double t, Inputs& in) {
     look_at(t);
     evaluate(t, in.q_K, in.v_K, in.acc_K, in.u_D);
   }
 
-  // u_D alone, likewise.
+  // u_D only, likewise.
   void force(double t, double* u) {
     look_at(t);
     forces(t - breaks_[segment_], u);
   }
 
-  // q_K, v_K, acc_K and u_D at t, by the polynomials chosen last.
+  // q_K, v_K, acc_K and u_D at t, by the last chosen polynomials.
   void evaluate(double t, double* q, double* v, double* a, double* u) const {
     const double at = phase_ == BEFORE ? breaks_[0] : (phase_ == AFTER ? breaks_[n_] : t);
     const double s = at - breaks_[segment_];
@@ -98,21 +98,21 @@ class Drive {
   void choose(double t, Phase phase) {
     const bool changes = phase != phase_;
     phase_ = phase;
-    const auto found = std::upper_bound(breaks_.begin(), breaks_.end(), t);
-    const int before = int(found - breaks_.begin()) - 1;
+    const auto next = std::upper_bound(breaks_.begin(), breaks_.end(), t);
+    const int before = int(next - breaks_.begin()) - 1;
     const int segment = before < 0 ? 0 : (before >= n_ ? n_ - 1 : before);
     if (segment != segment_) enter(segment);
     else if (changes) number();
   }
 
-  // Inputs that hold still get a number of their own.
+  // Numbers constant inputs.
   void number() {
     bool still = phase_ != WITHIN || force_.empty();
     for (int j = 0; j < Space::n_v; ++j) still = still && (phase_ != WITHIN || still_[j]);
     still_number_ = still ? ++numbers_ : 0;
   }
 
-  // u_D at a time s after the piece begins.
+  // u_D at a time s after the start of the piece.
   void forces(double s, double* u) const {
     for (int j = 0; j < n_vD; ++j) {
       double unused_rate, unused_second;

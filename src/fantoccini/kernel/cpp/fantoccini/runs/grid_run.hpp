@@ -1,4 +1,4 @@
-// A run of fixed steps of one trajectory: driven by an input, written row by row.
+// A run of one trajectory with fixed steps: driven by an input, written row by row.
 #pragma once
 
 #include "fantoccini/contact/events.hpp"
@@ -15,7 +15,7 @@ class GridRun {
  public:
   using Model = typename Trajectory::Model;
 
-  // The argument is there for interface/run.hpp and has no meaning here.
+  // The argument exists for interface/run.hpp and has no meaning here.
   explicit GridRun(bool = false) {}
 
   Status start(const StartArrays& from, Record<Model>& out) {
@@ -59,7 +59,7 @@ class GridRun {
     }
   }
 
-  // New inputs, and a new step grid, from here on.
+  // Starts new inputs and a new step grid at the present time.
   void set_input(const InputArrays& input) {
     drive_.set(input);
     trajectory_.restart(drive_);
@@ -77,27 +77,27 @@ class GridRun {
 
   RunProgress progress() const { return {count_.made, trajectory_.t, trajectory_.worst_violation}; }
 
-  void tell_blame(Status status, double* out) const {
-    fan::tell_blame(trajectory_, status, 0, out);
+  void write_attribution(Status status, double* out) const {
+    fan::write_attribution(trajectory_, status, 0, out);
   }
 
  private:
   static constexpr int S = Model::n_strings, M = Model::n_rows;
   static constexpr bool touches = Trajectory::touches;
   static constexpr int C = touches ? Model::n_contacts : 0;
-  static constexpr int most_events =  // of a step
+  static constexpr int max_events =  // per step
       2 * M + S + 2 * Model::n_watched + 1 + ContactEvents<C>::most;
 
-  // Writes what is due after a step, while there is room.
+  // Writes the rows due after a step, while there is space.
   struct Writer {
     GridRun& run;
     Record<Model>& out;
     double t_end;
     long long budget;
-    Status ended = DONE;  // at the end of the grid; else why it was left
+    Status ended = DONE;  // at the end of the grid; else the reason for leaving it
 
     bool ready(const StepCount& count) {
-      if (budget-- <= 0 || !out.room_for(2, most_events)) ended = RUNNING;
+      if (budget-- <= 0 || !out.room_for(2, max_events)) ended = RUNNING;
       else if (count.made >= run.trajectory_.opt.max_steps) ended = TOO_MANY_STEPS;
       return ended == DONE;
     }
@@ -126,7 +126,7 @@ class GridRun {
     if constexpr (touches)
       if (trajectory_.opt.contacts) {
         const auto& at = trajectory_.at.contacts;
-        meetings_.tell(
+        meetings_.write(
             *trajectory_.opt.contacts, at.push[0], at.n[0], t, M + Model::n_watched, out);
       }
     trajectory_.motors.tell(t, out);

@@ -1,15 +1,16 @@
-// Inputs whose accelerations and forces are held.
+// Inputs with constant accelerations and forces.
 #pragma once
 
 #include "fantoccini/model/segments.hpp"
 
 namespace fan {
 
-// Inputs of a bundle with constant accelerations and forces from a configuration and velocity on.
+// Inputs of a bundle with constant accelerations and forces from a configuration and velocity.
 template <class Space, int n_vD, class Real>
 class HeldDrive {
  public:
-  // Takes what is held; `in` has the configuration and velocity at the start, and u_D.
+  // Sets the accelerations and forces; `in` has the configuration and velocity at the start, and
+  // u_D.
   template <class Inputs>
   FAN_FN void set(const Inputs& in, const Real* acc_K) {
     for (int i = 0; i < Space::n_q; ++i) base_[i] = in.q_K[i];
@@ -44,7 +45,7 @@ class HeldDrive {
     in.still = still_number_;
   }
 
-  // Those at the end of a step; where they hold still, they are written once.
+  // Those at the end of a step; constant ones are written once.
   template <class Inputs>
   FAN_FN void fill(const Real& t, Inputs& in) const {
     if (still_number_ != 0 && in.still == still_number_) return;
@@ -53,7 +54,7 @@ class HeldDrive {
 
  private:
   bool still_[room(Space::n_v)];
-  long long still_number_ = 0, numbers_ = 0;  // as those of LaneDrive
+  long long still_number_ = 0, numbers_ = 0;  // as in LaneDrive
   Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], u_D_[room(n_vD)];
 };
 

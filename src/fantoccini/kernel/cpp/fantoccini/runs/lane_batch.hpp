@@ -1,4 +1,4 @@
-// A batch in bundles of lanes, a trajectory a lane, all on one clock.
+// A batch in bundles of lanes, one trajectory per lane, all on one clock.
 #pragma once
 
 #include "fantoccini/math/lane_of.hpp"
@@ -8,7 +8,7 @@
 
 namespace fan {
 
-// The inputs of a bundle: for every lane the polynomials of the piece it is in.
+// The inputs of a bundle: for every lane the polynomials of its current piece.
 template <class Space, int n_vD, class Real>
 class LaneDrive {
  public:
@@ -28,7 +28,7 @@ class LaneDrive {
     force(in.u_D);
   }
 
-  // The same of a run that steps from inputs to inputs; those that hold still are written once.
+  // The same for a run that steps from inputs to inputs; constant ones are written once.
   template <class Inputs>
   void fill(const Real& t, Inputs& in) {
     find(t, false);
@@ -38,7 +38,7 @@ class LaneDrive {
     in.still = still_number_;
   }
 
-  // The same at the start of a run: nothing moves from the last break on.
+  // The same at the start of a run: inputs are constant after the last break.
   template <class Inputs>
   void start(const Real& t, Inputs& in) {
     find(t, true);
@@ -46,14 +46,14 @@ class LaneDrive {
     force(in.u_D);
   }
 
-  // u_D alone.
+  // u_D only.
   void force(const Real& t, Real* u) {
     find(t, false);
     force(u);
   }
 
  private:
-  // Which piece every lane is in, and how far.
+  // Finds the current piece of every lane, and the time within it.
   void find(const Real& times, bool starts) {
     bool entered = false, changed = false;
     for (int l = 0; l < width; ++l) {
@@ -79,7 +79,7 @@ class LaneDrive {
     if (changed) number();
   }
 
-  // Inputs that hold still in all lanes get a number of their own.
+  // Numbers inputs that are constant in all lanes.
   void number() {
     bool still = !forced_;
     for (int j = 0; j < Space::n_v; ++j) still = still && still_[j];
@@ -129,7 +129,7 @@ class LaneDrive {
   Real coef_[room(Space::n_v * n_powers)], base_[room(Space::n_q)], force_[room(n_vD * n_powers)];
 };
 
-// Trajectory advances one trajectory a lane: TimeSteppingTrajectory or VariationalTrajectory.
+// Trajectory advances one trajectory per lane: TimeSteppingTrajectory or VariationalTrajectory.
 template <class Trajectory>
 class LaneBatch {
   using Model = typename Trajectory::Model;
@@ -148,7 +148,7 @@ class LaneBatch {
 
  private:
   static constexpr int M = Model::n_rows;
-  static constexpr int steps_per_report = 64;  // between two looks at the pool
+  static constexpr int steps_per_report = 64;  // between two checks of the pool
 
   // Lanes beyond the last trajectory repeat it and are not written.
   void begin(const BatchArrays& in, long long first, int n) {
@@ -177,17 +177,17 @@ class LaneBatch {
       const double violation = lane_of(bundle_.worst_violation, l);
       const BatchEnd end{status, reached_[l], violation, caught_[l], released_[l]};
       put_end<Model>(in, first_ + l, end, l, bundle_.q_D(), bundle_.v_D());
-      tell_blame(bundle_, status, l, blame_of<Model>(in, first_ + l));
+      write_attribution(bundle_, status, l, attribution_of<Model>(in, first_ + l));
     }
   }
 
-  // Writes the rows that are due, and tells the pool how far the bundle is.
+  // Writes the rows that are due, and reports the bundle's progress to the pool.
   struct Writer {
     LaneBatch& batch;
     Pool& pool;
-    double reported;      // s: to the pool
+    double reported;      // s: last time reported to the pool
     long long row = 0;    // the next one
-    Status ended = DONE;  // at the end of the grid; else why it was left
+    Status ended = DONE;  // at the end of the grid; else the reason for leaving it
 
     bool ready(const StepCount& count) {
       const BatchArrays& in = pool.arrays;
@@ -207,7 +207,7 @@ class LaneBatch {
     }
   };
 
-  // Counts what was caught and released in the last step.
+  // Counts catches and releases in the last step.
   void count_changes() {
     bool went[width];
     for (int l = 0; l < n_; ++l) {

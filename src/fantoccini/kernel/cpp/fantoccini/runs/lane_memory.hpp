@@ -1,4 +1,4 @@
-// What a bundle of lanes remembers, written to memory and read from it member by member.
+// The memory of a bundle of lanes, written to and read from bytes member by member.
 #pragma once
 
 #include <cstring>
@@ -9,8 +9,8 @@
 
 namespace fan {
 
-// Keeps the members of a bundle in `place`, or takes them from there; counts their bytes if there
-// is no place. Only the lanes in `lanes` change.
+// Writes the members of a bundle to `place`, or reads them from there; without a place, counts
+// their bytes. Only the lanes in `lanes` change.
 template <class Real>
 class LaneMemory {
  public:
@@ -24,7 +24,7 @@ class LaneMemory {
   // Bundles, masks and arrays of them.
   template <class... Members>
   FAN_FN void keep(Members&... members) {
-    (one(members), ...);
+    (exchange_member(members), ...);
   }
 
   // An array with an entry for each lane.
@@ -41,18 +41,18 @@ class LaneMemory {
 
   long long size() const { return size_; }
 
-  static constexpr int alignment = 64;  // of every member, as vectors need it
+  static constexpr int alignment = 64;  // of every member, for vectors
 
  private:
   template <class Member, int n>
-  FAN_FN void one(Member (&members)[n]) {
-    for (Member& member : members) one(member);
+  FAN_FN void exchange_member(Member (&members)[n]) {
+    for (Member& member : members) exchange_member(member);
   }
 
-  FAN_FN void one(Real& member) { exchange(member); }
+  FAN_FN void exchange_member(Real& member) { exchange(member); }
 
   template <class M, class = std::enable_if_t<std::is_same_v<M, Mask> && !std::is_same_v<M, Real>>>
-  FAN_FN void one(M& member) {
+  FAN_FN void exchange_member(M& member) {
     exchange(member);
   }
 

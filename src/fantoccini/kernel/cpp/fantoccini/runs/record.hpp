@@ -1,4 +1,4 @@
-// Rows and events as a run writes them into the caller's arrays.
+// Rows and events of a run, written into the caller's arrays.
 #pragma once
 
 #include "fantoccini/model/evaluation.hpp"
@@ -14,7 +14,7 @@ struct Record : RecordArrays {
            n_contacts + more_rows * Model::n_contacts <= contact_capacity;
   }
 
-  // Contact points at the last sample that was written, and the residual of their laws.
+  // Contact points at the last written sample, and the residual of their laws.
   template <class Push>
   void touching(const Push* push, int n, double dt, double residual) {
     samples[Layout::width * (n_samples - 1) + Layout::contact_residual] = residual;
@@ -39,7 +39,7 @@ struct Record : RecordArrays {
     out[EventLayout::speed] = speed;
   }
 
-  // The books are work, damping, impact, slip loss and friction [J].
+  // `books`: work, damping, impact, slip loss and friction [J].
   void row(
       double t, const double* q_D, const double* v_D, const double* acc_D, const double* q_K,
       const double* v_K, const double* acc_K, const double* tension, const bool* taut,

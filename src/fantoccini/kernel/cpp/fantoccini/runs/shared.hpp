@@ -5,7 +5,7 @@
 
 namespace fan {
 
-// The numbers of trajectory i; null where there are none.
+// The numbers of trajectory i; null if there are none.
 inline const double* of(const Shared& shared, long long i) {
   return shared.first ? shared.first + i * shared.stride : nullptr;
 }

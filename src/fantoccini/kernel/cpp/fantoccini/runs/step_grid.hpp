@@ -5,18 +5,19 @@
 
 namespace fan {
 
-// Where a run of fixed steps is.
+// Progress of a run with fixed steps.
 struct StepCount {
-  double t, dt;        // s: reached, and the length of the last step
+  double t, dt;        // s: reached; length of the last step
   long long made = 0;  // steps since the run began
-  long long here = 0;  // and since its grid began
+  long long here = 0;  // since its grid began
 };
 
-// Multiples of dt from where a run or new inputs begin, then its end.
+// Multiples of dt from the start of a run or of new inputs, then its end.
 struct StepGrid {
-  // Of a step: the last one may be longer by this, instead of being followed by a tiny one.
+  // Relative to a step: the last one may be longer by this, to avoid a tiny one after it.
   static constexpr double sliver = 1e-6;
-  // Of a step, or of the whole time if shorter: time left that counts as none, rounding of n dt.
+  // Remaining time that counts as none, relative to a step, or to the whole time if shorter:
+  // rounding of n dt.
   static constexpr double rounding = 1e-9;
 
   double origin, t_end, dt;  // s
@@ -31,7 +32,7 @@ struct StepGrid {
   double length(const StepCount& at) const { return next(at) - at.t; }
 };
 
-// n steps of one length from time 0 on.
+// n equal steps from time 0.
 struct EvenSteps {
   double dt;  // s
   long long n;

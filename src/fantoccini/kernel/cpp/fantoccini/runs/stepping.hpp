@@ -3,10 +3,10 @@
 //   inputs at the end of the step -> step -> verdict -> record
 //
 // A trajectory (TimeSteppingTrajectory, VariationalTrajectory) begins at q_D(), v_D(), slip() and
-// p(), makes the step and judges it: `status` in every lane. It takes its inputs from a drive, by
-// `start(t, inputs)` where a run begins and by `fill(t, inputs)`, or `at` and `force`, for a step:
-// Drive, LaneDrive and HeldDrive. A recorder is asked before every step whether to go on,
-// `ready(count)`, and told after it whether any lane has moved, `record(count, moved)`.
+// p(), makes the step and judges it: `status` in every lane. It takes its inputs from a drive
+// (Drive, LaneDrive or HeldDrive), by `start(t, inputs)` at the start of a run and by `fill(t,
+// inputs)`, or `at` and `force`, for a step. Before every step `ready(count)` of a recorder decides
+// whether to continue; after it, `record(count, moved)` receives whether any lane has moved.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -16,7 +16,7 @@
 
 namespace fan {
 
-// Makes steps until the grid is over, the recorder has enough, or no lane runs any more.
+// Makes steps until the grid ends, the recorder stops, or no lane runs.
 template <class Trajectory, class Drive, class Grid, class Recorder>
 FAN_FN void make_steps(
     Trajectory& trajectory, Drive& drive, const Grid& grid, StepCount& count, Recorder& recorder) {
@@ -33,18 +33,18 @@ FAN_FN void make_steps(
   }
 }
 
-// The same of a grid that begins at time 0, without a record.
+// The same for a grid that begins at time 0, without a record.
 template <class Trajectory, class Drive, class Grid>
 FAN_FN void make_steps(Trajectory& trajectory, Drive& drive, const Grid& grid) {
   struct {
     bool ready(const StepCount&) const { return true; }
     void record(const StepCount&, bool) const {}
-  } nobody;
+  } no_recorder;
   StepCount count{0.0, grid.dt};
-  make_steps(trajectory, drive, grid, count, nobody);
+  make_steps(trajectory, drive, grid, count, no_recorder);
 }
 
-// Sets where a lane of a trajectory begins.
+// Sets the start of a lane of a trajectory.
 template <class Trajectory>
 void load_start(Trajectory& trajectory, int lane, const StartArrays& from) {
   using Model = typename Trajectory::Model;
@@ -54,8 +54,8 @@ void load_start(Trajectory& trajectory, int lane, const StartArrays& from) {
   put_lane(from.p, Model::n_p, lane, trajectory.p());
 }
 
-// How a lane has ended: what stopped it, or else `ended`; its motors judge what has reached its end
-// (DONE).
+// End of a lane: its status if it was stopped, else `ended`; for complete runs (DONE) the motors
+// are checked.
 template <class Trajectory>
 Status verdict(const Trajectory& trajectory, int lane, Status ended = DONE) {
   const Status status = Status(int(lane_of(trajectory.status, lane)));
@@ -63,9 +63,9 @@ Status verdict(const Trajectory& trajectory, int lane, Status ended = DONE) {
   return ended == DONE ? trajectory.motors.verdict(lane) : ended;
 }
 
-// By row and watched drive, its share of the blame for how a lane has ended (n_rows + n_watched,).
+// By row and watched drive, its share in the cause of a lane's status (n_rows + n_watched,).
 template <class Trajectory>
-void tell_blame(const Trajectory& trajectory, Status status, int lane, double* out) {
+void write_attribution(const Trajectory& trajectory, Status status, int lane, double* out) {
   trajectory.motors.blame(status, lane, trajectory.blame[lane], out);
 }
 

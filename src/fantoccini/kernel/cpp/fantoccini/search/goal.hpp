@@ -1,4 +1,4 @@
-// How far a state is from a goal.
+// Distance of a state from a goal.
 #pragma once
 
 #include <cmath>
@@ -8,8 +8,8 @@
 
 namespace fan {
 
-// d = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|, or |point - place| and the
-// same; pose: the link's, R by columns and r.
+// d = sum_i w_i |q_i - goal_i| + w_v |v_D - goal| + w_K |v_K - goal|, or |point - place| instead of
+// the first sum; `pose` is the link's, R by columns and r.
 template <class Model>
 double goal_distance(
     const GoalArrays& goal, const double* q_D, const double* v_D, const double* v_K,

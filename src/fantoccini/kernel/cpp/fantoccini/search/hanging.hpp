@@ -1,13 +1,13 @@
-// A hanging pose, and how it follows the driven coordinates and the parameters u:
+// A hanging pose, and its derivatives by the driven coordinates and the parameters, u:
 //
 //   r(q_D, q_K, p, T) = g + A_D^T T = 0,   h = 0 where a row pulls, T = 0 elsewhere
 //
 //   (r_q  A^T) (dq_D)     (r_u)
 //   ( A    0 ) ( dT )  = -(h_u) du
 //
-// over the rows that pull, solved with B = r_q + A^T R A, which is positive definite for a large R
-// exactly where V has a minimum on the rows (Nocedal and Wright, Numerical Optimization,
-// section 17.3).
+// over the pulling rows, solved with B = r_q + A^T R A, which is positive definite for a large R
+// exactly if V has a minimum on the rows (Nocedal and Wright, Numerical Optimization, section
+// 17.3).
 #pragma once
 
 #include <cmath>
@@ -23,11 +23,11 @@ struct HangingTolerances {
   static constexpr double penalty = 100.0;     // R, relative to the stiffness along the row
   static constexpr double neutral = 1e-12;     // raise of the diagonal: a pose may turn freely
   static constexpr double dependent = 1e-11;   // pivot below which a row depends on others
-  static constexpr double last_move = 1e-7;    // Newton move that is the last [rad or m]
-  static constexpr double max_move = 0.3;      // the longest
+  static constexpr double last_move = 1e-7;    // last Newton move [rad or m]
+  static constexpr double max_move = 0.3;      // longest move [likewise]
   static constexpr double min_tension = 1e-9;  // relative to the weight: rounding
   static constexpr int rounds = 40;            // of Newton's method
-  static constexpr double max_gap = 1e-9;      // likewise [m or rad]
+  static constexpr double max_gap = 1e-9;      // rounding [m or rad]
 };
 
 template <class Model>
@@ -44,20 +44,20 @@ class Hanging {
   double weight = 1.0;
   const unsigned char* may_change = nullptr;  // (M,) rows that may begin or cease to pull
 
-  // dq_D (column u at u * NP) and dT (at u * M, of rows that pull; of others dh) by u.
+  // dq_D (column u at u * NP) and dT (at u * M, of pulling rows; of others dh) by u.
   double by_u[room(U) * NP], row_by_u[room(U * M)];
   double h[room(M)];
   bool stable = false;
 
-  // A round of Newton's method, which is not made: move of q_D, row_move of T where a row pulls and
-  // of h elsewhere. False where the equations have no solution.
+  // Computes one Newton step without taking it: `move` of q_D, `row_move` of T for pulling rows and
+  // of h for others. Returns false if the equations have no solution.
   double move[NP], row_move[room(M)];
   bool aim() {
-    Call<Model, double>::hanging(at.q_D, at.q_K, at.tension, at.p, found_);
-    for (int j = 0; j < M; ++j) h[j] = found_.h[j];
+    Call<Model, double>::hanging(at.q_D, at.q_K, at.tension, at.p, values_);
+    for (int j = 0; j < M; ++j) h[j] = values_.h[j];
     if (!factorise()) return false;
     double first[room(N)], second[room(M)];
-    for (int k = 0; k < N; ++k) first[k] = -found_.r[k];
+    for (int k = 0; k < N; ++k) first[k] = -values_.r[k];
     for (int a = 0; a < n_; ++a) second[a] = -h[rows_[a]];
     solve(first, second, move, pull_);
     for (int j = 0; j < M; ++j) {
@@ -68,7 +68,7 @@ class Hanging {
     return true;
   }
 
-  // Newton's method, and rows that begin or cease to pull; false where it does not converge.
+  // Newton's method, with rows that begin or cease to pull. Returns false if it does not converge.
   bool balance() {
     for (int change = 0; change <= 2 * M + 2; ++change) {
       if (!settle()) return false;
@@ -77,11 +77,11 @@ class Hanging {
     return false;
   }
 
-  // Factorises the equations at the last evaluation, for other rows that pull.
+  // Factorises the equations at the last evaluation, after a change of the pulling rows.
   bool factorise() {
     gather();
     double top = 0.0;
-    for (int k = 0; k < N; ++k) top = maximum(fabs(found_.r_q[k * N + k]), top);
+    for (int k = 0; k < N; ++k) top = maximum(fabs(values_.r_q[k * N + k]), top);
     if (!(top < unbounded)) return false;
     top = maximum(top, 1e-12 * weight);
     for (double shift = 0.0; shift < 1e4; shift = shift > 0.0 ? 10.0 * shift : 1e-4) {
@@ -99,12 +99,12 @@ class Hanging {
     return false;
   }
 
-  // by_u and row_by_u of what is chosen.
+  // by_u and row_by_u of the chosen coordinates and parameters.
   void differentiate(const int* chosen, int n_chosen) {
     for (int c = 0; c < n_chosen; ++c) {
       const int u = chosen[c];
-      const double* r_u = u < K ? found_.r_qK + u * N : found_.r_p + (u - K) * N;
-      const double* h_u = u < K ? found_.A_K + u * M : found_.h_p + (u - K) * M;
+      const double* r_u = u < K ? values_.r_qK + u * N : values_.r_p + (u - K) * N;
+      const double* h_u = u < K ? values_.A_K + u * M : values_.h_p + (u - K) * M;
       double *x = by_u + u * NP, *row = row_by_u + u * M, first[room(N)], second[room(M)];
       for (int k = 0; k < N; ++k) first[k] = -r_u[k];
       for (int a = 0; a < n_; ++a) second[a] = -h_u[rows_[a]];
@@ -118,9 +118,9 @@ class Hanging {
   }
 
  private:
-  double A(int row, int k) const { return found_.A_D[k * M + row]; }
+  double A(int row, int k) const { return values_.A_D[k * M + row]; }
 
-  // The rows that pull, one after the other.
+  // Lists the pulling rows.
   void gather() {
     n_ = 0;
     for (int j = 0; j < M; ++j) {
@@ -146,7 +146,7 @@ class Hanging {
     return false;
   }
 
-  // Lets go the row that pushes most, or else holds the one that is passed most.
+  // Releases the row with the largest push, or else holds the one with the largest violation.
   bool change_row() {
     int worst = -1;
     double most = Tolerance::min_tension * weight;
@@ -168,14 +168,14 @@ class Hanging {
     for (int i = 0; i < N; ++i)
       for (int j = i / 4 * 4; j < B_.stride; ++j)
         B_.A[i * B_.stride + j] =
-            j < N ? 0.5 * (found_.r_q[j * N + i] + found_.r_q[i * N + j]) : 0.0;
+            j < N ? 0.5 * (values_.r_q[j * N + i] + values_.r_q[i * N + j]) : 0.0;
     for (int a = 0; a < n_; ++a) {
       const double* row = pulling_ + a * NP;
       double size = 0.0, stiff = 0.0;
       for (int k = 0; k < N; ++k) {
         const double own = row[k] * row[k];
         size += own;
-        stiff += own * (fabs(found_.r_q[k * N + k]) + 1e-3 * top);
+        stiff += own * (fabs(values_.r_q[k * N + k]) + 1e-3 * top);
       }
       penalty_[a] = size > 0.0 ? Tolerance::penalty * stiff / (size * size) : 0.0;
       for (int i = 0; i < N; ++i) {
@@ -186,7 +186,7 @@ class Hanging {
     }
     for (int k = 0; k < N; ++k)
       B_.A[k * (B_.stride + 1)] +=
-          Tolerance::neutral * top + shift * (fabs(found_.r_q[k * N + k]) + 0.01 * top);
+          Tolerance::neutral * top + shift * (fabs(values_.r_q[k * N + k]) + 0.01 * top);
   }
 
   void schur() {
@@ -225,7 +225,7 @@ class Hanging {
   struct {
     double r[room(N)], h[room(M)], r_q[room(N * N)], r_qK[room(N * K)], r_p[room(N * P)];
     double A_D[room(M * N)], A_K[room(M * K)], h_p[room(M * P)];
-  } found_;
+  } values_;
   int n_ = 0, rows_[room(M)];
   double penalty_[room(M)], pulling_[room(M) * NP], Z_[room(M) * NP], pull_[padded(room(M))];
   DenseLdl<N> B_;

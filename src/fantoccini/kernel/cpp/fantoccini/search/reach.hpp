@@ -1,16 +1,15 @@
-// The hanging pose nearest to places:
+// The hanging pose nearest to given places:
 //
 //   min over u of 1/2 sum_i w_i |place_i(q_D, q_K, p) - target_i|^2,
 //   q_D and T hang by u (hanging.hpp),
 //   low <= u <= high,   T_low <= T <= T_high where a row pulls,   h <= 0 where it does not,
 //   low <= q_D <= high
 //
-// by Gauss-Newton steps within the linearised bounds (solvers/bounded_step.hpp), damped as
-// Levenberg and Marquardt do. After each step Newton's method hangs the puppet again. Where a bound
-// of a row stops the step, the row begins to pull or goes slack, if it may, and the search goes on
-// from there. Where nothing helps any more, slack strings are wound in first: what hangs loose
-// moves nothing. Every pose begins at the one found before whose place is nearest: on a path, the
-// last.
+// by Gauss-Newton steps within the linearised bounds (solvers/bounded_step.hpp), with
+// Levenberg-Marquardt damping. After each step Newton's method restores equilibrium. Where a bound
+// of a row stops the step, the row begins to pull or goes slack, if it may, and the search
+// continues. If nothing helps, slack strings are wound in first: loose strings move nothing. Every
+// pose starts from the earlier one whose place is nearest: on a path, the last.
 #pragma once
 
 #include <cmath>
@@ -27,17 +26,17 @@ struct ReachTolerances {
   static constexpr double first_damping = 1e-8;  // of the steps, relative to the largest curvature
   static constexpr double least_damping = 1e-12;
   static constexpr double most_damping = 1e8;
-  static constexpr double first_step = 0.1;  // the longest at first, of what is chosen [m or rad]
-  static constexpr double little = 1e-3;     // share of the cost that the next step of a path saves
-  static constexpr double hangs = 1e-3;      // and move that hangs the puppet, at which it ends
+  static constexpr double first_step = 0.1;  // first limit of steps of u [m or rad]
+  static constexpr double little = 1e-3;     // relative decrease of the cost by a path's next step,
+  static constexpr double hangs = 1e-3;      // and move towards equilibrium, at which it ends
   static constexpr double damping_ahead = 1e-4;  // of steps along paths
   static constexpr double max_turn = 0.5;        // of the pose [m or rad]
   static constexpr double least_gain = 1e-3;     // of a step, in tolerances: else it is nearest
   static constexpr double at_bound = 1e-7;       // relative tension, or gap, of a row on the edge
-  static constexpr double passed = 1e-6;         // of bounds: relative tension, gap or joint
-  static constexpr double push = 0.02;  // by which strings are shortened to look farther [m]
-  static constexpr int changes = 3;     // of one row on the way
-  static constexpr int rounds = 30;     // of bounds that join
+  static constexpr double passed = 1e-6;  // violation of bounds: relative tension, gap or joint
+  static constexpr double push = 0.02;    // shortening of strings for a wider search [m]
+  static constexpr int changes = 3;       // of one row during a search
+  static constexpr int rounds = 30;       // of bounds that join
 };
 
 template <class Model>
@@ -93,18 +92,18 @@ class Reach {
     return hang_.balance();
   }
 
-  // Goes on from a pose that hangs.
+  // Continues from an equilibrium pose.
   int again(const typename Hang::Pose& from, long long i, int& count) {
     hang_at(from);
     return search(i, count);
   }
 
-  // A limb that hangs straight moves at right angles to its string at first: the search is repeated
-  // with all strings shorter, and the better pose kept.
+  // A limb that hangs straight first moves perpendicular to its string: the search is repeated with
+  // all strings shorter, and the better pose kept.
   int pushed(long long i, int end, int& count) {
     const auto kept = hang_.at;
     const double before = cost_.value;
-    bool some = false;
+    bool any_shortened = false;
     for (int j = 0; j < M; ++j) {
       const int v = in->lengths[j];
       if (v < 0 || !in->moved[v]) continue;
@@ -112,9 +111,9 @@ class Reach {
       const double shorter = length - Tolerance::push + (hang_.at.held[j] ? 0.0 : hang_.h[j]);
       if (shorter < in->low[v] || shorter > in->high[v]) continue;
       length = shorter;
-      some = true;
+      any_shortened = true;
     }
-    if (!some) return end;
+    if (!any_shortened) return end;
     if (hang_.balance()) {
       const int other = search(i, count);
       if (cost_.value < before && passed_ <= Tolerance::passed) return other;
@@ -137,43 +136,44 @@ class Reach {
     cost_.driven_q = driven_q_;
   }
 
-  // Places in q of scalars by velocity; -1 of rotations.
+  // Indices in q of scalars, by velocity; -1 for rotations.
   template <class Space>
   static void scalars(int* place, int n) {
     for (int k = 0; k < n; ++k) place[k] = -1;
     for (int i = 0; i < Space::n_scalars; ++i) place[Space::scalar_v[i]] = Space::scalar_q[i];
   }
 
-  // ReachEnd of the next pose of a path: steps in which the puppet hangs at first order only, and
-  // which are all made. It is hung in the end; where it does not hang there, by search().
+  // ReachEnd of the next pose of a path: full steps in which the puppet is in equilibrium only to
+  // first order. Equilibrium is restored at the end; if that fails, by search().
   int along(long long i, int& count) {
     const auto kept = hang_.at;
     int changes[room(M)] = {}, end = int(ReachEnd::STALLED);
     longest_ = Tolerance::first_step;
-    look(i);
+    evaluate(i);
     const double before = cost_.value;
     ahead_ = true;
     for (int taken = 0; taken < in->max_iterations && end == int(ReachEnd::STALLED); ++taken) {
       if (!hang_.aim()) break;
       hang_.differentiate(chosen_, n_);
-      cost_.look(i, chosen_, n_, hang_.move);
+      cost_.evaluate(i, chosen_, n_, hang_.move);
       if (!step(Tolerance::damping_ahead)) break;
       ++count;
       double off = 0.0;
       for (int k = 0; k < N; ++k) off = maximum(fabs(hang_.move[k]), off);
-      const bool little = promised() < Tolerance::little * cost_.value && off < Tolerance::hangs;
+      const bool little =
+          predicted_decrease() < Tolerance::little * cost_.value && off < Tolerance::hangs;
       const double size = advance();
       if ((!flip(changes) && size < in->tolerance) || little) end = int(ReachEnd::NEAREST);
     }
     ahead_ = false;
     const bool hangs = hang_.balance();
     if (hangs) {
-      look(i);
+      evaluate(i);
       passed_ = passed();
     }
-    if (!hangs || cost_.value > before) {  // the steps went astray
+    if (!hangs || cost_.value > before) {  // the steps diverged
       if (hang_at(kept)) return search(i, count);
-      hang_.at = kept;  // on the edge of hanging: it stays as it was found
+      hang_.at = kept;  // on the edge of equilibrium: the earlier pose is kept
       return int(ReachEnd::TIPS);
     }
     return is_there() ? int(ReachEnd::REACHED) : end;
@@ -184,8 +184,8 @@ class Reach {
     return cost_.apart <= in->tolerance * in->tolerance && passed_ <= Tolerance::passed;
   }
 
-  // Makes the step, on paths along with the move that hangs the puppet, or part of a long one; how
-  // long it is.
+  // Makes the step, on paths together with the move towards equilibrium, or part of a long one.
+  // Returns its length.
   double advance() {
     auto& at = hang_.at;
     double pose[NP], driven[room(K)] = {}, most = 0.0, turn = 0.0;
@@ -213,7 +213,7 @@ class Reach {
     return maximum(most, turn);
   }
 
-  // The row whose bound stops the step most begins to pull or goes slack; whether one did.
+  // Makes the row whose bound stops the step most pull or go slack. Returns whether there is one.
   bool flip(int* changes) {
     int worst = -1;
     double most = 0.0;
@@ -232,7 +232,7 @@ class Reach {
     return true;
   }
 
-  // ReachEnd of one pose, from where the last one ended, which hangs.
+  // ReachEnd of one pose, starting from the end of the last, an equilibrium.
   int search(long long i, int& count) {
     double damping = Tolerance::first_damping;
     int changes[room(M)] = {}, end = int(ReachEnd::STALLED), taken = 0;
@@ -240,7 +240,7 @@ class Reach {
     longest_ = Tolerance::first_step;
     for (; taken < in->max_iterations; ++taken) {
       if (fresh) {
-        look(i);
+        evaluate(i);
         passed_ = passed();
       }
       fresh = false;
@@ -250,7 +250,7 @@ class Reach {
         break;
       }
       const bool feasible = step(damping);
-      const double gain = promised(), left = std::sqrt(2.0 * cost_.value);
+      const double gain = predicted_decrease(), left = std::sqrt(2.0 * cost_.value);
       const double least = Tolerance::least_gain * in->tolerance * maximum(left, in->tolerance);
       if (!(gain > least) && passed_ <= Tolerance::passed && damping <= 1e-2) {
         if (change_row(changes)) {
@@ -270,7 +270,7 @@ class Reach {
       for (double x : price_) price = maximum(2.0 * fabs(x), price);
       const bool hangs = move();
       if (hangs) {
-        look(i);
+        evaluate(i);
         passed_ = passed();
       }
       if (hangs && cost_.value + price * passed_ < cost + price * beyond) {
@@ -281,7 +281,7 @@ class Reach {
         continue;
       }
       if (!hang_at(kept)) break;
-      look(i);
+      evaluate(i);
       passed_ = passed();
       end = hangs ? int(ReachEnd::STALLED) : int(ReachEnd::TIPS);
       damping = maximum(10.0 * damping, 1e-4);
@@ -292,13 +292,13 @@ class Reach {
     return end;
   }
 
-  // The cost, and its derivatives by what is chosen.
-  void look(long long i) {
+  // The cost, and its derivatives by the chosen variables.
+  void evaluate(long long i) {
     hang_.differentiate(chosen_, n_);
-    cost_.look(i, chosen_, n_);
+    cost_.evaluate(i, chosen_, n_);
   }
 
-  // The step within the bounds; false where they contradict one another.
+  // The step within the bounds. Returns false if they contradict one another.
   bool step(double damping) {
     const double raise = damping * maximum(cost_.top, 1e-12);
     qp_.n = n_;
@@ -317,38 +317,39 @@ class Reach {
     return solved;
   }
 
-  // Adds the bounds that the step passes. Whether any were.
+  // Adds the bounds that the step violates. Returns whether there are any.
   bool bound() {
-    constexpr double far = 1e299;
-    bool some = false;
+    constexpr double unlimited = 1e299;
+    bool any_added = false;
     double row[room(U)];
     for (int a = 0; a < n_; ++a) {
       const int u = chosen_[a];
       if (u < K && driven_q_[u] < 0) continue;
       for (int b = 0; b < n_; ++b) row[b] = a == b;
       const double now = u < K ? hang_.at.q_K[driven_q_[u]] : hang_.at.p[u - K];
-      some |= qp_.add(u, row, in->low[u] - now, in->high[u] - now, 1e-12);
+      any_added |= qp_.add(u, row, in->low[u] - now, in->high[u] - now, 1e-12);
     }
     for (int j = 0; j < M; ++j) {
       for (int a = 0; a < n_; ++a) row[a] = hang_.row_by_u[chosen_[a] * M + j];
       const double moved = ahead_ ? hang_.row_move[j] : 0.0;
       const double T = hang_.at.tension[j] + moved;
       const bool held = hang_.at.held[j];
-      const double low = held ? in->tension_low[j] - T : -far;
+      const double low = held ? in->tension_low[j] - T : -unlimited;
       const double high = held ? in->tension_high[j] - T : -hang_.h[j] - moved;
-      some |= qp_.add(U + j, row, low, high, held ? 1e-10 * in->weight : 1e-11);
+      any_added |= qp_.add(U + j, row, low, high, held ? 1e-10 * in->weight : 1e-11);
     }
     for (int k = 0; k < N; ++k) {
-      if (joint_q_[k] < 0 || (in->joint_low[k] < -far && in->joint_high[k] > far)) continue;
+      if (joint_q_[k] < 0 || (in->joint_low[k] < -unlimited && in->joint_high[k] > unlimited))
+        continue;
       for (int a = 0; a < n_; ++a) row[a] = hang_.by_u[chosen_[a] * NP + k];
       const double q = hang_.at.q_D[joint_q_[k]] + (ahead_ ? hang_.move[k] : 0.0);
-      some |= qp_.add(U + M + k, row, in->joint_low[k] - q, in->joint_high[k] - q, 1e-11);
+      any_added |= qp_.add(U + M + k, row, in->joint_low[k] - q, in->joint_high[k] - q, 1e-11);
     }
-    return some;
+    return any_added;
   }
 
-  // By which the step lowers the cost, if all is as linear as it looks.
-  double promised() const {
+  // Decrease of the cost by the step in the linear model.
+  double predicted_decrease() const {
     double gain = 0.0;
     for (int a = 0; a < n_; ++a) {
       double sum = cost_.g[a];
@@ -358,13 +359,13 @@ class Reach {
     return gain;
   }
 
-  // Makes the step, or part of a long one, and hangs the puppet; false where it does not hang.
+  // Makes the step, or part of a long one, and restores equilibrium. Returns false if that fails.
   bool move() {
     advance();
     return hang_.balance();
   }
 
-  // Where its own bound stops the step and a row is on its edge, it begins to pull or goes slack.
+  // A row on its edge, whose own bound stops the step, begins to pull or goes slack.
   bool change_row(int* changes) {
     int worst = -1;
     double most = 0.0;
@@ -375,7 +376,7 @@ class Reach {
       const bool edge = held ? x < 0.0 && in->tension_low[j] <= 0.0 &&
                                    hang_.at.tension[j] < Tolerance::at_bound * in->weight
                              : x > 0.0 && hang_.h[j] > -Tolerance::at_bound;
-      // Prices of tensions and of gaps compare by the weight over a metre.
+      // Multipliers of tensions and of gaps are compared by the weight over a metre.
       const double size = held ? -x * in->weight : x;
       if (edge && size > most) most = size, worst = j;
     }
@@ -388,22 +389,22 @@ class Reach {
     return true;
   }
 
-  // Winds slack strings in until they just reach: their lengths then move the pose.
+  // Winds slack strings in until they are just taut: their lengths then move the pose.
   bool tighten() {
-    bool some = false;
+    bool any_wound = false;
     for (int j = 0; j < M; ++j) {
       const int v = in->lengths[j];
       if (v < 0 || hang_.at.held[j] || !in->may_change[j] || !in->moved[v]) continue;
       double& length = hang_.at.q_K[driven_q_[v]];
       if (length + hang_.h[j] < in->low[v]) continue;
       length += hang_.h[j];
-      hang_.at.held[j] = some = true;
+      hang_.at.held[j] = any_wound = true;
       hang_.at.tension[j] = 0.0;
     }
-    return some && hang_.balance();
+    return any_wound && hang_.balance();
   }
 
-  // How far the pose is beyond its bounds of tensions (relative to the weight), joints and rows.
+  // Violation of the bounds of tensions (relative to the weight), joints and rows.
   double passed() const {
     double most = 0.0;
     const auto& at = hang_.at;
@@ -438,7 +439,7 @@ class Reach {
   ReachPoses<Model> poses_;
   int n_ = 0, chosen_[room(U)], joint_q_[room(N)], driven_q_[room(K)];
   bool at_longest_ = false;
-  bool ahead_ = false;  // whether the step is taken along with the move that hangs the puppet
+  bool ahead_ = false;  // whether the step includes the move towards equilibrium
   double longest_ = 0.0, passed_ = 0.0, price_[room(U + M + N)] = {};
   ReachCost<Model> cost_{hang_};
   BoundedStep<U, U + M + N> qp_;

@@ -1,8 +1,8 @@
-// The cost of a search for places, and its derivatives by what is chosen:
+// The cost of a search for places, and its derivatives by the chosen variables:
 //
 //   1/2 sum_i w_i |place_i(q_D, q_K, p) - target_i|^2,   H = J^T W J,   g = J^T W (place - target)
 //
-// with the places' Jacobian J at poses that hang (hanging.hpp).
+// with the places' Jacobian J at equilibrium poses (hanging.hpp).
 #pragma once
 
 #include <cmath>
@@ -17,19 +17,19 @@ class ReachCost {
  public:
   using Hang = Hanging<Model>;
   static constexpr int N = Hang::N, K = Hang::K, P = Hang::P, U = Hang::U, NP = Hang::NP;
-  static constexpr double difference = 1e-4;  // of places by the parameters
+  static constexpr double difference = 1e-4;  // of the parameters, for differences of places
 
   explicit ReachCost(const Hang& hang) : hang_(hang) {}
 
   const ReachArrays* in = nullptr;
-  const int *joint_q = nullptr, *driven_q = nullptr;  // places in q of scalars by velocity
+  const int *joint_q = nullptr, *driven_q = nullptr;  // indices in q of scalars, by velocity
   double value = 0.0, H[room(U * U)], g[room(U)];
   double top = 0.0;    // the largest curvature
   double apart = 0.0;  // sum |place_i - target_i|^2, without weights
 
-  // Where the targets' points are, the cost, and its derivatives by what is chosen; those after a
-  // move of q_D, at first order, where one is given.
-  void look(long long i, const int* chosen, int n, const double* move = nullptr) {
+  // The positions of the targets' points, the cost, and its derivatives by the chosen variables;
+  // with `move`, to first order after a move of q_D.
+  void evaluate(long long i, const int* chosen, int n, const double* move = nullptr) {
     chosen_ = chosen;
     n_ = n;
     const auto& at = hang_.at;

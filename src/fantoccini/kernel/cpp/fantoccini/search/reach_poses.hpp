@@ -1,4 +1,4 @@
-// The poses of a search for places: written one after the other, and read again by later ones.
+// The poses of a search for places: written in order, and read by later ones.
 #pragma once
 
 #include <cmath>
@@ -13,17 +13,17 @@ struct ReachPoses {
   using Hang = Hanging<Model>;
   static constexpr int NQ = Hang::NQ, KQ = Hang::KQ, P = Hang::P, M = Hang::M;
 
-  static constexpr long long most_looked_at = 2000;
+  static constexpr long long max_searched = 2000;
 
   const ReachArrays* in = nullptr;
 
-  // The place before the i-th that is nearest to it among the last ones with a pose, the latest of
-  // equals; -1 where there is none.
+  // The nearest of the last places before the i-th that have a pose, the latest of equals; -1 if
+  // there is none.
   long long nearest(long long i) const {
     const int size = 3 * in->n_targets;
     long long best = -1;
     double least = INFINITY;
-    for (long long k = i - 1; k >= 0 && k >= i - most_looked_at; --k) {
+    for (long long k = i - 1; k >= 0 && k >= i - max_searched; --k) {
       if (in->status[k] != int(ReachEnd::REACHED) && in->status[k] != int(ReachEnd::NEAREST))
         continue;
       double sum = 0.0;

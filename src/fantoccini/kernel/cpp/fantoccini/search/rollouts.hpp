@@ -1,8 +1,8 @@
-// A planner's rollouts: segments of constant driven accelerations, given or by a feedback law,
-// checked at equal intervals ("looks") until the rollout is complete, reaches the goal, collides or
-// leaves its bounds. Between looks, coordinates are interpolated linearly from step to step; a step
-// that may come nearer than the margin is halved until it is known to be clear or not (conservative
-// advancement). One rollout a lane; a free lane takes the next one. No rollout depends on its
+// A planner's rollouts: segments of constant driven accelerations, given or from a feedback law,
+// checked at equal intervals until the rollout is complete, reaches the goal, collides or leaves
+// its bounds. Between checks, coordinates are interpolated linearly from step to step; a step that
+// may come nearer than the margin is halved until it is proved clear or not (conservative
+// advancement). One rollout per lane; a free lane takes the next one. No rollout depends on its
 // neighbours.
 #pragma once
 
@@ -37,12 +37,12 @@ inline void reach(RolloutProgress& progress, long long i) {
 }
 
 struct RolloutTolerances {
-  static constexpr double speed_slack = 1e-12;  // of a bound on a speed: rounding above it
-  // m or rad by which strings may be overstepped before they count as jammed against what the
-  // puppet touches: half of what a sound run may have.
+  static constexpr double speed_slack = 1e-12;  // relative to a bound of speed: rounding
+  // m or rad: violation of strings above which they count as jammed against touched solids; half of
+  // that of a sound run.
   static constexpr double jam = 0.01;
   static constexpr double no_distance = 1e300;  // of a goal that only Python can measure
-  static constexpr double min_move = 1e-5;      // m: paths between looks this short are not halved
+  static constexpr double min_move = 1e-5;      // m: shorter paths between checks are not halved
   static constexpr int max_halvings = 30;       // of a step
 };
 
@@ -65,9 +65,10 @@ class Rollouts {
   using Mask = typename Traits<Real>::Mask;
   using Held = HeldDrive<typename Model::Driven, N, Real>;
 
-  // Gives free lanes rollouts; false when none is left. Lanes without one repeat another's state.
+  // Assigns rollouts to free lanes. Returns false if none is left. Lanes without one repeat
+  // another's state.
   bool fill(const RolloutArrays& in, RolloutProgress& progress) {
-    int some = -1;
+    int occupied = -1;
     for (int l = 0; l < width; ++l) {
       if (rollout_[l] >= 0 && rollout_[l] > reached(progress)) rollout_[l] = -1;
       if (rollout_[l] < 0) {
@@ -83,14 +84,14 @@ class Rollouts {
               in);
         }
       }
-      if (rollout_[l] >= 0) some = l;
+      if (rollout_[l] >= 0) occupied = l;
     }
-    if (some < 0) return false;
+    if (occupied < 0) return false;
     for (int l = 0; l < width; ++l) {
       if (rollout_[l] >= 0) continue;
       each_part(
           [&](Real* x, int n, const double*, double*) {
-            for (int k = 0; k < n; ++k) lane_of(x[k], l) = lane_of(x[k], some);
+            for (int k = 0; k < n; ++k) lane_of(x[k], l) = lane_of(x[k], occupied);
           },
           in);
     }
@@ -146,7 +147,7 @@ class Rollouts {
     put_lane(acc, NK, l, out);
   }
 
-  // The inputs of a segment, evaluated in every step: whether they hold still in all lanes would
+  // The inputs of a segment, evaluated in every step: whether they are constant in all lanes would
   // depend on the neighbours.
   struct Inputs {
     const Held& held;
@@ -190,17 +191,17 @@ class Rollouts {
     }
   }
 
-  // Marks the lanes in which something pushes that is kept off.
+  // Marks the lanes in which a forbidden contact pushes.
   void watch_touches(const RolloutArrays& in) {
     each_push([&](int l, int pair) { strayed_[l] = strayed_[l] || in.kept_off[pair]; });
   }
 
-  // Whether strings are overstepped, as they are where they pull against what the puppet touches.
+  // Whether strings are violated, as strings that pull against touched solids are.
   bool jammed(int lane) {
     return led_.opt.contacts && lane_of(led_.worst_violation, lane) > RolloutTolerances::jam;
   }
 
-  // Whether all touches that the goal asks for push in a lane.
+  // Whether all touches that the goal requires push in a lane.
   bool touching(const GoalArrays& goal, int lane) {
     int closed = 0;
     for (int k = 0; k < goal.n_touches; ++k) {
@@ -218,7 +219,7 @@ class Rollouts {
     if constexpr (TimeStep<Model, Real>::touches) led_.at.contacts.each_push(f);
   }
 
-  // Checks every lane; whether any is still in its segment.
+  // Checks every lane. Returns whether any is still in its segment.
   bool check(const RolloutArrays& in, RolloutProgress& progress, int look) {
     auto& state = led_.state();
     auto& inputs = led_.inputs();
@@ -275,8 +276,8 @@ class Rollouts {
     return running;
   }
 
-  // Marks the lanes among those asked for (1.0) that may come nearer than the margin on the even
-  // way between two configurations.
+  // Marks the lanes among those requested (1.0) that may come nearer than the margin on the linear
+  // path between two configurations.
   void check_between(
       const RolloutArrays& in, const Real* from, const Real* to, const Real& asked, int halvings) {
     Real middle[room(NQ + QK)];
@@ -290,7 +291,7 @@ class Rollouts {
     clearance_.include_excess(to, to + NQ);
     clearance_.measure(*in.solids, placed_.data(), asked > Real(0.5), in.margin, true);
     Real unsure = Real(0.0);
-    bool some = false;
+    bool any_uncertain = false;
     for (int l = 0; l < width; ++l) {
       if (lane_of(asked, l) < 0.5 || passed_[l]) continue;
       const double least = lane_of(clearance_.least, l), lower = lane_of(clearance_.lower, l);
@@ -301,14 +302,14 @@ class Rollouts {
       passed_[l] = !(least >= in.margin) || (last && !(lower >= 0.0));
       if (last || passed_[l]) continue;
       lane_of(unsure, l) = 1.0;
-      some = true;
+      any_uncertain = true;
     }
-    if (!some) return;
+    if (!any_uncertain) return;
     check_between(in, from, middle, unsure, halvings + 1);
     check_between(in, middle, to, unsure, halvings + 1);
   }
 
-  // Half way between two configurations.
+  // Midpoint of two configurations.
   template <class Space>
   static void mean(const Real* a, const Real* b, Real* out) {
     for (int i = 0; i < Space::n_scalars; ++i) {
@@ -325,7 +326,7 @@ class Rollouts {
     }
   }
 
-  // Records the present configuration for the check between two looks.
+  // Records the present configuration for the check of the path.
   void record_configuration() {
     for (int i = 0; i < NQ; ++i) way_.push_back(led_.state().q_D[i]);
     for (int i = 0; i < QK; ++i) way_.push_back(led_.inputs().q_K[i]);
@@ -346,14 +347,14 @@ class Rollouts {
     return inside;
   }
 
-  // Frees the lane, whose state does not change until the segment's end.
+  // Frees the lane. Its state is constant until the end of the segment.
   void release(int l) {
     rollout_[l] = -1;
     active_[l] = false;
     lane_of(led_.status, l) = STOPPED;
   }
 
-  // The same of all lanes, none of which runs; none is left in its segment.
+  // Frees all lanes. None of them runs or remains in its segment.
   bool release_all() {
     for (int l = 0; l < width; ++l)
       if (active_[l]) release(l);
@@ -383,7 +384,7 @@ class Rollouts {
   TimeSteppingTrajectory<Model, Real> led_;
   Clearance<Model, Real> clearance_;
   std::vector<Placed<Real>> placed_;
-  std::vector<Real> way_;  // configurations since the last look: q_D and q_K after every step
+  std::vector<Real> way_;  // configurations since the last check: q_D and q_K after every step
   Held held_;
   bool active_[width], slackened_[width], strayed_[width], passed_[width];
   long long rollout_[width];

@@ -1,14 +1,14 @@
-// Programs of stages whose driven coordinates have bounds, for feedback in real time:
+// Programs of stages with bounds of the driven coordinates, for feedback in real time:
 //
 //   min sum_i 1/2 x_i^T (J_i^T J_i + diag) x_i + g_i . x_i - c u_{i-1} . u_i + 1/2 |C_i (z_i,
 //   u_i)|_W^2 + prices z_{i+1} = A_i z_i + B_u u_i,   z_0 = 0,   lowest(z_i) <= u_i <= highest(z_i)
 //
 // by Newton's method with an active set, as in Tassa, Mansard and Todorov, ICRA 2014: Riccati's
-// recursion (stage_riccati.hpp) decides at every stage which inputs are in bounds there and binds
-// them to laws of the state; the motion is then made stage by stage, with inputs cut off at their
-// bounds. So every motion keeps them, and the search may end after any. Later iterations factorise
-// from the last stage on whose inputs in bounds change, within a given number of stages in all:
-// bounds late in the horizon are the first that are left out.
+// recursion (stage_riccati.hpp) decides at every stage which inputs are at bounds there and binds
+// them to laws of the state; the motion is then computed stage by stage, with inputs clipped to
+// their bounds. Every motion thus keeps them, and the search may end after any. Later iterations
+// factorise from the last stage on whose inputs at bounds change, within a given total number of
+// stages: bounds late in the horizon are the first to be left out.
 #pragma once
 
 #include <cstring>
@@ -23,7 +23,7 @@ class ClampedStages {
  public:
   StageDynamics dynamics;
 
-  // The best motion found. May throw std::bad_alloc.
+  // Finds the best motion. May throw std::bad_alloc.
   void solve(StageClampArrays& in) {
     in_ = &in;
     read();
@@ -42,7 +42,7 @@ class ClampedStages {
         if (cost < -in.decrease) in.decrease = -cost, best_ = next_;
       }
       if (in.solved || (careful && in.decrease - before <= enough * in.decrease)) break;
-      careful = share < 0.3;  // a whole step has not come down
+      careful = share < 0.3;  // a full step has not decreased the cost
       x_ = best_;
     }
     for (int i = 0; i < N_; ++i) {
@@ -55,15 +55,15 @@ class ClampedStages {
  private:
   enum Mode : signed char { kFree, kHigh, kLow };
 
-  // The price of passing a joint's bound is reached a little beyond it [rad or m].
+  // The price of violating a joint's bound is reached slightly beyond it [rad or m].
   static constexpr double ramp = 1e-3;
 
   static constexpr double least_share = 1e-3;
 
-  // A decrease of the cost that ends the search, relative to all of it.
+  // Relative decrease of the cost that ends the search.
   static constexpr double enough = 1e-7;
 
-  // sign x_i[place] <= limit, and the piece of its price's law that is in force.
+  // sign x_i[place] <= limit, and the active piece of its price's law.
   struct Elastic {
     int stage, place;
     double sign, limit;
@@ -76,14 +76,14 @@ class ClampedStages {
   std::vector<double> g_, gradient_, x_, next_, best_, steps_, diagonal_, pulled_;
   std::vector<double> slope_, u_, root_, half_;
   std::vector<int> free_;
-  std::vector<DrivenLimit> low_, high_;  // (k,) of the stage at hand
-  std::vector<Mode> modes_, wanted_;     // (N, k) in which bounds inputs are, and are to be
+  std::vector<DrivenLimit> low_, high_;  // (k,) of the current stage
+  std::vector<Mode> modes_, wanted_;     // (N, k) bounds that inputs are at, and are to be at
   std::vector<char> wrong_;              // (N,) whether they differ
   std::vector<Elastic> elastic_;
 
   double* row_of(std::vector<double>& a, int i) { return a.data() + size_t(i) * riccati_.ld; }
 
-  // Place of a number of the state in the arrays, which have all inputs.
+  // Index of a number of the state in the arrays, which have all inputs.
   int from_z(int a) const {
     const int all = in_->n_inputs, j = a - n_d_;
     if (j < 0) return a;
@@ -152,7 +152,7 @@ class ClampedStages {
     }
   }
 
-  // The modes of the motion before, as far as there was one.
+  // The modes of the previous motion, as far as there is one.
   void begin_modes() {
     const size_t all = size_t(N_) * k_, gone = std::min(all, size_t(std::max(in_->shift, 0)) * k_);
     if (in_->shift < 0 || modes_.size() != all) modes_.assign(all, kFree);
@@ -176,10 +176,9 @@ class ClampedStages {
     }
   }
 
-  // The laws of stages up to `last`; later ones stay.
-  // Feedback laws around the motion at hand, with the inputs in bounds that the motion before asked
-  // for or, to be careful, those that are best at every stage of this one. False where there are
-  // none.
+  // Computes the laws of stages up to `last`; later ones are unchanged. They are feedback laws
+  // around the current motion. Inputs at bounds are those required by the previous motion or, if
+  // `careful`, the best at every stage of this one. Returns false if there are no laws.
   bool pull_back(bool careful) {
     StageRiccati& r = riccati_;
     StageClampArrays& in = *in_;
@@ -194,33 +193,33 @@ class ClampedStages {
       anew = anew || first || i <= last;
       if (!anew) {
         pulled_ = r.from_later;
-        r.hand_on(i, gradient_.data());
-        r.hand_back(i);
+        r.stage_gradient(i, gradient_.data());
+        r.state_gradient(i);
         if (i >= room || (careful ? holds(i, before) : keeps(i))) continue;
         anew = true;
         r.from_later = pulled_;
       }
       ++in.stages;
       if (i == N_ - 1) r.begin();
-      r.hand_on(i, gradient_.data());
+      r.stage_gradient(i, gradient_.data());
       r.gather(i);
       if (careful) choose(i, before, x);
       else std::copy_n(wanted_.begin() + size_t(i) * k_, k_, modes_.begin() + size_t(i) * k_);
       bind(i, before);
       if (!r.eliminate(i)) return false;
-      r.hand_back(i);
+      r.state_gradient(i);
     }
     return true;
   }
 
-  // Whether the inputs in bounds are the right ones at a state.
+  // Whether the inputs at bounds are the right ones at a state.
   bool holds(int i, const double* before) {
     double* u = next_.data();
     riccati_.best_inputs(i, before, u);
     return is_right(i, before, u);
   }
 
-  // The same of inputs in x; asks for those that would be.
+  // The same for inputs in x; requests the right ones.
   bool is_right(int i, const double* before, const double* x) {
     const Mode* modes = modes_.data() + size_t(i) * k_;
     Mode* wanted = wanted_.data() + size_t(i) * k_;
@@ -245,10 +244,10 @@ class ClampedStages {
     return right;
   }
 
-  // Whether the last motion asks for no other inputs in bounds.
+  // Whether the last motion requests no other inputs at bounds.
   bool keeps(int i) const { return !wrong_[i]; }
 
-  // The inputs in bounds that are best at a state if later ones are: min 1/2 u^T L u + slope . u.
+  // The best inputs at bounds at a state if later ones are: min 1/2 u^T L u + slope . u.
   void choose(int i, const double* before, const double* x) {
     StageRiccati& r = riccati_;
     const double *L = r.hessian_of(i), *Y = r.gain_root(i), *y = r.y_of(i);
@@ -271,14 +270,14 @@ class ClampedStages {
           modes[j] = kFree;
         }
         changes = changes || modes[j] != was;
-        // One at a time comes to an end (Murty, Math. Program. 7, 1974).
+        // Changing one at a time terminates (Murty, Math. Program. 7, 1974).
         if (changes && turn > 8) break;
       }
       if (!changes) break;
     }
   }
 
-  // The laws of the inputs that are in bounds.
+  // The laws of the inputs at bounds.
   void bind(int i, const double* before) {
     StageRiccati& r = riccati_;
     const Mode* modes = modes_.data() + size_t(i) * k_;
@@ -293,7 +292,7 @@ class ClampedStages {
     r.n_laws[i] = n;
   }
 
-  // Inputs u_: those in bounds there, the others best.
+  // Sets u_: inputs at bounds to their bounds, the others to the best.
   void solve_free(const double* L, const Mode* modes) {
     int n = 0;
     for (int j = 0; j < k_; ++j) {
@@ -322,7 +321,7 @@ class ClampedStages {
     }
   }
 
-  // What the inputs would do at the motion at hand, less what they do there.
+  // Inputs by the laws at the current motion, less its own.
   void find_steps() {
     for (int i = 0; i < N_; ++i) {
       const double *x = row_of(x_, i), *before = i ? x - riccati_.ld : nullptr;
@@ -332,7 +331,8 @@ class ClampedStages {
     }
   }
 
-  // The next motion, by a share of the steps; whether no bound is in force but those of the laws.
+  // Computes the next motion, by a share of the steps. Returns whether no bound acts except those
+  // of the laws.
   bool move_on(double share) {
     bool right = true;
     for (int i = 0; i < N_; ++i) {
@@ -344,17 +344,17 @@ class ClampedStages {
         const double u = x[n_z_ + j] - (1.0 - share) * row_of(steps_, i)[n_z_ + j];
         x[n_z_ + j] = std::min(std::max(u, low_[j].value), high_[j].value);
       }
-      riccati_.moved_on(i, before, x);
+      riccati_.propagate(i, before, x);
     }
     return share == 1.0 && !elastic_changes() && right;
   }
 
-  // How far a bound that may be passed is passed by a motion.
+  // Violation of a soft bound by a motion.
   double passed(const Elastic& e, std::vector<double>& x) {
     return e.sign * row_of(x, e.stage)[e.place] - e.limit;
   }
 
-  // Which piece of the price's law is in force: none, the ramp, what is beyond.
+  // Active piece of the price's law: none, the ramp, or beyond it.
   static int piece_of(double s) { return s <= 0.0 ? 0 : s < ramp ? 1 : 2; }
 
   bool elastic_changes() {
@@ -366,9 +366,9 @@ class ClampedStages {
     return changes;
   }
 
-  // Gradient and Hessian of what passes bounds: of the pieces in force at the motion at hand, to be
-  // careful, else of those next to the ones before that the last whole step asks for; up to where
-  // factors change.
+  // Gradient and Hessian of soft bounds: with the pieces active at the current motion if `careful`,
+  // else those next to the previous ones in the direction of the last full step; up to the stage
+  // where factors change.
   int set_elastic(bool careful, int room) {
     StageRiccati& r = riccati_;
     int last = -1;

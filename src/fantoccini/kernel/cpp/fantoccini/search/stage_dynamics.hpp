@@ -1,6 +1,6 @@
-// The dynamics of intervals that are made of time steps, from the derivatives of the steps:
+// The dynamics of intervals that consist of time steps, from the derivatives of the steps:
 //
-//   X <- F_D X + F_K K + F_a,   K the same of the driven coordinates
+//   X <- F_D X + F_K K + F_a,   likewise K of the driven coordinates
 //
 // X (n_d, n_d + 3 k) are derivatives of the dynamic part of the state after some steps by (q_D,
 // v_D, q_K, v_K) at the start of the interval and by its accelerations.

@@ -1,4 +1,4 @@
-// What programs of stages know of single inputs and states: driven coordinates, and inputs on laws.
+// Data of single inputs and states in programs of stages: driven coordinates, and inputs on laws.
 #pragma once
 
 namespace fan {

@@ -1,5 +1,5 @@
-// How far the acceleration of a driven coordinate may go in an interval, so that it stays within
-// its bounds of acceleration, speed and position then and later:
+// Range of the acceleration of a driven coordinate in an interval that keeps it within its bounds
+// of acceleration, speed and position then and later:
 //
 //   |u| <= a,   |v + h u| <= s,   v + h u <= w(q, v),   w^2 / (2 a) = high - q - h (v + w) / 2
 //
@@ -31,7 +31,7 @@ struct DrivenBounds {
         to = {u, by / h, (0.5 * h * by - 1.0) / h};
       }
     }
-    // What comes from outside of its bounds returns as fast as it may.
+    // A coordinate outside its bounds returns with the largest acceleration.
     return to.value < -acceleration ? DrivenLimit{-acceleration, 0.0, 0.0} : to;
   }
 

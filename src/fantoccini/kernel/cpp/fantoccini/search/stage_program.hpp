@@ -1,12 +1,12 @@
-// Convex quadratic programs of stages with bounds and rows that may be passed at a price:
+// Convex quadratic programs of stages with bounds, and rows that may be violated at a price:
 //
 //   min sum_i 1/2 x_i^T H_i x_i + g_i . x_i + x_{i-1}^T D_i u_i + sum_rows price (s + s^2 / 2)
 //   z_{i+1} = A_i z_i + B_i u_i + e_i,   low <= x <= high,   row_low - s <= C (x_{i-1}, u_i) <=
 //   row_high + s
 //
 // by a primal-dual interior point method with Mehrotra's predictor and corrector (Nocedal and
-// Wright, Numerical Optimization, algorithm 16.4). Every step is one of Riccati's recursions. All
-// iterates obey the dynamics.
+// Wright, Numerical Optimization, algorithm 16.4). Every step is one Riccati recursion. All
+// iterates satisfy the dynamics.
 #pragma once
 
 #include <algorithm>
@@ -18,7 +18,7 @@ namespace fan {
 
 class StageProgramSolver {
  public:
-  // Reads the program and solves it; the iterates before may be the start.
+  // Reads the program and solves it; the previous iterates may be the start.
   void solve(StageProgramArrays& in) {
     read(in);
     in.iterations = 0;
@@ -38,10 +38,10 @@ class StageProgramSolver {
     int stage, place;
     double sign, limit, t, multiplier, dt, dmultiplier, target;
   };
-  // The part s of a row by which it is passed.
+  // The violation s of a row.
   struct Elastic {
     double price, s, multiplier, ds, dmultiplier, target;  // target: of s times its multiplier
-    double bend, pull;  // of the stationarity of s once the sides are eliminated
+    double bend, pull;  // of the stationarity of s after the sides are eliminated
   };
 
   StageRiccati riccati_;
@@ -49,7 +49,7 @@ class StageProgramSolver {
   std::vector<int> first_side_;  // (N m + 1,) sides of a row
   std::vector<Elastic> elastic_;
   std::vector<double> g_, e_, x_, dx_, gradient_, costate_, slope_, value_;
-  int per_ = 0;  // numbers of x in the caller's arrays
+  int per_ = 0;  // length of x in the caller's arrays
 
   double* row_of(std::vector<double>& a, int i) { return a.data() + size_t(i) * riccati_.ld; }
 
@@ -132,12 +132,12 @@ class StageProgramSolver {
     slope_.assign(size_t(N) * m, 0.0), value_.assign(size_t(N) * m, 0.0);
   }
 
-  // The minimum without bounds, where it obeys them; else where to begin.
+  // The minimum without bounds, if it satisfies them; else a start.
   bool start(StageProgramArrays& in) {
     StageRiccati& r = riccati_;
     for (int i = 0; i < r.N; ++i) {
       double* x = row_of(x_, i);
-      r.moved_on(i, i ? x - r.ld : nullptr, x);
+      r.propagate(i, i ? x - r.ld : nullptr, x);
       for (int a = 0; a < r.n_z; ++a) x[a] += row_of(e_, i)[a];
     }
     std::fill(r.diagonal.begin(), r.diagonal.end(), 0.0);
@@ -181,7 +181,7 @@ class StageProgramSolver {
     return b.limit - b.sign * value_[size_t(b.stage) * riccati_.m + b.place];
   }
 
-  // One step; false where none can be made.
+  // Makes one step. Returns false if none is possible.
   bool iterate(StageProgramArrays& in) {
     StageRiccati& r = riccati_;
     rows_of(x_, value_);
@@ -236,7 +236,7 @@ class StageProgramSolver {
     return sum / double(bounds_.size() + sides_.size() + elastic_.size());
   }
 
-  // W of a row: what its sides and its elastic part leave of (C dx)^2 / 2.
+  // W of a row: weight of (C dx)^2 / 2 after its sides and its violation are eliminated.
   double weight_of(size_t row) {
     Elastic& own = elastic_[row];
     const double soft = own.price + own.multiplier / own.s;
@@ -250,7 +250,7 @@ class StageProgramSolver {
     return ((count == 2 ? 4.0 * product : 0.0) + sum * soft) / own.bend;
   }
 
-  // How far a side is from its equation.
+  // Residual of a side's equation.
   double off(const Side& b, bool row) {
     if (!row) return b.t - room_of(b);
     return b.t - room_of_row(b) - elastic_[size_t(b.stage) * riccati_.m + b.place].s;
@@ -263,10 +263,10 @@ class StageProgramSolver {
     return sum;
   }
 
-  // Newton's step for the products t multiplier = target, with the factors at hand.
+  // Newton's step for the products t multiplier = target, with the current factors.
   void direction() {
     StageRiccati& r = riccati_;
-    std::vector<double>& q = costate_;  // as room for the gradient of the step
+    std::vector<double>& q = costate_;  // workspace for the gradient of the step
     q = gradient_;
     auto shift = [](const Side& b, double apart) {
       return (b.target - b.t * b.multiplier + b.multiplier * apart) / b.t;
@@ -338,7 +338,7 @@ class StageProgramSolver {
            barrier <= std::max(10.0 * in.tolerance, 1.5 * in.barrier);
   }
 
-  // H x + g and what couples stages.
+  // H x + g and the terms that couple stages.
   void cost_gradient() {
     StageRiccati& r = riccati_;
     for (int i = 0; i < r.N; ++i) {
@@ -379,7 +379,7 @@ class StageProgramSolver {
     }
   }
 
-  // The costates, and the largest slope of the Lagrangian along inputs.
+  // The adjoint variables, and the largest slope of the Lagrangian along inputs.
   double residual() {
     StageRiccati& r = riccati_;
     costate_ = gradient_;
@@ -396,7 +396,7 @@ class StageProgramSolver {
     std::vector<double> h(r.ld);
     for (int i = r.N - 1; i >= 0; --i) {
       double* p = row_of(costate_, i);
-      r.pulled_back(i, p, h.data());
+      r.multiply_transposed(i, p, h.data());
       for (int a = r.n_z; a < r.n_x; ++a) most = std::max(most, std::fabs(p[a] + h[a]));
       for (int a = 0; a < r.n_z && i; ++a) p[a - r.ld] += h[a];
     }

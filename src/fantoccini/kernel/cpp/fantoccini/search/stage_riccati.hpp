@@ -3,10 +3,10 @@
 //   min sum_i 1/2 x_i^T H_i x_i + x_{i-1}^T D_i u_i + 1/2 |C_i (x_{i-1}, u_i)|_W^2 + gradient . x_i
 //   z_{i+1} = A_i z_i + B_i u_i
 //
-// (Frison and Jorgensen, ECC 2013). Where costs couple neighbouring inputs, x_{i-1} is the state of
-// stage i, otherwise z_i alone. Rows of (A B) with few entries, as those of driven coordinates,
-// d(q, v) = (q + h v + h^2 u / 2, v + h u), are kept as diagonal bands. Inputs may be bound to laws
-// u_a = value + by . z_i, which takes them out of the minimum.
+// (Frison and Jorgensen, ECC 2013). If costs couple neighbouring inputs, x_{i-1} is the state of
+// stage i, otherwise z_i alone. Rows of (A B) with few entries, such as those of driven
+// coordinates, d(q, v) = (q + h v + h^2 u / 2, v + h u), are stored as diagonal bands. Inputs may
+// be bound to laws u_a = value + by . z_i, which removes them from the minimum.
 #pragma once
 
 #include <algorithm>
@@ -30,10 +30,10 @@ struct StageRiccati {
   int n_squares = 0;
   std::vector<StageLaw> laws;      // (N, k), the first n_laws of a stage
   std::vector<int> n_laws;         // (N,)
-  std::vector<double> from_later;  // (ld,) as hand_on and hand_back leave it
+  std::vector<double> from_later;  // (ld,) left by stage_gradient and state_gradient
 
-  // The sizes of all arrays; what fills up rows is 0 afterwards. May throw std::bad_alloc.
-  // With `n` rows of squares there is no H. `keeps` what factorise(last) needs.
+  // Sets the sizes of all arrays; padding is 0 afterwards. May throw std::bad_alloc. With `n` rows
+  // of squares there is no H. `keeps` stores the data of factorise(last).
   void resize(
       int stages, int states, int inputs, int rows, bool couples, int n = 0, bool keeps = false) {
     if (stages == N && states == n_z && inputs == k && rows == m && couples == coupled &&
@@ -70,11 +70,11 @@ struct StageRiccati {
   double* C_of(int i) { return C.data() + size_t(i) * m * ld; }       // m rows, of x_{i-1}
   double* Cu_of(int i) { return C_u.data() + size_t(i) * m * ld_k; }  // m rows, of u_i
   double* y_of(int i) { return y_.data() + size_t(i) * ld_k; }
-  // By the inputs, after gather.
+  // By the inputs, after gather().
   const double* hessian_of(int i) const { return L_.data() + size_t(i) * k * ld_k; }
   const double* gain_root(int i) const { return Y_.data() + size_t(i) * ld_k * ld; }
 
-  // (k, n_z) the best u_0 is K z_0, where z_0 is not 0.
+  // (k, n_z): the best u_0 is K z_0 for z_0 other than 0.
   void first_gain(double* K) const {
     const double *L = L_.data(), *Y = Y_.data();
     for (int a = k - 1; a >= 0; --a) {
@@ -128,7 +128,7 @@ struct StageRiccati {
     }
   }
 
-  // The factors of all stages; false where a Hessian by a stage's inputs is not positive.
+  // The factors of all stages. Returns false if a Hessian by a stage's inputs is not positive.
   bool factorise() {
     begin();
     for (int i = N - 1; i >= 0; --i) {
@@ -148,7 +148,7 @@ struct StageRiccati {
     mirror(P, ld, n_s);
   }
 
-  // Of what is to come from stage i on: the Hessian by the inputs (lower triangle), and by both.
+  // Cost from stage i on: its Hessian by the inputs (lower triangle), and by both.
   void gather(int i) {
     value_by_dynamics(i);
     const double* G = G_.data();
@@ -172,7 +172,7 @@ struct StageRiccati {
     }
   }
 
-  // Minimises over u_i after gather(i): what is left in P is of the state of stage i.
+  // Minimises over u_i after gather(i), which leaves P of the state of stage i.
   bool eliminate(int i) {
     double *P = P_at(i), *G = G_.data();
     double *Y = Y_.data() + size_t(i) * ld_k * ld, *L = L_.data() + size_t(i) * k * ld_k;
@@ -235,30 +235,30 @@ struct StageRiccati {
       double* x = dx + size_t(i) * ld;
       const double* before = i ? x - ld : nullptr;
       best_inputs(i, before, x);
-      moved_on(i, before, x);
+      propagate(i, before, x);
     }
   }
 
-  // The gradients of what is to come at all stages, which best_inputs and slope need.
+  // Gradients of the cost to go at all stages, for best_inputs and slope.
   void pull_back(const double* gradient) {
     for (int i = N - 1; i >= 0; --i) {
-      hand_on(i, gradient);
-      hand_back(i);
+      stage_gradient(i, gradient);
+      state_gradient(i);
     }
   }
 
-  // The gradient of the cost to come by stage i's state and inputs, after hand_back(i + 1).
-  void hand_on(int i, const double* gradient) {
+  // Gradient of the cost to go by stage i's state and inputs, after state_gradient(i + 1).
+  void stage_gradient(int i, const double* gradient) {
     double *p = p_.data(), *h = h_.data(), *y = y_of(i);
     const double* own = gradient + size_t(i) * ld;
     for (int j = 0; j < ld; ++j) p[j] = own[j] + (i < N - 1 ? from_later[j] : 0.0);
-    pulled_back(i, p, h);
+    multiply_transposed(i, p, h);
     for (int a = 0; a < k; ++a) y[a] = h[n_z + a] + p[n_z + a];
     for (int j = 0; j < ld; ++j) from_later[j] = j < n_z ? h[j] : 0.0;
   }
 
-  // The same by its state alone where its inputs are the best ones, or follow their laws.
-  void hand_back(int i) {
+  // The same by its state only, for inputs that are optimal or follow their laws.
+  void state_gradient(int i) {
     double* p = from_later.data();
     const double *L = L_.data() + size_t(i) * k * ld_k, *Y = gain_root(i);
     double* y = y_of(i);
@@ -322,7 +322,7 @@ struct StageRiccati {
     return {first, first + n_laws[i]};
   }
 
-  // The derivative of the least cost to come by an input that is bound to the l-th law of stage i.
+  // Derivative of the least cost to go by an input bound to the l-th law of stage i.
   double slope(int i, int l, const double* before, const double* x) {
     const double *L = L_.data() + size_t(i) * k * ld_k, *Y = gain_root(i);
     const int c = laws[size_t(i) * k + l].input;
@@ -337,8 +337,8 @@ struct StageRiccati {
     return sum;
   }
 
-  // z_{i+1} = A z_i + B u_i in x, which has u_i; z_i is 0 where `before` is null.
-  void moved_on(int i, const double* before, double* x) {
+  // Computes z_{i+1} = A z_i + B u_i in x, which has u_i; z_i is 0 if `before` is null.
+  void propagate(int i, const double* before, double* x) {
     double* from = p_.data();
     for (int j = 0; j < n_z; ++j) from[j] = before ? before[j] : 0.0;
     for (int j = n_z; j < ld; ++j) from[j] = j < n_x ? x[j] : 0.0;
@@ -353,7 +353,7 @@ struct StageRiccati {
   }
 
   // h = (A B)^T p, over (z_i, u_i).
-  void pulled_back(int i, const double* p, double* h) {
+  void multiply_transposed(int i, const double* p, double* h) {
     for (int j = 0; j < ld; ++j) h[j] = 0.0;
     const double* row = M_of(i);
     int r = 0;
@@ -381,7 +381,7 @@ struct StageRiccati {
 
   size_t size_P() const { return size_t(ld) * ld + slack; }
 
-  // The Hessian of what is to come by the state of stage i.
+  // Hessian of the cost to go by the state of stage i.
   double* P_at(int i) { return kept_.empty() ? P_.data() : kept_.data() + size_t(i) * size_P(); }
 
   void mark_bound(int i) {
@@ -437,7 +437,7 @@ struct StageRiccati {
     }
   }
 
-  // What an input that follows the state adds to P.
+  // Contribution to P of an input that follows the state.
   void add_law(const StageLaw& law, const double* L, const double* Y, double* P) {
     const double *y = Y + law.input * ld, own = L[law.input * (ld_k + 1)];
     for (int t = 0; t < 2; ++t) {

@@ -10,10 +10,11 @@
 //
 // The dual active-set method (Goldfarb and Idnani, Mathematical Programming 27, 1983, with bounds
 // on the multipliers): every round raises the multiplier of a violated row until the row holds,
-// dropping rows from the basis as theirs reach a bound. The objective grows from round to round,
-// so it ends; the basis, kept as W_B = Q R, stays independent, so redundant rows do no harm; and
-// where nothing stops the growth the multipliers' direction is a Farkas ray: y >= 0 with W y = 0
-// and b.y > 0, which says that no z satisfies the rows with y_i > 0 together.
+// dropping rows from the basis as their multipliers reach a bound. The objective grows from round
+// to round, so the method terminates; the basis, stored as W_B = Q R, stays independent, so
+// redundant rows do no harm; and if the growth is unbounded, the multipliers' direction is a Farkas
+// ray: y >= 0 with W y = 0 and b.y > 0, which proves that no z satisfies the rows with y_i > 0
+// together.
 #pragma once
 
 #include "fantoccini/contract.hpp"
@@ -21,12 +22,12 @@
 
 namespace fan {
 
-// Residuals |s| are relative to `terms`, the sum of the sizes of their terms; rounding there is
-// some 1e-15. The two that decide about consistency have the absolute `noise` of b added.
+// Residuals |s| are relative to `terms`, the sum of the magnitudes of their terms; rounding there
+// is about 1e-15. The two that decide about consistency have the absolute `noise` of b added.
 struct ActiveSetTolerances {
   // A row is violated above this: just above rounding.
   static constexpr double violated_residual = 1e-14;
-  // A row with x = 0 joins the basis up to this, if it is independent of it.
+  // A row with x = 0 joins the basis up to this, if it is independent.
   static constexpr double joining_residual = 1e-12;
   // A row that depends on the basis holds with it up to this: the basis may be ill-conditioned.
   static constexpr double consistent_residual = 1e-10;
@@ -38,14 +39,15 @@ struct ActiveSetTolerances {
   // The same for complete(): above it a row with x = 0 may join, well conditioned; below it a row
   // that holds is idle or pinned.
   static constexpr double independent_distance = 1e-3;
-  // The same for LeastNorm: farther rows keep their tension, as sharing it would change the motion.
+  // The same for LeastNorm: rows at a larger distance keep their tension, since sharing it would
+  // change the motion.
   static constexpr double sharing_distance = 1e-9;
-  // Distance from the span, relative to the largest column, below which a row depends, too: it
+  // Distance from the span, relative to the largest column, below which a row is also dependent: it
   // moves nothing.
   static constexpr double negligible_column = 1e-9;
-  // Change of a multiplier per unit of the one that is raised: a smaller one is rounding.
+  // Change of a multiplier per unit of the raised one; a smaller one is rounding.
   static constexpr double negligible_rate = 1e-13;
-  // How far a multiplier may pass its bound, relative to the largest, before its row leaves.
+  // Largest violation of a multiplier's bound, relative to the largest, before its row leaves.
   static constexpr double bound_excess = 1e-12;
 };
 
@@ -53,17 +55,17 @@ template <int n_columns, int n_dimensions>
 struct ActiveSet {
   using Tolerance = ActiveSetTolerances;
   static constexpr int C = room(n_columns), D = room(n_dimensions);
-  // IDLE and PINNED depend on the basis and hold with it, at 0 and at upper.
+  // IDLE and PINNED rows depend on the basis and hold with it, at 0 and at `upper`.
   enum Place : signed char { LOW, BASIC, HIGH, IDLE, PINNED };
 
   int n = 0, dim = n_dimensions;
-  double noise = 0.0;  // of b: dependent rows need not agree any better
+  double noise = 0.0;  // of b: dependent rows may disagree by this
   const double* column[C];
   double b[C], upper[C];  // solve() sets b below `negligible` to 0
   bool two_sided[C];
   Place place[C];  // on entry the guess
   double x[C], s[C];
-  double terms[C];  // size of what s is the sum of
+  double terms[C];  // sum of the magnitudes of the terms of s
   double ray[C];    // of an infeasible problem
 
   Solved solve() {
@@ -81,7 +83,7 @@ struct ActiveSet {
     return Solved::UNSETTLED;
   }
 
-  // Takes x and the places from a solution found elsewhere; makes the basis, but no s.
+  // Takes x and the places from another solver's solution; computes the basis, but not s.
   void adopt() {
     bool basic[C];
     measure();
@@ -113,8 +115,8 @@ struct ActiveSet {
     }
   }
 
-  // Coefficients of column i on the basis, column i = sum_j c_j column[basis[j]]; returns how far
-  // the column is apart from that, relative to its length.
+  // Coefficients of column i on the basis, column i = sum_j c_j column[basis[j]]. Returns the
+  // distance of the column from that, relative to its length.
   double coefficients(int i, double* c) {
     const double apart = project(i);
     for (int j = 0; j < k_; ++j) c[j] = along_[j];
@@ -126,7 +128,7 @@ struct ActiveSet {
   int basis(int j) const { return basis_[j]; }
 
  private:
-  // An empty basis, and the columns' sizes.
+  // Empties the basis and computes the columns' sizes.
   void measure() {
     k_ = 0;
     top_ = 0.0;
@@ -151,7 +153,7 @@ struct ActiveSet {
     }
     join_all(first);
     join_all(guessed);
-    // A guess is a start only where its multipliers are within their bounds.
+    // A guess is a valid start only if its multipliers are within their bounds.
     do fit();
     while (!drop_beyond(0.0));
   }
@@ -236,7 +238,8 @@ struct ActiveSet {
     return worst;
   }
 
-  // Computes x of the basis again, free of the rounds' rounding. False if a row had to leave.
+  // Recomputes x of the basis without the rounding of the rounds. Returns false if a row had to
+  // leave.
   bool polish() {
     fit();
     double largest = 0.0;
@@ -252,7 +255,7 @@ struct ActiveSet {
     return true;
   }
 
-  // Drops the rows whose x lies beyond a bound by more than `slack`; true when there are none.
+  // Drops the rows whose x is beyond a bound by more than `slack`. Returns true if there are none.
   bool drop_beyond(double slack) {
     bool none = true;
     for (int j = k_ - 1; j >= 0; --j) {
@@ -321,7 +324,7 @@ struct ActiveSet {
   }
 
   // Takes the wanted rows into the basis, those farthest from its span first, so that of redundant
-  // rows the best conditioned are taken.
+  // rows the best conditioned are included.
   void join_all(bool* wanted) {
     for (;;) {
       int best = -1;
@@ -340,7 +343,7 @@ struct ActiveSet {
     }
   }
 
-  // Takes the row at place j out of the basis.
+  // Removes the row at place j from the basis.
   void leave(int j) {
     int after[D], n_after = 0;
     for (int l = j + 1; l < k_; ++l) after[n_after++] = basis_[l];
@@ -349,7 +352,8 @@ struct ActiveSet {
       if (!join(after[l])) place[after[l]] = LOW;
   }
 
-  // Column i along the basis (along_) and apart from it (rest_); the length of the latter.
+  // Projects column i on the basis (along_); rest_ is the difference. Returns the length of the
+  // latter.
   double project(int i) {
     for (int a = 0; a < dim; ++a) rest_[a] = column[i][a];
     for (int j = 0; j < k_; ++j) along_[j] = 0.0;

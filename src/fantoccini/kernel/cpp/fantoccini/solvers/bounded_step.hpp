@@ -2,7 +2,7 @@
 //
 //   min 1/2 d . Q d + g . d   subject to   a_c . d <= b_c
 //
-// by its dual over the bounds that would be passed, which join one after the other
+// by its dual over the bounds that would be violated, which join one after another
 // (complementarity.hpp):
 //
 //   d = -Q^-1 (g + A^T x),   0 <= x complementary to b - A d >= 0
@@ -13,7 +13,7 @@
 
 namespace fan {
 
-// For n unknowns and bounds in `kinds` kinds, of each of which at most one side takes part.
+// For n unknowns and bounds of `kinds` kinds; at most one side of each takes part.
 template <int unknowns, int kinds>
 class BoundedStep {
  public:
@@ -21,9 +21,9 @@ class BoundedStep {
 
   int n = 0;
   double Q[U * U], g[U], d[U];
-  double x[C];  // multiplier of every kind; negative where the bound is one from below
+  double x[C];  // multiplier of every kind; negative for lower bounds
 
-  // Before the bounds are told. False where Q is not positive definite.
+  // Begins a step, before bounds are added. Returns false if Q is not positive definite.
   bool begin() {
     taken_ = 0;
     for (int c = 0; c < C; ++c) x[c] = 0.0, side_[c] = 0;
@@ -39,7 +39,7 @@ class BoundedStep {
     return true;
   }
 
-  // Adds a bound of a kind, low <= row . d <= high, where d passes it. Whether it did.
+  // Adds a bound of a kind, low <= row . d <= high, if d violates it. Returns whether it did.
   bool add(int kind, const double* row, double low, double high, double tolerance) {
     double value = 0.0;
     for (int i = 0; i < n; ++i) value += row[i] * d[i];
@@ -67,7 +67,7 @@ class BoundedStep {
     return true;
   }
 
-  // d within the bounds that were added; false where they contradict one another.
+  // d within the added bounds. Returns false if they contradict one another.
   bool solve() {
     dual_.n = taken_;
     for (int a = 0; a < taken_; ++a) {

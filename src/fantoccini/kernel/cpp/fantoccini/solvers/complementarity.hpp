@@ -4,7 +4,7 @@
 //   s_i <= 0 where x_i = upper_i                      (G = A_D M^-1 A_D^T)
 //
 // Block principal pivoting (Judice and Pires) that falls back to one row a round, the last wrong
-// one (Murty), and so ends for every positive definite G. Where rows are nearly redundant, G's
+// one (Murty), and so terminates for every positive definite G. For nearly redundant rows, G's
 // diagonal is raised by eps times its largest entry, so that they have a solution too: as eps goes
 // to 0 it becomes the one of least norm (Tikhonov). The pivots are chosen for the raised G;
 // refinement against G itself then removes the error of eps from the active rows. active_set.hpp
@@ -20,33 +20,34 @@ struct ComplementarityTolerances {
   // Raise of G's diagonal, relative to its largest entry: far above rounding. It changes x by about
   // raise / smallest eigenvalue (also relative); one refinement squares that.
   static constexpr double raise = 1e-10;
-  // Raises tried one after the other where pivoting does not settle with that.
+  // Raises tried one after another if pivoting does not terminate with that.
   static constexpr double firmer_raises[] = {1e-4, 1e-2};
   // A lane is raised if one of its pivots is below this many raises. A firmer raise thus raises
   // nearly all lanes.
   static constexpr double firm_pivot = 1e4;
-  // How far x may pass a bound, relative to the largest |x|, and s may have the wrong sign,
-  // relative to its terms.
+  // Largest violation of a bound by x, relative to the largest |x|, and wrong sign of s, relative
+  // to its terms.
   static constexpr double pivoting = 1e-13;
-  // Residual of an active row, relative to its terms, that needs no refinement: two roundings.
+  // Residual of an active row, relative to its terms, that needs no refinement: two rounding
+  // errors.
   static constexpr double refined_residual = 4e-16;
   // A pivot is at least the sum of these shares of the raise and of its diagonal entry, and an
   // absolute part [1/kg]: the factor stays finite.
   static constexpr double pivot_floor[] = {1e-2, 1e-16, 1e-300};
   static constexpr double smallest_diagonal =
       1e-30;  // 1/kg: the raise is relative to at least this
-  // Rounds of block pivoting that may leave no fewer wrong rows, before one row a round is changed.
+  // Rounds of block pivoting without fewer wrong rows, before one row a round is changed.
   static constexpr double patience = 3.0;
   // Speed (m/s or rad/s) at which a row opens in lanes in which it takes no part.
   static constexpr double excluded_speed = 1e30;
 
-  // Most rounds of pivoting for n rows.
+  // Largest number of rounds of pivoting for n rows.
   static constexpr int max_iterations(int n) { return 50 + 4 * n; }
 };
 
-// Of a problem for solve() the first `leading` rows always take part: what is done for them is
+// In a problem for solve() the first `leading` rows always take part: they are processed in
 // straight-line code, the same whatever rows follow, so that no lane's sums depend on whether rows
-// of its neighbours do.
+// of its neighbours take part.
 template <class Real, int capacity, int leading = 0>
 struct Complementarity {
   using Mask = typename Traits<Real>::Mask;
@@ -62,8 +63,8 @@ struct Complementarity {
   Mask active[N];  // rows between their bounds; on entry the guess
   Mask high[N];    // rows at their upper bound
 
-  // Where the entries between the first `leading` rows are, for solve(): (i, j), j <= i, at
-  // i * stride + j.
+  // Sets the entries between the first `leading` rows, for solve(): (i, j), j <= i, at i * stride +
+  // j.
   FAN_FN void use(const Real* block, int stride) {
     block_ = block;
     stride_ = stride;
@@ -82,21 +83,21 @@ struct Complementarity {
   // The pivot of row i in the factor; the row must be active in some lane.
   FAN_FN Real pivot(int i) const {
     int c = 0;
-    while (some_[c] != i) ++c;
+    while (rows_[c] != i) ++c;
     return pivots_[c];
   }
 
-  // x_i within its bounds.
+  // x_i clipped to its bounds.
   FAN_FN Real bounded(int i) const {
     const Real below = select(x[i] > upper[i], upper[i], x[i]);
     return select(below < lower[i], lower[i], below);
   }
 
-  // r <- (active block)^-1 r; the other rows stay as they are.
+  // r <- (active block)^-1 r; the other rows are unchanged.
   FAN_FN void substitute(Real* r) const { substitute_with<0>(r); }
 
   // x of the active rows from s_i = 0, of the others from their bounds; then s of all rows. Refines
-  // until the residuals are rounding; a lane that is done no longer changes.
+  // until the residuals are rounding; a converged lane no longer changes.
   FAN_FN void solve_active(double eps, int max_refinements) {
     factorise(eps);
     first_solution<0>();
@@ -105,10 +106,10 @@ struct Complementarity {
     refine<0>(max_refinements, everywhere);
   }
 
-  // Solves the problem from the guess in `active` and `high`. tolerance is relative to the largest
-  // |x| and to the size of the terms of each s. Returns the lanes that were solved; a lane with NaN
-  // counts as solved. `again`: n and G are those of the last call, whose factor is used again as
-  // long as the active rows are the same.
+  // Solves the problem from the guess in `active` and `high`. The tolerance is relative to the
+  // largest |x| and to the magnitude of the terms of each s. Returns the solved lanes; a lane with
+  // NaN counts as solved. `again`: n and G are those of the last call, whose factor is reused while
+  // the active rows are the same.
   FAN_FN Mask
   solve(double eps, int max_refinements, double tolerance, int max_iterations, bool again = false) {
     using std::abs;
@@ -122,7 +123,7 @@ struct Complementarity {
       factorise_as_needed(eps);
       first_solution<leading>();
       Real scale = Real(0.0), count = Real(0.0);
-      Mask below[N], above[N], wrong[N], some = Real(0.0) > Real(1.0);
+      Mask below[N], above[N], wrong[N], any_wrong = Real(0.0) > Real(1.0);
       rows<leading>([&](auto i) FAN_INLINE { scale = maximum(Real(abs(x[i])), scale); });
       const Real slack = tolerance * scale;
       residuals<leading>(raised_);
@@ -133,10 +134,10 @@ struct Complementarity {
         const Mask freed = (high[i] && sum > tolerance * terms) ||
                            (!active[i] && !high[i] && sum < -tolerance * terms);
         wrong[i] = below[i] || above[i] || freed;
-        some = some || wrong[i];
+        any_wrong = any_wrong || wrong[i];
       });
-      solved = !some;
-      if (!any(some)) break;
+      solved = !any_wrong;
+      if (!any(any_wrong)) break;
       for (int i = 0; i < n; ++i) count += select(wrong[i], Real(1.0), Real(0.0));
       const Mask better = count < fewest;
       fewest = select(better, count, fewest);
@@ -154,8 +155,8 @@ struct Complementarity {
     return solved;
   }
 
-  // Solves the problem; in lanes in which pivoting does not settle, with firmer raises. Returns the
-  // lanes that were solved, and those that are idle.
+  // Solves the problem, with larger raises in lanes in which pivoting does not terminate. Returns
+  // the solved lanes and the idle ones.
   FAN_FN Mask solve_firmly(const Mask& idle) {
     const int most = Tolerance::max_iterations(n);
     Mask settled = solve(Tolerance::raise, 1, Tolerance::pivoting, most) || idle;
@@ -195,7 +196,7 @@ struct Complementarity {
     for (int i = first; i < n; ++i) f(i);
   }
 
-  // Raises the lanes in which a pivot is small, and keeps them raised: pivoting ends for one
+  // Raises the lanes in which a pivot is small, and keeps them raised: pivoting terminates for one
   // matrix, not for two that alternate. The other lanes are solved to rounding and need no
   // refinement.
   FAN_FN void factorise_as_needed(double eps) {
@@ -219,15 +220,15 @@ struct Complementarity {
     return !any(differs);
   }
 
-  // The first rows and those that are active in some lane, and the largest diagonal entry of each
-  // lane's active rows.
+  // Finds the first rows and those that are active in some lane, and the largest diagonal entry of
+  // each lane's active rows.
   template <int first>
   FAN_FN void choose() {
     largest_ = Real(Tolerance::smallest_diagonal);
-    n_some_ = first;
+    n_rows_ = first;
     rows<first>([&](auto j) FAN_INLINE {
-      if (j < first) some_[j] = j;
-      else if (any(active[j])) some_[n_some_++] = j;
+      if (j < first) rows_[j] = j;
+      else if (any(active[j])) rows_[n_rows_++] = j;
       else return;
       const Real own = select(active[j], at_with<first>(j, j), Real(0.0));
       largest_ = maximum(own, largest_);
@@ -239,7 +240,7 @@ struct Complementarity {
   FAN_FN void factor(double least) {
     loose_ = Real(0.0) > Real(1.0);
     const Real low = least * largest_;
-    // The Schur complement of the leading block, for which D L^T is not kept.
+    // The Schur complement of the leading block, for which D L^T is not stored.
     Real left[room(first)][room(first)];
     unrolled<0, first>([&](auto d) FAN_INLINE {
       unrolled<0, d + 1>([&](auto c) FAN_INLINE { left[d][c] = entry<first>(d, c); });
@@ -252,10 +253,10 @@ struct Complementarity {
         factor_[d * N + c] = part;
       });
     });
-    for (int c = 0; c < n_some_; ++c) {
+    for (int c = 0; c < n_rows_; ++c) {
       const int begin = c < first ? first : c;
-      for (int d = begin; d < n_some_; ++d) {
-        Real sum = entry<first>(some_[d], some_[c]);
+      for (int d = begin; d < n_rows_; ++d) {
+        Real sum = entry<first>(rows_[d], rows_[c]);
         for (int k = 0; k < c; ++k) sum -= factor_[c * N + k] * factor_[k * N + d];
         if (d == c) take_pivot<first>(c, sum, low);
         else take_entry(c, d, sum);
@@ -272,19 +273,19 @@ struct Complementarity {
   }
 
   template <int first>
-  FAN_ALWAYS_INLINE void take_pivot(int c, const Real& found, const Real& low) {
+  FAN_ALWAYS_INLINE void take_pivot(int c, const Real& value, const Real& low) {
     // A redundant row leaves rounding here; the floor keeps the factor finite.
-    const int j = some_[c];
+    const int j = rows_[c];
     const Real floor = raise_ * Tolerance::pivot_floor[0] +
                        at_with<first>(j, j) * Tolerance::pivot_floor[1] + Tolerance::pivot_floor[2];
-    pivots_[c] = maximum(found, floor);
+    pivots_[c] = maximum(value, floor);
     inverse_[c] = Real(1.0) / pivots_[c];
     loose_ = loose_ || (active[j] && pivots_[c] < low);
   }
 
-  FAN_ALWAYS_INLINE void take_entry(int c, int d, const Real& found) {
-    factor_[c * N + d] = found;
-    factor_[d * N + c] = found * inverse_[c];
+  FAN_ALWAYS_INLINE void take_entry(int c, int d, const Real& value) {
+    factor_[c * N + d] = value;
+    factor_[d * N + c] = value * inverse_[c];
   }
 
   // r <- (active block)^-1 r, the first rows in straight-line code.
@@ -292,16 +293,16 @@ struct Complementarity {
   FAN_FN void substitute_with(Real* r) const {
     Real y[N];
     unrolled<0, first>([&](auto c) FAN_INLINE { y[c] = r[c]; });
-    for (int c = first; c < n_some_; ++c) y[c] = r[some_[c]];
+    for (int c = first; c < n_rows_; ++c) y[c] = r[rows_[c]];
     unrolled<0, first>([&](auto c) FAN_INLINE {
       unrolled<c + 1, first>([&](auto d) FAN_INLINE { y[d] -= factor_[d * N + c] * y[c]; });
     });
-    for (int d = first; d < n_some_; ++d)
+    for (int d = first; d < n_rows_; ++d)
       for (int c = 0; c < d; ++c) y[d] -= factor_[d * N + c] * y[c];
-    for (int c = n_some_ - 1; c >= first; --c) {
+    for (int c = n_rows_ - 1; c >= first; --c) {
       y[c] *= inverse_[c];
       for (int d = 0; d < c; ++d) y[d] -= factor_[d * N + c] * y[c];
-      r[some_[c]] = y[c];
+      r[rows_[c]] = y[c];
     }
     unrolled<0, first>([&](auto c) FAN_INLINE { y[c] *= inverse_[c]; });
     unrolled<0, first>([&](auto i) FAN_INLINE {
@@ -314,13 +315,13 @@ struct Complementarity {
   template <int first>
   FAN_FN void first_solution() {
     Real known[N];
-    Mask some = Real(0.0) > Real(1.0);
+    Mask any_bound = Real(0.0) > Real(1.0);
     rows<first>([&](auto i) FAN_INLINE {
       known[i] = select(active[i], Real(0.0), select(high[i], upper[i], lower[i]));
-      some = some || known[i] != Real(0.0);
+      any_bound = any_bound || known[i] != Real(0.0);
       x[i] = select(active[i], b[i], Real(0.0));
     });
-    if (any(some))
+    if (any(any_bound))
       for (int j = 0; j < n; ++j)
         if (any(known[j] != Real(0.0)))
           for (int i = 0; i < n; ++i)
@@ -349,8 +350,8 @@ struct Complementarity {
     }
   }
 
-  // s, and the size of its terms. Active rows, whose s is 0 up to rounding and the raise, only in
-  // the lanes `also`.
+  // s, and the magnitude of its terms. Active rows, whose s is 0 up to rounding and the raise, only
+  // in the lanes `also`.
   template <int first>
   FAN_FN void residuals(const Mask& also) {
     using std::abs;
@@ -380,12 +381,12 @@ struct Complementarity {
   int stride_ = 0;
   Real raise_, largest_, terms_[N];
   Mask loose_, raised_;
-  bool standing_ = false;     // whether there is a factor to be used again
-  Mask factored_[N];          // active rows when it was made
-  int some_[N], n_some_ = 0;  // rows of the factor, in order
+  bool standing_ = false;     // whether there is a factor to reuse
+  Mask factored_[N];          // active rows of the factor
+  int rows_[N], n_rows_ = 0;  // rows of the factor, in order
   // These rows' block is L D L^T with ones on L's diagonal: L below the diagonal, D L^T above it
-  // but for the first rows of solve().
-  // The part of a row that is not active in a lane is that of the unit matrix there.
+  // except for the first rows of solve(). A row that is not active in a lane is that of the unit
+  // matrix there.
   Real factor_[N * N], pivots_[N], inverse_[N];
 };
 

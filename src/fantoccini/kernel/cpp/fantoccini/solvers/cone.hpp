@@ -1,6 +1,6 @@
 // Impulses of strings and of contacts with exact Coulomb friction, at one instant:
 //
-//   s = G x - b      (G symmetric, positive semidefinite, often singular: redundant contacts)
+//   s = G x - b      (G symmetric, positive semi-definite, often singular: redundant contacts)
 //
 // Single rows (strings, limits):  lower <= x <= upper,  s >= 0 where x = lower,  s <= 0 where
 // x = upper,  s = 0 between. Contacts of three rows, the normal n and two tangents T:
@@ -9,24 +9,24 @@
 //   s_T = 0 where |x_T| < mu x_n,   x_T = -mu x_n s_T / |s_T| elsewhere
 //
 // The law holds where x is a fixed point of x <- P(x - s / g), with g > 0 the mean of G's diagonal
-// over a row or a contact, and P onto the bounds and the disc of radius mu x_n (Alart and Curnier,
-// Computer Methods in Applied Mechanics and Engineering 92, 1991). Semi-smooth Newton: x - s / g
-// says which rows are at a bound, which contacts are open, stick or slide; these fix some of x and
-// leave linear equations for the rest. A sliding contact keeps two unknowns: x_n, which takes
-// mu x_n d with it along the direction d of sliding, and the part of x_T across d.
+// over a row or a contact, and P the projection onto the bounds and the disc of radius mu x_n
+// (Alart and Curnier, Computer Methods in Applied Mechanics and Engineering 92, 1991). Semi-smooth
+// Newton: x - s / g decides which rows are at a bound, which contacts are open, stick or slide;
+// these fix some of x and leave linear equations for the rest. A sliding contact keeps two
+// unknowns: x_n, together with mu x_n d along the direction d of sliding, and the part of x_T
+// across d.
 //
-// A contact may have a given direction d of sliding instead: x_T = mu x_n d whatever s_T is.
+// The direction d of sliding of a contact may be given instead: x_T = mu x_n d whatever s_T is.
 //
-// G + raise takes the place of G and b + raise centre that of b (proximal point: Rockafellar, SIAM
-// Journal on Control and Optimization 14, 1976). When that problem is solved the centre moves to
-// its solution, so that the limit is exact. The raise is small at first. Where Newton cycles, the
-// start comes from the alternating direction method of multipliers, for the form of the law with
-// the second-order cone (De Saxce; Acary, Bremond and Huber, Lecture Notes in Applied and
-// Computational Mechanics 86, 2018), and the raise adapts itself: firmer after each failure, softer
-// after each success.
+// G + raise replaces G and b + raise centre replaces b (proximal point: Rockafellar, SIAM Journal
+// on Control and Optimization 14, 1976). When that problem is solved the centre moves to its
+// solution, so that the limit is exact. The raise is small at first. If Newton cycles, the start
+// comes from the alternating direction method of multipliers, for the form of the law with the
+// second-order cone (De Saxce; Acary, Bremond and Huber, Lecture Notes in Applied and Computational
+// Mechanics 86, 2018), and the raise adapts: larger after each failure, smaller after each success.
 //
-// Rows that do not influence one another, even through others, are islands: each is solved by
-// itself (cone_island.hpp).
+// Rows that do not influence one another, even through others, are islands, which are solved
+// separately (cone_island.hpp).
 #pragma once
 
 #include "fantoccini/solvers/cone_island.hpp"
@@ -39,23 +39,23 @@ struct ConeProblem : private ConeIsland<capacity> {
   using Tolerance = ConeTolerances;
   static constexpr int N = Island::N;
 
-  // Call resize() first, then fill the arrays; whoever writes a row of G may pass its end by one.
+  // Call resize() first, then fill the arrays; a row of G may be written one entry past its end.
   using Island::along, Island::x, Island::s;
   using Island::G, Island::b, Island::lower, Island::upper, Island::mu, Island::slides;
   using Island::resize, Island::n_single, Island::n_contacts, Island::n, Island::stride;
-  bool quick = false;  // whether few steps from the guess are made before another start is tried
+  bool quick = false;  // whether another start is tried after few steps from the guess
   // The largest g |x - P(x - s / g)| of a row (a speed), relative to the largest |b_i|.
   using Island::find_s;
   using Island::residual;
-  int iterations = 0;  // steps of Newton's method
+  int iterations = 0;  // Newton steps
   int rounds = 0;      // rounds of the method of multipliers
 
-  // Whether the law holds, up to the residual. If not, x is the best that was found within the
-  // bounds, or 0 where the problem has numbers that are not finite or bounds that are crossed.
+  // Whether the law holds, up to the residual. If not, x is the best iterate within the bounds, or
+  // 0 if the problem has numbers that are not finite or bounds in the wrong order.
   FAN_FN bool solve() { return solve_islands(0.0); }
 
-  // Solves, from zero, a problem whose rows yield a little: `share` of G's largest diagonal entry
-  // is added to its diagonal. Where forces jam, it has a solution although the law has none. s and
+  // Solves, from zero, a problem with compliant rows: `share` of G's largest diagonal entry is
+  // added to its diagonal. Where forces jam, it has a solution although the law has none. s and
   // residual are then those of the law itself. Call it after solve() has failed.
   FAN_FN bool solve_softly(double share) {
     for (int i = 0; i < n; ++i) x[i] = 0.0;
@@ -78,12 +78,12 @@ struct ConeProblem : private ConeIsland<capacity> {
       is_taken_[i] = false;
     }
     bool solved = true;
-    const bool one = is_one_island();
-    if (one) {
+    const bool is_single = is_one_island();
+    if (is_single) {
       solved = solve_one(*this, yielding);
       worst = speed;
     }
-    for (int i = 0; i < n && !one; ++i) {
+    for (int i = 0; i < n && !is_single; ++i) {
       if (is_taken_[i]) continue;
       collect(i);
       fill();
@@ -98,25 +98,25 @@ struct ConeProblem : private ConeIsland<capacity> {
     return solved;
   }
 
-  // Solves an island with more on G's diagonal; s and speed are without that.
-  FAN_FN bool solve_one(Island& one, double yielding) {
+  // Solves an island with an addition to G's diagonal; s and speed exclude that.
+  FAN_FN bool solve_one(Island& island, double yielding) {
     double held[N];
     if (yielding > 0.0)
-      for (int i = 0; i < one.n; ++i) {
-        held[i] = one.G[i * (one.stride + 1)];
-        one.G[i * (one.stride + 1)] += yielding;
+      for (int i = 0; i < island.n; ++i) {
+        held[i] = island.G[i * (island.stride + 1)];
+        island.G[i * (island.stride + 1)] += yielding;
       }
-    const bool solved = one.solve(quick);
+    const bool solved = island.solve(quick);
     if (yielding > 0.0) {
-      for (int i = 0; i < one.n; ++i) one.G[i * (one.stride + 1)] = held[i];
-      one.measure();
+      for (int i = 0; i < island.n; ++i) island.G[i * (island.stride + 1)] = held[i];
+      island.measure();
     }
-    iterations += one.iterations;
-    rounds += one.rounds;
+    iterations += island.iterations;
+    rounds += island.rounds;
     return solved;
   }
 
-  // Whether the first row influences all others, as where one body carries them.
+  // Whether the first row influences all others, as when one body carries them.
   FAN_FN bool is_one_island() const {
     bool all = true;
     for (int i = 1; i < n; ++i) all = all && G[i] != 0.0;
@@ -125,7 +125,7 @@ struct ConeProblem : private ConeIsland<capacity> {
 
   // Whether all numbers are finite and the bounds in order. If not, x and s are 0.
   FAN_FN bool is_valid() {
-    const double size = sum_of_squares(G, n * stride);  // nan with a number that is nan
+    const double size = sum_of_squares(G, n * stride);  // NaN if any number is
     bool valid = size < Tolerance::largest_number * Tolerance::largest_number;
     for (int i = 0; i < n; ++i) valid = valid && is_finite(b[i]);
     for (int i = 0; i < n_single; ++i) valid = valid && lower[i] <= upper[i];
@@ -135,7 +135,7 @@ struct ConeProblem : private ConeIsland<capacity> {
     return valid;
   }
 
-  // Four sums of four at a time: each addition waits for the one before.
+  // Four sums of four at a time: each addition waits for the previous one.
   FAN_FN static double sum_of_squares(const double* x, int n) {
     Quad sum[4] = {};
     int i = 0;
@@ -146,9 +146,9 @@ struct ConeProblem : private ConeIsland<capacity> {
     return (all[0] + all[1]) + (all[2] + all[3]);
   }
 
-  // Lists in own_ the rows of the island of row `first`, in order; rows of one contact go together.
+  // Lists in own_ the rows of the island of row `first`, in order, with all rows of a contact.
   FAN_FN void collect(int first) {
-    int found[N], n_found = 0;
+    int reached[N], n_reached = 0;
     bool is_own[N];
     for (int i = 0; i < n; ++i) is_own[i] = false;
     const auto add = [&](int i) {
@@ -156,19 +156,19 @@ struct ConeProblem : private ConeIsland<capacity> {
       const int begin = single ? i : i - (i - n_single) % 3;
       for (int j = begin; j < begin + (single ? 1 : 3); ++j) {
         is_own[j] = is_taken_[j] = true;
-        found[n_found++] = j;
+        reached[n_reached++] = j;
       }
     };
     add(first);
-    int left = 0;  // rows that are not taken
+    int left = 0;  // number of remaining rows
     int rest[N];
     for (int j = 0; j < n; ++j)
       if (!is_taken_[j]) rest[left++] = j;
-    for (int done = 0; done < n_found && left > 0;) {
-      double influence[N];  // of all that were found last: 0 where there is none
+    for (int done = 0; done < n_reached && left > 0;) {
+      double influence[N];  // of all listed rows: 0 where there is none
       for (int j = 0; j < n; ++j) influence[j] = 0.0;
-      for (; done < n_found; ++done) {
-        const double* row = G + found[done] * stride;
+      for (; done < n_reached; ++done) {
+        const double* row = G + reached[done] * stride;
         for (int j = 0; j < n; ++j) influence[j] += fabs(row[j]);
       }
       int kept = 0;
@@ -185,7 +185,7 @@ struct ConeProblem : private ConeIsland<capacity> {
       if (is_own[i]) own_[n_own_++] = i;
   }
 
-  // Gives the rows of own_ to part_.
+  // Copies the rows of own_ to part_.
   FAN_FN void fill() {
     int singles = 0;
     while (singles < n_own_ && own_[singles] < n_single) ++singles;
@@ -201,7 +201,7 @@ struct ConeProblem : private ConeIsland<capacity> {
       along_[2 * c + 1] = along[2 * from + 1];
     }
     for (int first = 0, end = 0; first < n_own_; first = end) {
-      // Columns that follow one another in G, too.
+      // Columns that are adjacent in G, too.
       while (++end < n_own_ && own_[end] == own_[end - 1] + 1) {
       }
       for (int k = 0; k < n_own_; ++k)
@@ -227,7 +227,7 @@ struct ConeProblem : private ConeIsland<capacity> {
   bool is_taken_[N];
   bool slides_[N];  // of part_
   double along_[2 * N];
-  Island part_;  // of several islands, the one that is solved
+  Island part_;  // the current one of several islands
 };
 
 }  // namespace fan

@@ -1,6 +1,5 @@
 // A problem of cone.hpp whose rows all influence one another: its law, the modes of its rows, and
-// the linear equations that they leave for a step of Newton's method. Rows of G are filled up with
-// zeros to a multiple of four.
+// their linear equations for a Newton step. Rows of G are padded with zeros to a multiple of four.
 #pragma once
 
 #include "fantoccini/math/dense_ldl.hpp"
@@ -16,17 +15,17 @@ struct ConeEquations : ConeLaw {
   int n_single = 0, n_contacts = 0;
   int n = 0, stride = 0;          // rows; the length of a row of G
   double G[N * N + 1];            // row i, column j at i * stride + j
-  double b[N];                    // b below `negligible` becomes 0; filled up with zeros
-  double lower[N], upper[N];      // of a contact only the upper bound of the normal counts
+  double b[N];                    // b below `negligible` becomes 0; padded with zeros
+  double lower[N], upper[N];      // of a contact only the upper bound of the normal is used
   double mu[N];                   // of contact c
-  const bool* slides = nullptr;   // of contact c, whether its direction is given; null for none
+  const bool* slides = nullptr;   // whether the direction of contact c is given; null for none
   const double* along = nullptr;  // d of contact c at 2 c
-  double x[N];                    // on entry the guess; of many solutions the result is one near it
+  double x[N];                    // on entry the guess; of several solutions, one near it results
   double s[N];
   double speed = unbounded;     // the largest g |x - P(x - s / g)| of a row
   double residual = unbounded;  // the same relative to the largest |b_i|
 
-  // The sizes, before the arrays are filled; what fills them up is 0 then.
+  // Sets the sizes, before the arrays are filled; their padding is 0 then.
   FAN_FN void resize(int singles, int contacts) {
     n_single = singles;
     n_contacts = contacts;
@@ -53,11 +52,11 @@ struct ConeEquations : ConeLaw {
     known_to_ = residual > Tolerance::centred ? rounding() : 0.0;
   }
 
-  // Whether the residual is as small as it is to be, or can be.
+  // Whether the residual is within its tolerance, or as small as possible.
   FAN_FN bool is_exact() const { return residual <= larger(Tolerance::residual, known_to_); }
 
  protected:
-  // An unknown of a contact that slides: x_n, or the part of x_T across the direction of sliding.
+  // An unknown of a sliding contact: x_n, or the part of x_T across the direction of sliding.
   struct Mixed {
     int unknown;
     bool is_normal;
@@ -72,15 +71,15 @@ struct ConeEquations : ConeLaw {
       for (int j = 0; j < n; ++j) sum += fabs(G[i * stride + j] * x[j]);
       most = larger(most, sum);
     }
-    const double found = Tolerance::rounding_of_sum * most / larger(scale_, negligible);
-    return found < Tolerance::largest_rounding ? found : Tolerance::largest_rounding;
+    const double relative = Tolerance::rounding_of_sum * most / larger(scale_, negligible);
+    return relative < Tolerance::largest_rounding ? relative : Tolerance::largest_rounding;
   }
 
   FAN_FN bool is_given(int c) const { return slides && slides[c]; }
 
   FAN_FN int row_of(int c) const { return n_single + 3 * c; }
 
-  // g of all rows, and the sizes of G and b.
+  // g of all rows, and the magnitudes of G and b.
   FAN_FN void weigh() {
     top_ = scale_ = 0.0;
     for (int i = 0; i < n; ++i) {
@@ -99,8 +98,8 @@ struct ConeEquations : ConeLaw {
     for (int i = 0; i < n; ++i) inverse_g_[i] = 1.0 / g_[i];
   }
 
-  // Puts y within its bounds, and a tangential part outside its disc at the nearest point of it;
-  // whether that changed anything.
+  // Clips y to its bounds, and moves a tangential part outside its disc to the nearest point of it.
+  // Returns whether that changed anything.
   FAN_FN bool bound(double* y) const {
     bool changed = false;
     const auto set = [&](double& to, double value) {
@@ -116,7 +115,8 @@ struct ConeEquations : ConeLaw {
     return changed;
   }
 
-  // The tangential part of y to where friction of this size puts it; whether that changed it.
+  // Moves the tangential part of y onto friction of this magnitude. Returns whether that changed
+  // it.
   FAN_FN bool slide(int c, double* y, double radius) const {
     if (!is_given(c)) return shorten(y, radius);
     const double p = radius * along[2 * c], q = radius * along[2 * c + 1];
@@ -139,7 +139,7 @@ struct ConeEquations : ConeLaw {
     FAN_UNROLL for (int q = 0; q < quads; ++q) quad(s + first + 4 * q) = sum[q];
   }
 
-  // The speed by which x breaks the law of the raised problem.
+  // Speed of the violation of the raised problem's law by x.
   FAN_FN double violation(double raise) const {
     double w[N], most = 0.0;
     for (int i = 0; i < n; ++i) w[i] = ahead(i, raise);
@@ -149,7 +149,7 @@ struct ConeEquations : ConeLaw {
       w[i] = clip(w[i], 0.0, upper[i]);
       slide(c, w + i, mu[c] * larger(x[i], 0.0));
     }
-    double sum = 0.0;  // nan where one is
+    double sum = 0.0;  // NaN if any is
     for (int i = 0; i < n; ++i) {
       const double own = g_[i] * fabs(x[i] - w[i]);
       most = larger(most, own);
@@ -163,7 +163,7 @@ struct ConeEquations : ConeLaw {
     return x[i] - (s[i] + raise * (x[i] - centre_[i])) * inverse_g_[i];
   }
 
-  // What the modes of the rows fix of x (base_), and the unknowns.
+  // Finds the part of x that the modes of the rows fix (base_), and the unknowns.
   FAN_FN void choose(double raise) {
     m_ = n_mixed_ = 0;
     fixed_ = false;
@@ -207,8 +207,8 @@ struct ConeEquations : ConeLaw {
     fixed_ = fixed_ || value != 0.0;
   }
 
-  // An unknown that moves x along a direction in the rows of a contact, and its own part of its
-  // equation. The equation is that of the normal, or of the tangents along the direction.
+  // Adds an unknown that moves x along a direction in the rows of a contact, and its own part of
+  // its equation. The equation is that of the normal, or of the tangents along the direction.
   FAN_FN void mix(int row, double normal, double p, double q, double own) {
     mixed_[n_mixed_++] = {m_, normal != 0.0, {normal, p, q}, own};
     row_[m_++] = row;
@@ -239,7 +239,7 @@ struct ConeEquations : ConeLaw {
     else lu_.substitute(z);
   }
 
-  // The factor of the equations of unknowns none of which is mixed.
+  // The factor of the equations if no unknown is mixed.
   FAN_FN bool factorise_symmetric(double raise) {
     ldl_.resize(m_);
     for (int a = 0; a < m_; ++a) {
@@ -255,7 +255,7 @@ struct ConeEquations : ConeLaw {
     return is_symmetric_ = ldl_.factorise();
   }
 
-  // The factor of all equations, and their right side.
+  // The factor of all equations, and their right-hand side.
   FAN_FN bool factorise(double raise, const double* right, double* z) {
     is_symmetric_ = false;
     lu_.resize(m_);
@@ -272,19 +272,19 @@ struct ConeEquations : ConeLaw {
     return lu_.factorise();
   }
 
-  // One refinement of a solution with the factor at hand, which removes the raise's part; kept
-  // where the residual becomes smaller.
+  // One refinement of a solution with the current factor, which removes the raise's part; kept if
+  // the residual decreases.
   FAN_FN void refine() {
     double z[N], held[N];
     const double before = residual;
     for (int i = 0; i < n; ++i) held[i] = x[i];
     for (int a = 0; a < m_; ++a) z[a] = -s[row_[a]];
     for (int k = 0; k < n_mixed_; ++k) {
-      const Mixed& one = mixed_[k];
-      const double *w = one.direction, *own = x + row_[one.unknown];
-      if (!one.is_normal)
-        z[one.unknown] = -w[1] * (s[row_[one.unknown] + 1] + one.own * own[1]) -
-                         w[2] * (s[row_[one.unknown] + 2] + one.own * own[2]);
+      const Mixed& mixed = mixed_[k];
+      const double *w = mixed.direction, *own = x + row_[mixed.unknown];
+      if (!mixed.is_normal)
+        z[mixed.unknown] = -w[1] * (s[row_[mixed.unknown] + 1] + mixed.own * own[1]) -
+                           w[2] * (s[row_[mixed.unknown] + 2] + mixed.own * own[2]);
     }
     substitute(z);
     add_unknowns(z, x);
@@ -295,12 +295,13 @@ struct ConeEquations : ConeLaw {
     measure();
   }
 
-  // y <- y + what the unknowns z make of x.
+  // y <- y + contribution of the unknowns z to x.
   FAN_FN void add_unknowns(double* z, double* y) const {
     for (int k = 0; k < n_mixed_; ++k) {
-      const Mixed& one = mixed_[k];
-      for (int j = 0; j < 3; ++j) y[row_[one.unknown] + j] += z[one.unknown] * one.direction[j];
-      z[one.unknown] = 0.0;
+      const Mixed& mixed = mixed_[k];
+      for (int j = 0; j < 3; ++j)
+        y[row_[mixed.unknown] + j] += z[mixed.unknown] * mixed.direction[j];
+      z[mixed.unknown] = 0.0;
     }
     for (int a = 0; a < m_; ++a) y[row_[a]] += z[a];
   }
@@ -315,7 +316,7 @@ struct ConeEquations : ConeLaw {
     }
   }
 
-  // The row of the matrix of a mixed unknown; returns the right side.
+  // The row of the matrix of a mixed unknown; returns the right-hand side.
   FAN_FN double equation(const Mixed& of, double raise, const double* right) {
     const int i = row_[of.unknown];
     const double share[3] = {
@@ -335,14 +336,14 @@ struct ConeEquations : ConeLaw {
     return sum;
   }
 
-  int m_ = 0, n_mixed_ = 0;         // unknowns, and those that are mixed
+  int m_ = 0, n_mixed_ = 0;         // unknowns, and mixed ones
   double top_ = 0.0, scale_ = 0.0;  // the largest G_ii and |b_i|
-  double known_to_ = 0.0;           // rounding of the residual, where that is not small
+  double known_to_ = 0.0;           // rounding of the residual, if not small
   double g_[N], inverse_g_[N], centre_[N], base_[N];
-  bool fixed_ = false;  // whether base_ has other numbers than 0
+  bool fixed_ = false;  // whether base_ has nonzero numbers
   Mixed mixed_[N];
   int row_[N];                 // of every unknown; of a mixed one the first of its contact
-  bool is_symmetric_ = false;  // which factor is that of the last step
+  bool is_symmetric_ = false;  // kind of the last step's factor
   DenseLdl<capacity> ldl_;
   DenseLu<capacity> lu_;
 };

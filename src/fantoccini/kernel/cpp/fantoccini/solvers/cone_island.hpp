@@ -16,9 +16,9 @@ struct ConeIsland : ConeEquations<capacity> {
   using typename Equations::Tolerance;
   int iterations = 0, rounds = 0;
 
-  // Whether the law holds, up to the residual. If not, x is the best that was found within the
-  // bounds. `quick`: after few steps from the guess damped ones and few rounds of the method of
-  // multipliers are tried, as is best for many problems that are mostly easy.
+  // Whether the law holds, up to the residual. If not, x is the best iterate within the bounds.
+  // `quick`: after few steps from the guess, damped ones and few rounds of the method of
+  // multipliers are tried, which is best for many mostly easy problems.
   FAN_FN bool solve(bool quick = false) {
     iterations = rounds = 0;
     residual = best_residual_ = unbounded;
@@ -60,8 +60,8 @@ struct ConeIsland : ConeEquations<capacity> {
     return guessed;
   }
 
-  // Newton's method from x; `patience` are the steps for one centre, `most` those for all. Whether
-  // x is a solution; if not, x is the last centre.
+  // Newton's method from x; `patience` is the number of steps for one centre, `most` the total.
+  // Returns whether x is a solution; if not, x is the last centre.
   FAN_FN bool newton(double share, int patience, int most) {
     int tries = 0;
     for (int i = 0; i < n; ++i) centre_[i] = x[i];
@@ -91,8 +91,8 @@ struct ConeIsland : ConeEquations<capacity> {
     return false;
   }
 
-  // A few of Newton's steps from x, each with its centre there, of which a part is taken where that
-  // breaks the law less. Whether x is a solution.
+  // A few Newton steps from x, each with its centre there, halved until the violation of the law
+  // decreases. Returns whether x is a solution.
   FAN_FN bool damped() {
     double from[N], of[N], to[N], image[N];
     measure();
@@ -126,9 +126,9 @@ struct ConeIsland : ConeEquations<capacity> {
       double tried = 1.0;
       for (int j = 0; j < Tolerance::halvings && !(best <= before * scale_); ++j) {
         tried *= 0.5;
-        const double found = take(tried);
-        if (best <= found) continue;
-        best = found;
+        const double value = take(tried);
+        if (best <= value) continue;
+        best = value;
         part = tried;
       }
       if (tried != part) take(part);
@@ -138,7 +138,7 @@ struct ConeIsland : ConeEquations<capacity> {
     return false;
   }
 
-  // Whether x, put within its bounds, is a solution. Keeps the best x.
+  // Whether x, clipped to its bounds, is a solution. Stores the best x.
   FAN_FN bool is_solution() {
     if (this->is_exact() && bound(x)) measure();
     if (residual < best_residual_) {
@@ -148,8 +148,8 @@ struct ConeIsland : ConeEquations<capacity> {
     return this->is_exact();
   }
 
-  // x from the method of multipliers, from x: y is x within the cones; z becomes s, with mu |s_T|
-  // added to s_n.
+  // The method of multipliers from x: y is x within the cones; z becomes s, with mu |s_T| added to
+  // s_n.
   FAN_FN void multipliers(int most) {
     double y[N], z[N], r[N];
     lu_.resize(n);

@@ -2,10 +2,10 @@
 //
 //   T^T (b - G y) = 0,   y = y_0 + D z
 //
-// D has a column for every unknown, T the row that it answers for: the first of its direction. A
-// sliding contact's force acts along its normal and its friction, and answers for the normal. An
-// unknown across two rows answers for its own direction e: e^T (b - G y) + goal = firm z. Where
-// rows are redundant, z is that of least norm, each unknown in units of its own influence.
+// D has a column for every unknown, T its equation's row: the first of its direction. A sliding
+// contact's force acts along its normal and its friction, and its equation is that of the normal.
+// An unknown across two rows has the equation along its direction e: e^T (b - G y) + goal = firm z.
+// If rows are redundant, z is that of least norm, each unknown in units of its own influence.
 #pragma once
 
 #include "fantoccini/math/dense_lu.hpp"
@@ -13,7 +13,7 @@
 namespace fan {
 
 struct DirectedRowTolerances {
-  // Raise of the diagonal, relative to it, and refinements that take its effect away again.
+  // Raise of the diagonal, relative to it, and refinements that remove its effect.
   static constexpr double raise = 1e-8;
   static constexpr int refinements = 4;
 };
@@ -31,7 +31,7 @@ class DirectedRows {
     unknown_[n++] = {row, width, {first, second, third}, false, 0.0, 0.0};
   }
 
-  // Adds one across the second and third row from `row` on, which starts from nothing.
+  // Adds one across the second and third row from `row` on, which starts at zero.
   void add_across(int row, double second, double third, double firm, double goal) {
     unknown_[n++] = {row, 3, {0.0, second, third}, true, firm, goal};
   }
@@ -41,7 +41,7 @@ class DirectedRows {
 
   int first_row(int u) const { return unknown_[u].row; }
 
-  // y over all `size` rows from b, and from the y_0 whose entries `start` gives.
+  // y over all `size` rows from b, and from the y_0 with the entries of `start`.
   void solve(const double* G, int size, const double* b, const double* start, double* y) {
     double *z = z_, left[R], image_of[R];
     lu_.resize(n);

@@ -1,5 +1,4 @@
-// The factor of held rows, G = U^T D U, in which rows that depend on those before them are left
-// out.
+// The factor of held rows, G = U^T D U, in which rows that depend on earlier ones are left out.
 #pragma once
 
 #include "fantoccini/math/real.hpp"
@@ -7,7 +6,7 @@
 namespace fan {
 
 struct HeldFactorTolerances {
-  // Pivot of a row, relative to its diagonal entry, below which it depends on those before it.
+  // Pivot of a row, relative to its diagonal entry, below which it depends on earlier ones.
   static constexpr double dependent = 1e-12;
 };
 

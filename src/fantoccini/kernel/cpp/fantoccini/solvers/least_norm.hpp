@@ -1,5 +1,5 @@
-// Tensions of least norm. Where strings are redundant the motion is unique and the tensions are
-// not; of all that give the motion, within their bounds, the shortest vector is reported:
+// Tensions of least norm. For redundant strings the motion is unique and the tensions are not; of
+// all tensions within their bounds with that motion, the shortest vector is reported:
 //
 //   min |x|   over W x = z, 0 <= x_i <= upper_i
 //
@@ -16,7 +16,7 @@ struct LeastNorm {
   static constexpr int C = Set::C;
 
   // Replaces x of a solved and completed (or adopted) problem by the least-norm one; keeps it if
-  // that is not found.
+  // none is found.
   void apply(Set& set) {
     n_null_ = 0;
     for (int i = 0; i < set.n; ++i)

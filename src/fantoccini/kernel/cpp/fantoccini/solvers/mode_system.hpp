@@ -1,10 +1,10 @@
-// Changes of a step's acceleration under rows that are held in their modes:
+// Changes of a step's acceleration under rows held in their modes:
 //
 //   (M + Z^T Z) x + B^T y = -force,   C x = -rate
 //
-// C are the rows that are held and B the forces that hold them; they differ where solids slide. Z
-// is what friction does because it turns with the velocity. Rows may depend on one another: y then
-// is the shortest, and x that of least squares. All rows come as W = F^-T A^T, with M = F^T F.
+// C are the held rows and B the forces that hold them; they differ if solids slide. Z is the effect
+// of friction that turns with the velocity. Rows may depend on one another: y is then the shortest,
+// and x that of least squares. All rows are given as W = F^-T A^T, with M = F^T F.
 #pragma once
 
 #include <cmath>
@@ -17,19 +17,19 @@ FAN_LOOPS_BEGIN
 namespace fan {
 
 struct ModeSystemTolerances {
-  // Singular value of C M^-1 B^T, and of C M^-1 C^T, relative to the largest, below which rows
-  // depend.
+  // Singular value of C M^-1 B^T, and of C M^-1 C^T, relative to the largest, below which rows are
+  // dependent.
   static constexpr double dependent = 1e-9;
 };
 
-// Room for `capacity` rows and `turning` that turn, of n numbers each.
+// Capacity of `capacity` rows and `turning` that turn, of n numbers each.
 template <int capacity, int turning, int n>
 class ModeSystem {
  public:
   int n_rows = 0, n_turning = 0;
   double C[room(capacity)][room(n)], B[room(capacity)][room(n)], Z[room(turning)][room(n)];
 
-  // Whether forces keep the modes; friction jams otherwise.
+  // Whether forces keep the modes; otherwise friction jams.
   bool factorise() {
     soften_forces();
     double* S = inverse_.matrix(n_rows);
@@ -44,7 +44,7 @@ class ModeSystem {
     return inverse_.rank >= rank_.rank;
   }
 
-  // Whether some forces do nothing, and (n_rows,) those: a combination of all.
+  // Whether some forces have no effect; writes a combination of all of these (n_rows,).
   bool idle(double* forces) const { return inverse_.null_vector(forces); }
 
   // From -w (n,), with w = F^-T force, and the rows' `rate` (n_rows,) to the multipliers y and
@@ -59,8 +59,8 @@ class ModeSystem {
       for (int k = 0; k < n; ++k) w[k] -= soft_B_[a][k] * y[a];
   }
 
-  // The transposed of solve(), of a sum with derivatives g by x and -y by the multipliers, on entry
-  // w = F^-T g: to its derivatives -y by `rate`, and w = F^-T z with z those by -force.
+  // The transpose of solve(), for a sum with derivatives g by x and -y by the multipliers. On entry
+  // w = F^-T g; results: its derivatives -y by `rate`, and w = F^-T z with z those by -force.
   void solve_transposed(double* w, double* y) const {
     double left[room(capacity)], own[room(n)];
     for (int k = 0; k < n; ++k) own[k] = w[k];
@@ -102,7 +102,7 @@ class ModeSystem {
     return even + odd;
   }
 
-  // Whether what holds the rows are the rows themselves.
+  // Whether the forces that hold the rows are along the rows.
   bool same() const {
     for (int a = 0; a < n_rows; ++a)
       for (int k = 0; k < n; ++k)

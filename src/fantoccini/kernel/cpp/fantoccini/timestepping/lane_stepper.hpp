@@ -1,8 +1,8 @@
-// Trajectories of fixed steps that are advanced piece by piece, in bundles of lanes, each with its
-// own parameters, under accelerations and forces that are held over a piece (StepperArrays).
+// Trajectories with fixed steps that are advanced piece by piece, in bundles of lanes, each with
+// its own parameters, under constant accelerations and forces over a piece (StepperArrays).
 //
-// Between pieces a bundle is what its lanes remember and the caller's arrays: every worker has one
-// trajectory of its own, in which it advances bundle after bundle.
+// Between pieces a bundle exists as the memory of its lanes and the caller's arrays: every worker
+// has one trajectory, with which it advances bundle after bundle.
 #pragma once
 
 #include <atomic>
@@ -23,7 +23,7 @@ class LaneStepper {
  public:
   static constexpr int width = Traits<Real>::width;
 
-  // Whether there was memory for n trajectories and this many workers.
+  // Allocates n trajectories and this many workers. Returns whether there was memory.
   bool make(long long n, int workers) {
     n_bundles_ = (n + width - 1) / width;
     LaneMemory<Real> count(Memory::COUNT, nullptr, Real(0.0) < Real(1.0));
@@ -40,7 +40,7 @@ class LaneStepper {
     return memory_ != nullptr;
   }
 
-  // A piece for work(); the arrays must live until all workers are done.
+  // Sets a piece for work(); the arrays must live until all workers are done.
   void begin(const StepperArrays& arrays) {
     arrays_ = arrays;
     next_.store(0);
@@ -98,7 +98,7 @@ class LaneStepper {
     bundle.resume(worker.drive);
     Memory before(Memory::READ, place, Real(0.0) < Real(1.0));
     bundle.remember(before);
-    bundle.take_up();
+    bundle.continue_from();
     make_steps(bundle, worker.drive, StepGrid{0.0, in.duration, in.options.dt});
     Memory after(Memory::WRITE, place, Real(0.0) < Real(1.0));
     bundle.remember(after);
@@ -113,15 +113,15 @@ class LaneStepper {
     auto& inputs = bundle.inputs();
     Real acc_K[room(NK)];
     for (int l = 0; l < width; ++l) {
-      const long long who = first + (l < n ? l : n - 1);
-      put_lane(in.q_D + who * NQ, NQ, l, bundle.q_D());
-      put_lane(in.v_D + who * N, N, l, bundle.v_D());
-      put_lane(in.slip + who * S, S, l, bundle.slip());
-      put_lane(in.p + who * NP, NP, l, bundle.p());
-      put_lane(in.q_K + who * Model::n_qK, Model::n_qK, l, inputs.q_K);
-      put_lane(in.v_K + who * NK, NK, l, inputs.v_K);
-      put_lane(of(in.acc_K, who), NK, l, acc_K);
-      const double* force = of(in.u_D, who);
+      const long long index = first + (l < n ? l : n - 1);
+      put_lane(in.q_D + index * NQ, NQ, l, bundle.q_D());
+      put_lane(in.v_D + index * N, N, l, bundle.v_D());
+      put_lane(in.slip + index * S, S, l, bundle.slip());
+      put_lane(in.p + index * NP, NP, l, bundle.p());
+      put_lane(in.q_K + index * Model::n_qK, Model::n_qK, l, inputs.q_K);
+      put_lane(in.v_K + index * NK, NK, l, inputs.v_K);
+      put_lane(of(in.acc_K, index), NK, l, acc_K);
+      const double* force = of(in.u_D, index);
       for (int k = 0; k < N; ++k) lane_of(inputs.u_D[k], l) = force ? force[k] : 0.0;
     }
     worker.drive.set(inputs, acc_K);
@@ -133,22 +133,22 @@ class LaneStepper {
     Real books[5];
     bundle.books(books);
     for (int l = 0; l < n; ++l) {
-      const long long who = first + l;
-      take_lane(bundle.q_D(), NQ, l, in.q_D + who * NQ);
-      take_lane(bundle.v_D(), N, l, in.v_D + who * N);
-      take_lane(bundle.slip(), S, l, in.slip + who * S);
-      // A lane that has stopped keeps its inputs, too.
+      const long long index = first + l;
+      take_lane(bundle.q_D(), NQ, l, in.q_D + index * NQ);
+      take_lane(bundle.v_D(), N, l, in.v_D + index * N);
+      take_lane(bundle.slip(), S, l, in.slip + index * S);
+      // A stopped lane also keeps its inputs.
       if (lane_of(bundle.runs(), l)) {
-        take_lane(inputs.q_K, Model::n_qK, l, in.q_K + who * Model::n_qK);
-        take_lane(inputs.v_K, NK, l, in.v_K + who * NK);
+        take_lane(inputs.q_K, Model::n_qK, l, in.q_K + index * Model::n_qK);
+        take_lane(inputs.v_K, NK, l, in.v_K + index * NK);
       }
-      take_lane(bundle.tension(), M, l, in.tension + who * M);
-      take_lane(bundle.taut(), M, l, in.taut + who * M);
-      take_lane(books, 5, l, in.books + who * 5);
-      in.violation[who] = lane_of(bundle.worst_violation, l);
-      in.advanced[who] = lane_of(bundle.t, l);
-      in.status[who] = verdict(bundle, l);
-      tell_blame(bundle, Status(in.status[who]), l, in.blame + who * (M + D));
+      take_lane(bundle.tension(), M, l, in.tension + index * M);
+      take_lane(bundle.taut(), M, l, in.taut + index * M);
+      take_lane(books, 5, l, in.books + index * 5);
+      in.violation[index] = lane_of(bundle.worst_violation, l);
+      in.advanced[index] = lane_of(bundle.t, l);
+      in.status[index] = verdict(bundle, l);
+      write_attribution(bundle, Status(in.status[index]), l, in.blame + index * (M + D));
     }
   }
 

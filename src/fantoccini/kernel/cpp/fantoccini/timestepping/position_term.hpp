@@ -5,8 +5,8 @@
 
 namespace fan {
 
-// h / dt. If h > 0, over a whole step at least, and at most the recovery speed. If h < 0, the row
-// may close within this step.
+// h / dt. If h > 0, dt is at least a whole step, and the term at most the recovery speed. If h < 0,
+// the row may close within this step.
 template <class Real>
 struct PositionTerm {
   double back, ahead, limit;  // 1/s, 1/s, m/s or rad/s
@@ -18,7 +18,7 @@ struct PositionTerm {
     return minimum(Real(h * select(h > Real(0.0), Real(back), Real(ahead))), Real(limit));
   }
 
-  // That of a wire, which holds both ways.
+  // The term of a wire, which holds in both directions.
   FAN_ALWAYS_INLINE Real of_wire(const Real& h) const {
     return maximum(minimum(Real(h * back), Real(limit)), Real(-limit));
   }

@@ -1,6 +1,6 @@
-// Lanes of a bundle that make a step of their own, as a single trajectory does: those whose
-// contacts are not solved in all lanes at once (contact/lanes.hpp). A lane is then where it was
-// before the bundle's step, of which nothing else of it is kept.
+// Lanes of a bundle that make a step as a single trajectory does: those whose contacts are not
+// solved in all lanes at once (contact/lanes.hpp). Such a lane restarts from its state before the
+// bundle's step, of which nothing else is used.
 #pragma once
 
 #include "fantoccini/contact/lanes.hpp"
@@ -26,11 +26,11 @@ class SingleLanes {
   Mask fast[room(M)];
 
   FAN_FN void ready(const Options& options) {
-    one_.ready(options);
+    single_.ready(options);
     for (int r = 0; r < M; ++r) fast[r] = Real(0.0) > Real(1.0);
   }
 
-  // Remembers the lanes as they are before a step.
+  // Saves the lanes' state before a step.
   FAN_FN void save(const Many& at) {
     for (int k = 0; k < N; ++k) {
       acc_[0][k] = at.accs_[at.acc_at_][k];
@@ -44,8 +44,8 @@ class SingleLanes {
     }
     for (int i = 0; i < S; ++i) slip_[i] = at.slip[i];
     steady_ = at.steady;
-    steadier_ = at.steadier;
-    stirred_ = at.stirred;
+    steadier_ = at.was_steady;
+    stirred_ = at.was_violated;
   }
 
   // Makes the step of these lanes.
@@ -63,7 +63,7 @@ class SingleLanes {
       take(acc_K, NK, l, acc_K_);
       take(u_D, N, l, u_D_);
       take(p, P, l, p_);
-      one_.step(
+      single_.step(
           q_D_, v_D_, q_K_, v_K_, acc_K_, u_D_, dt, recovery_speed, cap, winches, p_, q_next_,
           v_next_);
       for (int i = 0; i < NQ; ++i) lane_of(q_next[i], l) = q_next_[i];
@@ -78,56 +78,56 @@ class SingleLanes {
   }
 
   FAN_FN void load(Many& at, int l) {
-    take(acc_[0], N, l, one_.accs_[0]);
-    take(acc_[1], N, l, one_.accs_[1]);
-    one_.acc_at_ = 0;
+    take(acc_[0], N, l, single_.accs_[0]);
+    take(acc_[1], N, l, single_.accs_[1]);
+    single_.acc_at_ = 0;
     for (int r = 0; r < M; ++r) {
-      one_.tension[r] = lane_of(tension_[r], l);
-      one_.taut[r] = lane_of(taut_[r], l);
-      one_.pulled[r] = lane_of(pulled_[r], l);
-      one_.held[r] = lane_of(held_[r], l);
+      single_.tension[r] = lane_of(tension_[r], l);
+      single_.taut[r] = lane_of(taut_[r], l);
+      single_.pulled[r] = lane_of(pulled_[r], l);
+      single_.held[r] = lane_of(held_[r], l);
     }
-    take(slip_, S, l, one_.slip);
-    one_.steady = lane_of(steady_, l);
-    one_.steadier = lane_of(steadier_, l);
-    one_.stirred = lane_of(stirred_, l);
-    one_.forced = at.forced;
-    one_.extrapolates = at.extrapolates;
-    one_.some_near_ = one_.limits_pull_ = one_.limits_pulled_ = true;
-    at.contacts.give(l, one_.contacts);
+    take(slip_, S, l, single_.slip);
+    single_.steady = lane_of(steady_, l);
+    single_.was_steady = lane_of(steadier_, l);
+    single_.was_violated = lane_of(stirred_, l);
+    single_.forced = at.forced;
+    single_.extrapolates = at.extrapolates;
+    single_.limits_near_ = single_.limits_pull_ = single_.limits_pulled_ = true;
+    at.contacts.hand_over(l, single_.contacts);
   }
 
   FAN_FN void store(Many& at, int l) {
-    for (int k = 0; k < N; ++k) lane_of(at.accs_[at.acc_at_][k], l) = one_.acc()[k];
+    for (int k = 0; k < N; ++k) lane_of(at.accs_[at.acc_at_][k], l) = single_.acc()[k];
     for (int r = 0; r < M; ++r) {
-      lane_of(at.tension[r], l) = one_.tension[r];
-      at.taut[r].set(l, one_.taut[r]);
-      at.pulled[r].set(l, one_.pulled[r]);
-      at.held[r].set(l, one_.held[r]);
+      lane_of(at.tension[r], l) = single_.tension[r];
+      at.taut[r].set(l, single_.taut[r]);
+      at.pulled[r].set(l, single_.pulled[r]);
+      at.held[r].set(l, single_.held[r]);
       fast[r].set(l, false);
     }
     for (int i = 0; i < S; ++i) {
-      lane_of(at.slip[i], l) = one_.slip[i];
-      at.slips[i].set(l, one_.slips[i]);
+      lane_of(at.slip[i], l) = single_.slip[i];
+      at.slips[i].set(l, single_.slips[i]);
     }
-    for (int a = 0; a < one_.rows.n; ++a)
-      fast[one_.rows.row[a]].set(l, one_.closes_fast(a, one_.whole));
-    at.steady.set(l, one_.steady);
-    at.steadier.set(l, one_.steadier);
-    at.stirred.set(l, one_.stirred);
-    at.settled.set(l, one_.settled);
-    lane_of(at.work, l) = one_.work;
-    lane_of(at.eval.loss, l) = one_.eval.loss;
-    lane_of(at.impact, l) = one_.impact;
-    lane_of(at.slip_loss, l) = one_.slip_loss;
-    lane_of(at.friction, l) = one_.friction;
-    lane_of(at.violation, l) = one_.violation;
-    lane_of(at.speed_bound, l) = one_.speed_bound;
+    for (int a = 0; a < single_.rows.n; ++a)
+      fast[single_.rows.row[a]].set(l, single_.closes_fast(a, single_.whole));
+    at.steady.set(l, single_.steady);
+    at.was_steady.set(l, single_.was_steady);
+    at.was_violated.set(l, single_.was_violated);
+    at.settled.set(l, single_.settled);
+    lane_of(at.work, l) = single_.work;
+    lane_of(at.eval.loss, l) = single_.eval.loss;
+    lane_of(at.impact, l) = single_.impact;
+    lane_of(at.slip_loss, l) = single_.slip_loss;
+    lane_of(at.friction, l) = single_.friction;
+    lane_of(at.violation, l) = single_.violation;
+    lane_of(at.speed_bound, l) = single_.speed_bound;
     at.limits_pull_ = at.limits_pulled_ = true;
-    at.contacts.take(l, one_.contacts);
+    at.contacts.take(l, single_.contacts);
   }
 
-  One one_;
+  One single_;
   Real acc_[2][room(N)], tension_[room(M)], slip_[room(S)];
   Mask taut_[room(M)], pulled_[room(M)], held_[room(M)], steady_, steadier_, stirred_;
   // Of one lane.

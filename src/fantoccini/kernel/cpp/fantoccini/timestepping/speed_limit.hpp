@@ -1,4 +1,4 @@
-// How far coordinates may move in a time step, and the power of forces over one.
+// Largest moves of coordinates in a time step, and the power of forces over one.
 #pragma once
 
 #include "fantoccini/math/elementary.hpp"
@@ -7,7 +7,7 @@
 
 namespace fan {
 
-// One over how far a coordinate may move in a step.
+// Reciprocal of the largest move of each coordinate in a step.
 template <class Model>
 struct SpeedShares {
   double of[room(Model::n_vD)] = {};
@@ -36,8 +36,8 @@ FAN_FN typename Traits<Real>::Mask limit_speed(const Real& most, double dt, Real
   return brake < Real(1.0);
 }
 
-// u . (v + v+) / 2 with v+ = v + change, four sums at a time: each addition waits for the one
-// before.
+// u . (v + v+) / 2 with v+ = v + change, four sums at a time: each addition waits for the previous
+// one.
 template <int n, class Real>
 FAN_FN Real mean_power(const Real* u, const Real* v, const Real* change) {
   Real sum[4] = {Real(0.0), Real(0.0), Real(0.0), Real(0.0)};
@@ -45,8 +45,8 @@ FAN_FN Real mean_power(const Real* u, const Real* v, const Real* change) {
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-// Work of the inputs over a step from v to v + change: of what they move along, of the forces u_D
-// unless null, and of motors.
+// Work of the inputs over a step from v to v + change: of driven ends, of the forces u_D unless
+// null, and of motors.
 template <class Model, class Eval, class Real>
 FAN_FN Real
 work_of_step(const Eval& eval, const Real* u_D, const Real* v_D, const Real* change, double dt) {

@@ -4,21 +4,21 @@
 //   h/dt + A_D v+ + A_K dq_K/dt <= 0, complementary to Lambda;          q+ = q moved by dt v+
 //
 // with dq_K the exact increment of the inputs, damping and drag D implicit, and Lambda capped, so
-// that every step has a solution. The speed at which a violated row recovers is limited, and is at
+// that every step has a solution. The speed at which a violated row recovers is limited, and at
 // most h over a whole step: over a short last step it would be a blow. The velocity products in c
-// are taken half a step ahead, extrapolated from the accelerations a of the two steps before,
+// are evaluated half a step ahead, extrapolated from the accelerations a of the two previous steps,
 //
 //   v_ahead = v + dt (a/2 + (a - a-)/4)
 //
-// At v they would add energy to whatever spins, by exp((w dt)^2 t/dt); with a/2 alone by exp((w
+// At v they would add energy to spinning bodies, by exp((w dt)^2 t/dt); with a/2 alone by exp((w
 // dt)^4 t/2dt), which the quarter removes. At the start and after a catch or slow_down() there is
 // nothing to extrapolate from, and v_ahead is v. Without `extrapolates` it always is, and a step
 // depends on its state alone.
 //
-// A slipping winch caps Lambda at its largest tension times dt; the speed that remains lengthens
-// its slip. Once a row was overstepped by stirred_violation, all velocities are scaled down where a
-// step would turn a coordinate by more than max_turn_per_step or move one by more than
-// max_move_per_step; before, by unstirred_factor times as much. What springs back touches first:
+// A slipping winch caps Lambda at its largest tension times dt; the remaining speed lengthens its
+// slip. Once a row has been violated by stirred_violation, all velocities are scaled down if a step
+// would turn a coordinate by more than max_turn_per_step or move one by more than
+// max_move_per_step; before, by unstirred_factor times as much. Contacts that rebound touch first:
 // touching_step.hpp. Written for any Real: lanes step together, each with its own rows.
 #pragma once
 
@@ -45,52 +45,52 @@ struct TimeStep {
 
   Evaluation<Model, Real> eval;
   Rows rows;
-  // Whether lanes may make steps of their own, for their contacts.
-  static constexpr bool some_singly = touches && (Traits<Real>::width > 1);
+  // Whether lanes may make separate steps, for their contacts.
+  static constexpr bool separate_lanes = touches && (Traits<Real>::width > 1);
   using Contacts =
-      std::conditional_t<some_singly, ContactLanes<Model, Real>, ContactStep<Model, Real>>;
+      std::conditional_t<separate_lanes, ContactLanes<Model, Real>, ContactStep<Model, Real>>;
   std::conditional_t<touches, Contacts, NoContacts> contacts;
-  std::conditional_t<touches && !some_singly, TouchingStep<Model>, NoTouchingStep> touching;
-  const ContactArrays* solids = nullptr;  // null: nothing touches anything
+  std::conditional_t<touches && !separate_lanes, TouchingStep<Model>, NoTouchingStep> touching;
+  const ContactArrays* solids = nullptr;  // null: no contacts
   double whole = 0.0;                     // s: the run's step; the last one may be shorter
   bool forced = true;                     // otherwise u_D is 0
   bool extrapolates = true;  // otherwise v_ahead is v: a step depends on its state alone
-  // Whether the next step may extrapolate the last one, and whether the last might the one before.
-  Mask steady = Real(0.0) > Real(1.0), steadier = steady;
+  // Whether the next step may extrapolate the last one, and whether the last one did.
+  Mask steady = Real(0.0) > Real(1.0), was_steady = steady;
   Real tension[room(M)];  // Lambda / dt
   Mask taut[room(M)];     // rows that pulled in the last step; to be set by set_row()
-  Mask pulled[room(M)];   // the same, but for rows that the first step of a run catches
-  Mask held[room(M)];     // rows that pulled in the last step and in the one before it
+  Mask pulled[room(M)];   // the same, except for rows that the first step of a run catches
+  Mask held[room(M)];     // rows that pulled in the last two steps
   Real slip[room(S)];     // m, >= 0
   Mask slips[room(S)];    // in the last step
   Real work, impact, slip_loss, friction, violation;
   Real speed_bound;                   // at least |v|^2 after the last step
   Mask settled;                       // whether the last step's complementarity was solved
   Mask idle = Real(0.0) > Real(1.0);  // lanes that have stopped: no row takes part in them
-  // Whether a row was ever overstepped by more than stirred_violation.
-  Mask stirred = Real(0.0) > Real(1.0);
+  // Whether a row has ever been violated by more than stirred_violation.
+  Mask was_violated = Real(0.0) > Real(1.0);
 
-  // Takes the options of a run; nothing has touched anything yet.
+  // Sets the options of a run and starts without any contact.
   FAN_FN void ready(const Options& options) {
     extrapolates = options.extrapolate != 0;
     whole = options.dt;
     solids = options.contacts;
-    some_near_ = limits_pull_ = limits_pulled_ = true;
+    limits_near_ = limits_pull_ = limits_pulled_ = true;
     if constexpr (touches)
       if (solids) contacts.begin(*solids);
-    if constexpr (touches && !some_singly) contacts.looks_ahead = extrapolates;
-    if constexpr (some_singly)
+    if constexpr (touches && !separate_lanes) contacts.looks_ahead = extrapolates;
+    if constexpr (separate_lanes)
       if (solids) singles_.ready(options);
   }
 
   // Steps from q_D, v_D to q_next, v_next, which are other arrays. (q_K, v_K, acc_K) are the inputs
   // at the start of the step with v_K = dq_K/dt and acc_K the mean acceleration; `taut` is the
-  // active set of the step before.
+  // active set of the previous step.
   FAN_FN void step(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double recovery_speed, double cap, const Winches<S>& winches,
       const Real* p, Real* q_next, Real* v_next) {
-    if constexpr (some_singly)
+    if constexpr (separate_lanes)
       if (solids) singles_.save(*this);
     const auto begin = [&](auto* q, auto* v, auto* q_in, double part, double left) {
       begin_step(q, v, q_in, v_K, acc_K, u_D, part, left, recovery_speed, winches, p);
@@ -100,11 +100,11 @@ struct TimeStep {
       const double most = cap * (dt / part);
       return respond(v, v_K, u_D, part, recovery_speed, most, winches, may_part, v_next);
     };
-    if constexpr (touches && !some_singly)
+    if constexpr (touches && !separate_lanes)
       if (solids) return touching.step(*this, begin, end, q_D, v_D, q_K, v_K, dt, q_next, v_next);
     end(v_D, dt, false);
     retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
-    if constexpr (some_singly)
+    if constexpr (separate_lanes)
       if (any(apart()))
         singles_.step(
             *this, apart(), q_D, v_D, q_K, v_K, acc_K, u_D, dt, recovery_speed, cap, winches, p,
@@ -117,33 +117,34 @@ struct TimeStep {
     return rows.hdot[a] > maximum(forced, Real(0.0)) + Real(Tolerance::catching_speed);
   }
 
-  // The same of row r in the last step of lanes that made it by themselves.
+  // The same for row r in the last step of lanes that made it separately.
   FAN_FN Mask closed_fast_singly(int r) const {
-    if constexpr (some_singly) return singles_.fast[r] && apart();
+    if constexpr (separate_lanes) return singles_.fast[r] && apart();
     else return Real(0.0) > Real(1.0);
   }
 
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
     memory.keep(
-        accs_[acc_at_], accs_[1 - acc_at_], steady, steadier, stirred, tension, taut, pulled, held);
+        accs_[acc_at_], accs_[1 - acc_at_], steady, was_steady, was_violated, tension, taut, pulled,
+        held);
     if constexpr (touches) contacts.remember(memory);
   }
 
-  // Whether row r pulled in the last step, and in the one before it.
+  // Sets whether row r pulled in the last step, and in the one before.
   FAN_FN void set_row(int r, const Mask& last, const Mask& before) {
     taut[r] = pulled[r] = last;
     held[r] = last && before;
     limits_pull_ = limits_pulled_ = true;
   }
 
-  // The next step extrapolates nothing in these lanes.
+  // Stops extrapolation in the next step of these lanes.
   FAN_FN void forget(const Mask& where) { steady = steady && !where; }
 
   // (v+ - v) / dt of the last step.
   FAN_FN const Real* acc() const { return accs_[acc_at_]; }
 
-  // The same before the first one.
+  // Sets it to zero before the first step.
   FAN_FN void clear_acc() {
     for (int k = 0; k < N; ++k) accs_[0][k] = accs_[1][k] = Real(0.0);
   }
@@ -154,17 +155,17 @@ struct TimeStep {
   template <class>
   friend class TouchingStep;
 
-  // Lanes that make the step by themselves.
+  // Lanes that make the step separately.
   FAN_FN Mask apart() const {
-    if constexpr (some_singly) return solids ? contacts.apart : Real(0.0) > Real(1.0);
+    if constexpr (separate_lanes) return solids ? contacts.apart : Real(0.0) > Real(1.0);
     else return Real(0.0) > Real(1.0);
   }
 
-  // Lanes in which nothing takes part here.
+  // Lanes that take no part here.
   FAN_FN Mask away() const { return idle || apart(); }
 
-  // The equations of a step of length dt, what its rows and contacts overstep, and its points; the
-  // step moves on for `left` with its velocities.
+  // The equations of a step of length dt, the violations of its rows and contacts, and its points;
+  // the step continues for `left` with its velocities.
   FAN_FN void begin_step(
       const Real* q_D, const Real* v_D, const Real* q_K, const Real* v_K, const Real* acc_K,
       const Real* u_D, double dt, double left, double recovery_speed, const Winches<S>& winches,
@@ -174,11 +175,11 @@ struct TimeStep {
     violation =
         maximum(largest_of<M - S>([&](int i) FAN_INLINE { return eval.h_limit[i]; }), Real(0.0));
     for (int i = 0; i < S; ++i) violation = maximum(overstep(i), violation);
-    stirred = stirred || violation > Real(Tolerance::stirred_violation);
+    was_violated = was_violated || violation > Real(Tolerance::limiting_violation);
     if constexpr (touches)
       if (solids) {
         const auto& in = *solids;
-        if constexpr (some_singly)
+        if constexpr (separate_lanes)
           contacts.find(in, q_D, v_D, q_K, v_K, p, dt, whole, recovery_speed, idle);
         else contacts.find(in, eval, q_D, v_D, q_K, v_K, p, dt, left, whole, recovery_speed, idle);
         violation = select(contacts.violation > violation, contacts.violation, violation);
@@ -191,14 +192,14 @@ struct TimeStep {
     Real v_ahead[room(N)];
     const Real *a = acc(), *before = accs_[1 - acc_at_];
     const Real half = select(steady, Real(0.5 * dt), Real(0.0));
-    const Real quarter = select(steady && steadier, Real(0.25 * dt), Real(0.0));
+    const Real quarter = select(steady && was_steady, Real(0.25 * dt), Real(0.0));
     each<N>([&](int k)
                 FAN_INLINE { v_ahead[k] = v_D[k] + (half * a[k] + quarter * (a[k] - before[k])); });
     eval.at(q_D, v_D, q_K, v_K, acc_K, u_D, v_ahead, Real(dt), p);
   }
 
-  // From the evaluation to the impulses, v_next and the step's entries of the ledger. False, with
-  // nothing done, where the step is to be made in parts and may be.
+  // From the evaluation to the impulses, v_next and the step's entries of the ledger. Returns
+  // false, with nothing done, if the step needs to be made in parts and may be.
   FAN_OUT_OF_LINE bool respond(
       const Real* v_D, const Real* v_K, const Real* u_D, double dt, double recovery_speed,
       double cap, const Winches<S>& winches, bool may_part, Real* v_next) {
@@ -214,29 +215,28 @@ struct TimeStep {
       gather(v_D);
       pull(dt, recovery_speed, cap, winches, change);
     }
-    if constexpr (touches && !some_singly)
-      if (may_part && contacts.struck_again() < unbounded) return false;
-    give_way(winches, cap, dt);
+    if constexpr (touches && !separate_lanes)
+      if (may_part && contacts.next_strike() < unbounded) return false;
+    update_slips(winches, cap, dt);
     const Mask caught = account(v_D, change, u_D, dt);
     Real* acc = accs_[1 - acc_at_];
     each<N>([&](int k) FAN_INLINE { acc[k] = change[k] * (1.0 / dt); });
     acc_at_ = 1 - acc_at_;
-    steadier = steady;
+    was_steady = steady;
     steady = !caught;
-    const Real most = select(stirred, Real(1.0), Real(Tolerance::unstirred_factor));
+    const Real most = select(was_violated, Real(1.0), Real(Tolerance::initial_factor));
     const Mask braked = limit_speed<Model>(most, dt, v_next, speed_bound);
     steady = steady && !braked;
     if (!extrapolates) steady = Real(0.0) > Real(1.0);
     return true;
   }
 
-  // The rate at which winches wind back their slip; changes the strings' h and hdot to those of
-  // L + slip.
+  // The rate at which winches wind back their slip; converts the strings' h and hdot to L + slip.
   FAN_FN void wind(const Winches<S>& winches, double dt) {
     Mask out = Real(0.0) > Real(1.0);
     for (int i = 0; i < S; ++i) out = out || slip[i] != Real(0.0);
-    gives_way_ = winches.some_slip || any(out);
-    if (!gives_way_) return;
+    may_slip_ = winches.some_slip || any(out);
+    if (!may_slip_) return;
     for (int i = 0; i < S; ++i) {
       winding_[i] = winches.winding(i, slip[i], dt);
       eval.h[i] -= slip[i];
@@ -246,25 +246,25 @@ struct TimeStep {
 
   // Adds to the slips: with Lambda at its winch's bound, -s > 0 is the speed at which a string
   // slips.
-  FAN_FN void give_way(const Winches<S>& winches, double cap, double dt) {
+  FAN_FN void update_slips(const Winches<S>& winches, double cap, double dt) {
     slip_loss = Real(0.0);
     for (int i = 0; i < S; ++i) slips[i] = Real(0.0) > Real(1.0);
-    if (!gives_way_) return;
+    if (!may_slip_) return;
     for (int i = 0; i < S; ++i) slip_rate_[i] = winding_[i];
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       if (!winches.slips(r) || winches.max_tension[r] >= cap) continue;
-      const Mask gives = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
-      slips[r] = gives;
-      slip_rate_[r] -= select(gives, rows.problem.s[a], Real(0.0));
+      const Mask slipping = rows.problem.high[a] && rows.problem.s[a] < Real(0.0);
+      slips[r] = slipping;
+      slip_rate_[r] -= select(slipping, rows.problem.s[a], Real(0.0));
       slip_loss -= pull_[a] * slip_rate_[r];
     }
-    // The last step of unwinding ends at 0 but for rounding.
+    // The last step of unwinding ends at 0 up to rounding.
     for (int i = 0; i < S; ++i) slip[i] = maximum(Real(slip[i] + dt * slip_rate_[i]), Real(0.0));
   }
 
-  // Chooses the rows that take part: all strings, and the limits that pulled in the step before or
-  // would be passed at the present velocity. Each lane has its own, so that its result does not
+  // Chooses the rows that take part: all strings, and the limits that pulled in the previous step
+  // or would be passed at the present velocity. Each lane has its own, so that its result does not
   // depend on its neighbours.
   FAN_FN void watch_first(const Real* v_D, double dt) {
     const Mask here = !away();
@@ -272,17 +272,17 @@ struct TimeStep {
     Real rate[room(M - S)];
     eval.limit_rates(v_D, rate);
     const auto ahead = [&](int i) FAN_INLINE { return Real(eval.h_limit[i] + dt * rate[i]); };
-    if (!limits_pull_ && !some_near_ &&
-        !any(largest_of<M - S>(ahead) > Real(-Tolerance::surely_not)))
+    if (!limits_pull_ && !limits_near_ &&
+        !any(largest_of<M - S>(ahead) > Real(-Tolerance::safe_distance)))
       return;
-    some_near_ = false;
+    limits_near_ = false;
     for (int i = 0; i < M - S; ++i) {
       near_[S + i] = here && (taut[S + i] || ahead(i) > Real(0.0));
-      some_near_ = some_near_ || any(near_[S + i]);
+      limits_near_ = limits_near_ || any(near_[S + i]);
     }
   }
 
-  // The velocity v with the impulses found. Adds the limits that it would pass; whether there are
+  // The velocity v with the impulses. Adds the limits that it would pass. Returns whether there are
   // any.
   FAN_FN bool watch_more(
       const Real* v_D, const Real* change, double dt, double recovery_speed, Real* v) {
@@ -292,42 +292,41 @@ struct TimeStep {
     const PositionTerm<Real> term(dt, whole, recovery_speed);
     const auto closing = [&](int i) FAN_INLINE { return Real(rate[i] + term(eval.h_limit[i])); };
     bool more = false;
-    if (any(largest_of<M - S>(closing) > Real(-Tolerance::surely_not)))
+    if (any(largest_of<M - S>(closing) > Real(-Tolerance::safe_distance)))
       for (int i = 0; i < M - S; ++i) {
         const Mask passes = !away() && !near_[S + i] && closing(i) > Real(Tolerance::passing_speed);
         if (!any(passes)) continue;
         near_[S + i] = near_[S + i] || passes;
-        some_near_ = more = true;
+        limits_near_ = more = true;
       }
     if constexpr (touches)
       if (solids) more = contacts.watch(v) || more;
     return more;
   }
 
-  // Adds the contact points that what the impulses have made fast would pass; whether there are
-  // any.
+  // Adds the contact points that accelerated links would pass. Returns whether there are any.
   FAN_FN bool look_again(
       const Real* v_D, const Real* change, const Real* v_K, double dt, double recovery_speed) {
     if constexpr (touches)
       if (!solids) return false;
-      else if constexpr (some_singly) return contacts.look_again(change, dt);
+      else if constexpr (separate_lanes) return contacts.look_again(change, dt);
       else return contacts.look_again(eval, v_D, change, v_K, dt, recovery_speed, idle);
     else return false;
   }
 
   FAN_FN void gather(const Real* v_D) {
     int list[room(M)];
-    rows.gather_others(eval, v_D, list, some_rows(list));
+    rows.gather_others(eval, v_D, list, list_rows(list));
   }
 
-  // Lists the rows that take part in some lane; how many there are.
-  FAN_FN int some_rows(int* list) const {
-    if (some_near_) return rows_in_some_lane<Model>(near_, list);
+  // Lists the rows that take part in some lane. Returns their number.
+  FAN_FN int list_rows(int* list) const {
+    if (limits_near_) return rows_in_some_lane<Model>(near_, list);
     for (int r = 0; r < S; ++r) list[r] = r;
     return S;
   }
 
-  // By how much a string is overstepped, if positive. For a wire h < 0 counts, too.
+  // Violation of a string, if positive. For a wire h < 0 counts, too.
   FAN_FN Real overstep(int i) const {
     using std::abs;
     return is_wire(i) ? Real(abs(eval.h[i])) : eval.h[i];
@@ -357,7 +356,7 @@ struct TimeStep {
     unrolled<0, Rows::leading>(pose);
     for (int a = Rows::leading; a < rows.n; ++a) pose(a);
     const bool all = all_touch();
-    settled = all ? away() : rows.problem.solve_firmly(away());  // what is away has no impulses
+    settled = all ? away() : rows.problem.solve_firmly(away());  // lanes away have no impulses
     for (int a = 0; all && a < rows.n; ++a) problem.x[a] = problem.s[a] = Real(0.0);
     if constexpr (touches)
       if (solids) touch(dt, cap);
@@ -369,8 +368,8 @@ struct TimeStep {
     eval.back(w, change);
   }
 
-  // Whether contacts take part in every lane that is not away: the rows' problem is then part
-  // of theirs.
+  // Whether contacts take part in every lane that is not away: the rows' problem is then part of
+  // theirs.
   FAN_FN bool all_touch() const {
     if constexpr (touches) return solids && contacts.take_part(away());
     else return false;
@@ -380,7 +379,7 @@ struct TimeStep {
   FAN_FN void touch(double dt, double cap) {
     Real guess[room(M)];
     for (int r = 0; r < M; ++r) guess[r] = tension[r] * dt;
-    if constexpr (some_singly) contacts.settle(eval, rows, near_, guess, dt * cap, settled);
+    if constexpr (separate_lanes) contacts.settle(eval, rows, near_, guess, dt * cap, settled);
     else contacts.settle(eval, rows, near_, guess, before_, dt * cap, settled);
   }
 
@@ -388,7 +387,7 @@ struct TimeStep {
   // was caught.
   FAN_FN Mask account(const Real* v_D, const Real* change, const Real* u_D, double dt) {
     Mask fresh[room(M)], some_caught = Real(0.0) > Real(1.0);
-    // Limits that pull neither now nor in the two steps before have nothing to be changed.
+    // Limits that pull neither now nor in the last two steps need no change.
     const bool limits = limits_pull_ || limits_pulled_ || rows.n > S;
     limits_pulled_ = limits_pull_;
     limits_pull_ = rows.n > S;
@@ -410,7 +409,7 @@ struct TimeStep {
       some_caught = some_caught || fresh[r];
     }
     if (any(some_caught))
-      for (int a = 0; a < rows.n; ++a) book_catch(a, fresh[rows.row[a]]);
+      for (int a = 0; a < rows.n; ++a) add_catch_loss(a, fresh[rows.row[a]]);
     for (int r = 0; r < (limits ? M : S); ++r) {
       held[r] = taut[r] && pulled[r];
       pulled[r] = taut[r];
@@ -422,13 +421,13 @@ struct TimeStep {
         work += contacts.work;
         impact += contacts.impact;
         friction = contacts.friction;
-        if constexpr (!some_singly) violation = maximum(violation, Real(contacts.early));
+        if constexpr (!separate_lanes) violation = maximum(violation, Real(contacts.early));
       }
     return some_caught;
   }
 
-  // Books the catch of gathered row a in the lanes `caught`.
-  FAN_FN void book_catch(int a, const Mask& caught) {
+  // Adds the energy of the catch of gathered row a in the lanes `caught`.
+  FAN_FN void add_catch_loss(int a, const Mask& caught) {
     if (!any(caught)) return;
     Real after = before_[a];
     for (int b = 0; b < rows.n; ++b) after += rows.problem.at(a, b) * pull_[b];
@@ -436,16 +435,16 @@ struct TimeStep {
       if (solids) after -= contacts.rate_by_impulses(rows, a);
     Real lost = 0.5 * (rows.hdot[a] + after);
     const int r = rows.row[a];
-    if (r < S) lost -= select(slips[r], slip_rate_[r], Real(0.0));  // which is in slip_loss
+    if (r < S) lost -= select(slips[r], slip_rate_[r], Real(0.0));  // that is in slip_loss
     impact -= select(caught, Real(pull_[a] * lost), Real(0.0));
   }
 
-  std::conditional_t<some_singly, SingleLanes<Model, Real>, NoContacts> singles_;
-  Real accs_[2][room(N)] = {};  // of the last two steps
-  int acc_at_ = 0;              // which is that of the last one
-  bool gives_way_ = false;      // whether a string has slipped in some lane, or may
-  bool some_near_ = true;       // whether a limit may take part in some lane
-  bool limits_pull_ = true, limits_pulled_ = true;  // in the last step, and the one before it
+  std::conditional_t<separate_lanes, SingleLanes<Model, Real>, NoContacts> singles_;
+  Real accs_[2][room(N)] = {};                      // of the last two steps
+  int acc_at_ = 0;                                  // index of that of the last one
+  bool may_slip_ = false;                           // whether a string slips in some lane, or may
+  bool limits_near_ = true;                         // whether a limit may take part in some lane
+  bool limits_pull_ = true, limits_pulled_ = true;  // in the last two steps
   Real winding_[room(S)], slip_rate_[room(S)];
   Mask near_[room(M)];    // lanes in which the row takes part in this step
   Real pull_[room(M)];    // -Lambda, by gathered row

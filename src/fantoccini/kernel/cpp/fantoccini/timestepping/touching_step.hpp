@@ -1,12 +1,12 @@
-// A step in which contacts spring back: bodies move on as they did until the first one touches,
-// after t, and all impulses and forces of the step act there:
+// A step in which contacts rebound: bodies continue with their velocities until the first one
+// touches, after t, and all impulses and forces of the step act there:
 //
 //   q' = q moved by t v;   v+ by the law at q';   q+ = q' moved by (dt - t) v+
 //
-// so that what springs back turns where it touches, at any speed and step. Where several touch one
-// after the other, the step is made in parts, each of which ends between two touches; impulses are
-// as large at most as those of the whole step. Where a string, a limit or what does not spring back
-// closes before t, the way to the touch is a part of its own. Of one trajectory.
+// so that a rebound happens where the solids touch, at any speed and step. If several contacts
+// touch one after another, the step is made in parts, each of which ends between two touches;
+// impulses are at most those of the whole step. If a string, a limit or a contact without rebound
+// closes before t, the motion until the touch is a separate part. For one trajectory.
 #pragma once
 
 #include "fantoccini/contact/push.hpp"
@@ -16,14 +16,15 @@
 namespace fan {
 
 struct TouchingStepTolerances {
-  // Share of a step to which the time of a touch is found, and Newton steps for it.
+  // Accuracy of the time of a touch, relative to a step, and Newton steps for it.
   static constexpr double touch_time = 1e-12;
   static constexpr int newton_steps = 6;
-  // Share of a step that is left at least after a touch, where others are asked to close within it.
+  // Least remainder of a step after a touch, relative to the step, in which other points must
+  // close.
   static constexpr double least_left = 1e-9;
   // m or rad: a row that closes by less before a touch closes with it.
   static constexpr double closed_gap = 1e-9;
-  // Parts into which a step is divided; what touches later in the last one turns with its first.
+  // Largest number of parts of a step; later touches in the last part rebound with its first.
   static constexpr int max_parts = 16;
 };
 
@@ -34,19 +35,19 @@ class TouchingStep {
   static constexpr int M = Model::n_rows, QK = Model::n_qK, C = Model::n_contacts;
   using Tolerance = TouchingStepTolerances;
 
-  double delay = 0.0;  // s: t of the last step; of the last part, where there were several
+  double delay = 0.0;  // s: t of the last step, or of its last part
   bool parts = false;  // whether the last step was made in parts
 
-  // Makes a step dt of `at`, which has begun at (q_D, v_D, q_K): begin(q_D, v_D, q_K, part, left)
-  // does so for a part with as much of it left, end(v_D, part, may_part) ends one with v+ in v_next
-  // or, if it may, says that another part is to come first.
+  // Makes a step dt of `at`, which has begun at (q_D, v_D, q_K). begin(q_D, v_D, q_K, part, left)
+  // begins a part, with `left` the time after its touch; end(v_D, part, may_part) ends one with v+
+  // in v_next or, if it may, requires another part first.
   template <class Step, class Begin, class End>
   FAN_FN void step(
       Step& at, const Begin& begin, const End& end, const double* q_D, const double* v_D,
       const double* q_K, const double* v_K, double dt, double* q_next, const double* v_next) {
     delay = 0.0;
     parts = false;
-    if (!at.contacts.springs_back()) {
+    if (!at.contacts.has_rebound()) {
       if (end(v_D, dt, true)) return retract<typename Model::Dynamic>(q_D, v_next, dt, q_next);
       begin(q_D, v_D, q_K, dt, dt);
     }
@@ -54,7 +55,7 @@ class TouchingStep {
   }
 
  private:
-  // As step(), where something springs back.
+  // As step(), with a rebound.
   template <class Step, class Begin, class End>
   FAN_OUT_OF_LINE void touch(
       Step& at, const Begin& begin, const End& end, const double* q_D, const double* v_D,
@@ -63,9 +64,9 @@ class TouchingStep {
     clear();
     loss_ = at.eval.loss;
     double left = dt;
-    for (int made = 1;; ++made) {
+    for (int n_parts = 1;; ++n_parts) {
       const auto [first, second] = at.contacts.touches(ContactStepTolerances::same_touch * dt);
-      const bool may_part = made < Tolerance::max_parts;
+      const bool may_part = n_parts < Tolerance::max_parts;
       double part = left;
       if (may_part && second < left) {
         part = 0.5 * (fmax(first, 0.0) + second);
@@ -83,7 +84,7 @@ class TouchingStep {
       } else if (
           delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
           !end(v_, part, may_part)) {
-        part = delay + 0.5 * at.contacts.struck_again();
+        part = delay + 0.5 * at.contacts.next_strike();
         begin(q_, v_, q_K_, part, part);
         delay = go_to_touch(at, begin, v_K, part, Tolerance::touch_time * dt);
         end(v_, part, false);
@@ -98,11 +99,11 @@ class TouchingStep {
       start(q_next, v_next, q_K_touch_);
       begin(q_, v_, q_K_, left, left);
     }
-    tell(at, v_D, v_next, dt);
+    set_step(at, v_D, v_next, dt);
   }
 
-  // Whether a slack string, a limit that does not push or a contact that does not spring back
-  // closes before a time t from the start of the part.
+  // Whether a slack string, a limit that does not push or a contact that does not rebound closes
+  // before a time t from the start of the part.
   template <class Step>
   bool closes_before(const Step& at, double t) const {
     const auto closes = [&](int r, double h, double hdot) {
@@ -117,7 +118,7 @@ class TouchingStep {
     return at.contacts.closes_before(t);
   }
 
-  struct Books {
+  struct Totals {
     double work, impact, slip_loss, friction;
   };
 
@@ -127,12 +128,12 @@ class TouchingStep {
     for (int i = 0; i < QK; ++i) q_K_[i] = q_K[i];
   }
 
-  // Moves on for as long as nothing that springs back touches, within a part; for how long. The
-  // step has then begun there.
+  // Continues until a rebounding contact touches, within a part. Returns for how long. The step has
+  // then begun there.
   template <class Step, class Begin>
   double go_to_touch(Step& at, const Begin& begin, const double* v_K, double part, double small) {
     double t = 0.0;
-    for (int k = 0; k < Tolerance::newton_steps && at.contacts.springs_back(); ++k) {
+    for (int k = 0; k < Tolerance::newton_steps && at.contacts.has_rebound(); ++k) {
       const double next = fmin(fmax(t + at.contacts.touches(0.0).first, 0.0), part);
       if (!(fabs(next - t) > small)) break;
       t = next;
@@ -144,7 +145,7 @@ class TouchingStep {
   }
 
   void clear() {
-    books_ = {0.0, 0.0, 0.0, 0.0};
+    totals_ = {0.0, 0.0, 0.0, 0.0};
     for (int r = 0; r < M; ++r) impulse_[r] = 0.0;
     for (int i = 0; i < S; ++i) slips_[i] = false;
     settled_ = true;
@@ -152,13 +153,13 @@ class TouchingStep {
     n_pushed_ = 0;
   }
 
-  // Adds a part that was made.
+  // Adds a completed part.
   template <class Step>
   void add(Step& at, double part) {
-    books_.work += at.work;
-    books_.impact += at.impact;
-    books_.slip_loss += at.slip_loss;
-    books_.friction += at.friction;
+    totals_.work += at.work;
+    totals_.impact += at.impact;
+    totals_.slip_loss += at.slip_loss;
+    totals_.friction += at.friction;
     for (int r = 0; r < M; ++r) impulse_[r] += at.tension[r] * part;
     for (int i = 0; i < S; ++i) slips_[i] = slips_[i] || at.slips[i];
     settled_ = settled_ && at.settled;
@@ -171,11 +172,11 @@ class TouchingStep {
 
   // Leaves in `at` the whole step, which was made in parts.
   template <class Step>
-  void tell(Step& at, const double* v_D, const double* v_next, double dt) const {
-    at.work = books_.work;
-    at.impact = books_.impact;
-    at.slip_loss = books_.slip_loss;
-    at.friction = books_.friction;
+  void set_step(Step& at, const double* v_D, const double* v_next, double dt) const {
+    at.work = totals_.work;
+    at.impact = totals_.impact;
+    at.slip_loss = totals_.slip_loss;
+    at.friction = totals_.friction;
     for (int r = 0; r < M; ++r) at.tension[r] = impulse_[r] * (1.0 / dt);
     for (int i = 0; i < S; ++i) at.slips[i] = slips_[i];
     at.settled = settled_;
@@ -188,15 +189,15 @@ class TouchingStep {
 
   double q_[room(NQ)], v_[room(N)], q_K_[room(QK)];  // at the start of a part
   double q_touch_[room(NQ)], q_K_touch_[room(QK)];   // at its touch
-  // Of the parts that were made.
-  Books books_;
+  // Of the completed parts.
+  Totals totals_;
   double impulse_[room(M)], violation_, residual_, loss_;
   bool slips_[room(S)], settled_;
   ContactPush pushed_[room(C)];
   int n_pushed_;
 };
 
-// In its place for puppets that touch nothing, and in bundles of lanes.
+// Replaces it for puppets without contacts, and in bundles of lanes.
 struct NoTouchingStep {};
 
 }  // namespace fan

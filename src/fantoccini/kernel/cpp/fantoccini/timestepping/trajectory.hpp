@@ -1,5 +1,5 @@
 // A trajectory of the time-stepper: follows the inputs by exact increments of the driven
-// coordinates, keeps the ledger and sets the status. Written for any Real, with the interface of
+// coordinates, computes the ledger and sets the status. Written for any Real, with the interface of
 // runs/stepping.hpp.
 #pragma once
 
@@ -26,7 +26,7 @@ struct TimeSteppingTrajectory {
   };
   struct Inputs {
     Real q_K[room(Model::n_qK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)] = {};
-    // Not 0 where nothing moves and no force pushes: inputs of one number are then the same.
+    // Nonzero if nothing moves and no force acts: inputs with the same number are then equal.
     long long still = 0;
   };
 
@@ -36,7 +36,7 @@ struct TimeSteppingTrajectory {
   Options opt;
   Real t;  // s
   Real work, damping, impact, slip_loss, friction, worst_violation;
-  Real status;                   // a Status: RUNNING, or what has stopped the trajectory
+  Real status;                   // a Status: RUNNING, or the reason for the trajectory's stop
   double blame[width][room(M)];  // of the rows for the status, 0 to 1
 
   // Sets the time and options of all lanes; states and parameters are set afterwards.
@@ -47,8 +47,8 @@ struct TimeSteppingTrajectory {
   }
 
   FAN_FN State& state() { return states_[state_]; }
-  FAN_FN Inputs& inputs() { return inputs_[inputs_at_]; }      // at present
-  FAN_FN Inputs& coming() { return inputs_[1 - inputs_at_]; }  // at the end of the next step
+  FAN_FN Inputs& inputs() { return inputs_[inputs_at_]; }           // at present
+  FAN_FN Inputs& next_inputs() { return inputs_[1 - inputs_at_]; }  // at the end of the next step
 
   Real* q_D() { return state().q_D; }
   Real* v_D() { return state().v_D; }
@@ -80,27 +80,26 @@ struct TimeSteppingTrajectory {
     out[4] = friction;
   }
 
-  // Takes new inputs from here on.
+  // Sets new inputs from here on.
   template <class Drive>
   FAN_FN void restart(Drive& drive) {
-    drive.start(t, coming());
+    drive.start(t, next_inputs());
     take_inputs();
   }
 
-  // Takes up a trajectory that was begun before, at state() and new inputs: first the inputs, then
-  // what it remembers, then the rest.
+  // Resumes an earlier trajectory, at state() and new inputs: first the inputs, then its memory,
+  // then the rest.
   template <class Drive>
   void resume(Drive& drive) {
     restart(drive);
     at.ready(opt);
   }
-  void take_up() { at.idle = !runs(); }
+  void continue_from() { at.idle = !runs(); }
 
-  // To be called after its bytes were read (runs/snapshot.hpp): pointers among them are not its
-  // own.
+  // Call it after its bytes were read (runs/snapshot.hpp): pointers among them are invalid.
   void attach(const ContactArrays* solids) {
     opt.contacts = at.solids = solids;
-    inputs().still = coming().still = 0;  // another drive numbers its own
+    inputs().still = next_inputs().still = 0;  // another drive has its own numbers
   }
 
   // Begins at state(), at.slip and the inputs at t. The tensions of the start are those of the
@@ -116,7 +115,7 @@ struct TimeSteppingTrajectory {
       at.tension[r] = Real(0.0);
     }
     for (int i = 0; i < S; ++i) at.slips[i] = no;
-    at.stirred = at.idle = no;
+    at.was_violated = at.idle = no;
     at.ready(opt);
     for (int l = 0; l < width; ++l)
       for (int r = 0; r < M; ++r) blame[l][r] = 0.0;
@@ -126,7 +125,7 @@ struct TimeSteppingTrajectory {
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
     step(inputs().v_K, inputs().acc_K, opt.dt, true);
     for (int i = 0; i < S; ++i) at.slip[i] = slip[i];
-    at.stirred = no;
+    at.was_violated = no;
     at.forget(!no);
     hold();
     if constexpr (touches) at.contacts.take_as_resting();
@@ -135,7 +134,7 @@ struct TimeSteppingTrajectory {
     last_dt_ = Real(0.0);
   }
 
-  // What a later step needs to know of the steps before, besides state(), the inputs and p.
+  // Memory of previous steps for a later one, besides state(), the inputs and p.
   template <class Memory>
   FAN_FN void remember(Memory& memory) {
     at.remember(memory);
@@ -146,13 +145,13 @@ struct TimeSteppingTrajectory {
     memory.keep_of_lanes(blame);
   }
 
-  // A step of length dt to the time `next` and the inputs there. A trajectory for which it fails is
-  // stopped and keeps its state.
+  // Makes a step of length dt to the time `next` and the inputs there. A trajectory for which it
+  // fails is stopped and keeps its state.
   template <class Drive>
   FAN_FN void advance(Drive& drive, double next, double dt) {
     for (int r = 0; r < M; ++r) was_[r] = at.taut[r];
     for (int i = 0; i < S; ++i) slipped_[i] = at.slips[i];
-    drive.fill(Real(next), coming());
+    drive.fill(Real(next), next_inputs());
     advance(dt);
     t = select(runs(), Real(next), t);
   }
@@ -165,28 +164,28 @@ struct TimeSteppingTrajectory {
   FAN_FN void advance(double dt) {
     Real slip[room(S)];
     for (int i = 0; i < S; ++i) slip[i] = at.slip[i];
-    if (inputs().still != 0 && inputs().still == coming().still) {
+    if (inputs().still != 0 && inputs().still == next_inputs().still) {
       step(inputs().v_K, inputs().acc_K, dt, false);
     } else {
       Real rate[room(NK)], mean[room(NK)];
-      increment<Space>(inputs().q_K, coming().q_K, dt, rate);
-      const Real *v_K = inputs().v_K, *v_K_next = coming().v_K;
+      increment<Space>(inputs().q_K, next_inputs().q_K, dt, rate);
+      const Real *v_K = inputs().v_K, *v_K_next = next_inputs().v_K;
       each<NK>([&](int j) FAN_INLINE { mean[j] = (v_K_next[j] - v_K[j]) * (1.0 / dt); });
       step(rate, mean, dt, true);
     }
     take_loss(dt);
     judge();
     const Mask goes = runs();
-    State &old = state(), &made = stepped();
+    State &old = state(), &next_state = stepped();
     if (any(!goes)) {
-      for (int i = 0; i < NQ; ++i) made.q_D[i] = select(goes, made.q_D[i], old.q_D[i]);
-      for (int k = 0; k < N; ++k) made.v_D[k] = select(goes, made.v_D[k], old.v_D[k]);
+      for (int i = 0; i < NQ; ++i) next_state.q_D[i] = select(goes, next_state.q_D[i], old.q_D[i]);
+      for (int k = 0; k < N; ++k) next_state.v_D[k] = select(goes, next_state.v_D[k], old.v_D[k]);
       for (int i = 0; i < S; ++i) at.slip[i] = select(goes, at.slip[i], slip[i]);
     }
     state_ = 1 - state_;
     const auto book = [&](Real& sum, const Real& part) { sum += select(goes, part, Real(0.0)); };
     book(work, at.work);
-    damping = select(goes, Real(lost_ + coming_loss()), damping);
+    damping = select(goes, Real(lost_ + estimated_loss()), damping);
     book(impact, at.impact);
     book(slip_loss, at.slip_loss);
     book(friction, at.friction);
@@ -197,7 +196,7 @@ struct TimeSteppingTrajectory {
     motors.look(state().q_D, state().v_D, in.q_K, in.v_K, in.acc_K, p_, goes);
   }
 
-  // Rows that pull at the start are held, but for those that close faster than the forces of a step
+  // Holds rows that pull at the start, except those that close faster than the forces of a step
   // move them: these are caught from the first step on.
   FAN_FN void hold() {
     for (int r = 0; r < M; ++r) at.held[r] = at.taut[r] && !at.closed_fast_singly(r);
@@ -208,7 +207,7 @@ struct TimeSteppingTrajectory {
     for (int r = 0; r < M; ++r) at.pulled[r] = at.held[r];
   }
 
-  FAN_FN State& stepped() { return states_[1 - state_]; }  // what a step makes of state()
+  FAN_FN State& stepped() { return states_[1 - state_]; }  // result of a step from state()
 
   FAN_FN void step(const Real* v_K, const Real* acc_K, double dt, bool forced) {
     State &from = state(), &to = stepped();
@@ -233,18 +232,18 @@ struct TimeSteppingTrajectory {
     last_dt_ = Real(dt);
   }
 
-  // Estimate of the last step's loss, while P is known only at its beginning: that of the step
-  // before, at most dt P.
-  FAN_FN Real coming_loss() const {
+  // Estimate of the last step's loss while only P at its start is known: that of the previous step,
+  // at most dt P.
+  FAN_FN Real estimated_loss() const {
     const Real most = last_dt_ * last_root_ * last_root_;
     return select(last_loss_ < most, last_loss_, most);
   }
 
   FAN_FN void judge() {
-    const State& made = stepped();
-    const Real most = Real(max_state_norm * max_state_norm), far = squares<NQ>(made.q_D);
-    Mask wild = !(far + at.speed_bound < most);
-    if (any(wild)) wild = !(far + squares<N>(made.v_D) < most);
+    const State& next_state = stepped();
+    const Real most = Real(max_state_norm * max_state_norm), square = squares<NQ>(next_state.q_D);
+    Mask overflow = !(square + at.speed_bound < most);
+    if (any(overflow)) overflow = !(square + squares<N>(next_state.v_D) < most);
     Mask empty = Real(0.0) > Real(1.0);
     for (int i = 0; i < S; ++i) empty = empty || is_empty(i);
     const auto stop = [&](const Mask& mask, Status why) {
@@ -257,17 +256,17 @@ struct TimeSteppingTrajectory {
       for (int l = 0; l < width; ++l) lane_of(crowded, l) = at.contacts.too_many(l) ? 1.0 : 0.0;
       stop(crowded > Real(0.5), TOO_MANY_CONTACTS);
     }
-    stop(wild, NOT_FINITE);
+    stop(overflow, NOT_FINITE);
     const Mask runs_out = empty && runs();
     if (any(runs_out)) accuse_empty(runs_out);
     stop(runs_out, LENGTH_NOT_POSITIVE);
   }
 
-  // Whether the length of a string that is driven or wound has run out.
+  // Whether the length of a driven or wound string has run out.
   FAN_FN Mask is_empty(int i) {
     if (Model::length_q[i] < 0 && Model::wound_q[i] < 0) return Real(0.0) > Real(1.0);
     return !(
-        string_length<Model, Real>(i, stepped().q_D, coming().q_K) >
+        string_length<Model, Real>(i, stepped().q_D, next_inputs().q_K) >
         Real(LengthTolerances::min_length));
   }
 
@@ -278,10 +277,10 @@ struct TimeSteppingTrajectory {
     }
   }
 
-  // J: lost before the last step, and in the step before it; sqrt(P) at the start of the last step.
+  // J: lost before the last step, and in the previous step; sqrt(P) at the start of the last step.
   Real lost_, last_loss_, last_root_ = Real(0.0);
   Real last_dt_ = Real(0.0);              // s: its length, 0 before the first one
-  Mask was_[room(M)], slipped_[room(S)];  // before the last step: rows taut, winches that slip
+  Mask was_[room(M)], slipped_[room(S)];  // before the last step: taut rows, slipping winches
   Real p_[room(Model::n_p)];
   State states_[2];
   Inputs inputs_[2];

@@ -1,6 +1,6 @@
-// Broyden's rank-one updates, stored as the steps made (Kelley, Iterative methods for linear and
-// nonlinear equations, 1995, section 7.3): they speed up an iteration that is nearly Newton's.
-// Written for any Real.
+// Broyden's rank-one updates, stored as steps (Kelley, Iterative methods for linear and nonlinear
+// equations, 1995, section 7.3): they accelerate an iteration that is nearly Newton's. Written for
+// any Real.
 #pragma once
 
 #include "fantoccini/math/manifold.hpp"
@@ -10,7 +10,7 @@ namespace fan {
 template <int n, class Real>
 struct Broyden {
   using Mask = typename Traits<Real>::Mask;
-  static constexpr int kept = 12;  // steps; after that it starts anew
+  static constexpr int max_stored = 12;  // steps; then it restarts
 
   FAN_FN void begin() { n_steps_ = 0; }
 
@@ -20,10 +20,10 @@ struct Broyden {
       for (int k = 0; k < n; ++k) steps_[j][k] = select(lanes, Real(0.0), steps_[j][k]);
   }
 
-  // Replaces z, the step of the plain iteration, by the step to make. The last update may lengthen
-  // it five times at most.
+  // Replaces z, the step of the plain iteration, by the corrected step. The last update may
+  // lengthen it at most five times.
   FAN_FN void correct(Real* z) {
-    if (n_steps_ == kept) n_steps_ = 0;
+    if (n_steps_ == max_stored) n_steps_ = 0;
     for (int j = 0; j + 1 < n_steps_; ++j) {
       const Real part = share(j, z);
       for (int k = 0; k < n; ++k) z[k] += part * steps_[j + 1][k];
@@ -46,7 +46,7 @@ struct Broyden {
   }
 
   int n_steps_ = 0;
-  Real steps_[kept][room(n)];
+  Real steps_[max_stored][room(n)];
 };
 
 }  // namespace fan

@@ -1,10 +1,10 @@
-// A node of a variational run: what moves there, and the velocities from the momenta,
+// A node of a variational run: the state there, and the velocities from the momenta,
 //
 //   v = M_DD^-1 (p - M_DK v_K - A_D^T mu),   hdot <= 0 complementary to mu >= 0
 //
-// over the rows at their bound. The next step needs that much less impulse.
+// over the rows at their bound. The next step's impulses are reduced by mu.
 //
-// The step from a node uses a factor of its own, with half a step of the joints' damping in it
+// The step from a node uses another factor, which includes half a step of the joints' damping
 // (step.hpp): `exact` is of M_DD, `firm` of M_DD + dt/2 damping.
 //
 // Written for any Real: every lane has its own time and step.
@@ -16,11 +16,11 @@
 namespace fan {
 
 struct NodeTolerances {
-  // m or rad: -h below which a row is at its bound: ten times what a step may leave.
+  // m or rad: -h below which a row is at its bound: ten times the tolerance of a step.
   static constexpr double closed_gap = 1e-10;
-  // Relative difference up to which steps share a factor.
+  // Relative difference of steps that share a factor.
   static constexpr double same_step = 1e-6;
-  // s: an impulse is at most the tension cap over this time, and so may be that of a catch.
+  // s: largest impulses, also those of a catch, are the tension cap over this time.
   static constexpr double max_impulse_time = 1.0;
 };
 
@@ -35,7 +35,7 @@ struct VariationalNode {
 
   struct Inputs {
     Real q_K[room(NQK)], v_K[room(NK)], acc_K[room(NK)], u_D[room(N)];
-    long long still = 0;  // of the drive's own (runs/drive.hpp); not read here
+    long long still = 0;  // of the drive's (runs/drive.hpp); not read here
 
     FAN_FN void keep(const Inputs& other, const Mask& lanes) {
       for (int i = 0; i < NQK; ++i) q_K[i] = select(lanes, other.q_K[i], q_K[i]);
@@ -56,7 +56,7 @@ struct VariationalNode {
   Real guess[room(N)];     // of v_D, from the step that ended here
   Real lambda[room(M)];    // impulses of that step, by row
   Real since;              // its length; 0 at the start
-  Real ahead;              // s: the length of the next step that `firm` is made for
+  Real ahead;              // s: length of the next step for which `firm` is computed
   Real moving[room(N)];    // F v_D, with the F of `exact`
   Real mu[room(M)];
   Mask near[room(M)];  // rows that take part
@@ -65,8 +65,8 @@ struct VariationalNode {
   Mask settled;  // whether mu was found
   NodeFactor<Model, Real> exact, firm;
 
-  // Velocities and mu from momenta, and the factors for the next step. Lanes in which nothing
-  // changed get the same results again.
+  // Computes velocities and mu from momenta, and the factors for the next step. Unchanged lanes get
+  // the same results again.
   FAN_FN void settle() {
     Real p_own[room(N)];
     exact.eval.at_node(q_D, guess, now.q_K, now.v_K, now.acc_K, now.u_D, 0.5 * ahead, p, firm.eval);
@@ -87,7 +87,7 @@ struct VariationalNode {
     firm.rows.add(pull, firm.y);
   }
 
-  // Makes `firm` for steps of these lengths.
+  // Computes `firm` for steps of these lengths.
   FAN_FN void expect(const Real& dt) {
     using std::abs;
     const Mask other = abs(ahead - dt) > Tolerance::same_step * dt;
@@ -103,8 +103,8 @@ struct VariationalNode {
   // Whether a row is at its bound.
   FAN_FN Mask closed(int r) const { return height(r) > Real(-Tolerance::closed_gap); }
 
-  // Whether a row is a string whose winch gives way.
-  FAN_FN bool gives(int r) const { return winches.slips(r) && winches.max_tension[r] < cap; }
+  // Whether a row is a string whose winch slips.
+  FAN_FN bool winch_slips(int r) const { return winches.slips(r) && winches.max_tension[r] < cap; }
 
   // Bounds of the rows' impulses. A slipping winch's is that of half a step: the other half acts at
   // the step's other end.
@@ -113,13 +113,12 @@ struct VariationalNode {
     for (int a = 0; a < on.rows.n; ++a) {
       const int r = on.rows.row[a];
       const Real most = Real(Tolerance::max_impulse_time * cap);
-      problem.upper[a] = gives(r) ? Real((0.5 * winches.max_tension[r]) * dt) : most;
+      problem.upper[a] = winch_slips(r) ? Real((0.5 * winches.max_tension[r]) * dt) : most;
       problem.lower[a] = on.rows.two_sided[a] ? Real(-most) : Real(0.0);
     }
   }
 
-  // Solves for the impulses; `again` with rows and G as the last time. Returns the lanes in which
-  // they were found.
+  // Solves for the impulses; `again` with rows and G as the last time. Returns the solved lanes.
   FAN_FN static Mask complement(Problem& problem, bool again) {
     using Pivoting = ComplementarityTolerances;
     return problem.solve(
@@ -142,8 +141,8 @@ struct VariationalNode {
     return -select(goes, select(most < speed, most, speed), Real(0.0));
   }
 
-  // Adds to `work` what impulses x, by row, do here through driven ends, and to `lost` the energy
-  // each removes. `made`: they have acted on the velocities already.
+  // Adds to `work` the work of impulses x, by row, through driven ends here, and to `lost` the
+  // energy each removes. `made`: they have already acted on the velocities.
   FAN_FN void account(const Real* x, bool made, Real& work, Real* lost) const {
     const auto& rows = exact.rows;
     Real rate[room(M)];

@@ -16,7 +16,7 @@ struct NodeFactor {
   FAN_FN void forth(const Real* x, Real* out) const { Call<Model, Real>::forth(eval.L, x, out); }
 };
 
-// A step as the iteration has found it so far.
+// Current iterate of a step.
 template <class Model, class Real>
 struct TrialStep {
   static constexpr int NQ = Model::n_qD, N = Model::n_vD, S = Model::n_strings;
@@ -27,10 +27,10 @@ struct TrialStep {
   Real before[room(N)];     // p_k(xi)
   Real after[room(N)];      // p_k+1
   Real q_next[room(NQ)];    // q_k+1
-  Real h[room(M)];          // there
+  Real h[room(M)];          // at the end
   Real work_M;              // of the motors
   Real lambda[room(M)];     // impulses
-  Real slip_next[room(S)];  // m: slips there
+  Real slip_next[room(S)];  // m: slips at the end
   Mask slips[room(S)];      // winches that slip in the step
 };
 

@@ -1,19 +1,20 @@
-// The variational integrator: discrete Euler-Lagrange by the midpoint rule, strings one-sided,
+// The variational integrator: discrete Euler-Lagrange by the midpoint rule, one-sided strings,
 //
 //   p_k - A_D(q_k)^T Lambda = p_k(xi),   h(q_k+1) <= 0 complementary to Lambda >= 0
 //
-// with p_k(xi), p_k+1, q_k+1 and h by the generated midpoint_rule (equations/variational.py). It
-// makes lengths hold at every node; the velocities there are those of node.hpp.
+// with p_k(xi), p_k+1, q_k+1 and h from the generated midpoint_rule (equations/variational.py).
+// Lengths hold at every node; the velocities there are those of node.hpp.
 //
 // The step is solved for y = F^-T p at q_k, where F^T F = M_DD + dt/2 damping of the joints. The
-// derivative of p_k(xi) is F^T F / dt but for terms of relative size dt times a velocity, so that
+// derivative of p_k(xi) is F^T F / dt except for terms of relative size dt times a velocity, so
+// that
 //
 //   z = y - F^-T p_k(xi) - W Lambda,   h / dt + W^T z <= 0 complementary to Lambda >= 0,
 //   xi <- xi + dt F^-1 z
 //
 // is nearly Newton's iteration and needs no derivative; Broyden's updates correct the difference.
 //
-// Written for any Real: lanes step together, each by a step of its own length.
+// Written for any Real: lanes step together, each with its own step length.
 #pragma once
 
 #include "fantoccini/variational/broyden.hpp"
@@ -27,20 +28,20 @@ struct VariationalTolerances {
   static constexpr double momentum_residual = 1e-12;
   // The same for a step whose residual no longer shrinks,
   static constexpr double stalled_residual = 1e-10;
-  // that is, whose |z|^2 is more than this share of the round before.
+  // that is, whose |z|^2 exceeds this share of the previous round's.
   static constexpr double stalled_share = 0.1;
-  // m or rad: rounding of a row's height. Over dt it is a speed that |z| may have, too,
+  // m or rad: rounding of a row's height. Over dt it is a speed that |z| may also have,
   static constexpr double height_rounding = 1e-14;
   // for rows with at least this share of G's largest diagonal entry: others hardly move anything.
   static constexpr double moving_row = 1e-6;
-  // m or rad by which a solved step may overstep a row.
+  // m or rad: largest violation of a row in a solved step.
   static constexpr double violation = 1e-11;
-  // rad (of xi) by which a coordinate may turn in one step: wider steps gain energy.
+  // rad (of xi): largest turn of a coordinate in one step; larger steps gain energy.
   static constexpr double max_turn_per_step = 1.0;
-  // rad by which a string may swing in one step: the same.
+  // rad: largest swing of a string in one step, likewise.
   static constexpr double max_swing_per_step = 0.7;
   static constexpr int max_corrections = 30;
-  // kg m^2/s^2: |z|^2 from which on a step has diverged.
+  // kg m^2/s^2: |z|^2 above which a step has diverged.
   static constexpr double diverged = 1e30;
 };
 
@@ -59,9 +60,9 @@ struct VariationalStep {
   };
 
   Node here;
-  double least = negligible;  // kg m^2/s^2: least |y|^2 that residuals are relative to
+  double least = negligible;  // kg m^2/s^2: lower bound of the |y|^2 that residuals are relative to
   Lead lead;
-  Inputs coming;  // at the end of the step
+  Inputs next_inputs;  // at the end of the step
   // Of the last step, in the lanes that made it.
   Real acc[room(N)];      // (v+ - v) / dt
   Real impulse[room(M)];  // Lambda + mu
@@ -69,14 +70,14 @@ struct VariationalStep {
   Real work, loss, impact, slip_loss;
   long long n_corrections = 0;
 
-  // How far a row is beyond its bound at the end of the step last found, and its impulse.
+  // Violation of a row's bound at the end of the last solved step, and its impulse.
   FAN_FN Real overstep(int r) const {
     using std::abs;
     return r < S && Model::wire[r] ? Real(abs(trial_.h[r])) : trial_.h[r];
   }
-  FAN_FN Real found_impulse(int r) const { return trial_.lambda[r]; }
+  FAN_FN Real solved_impulse(int r) const { return trial_.lambda[r]; }
 
-  // Begins at q_D, v_D, slip and the inputs of `here`, with steps of length dt to come.
+  // Begins at q_D, v_D, slip and the inputs of `here`, before steps of length dt.
   FAN_FN void begin(const Real& dt) {
     const Mask no = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {
@@ -97,8 +98,8 @@ struct VariationalStep {
     here.settle();
   }
 
-  // Looks for the step of length dt in the lanes `wanted`, and returns those in which it was found.
-  // The state stays as it is.
+  // Solves the step of length dt in the lanes `wanted`. Returns the solved lanes. The state is
+  // unchanged.
   FAN_FN Mask solve(const Real& dt, const Mask& wanted) {
     using std::abs;
     here.expect(select(wanted, dt, here.ahead));
@@ -166,7 +167,7 @@ struct VariationalStep {
       for (int k = 0; k < N; ++k)
         trial_.xi[k] += select(solved || lost, Real(0.0), Real(dt * moved[k]));
     }
-    give_way();
+    update_slips();
     for (int k = 0; k < N; ++k)
       if (Model::turns[k])
         solved = solved && abs(trial_.xi[k]) < Real(Tolerance::max_turn_per_step);
@@ -174,16 +175,16 @@ struct VariationalStep {
     return solved && !lost;
   }
 
-  // Whether the step that was found resolves how its strings swing. A string of length L under
-  // tension turns by the angle dt sqrt(tension G / L), with tension = 2 Lambda / dt, as half of the
-  // impulse acts at each end.
+  // Whether the solved step resolves the swing of its strings. A string of length L under tension
+  // turns by the angle dt sqrt(tension G / L), with tension = 2 Lambda / dt, as half of the impulse
+  // acts at each end.
   FAN_FN Mask resolves(const Real& dt) const {
     using std::abs;
     const auto& rows = here.firm.rows;
     Mask all = Real(0.0) < Real(1.0);
     for (int a = 0; a < rows.n && rows.row[a] < S; ++a) {
       const int r = rows.row[a];
-      const Real length = string_length<Model, Real>(r, here.q_D, coming.q_K);
+      const Real length = string_length<Model, Real>(r, here.q_D, next_inputs.q_K);
       const Real own = rows.problem.G[a * Node::Problem::N + a];
       const Real square = 2.0 * dt * abs(trial_.lambda[r]) * own;
       constexpr double most = Tolerance::max_swing_per_step * Tolerance::max_swing_per_step;
@@ -193,23 +194,23 @@ struct VariationalStep {
   }
 
   // By row of `firm`, the closing speed that impulses have to remove in a step of length dt. The
-  // step that was found is kept.
+  // solved step is kept.
   FAN_FN void demand(const Real& dt, Real* b) {
-    const TrialStep<Model, Real> found = trial_;
+    const TrialStep<Model, Real> solved_trial = trial_;
     auto& rows = here.firm.rows;
-    Real z[room(N)], lacked[room(N)];
-    for (int k = 0; k < N; ++k) lacked[k] = lacked_[k];
+    Real z[room(N)], guess_error[room(N)];
+    for (int k = 0; k < N; ++k) guess_error[k] = guess_error_[k];
     first_guess(dt);
     evaluate(dt);
     here.firm.forth(trial_.before, z);
     for (int k = 0; k < N; ++k) z[k] = here.firm.y[k] - z[k];
     rows.along(z, b);
     for (int a = 0; a < rows.n; ++a) b[a] += trial_.h[rows.row[a]] / dt;
-    trial_ = found;
-    for (int k = 0; k < N; ++k) lacked_[k] = lacked[k];
+    trial_ = solved_trial;
+    for (int k = 0; k < N; ++k) guess_error_[k] = guess_error[k];
   }
 
-  // Makes the step of length dt that was found, in the lanes `goes`.
+  // Makes the solved step of length dt, in the lanes `goes`.
   FAN_FN void accept(const Real& dt, const Mask& goes) {
     Real before[room(N)], coupled[room(N)], lost[room(M)];
     Mask was_taut[room(M)];
@@ -230,7 +231,7 @@ struct VariationalStep {
       const Real coming_v = trial_.xi[k] * (2.0 * rate) - here.v_D[k];
       here.guess[k] = select(goes, coming_v, here.guess[k]);
       here.momentum[k] = select(goes, trial_.after[k], here.momentum[k]);
-      lacked_[k] = trial_.xi[k] - lacked_[k];
+      guess_error_[k] = trial_.xi[k] - guess_error_[k];
     }
     for (int i = 0; i < NQ; ++i) here.q_D[i] = select(goes, trial_.q_next[i], here.q_D[i]);
     for (int r = 0; r < M; ++r) here.lambda[r] = select(goes, trial_.lambda[r], here.lambda[r]);
@@ -241,7 +242,7 @@ struct VariationalStep {
       slips[i] = trial_.slips[i];
     }
     here.since = select(goes, dt, here.since);
-    here.now.keep(coming, goes);
+    here.now.keep(next_inputs, goes);
     here.settle();
     here.account(here.mu, true, work, lost);
     work += 0.5 * dt * here.exact.eval.power0;
@@ -252,7 +253,7 @@ struct VariationalStep {
       acc[k] = select(goes, (here.v_D[k] - before[k]) * rate, acc[k]);
     }
     impact = slip_loss = Real(0.0);
-    extrapolation_.learn(dt, lacked_, goes);
+    extrapolation_.store_error(dt, guess_error_, goes);
     Mask changes = Real(0.0) > Real(1.0);
     for (int r = 0; r < M; ++r) {
       impulse[r] += here.mu[r];
@@ -266,7 +267,7 @@ struct VariationalStep {
 
  private:
   // Adds the residual of the momenta at the node to those at the end, so that conserved momenta are
-  // kept to rounding, whatever residual the iteration leaves.
+  // kept to rounding whatever the residual of the iteration.
   FAN_FN void balance() {
     Real v[room(N)], still[room(NK)], lacks[room(N)];
     here.firm.eval.back(left_, v);
@@ -275,7 +276,7 @@ struct VariationalStep {
     for (int k = 0; k < N; ++k) trial_.after[k] += lacks[k];
   }
 
-  // |z|^2 that rounding of the rows' heights may cause: divided by a short step it is a speed.
+  // |z|^2 from rounding of the rows' heights: divided by a short step it is a speed.
   FAN_FN Real rounding(const Real& dt) const {
     const auto& rows = here.firm.rows;
     const Real speed = Tolerance::height_rounding / dt;
@@ -292,8 +293,8 @@ struct VariationalStep {
     return speed * speed * most;
   }
 
-  // The first xi: dt times the velocities that the forces at the node and mu, for Lambda, give
-  // half-way, corrected by the extrapolated errors of such guesses.
+  // The first xi: dt times the velocities half-way by the forces at the node and mu, for Lambda,
+  // corrected by the extrapolated errors of such guesses.
   FAN_FN void first_guess(const Real& dt) {
     const auto& on = here.exact;
     Real w[room(N)], pull[room(M)];
@@ -301,18 +302,18 @@ struct VariationalStep {
     for (int a = 0; a < on.rows.n; ++a) pull[a] = -here.mu[on.rows.row[a]];
     on.rows.add(pull, w);
     on.eval.back(w, trial_.xi);
-    for (int k = 0; k < N; ++k) lacked_[k] = trial_.xi[k] *= dt;
+    for (int k = 0; k < N; ++k) guess_error_[k] = trial_.xi[k] *= dt;
     extrapolation_.add(dt, trial_.xi);
   }
 
   FAN_FN void evaluate(const Real& dt) {
     Call<Model, Real>::midpoint_rule(
-        here.q_D, trial_.xi, lead.q_mid, lead.v_mid, lead.acc_mid, coming.q_K, lead.u_D, dt, here.p,
-        trial_);
+        here.q_D, trial_.xi, lead.q_mid, lead.v_mid, lead.acc_mid, next_inputs.q_K, lead.u_D, dt,
+        here.p, trial_);
     for (int i = 0; i < S; ++i) trial_.h[i] -= trial_.slip_next[i];
   }
 
-  // The lanes in which no row is overstepped at the end of the step, whether it takes part or not.
+  // Lanes in which no row is violated at the end of the step, whether it takes part or not.
   FAN_FN Mask held() const {
     using std::abs;
     const auto& rows = here.firm.rows;
@@ -322,13 +323,14 @@ struct VariationalStep {
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
       const Real beyond = rows.two_sided[a] ? Real(abs(trial_.h[r])) : trial_.h[r];
-      const Mask gives = rows.problem.high[a] && Node::in_all(here.gives(r));
-      all = all && (!here.near[r] || gives || beyond < Real(Tolerance::violation));
+      const Mask slipping = rows.problem.high[a] && Node::in_all(here.winch_slips(r));
+      all = all && (!here.near[r] || slipping || beyond < Real(Tolerance::violation));
     }
     return all;
   }
 
-  // Adds the limits that the step would overstep to the rows that take part; whether there are any.
+  // Adds the limits that the step would violate to the rows that take part. Returns whether there
+  // are any.
   FAN_FN bool join(const Mask& lanes) {
     bool more = false;
     for (int r = S; r < M; ++r) {
@@ -363,13 +365,13 @@ struct VariationalStep {
     here.exact.rows.gather_more(here.exact.eval, here.guess, list, n);
   }
 
-  // A winch at its largest tension slips by the length that its string lacks.
-  FAN_FN void give_way() {
+  // A winch at its largest tension slips by the missing length of its string.
+  FAN_FN void update_slips() {
     const auto& rows = here.firm.rows;
     for (int i = 0; i < S; ++i) trial_.slips[i] = Real(0.0) > Real(1.0);
     for (int a = 0; a < rows.n; ++a) {
       const int r = rows.row[a];
-      if (!here.gives(r)) continue;
+      if (!here.winch_slips(r)) continue;
       trial_.slips[r] = rows.problem.high[a] && trial_.h[r] > Real(0.0);
       Real& next = trial_.slip_next[r];
       const Real before = next;
@@ -380,8 +382,8 @@ struct VariationalStep {
   }
 
   TrialStep<Model, Real> trial_;
-  Real left_[room(N)];    // z of the step that was found
-  Real lacked_[room(N)];  // the guess of xi without extrapolation; in accept(), the error of it
+  Real left_[room(N)];         // z of the solved step
+  Real guess_error_[room(N)];  // the guess of xi without extrapolation; in accept(), its error
   Extrapolation<N, Real> extrapolation_;
   Broyden<N, Real> quick_;
 };

@@ -1,5 +1,5 @@
 // A trajectory of the variational integrator: follows the inputs, halves steps that do not
-// converge, keeps the ledger and sets the status. Written for any Real, with the interface of
+// converge, computes the ledger and sets the status. Written for any Real, with the interface of
 // runs/stepping.hpp: every lane halves its own step, and waits for the others at the end of the
 // whole one.
 #pragma once
@@ -16,10 +16,10 @@ struct StepHalvingTolerances {
   // Smallest part of a step that is tried; a step that fails there stops the run.
   static constexpr double smallest_part = 1.0 / 4096.0;
   // Parts down to this are halved if only inaccurate (VariationalStep::resolves); smaller ones are
-  // made.
+  // accepted.
   static constexpr double smallest_accurate_part = 1.0 / 512.0;
-  // s: the impulse of a catch, and impulses it causes, may be the tension cap over this time.
-  static constexpr double blow_time = NodeTolerances::max_impulse_time;
+  // s: bound of the impulse of a catch, and of impulses it causes: the tension cap over this time.
+  static constexpr double catch_time = NodeTolerances::max_impulse_time;
 };
 
 template <class Model_, class Real_>
@@ -40,7 +40,7 @@ struct VariationalTrajectory {
   Options opt;
   Real t;  // s
   Real work, damping, impact, slip_loss, worst_violation;
-  Real status;  // a Status: RUNNING, or what has stopped the trajectory
+  Real status;  // a Status: RUNNING, or the reason for the trajectory's stop
   double blame[width][room(M)];
   // Of the last whole step.
   Real pull[room(M)];  // N or N m: mean tensions
@@ -83,29 +83,29 @@ struct VariationalTrajectory {
     status = Real(RUNNING);
     work = damping = impact = slip_loss = worst_violation = Real(0.0);
     for (int r = 0; r < M; ++r) {
-      pull[r] = blow_[r] = Real(0.0);
+      pull[r] = catch_impulse_[r] = Real(0.0);
       for (int l = 0; l < width; ++l) blame[l][r] = 0.0;
     }
     for (int i = 0; i < S; ++i) slips_[i] = slipped_[i] = !all;
     drive.start(t, node().now);
     const Real dt = Real(opt.dt);
     at.begin(dt);
-    const Mask found = look(drive, dt, all);
+    const Mask solved = solve_part(drive, dt, all);
     for (int r = 0; r < M; ++r) {
       was_[r] = node().taut[r];
-      const Mask pulls = found && node().closed(r);
-      node().lambda[r] = select(pulls, at.found_impulse(r), node().lambda[r]);
-      pull[r] = select(pulls, Real(at.found_impulse(r) * (2.0 / opt.dt)), pull[r]);
+      const Mask pulls = solved && node().closed(r);
+      node().lambda[r] = select(pulls, at.solved_impulse(r), node().lambda[r]);
+      pull[r] = select(pulls, Real(at.solved_impulse(r) * (2.0 / opt.dt)), pull[r]);
     }
     restart(drive);
     motors.begin(q_D(), inputs().q_K, p());
   }
 
-  // To be called after its bytes were read (runs/snapshot.hpp): pointers among them are not its
-  // own.
+  // Call it after its bytes were read (runs/snapshot.hpp): pointers among them are invalid.
   void attach(const ContactArrays* solids) { opt.contacts = solids; }
 
-  // Takes new inputs from here on. The momenta stay, so the driven velocities must be continuous.
+  // Sets new inputs from here on. The momenta are unchanged, so the driven velocities must be
+  // continuous.
   template <class Drive>
   void restart(Drive& drive) {
     drive.start(t, node().now);
@@ -122,7 +122,7 @@ struct VariationalTrajectory {
     Real part = Real(whole), impulse[room(M)];
     for (int r = 0; r < M; ++r) {
       was_[r] = node().taut[r];
-      impulse[r] = blow_[r] = Real(0.0);
+      impulse[r] = catch_impulse_[r] = Real(0.0);
     }
     for (int i = 0; i < S; ++i) {
       slipped_[i] = slips_[i];
@@ -134,15 +134,15 @@ struct VariationalTrajectory {
       const Mask last = !(next - t > part * (1.0 + 1e-9));
       const Real end = select(last, Real(next), Real(t + part));
       const Real dt = select(goes, Real(end - t), Real(opt.dt));
-      const Mask found = look(drive, dt, goes);
-      const Mask made =
-          found && (at.resolves(dt) || dt < Real(Tolerance::smallest_accurate_part * whole));
-      const Mask not_made = goes && !made;
-      part = select(not_made, 0.5 * dt, select(last, part, Real(2.0 * part)));
-      const Mask stuck = not_made && part < Real(Tolerance::smallest_part * whole);
+      const Mask solved = solve_part(drive, dt, goes);
+      const Mask accepted =
+          solved && (at.resolves(dt) || dt < Real(Tolerance::smallest_accurate_part * whole));
+      const Mask rejected = goes && !accepted;
+      part = select(rejected, 0.5 * dt, select(last, part, Real(2.0 * part)));
+      const Mask stuck = rejected && part < Real(Tolerance::smallest_part * whole);
       for (int l = 0; any(stuck) && l < width; ++l)
         if (lane_of(stuck, l)) lane_of(status, l) = reason(l, dt);
-      if (any(made)) take(dt, end, made, impulse);
+      if (any(accepted)) take(dt, end, accepted, impulse);
       goes = runs() && t < Real(next);
     }
     const Mask moved = t > start, ends = went && moved;
@@ -160,28 +160,29 @@ struct VariationalTrajectory {
 
   Mask runs() const { return status < Real(RUNNING + 0.5); }
 
-  // Rows that the last whole step has caught and let go.
-  Mask caught(int r) const { return blow_[r] > Real(0.0); }
+  // Rows that the last whole step has caught and released.
+  Mask caught(int r) const { return catch_impulse_[r] > Real(0.0); }
   Mask released(int r) const { return !at.here.taut[r] && (was_[r] || caught(r)); }
-  Real catch_impulse(int r, double) const { return blow_[r]; }
+  Real catch_impulse(int r, double) const { return catch_impulse_[r]; }
   Mask slip_begun(int i) const { return slips_[i] && !slipped_[i]; }
   Mask slip_ended(int i) const { return slipped_[i] && !slips_[i]; }
 
  private:
-  // Looks for a part of length dt in some lanes; returns those in which it was found.
+  // Solves a part of length dt in some lanes. Returns the solved lanes.
   template <class Drive>
-  Mask look(Drive& drive, const Real& dt, const Mask& lanes) {
+  Mask solve_part(Drive& drive, const Real& dt, const Mask& lanes) {
     drive.force(Real(t + 0.5 * dt), at.lead.u_D);
-    drive.at(Real(t + dt), at.coming);
-    half_way<typename Model::Driven>(node().now.q_K, at.coming.q_K, at.lead.q_mid, at.lead.v_mid);
+    drive.at(Real(t + dt), at.next_inputs);
+    half_way<typename Model::Driven>(
+        node().now.q_K, at.next_inputs.q_K, at.lead.q_mid, at.lead.v_mid);
     for (int j = 0; j < NK; ++j) {
       at.lead.v_mid[j] *= 1.0 / dt;
-      at.lead.acc_mid[j] = (at.coming.v_K[j] - node().now.v_K[j]) / dt;
+      at.lead.acc_mid[j] = (at.next_inputs.v_K[j] - node().now.v_K[j]) / dt;
     }
     return at.solve(dt, lanes);
   }
 
-  // Makes the part that was found.
+  // Makes the solved part.
   void take(const Real& dt, const Real& end, const Mask& lanes, Real* impulse) {
     at.accept(dt, lanes);
     t = select(lanes, end, t);
@@ -193,7 +194,7 @@ struct VariationalTrajectory {
     for (int r = 0; r < M; ++r) {
       const Real beyond = at.overstep(r);
       worst_violation = select(lanes && beyond > worst_violation, beyond, worst_violation);
-      book(blow_[r], select(at.caught[r], at.impulse[r], Real(0.0)));
+      book(catch_impulse_[r], select(at.caught[r], at.impulse[r], Real(0.0)));
       book(impulse[r], select(at.caught[r], Real(0.0), at.impulse[r]));
     }
     for (int i = 0; i < S; ++i) slips_[i] = slips_[i] || (lanes && at.slips[i]);
@@ -201,19 +202,19 @@ struct VariationalTrajectory {
   }
 
   // Checks the state after a part of a step. The cap applies to the mean tension over a whole step:
-  // in a short part, the rest of a catch just before would look like a tension.
+  // in a short part, the rest of a previous catch would look like a tension.
   void judge(const Real& dt, const Mask& lanes) {
     using std::abs;
-    const Real far = squares<NQ>(node().q_D) + squares<N>(node().v_D);
+    const Real square = squares<NQ>(node().q_D) + squares<N>(node().v_D);
     Real most = Real(0.0), span = select(dt > Real(opt.dt), dt, Real(opt.dt));
     for (int r = 0; r < M; ++r) {
       const Real size = abs(at.impulse[r]);
       span = select(
-          at.caught[r], Real(Tolerance::blow_time),
+          at.caught[r], Real(Tolerance::catch_time),
           span);  // rows that pull share a catch's impulse
       most = select(!at.caught[r] && size > most, size, most);
     }
-    stop(lanes && !(far < Real(max_state_norm * max_state_norm)), NOT_FINITE);
+    stop(lanes && !(square < Real(max_state_norm * max_state_norm)), NOT_FINITE);
     stop(lanes && !node().settled, NOT_SETTLED);
     const Mask empty = lanes && is_empty(node().now) && runs();
     for (int l = 0; any(empty) && l < width; ++l)
@@ -247,12 +248,13 @@ struct VariationalTrajectory {
     for (int i = 0; i < S; ++i) blame[lane][i] = lane_of(is_empty(i, in), lane) ? 1.0 : 0.0;
   }
 
-  // The status of a lane for which even the shortest part was not found; sets its rows' blame.
+  // The status of a lane for which even the shortest part has no solution; sets its rows'
+  // attribution.
   Status reason(int lane, const Real& parts) {
     for (int j = 0; j < NK; ++j)
-      if (!(fabs(lane_of(at.coming.v_K[j], lane)) < max_state_norm)) return NOT_FINITE;
-    if (lane_of(is_empty(at.coming), lane)) {
-      accuse_empty(lane, at.coming);
+      if (!(fabs(lane_of(at.next_inputs.v_K[j], lane)) < max_state_norm)) return NOT_FINITE;
+    if (lane_of(is_empty(at.next_inputs), lane)) {
+      accuse_empty(lane, at.next_inputs);
       return LENGTH_NOT_POSITIVE;
     }
     const auto& rows = node().firm.rows;
@@ -272,7 +274,7 @@ struct VariationalTrajectory {
       for (int k = 0; k < N; ++k) columns[place][k] = lane_of(rows.column[a][k], lane);
       set.column[place] = columns[place];
       set.b[place] = lane_of(b[a], lane);
-      set.upper[place] = node().gives(r) ? lane_of(rows.problem.upper[a], lane) : unbounded;
+      set.upper[place] = node().winch_slips(r) ? lane_of(rows.problem.upper[a], lane) : unbounded;
       set.two_sided[place] = rows.two_sided[a];
       set.place[place] = ActiveSet<M, N>::LOW;
     }
@@ -282,7 +284,7 @@ struct VariationalTrajectory {
     double most = 0.0, span = 0.5 * dt;  // as Node::bound
     for (int a = 0; a < set.n; ++a) {
       // The impulse of a catch may be larger than that of a tension.
-      if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = Tolerance::blow_time;
+      if (share[a] != 0.0 && !lane_of(node().taut[row[a]], lane)) span = Tolerance::catch_time;
       most = fmax(most, fabs(share[a]));
     }
     for (int a = 0; a < set.n && most > 0.0; ++a) blame[lane][row[a]] = fabs(share[a]) / most;
@@ -291,9 +293,9 @@ struct VariationalTrajectory {
   }
 
   // Of the last whole step.
-  Real blow_[room(M)];                      // N s or N m s: impulses of rows that were caught
+  Real catch_impulse_[room(M)];             // N s or N m s: impulses of caught rows
   Mask was_[room(M)];                       // rows that were taut before it
-  Mask slips_[room(S)], slipped_[room(S)];  // winches that slip in it, and in the one before
+  Mask slips_[room(S)], slipped_[room(S)];  // winches that slip in it, and in the previous one
 };
 
 }  // namespace fan
