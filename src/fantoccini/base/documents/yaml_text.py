@@ -18,6 +18,7 @@ Path = tuple[str | int, ...]
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _REAL = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+_COLOUR_COMMENT = re.compile(r":\s+(#(?:[0-9a-fA-F]{3}){1,2})\b")
 _WORDS: dict[str, Any] = {w: None for w in ("", "~", "null", "Null", "NULL")}
 _WORDS |= {w: True for w in ("true", "True", "TRUE")}
 _WORDS |= {w: False for w in ("false", "False", "FALSE")}
@@ -76,7 +77,7 @@ def read_text(text: str) -> Text:
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
-    reader = _Reader()
+    reader = _Reader(text)
     try:
         for event in YAML(typ="safe", pure=True).parse(text):
             reader.take(event)
@@ -88,7 +89,8 @@ def read_text(text: str) -> Text:
 class _Reader:
     """Builds data from events, with an explicit stack."""
 
-    def __init__(self) -> None:
+    def __init__(self, source: str) -> None:
+        self.source_lines = source.splitlines()
         self.text = Text()
         self.stack: list[_Open] = []
         self.anchors: dict[str, tuple[Any, int]] = {}
@@ -121,8 +123,15 @@ class _Reader:
             return
         value = _plain(event.value) if event.implicit[0] and not event.style else event.value
         path = self.place(line)
+        if value is None and (colour := self.hidden_colour(self.text.lines[path])):
+            self.text.mistakes.append((path, self.text.lines[path], colour))
         self.remember(event.anchor, value, 1)
         self.put(value, path, 1)
+
+    def hidden_colour(self, line: int) -> str:
+        """A mistake if a value of a line is a comment that looks like a colour; otherwise empty."""
+        match = _COLOUR_COMMENT.search("".join(self.source_lines[line - 1 : line]))
+        return f'found no value: # begins a comment; write "{match[1]}"' if match else ""
 
     def alias(self, event: Any, line: int) -> None:
         if self.expects_key():
@@ -230,6 +239,9 @@ def _plain(text: str) -> Any:
 def _syntax(error: Any, text: str, reader: _Reader) -> Unreadable:
     mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
     if mark is not None:
+        for line in (mark.line + 1, mark.line):
+            if colour := reader.hidden_colour(line):
+                return Unreadable(line, reader.here(), colour)
         what = getattr(error, "problem", None) or getattr(error, "context", None) or "not YAML"
         if "'\\t'" in what:
             what = "found a tab; YAML is indented with spaces"

@@ -145,9 +145,9 @@ class LaneSteppers:
 
     def checkpoint(self) -> bytes:
         """The state of all trajectories beyond the record's arrays, for :meth:`restore`."""
-        kept = ctypes.create_string_buffer(self._memory(None, None))
-        self._memory(kept, None)
-        return kept.raw
+        buffer = ctypes.create_string_buffer(self._memory(None, None))
+        self._memory(buffer, None)
+        return buffer.raw
 
     def restore(self, checkpoint: bytes) -> None:
         """Continues as the steppers of a checkpoint, of the same library and number, did.
