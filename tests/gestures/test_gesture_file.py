@@ -154,3 +154,16 @@ def test_mistakes_have_places(marionette, tmp_path, text, change, line, message)
 def test_a_file_that_is_not_there_is_told(marionette):
     with pytest.raises(FileError, match="did you mean 'wave'"):
         fan.theatre.load_gesture(marionette, "wawe")
+
+
+OTHER_STRINGS = {
+    "wave": "gesture wave: it moves hand_right; this puppet has no hand_right",
+    "look": "gesture look: its move head.left would move head.y, which is not a driven coordinate",
+}
+
+
+@pytest.mark.parametrize(("name", "message"), OTHER_STRINGS.items(), ids=OTHER_STRINGS)
+def test_a_bundled_gesture_says_in_one_sentence_what_a_puppet_lacks(name, message):
+    with pytest.raises(FileError) as caught:
+        load_gesture(fan.puppets.stand6(), name)
+    assert str(caught.value) == message

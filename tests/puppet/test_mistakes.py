@@ -164,7 +164,12 @@ AFTER = [
     ("<<: {floor: 1}", 7, "['<<']", "merge keys are not read"),
     ("---\npuppet: q", 7, "", "a second document"),
     ("\tfloor: 1", 7, "bodies[0]", "not YAML: found a tab; YAML is indented with spaces"),
-    ("colours: {a: #ff0000}", 7, "colours.a", 'found no value: # begins a comment; write "#ff0000"'),
+    (
+        "colours: {a: #ff0000}",
+        7,
+        "colours.a",
+        'found no value: # begins a comment; write "#ff0000"',
+    ),
     ("colours:\n  a: #b53", 8, "colours.a", 'found no value: # begins a comment; write "#b53"'),
     ("floor: 1: 2", 7, "", "not YAML: mapping values are not allowed here"),
     ("? [a, b]\n: 1", 7, "", "a key must be a word"),

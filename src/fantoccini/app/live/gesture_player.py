@@ -74,7 +74,7 @@ class GesturePlayer:
                 gesture = load_gesture(marionette, path)
             except FantocciniError as error:
                 if path.suffix != ".npz":
-                    problems.append(str(error))
+                    problems.append(_first_problem(error))
                 continue
             self.add(gesture)
         self.problems = tuple(problems)
@@ -147,3 +147,9 @@ class GesturePlayer:
             ]
             gesture_files += [path for path in files if is_gesture(path)] + takes
         return gesture_files[:_MAX_FILES]
+
+
+def _first_problem(error: FantocciniError) -> str:
+    """The first line of an error, and the number of the others."""
+    first, *others = str(error).splitlines()
+    return f"{first} (and {len(others)} more)" if others else first

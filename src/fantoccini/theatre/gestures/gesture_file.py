@@ -34,6 +34,7 @@ from fantoccini.base.documents import (
 from fantoccini.control.optimal import What, reach
 from fantoccini.control.tasks import Bounds
 from fantoccini.dynamics.marionette import Marionette
+from fantoccini.model.tree import CoordinateTable
 from fantoccini.motion import SAME_TIME, Input, Points, State, Table, reading
 from fantoccini.theatre.gestures import moves
 from fantoccini.theatre.gestures.aiming import To
@@ -178,12 +179,18 @@ def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, pref
     """Gesture of a file."""
     file = read_document(path, GestureFile)
     table, mistakes = reading.table_of(puppet), Mistakes(file.located, file.kind.error)
+    is_bundled = Path(file.located.file).parent == _FOLDER
+    if is_bundled:
+        _refuse_other_strings(file, table, prefix)
     prefixed = {prefix + name: points for name, points in file.moves.items()}
     offsets: dict[str, Points] = moves.read(table, prefixed, mistakes, ("moves",))
     mistakes.found = [
         (tuple(x.removeprefix(prefix) if isinstance(x, str) else x for x in spot), text)
         for spot, text in mistakes.found
     ]
+    if is_bundled and mistakes:
+        (_, move), text = mistakes.found[0]
+        raise _not_for_this_puppet(file, f"its move {move} {text}")
     if file.poses is not None and not mistakes:
         pose_offsets = _of_poses(puppet, file, file.poses, start, offsets, prefix)
         for channel, points in pose_offsets.items():
@@ -198,6 +205,22 @@ def _read(puppet: Table, path: str | os.PathLike[str], start: State | None, pref
                 mistakes.add(("marks", mark), text)
     mistakes.refuse()
     return dataclasses.replace(gesture, marks=dict(file.marks))
+
+
+def _refuse_other_strings(file: GestureFile, table: CoordinateTable, prefix: str) -> None:
+    """Refuses a bundled gesture, in one sentence, for a puppet without the strings it moves."""
+    moved = {name.rsplit(".", 1)[0] for name in file.moves}
+    moved |= set() if file.poses is None else set(file.poses.strings)
+    owners = {name.rsplit(".", 1)[0] for name in table.q_K}
+    missing = sorted(name for name in moved if prefix + name not in owners)
+    if missing:
+        text = f"it moves {', '.join(sorted(moved))}; this puppet has no {', '.join(missing)}"
+        raise _not_for_this_puppet(file, text)
+
+
+def _not_for_this_puppet(file: GestureFile, reason: str) -> FileError:
+    """The error of a bundled gesture that a puppet cannot do: one sentence, without lines."""
+    return file.kind.error([Mistake(f"gesture {file.gesture}", None, "", reason)])
 
 
 def gesture_of_take(inputs: Input, name: str, file: str = "") -> Gesture:
