@@ -9,7 +9,7 @@ import pytest
 import fantoccini as fan
 from fantoccini.base.documents.located import read_file
 from fantoccini.base.errors import FileError
-from fantoccini.theatre.gestures import gesture_names, gesture_schema
+from fantoccini.theatre.gestures import gesture_names, gesture_schema, load_gesture
 
 pytestmark = pytest.mark.medium
 
