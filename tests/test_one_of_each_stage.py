@@ -177,3 +177,22 @@ def test_what_rounds_know_and_what_is_placed_is_not_changed(kind: type):
     assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen
     for field in dataclasses.fields(kind):
         assert not re.match(r"(list|dict|set)", str(field.type)), field
+
+
+def test_gestures_are_varied_in_one_place():
+    """Words and numbers of cues, and the order of variations, are of scores and plays alike."""
+    variations = ("mirrored", "scaled", "repeated")
+    varied = {
+        name
+        for name, tree in sources()
+        for call in (call for variation in variations for call in calls(tree, variation))
+        if isinstance(call.func, ast.Attribute)
+    }
+    assert varied == {"gestures/styling.py"}
+    words = {
+        name
+        for name, tree in sources()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Subscript) and getattr(node.value, "id", "") == "HOW"
+    }
+    assert words == {"gestures/styling.py"}
