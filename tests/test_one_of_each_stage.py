@@ -180,11 +180,13 @@ def test_what_rounds_know_and_what_is_placed_is_not_changed(kind: type):
 
 
 def test_gestures_are_varied_in_one_place():
-    """Words and numbers of cues, and the order of variations, are of scores and plays alike."""
+    """Scores, plays and buttons of the live page have the same variations in the same order."""
     variations = ("mirrored", "scaled", "repeated")
+    app = Path(theatre.__path__[0]).parent / "app"
+    pages = [(p.name, ast.parse(p.read_text(encoding="utf-8"))) for p in app.rglob("*.py")]
     varied = {
         name
-        for name, tree in sources()
+        for name, tree in [*sources(), *pages]
         for call in (call for variation in variations for call in calls(tree, variation))
         if isinstance(call.func, ast.Attribute)
     }

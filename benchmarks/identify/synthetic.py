@@ -28,22 +28,26 @@ def main() -> None:
     parser.add_argument(
         "--drift", type=float, default=5e-4, help="of configurations; ten times that of velocities"
     )
-    given = parser.parse_args()
-    case = {"arm": arm, "marionette": marionette}[given.puppet]()
-    truth, scores = dict(case.truth), []
-    for seed in range(given.seeds):
-        one = record(case, given.duration, seed, gaps=0.1)
+    options = parser.parse_args()
+    case = {"arm": arm, "marionette": marionette}[options.puppet]()
+    truth, scores, converged, times = dict(case.truth), [], 0, []
+    for seed in range(options.seeds):
+        data = record(case, options.duration, seed, gaps=0.1)
         if seed == 0:
             fan.identify(record(case, 1.0, 0))  # compiles the libraries, outside the timing
         began, worked = time.perf_counter(), time.process_time()
-        found = fan.identify(one, drift=(given.drift, 10.0 * given.drift))
+        result = fan.identify(data, drift=(options.drift, 10.0 * options.drift))
         wall, cpu = time.perf_counter() - began, time.process_time() - worked
+        converged += result.converged
+        times.append(cpu)
         print(
-            f"seed {seed}: {wall:.1f} s, {cpu:.1f} s of processors, chi2 {found.chi2:.3f}, "
-            f"drift {found.drift:.2g}, {len(found.outliers)} outliers"
+            f"seed {seed}: {wall:.1f} s, {cpu:.1f} s of processors, chi2 {result.chi2:.3f}, "
+            f"drift {result.drift:.2g}, {len(result.outliers)} outliers"
         )
         print(_row("", "value", "truth", "error", "deviation", "z"))
-        for name, value, deviation in zip(found.names, found.values, found.deviations, strict=True):
+        for name, value, deviation in zip(
+            result.names, result.values, result.deviations, strict=True
+        ):
             true, z = truth[name], (value - truth[name]) / deviation
             scores.append(z)
             print(
@@ -58,6 +62,7 @@ def main() -> None:
             )
     z = np.abs(scores)
     print(f"within 95 % intervals: {100 * np.mean(z < 1.96):.0f} % of {len(z)}")
+    print(f"converged: {converged} of {options.seeds}, {np.mean(times):.1f} s of processors each")
 
 
 def _row(*cells: str) -> str:
@@ -65,7 +70,7 @@ def _row(*cells: str) -> str:
 
 
 def _shown(name: str, error: float, truth: float) -> str:
-    """In mm or ms for places and the delay, otherwise relative."""
+    """Error in mm or ms for places and the delay, otherwise relative to the truth."""
     if name == "delay":
         return f"{1e3 * error:.3f} ms"
     if name.endswith("offset") or ".at." in name or "tie" in name:

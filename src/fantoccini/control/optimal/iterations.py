@@ -17,6 +17,9 @@ import numpy as np
 from fantoccini.base import Array, OnProgress, Progress
 from fantoccini.control.optimal.quadratic import StageProgram, StageSolution
 
+SUFFICIENT, POOR, GOOD = 1e-4, 0.25, 0.75
+"""Decreases relative to their prediction: the least for a step to be taken, and the two between
+which damping and trust radius stay."""
 _MAX_SMALL_STEPS = 4
 """Number of successive small steps after which a motion counts as settled."""
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from fantoccini.base import FantocciniError, StateError, UnknownNameError
 from fantoccini.theatre.gestures.gesture import Gesture
-from fantoccini.theatre.gestures.transitions import Most
+from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Most
 from fantoccini.theatre.script import HOW, DoesCue, Styled
 
 _MAX_PIECES = 100_000
@@ -20,7 +20,7 @@ class StyleError(StateError):
     Args:
         key: the variation that is impossible, by its key in the cue; empty for transitions between
             repetitions.
-        reason: why it is impossible.
+        reason: message with the reason.
     """
 
     def __init__(self, key: str, reason: FantocciniError | str):
@@ -60,7 +60,12 @@ class Style:
         return cls(larger, faster, mirrored, repeat, lasts)
 
     def varied(
-        self, gesture: Gesture, heading: float | None, *, speed: Most, acceleration: Most
+        self,
+        gesture: Gesture,
+        heading: float | None = None,
+        *,
+        speed: Most = SPEED,
+        acceleration: Most = ACCELERATION,
     ) -> tuple[Gesture, Gesture]:
         """The gesture in this style, once and with its repetitions.
 
