@@ -373,8 +373,50 @@ TASKS = (
 """Extensions; if a folder has several similar files, the named file is the example to copy."""
 
 
+APART = (
+    (
+        "rest of a puppet",
+        "dynamics/equilibrium/equilibrium.py",
+        "rest",
+        "q_D and tensions, for given q_K",
+        "from any start, with contact, chains and drives; needs only the library that every puppet "
+        "has",
+    ),
+    (
+        "rest that follows hands and parameters",
+        "kernel/cpp/fantoccini/search/hanging.hpp",
+        "Hanging",
+        "the same",
+        "the equations of `rest`, but with exact derivatives by q_K and p, for thousands of poses "
+        "per second: a library of its own, without contact. It starts at a `rest`, and its poses "
+        "are rests",
+    ),
+    (
+        "pose nearest to a goal",
+        "control/problems/balance.py",
+        "balanced",
+        "q_D, q_K and tensions",
+        "least squares of forces and goal residuals together, since the pose need not be an "
+        "equilibrium; no library to compile. Tensions by SciPy take a third of the time of a call "
+        "of the compiled solver, and agree with it to rounding",
+    ),
+    (
+        "stance of a puppet",
+        "control/problems/standing.py",
+        "stance",
+        "none",
+        "no solver: a `balanced` pose, a `rest` above it, and runs that lower the puppet",
+    ),
+)
+"""Problem, file, name, unknowns, and the reason why it is not one with the one before."""
+
+
 def page() -> str:
     """The text of docs/architecture.md."""
+    apart = [
+        f"| {problem} | `{file}` (`{name}`) | {unknowns} | {reason} |"
+        for problem, file, name, unknowns, reason in APART
+    ]
     packages = [
         f"| `{name}` | {purpose} | {contents} |" for name, (purpose, contents) in PACKAGES.items()
     ]
@@ -387,7 +429,10 @@ def page() -> str:
         for task in TASKS
     ]
     return _TEXT.format(
-        packages="\n".join(packages), walks="\n".join(walks), tasks="\n".join(tasks)
+        packages="\n".join(packages),
+        walks="\n".join(walks),
+        apart="\n".join(apart),
+        tasks="\n".join(tasks),
     )
 
 
@@ -425,6 +470,16 @@ the folders before it in this list: `math`, `solvers`, `model`, `collision`, `co
 Paths are relative to `src/fantoccini`.
 
 {walks}
+
+## Equilibria
+
+Nearly everything exists once (`tests/test_one_of_each*.py`). Equilibria are computed in several
+places, which differ in their unknowns or in the library that they need. Paths are relative to
+`src/fantoccini`.
+
+| Problem | Where | Unknowns | Why it is separate |
+|---|---|---|---|
+{apart}
 
 ## Common extensions
 

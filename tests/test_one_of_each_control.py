@@ -6,11 +6,13 @@ import ast
 import inspect
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import fantoccini as fan
 from fantoccini.base import FileError
 from fantoccini.control.problems import load_problem
+from fantoccini.control.problems.balance import best_support
 from fantoccini.control.problems.problem_file import ProblemFile
 from fantoccini.control.tasks import Answer, AnswerStatus, ControlFile, load_task
 from fantoccini.control.tasks.schema import TaskFile
@@ -154,6 +156,32 @@ def test_one_outer_loop_iterates_quadratic_programs():
     }
     one_step = {"optimal/clamped.py"}  # an update of MPC makes no more than one
     assert programs == methods - {"optimal/iterations.py"} | one_step
+
+
+def test_steps_are_judged_by_one_set_of_ratios():
+    """The least decrease of a step that is taken, and those that change damping and radius."""
+    ratios = {"SUFFICIENT", "POOR", "GOOD"}
+    assigned = {
+        str(file.relative_to(PACKAGE))
+        for file in (PACKAGE / "control").rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+        if node.id.upper() in ratios | {"TAKEN", "DECREASE"}
+    }
+    assert assigned == {"control/optimal/iterations.py"}
+    for method in ("sqp", "tightening"):
+        text = (PACKAGE / "control" / "optimal" / f"{method}.py").read_text(encoding="utf-8")
+        assert all(ratio in text for ratio in ratios)
+
+
+def test_tensions_that_balance_a_pose_are_those_of_its_rest():
+    """Plans compute them by SciPy, and runs in the compiled solver."""
+    for puppet in (fan.puppets.arm2d(), fan.puppets.crane()):
+        x = puppet.rest()
+        residual, tension, _ = best_support(puppet, x.q_D[None], x.q_K[None])
+        of_runs = puppet.forward_dynamics(x).tension[: tension.shape[1]]
+        assert tension[0] == pytest.approx(of_runs, rel=1e-9)
+        assert np.max(np.abs(residual)) < 1e-9 * puppet.weight
 
 
 def test_one_reader_opens_the_files_of_control():

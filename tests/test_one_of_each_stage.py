@@ -177,3 +177,24 @@ def test_what_rounds_know_and_what_is_placed_is_not_changed(kind: type):
     assert dataclasses.is_dataclass(kind) and kind.__dataclass_params__.frozen
     for field in dataclasses.fields(kind):
         assert not re.match(r"(list|dict|set)", str(field.type)), field
+
+
+def test_gestures_are_varied_in_one_place():
+    """Scores, plays and buttons of the live page have the same variations in the same order."""
+    variations = ("mirrored", "scaled", "repeated")
+    app = Path(theatre.__path__[0]).parent / "app"
+    pages = [(p.name, ast.parse(p.read_text(encoding="utf-8"))) for p in app.rglob("*.py")]
+    varied = {
+        name
+        for name, tree in [*sources(), *pages]
+        for call in (call for variation in variations for call in calls(tree, variation))
+        if isinstance(call.func, ast.Attribute)
+    }
+    assert varied == {"gestures/styling.py"}
+    words = {
+        name
+        for name, tree in sources()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Subscript) and getattr(node.value, "id", "") == "HOW"
+    }
+    assert words == {"gestures/styling.py"}

@@ -121,9 +121,13 @@ def test_the_files_that_a_task_touches_exist(task):
     assert [f for f in files if not (root[f[0] == "/"] / f.lstrip("/")).is_file()] == []
 
 
-@pytest.mark.parametrize("walk", architecture.WALKS)
-def test_the_files_of_a_walk_define_what_it_names(walk):
-    for file, name, _ in architecture.WALKS[walk]:
+@pytest.mark.parametrize(
+    "places",
+    [*architecture.WALKS.values(), [entry[1:4] for entry in architecture.APART]],
+    ids=[*architecture.WALKS, "equilibria"],
+)
+def test_files_of_the_architecture_define_what_it_names(places):
+    for file, name, _ in places:
         text = (ROOT / "src" / "fantoccini" / file).read_text(encoding="utf-8")
         assert re.search(rf"^ *(def|class|struct) {name}\b", text, re.MULTILINE), (file, name)
 

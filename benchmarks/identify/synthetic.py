@@ -30,7 +30,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     case = {"arm": arm, "marionette": marionette}[arguments.puppet]()
-    truth, scores = dict(case.truth), []
+    truth, scores, converged, times = dict(case.truth), [], 0, []
     for seed in range(arguments.seeds):
         synthetic = record(case, arguments.duration, seed, gaps=0.1)
         if seed == 0:
@@ -38,6 +38,8 @@ def main() -> None:
         began, worked = time.perf_counter(), time.process_time()
         identified = fan.identify(synthetic, drift=(arguments.drift, 10.0 * arguments.drift))
         wall, cpu = time.perf_counter() - began, time.process_time() - worked
+        converged += identified.converged
+        times.append(cpu)
         print(
             f"seed {seed}: {wall:.1f} s, {cpu:.1f} s of processors, chi2 {identified.chi2:.3f}, "
             f"drift {identified.drift:.2g}, {len(identified.outliers)} outliers"
@@ -60,6 +62,7 @@ def main() -> None:
             )
     z = np.abs(scores)
     print(f"within 95 % intervals: {100 * np.mean(z < 1.96):.0f} % of {len(z)}")
+    print(f"converged: {converged} of {arguments.seeds}, {np.mean(times):.1f} s of processors each")
 
 
 def _row(*cells: str) -> str:

@@ -143,3 +143,18 @@ def test_mistakes_of_periodic_tasks(block: fan.Marionette):
 def test_exact_derivatives_are_refused(block: fan.Marionette):
     with pytest.raises(fan.errors.StateError, match="without contact"):
         fan.optimise(pulled(block, 0.01), exact=True)
+
+
+def test_an_optimum_with_obstacles_is_followed_by_mpc(block: fan.Marionette):
+    """Its task has the wall in its puppet; either puppet may be given."""
+    wall = {"name": "wall", "type": "box", "size": [0.2, 1, 1], "at": [2, 0, 0.5]}
+    best = fan.optimise(pulled(block, 0.01, obstacles=[wall]), iterations=2)
+    steps = []
+    for puppet in (block, best.marionette):
+        mpc = fan.MPC(puppet, best.task, horizon=0.4, nodes=10)
+        assert [o.name for o in mpc.marionette.puppet.obstacles] == ["wall"]
+        steps.append(mpc.step(block.rest()))
+    assert np.array_equal(*steps) and np.all(np.isfinite(steps))
+    post = best.task.marionette.puppet.obstacles[0].model_copy(update={"name": "post"})
+    with pytest.raises(fan.errors.StateError, match="obstacles that the task lacks: post"):
+        fan.MPC(block.with_obstacles([post]), best.task)

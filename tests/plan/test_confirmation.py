@@ -130,6 +130,16 @@ def test_what_is_hidden_between_looks_is_found(boxes):
     assert made.clearance < 0.0 and not made.arrives
 
 
+def test_polish_says_that_polished_versions_are_too_long(monkeypatch):
+    """The allowed time is a tenth of what a plan takes."""
+    boxes = fan.control.load_problem("arm3d_boxes")
+    plan = first_plan(boxes)
+    monkeypatch.setattr(plan.search.problem, "longest", 0.1 * plan.duration)
+    tried = plan.polish(1e-3, seconds=0.0)
+    assert tried.polished.status is PolishStatus.TOO_LONG and tried.path == plan.path
+    assert "take longer than the problem allows" in tried.message and tried.refused == plan.refused
+
+
 def test_polish_says_what_came_of_it(boxes, monkeypatch, tmp_path):
     """17.4: a plan that is left as it was says why."""
     made = first_plan(boxes, near, polished)

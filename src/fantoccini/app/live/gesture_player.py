@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fantoccini.app.live.recorder import is_take_name
 from fantoccini.base import FantocciniError
-from fantoccini.theatre.gestures import Gesture, gesture_names, is_gesture, load_gesture
+from fantoccini.theatre.gestures import Gesture, Style, gesture_names, is_gesture, load_gesture
 from fantoccini.theatre.perform import Performance, Tempo
 
 HOME = "hang"
@@ -97,9 +97,10 @@ class GesturePlayer:
                 self._performance.play_once(played)
             return
         options, gesture = self.options, self.gestures[name]
+        style = Style(options.size, options.speed, options.mirrored)
+        gesture, _ = style.varied(gesture)
         if options.mirrored:
-            gesture = gesture.mirrored().called(f"{name}, mirrored")
-        gesture = gesture.scaled(options.size).faster(options.speed)
+            gesture = gesture.called(f"{name}, mirrored")
         t = self._performance.t
         delay = self.tempo.next(t) - t if options.on_beat else None
         self._performance.play(gesture, after=delay, again=options.again)

@@ -107,9 +107,10 @@ class MPC:
         seconds: duration of the last update [s].
 
     Args:
-        marionette: the puppet.
-        task: a :class:`Task`, of which tracks, smoothness, obstacles and bounds are used, except
-            bounds of tensions; paths move along with time. Or targets as for :func:`follow`.
+        marionette: the puppet; a task may add obstacles to it.
+        task: a :class:`Task`, also of an :class:`Optimum`, of which tracks, smoothness, obstacles
+            and bounds are used, except bounds of tensions; paths move along with time. Or targets
+            as for :func:`follow`.
         horizon: length of the horizon [s].
         nodes: see above.
         bounds, smooth: bounds and smoothness if no task is given.
@@ -154,10 +155,9 @@ class MPC:
         if isinstance(task, Task):
             _check(task, marionette)
             tracks, bounds, smooth, x0 = task.tracks, task.bounds, task.smooth, task.x0
-            obstacles = task.obstacles
-            if obstacles:
-                marionette, obstacles = task.world
-                self.marionette = marionette
+            # The task of an optimum has its obstacles in its puppet.
+            marionette, obstacles = task.world if task.obstacles else (task.marionette, ())
+            self.marionette = marionette
         else:
             x0 = marionette.rest()
             tracks, obstacles = tracks_of(marionette, task, x0.t, 1.0, weight), ()
@@ -345,8 +345,16 @@ class MPC:
 
 
 def _check(task: Task, marionette: Marionette) -> None:
-    if task.marionette is not marionette:
-        raise StateError("MPC: the task is of another puppet")
+    if not _same_puppet(task.marionette, marionette):
+        raise StateError(f"MPC: the task is of another puppet than {marionette.name}")
+    more = [
+        o.name for o in marionette.puppet.obstacles if o not in task.marionette.puppet.obstacles
+    ]
+    if more:
+        raise StateError(
+            f"MPC: the puppet has obstacles that the task lacks: {', '.join(more)}; make the task "
+            "with this puppet"
+        )
     if task.is_free:
         raise StateError("MPC: the task's duration is free; needed: a given one")
     if task.parameters:
@@ -360,3 +368,9 @@ def _check(task: Task, marionette: Marionette) -> None:
         raise StateError("MPC: the task has touches; give a Track instead")
     if task.end is not None or task.periodic is not None:
         raise StateError("MPC: the task has an end; give a Track with end_weight instead")
+
+
+def _same_puppet(a: Marionette, b: Marionette) -> bool:
+    """Whether two puppets differ in their obstacles at most."""
+    same_numbers = np.array_equal(a.p, b.p) and np.array_equal(a.winches, b.winches)
+    return a.libraries is b.libraries and same_numbers

@@ -20,7 +20,15 @@ import numpy as np
 
 from fantoccini.base import Array, OnProgress
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
-from fantoccini.control.optimal.iterations import Limits, SmallSteps, curved, improve
+from fantoccini.control.optimal.iterations import (
+    GOOD,
+    POOR,
+    SUFFICIENT,
+    Limits,
+    SmallSteps,
+    curved,
+    improve,
+)
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.quadratic import StageProgram, StageSolution, StageSolver
 from fantoccini.control.tasks import Nodes
@@ -44,12 +52,7 @@ class SearchSettings:
     """Least damping of the Hessian, in units of the cost."""
     first_damping: float = 3e-8
     damping_factor: float = 4.0
-    poor: float = 0.25
-    good: float = 0.75
-    """Decrease of the merit, relative to the prediction, between which the damping stays."""
     most_damping: float = 1e8
-    decrease: float = 1e-4
-    """Least decrease of phi for a step, relative to the prediction."""
     halvings: int = 8
     corrections: int = 3
     """Largest number of corrections of a full step that is rejected and violates rows."""
@@ -109,7 +112,7 @@ class Filter:
             return False
         rounding = 1e-13 * abs(phi)
         if falls < 0.0 and (-falls) ** SETTINGS.powers[0] > theta ** SETTINGS.powers[1]:
-            return after[1] <= phi + SETTINGS.decrease * falls + rounding
+            return after[1] <= phi + SUFFICIENT * falls + rounding
         if after[0] <= margin * theta < theta or after[1] <= phi - SETTINGS.margin * theta:
             self._pairs.append(before)
             return True
@@ -382,8 +385,8 @@ def _next_damping(damping: float, alpha: float, decrease_ratio: float) -> float:
         alpha: length of the step, relative to the full one.
         decrease_ratio: decrease of the merit relative to the prediction.
     """
-    if alpha < 1.0 or decrease_ratio < SETTINGS.poor:
+    if alpha < 1.0 or decrease_ratio < POOR:
         return damping * SETTINGS.damping_factor
-    if decrease_ratio > SETTINGS.good:
+    if decrease_ratio > GOOD:
         return max(damping / SETTINGS.damping_factor, SETTINGS.damping)
     return damping

@@ -20,7 +20,15 @@ import numpy as np
 from fantoccini.base import Array, OnProgress, SimulationError, StateError
 from fantoccini.control.optimal.dynamics import Ends, LinearEnds
 from fantoccini.control.optimal.hybrid import HybridRuns
-from fantoccini.control.optimal.iterations import Limits, SmallSteps, curved, improve
+from fantoccini.control.optimal.iterations import (
+    GOOD,
+    POOR,
+    SUFFICIENT,
+    Limits,
+    SmallSteps,
+    curved,
+    improve,
+)
 from fantoccini.control.optimal.objective import Objective
 from fantoccini.control.optimal.quadratic import UNBOUNDED, StageProgram, StageSolution, StageSolver
 from fantoccini.control.optimal.sqp import Iterate
@@ -37,11 +45,6 @@ class TighteningSettings:
     shorter: float = 0.4
     longer: float = 2.0
     """Factors by which the radius changes."""
-    taken: float = 1e-4
-    poor: float = 0.25
-    good: float = 0.75
-    """Decrease relative to the prediction: the least for a step to be taken, and the values between
-    which the radius stays."""
     corrections: int = 3
     """Largest number of corrections of a step."""
     price: float = 10.0
@@ -220,10 +223,10 @@ class Tightening:
             if not decrease_ratio > best_ratio:
                 break
             best_ratio, best_motion, best_cost = decrease_ratio, nodes_and_ends, cost
-            if best_ratio >= SETTINGS.good or objective.task.end is None:
+            if best_ratio >= GOOD or objective.task.end is None:
                 break
         self._decrease_ratio = best_ratio
-        if best_motion is None or best_ratio <= SETTINGS.taken:
+        if best_motion is None or best_ratio <= SUFFICIENT:
             return None
         limits = self._limits
         is_small = best_ratio * step.falls <= limits.cost_tolerance * abs(merit_before)
@@ -244,9 +247,9 @@ class Tightening:
         unit, price = self._free.unit, self._free.price
         if is_inside and step.left > 0.1 * self._limits.tolerance:
             price = min(price * SETTINGS.price_factor, SETTINGS.highest_price * unit)
-        if decrease_ratio < SETTINGS.poor:
+        if decrease_ratio < POOR:
             self._radius = SETTINGS.shorter * min(step.size, self._radius)
-        elif decrease_ratio > SETTINGS.good and not is_inside:
+        elif decrease_ratio > GOOD and not is_inside:
             self._radius *= SETTINGS.longer
         is_near = float(np.max(np.abs(self._gap(self.best.nodes)), initial=0.0)) < SETTINGS.near
         if taken and is_near:

@@ -45,10 +45,16 @@ class PolishStatus(Outcome):
     NOT_NEAR = "the plan is as it was: no rollout close to it ends so near within all bounds"
     TIMEOUT = "the plan is as it was: the time ended before it came so near to the goal"
     NOT_HELD = "the plan is as it was: its polished versions do not hold in simulation"
+    TOO_LONG = "the plan is as it was: its polished versions take longer than the problem allows"
     INTERRUPTED = "the plan is as it was: it was interrupted before anything was found"
     NO_MOTION = "the plan is as it was: it has no segment"
     MAY_TOUCH = "the plan is as it was: plans that may touch something are not polished"
     UNKNOWN_GOAL = "the plan is as it was: its goal is a function, which has no residuals"
+
+    @property
+    def reached(self) -> bool:
+        """Whether the plan ends as near to the goal as requested."""
+        return self in (PolishStatus.POLISHED, PolishStatus.NO_BETTER)
 
 
 @dataclass(frozen=True)
@@ -84,7 +90,7 @@ class Polish:
     @property
     def reached(self) -> bool:
         """Whether the plan ends as near to the goal as requested."""
-        return self.status in (PolishStatus.POLISHED, PolishStatus.NO_BETTER)
+        return self.status.reached
 
     def __str__(self) -> str:
         text = f"{self.status.message} (asked: {self.asked:.3g}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -210,19 +210,29 @@ class Search:
             # After Ctrl-C the shortest plan that holds is kept.
             self.seconds += time.perf_counter() - start_time
             self.late = self.late or seconds > 0.0 or polisher.late
-            statuses = (self._accept(candidate, distance) for candidate in reversed(candidates))
-            first_status = next((accepted for accepted in statuses if accepted is not None), None)
             if candidates:
-                status = PolishStatus.NOT_HELD if first_status is None else first_status
+                status = self._accept_first(reversed(candidates), distance)
             self.polished = polisher.outcome(status, distance)
         return self.polished.reached
 
-    def _accept(self, segments: Segments, distance: float) -> PolishStatus | None:
-        """Makes a polished plan the best if it is better; None if it does not hold."""
+    def _accept_first(self, plans: Iterable[Segments], distance: float) -> PolishStatus:
+        """Accepts the first of polished plans that can be; otherwise the status of the first."""
+        refusals = []
+        for segments in plans:
+            status = self._accept(segments, distance)
+            if status.reached:
+                return status
+            refusals.append(status)
+        return refusals[0]
+
+    def _accept(self, segments: Segments, distance: float) -> PolishStatus:
+        """Makes a polished plan the best if it is better."""
         tree, interval = self.tree, self.problem.rollouts.options.interval
         node = tree.add_segments(segments, np.zeros(1, dtype=int), interval)[-1]
-        if tree.time[node] > self.problem.longest + _TIME_ERROR or not self._confirmed(tree, node):
-            return None
+        if tree.time[node] > self.problem.longest + _TIME_ERROR:
+            return PolishStatus.TOO_LONG
+        if not self._confirmed(tree, node):
+            return PolishStatus.NOT_HELD
         if tree.distance[self.best] > distance or tree.cost[node] < tree.cost[self.best]:
             self._adopt(tree, node)
             return PolishStatus.POLISHED

@@ -33,6 +33,7 @@ from fantoccini.theatre.gestures.rehearsing import Rehearsal, rehearse
 from fantoccini.theatre.gestures.score import Caption, Played, Score, Sound, Wait
 from fantoccini.theatre.gestures.sounding import read_sounds
 from fantoccini.theatre.gestures.stepping import STEP_TIME, Step, Track
+from fantoccini.theatre.gestures.styling import Style
 from fantoccini.theatre.gestures.timekeeping import Late, lateness
 from fantoccini.theatre.gestures.transitions import ACCELERATION, SAME, SPEED, limits, transition
 from fantoccini.theatre.gestures.walking import SWAY, steps
@@ -66,6 +67,7 @@ __all__ = [
     "Score",
     "Sound",
     "Step",
+    "Style",
     "Track",
     "Turn",
     "Wait",

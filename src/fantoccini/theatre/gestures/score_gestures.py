@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from fantoccini.base import Array, FileError, InputError, StateError, UnknownNameError, nearest
+from fantoccini.base import Array, FileError, InputError, UnknownNameError, nearest
 from fantoccini.dynamics.marionette import Marionette
 from fantoccini.motion import State
 from fantoccini.theatre.gestures.gesture import Gesture, numbered
 from fantoccini.theatre.gestures.gesture_file import bundled, gesture_names, load_gesture
 from fantoccini.theatre.gestures.parameters import Parameters, made_gesture, member_prefix
 from fantoccini.theatre.gestures.placing import place_lanes
+from fantoccini.theatre.gestures.styling import Style, StyleError
 from fantoccini.theatre.script import GestureCue, PhraseCue, PlayedCue, ScoreFile, ScriptLog, Spot
 
 _MAX_DEPTH = 30
 """Largest depth of phrases within phrases."""
-_MAX_PIECES = 100_000
-"""Largest number of pieces of a repeated gesture, limited by memory."""
 
 
 class ScoreGestures:
@@ -52,40 +51,14 @@ class ScoreGestures:
             gesture = self._gesture(cue, spot)
         if gesture is None:
             return None
+        style, file = Style.of(cue, self._log.beat), self._file
         try:
-            gesture = gesture.mirrored() if cue.mirrored else gesture
-        except (UnknownNameError, StateError) as error:
-            self._log.mistakes.add((*spot, "mirrored"), str(error))
-            return None
-        if cue.heading is not None:
-            try:
-                gesture = gesture.turned(cue.heading)
-            except StateError as error:
-                self._log.mistakes.add((*spot, "heading"), str(error))
-                return None
-        pieces = cue.repeat * (len(gesture.breaks) - 1)
-        if pieces > _MAX_PIECES:
-            text = (
-                f"found {cue.repeat}; {gesture.name} would have {pieces} pieces, "
-                f"of {_MAX_PIECES} at most"
+            return style.varied(
+                gesture, cue.heading, speed=file.speed, acceleration=file.acceleration
             )
-            self._log.mistakes.add((*spot, "repeat"), text)
+        except StyleError as error:
+            self._log.mistakes.add((*spot, error.key) if error.key else spot, str(error))
             return None
-        try:
-            gesture = gesture.scaled(cue.larger).faster(cue.faster)
-        except StateError as error:
-            self._log.mistakes.add((*spot, "larger"), str(error))
-            return None
-        if cue.lasts is not None:
-            gesture = gesture.lasting(cue.lasts * self._log.beat)
-        try:
-            whole = gesture.repeated(
-                cue.repeat, speed=self._file.speed, acceleration=self._file.acceleration
-            )
-        except StateError as error:
-            self._log.mistakes.add(spot, str(error))
-            return None
-        return gesture, whole
 
     def _gesture(self, cue: GestureCue, spot: Spot) -> Gesture | None:
         name, of = cue.gesture, cue.of or ""

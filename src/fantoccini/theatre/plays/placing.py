@@ -39,7 +39,7 @@ from fantoccini.theatre.gestures import (
 from fantoccini.theatre.plays.aims import Aims
 from fantoccini.theatre.plays.handling import Handling
 from fantoccini.theatre.plays.on_stage import OnStage, carry_pose, walked
-from fantoccini.theatre.plays.player_gestures import PlayerGestures, Style
+from fantoccini.theatre.plays.player_gestures import PlayerGestures
 from fantoccini.theatre.plays.walks import Walks
 from fantoccini.theatre.script import (
     ARRIVES,
@@ -329,7 +329,7 @@ class _Verbs:
         player, stands = actor.player, actor.stands(t)
         try:
             if isinstance(entry, DoesCue):
-                style = Style.of(entry)
+                style = self._gestures.style(entry)
                 smaller = self._corrections.smaller.get(turn.spot, 1.0)
                 style = replace(style, larger=style.larger * smaller)
                 return self._gestures.gesture(player, entry, style, stands.heading)

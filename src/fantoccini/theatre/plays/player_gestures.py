@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from fantoccini.theatre.gestures import (
     STEP_TIME,
     Gesture,
     Step,
+    Style,
     bundled,
     check_parts,
     gesture_names,
@@ -34,7 +35,6 @@ from fantoccini.theatre.gestures import (
     steps,
 )
 from fantoccini.theatre.script import (
-    HOW,
     VERBS,
     DoesCue,
     LooksAtCue,
@@ -49,29 +49,6 @@ _STEP_TIMES = 0.5, 0.8
 """Shortest and longest duration of a step [s]."""
 _STEP_BEATS = (1.0, 0.5, 2.0, 1.5, 1.0 / 3.0, 3.0)
 """Durations of a step, in order of preference [beats]."""
-
-
-@dataclass(frozen=True)
-class Style:
-    """Variation of a gesture: factors of size and speed, mirrored, repetitions."""
-
-    larger: float = 1.0
-    faster: float = 1.0
-    mirrored: bool = False
-    repeat: int = 1
-
-    @classmethod
-    def of(cls, cue: DoesCue) -> Style:
-        """Style of a cue, from its words and numbers together."""
-        larger, faster = cue.larger, cue.faster
-        mirrored, repeat = cue.mirrored, cue.repeat
-        for word in cue.how:
-            changes: dict[str, Any] = HOW[word]
-            larger *= changes.get("larger", 1.0)
-            faster *= changes.get("faster", 1.0)
-            mirrored = mirrored != changes.get("mirrored", False)
-            repeat *= changes.get("repeat", 1)
-        return cls(larger, faster, mirrored, repeat)
 
 
 class PlayerGestures:
@@ -110,9 +87,13 @@ class PlayerGestures:
                     self._log.mistakes.add((*spot, "does"), gesture)
                 self._wrong.add((player.name, given.does))
                 continue
-            whole = _repeated_marks(gesture.marks, Style.of(given).repeat)
+            whole = _repeated_marks(gesture.marks, self.style(given).repeat)
             marks.update(dict.fromkeys(whole))
         return tuple(marks)
+
+    def style(self, given: DoesCue) -> Style:
+        """Style of a cue."""
+        return Style.of(given, self._log.beat)
 
     def gesture(self, player: Player, given: DoesCue, style: Style, heading: float) -> Gesture:
         """Gesture of `does` for a player with a heading [rad].
@@ -120,7 +101,7 @@ class PlayerGestures:
         Raises:
             StateError: it cannot be done in this style.
         """
-        key = (player.alone, player.name, given.does, style, given.lasts, round(heading, 9))
+        key = (player.alone, player.name, given.does, style, round(heading, 9))
         if key not in self._cache:
             self._cache[key] = self._styled(player, given, style, heading)
         return _or_raise(self._cache[key])
@@ -188,7 +169,7 @@ class PlayerGestures:
         if isinstance(given, DoesCue):
             if not isinstance(self._read(player, given.does), Gesture):
                 return ""
-            gesture = self._styled(player, given, Style.of(given), player.start.heading)
+            gesture = self._styled(player, given, self.style(given), player.start.heading)
             return gesture if isinstance(gesture, str) else ""
         try:
             if isinstance(given, LooksAtCue | PointsAtCue):
@@ -235,20 +216,16 @@ class PlayerGestures:
         if isinstance(loaded, str):
             return loaded
         stage = self.cast.file.stage
-        lasts = None if given.lasts is None else given.lasts * self._log.beat
         try:
             if isinstance(loaded, Clip):
-                beat = self._log.beat
-                loaded = loaded.gesture(style.larger, style.faster, lasts, stage, beat, self.kept)
-            else:
-                loaded = loaded.faster(style.faster)
-                loaded = loaded if lasts is None else loaded.lasting(lasts)
-            gesture = (loaded.mirrored() if style.mirrored else loaded).scaled(style.larger)
-            gesture = gesture.repeated(
-                style.repeat, speed=stage.speed, acceleration=stage.acceleration
+                larger, faster, lasts = style.larger, style.faster, style.lasts
+                loaded = loaded.gesture(larger, faster, lasts, stage, self._log.beat, self.kept)
+                style = replace(style, faster=1.0, lasts=None)  # which are those of the clip
+            _, whole = style.varied(
+                loaded, heading, speed=stage.speed, acceleration=stage.acceleration
             )
-            return gesture.turned(heading)
-        except (UnknownNameError, StateError) as error:
+            return whole
+        except StateError as error:
             return str(error)
 
 

@@ -1,0 +1,103 @@
+"""Variations of a gesture in a cue: side, heading, speed, duration, size, repetitions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from fantoccini.base import FantocciniError, StateError, UnknownNameError
+from fantoccini.theatre.gestures.gesture import Gesture
+from fantoccini.theatre.gestures.transitions import ACCELERATION, SPEED, Most
+from fantoccini.theatre.script import HOW, DoesCue, Styled
+
+_MAX_PIECES = 100_000
+"""Largest number of pieces of a repeated gesture, limited by memory."""
+
+
+class StyleError(StateError):
+    """A gesture cannot be varied as a cue asks for.
+
+    Args:
+        key: the variation that is impossible, by its key in the cue; empty for transitions between
+            repetitions.
+        reason: message with the reason.
+    """
+
+    def __init__(self, key: str, reason: FantocciniError | str):
+        self.key = key
+        super().__init__(str(reason))
+
+
+@dataclass(frozen=True)
+class Style:
+    """Variation of a gesture, by the keys of a cue.
+
+    Attributes:
+        larger, faster: factors of its size and speed.
+        mirrored: whether left and right are exchanged.
+        repeat: number of repetitions.
+        lasts: duration of each repetition [s]; None keeps its own.
+    """
+
+    larger: float = 1.0
+    faster: float = 1.0
+    mirrored: bool = False
+    repeat: int = 1
+    lasts: float | None = None
+
+    @classmethod
+    def of(cls, cue: Styled, beat: float) -> Style:
+        """Style of a cue, from its words and numbers together; a beat lasts ``beat`` [s]."""
+        larger, faster = cue.larger, cue.faster
+        mirrored, repeat = cue.mirrored, cue.repeat
+        for word in cue.how if isinstance(cue, DoesCue) else ():
+            changes: dict[str, Any] = HOW[word]
+            larger *= changes.get("larger", 1.0)
+            faster *= changes.get("faster", 1.0)
+            mirrored = mirrored != changes.get("mirrored", False)
+            repeat *= changes.get("repeat", 1)
+        lasts = None if cue.lasts is None else cue.lasts * beat
+        return cls(larger, faster, mirrored, repeat, lasts)
+
+    def varied(
+        self,
+        gesture: Gesture,
+        heading: float | None = None,
+        *,
+        speed: Most = SPEED,
+        acceleration: Most = ACCELERATION,
+    ) -> tuple[Gesture, Gesture]:
+        """The gesture in this style, once and with its repetitions.
+
+        It is turned before it is repeated, because the bounds hold for the axes of the stage.
+
+        Args:
+            gesture: gesture as its file has it.
+            heading: angle by which it is turned about the vertical [rad]; None leaves it as it is.
+            speed, acceleration: bounds of the transitions between repetitions; see
+                :meth:`Gesture.then`.
+
+        Raises:
+            StyleError: a variation is impossible; ``key`` says which.
+        """
+        key = "mirrored"
+        try:
+            once = gesture.mirrored() if self.mirrored else gesture
+            key = "heading"
+            once = once if heading is None else once.turned(heading)
+            once = once.faster(self.faster)
+            once = once if self.lasts is None else once.lasting(self.lasts)
+            key = "larger"
+            once = once.scaled(self.larger)
+            key = "repeat"
+            pieces = self.repeat * (len(once.breaks) - 1)
+            if pieces > _MAX_PIECES:
+                raise StateError(
+                    f"found {self.repeat}; {once.name} would have {pieces} pieces, "
+                    f"of {_MAX_PIECES} at most"
+                )
+            key = ""
+            whole = once.repeated(self.repeat, speed=speed, acceleration=acceleration)
+        except (UnknownNameError, StateError) as error:
+            raise StyleError(key, error) from None
+        return once, whole
